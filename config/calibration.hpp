@@ -1,0 +1,47 @@
+// A calibration file: one sensor sample, a linear map from channels to the components of the wrench, and how good it is.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "config/options.hpp"
+
+namespace tactiled {
+
+// fx fy fz in N, mx my mz in Nm, frame S.
+inline constexpr std::array<const char*, 6> kComponentNames{"fx", "fy", "fz", "mx", "my", "mz"};
+
+struct Calibration {
+    std::string path;
+    std::string model;          // "generic", "table"
+    std::string method;         // "matrix", "linear"
+    std::string contact_model;  // what pressed on the sensor when it was calibrated: "uniform", "point", "unknown" ...
+    std::string serial;
+    std::string date;           // YYYY-MM-DD
+    std::vector<std::string> channels;  // names, in the order of the matrix's columns
+    std::string channel_unit;           // "dR/R0", "pF", "counts" ...
+    std::vector<double> zero;           // a channel at no load, in channel_unit
+    std::vector<double> channel_least, channel_most;  // the domain that the calibration saw; empty = unknown
+    std::vector<std::string> components;              // of kComponentNames, those that the sensor sees, in this order
+    std::vector<std::vector<double>> matrix;  // components x channels: N or Nm a channel_unit. Empty for model "table"
+    std::map<std::string, double> parameters;  // model "table": normal_inner, tangential_inner ... (1/N)
+    std::vector<double> sd;          // per component: one standard deviation of held-out error, N or Nm; empty = unknown
+    std::vector<double> full_scale;  // per component, N or Nm; empty = unknown
+    double condition = 0;            // of the scaled problem that was solved; 0 = unknown
+    std::string validation;          // how held out: "leave one session out (2 sessions)" ...
+    int rows = 0;                    // labelled rows used
+    std::uint16_t crc = 0;           // CRC-16/CCITT-FALSE over the file up to its line `crc = `
+};
+
+// Reads and checks: format version, known model, sizes that fit each other, finite numbers, CRC (a file without a crc
+// line, written by hand, is accepted and its crc computed). Errors go to `problems`. setup: never throws for bad input
+Calibration load_calibration(const std::string& path, Problems& problems);
+
+// The file's text, crc line included. load(save(c)) == c to the last bit.
+std::string calibration_text(const Calibration& calibration);
+// By temporary file, fsync, rename, fsync of the folder. setup: throws SetupError where a step is refused
+void save_calibration(const Calibration& calibration, const std::string& path);
+
+}  // namespace tactiled

@@ -1,0 +1,75 @@
+// What a user may set, as plain structures. The keys, units and defaults: config/tactiled.toml.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "config/options.hpp"
+
+namespace tactiled {
+
+struct NodeSettings {
+    std::string name;  // the segment is /dev/shm/tactiled.NAME
+    int watchdog_ms;   // readers hold the daemon for dead when it published nothing for so long
+    std::string control;  // path of the control socket
+};
+
+struct RealtimeSettings {
+    int priority;  // SCHED_FIFO of the pipeline; links run two below
+    int cpu;       // -1: any
+    bool lock_memory;
+    bool required;  // refused rights end the daemon instead of setting RT_DEGRADED
+    int period_us;  // of the pipeline loop
+};
+
+struct LinkSettings {
+    std::string name;
+    std::string driver;
+    bool simulated;    // the data are simulated or replayed: said in STATUS
+    int sensors;       // how many sensors use it; filled by load_config
+    Options options;   // the driver's own keys, not yet read
+};
+
+struct SensorSettings {
+    std::string name;
+    std::string link;
+    int device;
+    std::vector<std::string> channels;  // name of each channel of the frame in order, "-" = not used; empty = as calibrated
+    double counts_per_unit;             // raw number of the frame / this = the unit of the calibration
+    double saturates_below, saturates_above;  // raw numbers; at or beyond them a channel counts as saturated
+    std::string model;
+    std::string calibration;  // path, as given or beside the configuration file
+    std::string method;
+    int stale_ms;
+    int tare_ms;      // how long a tare averages
+    Options options;  // the model's own keys, not yet read
+};
+
+struct ModbusSettings {
+    bool enabled;
+    std::string listen;              // ADDRESS:PORT
+    std::vector<std::string> allow;  // CIDR; needed where `listen` is not the loopback
+    int max_clients;
+};
+
+struct ShmSettings {
+    std::string group;  // "" = the daemon's own
+    int history;        // samples kept a sensor, a power of two
+};
+
+struct Config {
+    std::string path;
+    NodeSettings node;
+    RealtimeSettings realtime;
+    ModbusSettings modbus;
+    ShmSettings shm;
+    std::vector<LinkSettings> links;
+    std::vector<SensorSettings> sensors;
+    Options root;  // finish() it once drivers and models have read theirs
+};
+
+// Reads every key that is not a driver's or a model's own, checks names, references between them, and that each
+// sensor's link exists. Errors go to `problems`. setup: never throws for bad input
+Config load_config(const std::string& path, Problems& problems);
+
+}  // namespace tactiled

@@ -1,0 +1,86 @@
+// Typed, ranged look-ups in one table of a TOML file. Every error names file, line, key and what would be right; all of
+// them are collected, so that a user mends a file once. A key that nobody asked for is an error too.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace tactiled {
+
+// Thrown by set-up, caught in main: exit status 78 (EX_CONFIG), do not restart. Never thrown once the loop runs.
+struct SetupError : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+// The errors found so far, "file:line: key: what is right", in the order of the file's lines.
+class Problems {
+public:
+    void add(const std::string& file, std::uint32_t line, const std::string& text);
+    [[nodiscard]] bool empty() const { return list_.empty(); }
+    [[nodiscard]] std::vector<std::string> lines() const;  // sorted by file and line
+    // setup: throws SetupError with all lines where there is any
+    void throw_if_any() const;
+
+private:
+    struct Problem {
+        std::string file;
+        std::uint32_t line;
+        std::string text;
+    };
+    std::vector<Problem> list_;
+};
+
+struct Range {
+    double least, most;  // both allowed
+};
+
+// The name of `known` nearest to `name` by edit distance, where it is near enough to be meant.
+std::optional<std::string> nearest_name(std::string_view name, const std::vector<std::string>& known);
+
+// One table. Copies share the same table and the same record of which keys were read.
+class Options {
+public:
+    // Parses a file. A file that cannot be read, is larger than `most_bytes` or is no TOML adds to `problems` and gives an
+    // empty table. `problems` must outlive the Options. setup: never throws for bad input
+    static Options parse_file(const std::string& path, Problems& problems, std::size_t most_bytes = 1u << 20);
+    static Options parse_text(std::string_view text, const std::string& name, Problems& problems);
+
+    // Look-ups. Without a fallback the key is required. On an error the fallback, or an empty value, or the range's
+    // lower end is returned, so that the caller goes on and finds the next error.
+    std::string text(std::string_view key);
+    std::string text(std::string_view key, std::string_view fallback);
+    double number(std::string_view key, Range range);
+    double number(std::string_view key, Range range, double fallback);
+    std::int64_t integer(std::string_view key, Range range);
+    std::int64_t integer(std::string_view key, Range range, std::int64_t fallback);
+    bool flag(std::string_view key, bool fallback);
+    std::string one_of(std::string_view key, const std::vector<std::string>& allowed);
+    std::string one_of(std::string_view key, const std::vector<std::string>& allowed, std::string_view fallback);
+    std::vector<std::string> texts(std::string_view key);           // optional: missing is empty
+    std::vector<double> numbers(std::string_view key, Range range);  // optional: missing is empty
+    std::vector<std::vector<double>> rows(std::string_view key);     // an array of arrays of numbers; missing is empty
+
+    [[nodiscard]] bool has(std::string_view key) const;
+    Options table(std::string_view key);                // optional: missing is an empty table
+    std::vector<Options> tables(std::string_view key);  // [[key]]; optional
+
+    // An error at the line of `key` (or of the table where the key is missing).
+    void problem(std::string_view key, const std::string& text);
+    [[nodiscard]] std::string where(std::string_view key) const;  // "file:line"
+    [[nodiscard]] const std::string& file() const;
+
+    // Adds an error for each key that was not asked for, with the nearest of those that were. Call when all is read.
+    // Tables handed out by table() and tables() are checked too.
+    void finish();
+
+private:
+    struct Node;
+    explicit Options(std::shared_ptr<Node> node);
+    std::shared_ptr<Node> node_;
+};
+
+}  // namespace tactiled

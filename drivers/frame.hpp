@@ -1,0 +1,24 @@
+// What a driver delivers: the channels of one device at one instant, as the device sent them.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace tactiled {
+
+inline constexpr std::size_t kMaxChannels = 32;
+
+struct Frame {
+    std::uint64_t t_ns = 0;            // CLOCK_MONOTONIC when the frame's last byte was taken from the kernel
+    std::uint64_t device_time_us = 0;  // the device's own clock, any origin; 0 if it sends none
+    std::uint32_t sequence = 0;        // the device's counter, valid where has_sequence
+    std::uint16_t device = 0;          // which device of the link: CAN id, mux channel, 0 where a link has but one
+    std::uint8_t n_channels = 0;
+    bool has_sequence = false;
+    std::uint32_t missing = 0;    // bit n: channel n has no value; its number is NaN
+    std::uint32_t saturated = 0;  // bit n: channel n is at a rail that the driver knows of
+    std::uint32_t lost = 0;       // frames of this device that the driver knows are missing right before this one
+    std::array<double, kMaxChannels> channel{};  // raw: counts of a converter (exact), or the number that was printed
+};
+
+}  // namespace tactiled

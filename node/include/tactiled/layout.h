@@ -1,0 +1,310 @@
+/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.0.
+ *
+ * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
+ * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
+ * What each field means is said here and nowhere else; the functions at the end read a ring. reader.hpp is for C++.
+ *
+ * Frame S of a sensor: origin at the centre of the skin's surface, z out of the skin, x along the connector.
+ * Force and torque are what the world exerts on the sensor, so a press has force_S_N[2] < 0.
+ *
+ * Every shared word that changes is 32 bits wide (a 32-bit reader cannot tear it); wider values lie inside slots and are
+ * guarded by the slot's lock word. Alignment is fixed by hand: an i386 compiler would align a plain 64-bit member to 4.
+ * A reader accepts any minor version of its own major: minor versions only append, the sizes are in the header. */
+#ifndef TACTILED_LAYOUT_H
+#define TACTILED_LAYOUT_H
+
+#include <stdint.h>
+#include <string.h>
+
+#ifdef __cplusplus
+#define TACTILED_ALIGN(n) alignas(n)
+#define TACTILED_ASSERT(condition) static_assert(condition, #condition)
+extern "C" {
+#else
+#define TACTILED_ALIGN(n) _Alignas(n)
+#define TACTILED_ASSERT(condition) _Static_assert(condition, #condition)
+#endif
+
+#define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
+#define TACTILED_BYTE_ORDER 0x01020304u
+#define TACTILED_MAJOR 1
+#define TACTILED_MINOR 0
+#define TACTILED_MAX_SENSORS 16
+#define TACTILED_MAX_LINKS 16
+#define TACTILED_NAME_SIZE 32 /* with the terminating zero */
+
+/* How far a sample may be trusted. 0 is never good: memory that nobody wrote reads as "no value". */
+enum tactiled_quality {
+    TACTILED_NO_VALUE = 0,
+    TACTILED_GOOD = 1,      /* fresh, plausible, calibrated */
+    TACTILED_UNCERTAIN = 2, /* a value with a known weakness; `reasons` says which */
+    TACTILED_BAD = 3        /* no value: the forces are NaN, never the last value */
+};
+
+/* Why a sample is not GOOD: bits of tactiled_sample.reasons. */
+enum tactiled_reason {
+    TACTILED_NO_DATA_YET = 1 << 0,       /* the sensor has not delivered since the daemon started */
+    TACTILED_STALE = 1 << 1,             /* no frame for longer than stale_ms */
+    TACTILED_DISCONNECTED = 1 << 2,      /* the link is closed and being reopened */
+    TACTILED_MISSING_CHANNEL = 1 << 3,   /* a channel that the model needs is not in the frame */
+    TACTILED_SATURATED = 1 << 4,         /* a channel is at its rail */
+    TACTILED_DISAGREEMENT = 1 << 5,      /* redundant channels contradict each other */
+    TACTILED_OUTSIDE_DOMAIN = 1 << 6,    /* beyond what the calibration saw: extrapolated */
+    TACTILED_UNCALIBRATED = 1 << 7,      /* no calibration, or a default one */
+    TACTILED_NOT_FINITE = 1 << 8,        /* the model's result was not a finite number */
+    TACTILED_DAEMON_STOPPED = 1 << 9,    /* the daemon ended, or another took over the name: attach again */
+    TACTILED_TARING = 1 << 10,           /* a tare is being measured: the value is right, its zero is about to move */
+    TACTILED_READER_OVERRUN = 1 << 11,   /* this read could not be completed in its bounded retries */
+    TACTILED_WRONG_DEVICE = 1 << 12,     /* the frame does not have the channels that the sensor declares */
+    TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13 /* the calibration states no standard deviation */
+};
+
+/* One sample of one sensor. SI units, frame S. A component that the sensor cannot see is NaN, not 0. */
+struct tactiled_sample {
+    TACTILED_ALIGN(8) uint64_t sequence; /* counts this sensor's samples from 0; a jump is a loss of the reader */
+    TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel */
+    TACTILED_ALIGN(8) uint64_t t_published_ns;
+    uint32_t epoch;           /* changes at each break: (start of the daemon) << 16 | breaks since */
+    uint32_t quality;         /* enum tactiled_quality */
+    uint32_t reasons;         /* enum tactiled_reason */
+    uint32_t device_sequence; /* as the device counts, 0 if it does not */
+    uint32_t missing;         /* bit n: channel n had no value (or an open or shorted one, if the device can tell) */
+    uint32_t saturated;       /* bit n: channel n was at its rail */
+    uint32_t tare_count;      /* finished tares; force = raw_force - the last one's zero */
+    uint32_t lost;            /* frames of this sensor known to be lost since the daemon started */
+    TACTILED_ALIGN(8) double force_S_N[3]; /* tared */
+    TACTILED_ALIGN(8) double torque_S_Nm[3];
+    TACTILED_ALIGN(8) double sd_force_N[3]; /* one standard deviation */
+    TACTILED_ALIGN(8) double sd_torque_Nm[3];
+    TACTILED_ALIGN(8) double raw_force_S_N[3]; /* before tare, with the calibration's zero */
+    TACTILED_ALIGN(8) double raw_torque_S_Nm[3];
+    TACTILED_ALIGN(8) double cop_S_m[2]; /* centre of pressure */
+    TACTILED_ALIGN(8) double residual;   /* of the model, in standard deviations of the channels; NaN if it has none */
+    TACTILED_ALIGN(8) float rate_Hz;     /* measured over the last second or so */
+    float temperature_C;
+};
+
+/* tactiled_node.status: the bits of the Modbus register STATUS. */
+enum tactiled_status {
+    TACTILED_READY = 1 << 0, /* every sensor is GOOD or UNCERTAIN */
+    TACTILED_ANY_TARING = 1 << 8,
+    TACTILED_SIMULATED = 1 << 9, /* a link is declared simulated or replayed */
+    TACTILED_ANY_STALE = 1 << 10,
+    TACTILED_ANY_UNCALIBRATED = 1 << 11,
+    TACTILED_WARNING = 1 << 14,
+    TACTILED_FAULT = 1 << 15,
+    TACTILED_RT_DEGRADED = 1 << 16 /* real-time priority or locked memory was refused; not in the register */
+};
+
+/* tactiled_node.fault, latched: the bits of the Modbus register FAULT. */
+enum tactiled_fault {
+    TACTILED_FAULT_SENSOR_LOST = 1 << 0,
+    TACTILED_FAULT_OVERRANGE = 1 << 1,
+    TACTILED_FAULT_OPEN_GAUGE = 1 << 2,
+    TACTILED_FAULT_OVERRUN = 1 << 3, /* a ring between a link and the pipeline was full */
+    TACTILED_FAULT_CALIBRATION = 1 << 4,
+    TACTILED_FAULT_BUS = 1 << 7,
+    TACTILED_FAULT_INTERNAL = 1 << 8
+};
+
+/* tactiled_node.warning: the bits of the Modbus register WARN. */
+enum tactiled_warning {
+    TACTILED_WARN_LOST = 1 << 2 /* frames were lost within the last second */
+};
+
+/* One published frame of the whole node: which sample of each sensor belongs together. */
+struct tactiled_node {
+    TACTILED_ALIGN(8) uint64_t sequence; /* counts published frames from 0 */
+    TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC of publishing */
+    TACTILED_ALIGN(8) uint64_t cycles;   /* turns of the pipeline loop */
+    TACTILED_ALIGN(8) uint64_t missed_cycles; /* periods that the loop slept through */
+    uint32_t heartbeat; /* + 1 each 100 ms while the loop runs and at least one sensor delivers */
+    uint32_t status;    /* enum tactiled_status */
+    uint32_t fault;     /* enum tactiled_fault, latched */
+    uint32_t warning;   /* enum tactiled_warning */
+    uint32_t worst_cycle_us; /* longest turn of the last second */
+    uint32_t command_acknowledged; /* sequence number of the last command taken */
+    uint32_t command_result;       /* enum tactiled_command_result of that command */
+    uint32_t reserved;
+    TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* samples of each sensor so far: newest is count - 1 */
+};
+
+enum tactiled_command_result {
+    TACTILED_COMMAND_OK = 0,
+    TACTILED_COMMAND_UNKNOWN = 1,
+    TACTILED_COMMAND_BAD_MASK = 2,
+    TACTILED_COMMAND_BAD_PARAMETER = 3,
+    TACTILED_COMMAND_NOT_NOW = 4,
+    TACTILED_COMMAND_LOCKED = 5,
+    TACTILED_COMMAND_FAILED = 6,
+    TACTILED_COMMAND_TIMED_OUT = 7
+};
+
+/* A ring of slots. Slot i of a ring starts at offset + i * slot_size: a lock word, four zero bytes, then the record.
+ * The lock word of record number n (from 0) is 2n + 2 modulo 2^32 when complete; odd while written or never written. */
+struct tactiled_ring {
+    uint32_t offset;      /* of slot 0, from the start of the file; a multiple of 128 */
+    uint32_t slot_size;   /* a multiple of 128 */
+    uint32_t slots;       /* a power of two */
+    uint32_t record_size; /* bytes of the record that this daemon fills */
+    uint32_t head_offset; /* of a 32-bit word: number of records published, modulo 2^32; 0 = none yet */
+};
+#define TACTILED_RECORD_OFFSET 8 /* of the record in its slot */
+
+/* One sensor of the directory; does not change while the segment lives. */
+struct tactiled_sensor {
+    char name[TACTILED_NAME_SIZE];
+    char model[TACTILED_NAME_SIZE];
+    char method[TACTILED_NAME_SIZE];
+    char serial[TACTILED_NAME_SIZE]; /* of the calibrated sample */
+    char link[TACTILED_NAME_SIZE];
+    struct tactiled_ring ring;
+    uint32_t stale_ms; /* an older sample is BAD, whoever reads it */
+    uint32_t n_channels;
+    uint32_t components; /* bit 0..5: fx fy fz mx my mz can be seen */
+    float full_scale[6]; /* N and Nm, of the calibration; NaN = unknown */
+};
+
+/* Counters of a link, each 32 bits, wrapping; index of tactiled_link.count. */
+enum tactiled_link_count {
+    TACTILED_LINK_BYTES = 0,
+    TACTILED_LINK_FRAMES = 1,       /* good ones */
+    TACTILED_LINK_SKIPPED = 2,      /* bytes that belonged to no frame */
+    TACTILED_LINK_BAD_CHECKSUM = 3, /* frames with a wrong CRC or checksum */
+    TACTILED_LINK_BAD_LENGTH = 4,   /* too long, too short, or not what its header says */
+    TACTILED_LINK_BAD_VALUE = 5,    /* a number that is none, in an otherwise whole frame */
+    TACTILED_LINK_LOST = 6,         /* gaps in the device's sequence, in frames */
+    TACTILED_LINK_REPEATED = 7,     /* the same sequence again, or an older one: dropped */
+    TACTILED_LINK_RING_FULL = 8,    /* frames refused because the pipeline was late */
+    TACTILED_LINK_UNBOUND = 9,      /* frames of a device that no sensor uses */
+    TACTILED_LINK_OPENED = 10,      /* times the device was opened */
+    TACTILED_LINK_OPEN_FAILED = 11,
+    TACTILED_LINK_GONE = 12, /* times the device vanished while open */
+    TACTILED_LINK_OVERRUN = 13, /* losses that the kernel's driver reports */
+    TACTILED_LINK_COUNTS = 16
+};
+
+enum tactiled_link_state { TACTILED_LINK_CLOSED = 0, TACTILED_LINK_OPEN = 1 };
+
+struct tactiled_link {
+    TACTILED_ALIGN(128) char name[TACTILED_NAME_SIZE];
+    char driver[TACTILED_NAME_SIZE];
+    uint32_t simulated;                   /* declared so in the configuration */
+    TACTILED_ALIGN(128) uint32_t state;   /* enum tactiled_link_state; changes */
+    uint32_t count[TACTILED_LINK_COUNTS]; /* change */
+};
+
+enum tactiled_state {
+    TACTILED_STARTING = 1,
+    TACTILED_RUNNING = 2,
+    TACTILED_STOPPED = 3, /* ended cleanly */
+    TACTILED_REPLACED = 4 /* found dead by its successor, who has a new file under the same name */
+};
+
+/* The start of the file. All but `state` is constant while the segment lives. */
+struct tactiled_header {
+    char magic[8];
+    uint32_t byte_order;
+    uint16_t major, minor;
+    uint32_t header_size;
+    uint32_t total_size;
+    uint32_t epoch; /* + 1 with each start of the daemon under this name */
+    uint32_t pid;
+    char boot_id[40];
+    char name[TACTILED_NAME_SIZE];
+    char version[TACTILED_NAME_SIZE];
+    char control[108]; /* path of the daemon's control socket, "" = none */
+    uint32_t watchdog_ms; /* the daemon is dead or hangs when the newest node record is older */
+    uint32_t n_sensors, sensor_offset, sensor_size; /* directory of struct tactiled_sensor */
+    uint32_t n_links, link_offset, link_size;       /* directory of struct tactiled_link */
+    uint32_t calibration_id; /* CRC-16 of the configuration and the calibrations in force */
+    struct tactiled_ring node;
+    TACTILED_ALIGN(128) uint32_t state; /* enum tactiled_state */
+};
+
+TACTILED_ASSERT(sizeof(struct tactiled_sample) == 232);
+TACTILED_ASSERT(sizeof(struct tactiled_node) == 192);
+TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 216);
+TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
+TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
+
+/* ---- Reading -------------------------------------------------------------------------------------------------------
+ * Words of a slot are copied one by one with relaxed atomic loads: a plain memcpy would be a data race. Each function
+ * returns within a bounded number of steps, whatever the writer does, dead in the middle of a write included. */
+
+#if defined(__SANITIZE_THREAD__) /* thread sanitizer models no fences: order by the loads themselves */
+#define TACTILED_LOAD_WORD __ATOMIC_ACQUIRE
+#define TACTILED_READ_FENCE() ((void)0)
+#else
+#define TACTILED_LOAD_WORD __ATOMIC_RELAXED
+#define TACTILED_READ_FENCE() __atomic_thread_fence(__ATOMIC_ACQUIRE)
+#endif
+
+/* Number of records published so far, modulo 2^32. */
+static inline uint32_t tactiled_ring_head(const void *segment, const struct tactiled_ring *ring)
+{
+    const uint32_t *head = (const uint32_t *)(const void *)((const char *)segment + ring->head_offset);
+    return __atomic_load_n(head, __ATOMIC_ACQUIRE);
+}
+
+/* Copies record number `number` (modulo 2^32) into `out`, which holds `size` bytes, a multiple of 4; what the daemon
+ * does not fill reads as 0. Returns 1 when the copy is whole, 0 when the slot holds another record or changed meanwhile. */
+static inline int tactiled_ring_read(const void *segment, const struct tactiled_ring *ring, uint32_t number, void *out,
+                                     uint32_t size)
+{
+    const char *slot = (const char *)segment + ring->offset + (uint64_t)(number & (ring->slots - 1)) * ring->slot_size;
+    const uint32_t *lock = (const uint32_t *)(const void *)slot;
+    const uint32_t *words = (const uint32_t *)(const void *)(slot + TACTILED_RECORD_OFFSET);
+    const uint32_t known = size < ring->record_size ? size : ring->record_size;
+    const uint32_t whole = 2 * number + 2;
+    uint32_t i;
+    if (__atomic_load_n(lock, __ATOMIC_ACQUIRE) != whole) return 0; /* pairs with the writer's release of the lock */
+    for (i = 0; i < known / 4; ++i) {
+        const uint32_t word = __atomic_load_n(words + i, TACTILED_LOAD_WORD);
+        memcpy((char *)out + 4 * i, &word, 4);
+    }
+    memset((char *)out + known, 0, size - known);
+    TACTILED_READ_FENCE(); /* pairs with the writer's release fence after it made the lock odd */
+    return __atomic_load_n(lock, __ATOMIC_RELAXED) == whole;
+}
+
+/* Copies the newest record. Returns 1, or 0 when there is none yet or the writer lapped every one of `kTries` tries. */
+static inline int tactiled_ring_latest(const void *segment, const struct tactiled_ring *ring, void *out, uint32_t size)
+{
+    enum { kTries = 16 };
+    int i;
+    for (i = 0; i < kTries; ++i) {
+        const uint32_t head = tactiled_ring_head(segment, ring);
+        if (tactiled_ring_read(segment, ring, head - 1, out, size)) return 1;
+    }
+    return 0;
+}
+
+/* Makes `sample` BAD: its forces become NaN, so that an old value cannot pass for a new one. */
+static inline void tactiled_invalidate(struct tactiled_sample *sample, uint32_t reason)
+{
+    const uint64_t nan_bits = 0x7FF8000000000000u;
+    double nan_value;
+    int i;
+    memcpy(&nan_value, &nan_bits, sizeof nan_value);
+    sample->quality = TACTILED_BAD;
+    sample->reasons |= reason;
+    for (i = 0; i < 3; ++i) {
+        sample->force_S_N[i] = sample->torque_S_Nm[i] = nan_value;
+        sample->sd_force_N[i] = sample->sd_torque_Nm[i] = nan_value;
+        sample->raw_force_S_N[i] = sample->raw_torque_S_Nm[i] = nan_value;
+    }
+    sample->cop_S_m[0] = sample->cop_S_m[1] = sample->residual = nan_value;
+}
+
+/* What every reader must do with a sample that it is about to use at `now_ns` (CLOCK_MONOTONIC): BAD when too old. */
+static inline void tactiled_judge(struct tactiled_sample *sample, uint32_t stale_ms, uint64_t now_ns)
+{
+    if (now_ns > sample->t_ns && now_ns - sample->t_ns > (uint64_t)stale_ms * 1000000u)
+        tactiled_invalidate(sample, TACTILED_STALE);
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif
