@@ -124,9 +124,16 @@ struct tactiled_node {
     uint32_t warning;   /* enum tactiled_warning */
     uint32_t worst_cycle_us; /* longest turn of the last second */
     uint32_t command_acknowledged; /* sequence number of the last command taken */
+    uint32_t command_state;        /* enum tactiled_command_state of that command */
     uint32_t command_result;       /* enum tactiled_command_result of that command */
-    uint32_t reserved;
     TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* samples of each sensor so far: newest is count - 1 */
+};
+
+enum tactiled_command_state {
+    TACTILED_COMMAND_IDLE = 0,
+    TACTILED_COMMAND_RUNNING = 1,
+    TACTILED_COMMAND_DONE = 2,
+    TACTILED_COMMAND_REJECTED = 3
 };
 
 enum tactiled_command_result {

@@ -1,0 +1,61 @@
+// What the operating system must grant for a steady loop, and the threads that use it. A refused right is reported, not
+// fatal: the caller decides.
+#pragma once
+#include <pthread.h>
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+// Filled in by the guard library of tests/guard when it is preloaded; null otherwise. The part of a real-time thread
+// between arm and disarm must not allocate, lock, fault or make a system call that is not on its list.
+extern "C" {
+void rtguard_thread(const char* name) __attribute__((weak));
+void rtguard_arm() __attribute__((weak));
+void rtguard_disarm() __attribute__((weak));
+void rtguard_plant() __attribute__((weak));  // breaks a rule on purpose, to prove that the guard sees it
+}
+
+namespace tactiled {
+
+// The armed part of a loop, as a scope. rt: wait-free
+class Armed {
+public:
+    Armed() noexcept {
+        if (rtguard_arm != nullptr) rtguard_arm();
+        if (rtguard_plant != nullptr) rtguard_plant();
+    }
+    ~Armed() {
+        if (rtguard_disarm != nullptr) rtguard_disarm();
+    }
+    Armed(const Armed&) = delete;
+    Armed& operator=(const Armed&) = delete;
+};
+
+// Locks all memory, present and future, and keeps the heap from giving pages back. "" or what was refused and the remedy.
+std::string lock_memory();
+
+// A thread with a small, touched stack. `body` runs until it returns; join() waits for it.
+class RtThread {
+public:
+    RtThread() = default;
+    ~RtThread() { join(); }
+    RtThread(const RtThread&) = delete;
+    RtThread& operator=(const RtThread&) = delete;
+
+    // SCHED_FIFO at `priority` on `cpu` (-1: any). Returns "" or which right was refused; the thread runs all the same.
+    // setup: throws SetupError where no thread can be made
+    std::string start(const char* name, int priority, int cpu, std::function<void()> body);
+    void join() noexcept;
+
+private:
+    pthread_t thread_{};
+    bool running_ = false;
+    std::function<void()> body_;
+    const char* name_ = "";
+};
+
+// Sleeps until `deadline_ns` of CLOCK_MONOTONIC. rt: blocks, one clock_nanosleep
+void sleep_until(std::uint64_t deadline_ns) noexcept;
+
+}  // namespace tactiled
