@@ -1,1 +1,104 @@
-int main() {}
+// tactiled, the daemon: reads the configuration, makes the segment, starts the threads, waits for a signal.
+#include <fmt/format.h>
+#include <systemd/sd-daemon.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstring>
+#include <memory>
+
+#include "node/control.hpp"
+#include "node/log.hpp"
+#include "node/modbus/server.hpp"
+#include "node/setup.hpp"
+#include "node/threads.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+
+// Blocked in every thread, taken by the main thread alone.
+sigset_t block_signals() {
+    sigset_t set;
+    sigemptyset(&set);
+    for (const int number : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&set, number);
+    ::pthread_sigmask(SIG_BLOCK, &set, nullptr);
+    std::signal(SIGPIPE, SIG_IGN);
+    return set;
+}
+
+// Tare works without it from a PLC, values from everywhere: a missing folder must not keep the gripper from running.
+std::unique_ptr<ControlSocket> open_control(Node& node, Pipeline& pipeline) {
+    try {
+        return std::make_unique<ControlSocket>(node.plan.control, node.plan.group, node.plan.name, pipeline.commands);
+    } catch (const SetupError& error) {
+        log_line(LogLevel::warning, fmt::format("{}; tactilectl tare will not work", error.what()));
+        return nullptr;
+    }
+}
+
+void wait_for_end(const sigset_t& signals) {
+    for (;;) {
+        int number = 0;
+        if (::sigwait(&signals, &number) != 0) continue;
+        if (number != SIGHUP) return;
+        log_line(LogLevel::warning, "SIGHUP: this version does not reload its configuration; restart it instead");
+    }
+}
+
+int run(Node& node, const sigset_t& signals) {
+    SegmentWriter segment(node.plan);
+    Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u);
+    pipeline.start(monotonic_ns());
+    {
+        const auto control = open_control(node, pipeline);
+        Threads threads(node, segment, pipeline);
+        for (const auto& refused : threads.start()) log_line(LogLevel::warning, fmt::format("RT_DEGRADED: {}", refused));
+        segment.set_state(TACTILED_RUNNING);
+        std::unique_ptr<ModbusServer> modbus;
+        if (node.config.modbus.enabled) modbus = std::make_unique<ModbusServer>(node.plan.name, node.config.modbus);
+        log_line(LogLevel::info, fmt::format("tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}", TACTILED_VERSION,
+                                             node.plan.name, node.sensors.size(), node.plan.name,
+                                             node.config.modbus.enabled ? node.config.modbus.listen : "off"));
+        ::sd_notify(0, "READY=1");
+        wait_for_end(signals);
+        ::sd_notify(0, "STOPPING=1");
+    }
+    pipeline.stop(monotonic_ns());  // the threads have ended: nothing overtakes the last word
+    log_line(LogLevel::info, "stopped");
+    return EX_OK;
+}
+
+}  // namespace
+}  // namespace tactiled
+
+int main(int argc, char** argv) {
+    using namespace tactiled;
+    std::string path = "/etc/tactiled/tactiled.toml";
+    bool check = false;
+    CLI::App app{"Reads tactile sensors and publishes their forces in shared memory and over Modbus.", "tactiled"};
+    app.set_version_flag("--version", TACTILED_VERSION);
+    app.add_option("--config", path, "configuration file")->capture_default_str();
+    app.add_flag("--check", check, "check the configuration and end");
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == 0 ? EX_OK : EX_USAGE;
+    }
+    const sigset_t signals = block_signals();
+    try {
+        Problems problems;
+        Node node = load_node(path, problems);
+        for (const auto& line : problems.lines()) log_line(LogLevel::error, line);
+        if (!problems.empty()) return EX_CONFIG;
+        return check ? EX_OK : run(node, signals);
+    } catch (const SetupError& error) {
+        log_line(LogLevel::error, error.what());
+        return EX_UNAVAILABLE;
+    } catch (const std::exception& error) {
+        log_line(LogLevel::error, error.what());
+        return EX_SOFTWARE;
+    }
+}

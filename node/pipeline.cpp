@@ -1,0 +1,228 @@
+#include "node/pipeline.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+constexpr std::uint64_t kHeartbeatNs = 100 * kMs;
+constexpr std::uint64_t kNodeRecordNs = 10 * kMs;  // at least this often, so that readers see the loop alive
+constexpr std::uint64_t kSecond = 1000 * kMs;
+
+// Frames that the ring refused are lost for their sensor: told with the next frame of the same device that gets through.
+void note_refused(Link& link, std::uint16_t device, std::uint32_t lost_before) noexcept {
+    for (auto& refused : link.refused)
+        if (refused.frames == 0 || refused.device == device) {
+            refused.device = device;
+            refused.frames += 1 + lost_before;
+            return;
+        }
+}
+
+std::uint32_t take_refused(Link& link, std::uint16_t device) noexcept {
+    for (auto& refused : link.refused)
+        if (refused.device == device) return std::exchange(refused.frames, 0);
+    return 0;
+}
+
+}  // namespace
+
+// ---- link -> frame -> ring -------------------------------------------------------------------------------------------
+
+bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
+    Frame* const slot = link.ring.claim();
+    Frame& frame = slot != nullptr ? *slot : link.spare;
+    Driver& driver = *link.driver;
+
+    const Status status = driver.read(frame, timeout_ms);
+    if (status == Status::frame && slot != nullptr) {
+        frame.lost += take_refused(link, frame.device);
+        link.ring.push();
+    } else if (status == Status::frame) {
+        note_refused(link, frame.device, frame.lost);
+        link.ring_full.store(++driver.counts[TACTILED_LINK_RING_FULL], std::memory_order_relaxed);
+    }
+    if (status != Status::frame || !driver.has_more()) {  // once a burst, not once a frame
+        link.ring.commit();
+        for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
+            if (kind != TACTILED_LINK_UNBOUND)
+                segment.set_link_count(link.index, tactiled_link_count(kind), driver.counts.count[kind]);
+    }
+    return status != Status::gone;
+}
+
+// ---- ring -> decouple -> publish -------------------------------------------------------------------------------------
+
+Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
+                   std::uint32_t status)
+    : links_(links), sensors_(sensors), segment_(segment), link_of_sensor_(sensors.size(), nullptr), fixed_status_(status) {
+    for (auto& link : links_)
+        for (const auto& binding : link->bindings) link_of_sensor_[binding.sensor] = link.get();
+}
+
+void Pipeline::start(std::uint64_t now_ns) noexcept {
+    for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
+        sensors_[i].start(segment_.epoch(), now_ns);
+        publish(i, sensors_[i].marker(now_ns));
+    }
+    heartbeat_ns_ = worst_since_ns_ = now_ns;
+    publish_node(now_ns);
+}
+
+void Pipeline::deliver(std::uint64_t now_ns) noexcept {
+    while (const Command* command = commands.front()) {
+        carry_out(*command, now_ns);
+        commands.pop();
+    }
+    for (auto& link : links_) {
+        // Looked at before the ring: what arrived before the link broke is delivered before the break is.
+        link->was_connected = link->connected.load(std::memory_order_acquire);
+        const std::size_t most = link->ring.capacity();  // a flood of one link does not starve the others
+        for (std::size_t n = 0; n < most; ++n) {
+            const Frame* const frame = link->ring.front();
+            if (frame == nullptr) break;
+            deliver(*link, *frame, now_ns);
+            link->ring.pop();
+        }
+    }
+    mark_breaks(now_ns);
+    follow_tares(now_ns);
+    if (now_ns - heartbeat_ns_ >= kHeartbeatNs) {
+        heartbeat_ns_ += (now_ns - heartbeat_ns_) / kHeartbeatNs * kHeartbeatNs;
+        const bool acquiring = std::any_of(sensors_.begin(), sensors_.end(), [](const Sensor& s) { return s.is_delivering(); });
+        if (acquiring) {
+            ++node_.heartbeat;
+            news_ = true;
+        }
+    }
+    if (news_ || now_ns - last_node_ns_ >= kNodeRecordNs) publish_node(now_ns);
+}
+
+void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept {
+    bool bound = false;
+    for (const auto& binding : link.bindings) {
+        if (binding.device != frame.device) continue;
+        bound = true;
+        publish(binding.sensor, sensors_[binding.sensor].sample(frame, now_ns));
+    }
+    if (!bound) segment_.set_link_count(link.index, TACTILED_LINK_UNBOUND, ++link.unbound);
+}
+
+void Pipeline::publish(std::uint32_t index, const tactiled_sample& sample) noexcept {
+    segment_.publish(index, sample);
+    node_.count[index] = sample.sequence + 1;
+    news_ = true;
+    if ((sample.reasons & TACTILED_SATURATED) != 0) node_.fault |= TACTILED_FAULT_OVERRANGE;
+    if ((sample.reasons & TACTILED_MISSING_CHANNEL) != 0) node_.fault |= TACTILED_FAULT_OPEN_GAUGE;
+    if ((sample.reasons & TACTILED_UNCALIBRATED) != 0) node_.fault |= TACTILED_FAULT_CALIBRATION;
+    if ((sample.reasons & TACTILED_NOT_FINITE) != 0) node_.fault |= TACTILED_FAULT_INTERNAL;
+}
+
+void Pipeline::mark_breaks(std::uint64_t now_ns) noexcept {
+    for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
+        const bool had_data = sensors_[i].is_delivering();
+        const bool connected = link_of_sensor_[i]->was_connected;
+        if (!sensors_[i].has_broken(connected, now_ns)) continue;
+        publish(i, sensors_[i].marker(now_ns));
+        if (had_data) node_.fault |= TACTILED_FAULT_SENSOR_LOST | (connected ? 0u : std::uint32_t(TACTILED_FAULT_BUS));
+    }
+}
+
+void Pipeline::carry_out(const Command& command, std::uint64_t now_ns) noexcept {
+    if (taring_ != 0) follow_tares(now_ns);
+    node_.command_acknowledged = command.number;
+    news_ = true;
+    const auto all = std::uint32_t((1u << sensors_.size()) - 1);
+    if ((command.mask & ~all) != 0 || (command.mask == 0 && command.kind != Command::Kind::clear_latches))
+        return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_MASK);
+    switch (command.kind) {
+        case Command::Kind::tare: {
+            if (taring_ != 0) return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
+            tare_failed_ = false;
+            for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
+                if ((command.mask >> i & 1u) == 0) continue;
+                if (sensors_[i].begin_tare(now_ns))
+                    taring_ |= 1u << i;
+                else
+                    tare_failed_ = true;
+            }
+            if (taring_ == 0) return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
+            node_.command_state = TACTILED_COMMAND_RUNNING;
+            return;
+        }
+        case Command::Kind::untare:
+            for (std::uint32_t i = 0; i < sensors_.size(); ++i)
+                if ((command.mask >> i & 1u) != 0) sensors_[i].remove_tare();
+            return finish_command(TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK);
+        case Command::Kind::clear_latches: node_.fault = 0; return finish_command(TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK);
+    }
+    finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
+}
+
+void Pipeline::finish_command(tactiled_command_state state, tactiled_command_result result) noexcept {
+    node_.command_state = state;
+    node_.command_result = result;
+    news_ = true;
+}
+
+void Pipeline::follow_tares(std::uint64_t now_ns) noexcept {
+    if (taring_ == 0) return;
+    for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
+        if ((taring_ >> i & 1u) == 0) continue;
+        const auto tare = sensors_[i].poll_tare(now_ns);
+        if (tare == Sensor::Tare::running) continue;
+        taring_ &= ~(1u << i);
+        tare_failed_ |= tare != Sensor::Tare::done;
+    }
+    if (taring_ == 0) finish_command(TACTILED_COMMAND_DONE, tare_failed_ ? TACTILED_COMMAND_FAILED : TACTILED_COMMAND_OK);
+}
+
+void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
+    bool ready = true, stale = false, uncalibrated = false;
+    std::uint32_t lost = 0;
+    for (const auto& sensor : sensors_) {
+        ready &= sensor.is_delivering() && sensor.last().quality != TACTILED_BAD;
+        stale |= !sensor.is_delivering();
+        uncalibrated |= (sensor.last().reasons & TACTILED_UNCALIBRATED) != 0;
+        lost += sensor.last().lost;
+    }
+    for (auto& link : links_) {
+        const std::uint32_t full = link->ring_full.load(std::memory_order_relaxed);
+        if (full != std::exchange(link->ring_full_seen, full)) node_.fault |= TACTILED_FAULT_OVERRUN;
+    }
+    if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
+    const auto bit = [](bool on, auto value) { return on ? std::uint32_t(value) : 0u; };
+    node_.warning = bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST);
+    node_.status = fixed_status_ | bit(ready, TACTILED_READY) | bit(stale, TACTILED_ANY_STALE) |
+                   bit(uncalibrated, TACTILED_ANY_UNCALIBRATED) | bit(taring_ != 0, TACTILED_ANY_TARING) |
+                   bit(node_.warning != 0, TACTILED_WARNING) | bit(node_.fault != 0, TACTILED_FAULT);
+    node_.t_ns = now_ns;
+    segment_.publish(node_);
+    ++node_.sequence;
+    last_node_ns_ = now_ns;
+    news_ = false;
+}
+
+void Pipeline::account(std::uint64_t turn_ns, std::uint64_t missed) noexcept {
+    ++node_.cycles;
+    node_.missed_cycles += missed;
+    worst_ns_ = std::max(worst_ns_, std::uint32_t(std::min<std::uint64_t>(turn_ns, UINT32_MAX)));
+    if (last_node_ns_ - worst_since_ns_ >= kSecond) {
+        node_.worst_cycle_us = (worst_ns_ + 999) / 1000;
+        worst_since_ns_ = last_node_ns_;
+        worst_ns_ = 0;
+    }
+}
+
+void Pipeline::stop(std::uint64_t now_ns) noexcept {
+    for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
+        tactiled_sample last = sensors_[i].marker(now_ns);
+        tactiled_invalidate(&last, TACTILED_DAEMON_STOPPED);
+        publish(i, last);
+    }
+    publish_node(now_ns);
+}
+
+}  // namespace tactiled

@@ -35,6 +35,7 @@ void flush_denormals() noexcept {
 std::string lock_memory() {
     ::mallopt(M_TRIM_THRESHOLD, -1);
     ::mallopt(M_MMAP_MAX, 0);
+    ::mallopt(M_ARENA_MAX, 1);  // each further arena would reserve, and lock, 64 MiB
     if (::mlockall(MCL_CURRENT | MCL_FUTURE) == 0) return "";
     return fmt::format("mlockall: {} (raise LimitMEMLOCK, or set lock_memory = false)", std::strerror(errno));
 }

@@ -1,0 +1,158 @@
+#include "node/sensor.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tactiled {
+namespace {
+
+// What may be wrong with a value that is nevertheless fit to be a zero: a mounted sensor may well rest outside the
+// calibrated domain, but a saturated or incomplete one has no known zero.
+constexpr std::uint32_t kTareMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
+constexpr std::uint64_t kTareLimitNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
+constexpr std::uint64_t kRateWindowNs = 1'000'000'000;
+
+}  // namespace
+
+void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
+    epoch_ = daemon_epoch << 16;
+    last_frame_ns_ = now_ns;
+}
+
+tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcept {
+    if (broken_ != 0) rate_frames_ = 0;
+    broken_ = 0;
+    last_frame_ns_ = frame.t_ns;
+    lost_ += frame.lost;
+    measure_rate(frame.t_ns);
+
+    tactiled_sample s{};
+    s.sequence = sequence_++;
+    s.t_ns = frame.t_ns;
+    s.t_published_ns = now_ns;
+    s.epoch = epoch_;
+    s.device_sequence = frame.has_sequence ? frame.sequence : 0;
+    s.lost = lost_;
+    s.rate_Hz = rate_Hz_;
+    s.temperature_C = std::numeric_limits<float>::quiet_NaN();
+    const Estimate e = estimate(frame, s);
+    s.quality = std::uint32_t(e.quality);
+    s.reasons = e.reasons;
+    s.residual = e.residual;
+    s.cop_S_m[0] = s.cop_S_m[1] = kNaN;
+    for (std::size_t i = 0; i < 3; ++i) {
+        s.raw_force_S_N[i] = e.wrench_S[i];
+        s.raw_torque_S_Nm[i] = e.wrench_S[i + 3];
+        s.force_S_N[i] = e.wrench_S[i] - zero_[i];
+        s.torque_S_Nm[i] = e.wrench_S[i + 3] - zero_[i + 3];
+        s.sd_force_N[i] = e.sd[i];
+        s.sd_torque_Nm[i] = e.sd[i + 3];
+    }
+    if (tare_ == Tare::running) {
+        s.reasons |= TACTILED_TARING;
+        advance_tare(s);
+    }
+    s.tare_count = tare_count_;
+    if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
+    last_ = s;
+    return s;
+}
+
+Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
+    Reading reading;
+    const std::size_t n = setup_.channel_of_frame.size();
+    for (std::size_t k = 0; k < n; ++k) {
+        const auto i = std::size_t(setup_.channel_of_frame[k]);
+        if (i >= frame.n_channels) {
+            Estimate wrong;
+            wrong.reasons = TACTILED_WRONG_DEVICE;
+            return wrong;
+        }
+        const double raw = frame.channel[i];
+        const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(raw);
+        const bool saturated = !missing && ((frame.saturated >> i & 1u) != 0 || raw <= setup_.saturates_below || raw >= setup_.saturates_above);
+        channel_[k] = missing ? kNaN : raw / setup_.counts_per_unit;
+        if (missing) reading.missing |= 1u << k;
+        if (saturated) reading.saturated |= 1u << k;
+    }
+    reading.channel = {channel_.data(), n};
+    s.missing = reading.missing;
+    s.saturated = reading.saturated;
+    return setup_.decoupler->decouple(reading);
+}
+
+void Sensor::measure_rate(std::uint64_t t_ns) noexcept {
+    if (rate_frames_++ == 0) {
+        rate_since_ns_ = t_ns;
+    } else if (t_ns > rate_since_ns_ && t_ns - rate_since_ns_ >= kRateWindowNs) {
+        rate_Hz_ = float(double(rate_frames_ - 1) * 1e9 / double(t_ns - rate_since_ns_));
+        rate_since_ns_ = t_ns;
+        rate_frames_ = 1;
+    }
+}
+
+bool Sensor::has_broken(bool connected, std::uint64_t now_ns) noexcept {
+    if (connected && now_ns <= last_frame_ns_ + setup_.stale_ns) return false;
+    const std::uint32_t waiting = broken_ & TACTILED_NO_DATA_YET;
+    const std::uint32_t why = waiting | (connected ? TACTILED_STALE : TACTILED_DISCONNECTED);
+    if (why == broken_) return false;
+    if (broken_ == 0) ++epoch_;  // a new break, not a new name for the old one
+    broken_ = why;
+    return true;
+}
+
+tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
+    tactiled_sample s{};
+    s.sequence = sequence_++;
+    s.t_ns = last_frame_ns_;
+    s.t_published_ns = now_ns;
+    s.epoch = epoch_;
+    s.tare_count = tare_count_;
+    s.lost = lost_;
+    s.rate_Hz = 0;
+    s.temperature_C = std::numeric_limits<float>::quiet_NaN();
+    tactiled_invalidate(&s, broken_);
+    rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
+    last_ = s;
+    return s;
+}
+
+bool Sensor::begin_tare(std::uint64_t now_ns) noexcept {
+    if (broken_ != 0 || last_.quality == TACTILED_BAD || (last_.reasons & ~kTareMayHave) != 0 || tare_ == Tare::running) return false;
+    tare_ = Tare::running;
+    tare_begin_ns_ = now_ns;
+    tare_samples_ = 0;
+    tare_sum_ = {};
+    return true;
+}
+
+void Sensor::remove_tare() noexcept {
+    zero_ = {};
+    tare_count_ = 0;
+}
+
+void Sensor::advance_tare(const tactiled_sample& s) noexcept {
+    if (s.quality == TACTILED_BAD || (s.reasons & ~kTareMayHave) != 0) {
+        tare_ = Tare::failed;
+        return;
+    }
+    if (s.t_ns < tare_begin_ns_) return;  // measured before the command
+    for (std::size_t i = 0; i < 3; ++i) {
+        tare_sum_[i] += s.raw_force_S_N[i];
+        tare_sum_[i + 3] += s.raw_torque_S_Nm[i];
+    }
+    ++tare_samples_;
+    if (s.t_ns - tare_begin_ns_ < setup_.tare_ns) return;
+    for (std::size_t i = 0; i < zero_.size(); ++i) zero_[i] = std::isfinite(tare_sum_[i]) ? tare_sum_[i] / tare_samples_ : 0;
+    ++tare_count_;
+    tare_ = Tare::done;
+}
+
+Sensor::Tare Sensor::poll_tare(std::uint64_t now_ns) noexcept {
+    if (tare_ == Tare::running && (broken_ != 0 || now_ns > tare_begin_ns_ + setup_.tare_ns + kTareLimitNs)) tare_ = Tare::failed;
+    const Tare told = tare_;
+    if (tare_ != Tare::running) tare_ = Tare::none;
+    return told;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,153 @@
+#include "node/setup.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <boost/crc.hpp>
+#include <fstream>
+#include <iterator>
+#include <limits>
+
+namespace tactiled {
+namespace {
+
+template <std::size_t N>
+void put(char (&field)[N], const std::string& text) {
+    text.copy(field, N - 1);
+}
+
+std::unique_ptr<Driver> make_driver(LinkSettings& settings) {
+    if (settings.driver.empty()) return nullptr;  // reported already
+    if (const DriverEntry* entry = find_driver(settings.driver)) return entry->make(settings.options);
+    const auto near = nearest_name(settings.driver, driver_names());
+    settings.options.problem("driver", fmt::format("driver = \"{}\" is unknown; {}", settings.driver,
+                                                   near ? fmt::format("did you mean \"{}\"?", *near)
+                                                        : fmt::format("known are {}", fmt::join(driver_names(), ", "))));
+    return nullptr;
+}
+
+// Where each of the calibration's channels stands in a frame.
+std::vector<int> channel_map(SensorSettings& settings, const Calibration& calibration) {
+    std::vector<int> map;
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
+        const auto& name = calibration.channels[k];
+        if (settings.channels.empty()) {  // the frame carries just what was calibrated, in that order
+            map.push_back(int(k));
+            continue;
+        }
+        const auto at = std::find(settings.channels.begin(), settings.channels.end(), name);
+        if (at == settings.channels.end())
+            settings.options.problem("channels", fmt::format("the calibration {} needs channel \"{}\"; channels = [{}] lacks it",
+                                                             calibration.path, name, fmt::join(settings.channels, ", ")));
+        map.push_back(int(at - settings.channels.begin()));
+    }
+    return map;
+}
+
+tactiled_sensor directory_entry(const SensorSettings& settings, const Calibration& calibration, const Decoupler& decoupler) {
+    tactiled_sensor entry{};
+    put(entry.name, settings.name);
+    put(entry.model, settings.model);
+    put(entry.method, std::string(decoupler.method()));
+    put(entry.serial, calibration.serial);
+    put(entry.link, settings.link);
+    entry.stale_ms = std::uint32_t(settings.stale_ms);
+    entry.n_channels = std::uint32_t(calibration.channels.size());
+    std::fill(std::begin(entry.full_scale), std::end(entry.full_scale), std::numeric_limits<float>::quiet_NaN());
+    for (std::size_t i = 0; i < calibration.components.size(); ++i)
+        for (std::size_t c = 0; c < kComponentNames.size(); ++c)
+            if (calibration.components[i] == kComponentNames[c]) {
+                entry.components |= 1u << c;
+                if (i < calibration.full_scale.size()) entry.full_scale[c] = float(calibration.full_scale[i]);
+            }
+    return entry;
+}
+
+// A sensor whose files are wrong is left out: the problems say why, and the node will not run.
+void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
+    const DecouplerEntry* entry = find_decoupler(settings.model);
+    if (entry == nullptr) {
+        if (settings.model.empty()) return;  // reported already
+        const auto near = nearest_name(settings.model, decoupler_names());
+        settings.options.problem("model", fmt::format("model = \"{}\" is unknown; {}", settings.model,
+                                                      near ? fmt::format("did you mean \"{}\"?", *near)
+                                                           : fmt::format("known are {}", fmt::join(decoupler_names(), ", "))));
+        return;
+    }
+    const std::string method = settings.method.empty() ? entry->methods.front() : settings.method;
+    if (std::find(entry->methods.begin(), entry->methods.end(), method) == entry->methods.end())
+        settings.options.problem("method", fmt::format("method = \"{}\": model \"{}\" has {}", method, settings.model,
+                                                       fmt::join(entry->methods, ", ")));
+    if (settings.calibration.empty()) return;
+    Problems of_calibration;
+    const Calibration calibration = load_calibration(settings.calibration, of_calibration);
+    for (const auto& line : of_calibration.lines()) settings.options.problem("calibration", line);
+    if (!of_calibration.empty()) return;
+    if (calibration.model != settings.model) {
+        settings.options.problem("calibration", fmt::format("{} is for model \"{}\", the sensor says \"{}\"", settings.calibration,
+                                                            calibration.model, settings.model));
+        return;
+    }
+    Sensor::Setup setup;
+    setup.decoupler = entry->make(calibration, method, settings.options);
+    setup.channel_of_frame = channel_map(settings, calibration);
+    if (setup.decoupler == nullptr || !problems.empty()) return;
+    setup.counts_per_unit = settings.counts_per_unit;
+    setup.saturates_below = settings.saturates_below;
+    setup.saturates_above = settings.saturates_above;
+    setup.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
+    setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
+    node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
+    const auto index = std::uint16_t(node.sensors.size());
+    for (auto& link : node.links)
+        if (link->name == settings.link) link->bindings.push_back({std::uint16_t(settings.device), index});
+    node.sensors.emplace_back(std::move(setup));
+}
+
+// CAL_ID: one number that changes when the configuration or any calibration does.
+std::uint16_t identity_of(const Config& config) {
+    boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
+    const auto add_file = [&](const std::string& path) {
+        std::ifstream file(path, std::ios::binary);
+        const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+        crc.process_bytes(bytes.data(), bytes.size());
+    };
+    add_file(config.path);
+    for (const auto& sensor : config.sensors) add_file(sensor.calibration);
+    return crc.checksum();
+}
+
+}  // namespace
+
+Node load_node(const std::string& config_path, Problems& problems) {
+    Node node{.config = load_config(config_path, problems), .links = {}, .sensors = {}, .plan = {}};
+    Config& config = node.config;
+    for (std::size_t i = 0; i < config.links.size(); ++i) {
+        auto link = std::make_unique<Link>();
+        link->name = config.links[i].name;
+        link->index = std::uint32_t(i);
+        link->driver = make_driver(config.links[i]);
+        tactiled_link entry{};
+        put(entry.name, config.links[i].name);
+        put(entry.driver, config.links[i].driver);
+        entry.simulated = config.links[i].simulated ? 1 : 0;
+        node.simulated |= config.links[i].simulated;
+        node.plan.links.push_back(entry);
+        node.links.push_back(std::move(link));
+    }
+    for (auto& settings : config.sensors) add_sensor(node, settings, problems);
+    config.root.finish();
+    if (!problems.empty()) return node;
+
+    node.plan.name = config.node.name;
+    node.plan.version = TACTILED_VERSION;
+    node.plan.control = config.node.control;
+    node.plan.group = config.shm.group;
+    node.plan.watchdog_ms = std::uint32_t(config.node.watchdog_ms);
+    node.plan.history = std::uint32_t(config.shm.history);
+    node.plan.calibration_id = identity_of(config);
+    return node;
+}
+
+}  // namespace tactiled

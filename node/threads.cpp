@@ -1,0 +1,129 @@
+#include "node/threads.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "node/log.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr int kReadTimeoutMs = 50;  // how long a silent device keeps its thread from noticing stop()
+constexpr int kLeastPauseMs = 50, kMostPauseMs = 1000;
+constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
+
+// Says a thing once, then at most each 10 s while it stays the same.
+class Complaint {
+public:
+    void about(const std::string& link, const std::string& text) {
+        const std::uint64_t now = monotonic_ns();
+        ++times_;
+        if (text == text_ && now - said_ns_ < kRepeatNs) return;
+        log_line(LogLevel::warning, fmt::format("link \"{}\": {}{}", link, text, times_ > 1 ? fmt::format(" ({} times)", times_) : ""));
+        text_ = text;
+        said_ns_ = now;
+        times_ = 0;
+    }
+    void settled() { text_.clear(); }
+
+private:
+    std::string text_;
+    std::uint64_t said_ns_ = 0;
+    unsigned times_ = 0;
+};
+
+}  // namespace
+
+std::vector<std::string> Threads::start() {
+    const RealtimeSettings& wanted = node_.config.realtime;
+    std::vector<std::string> refused;
+    const auto note = [&](std::string what) {
+        if (!what.empty() && std::find(refused.begin(), refused.end(), what) == refused.end()) refused.push_back(std::move(what));
+    };
+    const auto add = [&](const char* name, int priority, std::function<void()> body) {
+        auto thread = std::make_unique<RtThread>();
+        note(thread->start(name, priority, wanted.cpu, std::move(body)));
+        threads_.push_back(std::move(thread));
+    };
+    if (wanted.lock_memory) note(lock_memory());
+    try {
+        for (auto& link : node_.links)  // below the pipeline: a flood on one link does not hold back what is there
+            add("link", std::max(1, wanted.priority - 2), [this, &link = *link] { run_link(link); });
+        add("pipeline", wanted.priority, [this] { run_pipeline(); });
+        if (!refused.empty() && wanted.required)
+            throw SetupError(fmt::format("[realtime] required = true, but {}", refused.front()));
+    } catch (...) {
+        stop();
+        throw;
+    }
+    if (!refused.empty()) pipeline_.add_status(TACTILED_RT_DEGRADED);
+    go_.store(true, std::memory_order_release);
+    return refused;
+}
+
+void Threads::stop() noexcept {
+    stop_.store(true, std::memory_order_release);
+    threads_.clear();  // joins
+}
+
+void Threads::pause(int ms) const noexcept {
+    const std::uint64_t until = monotonic_ns() + std::uint64_t(ms) * 1'000'000u;
+    while (!stop_.load(std::memory_order_acquire) && monotonic_ns() < until)
+        sleep_until(std::min(until, monotonic_ns() + std::uint64_t(kReadTimeoutMs) * 1'000'000u));
+}
+
+void Threads::run_link(Link& link) noexcept {
+    Complaint complaint;
+    int pause_ms = kLeastPauseMs;
+    LinkCounts& counts = link.driver->counts;
+    while (!stop_.load(std::memory_order_acquire)) {
+        const std::string wrong = link.driver->open();
+        if (!wrong.empty()) {
+            segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
+            complaint.about(link.name, wrong);
+            pause(pause_ms);
+            pause_ms = std::min(2 * pause_ms, kMostPauseMs);
+            continue;
+        }
+        ++counts[TACTILED_LINK_OPENED];
+        log_line(LogLevel::info, fmt::format("link \"{}\": open", link.name));
+        segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
+        link.connected.store(true, std::memory_order_release);
+        const std::uint64_t opened_ns = monotonic_ns();
+        bool present = true;
+        while (present && !stop_.load(std::memory_order_acquire)) {
+            const Armed armed;
+            present = acquire(link, segment_, kReadTimeoutMs);
+        }
+        link.connected.store(false, std::memory_order_release);  // after the last commit: see Pipeline::deliver
+        segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
+        link.driver->close();
+        if (present) break;
+        segment_.set_link_count(link.index, TACTILED_LINK_GONE, ++counts[TACTILED_LINK_GONE]);
+        if (monotonic_ns() - opened_ns > kRepeatNs / 10) {
+            pause_ms = kLeastPauseMs;  // it had worked: look for it at once
+            complaint.settled();
+        }
+        complaint.about(link.name, "the device is gone; waiting for it to come back");
+        pause(pause_ms);
+    }
+}
+
+void Threads::run_pipeline() noexcept {
+    while (!go_.load(std::memory_order_acquire)) sleep_until(monotonic_ns() + 1'000'000u);  // rights are settled first
+    const std::uint64_t period_ns = std::uint64_t(node_.config.realtime.period_us) * 1000u;
+    std::uint64_t next_ns = monotonic_ns() + period_ns;
+    while (!stop_.load(std::memory_order_acquire)) {
+        sleep_until(next_ns);
+        const Armed armed;
+        const std::uint64_t now_ns = monotonic_ns();
+        const std::uint64_t missed = now_ns > next_ns ? (now_ns - next_ns) / period_ns : 0;
+        pipeline_.deliver(now_ns);
+        pipeline_.account(monotonic_ns() - now_ns, missed);
+        next_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up
+    }
+}
+
+}  // namespace tactiled

@@ -1,1 +1,61 @@
-int main() {}
+// tactilectl: everything that a person runs. Each verb is one file.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <exception>
+
+#include "config/options.hpp"
+#include "node/ctl/verb.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled::ctl {
+
+volatile std::sig_atomic_t interrupted = 0;
+
+void add_node_option(CLI::App* verb, std::string& node_name) {
+    verb->add_option("--node", node_name, "name of the daemon, as [node] name says")->capture_default_str();
+}
+
+std::string quality_text(std::uint32_t quality, std::uint32_t reasons) {
+    static constexpr const char* kQuality[] = {"no-value", "good", "uncertain", "bad"};
+    static constexpr const char* kReason[] = {
+        "no-data-yet",    "stale",        "disconnected", "missing-channel", "saturated",      "disagreement", "outside-domain",
+        "uncalibrated",   "not-finite",   "stopped",      "taring",          "reader-overrun", "wrong-device", "sd-unknown"};
+    std::string text = quality < std::size(kQuality) ? kQuality[quality] : "unknown";
+    char separator = ':';
+    for (std::size_t bit = 0; bit < std::size(kReason); ++bit)
+        if ((reasons >> bit & 1u) != 0) {
+            text += separator;
+            text += kReason[bit];
+            separator = ',';
+        }
+    return text;
+}
+
+}  // namespace tactiled::ctl
+
+int main(int argc, char** argv) {
+    using namespace tactiled;
+    using namespace tactiled::ctl;
+    std::signal(SIGPIPE, SIG_IGN);
+    CLI::App app{"Reads, checks and calibrates the tactile sensors of a tactiled daemon.", "tactilectl"};
+    app.set_version_flag("--version", TACTILED_VERSION);
+    app.require_subcommand(1);
+    Run run;
+    for (auto* add : {add_status, add_top, add_read, add_tare, add_map, add_check, add_calibrate, add_decouple, add_play})
+        add(app, run);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == 0 ? kGood : kUsage;
+    }
+    try {
+        return run();
+    } catch (const SetupError& error) {
+        fmt::print(stderr, "tactilectl: {}\n", error.what());
+        return kUsage;
+    } catch (const std::exception& error) {
+        fmt::print(stderr, "tactilectl: {}\n", error.what());
+        return kUnhealthy;
+    }
+}

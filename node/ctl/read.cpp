@@ -1,0 +1,118 @@
+// tactilectl read SENSOR: samples from shared memory.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "node/ctl/verb.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Wish {
+    std::string node = "gripper", sensor;
+    bool follow = false, csv = false, json = false, raw = false;
+    long count = 0;
+    double timeout_s = 2;
+};
+
+std::string cell(double value) { return std::isfinite(value) ? fmt::format("{}", value) : std::string(); }
+
+// A row of forces.csv; t_s is CLOCK_MONOTONIC.
+std::string csv_row(const tactiled_sample& s, bool raw) {
+    std::string row = fmt::format("{:.6f}", double(s.t_ns) / 1e9);
+    for (const double* values : {raw ? s.raw_force_S_N : s.force_S_N, raw ? s.raw_torque_S_Nm : s.torque_S_Nm, s.sd_force_N})
+        for (int i = 0; i < 3; ++i) row += "," + cell(values[i]);
+    return row + "," + fmt::format("\"{}\"", quality_text(s.quality, s.reasons));
+}
+
+std::string json_row(const tactiled_sample& s) {
+    const auto triple = [](const double* v) {
+        nlohmann::json list;
+        for (int i = 0; i < 3; ++i) list.push_back(std::isfinite(v[i]) ? nlohmann::json(v[i]) : nlohmann::json(nullptr));
+        return list;
+    };
+    return nlohmann::json{{"schema", 1},
+                          {"sequence", s.sequence},
+                          {"t_ns", s.t_ns},
+                          {"epoch", s.epoch},
+                          {"quality", quality_text(s.quality, s.reasons)},
+                          {"force_S_N", triple(s.force_S_N)},
+                          {"torque_S_Nm", triple(s.torque_S_Nm)},
+                          {"sd_force_N", triple(s.sd_force_N)},
+                          {"raw_force_S_N", triple(s.raw_force_S_N)},
+                          {"tare_count", s.tare_count}}
+        .dump();
+}
+
+std::string text_row(const tactiled_sample& s, bool raw) {
+    std::string row = fmt::format("{:>10}", s.sequence);
+    const double* const force = raw ? s.raw_force_S_N : s.force_S_N;
+    for (int i = 0; i < 3; ++i) row += std::isfinite(force[i]) ? fmt::format(" {:>10.4f}", force[i]) : fmt::format(" {:>10}", "-");
+    return row + "  " + quality_text(s.quality, s.reasons);
+}
+
+int read(const Wish& wish) {
+    std::signal(SIGINT, [](int) { interrupted = 1; });
+    std::signal(SIGTERM, [](int) { interrupted = 1; });
+    Reader reader(wish.node, wish.sensor);
+    if (!reader.is_attached()) {
+        fmt::print(stderr, "tactilectl: {}\n", reader.why_not());
+        return reader.segment().is_open() ? kUsage : kNotReachable;
+    }
+    if (wish.csv)
+        fmt::print("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality\n");
+    else if (!wish.json)
+        fmt::print("{:>10} {:>10} {:>10} {:>10}  quality\n", "sequence", "fx/N", "fy/N", "fz/N");
+    const auto print = [&](const tactiled_sample& s) {
+        fmt::print("{}\n", wish.json ? json_row(s) : wish.csv ? csv_row(s, wish.raw) : text_row(s, wish.raw));
+    };
+    if (!wish.follow) {
+        const tactiled_sample sample = reader.latest();
+        print(sample);
+        return sample.quality == TACTILED_BAD ? kUnhealthy : kGood;
+    }
+    tactiled_sample sample{};
+    std::uint64_t heard_ns = monotonic_ns();
+    for (long n = 0; interrupted == 0 && (wish.count == 0 || n < wish.count);) {
+        if (reader.next(sample)) {
+            print(sample);
+            heard_ns = monotonic_ns();
+            ++n;
+            continue;
+        }
+        std::fflush(stdout);
+        if (std::ferror(stdout) != 0) break;  // nobody listens any more
+        if (wish.timeout_s > 0 && double(monotonic_ns() - heard_ns) > wish.timeout_s * 1e9) {
+            fmt::print(stderr, "tactilectl: nothing from \"{}\" for {} s\n", wish.sensor, wish.timeout_s);
+            return reader.is_attached() && reader.segment().is_current() ? kUnhealthy : kNotReachable;
+        }
+        std::this_thread::sleep_for(std::chrono::microseconds(500));
+    }
+    if (reader.lost() != 0) fmt::print(stderr, "tactilectl: {} samples were missed: this program was too slow\n", reader.lost());
+    return sample.quality == TACTILED_BAD ? kUnhealthy : kGood;
+}
+
+}  // namespace
+
+void add_read(CLI::App& app, Run& run) {
+    auto wish = std::make_shared<Wish>();
+    auto* verb = app.add_subcommand("read", "The newest sample of a sensor, or all of them as they come");
+    verb->add_option("sensor", wish->sensor, "name of the sensor")->required();
+    add_node_option(verb, wish->node);
+    verb->add_flag("--follow", wish->follow, "every sample, as they come");
+    verb->add_flag("--csv", wish->csv, "columns of forces.csv");
+    verb->add_flag("--json", wish->json, "one JSON object a line");
+    verb->add_flag("--raw", wish->raw, "before tare (text and CSV; JSON has both)");
+    verb->add_option("--count", wish->count, "with --follow: end after so many")->check(CLI::PositiveNumber);
+    verb->add_option("--timeout", wish->timeout_s, "with --follow: seconds without a sample before giving up; 0 never")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
+    verb->callback([wish, &run] { run = [wish] { return read(*wish); }; });
+}
+
+}  // namespace tactiled::ctl

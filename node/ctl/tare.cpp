@@ -1,0 +1,76 @@
+// tactilectl tare SENSOR|all: as the PLC's command, acknowledged by the daemon.
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "node/control.hpp"
+#include "node/ctl/verb.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Wish {
+    std::string node = "gripper", sensor;
+    bool remove = false;
+    double timeout_s = 15;
+};
+
+const char* result_text(int result) {
+    switch (result) {
+        case TACTILED_COMMAND_OK: return "done";
+        case TACTILED_COMMAND_NOT_NOW: return "refused: a sensor has no trustworthy value now, or a tare is running (tactilectl status)";
+        case TACTILED_COMMAND_BAD_MASK: return "refused: no such sensor";
+        case TACTILED_COMMAND_FAILED: return "failed: a sensor lost its value while the zero was averaged";
+        case TACTILED_COMMAND_TIMED_OUT: return "timed out";
+        default: return "refused";
+    }
+}
+
+int tare(const Wish& wish) {
+    std::string why;
+    const Segment segment = Segment::try_open(wish.node, why);
+    if (!segment.is_open()) {
+        fmt::print(stderr, "tactilectl: {}\n", why);
+        return kNotReachable;
+    }
+    std::uint32_t mask = (1u << segment.n_sensors()) - 1;
+    if (wish.sensor != "all") {
+        const int index = segment.find(wish.sensor);
+        if (index < 0) {
+            fmt::print(stderr, "tactilectl: node \"{}\" has no sensor \"{}\"; it has", wish.node, wish.sensor);
+            for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) fmt::print(stderr, " {}", segment.sensor(i).name);
+            fmt::print(stderr, "\n");
+            return kUsage;
+        }
+        mask = 1u << index;
+    }
+    const std::string control = segment.header().control;
+    if (control.empty()) {
+        fmt::print(stderr, "tactilectl: the daemon runs without a control socket; its log says why\n");
+        return kNotReachable;
+    }
+    const std::string reply =
+        ask_daemon(control, fmt::format("{} {}", wish.remove ? "untare" : "tare", mask), int(wish.timeout_s * 1000), why);
+    int state = 0, result = TACTILED_COMMAND_TIMED_OUT;
+    if (reply.empty() || std::sscanf(reply.c_str(), "%d %d", &state, &result) != 2) {
+        fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "unreadable answer of the daemon" : why);
+        return kNotReachable;
+    }
+    fmt::print(result == TACTILED_COMMAND_OK ? stdout : stderr, "{} {}: {}\n", wish.remove ? "untare" : "tare", wish.sensor,
+               result_text(result));
+    return result == TACTILED_COMMAND_OK ? kGood : kUnhealthy;
+}
+
+}  // namespace
+
+void add_tare(CLI::App& app, Run& run) {
+    auto wish = std::make_shared<Wish>();
+    auto* verb = app.add_subcommand("tare", "Makes what a sensor reads now its zero; the raw force stays readable");
+    verb->add_option("sensor", wish->sensor, "name of the sensor, or all")->required();
+    add_node_option(verb, wish->node);
+    verb->add_flag("--remove", wish->remove, "back to the calibration's zero");
+    verb->add_option("--timeout", wish->timeout_s, "seconds to wait for the daemon's word")->check(CLI::Range(0.1, 60.0))->capture_default_str();
+    verb->callback([wish, &run] { run = [wish] { return tare(*wish); }; });
+}
+
+}  // namespace tactiled::ctl

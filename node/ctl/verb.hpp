@@ -1,6 +1,8 @@
 // tactilectl's verbs, one file each: NAME.cpp defines add_NAME(), main.cpp calls them all.
 #pragma once
 #include <CLI/CLI.hpp>
+#include <csignal>
+#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -17,6 +19,7 @@ inline constexpr int kNotReachable = 3;  // no daemon of that name
 using Run = std::function<int()>;
 
 void add_status(CLI::App& app, Run& run);
+void add_top(CLI::App& app, Run& run);
 void add_read(CLI::App& app, Run& run);
 void add_tare(CLI::App& app, Run& run);
 void add_map(CLI::App& app, Run& run);
@@ -24,5 +27,16 @@ void add_check(CLI::App& app, Run& run);
 void add_calibrate(CLI::App& app, Run& run);
 void add_decouple(CLI::App& app, Run& run);
 void add_play(CLI::App& app, Run& run);
+
+// ---- what several verbs share ----
+
+// Adds --node NAME, the daemon to talk to.
+void add_node_option(CLI::App* verb, std::string& node_name);
+
+// "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated". As in forces.csv.
+std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
+
+// Ends a verb that follows something: set by SIGINT and SIGTERM.
+extern volatile std::sig_atomic_t interrupted;
 
 }  // namespace tactiled::ctl

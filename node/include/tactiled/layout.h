@@ -70,7 +70,7 @@ struct tactiled_sample {
     uint32_t device_sequence; /* as the device counts, 0 if it does not */
     uint32_t missing;         /* bit n: channel n had no value (or an open or shorted one, if the device can tell) */
     uint32_t saturated;       /* bit n: channel n was at its rail */
-    uint32_t tare_count;      /* finished tares; force = raw_force - the last one's zero */
+    uint32_t tare_count;      /* finished tares, 0 = none in force; force = raw_force - the last one's zero */
     uint32_t lost;            /* frames of this sensor known to be lost since the daemon started */
     TACTILED_ALIGN(8) double force_S_N[3]; /* tared */
     TACTILED_ALIGN(8) double torque_S_Nm[3];

@@ -1,0 +1,77 @@
+// One sensor in the pipeline: Frame -> tactiled_sample. Picks its channels, asks its model, subtracts the tare, judges
+// whether the stream is alive. Knows neither links nor shared memory.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "decoupling/decoupler.hpp"
+#include "drivers/frame.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+class Sensor {
+public:
+    struct Setup {
+        std::vector<int> channel_of_frame;  // for each channel of the model, its index in the frame
+        double counts_per_unit = 1;
+        double saturates_below = -std::numeric_limits<double>::infinity();
+        double saturates_above = std::numeric_limits<double>::infinity();
+        std::uint64_t stale_ns = 100'000'000;
+        std::uint64_t tare_ns = 100'000'000;
+        std::unique_ptr<Decoupler> decoupler;
+    };
+    explicit Sensor(Setup setup) : setup_(std::move(setup)) {}
+
+    // The daemon's epoch goes into the upper half of each sample's. Call once, before the first sample. setup
+    void start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept;
+
+    // The sample for a frame that arrived. rt: wait-free
+    [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns) noexcept;
+
+    // True when the stream has just broken, or the reason has changed: publish marker(). `connected` is the link's state.
+    // rt: wait-free
+    [[nodiscard]] bool has_broken(bool connected, std::uint64_t now_ns) noexcept;
+    // The BAD sample that says so. rt: wait-free
+    [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
+    [[nodiscard]] bool is_delivering() const noexcept { return broken_ == 0; }
+
+    // Begins to average a new zero. False when the sensor has no trustworthy value now. rt: wait-free
+    [[nodiscard]] bool begin_tare(std::uint64_t now_ns) noexcept;
+    void remove_tare() noexcept;
+    enum class Tare { none, running, done, failed };
+    // How the tare stands; a finished one is told once. rt: wait-free
+    [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept;
+
+    [[nodiscard]] std::uint64_t count() const noexcept { return sequence_; }
+    [[nodiscard]] const tactiled_sample& last() const noexcept { return last_; }
+
+private:
+    [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
+    void measure_rate(std::uint64_t t_ns) noexcept;
+    void advance_tare(const tactiled_sample& sample) noexcept;
+
+    Setup setup_;
+    std::array<double, kMaxChannels> channel_{};
+    Wrench zero_{};  // subtracted from the raw wrench
+    tactiled_sample last_{};
+    std::uint64_t sequence_ = 0;
+    std::uint64_t last_frame_ns_ = 0;
+    std::uint32_t epoch_ = 0;
+    std::uint32_t broken_ = TACTILED_NO_DATA_YET;  // why there is no value now; 0 = delivering
+    std::uint32_t tare_count_ = 0, lost_ = 0;
+
+    std::uint64_t rate_since_ns_ = 0;
+    std::uint32_t rate_frames_ = 0;
+    float rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
+
+    Tare tare_ = Tare::none;
+    std::uint64_t tare_begin_ns_ = 0;
+    std::uint32_t tare_samples_ = 0;
+    Wrench tare_sum_{};
+};
+
+}  // namespace tactiled

@@ -1,0 +1,26 @@
+// From a configuration file to links, sensors and a plan of the segment. Used by the daemon and by `tactilectl check`:
+// what check accepts, the daemon starts with.
+#pragma once
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "config/config.hpp"
+#include "node/pipeline.hpp"
+#include "node/shm/writer.hpp"
+
+namespace tactiled {
+
+struct Node {
+    Config config;
+    std::vector<std::unique_ptr<Link>> links;
+    std::vector<Sensor> sensors;  // in the order of the file, which is the order in segment and register map
+    SegmentPlan plan;
+    bool simulated = false;  // a link is declared so
+};
+
+// Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with any,
+// the result is not fit to run. setup: never throws for bad input
+Node load_node(const std::string& config_path, Problems& problems);
+
+}  // namespace tactiled

@@ -1,0 +1,61 @@
+// Creates and fills the segment that tactiled/layout.h describes. One writer; any number of readers, who cannot touch it.
+#pragma once
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "config/options.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+// What the directory says; the writer fills in rings and offsets.
+struct SegmentPlan {
+    std::string name;
+    std::string version;
+    std::string control;  // path of the control socket, "" = none
+    std::string group;    // "" = the daemon's own
+    std::uint32_t watchdog_ms = 250;
+    std::uint32_t history = 1024;  // slots a sensor, a power of two
+    std::uint32_t calibration_id = 0;
+    std::vector<tactiled_sensor> sensors;
+    std::vector<tactiled_link> links;
+};
+
+// Only this daemon's name, user and boot: what an earlier one left is taken over when its lock is free.
+class SegmentWriter {
+public:
+    // Makes the file nameless (O_TMPFILE), fills it, locks it, and only then gives it its name: no reader sees half a
+    // segment and a kill at any moment leaves nothing to clean up. setup: throws SetupError where another daemon of that
+    // name runs (with its pid), the name belongs to another user, or there is no room
+    explicit SegmentWriter(const SegmentPlan& plan);
+    // Says "stopped" to the readers and removes the name.
+    ~SegmentWriter();
+    SegmentWriter(const SegmentWriter&) = delete;
+    SegmentWriter& operator=(const SegmentWriter&) = delete;
+
+    [[nodiscard]] std::uint32_t epoch() const noexcept { return header().epoch; }
+    void set_state(tactiled_state state) noexcept;
+
+    // Publishes the next sample of sensor `index`; `sample.sequence` must count up by one. rt: wait-free
+    void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
+    // Publishes the next node record: call it after the samples that it names. rt: wait-free
+    void publish(const tactiled_node& node) noexcept;
+
+    // A link's own line, shown as it is. Each word has one writer. rt: wait-free
+    void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
+    void set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept;
+
+private:
+    [[nodiscard]] tactiled_header& header() const noexcept { return *reinterpret_cast<tactiled_header*>(base_); }
+    void lay_out(const SegmentPlan& plan, std::uint32_t epoch);
+    void publish(const tactiled_ring& ring, std::uint64_t number, const void* record, std::size_t size) noexcept;
+
+    std::string path_;
+    int fd_ = -1;
+    char* base_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+}  // namespace tactiled

@@ -1,0 +1,37 @@
+// The real-time threads of a node: one a link, which opens, reads and reopens its device, and one for the pipeline.
+#pragma once
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "node/pipeline.hpp"
+#include "node/realtime.hpp"
+#include "node/setup.hpp"
+
+namespace tactiled {
+
+class Threads {
+public:
+    Threads(Node& node, SegmentWriter& segment, Pipeline& pipeline) : node_(node), segment_(segment), pipeline_(pipeline) {}
+    ~Threads() { stop(); }
+
+    // Starts all. Returns what was refused, one line a right; RT_DEGRADED is then set before the loop begins.
+    // setup: throws SetupError where a thread cannot be made, or a right is refused and [realtime] required is set
+    std::vector<std::string> start();
+    // Returns when all threads have ended, at most about 0.1 s later.
+    void stop() noexcept;
+
+private:
+    void run_link(Link& link) noexcept;
+    void run_pipeline() noexcept;
+    void pause(int ms) const noexcept;
+
+    Node& node_;
+    SegmentWriter& segment_;
+    Pipeline& pipeline_;
+    std::vector<std::unique_ptr<RtThread>> threads_;
+    std::atomic<bool> go_{false}, stop_{false};
+};
+
+}  // namespace tactiled

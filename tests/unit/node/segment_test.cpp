@@ -1,0 +1,265 @@
+// The segment between writer and reader, in real shared memory.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cmath>
+#include <fstream>
+#include <thread>
+
+#include "node/shm/writer.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+
+class SegmentTest : public testing::Test {
+protected:
+    std::string name_ = "test-" + std::to_string(::getpid());
+    std::string path_ = "/dev/shm/tactiled." + name_;
+    ~SegmentTest() override { ::unlink(path_.c_str()); }
+
+    SegmentPlan plan(std::size_t sensors = 1) const {
+        SegmentPlan p;
+        p.name = name_;
+        p.version = "test";
+        p.history = 64;
+        for (std::size_t i = 0; i < sensors; ++i) {
+            tactiled_sensor s{};
+            ("s" + std::to_string(i)).copy(s.name, sizeof s.name - 1);
+            s.stale_ms = 100;
+            p.sensors.push_back(s);
+        }
+        return p;
+    }
+    static tactiled_sample sample(std::uint64_t number) {
+        tactiled_sample s{};
+        s.sequence = number;
+        s.t_ns = monotonic_ns();
+        s.quality = TACTILED_GOOD;
+        for (int i = 0; i < 3; ++i) s.force_S_N[i] = s.raw_force_S_N[i] = s.torque_S_Nm[i] = double(number);
+        return s;
+    }
+};
+
+TEST_F(SegmentTest, GivesTheNewestAndThenNothingNew) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    Reader reader(name_, "s0");
+    ASSERT_TRUE(reader.is_attached()) << reader.why_not();
+    EXPECT_EQ(reader.latest().quality, unsigned(TACTILED_BAD));  // none yet: never zeros that look good
+    EXPECT_TRUE(std::isnan(reader.latest().force_S_N[2]));
+    tactiled_sample s{};
+    EXPECT_FALSE(reader.next(s));
+    writer.publish(0, sample(0));
+    writer.publish(0, sample(1));
+    EXPECT_EQ(reader.latest().force_S_N[2], 1.0);
+    ASSERT_TRUE(reader.next(s));
+    EXPECT_EQ(s.sequence, 1u);
+    EXPECT_FALSE(reader.next(s));
+    writer.publish(0, sample(2));
+    ASSERT_TRUE(reader.next(s));
+    EXPECT_EQ(s.sequence, 2u);
+}
+
+TEST_F(SegmentTest, ASlowReaderCountsWhatItLost) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    Reader reader(name_, "s0");
+    writer.publish(0, sample(0));
+    tactiled_sample s{};
+    ASSERT_TRUE(reader.next(s));
+    for (std::uint64_t n = 1; n <= 1000; ++n) writer.publish(0, sample(n));
+    std::uint64_t got = 0, last = 0;
+    while (reader.next(s)) {
+        EXPECT_GT(s.sequence, last);
+        last = s.sequence;
+        ++got;
+    }
+    EXPECT_EQ(last, 1000u);
+    EXPECT_EQ(got + reader.lost(), 1000u);
+    EXPECT_GE(got, 64u - 64u / 8u - 2u);
+}
+
+TEST_F(SegmentTest, AnOldSampleIsBadAndItsForceIsNoNumber) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    tactiled_sample old = sample(0);
+    old.t_ns -= 101'000'000;
+    writer.publish(0, old);
+    Reader reader(name_, "s0");
+    const auto s = reader.latest();
+    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_STALE));
+    EXPECT_TRUE(std::isnan(s.force_S_N[0]));
+}
+
+TEST_F(SegmentTest, NoReadIsTornAndNoneWaits) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    writer.publish(0, sample(0));
+    std::atomic<bool> stop{false};
+    std::thread flood([&] {
+        for (std::uint64_t n = 1; !stop; ++n) writer.publish(0, sample(n));
+    });
+    Reader reader(name_, "s0");
+    std::uint64_t reads = 0;
+    for (int i = 0; i < 200'000; ++i) {
+        const auto s = reader.latest();
+        if (s.quality != TACTILED_GOOD) continue;  // lapped in each of its tries: said, not guessed
+        ++reads;
+        const auto expected = double(s.sequence);
+        ASSERT_EQ(s.force_S_N[0], expected);
+        ASSERT_EQ(s.force_S_N[2], expected);
+        ASSERT_EQ(s.torque_S_Nm[2], expected);
+        ASSERT_EQ(s.raw_force_S_N[0], expected);
+    }
+    stop = true;
+    flood.join();
+    EXPECT_GT(reads, 100'000u);
+}
+
+TEST_F(SegmentTest, NumbersWrapAt32BitsWithoutAGap) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    const std::uint64_t first = (1ull << 32) - 3;
+    writer.publish(0, sample(first));
+    Reader reader(name_, "s0");
+    tactiled_sample s{};
+    ASSERT_TRUE(reader.next(s));
+    for (std::uint64_t n = first + 1; n < first + 6; ++n) {
+        writer.publish(0, sample(n));
+        ASSERT_TRUE(reader.next(s)) << n;
+        EXPECT_EQ(s.sequence, n);
+        EXPECT_EQ(reader.latest().sequence, n);
+    }
+    EXPECT_EQ(reader.lost(), 0u);
+}
+
+TEST_F(SegmentTest, ASecondDaemonIsToldThePidOfTheFirst) {
+    SegmentWriter writer(plan());
+    try {
+        SegmentWriter second(plan());
+        FAIL() << "two daemons under one name";
+    } catch (const SetupError& error) {
+        EXPECT_NE(std::string(error.what()).find("pid " + std::to_string(::getpid())), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(Segment::open(name_).header().epoch, 1u);
+}
+
+TEST_F(SegmentTest, ADeadDaemonsNameIsTakenOverAndItsReadersFollow) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+        SegmentWriter writer(plan());
+        writer.set_state(TACTILED_RUNNING);
+        for (std::uint64_t n = 0; n < 10; ++n) writer.publish(0, sample(n));
+        ::kill(::getpid(), SIGKILL);
+    }
+    ::waitpid(child, nullptr, 0);
+    Reader reader(name_, "s0");
+    ASSERT_TRUE(reader.is_attached()) << reader.why_not();
+    EXPECT_EQ(reader.latest().sequence, 9u);
+    SegmentWriter successor(plan());
+    successor.set_state(TACTILED_RUNNING);
+    EXPECT_EQ(successor.epoch(), 2u);
+    successor.publish(0, sample(0));
+    ::usleep(20'000);  // a reader looks for a successor each 10 ms
+    const auto s = reader.latest();
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(s.sequence, 0u);
+    EXPECT_EQ(reader.segment().header().epoch, 2u);
+}
+
+TEST_F(SegmentTest, ACleanEndSaysSoAndLeavesNothing) {
+    Reader* reader = nullptr;
+    {
+        SegmentWriter writer(plan());
+        writer.set_state(TACTILED_RUNNING);
+        writer.publish(0, sample(0));
+        reader = new Reader(name_, "s0");
+        EXPECT_EQ(reader->latest().quality, unsigned(TACTILED_GOOD));
+    }
+    const auto s = reader->latest();
+    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_DAEMON_STOPPED));
+    delete reader;
+    EXPECT_NE(::access(path_.c_str(), F_OK), 0);
+}
+
+TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
+    const auto why = [&] {
+        std::string text;
+        EXPECT_FALSE(Segment::try_open(name_, text).is_open());
+        return text;
+    };
+    EXPECT_NE(why().find("no daemon of that name runs"), std::string::npos);
+    std::ofstream(path_) << "short";
+    EXPECT_NE(why().find("too short"), std::string::npos);
+    std::ofstream(path_) << std::string(4096, 'x');
+    EXPECT_NE(why().find("no tactiled segment"), std::string::npos);
+    ::unlink(path_.c_str());
+    {
+        SegmentWriter writer(plan(2));
+        std::fstream file(path_, std::ios::in | std::ios::out | std::ios::binary);
+        const auto patched = [&](std::size_t offset, std::uint32_t value, std::size_t size) {
+            std::uint32_t before = 0;
+            file.seekg(long(offset)).read(reinterpret_cast<char*>(&before), long(size));
+            file.seekp(long(offset)).write(reinterpret_cast<const char*>(&value), long(size)).flush();
+            const std::string text = why();
+            file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
+            return text;
+        };
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.0, this reader knows 1.0"), std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, sensor_offset), 1u << 30, 4).find("outside"), std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, node) + offsetof(tactiled_ring, slots), 1u << 20, 4).find("outside"), std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, node) + offsetof(tactiled_ring, head_offset), 0xFFFFFFFCu, 4).find("outside"), std::string::npos);
+        EXPECT_TRUE(Segment::open(name_).is_open());
+    }
+}
+
+TEST_F(SegmentTest, ReadersMayNotWrite) {
+    SegmentWriter writer(plan());
+    struct stat status {};
+    ASSERT_EQ(::stat(path_.c_str(), &status), 0);
+    EXPECT_EQ(status.st_mode & 0777u, 0640u);
+}
+
+TEST_F(SegmentTest, ASnapshotBelongsTogether) {
+    SegmentWriter writer(plan(3));
+    writer.set_state(TACTILED_RUNNING);
+    std::atomic<bool> stop{false};
+    std::thread flood([&] {
+        for (std::uint64_t n = 0; !stop; ++n) {
+            tactiled_node node{};
+            node.sequence = n;
+            node.t_ns = monotonic_ns();
+            for (std::uint32_t i = 0; i < 3; ++i) {
+                writer.publish(i, sample(n));
+                node.count[i] = n + 1;
+            }
+            writer.publish(node);
+        }
+    });
+    const Segment segment = Segment::open(name_);
+    Snapshot snapshot;
+    while (!segment.snapshot(snapshot)) std::this_thread::yield();  // until the first is out
+    std::uint64_t whole = 0;
+    for (int i = 0; i < 50'000; ++i) {
+        if (!segment.snapshot(snapshot)) continue;
+        ++whole;
+        for (std::uint32_t k = 0; k < 3; ++k) ASSERT_EQ(snapshot.sensor[k].sequence, snapshot.node.sequence);
+        ASSERT_EQ(snapshot.sensor[3].quality, unsigned(TACTILED_NO_VALUE));
+    }
+    stop = true;
+    flood.join();
+    EXPECT_GT(whole, 25'000u);
+}
+
+}  // namespace
+}  // namespace tactiled
