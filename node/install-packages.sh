@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# install-packages.sh [build] [tests]: installs the Debian packages that are missing. Nothing to do: no network, no root.
+set -euo pipefail
+
+build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
+    libeigen3-dev nlohmann-json3-dev libboost-dev)
+tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio clang-format-14 procps strace)
+
+wanted=()
+for list in "$@"; do
+    declare -n packages=$list
+    wanted+=("${packages[@]}")
+done
+missing=()
+for package in "${wanted[@]}"; do
+    dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
+done
+[ ${#missing[@]} -eq 0 ] && exit 0
+
+if [ "$(id -u)" = 0 ]; then as_root=(); else as_root=(sudo); fi
+echo "Installing ${missing[*]} and what they need" >&2
+export DEBIAN_FRONTEND=noninteractive
+"${as_root[@]}" apt-get update -qq
+"${as_root[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null

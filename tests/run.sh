@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# run.sh: installs what is missing, builds, and runs every test of the ordinary run (tests/README.md names the longer ones).
+#   TESTS_JOBS=4 ./tests/run.sh     more at once
+set -euo pipefail
+cd "$(dirname "$0")/.."
+jobs=${TESTS_JOBS:-$(nproc)}
+
+./node/install-packages.sh build tests
+build() { # preset targets...
+    local preset=$1; shift
+    [ -e "build/$preset/CMakeCache.txt" ] || cmake --preset "$preset" >/dev/null
+    cmake --build --preset "$preset" -j "$jobs" --target "$@"
+}
+build release all
+build asan unit_tests
+build tsan node_test modbus_test
+
+status=0
+ctest --test-dir build/asan -L unit -j "$jobs" --output-on-failure || status=1
+ctest --test-dir build/tsan -R '^(node|modbus)\.' -j "$jobs" --output-on-failure || status=1
+ctest --test-dir build/release -j "$jobs" --output-on-failure || status=1
+exit $status
