@@ -10,6 +10,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <new>
+#include <type_traits>
 
 namespace tactiled {
 
@@ -19,7 +21,7 @@ template <class T>
 class Ring {
 public:
     // `capacity` is a power of two. setup
-    explicit Ring(std::size_t capacity) : mask_(capacity - 1), items_(std::make_unique<T[]>(capacity)) {
+    explicit Ring(std::size_t capacity) : mask_(capacity - 1), items_(new (std::align_val_t{kCacheLine}) T[capacity]{}) {
         assert(capacity != 0 && (capacity & mask_) == 0);
     }
 
@@ -73,7 +75,11 @@ private:
     }
 
     const std::uint64_t mask_;
-    const std::unique_ptr<T[]> items_;
+    struct AlignedDelete {
+        void operator()(T* items) const noexcept { ::operator delete[](items, std::align_val_t{kCacheLine}); }
+    };
+    static_assert(std::is_trivially_destructible_v<T>);
+    const std::unique_ptr<T[], AlignedDelete> items_;  // on a line's boundary: an item of two lines must not touch three
     alignas(kCacheLine) std::atomic<std::uint64_t> head_{0};  // items the consumer may read; 64 bits never wrap
     alignas(kCacheLine) std::atomic<std::uint64_t> tail_{0};  // items the producer may overwrite
     alignas(kCacheLine) std::uint64_t produced_ = 0;          // the producer's own

@@ -1,0 +1,89 @@
+"""The release programs under test, as a test drives them: ports, ptys, configurations, start and end."""
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+BIN = pathlib.Path(os.environ.get("TACTILED_BIN", ROOT / "build/release/bin"))
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return s.getsockname()[1]
+
+
+class Daemon:
+    """A tactiled with its own folder, name and port. Use as a context manager."""
+
+    def __init__(self, config, name=None, env=None):
+        """config: TOML text; {folder} {name} {port} are filled in, [node] and [modbus] are added."""
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-test-"))
+        self.name = name or f"test-{os.getpid()}-{free_port()}"
+        self.port = free_port()
+        self.env = {**os.environ, **(env or {})}
+        self.config = self.folder / "tactiled.toml"
+        head = f'[node]\nname = "{self.name}"\ncontrol = "{self.folder}/control.sock"\n\n[modbus]\nlisten = "127.0.0.1:{self.port}"\n\n'
+        self.config.write_text(head + config.replace("{folder}", str(self.folder)))
+        self.process = None
+        self.others = []
+
+    def play(self, *words):
+        """A recorded device behind a pty, in a process of its own."""
+        log = open(self.folder / f"play{len(self.others)}.log", "w")
+        process = subprocess.Popen([BIN / "tactilectl", "play", *map(str, words)], stderr=log, stdout=log)
+        self.others.append(process)
+        link = pathlib.Path(words[list(words).index("--pty") + 1])
+        wait_for(link.is_symlink, 5, f"{link} to appear")
+        return process
+
+    def start(self):
+        log = open(self.folder / "tactiled.log", "a")
+        self.process = subprocess.Popen([BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
+        segment = pathlib.Path(f"/dev/shm/tactiled.{self.name}")
+        wait_for(lambda: segment.exists() or self.process.poll() is not None, 10, "the segment")
+        wait_for(lambda: "Modbus" in self.log() or self.process.poll() is not None, 10, "the start")
+        assert self.process.poll() is None, self.log()
+        return self
+
+    def log(self):
+        return (self.folder / "tactiled.log").read_text()
+
+    def ctl(self, *words, timeout=30):
+        words = [str(w) for w in words] + (["--node", self.name] if words[0] in ("status", "top", "read", "tare") else [])
+        return subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True, timeout=timeout)
+
+    def stop(self):
+        """SIGTERM; returns (exit status, seconds it took)."""
+        began = time.monotonic()
+        self.process.send_signal(signal.SIGTERM)
+        status = self.process.wait(timeout=10)
+        return status, time.monotonic() - began
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        for process in [self.process, *self.others]:
+            if process is not None and process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+                try:
+                    process.wait(timeout=10)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+        segment = pathlib.Path(f"/dev/shm/tactiled.{self.name}")
+        if segment.exists():
+            segment.unlink()
+
+
+def wait_for(condition, seconds, what):
+    until = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > until:
+            raise TimeoutError(f"waited {seconds} s for {what}")
+        time.sleep(0.005)
