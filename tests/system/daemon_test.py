@@ -1,0 +1,210 @@
+#!/usr/bin/env python3
+"""The release daemon as its users meet it: start, faults of the link and of the configuration, tare, end."""
+import json
+import os
+import pathlib
+import signal
+import socket
+import stat
+import subprocess
+import sys
+import time
+import unittest
+
+from pymodbus.client import ModbusTcpClient
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from daemon import BIN, Daemon, wait_for  # noqa: E402
+
+CONFIG = """
+[[link]]
+name = "usb0"
+driver = "uart"
+device = "{folder}/dev"
+format = "lines"
+channels = 3
+sequence = true
+
+[[sensor]]
+name = "left"
+link = "usb0"
+model = "generic"
+calibration = "{folder}/unit.toml"
+stale_ms = 100
+"""
+
+CALIBRATION = """format = 1
+model = "generic"
+method = "matrix"
+contact_model = "unknown"
+serial = "unit"
+date = "2026-01-01"
+channels = ["c1", "c2", "c3"]
+channel_unit = "N"
+zero = [0.0, 0.0, 0.0]
+components = ["fx", "fy", "fz"]
+matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+sd = [0.01, 0.01, 0.01]
+full_scale = [10.0, 10.0, 10.0]
+"""
+
+
+def unit_daemon(rows="0,1,2,-3\n0.01,1,2,-3\n", rate=200, config=CONFIG):
+    daemon = Daemon(config)
+    (daemon.folder / "unit.toml").write_text(CALIBRATION)
+    (daemon.folder / "rows.csv").write_text("t_s,c1,c2,c3\n" + rows)
+    if rate:
+        play(daemon, rate)
+    return daemon
+
+
+def play(daemon, rate=200):
+    return daemon.play("--in", daemon.folder / "rows.csv", "--pty", daemon.folder / "dev", "--format", "lines", "--sequence", "--rate", rate, "--loop")
+
+
+def sensor(daemon):
+    return json.loads(daemon.ctl("status", "--json").stdout)["sensors"][0]
+
+
+def quality_is(daemon, word):
+    return lambda: sensor(daemon)["quality"].startswith(word)
+
+
+class TheDaemon(unittest.TestCase):
+    def test_reads_a_port_and_ends_cleanly_within_a_second(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 3, "a good sample")
+            self.assertEqual(sensor(d)["force_S_N"], [1, 2, -3])
+            self.assertEqual(d.ctl("status").returncode, 0)
+            self.assertEqual(d.ctl("read", "left").returncode, 0)
+            status, seconds = d.stop()
+            self.assertEqual(status, 0)
+            self.assertLess(seconds, 1)
+            self.assertFalse(os.path.exists(f"/dev/shm/tactiled.{d.name}"))
+            gone = d.ctl("status")
+            self.assertEqual(gone.returncode, 3)
+            self.assertIn("no daemon of that name runs", gone.stderr)
+
+    def test_starts_without_its_device_and_finds_it_later(self):
+        with unit_daemon(rate=None) as d:
+            d.start()
+            self.assertEqual(sensor(d)["quality"], "bad:no-data-yet,disconnected")
+            self.assertEqual(d.ctl("status").returncode, 1)
+            play(d)
+            wait_for(quality_is(d, "good"), 3, "the device to be found")
+
+    def test_an_unplugged_device_is_bad_at_once_and_comes_back_with_a_new_epoch(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 3, "a good sample")
+            first = json.loads(d.ctl("read", "left", "--json").stdout)
+            d.others[0].send_signal(signal.SIGKILL)
+            d.others[0].wait()
+            wait_for(quality_is(d, "bad:disconnected"), 1, "BAD")
+            self.assertEqual(sensor(d)["force_S_N"], [None, None, None])
+            os.unlink(d.folder / "dev")
+            play(d)
+            wait_for(quality_is(d, "good"), 3, "the device to come back")
+            second = json.loads(d.ctl("read", "left", "--json").stdout)
+            self.assertNotEqual(first["epoch"], second["epoch"])
+            self.assertEqual(d.log().count("the device is gone"), 1)
+
+    def test_a_silent_device_is_stale_and_its_registers_are_sentinels(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 3, "a good sample")
+            client = ModbusTcpClient("127.0.0.1", port=d.port)
+            self.assertTrue(client.connect())
+            good = client.read_input_registers(100, 25, slave=1).registers
+            self.assertEqual(good[4:7], [100, 200, 0x10000 - 300])
+            self.assertEqual(good[1] & 1, 1)
+            d.others[0].send_signal(signal.SIGSTOP)
+            wait_for(quality_is(d, "bad:stale"), 1, "STALE")
+            silent = client.read_input_registers(100, 25, slave=1).registers
+            self.assertEqual(silent[4:7], [0x8000] * 3)
+            self.assertEqual(silent[1] & 1, 0)
+            self.assertGreaterEqual(silent[3], 100)  # ms
+            beats = [client.read_input_registers(5, 1, slave=1).registers[0]]
+            time.sleep(0.5)
+            beats.append(client.read_input_registers(5, 1, slave=1).registers[0])
+            self.assertEqual(beats[0], beats[1], "the heartbeat goes on without data")
+            d.others[0].send_signal(signal.SIGCONT)
+            wait_for(quality_is(d, "good"), 1, "GOOD again")
+            time.sleep(0.25)
+            self.assertNotEqual(client.read_input_registers(5, 1, slave=1).registers[0], beats[1])
+
+    def test_tare_is_acknowledged_and_the_raw_force_stays_readable(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 3, "a good sample")
+            done = d.ctl("tare", "left")
+            self.assertEqual((done.returncode, done.stdout.strip()), (0, "tare left: done"))
+            now = sensor(d)
+            for value in now["force_S_N"]:
+                self.assertAlmostEqual(value, 0, delta=1e-12)  # N; the mean of equal numbers
+            self.assertEqual(now["raw_force_S_N"], [1, 2, -3])
+            self.assertEqual(now["tare_count"], 1)
+            self.assertEqual(d.ctl("tare", "left", "--remove").returncode, 0)
+            self.assertEqual(sensor(d)["force_S_N"], [1, 2, -3])
+            self.assertEqual(d.ctl("tare", "right").returncode, 2)
+
+    def test_a_sensor_without_a_value_is_not_tared(self):
+        with unit_daemon(rate=None) as d:
+            d.start()
+            refused = d.ctl("tare", "all")
+            self.assertEqual(refused.returncode, 1)
+            self.assertIn("no trustworthy value", refused.stderr)
+
+    def test_a_second_daemon_names_the_first(self):
+        with unit_daemon() as d:
+            d.start()
+            second = subprocess.run([BIN / "tactiled", "--config", d.config], capture_output=True, text=True, timeout=10)
+            self.assertEqual(second.returncode, 69)
+            self.assertIn(f"pid {d.process.pid}", second.stderr)
+            wait_for(quality_is(d, "good"), 3, "the first to go on")
+
+    def test_a_wrong_configuration_is_refused_with_every_error_in_it(self):
+        wrong = CONFIG.replace('driver = "uart"', 'driver = "uert"').replace("stale_ms = 100", "stale_ms = 0\nmodle = 1")
+        with unit_daemon(rate=None, config=wrong) as d:
+            for command in ([BIN / "tactiled", "--config", d.config], [BIN / "tactiled", "--check", "--config", d.config], [BIN / "tactilectl", "check", d.config]):
+                done = subprocess.run(command, capture_output=True, text=True, timeout=10)
+                self.assertEqual(done.returncode, 1 if "tactilectl" in str(command[0]) else 78)
+                for word in ('did you mean "uart"', "stale_ms = 0 is outside 1 .. 10000", 'did you mean "model"'):
+                    self.assertIn(word, done.stderr)
+                self.assertRegex(done.stderr, r"tactiled\.toml:\d+:")
+
+    def test_a_taken_port_stops_neither_sensors_nor_shared_memory(self):
+        with unit_daemon() as d, socket.socket() as squatter:
+            squatter.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            squatter.bind(("127.0.0.1", d.port))
+            squatter.listen()
+            d.start()
+            wait_for(quality_is(d, "good"), 3, "a good sample")
+            squatter.close()
+            client = ModbusTcpClient("127.0.0.1", port=d.port)
+            wait_for(client.connect, 5, "the server to get its port")
+            self.assertEqual(client.read_holding_registers(0, 2, slave=1).registers, [0x5441, 0x4354])
+
+    def test_refused_rights_degrade_and_do_not_stop(self):
+        with unit_daemon() as d:
+            log = open(d.folder / "tactiled.log", "a")
+            d.process = subprocess.Popen(["prlimit", "--rtprio=0", "--memlock=65536", "setpriv", "--bounding-set=-all", "--inh-caps=-all", "--ambient-caps=-all",
+                                          "--reuid=65534", "--regid=65534", "--clear-groups", BIN / "tactiled", "--config", d.config], stderr=log)
+            d.folder.chmod(0o755)
+            try:
+                wait_for(lambda: "Modbus" in d.log() or d.process.poll() is not None, 5, "the start")
+            finally:
+                text = d.log()
+            self.assertIn("RT_DEGRADED", text)
+            self.assertIsNone(d.process.poll(), text)
+            self.assertTrue(json.loads(d.ctl("status", "--json").stdout)["rt_degraded"])
+
+    def test_readers_of_the_group_may_read_and_nobody_may_write(self):
+        with unit_daemon() as d:
+            d.start()
+            self.assertEqual(stat.S_IMODE(os.stat(f"/dev/shm/tactiled.{d.name}").st_mode), 0o640)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
