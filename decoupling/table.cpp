@@ -1,0 +1,285 @@
+// Model "table", method "linear": the table-shaped sensor of Lee, Kim, Shikida and Sato, four inner gauges R1 R3 R5 R7
+// and, where they are wired, four outer gauges R2 R4 R6 R8. With N = -fz > 0 while pressing,
+//
+//     r = G (Fx, Fy, N),    rows of G by the sign table:    R1 (-ti  0  ni)   R5 (+ti  0  ni)
+//                                                           R3 ( 0 -ti ni)   R7 ( 0 +ti ni)
+//                                                           R2 (+to  0  no)   R6 (-to  0  no)
+//                                                           R4 ( 0 +to no)   R8 ( 0 -to no)
+//
+// For the inner four the least-squares solution is Lee et al., eq. 1-3, with the signs of their table and not of their
+// eq. 2 and 3 (README.md, "Errata"): Fx = (r5 - r1) / 2 ti, Fy = (r7 - r3) / 2 ti, N = (r1 + r3 + r5 + r7) / 4 ni.
+// What four gauges say more than three forces is the parity r1 - r3 + r5 - r7 = 0; with eight, five such sums.
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+#include "decoupling/decoupler.hpp"
+#include "decoupling/domain.hpp"
+#include "decoupling/table_signs.hpp"
+
+namespace tactiled {
+namespace {
+
+// A residual is doubtful from here on, in standard deviations. 6 sigma of pure noise is once in 5e8 samples, 6 days at
+// 1 kHz; 4 sigma would be once in 16 s.
+constexpr double kDoubtful = 6;
+// Gauges that differ from their common gain by 1 % are sound: within the documents' 4.84 % hysteresis and 0.99 %
+// linearity nobody can calibrate them closer. All four off by 1 % in the worst signs make a residual of 2 sigma, one
+// gauge alone has to be off by about 12 % of the others' reading to reach kDoubtful.
+constexpr double kGainError = 0.01;
+// Noise assumed where the calibration states none: 0.5 % of what an inner gauge reads at 1 N.
+constexpr double kDefaultNoise_per_reading = 0.005;
+// Subsets worse conditioned than this are not solved: all that leave three inner gauges stay below 10.
+constexpr double kWorstCondition = 100;
+
+// The forces from the usable gauges: pseudo-inverse of their rows of G.
+struct Solution {
+    std::array<std::array<double, 8>, 3> inverse{};  // Fx Fy N from each channel; 0 where the gauge is not used
+    std::array<double, 3> noise_gain{};              // sd of Fx Fy N at 1 sd of independent noise a gauge
+    bool solvable = false;
+};
+
+using Gains = Eigen::Matrix<double, Eigen::Dynamic, 3>;
+
+Solution solve(const Gains& gains, std::uint32_t usable) {
+    Solution solution;
+    std::vector<Eigen::Index> rows;
+    for (Eigen::Index k = 0; k < gains.rows(); ++k)
+        if ((usable >> k & 1u) != 0) rows.push_back(k);
+    if (rows.size() < 3) return solution;
+    Gains g(Eigen::Index(rows.size()), 3);
+    for (Eigen::Index i = 0; i < g.rows(); ++i) g.row(i) = gains.row(rows[std::size_t(i)]);
+    const Eigen::RowVector3d scale = g.colwise().norm();
+    if (!(scale.minCoeff() > 0)) return solution;
+    for (Eigen::Index j = 0; j < 3; ++j) g.col(j) /= scale[j];
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd{Eigen::MatrixXd(g)};
+    if (!(svd.singularValues()[2] * kWorstCondition > svd.singularValues()[0])) return solution;
+    const Eigen::MatrixXd inverse =
+        Eigen::MatrixXd(g).colPivHouseholderQr().solve(Eigen::MatrixXd::Identity(g.rows(), g.rows()));
+    for (Eigen::Index j = 0; j < 3; ++j) {
+        for (Eigen::Index i = 0; i < g.rows(); ++i)
+            solution.inverse[std::size_t(j)][std::size_t(rows[std::size_t(i)])] = inverse(j, i) / scale[j];
+        solution.noise_gain[std::size_t(j)] = inverse.row(j).norm() / scale[j];
+    }
+    solution.solvable = true;
+    return solution;
+}
+
+class Table final : public Decoupler {
+public:
+    explicit Table(const Calibration& calibration, const Gains& gains)
+        : n_(calibration.channels.size()), domain_(calibration) {
+        for (std::size_t k = 0; k < n_; ++k) {
+            zero_[k] = calibration.zero[k];
+            for (Eigen::Index j = 0; j < 3; ++j) gains_[k][std::size_t(j)] = gains(Eigen::Index(k), j);
+            if (table_gauge(calibration.channels[k])->inner) inner_ |= 1u << k;
+        }
+        for (std::uint32_t usable = 0; usable < 1u << n_; ++usable) {
+            // N comes from the inner gauges only (the outer ones read about 0 under a press), and with two of them
+            // left nothing would tell a press from a bent plate.
+            const bool enough = std::popcount(usable & inner_) >= 3;
+            solutions_.push_back(enough ? solve(gains, usable) : Solution{});
+        }
+        const auto noise = calibration.parameters.find("noise");
+        noise_ = noise != calibration.parameters.end()
+                     ? noise->second
+                     : kDefaultNoise_per_reading * calibration.parameters.at("normal_inner");
+        seen_.fill(calibration.components.empty());
+        full_scale_.fill(std::numeric_limits<double>::infinity());
+        for (std::size_t i = 0; i < calibration.components.size(); ++i) {
+            const std::size_t c = component_index(calibration.components[i]);
+            seen_[c] = true;
+            if (!calibration.sd.empty()) sd_[c] = calibration.sd[i];
+            if (!calibration.full_scale.empty()) full_scale_[c] = (1 + kDomainMargin) * calibration.full_scale[i];
+        }
+        sd_known_ = !calibration.sd.empty();
+    }
+
+    // rt: wait-free
+    Estimate decouple(const Reading& reading) noexcept override {
+        Estimate estimate;
+        if (reading.channel.size() != n_) {
+            estimate.reasons = TACTILED_WRONG_DEVICE;
+            return estimate;
+        }
+        std::array<double, 8> r{};
+        const std::uint32_t all = (1u << n_) - 1;
+        std::uint32_t missing = reading.missing & all;
+        for (std::size_t k = 0; k < n_; ++k) {
+            r[k] = reading.channel[k] - zero_[k];
+            if (!std::isfinite(r[k])) missing |= 1u << k;
+        }
+        if (missing != 0) estimate.reasons |= TACTILED_MISSING_CHANNEL;
+        if ((reading.saturated & all) != 0) estimate.reasons |= TACTILED_SATURATED;
+        std::uint32_t usable = all & ~missing & ~reading.saturated;
+        if (!solutions_[usable].solvable) return estimate;  // BAD
+
+        std::array<double, 3> force = forces(solutions_[usable], r, usable);
+        estimate.residual = residual(force, r, usable);
+        bool explained = true;
+        if (is_doubtful(estimate.residual, usable)) {
+            estimate.reasons |= TACTILED_DISAGREEMENT;
+            const std::uint32_t without_dead = drop_dead_gauge(reading.channel, r, usable);
+            explained = without_dead != usable;
+            if (explained) {
+                estimate.reasons |= TACTILED_MISSING_CHANNEL;
+                usable = without_dead;
+                force = forces(solutions_[usable], r, usable);
+            }
+        }
+        if (!std::isfinite(force[0]) || !std::isfinite(force[1]) || !std::isfinite(force[2])) {
+            estimate.reasons |= TACTILED_NOT_FINITE;
+            return estimate;
+        }
+        if (domain_.outside(reading.channel, usable)) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        // Which gauge is wrong is not known, so neither is how wrong the forces are.
+        if (!sd_known_ || !explained) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        force[2] = 0.0 - force[2];  // fz = -N, and 0 rather than -0 at rest
+        for (std::size_t c = 0; c < 3; ++c) {
+            if (!seen_[c]) continue;
+            estimate.wrench_S[c] = force[c];
+            if (std::abs(force[c]) > full_scale_[c]) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+            if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0)
+                estimate.sd[c] = sd_[c] * (solutions_[usable].noise_gain[c] / solutions_[all].noise_gain[c]);
+        }
+        estimate.quality = estimate.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
+        return estimate;
+    }
+
+    [[nodiscard]] std::string_view method() const noexcept override { return "linear"; }
+
+private:
+    std::array<double, 3> forces(const Solution& solution, const std::array<double, 8>& r,
+                                 std::uint32_t usable) const noexcept {
+        std::array<double, 3> force{};
+        for (std::size_t j = 0; j < 3; ++j)
+            for (std::size_t k = 0; k < n_; ++k)
+                if ((usable >> k & 1u) != 0) force[j] += solution.inverse[j][k] * r[k];  // 0 * NaN of an unusable one
+        return force;
+    }
+
+    // Root mean square of what the forces do not explain of the usable gauges, a degree of freedom, in standard
+    // deviations of a gauge: noise and gain error together. NaN where three gauges leave nothing to compare.
+    // rt: wait-free
+    double residual(const std::array<double, 3>& force, const std::array<double, 8>& r,
+                    std::uint32_t usable) const noexcept {
+        const int gauges = std::popcount(usable);
+        if (gauges <= 3) return kNaN;
+        double unexplained = 0, reading = 0;
+        for (std::size_t k = 0; k < n_; ++k) {
+            if ((usable >> k & 1u) == 0) continue;
+            const double rest = r[k] - predicted(k, force);
+            unexplained += rest * rest;
+            reading += r[k] * r[k];
+        }
+        const double variance = noise_ * noise_ + kGainError * kGainError * reading / gauges;
+        return std::sqrt(unexplained / (gauges - 3) / variance);
+    }
+
+    double predicted(std::size_t k, const std::array<double, 3>& force) const noexcept {
+        return gains_[k][0] * force[0] + gains_[k][1] * force[1] + gains_[k][2] * force[2];
+    }
+
+    // Three gauges cannot contradict each other; of more, a residual that overflowed is doubtful too.
+    static bool is_doubtful(double residual, std::uint32_t usable) noexcept {
+        return std::popcount(usable) > 3 && !(residual <= kDoubtful);
+    }
+
+    // The usable gauges but the one that delivers 0 as no live gauge would: the readings of the others are consistent
+    // and demand another value there. The same set where there is none or more than one such.
+    // rt: wait-free
+    std::uint32_t drop_dead_gauge(std::span<const double> channel, const std::array<double, 8>& r,
+                                  std::uint32_t usable) const noexcept {
+        std::uint32_t found = usable;
+        for (std::size_t k = 0; k < n_; ++k) {
+            const std::uint32_t rest = usable & ~(1u << k);
+            if (rest == usable || !(std::abs(channel[k]) <= 3 * noise_) || !solutions_[rest].solvable) continue;
+            const auto force = forces(solutions_[rest], r, rest);
+            if (is_doubtful(residual(force, r, rest), rest) || !(std::abs(predicted(k, force) - r[k]) > kDoubtful * noise_))
+                continue;
+            if (found != usable) return usable;
+            found = rest;
+        }
+        return found;
+    }
+
+    std::size_t n_;
+    std::array<double, 8> zero_{};
+    std::array<std::array<double, 3>, 8> gains_{};
+    std::uint32_t inner_ = 0;
+    std::vector<Solution> solutions_;  // index: bit k set where channel k is usable
+    double noise_ = 0;                 // one standard deviation of a gauge's reading
+    std::array<bool, 6> seen_{};
+    Wrench sd_ = kUnseen;
+    Wrench full_scale_{};
+    Domain domain_;
+    bool sd_known_ = false;
+};
+
+// What is wrong with the calibration, "" where nothing is.
+std::string fault_of(const Calibration& calibration) {
+    std::uint32_t seen = 0;
+    for (const auto& name : calibration.channels) {
+        const auto gauge = table_gauge(name);
+        if (!gauge) return fmt::format("channel \"{}\"; a table sensor has R1 .. R8", name);
+        if ((seen >> gauge->number & 1u) != 0) return fmt::format("channel \"{}\" twice", name);
+        seen |= 1u << gauge->number;
+    }
+    for (const int inner : {1, 3, 5, 7})
+        if ((seen >> inner & 1u) == 0) return fmt::format("channels lacks R{}; needed are R1 R3 R5 R7", inner);
+    if (calibration.zero.size() != calibration.channels.size())
+        return fmt::format("zero has {} numbers for {} channels", calibration.zero.size(), calibration.channels.size());
+    for (const auto& name : calibration.components)
+        if (name != "fx" && name != "fy" && name != "fz")
+            return fmt::format("component \"{}\"; the linear method sees fx fy fz", name);
+    const std::vector<std::string> known{"normal_inner", "tangential_inner", "normal_outer", "tangential_outer", "noise"};
+    for (const auto& [name, value] : calibration.parameters) {
+        if (std::find(known.begin(), known.end(), name) == known.end()) {
+            const auto near = nearest_name(name, known);
+            return fmt::format(
+                "parameter {} is unknown; {}", name,
+                near ? "did you mean " + *near + "?" : "known are " + fmt::format("{}", fmt::join(known, " ")));
+        }
+        if (value < 0 && name != "normal_outer") return fmt::format("parameter {} = {} is below 0", name, value);
+    }
+    std::vector<std::string> needed{"normal_inner", "tangential_inner"};
+    if (calibration.channels.size() > 4) needed.emplace_back("tangential_outer");
+    for (const auto& name : needed)
+        if (calibration.parameters.count(name) == 0 || calibration.parameters.at(name) == 0)
+            return fmt::format("parameter {} (1/N, dR/R0 at 1 N) is missing or 0", name);
+    return fault_of_shared_parts(calibration);
+}
+
+std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string&, Options& options) {
+    if (const std::string fault = fault_of(calibration); !fault.empty()) {
+        options.problem("calibration", calibration.path + ": " + fault);
+        return nullptr;
+    }
+    const auto parameter = [&](const char* name) {
+        const auto found = calibration.parameters.find(name);
+        return found == calibration.parameters.end() ? 0.0 : found->second;
+    };
+    Gains gains(Eigen::Index(calibration.channels.size()), 3);
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
+        const TableGauge gauge = *table_gauge(calibration.channels[k]);
+        const double tangential = parameter(gauge.inner ? "tangential_inner" : "tangential_outer");
+        const double normal = parameter(gauge.inner ? "normal_inner" : "normal_outer");
+        gains.row(Eigen::Index(k)) << gauge.along_x * tangential, gauge.along_y * tangential, normal;
+    }
+    if (!solve(gains, (1u << calibration.channels.size()) - 1).solvable) {
+        options.problem("calibration", calibration.path + ": these gains cannot tell the three forces apart");
+        return nullptr;
+    }
+    return std::make_unique<Table>(calibration, gains);
+}
+
+const DecouplerEntry entry("table", {"linear"}, make);
+
+}  // namespace
+}  // namespace tactiled

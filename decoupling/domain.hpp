@@ -1,0 +1,83 @@
+// What the models share about a calibration: the range of channels that it saw, and checks of the parts that every model
+// has.
+#pragma once
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "decoupling/decoupler.hpp"
+
+namespace tactiled {
+
+// 5 % of the width that the calibration saw, on each side: a calibration samples its extremes rarely, so a sensor used
+// over the very same range and at rest with noise leaves the bare range. A linear map changes by no more than 5 % of
+// what it was validated on there.
+inline constexpr double kDomainMargin = 0.05;
+
+// Index of a component in a Wrench, 6 where the name is none.
+inline std::size_t component_index(std::string_view name) noexcept {
+    return std::size_t(std::find(kComponentNames.begin(), kComponentNames.end(), name) - kComponentNames.begin());
+}
+
+class Domain {
+public:
+    explicit Domain(const Calibration& calibration) {
+        least_.fill(-std::numeric_limits<double>::infinity());
+        most_.fill(std::numeric_limits<double>::infinity());
+        for (std::size_t k = 0; k < calibration.channel_least.size() && k < least_.size(); ++k) {
+            const double margin = kDomainMargin * (calibration.channel_most[k] - calibration.channel_least[k]);
+            least_[k] = calibration.channel_least[k] - margin;
+            most_[k] = calibration.channel_most[k] + margin;
+        }
+    }
+
+    // True where one of the channels in `mask` is beyond what the calibration saw; never for a NaN.
+    // rt: wait-free
+    [[nodiscard]] bool outside(std::span<const double> channel, std::uint32_t mask) const noexcept {
+        bool any = false;
+        for (std::size_t k = 0; k < channel.size(); ++k)
+            any = any || ((mask >> k & 1u) != 0 && (channel[k] < least_[k] || channel[k] > most_[k]));
+        return any;
+    }
+
+private:
+    std::array<double, 32> least_, most_;
+};
+
+// What is wrong with components, sd, full scale, domain or a number of the calibration; "" where nothing is. setup
+inline std::string fault_of_shared_parts(const Calibration& calibration) {
+    const std::size_t n = calibration.channels.size(), rows = calibration.components.size();
+    for (std::size_t i = 0; i < rows; ++i) {
+        if (component_index(calibration.components[i]) == 6)
+            return fmt::format("components has \"{}\"; known are fx fy fz mx my mz", calibration.components[i]);
+        for (std::size_t j = 0; j < i; ++j)
+            if (calibration.components[i] == calibration.components[j])
+                return fmt::format("components has \"{}\" twice", calibration.components[i]);
+    }
+    if (!calibration.sd.empty() && calibration.sd.size() != rows)
+        return fmt::format("sd has {} numbers for {} components", calibration.sd.size(), rows);
+    if (!calibration.full_scale.empty() && calibration.full_scale.size() != rows)
+        return fmt::format("full_scale has {} numbers for {} components", calibration.full_scale.size(), rows);
+    if (calibration.channel_least.size() != calibration.channel_most.size() ||
+        (!calibration.channel_least.empty() && calibration.channel_least.size() != n))
+        return fmt::format("channel_least and channel_most need {} numbers each, or none", n);
+    const auto all_finite = [](const std::vector<double>& numbers) {
+        return std::all_of(numbers.begin(), numbers.end(), [](double number) { return std::isfinite(number); });
+    };
+    for (const auto* numbers : {&calibration.zero, &calibration.channel_least, &calibration.channel_most, &calibration.sd,
+                                &calibration.full_scale})
+        if (!all_finite(*numbers)) return "a number is not finite";
+    for (const auto& row : calibration.matrix)
+        if (!all_finite(row)) return "a number of matrix is not finite";
+    for (const auto& [name, number] : calibration.parameters)
+        if (!std::isfinite(number)) return fmt::format("parameter {} is not finite", name);
+    return "";
+}
+
+}  // namespace tactiled

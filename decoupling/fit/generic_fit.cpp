@@ -1,0 +1,106 @@
+// Model "generic": each component is an affine function of the channels, fitted for itself.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "decoupling/domain.hpp"
+#include "decoupling/fit/fit.hpp"
+
+namespace tactiled {
+namespace {
+
+std::string names_of(const std::vector<std::size_t>& columns, const std::vector<std::string>& channels) {
+    std::string text;
+    for (const std::size_t k : columns) text += (text.empty() ? "" : " ") + channels[k];
+    return text;
+}
+
+// The file form is M (r - zero), the fit is M r + b, so M zero = -b. Of all such zeros the one nearest to `at_rest`, in
+// widths of the channels: with fewer forces than channels b alone does not say where the channels rest.
+Eigen::VectorXd fold_constant(const Eigen::MatrixXd& m, const Eigen::VectorXd& b, const Eigen::VectorXd& at_rest,
+                              const Eigen::VectorXd& width) {
+    const Eigen::MatrixXd scaled = m * width.asDiagonal();
+    const Eigen::VectorXd wanted = -b - m * at_rest;
+    // Rows scaled too: newton and newton metre differ by the arm, 1e-3.
+    const Eigen::VectorXd length = scaled.rowwise().norm();
+    const Eigen::MatrixXd unit_rows = scaled.array().colwise() / length.array();
+    const Eigen::VectorXd unit_wanted = wanted.array() / length.array();
+    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition(unit_rows);
+    const Eigen::VectorXd step = decomposition.solve(unit_wanted);
+    if (!step.allFinite() ||
+        (unit_rows * step - unit_wanted).cwiseAbs().maxCoeff() > 1e-9 * (1 + unit_wanted.cwiseAbs().maxCoeff()))
+        throw Undetermined("no zero of the channels makes all forces 0 together: fit fewer components, or more channels");
+    return at_rest + width.asDiagonal() * step;
+}
+
+}  // namespace
+
+void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
+    const auto n_channels = Eigen::Index(calibration.channels.size());
+    const auto n_components = Eigen::Index(calibration.components.size());
+    if (n_components > n_channels)
+        throw Undetermined(fmt::format("{} components from {} channels: at most one a channel", n_components, n_channels));
+    Eigen::MatrixXd m(n_components, n_channels);
+    Eigen::VectorXd b(n_components);
+    calibration.condition = 0;
+    for (Eigen::Index i = 0; i < n_components; ++i) {
+        const std::size_t c = component_index(calibration.components[std::size_t(i)]);
+        Eigen::Index n = 0;
+        for (const auto* row : rows) n += std::isfinite(row->wrench_S[c]) ? 1 : 0;
+        if (n <= n_channels) throw Undetermined(fmt::format("{} rows with {} are too few", n, label_column(c)));
+        Eigen::MatrixXd x(n, n_channels);
+        Eigen::VectorXd y(n);
+        Eigen::Index at = 0;
+        for (const auto* row : rows) {
+            if (!std::isfinite(row->wrench_S[c])) continue;
+            x.row(at) = Eigen::Map<const Eigen::RowVectorXd>(row->channel.data(), n_channels);
+            y[at++] = row->wrench_S[c];
+        }
+        const Affine affine = affine_fit(x, y);
+        if (!affine.slope.dependent.empty())
+            throw Undetermined(
+                fmt::format("the channels {} are a combination of each other (or constant) in the rows with {}: "
+                            "leave one of them out with --channels",
+                            names_of(affine.slope.dependent, calibration.channels), label_column(c)));
+        m.row(i) = affine.slope.coefficient.transpose();
+        b[i] = affine.constant;
+        calibration.condition = std::max(calibration.condition, affine.slope.condition);
+    }
+
+    // At rest: where every label that the row has is within 2 % of its full scale; 0 where no row is.
+    Wrench full_scale{};
+    for (const auto* row : rows)
+        for (std::size_t c = 0; c < full_scale.size(); ++c)
+            if (std::abs(row->wrench_S[c]) > full_scale[c]) full_scale[c] = std::abs(row->wrench_S[c]);
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(n_channels), least, most;
+    int resting = 0;
+    for (const auto* row : rows) {
+        const Eigen::Map<const Eigen::VectorXd> r(row->channel.data(), n_channels);
+        least = least.size() == 0 ? Eigen::VectorXd(r) : Eigen::VectorXd(least.cwiseMin(r));
+        most = most.size() == 0 ? Eigen::VectorXd(r) : Eigen::VectorXd(most.cwiseMax(r));
+        bool rests = true;
+        for (std::size_t c = 0; c < full_scale.size(); ++c)
+            rests = rests && !(std::abs(row->wrench_S[c]) > 0.02 * full_scale[c]);
+        if (!rests) continue;
+        sum += r;
+        ++resting;
+    }
+    const Eigen::VectorXd at_rest = resting > 0 ? Eigen::VectorXd(sum / resting) : sum;
+    const Eigen::VectorXd width = most - least;
+    const Eigen::VectorXd zero = fold_constant(m, b, at_rest, width);
+    if (resting == 0)
+        warnings.emplace_back(
+            "no row is unloaded (every label within 2 % of its full scale): the zero is extrapolated; tare before use");
+    for (Eigen::Index k = 0; k < n_channels; ++k)
+        if (resting > 0 && std::abs(zero[k] - at_rest[k]) > 0.1 * width[k])
+            warnings.push_back(fmt::format(
+                "zero of {} is {:.2g}, {:.0f} % of its width from its mean at rest {:.2g}: not a straight line",
+                calibration.channels[std::size_t(k)], zero[k], 100 * std::abs(zero[k] - at_rest[k]) / width[k], at_rest[k]));
+    calibration.zero.assign(zero.data(), zero.data() + n_channels);
+    calibration.matrix.assign(std::size_t(n_components), std::vector<double>(std::size_t(n_channels)));
+    for (Eigen::Index i = 0; i < n_components; ++i)
+        for (Eigen::Index k = 0; k < n_channels; ++k) calibration.matrix[std::size_t(i)][std::size_t(k)] = m(i, k);
+    calibration.parameters.clear();
+}
+
+}  // namespace tactiled

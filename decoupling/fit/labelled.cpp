@@ -1,0 +1,97 @@
+#include "decoupling/fit/labelled.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+
+#include "decoupling/fit/csv.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::size_t kMostSessions = 1000;
+
+// The component that a column seems to mean, 6 where none: "fz", "Fz_mN", "mx_Nmm". Taken for a channel, a label would
+// predict itself and the calibration would look perfect.
+std::size_t meant_component(std::string_view column) {
+    std::string name(column.substr(0, 2));
+    std::transform(name.begin(), name.end(), name.begin(),
+                   [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+    if (column.size() > 2 && column[2] != '_' && column[2] != ' ' && column[2] != '(' && column[2] != '[') return 6;
+    return std::size_t(std::find(kComponentNames.begin(), kComponentNames.end(), name) - kComponentNames.begin());
+}
+
+std::string list(const std::vector<std::string>& names) { return fmt::format("{}", fmt::join(names, " ")); }
+
+}  // namespace
+
+std::string label_column(std::size_t c) { return fmt::format("{}_{}", kComponentNames[c], c < 3 ? "N" : "Nm"); }
+
+Labelled read_labelled(const std::string& path, const Selection& selection) {
+    CsvReader csv(path);
+    Labelled labelled;
+    labelled.name = csv.name();
+    std::array<std::optional<std::size_t>, 6> label{};
+    bool any_label = false;
+    for (std::size_t c = 0; c < label.size(); ++c) {
+        label[c] = csv.find(label_column(c));
+        any_label = any_label || label[c].has_value();
+    }
+    const auto session = csv.find("session");
+    std::vector<std::size_t> channel;  // columns
+    for (std::size_t k = 0; k < csv.columns().size(); ++k) {
+        const std::string& name = csv.columns()[k];
+        if (name == "t_s" || name == "session" || std::find(label.begin(), label.end(), k) != label.end()) continue;
+        if (const std::size_t c = meant_component(name); c < label.size())
+            csv.refuse(fmt::format("column \"{}\": a label is called \"{}\" and is in {}", name, label_column(c),
+                                   c < 3 ? "N" : "Nm"));
+        if (!selection.channels.empty()) continue;
+        labelled.channels.push_back(name);
+        channel.push_back(k);
+    }
+    if (!any_label) csv.refuse("no label; name at least one column fx_N fy_N fz_N mx_Nm my_Nm or mz_Nm");
+    for (const auto& name : selection.channels) {
+        const auto column = csv.find(name);
+        if (!column) csv.refuse(fmt::format("has no channel \"{}\"; its columns are {}", name, list(csv.columns())));
+        labelled.channels.push_back(name);
+        channel.push_back(*column);
+    }
+    if (channel.empty()) csv.refuse("no channel beside t_s, session and the labels");
+    if (channel.size() > 32)
+        csv.refuse(fmt::format("{} channels; a sensor has at most 32: choose with --channels", channel.size()));
+    if (!selection.sessions.empty() && !session) csv.refuse("has no column \"session\" to choose from");
+
+    std::vector<std::string> seen_sessions;  // chosen or not, for the error below
+    while (csv.next()) {
+        LabelledRow row{.line = csv.line(), .channel = {}, .wrench_S = kUnseen, .session = 0};
+        if (session) {
+            const std::string name(csv.text(*session));
+            if (name.empty()) csv.refuse("column session is empty; which session is this row of?");
+            if (std::find(seen_sessions.begin(), seen_sessions.end(), name) == seen_sessions.end())
+                seen_sessions.push_back(name);
+            if (seen_sessions.size() > kMostSessions)
+                csv.refuse(fmt::format("more than {} sessions; a session is one mounting or one recording, not one row",
+                                       kMostSessions));
+            const auto& wanted = selection.sessions;
+            if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), name) == wanted.end()) continue;
+            const auto at = std::find(labelled.sessions.begin(), labelled.sessions.end(), name);
+            row.session = std::size_t(at - labelled.sessions.begin());
+            if (at == labelled.sessions.end()) labelled.sessions.push_back(name);
+        }
+        for (const std::size_t k : channel) row.channel.push_back(csv.number(k));
+        for (std::size_t c = 0; c < label.size(); ++c)
+            if (label[c]) row.wrench_S[c] = csv.number(*label[c]);
+        labelled.rows.push_back(std::move(row));
+    }
+    for (const auto& name : selection.sessions)
+        if (std::find(seen_sessions.begin(), seen_sessions.end(), name) == seen_sessions.end())
+            throw SetupError(
+                fmt::format("{}: has no session \"{}\"; its sessions are {}", csv.name(), name, list(seen_sessions)));
+    if (labelled.rows.empty()) throw SetupError(csv.name() + ": has no rows");
+    return labelled;
+}
+
+}  // namespace tactiled

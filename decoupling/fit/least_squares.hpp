@@ -1,0 +1,33 @@
+// Least squares, scaled, and honest about what the data cannot determine.
+#pragma once
+#include <Eigen/Dense>
+#include <cstddef>
+#include <stdexcept>
+#include <vector>
+
+namespace tactiled {
+
+// The data do not determine the model; what() says what is missing. Setup only.
+struct Undetermined : std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
+
+struct LeastSquares {
+    Eigen::VectorXd coefficient;         // a column of `a` each; empty where `dependent` is not
+    double condition = 0;                // of `a` with its columns scaled to length 1
+    std::vector<std::size_t> dependent;  // columns that are a combination of each other
+};
+
+// The x that minimises |a x - y|. Each column is scaled to length 1, then QR with column pivoting: never the normal
+// equations, which square the condition number. A column of zeros counts as dependent.
+LeastSquares least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y);
+
+// y = constant + x . coefficient, by least_squares() of the columns less their means. `centre` are those means.
+struct Affine {
+    LeastSquares slope;
+    Eigen::RowVectorXd centre;
+    double constant = 0;
+};
+Affine affine_fit(const Eigen::MatrixXd& x, const Eigen::VectorXd& y);
+
+}  // namespace tactiled
