@@ -1,0 +1,223 @@
+// Links, rings, sensors and segment together, on a clock of the test's own; the driver is a script.
+#include "node/pipeline.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <deque>
+
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+
+class Scripted final : public Driver {
+public:
+    std::string open() override { return ""; }
+    Status read(Frame& frame, int) noexcept override {
+        if (frames.empty()) return Status::timeout;
+        frame = frames.front();
+        frames.pop_front();
+        return Status::frame;
+    }
+    void close() noexcept override {}
+    bool has_more() const noexcept override { return !frames.empty(); }
+    std::deque<Frame> frames;
+};
+
+class Constant final : public Decoupler {
+public:
+    Estimate decouple(const Reading& r) noexcept override {
+        Estimate e;
+        e.wrench_S = {r.channel[0], 0, 0, kNaN, kNaN, kNaN};
+        e.quality = TACTILED_GOOD;
+        return e;
+    }
+    std::string_view method() const noexcept override { return "constant"; }
+};
+
+class PipelineTest : public testing::Test {
+protected:
+    PipelineTest() : segment_((fill_plan(), plan_)) {
+        for (int i = 0; i < 2; ++i) {
+            auto link = std::make_unique<Link>();
+            link->index = unsigned(i);
+            auto driver = std::make_unique<Scripted>();
+            driver_[i] = driver.get();
+            link->driver = std::move(driver);
+            link->bindings.push_back({0, std::uint16_t(i)});
+            links_.push_back(std::move(link));
+            Sensor::Setup setup;
+            setup.channel_of_frame = {0};
+            setup.decoupler = std::make_unique<Constant>();
+            sensors_.emplace_back(std::move(setup));
+        }
+        pipeline_ = std::make_unique<Pipeline>(links_, sensors_, segment_, 0);
+        segment_.set_state(TACTILED_RUNNING);
+        now_ = monotonic_ns();
+        pipeline_->start(now_);
+        for (auto& link : links_) link->connected = true;
+    }
+    void fill_plan() {
+        plan_.name = "pipeline-test-" + std::to_string(::getpid());
+        plan_.history = 1024;
+        plan_.sensors.resize(2);
+        plan_.links.resize(2);
+        for (auto& s : plan_.sensors) s.stale_ms = 100;
+    }
+    void send(int link, double value, std::uint16_t device = 0) {
+        Frame f;
+        f.t_ns = now_;
+        f.device = device;
+        f.n_channels = 1;
+        f.channel[0] = value;
+        driver_[link]->frames.push_back(f);
+    }
+    void acquire_all(int link) {
+        while (driver_[link]->has_more()) EXPECT_TRUE(acquire(*links_[std::size_t(link)], segment_, 0));
+    }
+    void turn(std::uint64_t ms = 1) {
+        now_ += ms * 1'000'000;
+        pipeline_->deliver(now_);
+    }
+    Snapshot look() {
+        Snapshot s;
+        EXPECT_TRUE(Segment::open(plan_.name).snapshot(s));
+        return s;
+    }
+
+    SegmentPlan plan_;
+    SegmentWriter segment_;
+    std::vector<std::unique_ptr<Link>> links_;
+    Scripted* driver_[2] = {};
+    std::vector<Sensor> sensors_;
+    std::unique_ptr<Pipeline> pipeline_;
+    std::uint64_t now_ = 0;
+};
+
+TEST_F(PipelineTest, CarriesAFrameToItsSensorAndNoOther) {
+    send(0, 5);
+    acquire_all(0);
+    turn();
+    const auto s = look();
+    EXPECT_EQ(s.sensor[0].force_S_N[0], 5);
+    EXPECT_EQ(s.sensor[0].quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(s.sensor[1].quality, unsigned(TACTILED_BAD));
+    EXPECT_EQ(s.sensor[1].reasons & TACTILED_NO_DATA_YET, unsigned(TACTILED_NO_DATA_YET));
+    EXPECT_EQ(s.node.status & TACTILED_READY, 0u);  // not all are
+}
+
+TEST_F(PipelineTest, RefusesTheNewestWhenTheLoopIsLateAndTellsHowMany) {
+    constexpr int kSent = int(Link::kRingFrames) + 40;
+    for (int i = 0; i < kSent; ++i) send(0, i);
+    acquire_all(0);
+    turn();
+    auto s = look();
+    EXPECT_EQ(s.sensor[0].force_S_N[0], double(Link::kRingFrames) - 1);  // the oldest were kept
+    EXPECT_EQ(s.node.fault & TACTILED_FAULT_OVERRUN, unsigned(TACTILED_FAULT_OVERRUN));
+    EXPECT_EQ(links_[0]->driver->counts[TACTILED_LINK_RING_FULL], 40u);
+    send(0, 99);
+    acquire_all(0);
+    turn();
+    s = look();
+    EXPECT_EQ(s.sensor[0].force_S_N[0], 99);
+    EXPECT_EQ(s.sensor[0].lost, 40u);
+    EXPECT_EQ(s.node.warning & TACTILED_WARN_LOST, unsigned(TACTILED_WARN_LOST));
+    turn(2000);
+    EXPECT_EQ(look().node.warning, 0u);
+}
+
+TEST_F(PipelineTest, CountsFramesOfADeviceThatNobodyReads) {
+    send(0, 1, 9);
+    acquire_all(0);
+    turn();
+    EXPECT_EQ(Segment::open(plan_.name).link(0).count[TACTILED_LINK_UNBOUND], 1u);
+    EXPECT_EQ(look().sensor[0].quality, unsigned(TACTILED_BAD));
+}
+
+TEST_F(PipelineTest, TheHeartbeatBeatsWithDataAndStopsWithThem) {
+    send(0, 1);
+    acquire_all(0);
+    turn();
+    const auto before = look().node.heartbeat;
+    for (int i = 0; i < 90; ++i) turn(1);
+    turn(9);  // 100 ms after the start and the frame
+    EXPECT_EQ(look().node.heartbeat, before + 1);
+    turn(1);  // now it is stale
+    const auto stopped = look().node.heartbeat;
+    for (int i = 0; i < 10; ++i) turn(100);
+    EXPECT_EQ(look().node.heartbeat, stopped);
+    EXPECT_NE(look().node.status & TACTILED_ANY_STALE, 0u);
+    EXPECT_NE(look().node.fault & TACTILED_FAULT_SENSOR_LOST, 0u);
+    send(0, 2);
+    acquire_all(0);
+    turn(1);
+    turn(99);
+    EXPECT_GT(look().node.heartbeat, stopped);
+}
+
+TEST_F(PipelineTest, WhatArrivedBeforeTheBreakIsDeliveredBeforeIt) {
+    send(0, 1);
+    acquire_all(0);
+    links_[0]->connected = false;
+    turn();
+    tactiled_sample last{};
+    const auto segment = Segment::open(plan_.name);
+    Snapshot s = look();
+    EXPECT_EQ(s.sensor[0].quality, unsigned(TACTILED_BAD));
+    EXPECT_EQ(s.sensor[0].reasons, unsigned(TACTILED_DISCONNECTED));
+    ASSERT_TRUE(tactiled_ring_read(segment.base(), &segment.sensor(0).ring, std::uint32_t(s.node.count[0]) - 2, &last, sizeof last));
+    EXPECT_EQ(last.force_S_N[0], 1);
+    EXPECT_EQ(last.quality, unsigned(TACTILED_GOOD));
+}
+
+TEST_F(PipelineTest, PublishesANodeRecordEvenWithoutNews) {
+    const auto before = look().node.sequence;
+    for (int i = 0; i < 50; ++i) turn(1);
+    EXPECT_GE(look().node.sequence, before + 4);
+}
+
+TEST_F(PipelineTest, ATareIsAcknowledgedWhenItIsDone) {
+    const auto tell = [&](Command::Kind kind, std::uint32_t mask, std::uint32_t number) {
+        *pipeline_->commands.claim() = {kind, mask, number};
+        pipeline_->commands.push();
+        pipeline_->commands.commit();
+        turn();
+    };
+    tell(Command::Kind::tare, 1, 1);
+    EXPECT_EQ(look().node.command_result, unsigned(TACTILED_COMMAND_NOT_NOW));  // no data yet
+    send(0, 3);
+    acquire_all(0);
+    tell(Command::Kind::tare, 4, 2);
+    EXPECT_EQ(look().node.command_result, unsigned(TACTILED_COMMAND_BAD_MASK));
+    turn();
+    tell(Command::Kind::tare, 1, 3);
+    EXPECT_EQ(look().node.command_state, unsigned(TACTILED_COMMAND_RUNNING));
+    for (int i = 0; i < 110; ++i) {
+        send(0, 3);
+        acquire_all(0);
+        turn();
+    }
+    const auto s = look();
+    EXPECT_EQ(s.node.command_acknowledged, 3u);
+    EXPECT_EQ(s.node.command_state, unsigned(TACTILED_COMMAND_DONE));
+    EXPECT_EQ(s.node.command_result, unsigned(TACTILED_COMMAND_OK));
+    EXPECT_EQ(s.sensor[0].force_S_N[0], 0);
+    EXPECT_EQ(s.sensor[0].raw_force_S_N[0], 3);
+    tell(Command::Kind::clear_latches, 0, 4);
+    EXPECT_EQ(look().node.fault, 0u);
+}
+
+TEST_F(PipelineTest, TheLastWordIsBad) {
+    send(0, 1);
+    acquire_all(0);
+    turn();
+    pipeline_->stop(now_);
+    const auto s = look();
+    EXPECT_EQ(s.sensor[0].quality, unsigned(TACTILED_BAD));
+    EXPECT_NE(s.sensor[0].reasons & TACTILED_DAEMON_STOPPED, 0u);
+    EXPECT_EQ(s.node.status & TACTILED_READY, 0u);
+}
+
+}  // namespace
+}  // namespace tactiled

@@ -1,0 +1,188 @@
+#include "node/sensor.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+// Hands the first three channels through as a force; the reasons of a real model are tested with the models.
+class Through final : public Decoupler {
+public:
+    Estimate decouple(const Reading& r) noexcept override {
+        Estimate e;
+        if (r.missing != 0) {
+            e.reasons = TACTILED_MISSING_CHANNEL;
+            return e;
+        }
+        for (std::size_t i = 0; i < 3; ++i) e.wrench_S[i] = r.channel[i], e.sd[i] = 0.01;
+        e.quality = r.saturated != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
+        if (r.saturated != 0) e.reasons = TACTILED_SATURATED;
+        return e;
+    }
+    std::string_view method() const noexcept override { return "through"; }
+};
+
+Sensor make(double counts_per_unit = 1) {
+    Sensor::Setup setup;
+    setup.channel_of_frame = {0, 1, 2};
+    setup.counts_per_unit = counts_per_unit;
+    setup.saturates_below = -1000;
+    setup.saturates_above = 1000;
+    setup.decoupler = std::make_unique<Through>();
+    Sensor sensor(std::move(setup));
+    sensor.start(7, 0);
+    return sensor;
+}
+
+Frame frame(std::uint64_t t_ns, double a, double b, double c) {
+    Frame f;
+    f.t_ns = t_ns;
+    f.n_channels = 3;
+    f.channel = {a, b, c};
+    return f;
+}
+
+TEST(Sensor, DividesCountsAndKeepsTheStampOfTheFrame) {
+    Sensor sensor = make(100);
+    const auto s = sensor.sample(frame(5 * kMs, 100, -200, 300), 6 * kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(s.force_S_N[0], 1);
+    EXPECT_EQ(s.force_S_N[1], -2);
+    EXPECT_EQ(s.force_S_N[2], 3);
+    EXPECT_EQ(s.t_ns, 5 * kMs);
+    EXPECT_TRUE(std::isnan(s.torque_S_Nm[0]));  // unseen is not zero
+    EXPECT_EQ(s.epoch, 7u << 16);
+}
+
+TEST(Sensor, AMissingChannelIsBadAndItsForceNoNumber) {
+    Sensor sensor = make();
+    Frame f = frame(kMs, 1, 2, 3);
+    f.missing = 2;
+    auto s = sensor.sample(f, kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_MISSING_CHANNEL));
+    EXPECT_EQ(s.missing, 2u);
+    EXPECT_TRUE(std::isnan(s.force_S_N[0]));
+    EXPECT_TRUE(std::isnan(s.raw_force_S_N[0]));
+    for (const double poison : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+        s = sensor.sample(frame(kMs, 1, poison, 3), kMs);
+        EXPECT_EQ(s.missing, 2u);
+        EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+    }
+}
+
+TEST(Sensor, AtTheRailCountsAsSaturated) {
+    Sensor sensor = make();
+    EXPECT_EQ(sensor.sample(frame(kMs, 1000, 0, -1000), kMs).saturated, 0b101u);
+    EXPECT_EQ(sensor.sample(frame(kMs, 999, 0, -999), kMs).saturated, 0u);
+    Frame f = frame(kMs, 1, 2, 3);
+    f.saturated = 4;  // the driver knows of a rail
+    EXPECT_EQ(sensor.sample(f, kMs).saturated, 4u);
+}
+
+TEST(Sensor, AFrameOfAnotherShapeIsAnotherDevice) {
+    Sensor sensor = make();
+    Frame f = frame(kMs, 1, 2, 3);
+    f.n_channels = 2;
+    const auto s = sensor.sample(f, kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_WRONG_DEVICE));
+}
+
+TEST(Sensor, BreaksOnceAfterStaleMsAndTellsItByANewEpoch) {
+    Sensor sensor = make();
+    (void)sensor.marker(0);
+    const auto before = sensor.sample(frame(kMs, 1, 2, 3), kMs);
+    EXPECT_FALSE(sensor.has_broken(true, 101 * kMs));
+    EXPECT_TRUE(sensor.has_broken(true, 101 * kMs + 1));
+    const auto marker = sensor.marker(102 * kMs);
+    EXPECT_EQ(marker.quality, unsigned(TACTILED_BAD));
+    EXPECT_EQ(marker.reasons, unsigned(TACTILED_STALE));
+    EXPECT_EQ(marker.t_ns, kMs);  // so that its age is true
+    EXPECT_EQ(marker.epoch, before.epoch + 1);
+    EXPECT_FALSE(sensor.has_broken(true, 300 * kMs));  // told once
+    EXPECT_TRUE(sensor.has_broken(false, 301 * kMs));  // now for another reason
+    EXPECT_EQ(sensor.marker(301 * kMs).reasons, unsigned(TACTILED_DISCONNECTED));
+    const auto after = sensor.sample(frame(400 * kMs, 1, 2, 3), 400 * kMs);
+    EXPECT_EQ(after.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(after.epoch, before.epoch + 1);
+}
+
+TEST(Sensor, BeforeTheFirstFrameItSaysSo) {
+    Sensor sensor = make();
+    EXPECT_EQ(sensor.marker(0).reasons, unsigned(TACTILED_NO_DATA_YET));
+    EXPECT_TRUE(sensor.has_broken(false, kMs));
+    EXPECT_EQ(sensor.marker(kMs).reasons, unsigned(TACTILED_NO_DATA_YET | TACTILED_DISCONNECTED));
+    EXPECT_EQ(sensor.marker(kMs).epoch, 7u << 16);  // nothing has broken yet
+}
+
+TEST(Sensor, ADisconnectedLinkBreaksAtOnce) {
+    Sensor sensor = make();
+    (void)sensor.sample(frame(kMs, 1, 2, 3), kMs);
+    EXPECT_TRUE(sensor.has_broken(false, kMs + 1));
+}
+
+TEST(Sensor, TareAveragesAndKeepsTheRawForce) {
+    Sensor sensor = make();
+    (void)sensor.sample(frame(kMs, 5, 0, -3), kMs);
+    ASSERT_TRUE(sensor.begin_tare(10 * kMs));
+    tactiled_sample s{};
+    for (std::uint64_t t = 9; t <= 110; ++t) s = sensor.sample(frame(t * kMs, t % 2 ? 4.0 : 6.0, 1, -3), t * kMs);
+    EXPECT_EQ(sensor.poll_tare(110 * kMs), Sensor::Tare::done);
+    EXPECT_EQ(sensor.poll_tare(110 * kMs), Sensor::Tare::none);
+    s = sensor.sample(frame(111 * kMs, 5, 1, -4), 111 * kMs);
+    EXPECT_NEAR(s.force_S_N[0], 0, 0.02);  // N; an odd number of alternating samples
+    EXPECT_EQ(s.force_S_N[1], 0);
+    EXPECT_EQ(s.force_S_N[2], -1);
+    EXPECT_EQ(s.raw_force_S_N[2], -4);
+    EXPECT_EQ(s.tare_count, 1u);
+    EXPECT_EQ(s.reasons & TACTILED_TARING, 0u);
+    sensor.remove_tare();
+    EXPECT_EQ(sensor.sample(frame(112 * kMs, 5, 1, -4), 112 * kMs).force_S_N[2], -4);
+}
+
+TEST(Sensor, ATareNeedsATrustworthyValueAllAlong) {
+    Sensor sensor = make();
+    EXPECT_FALSE(sensor.begin_tare(0));  // no data yet
+    (void)sensor.sample(frame(kMs, 1000, 0, 0), kMs);
+    EXPECT_FALSE(sensor.begin_tare(2 * kMs));  // saturated
+    (void)sensor.sample(frame(3 * kMs, 1, 0, 0), 3 * kMs);
+    ASSERT_TRUE(sensor.begin_tare(4 * kMs));
+    Frame hole = frame(5 * kMs, 1, 0, 0);
+    hole.missing = 1;
+    (void)sensor.sample(hole, 5 * kMs);
+    EXPECT_EQ(sensor.poll_tare(6 * kMs), Sensor::Tare::failed);
+    const auto s = sensor.sample(frame(7 * kMs, 1, 0, 0), 7 * kMs);
+    EXPECT_EQ(s.force_S_N[0], 1);  // the old zero stays
+    EXPECT_EQ(s.tare_count, 0u);
+}
+
+TEST(Sensor, ATareOfASilentSensorFails) {
+    Sensor sensor = make();
+    (void)sensor.sample(frame(kMs, 1, 2, 3), kMs);
+    ASSERT_TRUE(sensor.begin_tare(2 * kMs));
+    ASSERT_TRUE(sensor.has_broken(true, 200 * kMs));
+    EXPECT_EQ(sensor.poll_tare(200 * kMs), Sensor::Tare::failed);
+}
+
+TEST(Sensor, MeasuresItsRate) {
+    Sensor sensor = make();
+    tactiled_sample s{};
+    for (std::uint64_t i = 0; i <= 1100; ++i) s = sensor.sample(frame(i * kMs, 0, 0, 0), i * kMs);
+    EXPECT_NEAR(double(s.rate_Hz), 1000, 0.1);
+}
+
+TEST(Sensor, CountsWhatTheDriverKnowsToBeLost) {
+    Sensor sensor = make();
+    Frame f = frame(kMs, 1, 2, 3);
+    f.lost = 3;
+    EXPECT_EQ(sensor.sample(f, kMs).lost, 3u);
+    EXPECT_EQ(sensor.sample(f, kMs).lost, 6u);
+}
+
+}  // namespace
+}  // namespace tactiled
