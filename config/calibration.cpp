@@ -1,0 +1,196 @@
+#include "config/calibration.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <boost/crc.hpp>
+#include <charconv>
+#include <chrono>
+
+#include "config/names.hpp"
+#include "config/text_file.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::size_t kMostBytes = std::size_t{16} << 20;
+constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of a few numbers
+constexpr Range kNotNegative{0, 1e300};
+
+// The last line, crc = "0x1234". Taken as text, not as TOML: it stands outside of every table.
+struct Seal {
+    std::size_t start;  // of the line in the file; the file's end where there is none
+    std::optional<std::uint16_t> crc;
+};
+
+Seal find_seal(std::string_view bytes) {
+    std::size_t end = bytes.size();
+    if (end > 0 && bytes[end - 1] == '\n') --end;
+    if (end > 0 && bytes[end - 1] == '\r') --end;
+    const std::size_t before = bytes.substr(0, end).rfind('\n');
+    const std::size_t start = before == bytes.npos ? 0 : before + 1;
+    const std::string_view line = bytes.substr(start, end - start);
+    constexpr std::string_view kHead = "crc = \"0x";
+    std::uint16_t crc = 0;
+    if (line.size() != kHead.size() + 5 || line.substr(0, kHead.size()) != kHead || line.back() != '"')
+        return {bytes.size(), {}};
+    const char* digits_end = line.data() + kHead.size() + 4;
+    const auto [stop, error] = std::from_chars(line.data() + kHead.size(), digits_end, crc, 16);
+    if (error != std::errc{} || stop != digits_end) return {bytes.size(), {}};
+    return {start, crc};
+}
+
+bool is_date(const std::string& text) {
+    int year = 0;
+    unsigned month = 0, day = 0;
+    const auto number = [&](std::size_t at, std::size_t n, auto& value) {
+        const char* end = text.data() + at + n;
+        const auto [stop, error] = std::from_chars(text.data() + at, end, value);
+        return error == std::errc{} && stop == end;
+    };
+    return text.size() == 10 && text[4] == '-' && text[7] == '-' && number(0, 4, year) && number(5, 2, month) &&
+           number(8, 2, day) &&
+           std::chrono::year_month_day(std::chrono::year(year), std::chrono::month(month), std::chrono::day(day)).ok();
+}
+
+void read_names(Options& file, Calibration& calibration) {
+    const auto short_text = [&](const char* key, std::string& value) {
+        if (!value.empty() && !valid_name(value))
+            file.problem(key, fmt::format("{} = {}; {}", key, in_quotes(value), kValidName));
+    };
+    calibration.model = file.text("model");
+    calibration.method = file.text("method", "");
+    calibration.contact_model = file.text("contact_model", "unknown");
+    calibration.serial = file.text("serial", "");
+    short_text("model", calibration.model);
+    short_text("method", calibration.method);
+    if (calibration.serial.size() > kLongestNameBytes)
+        file.problem("serial", fmt::format("serial has {} bytes; at most {} are published", calibration.serial.size(),
+                                           kLongestNameBytes));
+    calibration.date = file.text("date", "");
+    if (!calibration.date.empty() && !is_date(calibration.date))
+        file.problem("date", fmt::format("date = {} should be a day as YYYY-MM-DD", in_quotes(calibration.date)));
+}
+
+void missing(Options& file, const char* key, const std::string& what) {
+    if (!file.has(key)) file.problem(key, fmt::format("key \"{}\" is missing: {}", key, what));
+}
+
+void read_channels(Options& file, Calibration& calibration) {
+    missing(file, "channels", "the names of the channels, in the order of all numbers below");
+    const auto& channels = calibration.channels = file.texts("channels", {1, kMostChannels});
+    calibration.channel_unit = file.text("channel_unit", "");
+    for (auto at = channels.begin(); at != channels.end(); ++at) {
+        if (!valid_channel(*at) || *at == "-")
+            file.problem("channels", fmt::format("channels has {}; {}", in_quotes(*at), kValidChannel));
+        if (std::find(channels.begin(), at, *at) != at)
+            file.problem("channels", fmt::format("channels has {} twice", in_quotes(*at)));
+    }
+    const Count each = channels.empty() ? Count{} : Count{channels.size(), channels.size()};
+    missing(file, "zero", "what each channel reads at no load");
+    calibration.zero = file.numbers("zero", kFinite, each);
+    calibration.channel_least = file.numbers("channel_least", kFinite, each);
+    calibration.channel_most = file.numbers("channel_most", kFinite, each);
+    const auto &least = calibration.channel_least, &most = calibration.channel_most;
+    if (file.has("channel_least") != file.has("channel_most"))
+        file.problem("channel_least", "channel_least and channel_most belong together: give both or none");
+    for (std::size_t i = 0; i < std::min(least.size(), most.size()); ++i)
+        if (least[i] > most[i])
+            file.problem("channel_most",
+                         fmt::format("channel_most[{0}] = {1} is below channel_least[{0}] = {2}", i, most[i], least[i]));
+}
+
+void read_components(Options& file, Calibration& calibration) {
+    const auto possible = fmt::format("{}", fmt::join(kComponentNames, " "));
+    missing(file, "components", "those of " + possible + " that the sensor sees");
+    const auto& components = calibration.components = file.texts("components", {1, kComponentNames.size()});
+    auto next = kComponentNames.begin();
+    for (const auto& name : components) {
+        const auto found = std::find(next, kComponentNames.end(), name);
+        if (found == kComponentNames.end()) {
+            file.problem("components", fmt::format("components has {} here; possible are {}, in this order, each once",
+                                                   in_quotes(name), possible));
+            break;
+        }
+        next = found + 1;
+    }
+    const Count each = components.empty() ? Count{} : Count{components.size(), components.size()};
+    calibration.sd = file.numbers("sd", kNotNegative, each);
+    calibration.full_scale = file.numbers("full_scale", kNotNegative, each);
+}
+
+void read_map(Options& file, Calibration& calibration) {
+    calibration.matrix = file.rows("matrix");
+    const auto& matrix = calibration.matrix;
+    const std::size_t n_rows = calibration.components.size(), n = calibration.channels.size();
+    if (!matrix.empty() && n_rows != 0 && matrix.size() != n_rows)
+        file.problem("matrix", fmt::format("matrix has {} rows for {} components", matrix.size(), n_rows));
+    for (std::size_t i = 0; i < matrix.size(); ++i)
+        if (n != 0 && matrix[i].size() != n)
+            file.problem("matrix", fmt::format("matrix[{}] has {} numbers for {} channels", i, matrix[i].size(), n));
+    Options parameters = file.table("parameters");
+    for (const auto& name : parameters.keys()) {
+        const bool plain = valid_name(name) && name.find('.') == name.npos;
+        if (!plain) parameters.problem(name, fmt::format("parameter {}; {}, and no dot here", in_quotes(name), kValidName));
+        calibration.parameters[name] = parameters.number(name, kFinite);
+    }
+    if (!file.has("matrix") && !file.has("parameters"))
+        file.problem("matrix",
+                     "key \"matrix\" is missing: a row for each component, in it N or Nm a channel_unit for each channel "
+                     "(or [parameters], for models that have some)");
+}
+
+}  // namespace
+
+std::uint16_t calibration_crc(std::string_view bytes) {
+    boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
+    crc.process_bytes(bytes.data(), bytes.size());
+    return crc.checksum();
+}
+
+Calibration parse_calibration(std::string_view text, const std::string& name, Problems& problems) {
+    Calibration calibration;
+    calibration.path = name;
+    const Seal seal = find_seal(text);
+    const std::string_view body = text.substr(0, seal.start);
+    calibration.crc = calibration_crc(body);
+    if (seal.crc && *seal.crc != calibration.crc) {
+        const auto line = std::count(body.begin(), body.end(), '\n') + 1;
+        problems.add(
+            name, static_cast<std::uint32_t>(line),
+            fmt::format(
+                "crc = \"0x{:04X}\", but the lines above have 0x{:04X}: the file was changed or is damaged; calibrate "
+                "again, or delete this line if the change is meant",
+                *seal.crc, calibration.crc));
+        return calibration;
+    }
+    Options file = Options::parse_text(body, name, problems);
+    if (file.integer("format", {1, 1000}) > 1)
+        file.problem("format", "a later version of tactiled wrote this file; this one reads format = 1");
+    read_names(file, calibration);
+    read_channels(file, calibration);
+    read_components(file, calibration);
+    read_map(file, calibration);
+    calibration.condition = file.number("condition", kNotNegative, 0);
+    calibration.validation = file.text("validation", "");
+    calibration.rows = static_cast<int>(file.integer("rows", {0, 1e9}, 0));
+    if (file.has("crc")) {
+        (void)file.text("crc", "");
+        file.problem("crc",
+                     "crc has to be the last line of the file, as crc = \"0x1234\" with four digits; delete it if you wrote "
+                     "it by hand");
+    }
+    file.finish();
+    return calibration;
+}
+
+Calibration load_calibration(const std::string& path, Problems& problems) {
+    const auto text = read_text_file(path, kMostBytes, problems);
+    if (text) return parse_calibration(*text, path, problems);
+    Calibration nothing;
+    nothing.path = path;
+    return nothing;
+}
+
+}  // namespace tactiled

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "config/options.hpp"
@@ -19,13 +20,13 @@ struct Calibration {
     std::string method;         // "matrix", "linear"
     std::string contact_model;  // what pressed on the sensor when it was calibrated: "uniform", "point", "unknown" ...
     std::string serial;
-    std::string date;           // YYYY-MM-DD
-    std::vector<std::string> channels;  // names, in the order of the matrix's columns
-    std::string channel_unit;           // "dR/R0", "pF", "counts" ...
-    std::vector<double> zero;           // a channel at no load, in channel_unit
+    std::string date;                                 // YYYY-MM-DD
+    std::vector<std::string> channels;                // names, in the order of the matrix's columns
+    std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
+    std::vector<double> zero;                         // a channel at no load, in channel_unit
     std::vector<double> channel_least, channel_most;  // the domain that the calibration saw; empty = unknown
     std::vector<std::string> components;              // of kComponentNames, those that the sensor sees, in this order
-    std::vector<std::vector<double>> matrix;  // components x channels: N or Nm a channel_unit. Empty for model "table"
+    std::vector<std::vector<double>> matrix;   // components x channels: N or Nm a channel_unit. Empty for model "table"
     std::map<std::string, double> parameters;  // model "table": normal_inner, tangential_inner ... (1/N)
     std::vector<double> sd;          // per component: one standard deviation of held-out error, N or Nm; empty = unknown
     std::vector<double> full_scale;  // per component, N or Nm; empty = unknown
@@ -39,9 +40,15 @@ struct Calibration {
 // line, written by hand, is accepted and its crc computed). Errors go to `problems`. setup: never throws for bad input
 Calibration load_calibration(const std::string& path, Problems& problems);
 
+// The same from text; `name` stands for the file in errors.
+Calibration parse_calibration(std::string_view text, const std::string& name, Problems& problems);
+// CRC-16/CCITT-FALSE: polynomial 0x1021, starts at 0xFFFF, 0x29B1 of "123456789".
+std::uint16_t calibration_crc(std::string_view bytes);
+
 // The file's text, crc line included. load(save(c)) == c to the last bit.
 std::string calibration_text(const Calibration& calibration);
-// By temporary file, fsync, rename, fsync of the folder. setup: throws SetupError where a step is refused
+// By temporary file, fsync, rename, fsync of the folder; the calibration must be one that load_calibration would accept.
+// setup: throws SetupError where a step is refused; the old file stands then
 void save_calibration(const Calibration& calibration, const std::string& path);
 
 }  // namespace tactiled

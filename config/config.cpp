@@ -1,0 +1,214 @@
+#include "config/config.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <bit>
+#include <filesystem>
+#include <limits>
+
+#include "config/names.hpp"
+#include "config/network_address.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::size_t kMostSensors = 16, kMostLinks = 16;  // TACTILED_MAX_SENSORS and _LINKS
+constexpr std::size_t kLongestSocketPath = 107;            // of sockaddr_un
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+int small_integer(Options& table, std::string_view key, Range range, int fallback) {
+    return static_cast<int>(table.integer(key, range, fallback));
+}
+
+void check_name(Options& table, const std::string& name) {
+    if (!valid_name(name)) table.problem("name", fmt::format("name = {}; {}", in_quotes(name), kValidName));
+}
+
+NodeSettings read_node(Options table) {
+    const std::string name = table.text("name", "gripper");
+    check_name(table, name);
+    const int watchdog_ms = small_integer(table, "watchdog_ms", {10, 10000}, 250);
+    const std::string control = table.text("control", fmt::format("/run/tactiled/{}.sock", name));
+    if (control.size() > kLongestSocketPath)
+        table.problem("control", fmt::format("control has {} bytes; the path of a socket has at most {}", control.size(),
+                                             kLongestSocketPath));
+    else if (control.empty() || control.front() != '/')  // readers in other folders are told this path
+        table.problem("control", fmt::format("control = {} should be a full path, starting with /", in_quotes(control)));
+    return {name, watchdog_ms, control};
+}
+
+RealtimeSettings read_realtime(Options table) {
+    const int priority = small_integer(table, "priority", {1, 98}, 80);
+    const int cpu = small_integer(table, "cpu", {-1, 1023}, -1);
+    const bool lock_memory = table.flag("lock_memory", true);
+    const bool required = table.flag("required", false);
+    const int period_us = small_integer(table, "period_us", {50, 100000}, 250);
+    return {priority, cpu, lock_memory, required, period_us};
+}
+
+ModbusSettings read_modbus(Options table) {
+    const std::string listen = table.text("listen", "127.0.0.1:1502");
+    const std::vector<std::string> allow = table.texts("allow");
+    const int max_clients = small_integer(table, "max_clients", {1, 64}, 8);
+    for (const auto& network : allow)
+        if (const auto fault = fault_of_network(network); !fault.empty()) table.problem("allow", "allow: " + fault);
+    if (!listen.empty()) {
+        const ListenAddress address = check_listen_address(listen);
+        if (!address.fault.empty())
+            table.problem("listen", address.fault);
+        else if (!address.loopback && allow.empty())
+            table.problem(
+                "listen",
+                fmt::format("listen = {} lets other machines in, and Modbus knows no passwords: name those that may "
+                            "connect, for example allow = [\"192.168.0.10/32\"]",
+                            in_quotes(listen)));
+    }
+    return {!listen.empty(), listen, allow, max_clients};
+}
+
+ShmSettings read_shm(Options table) {
+    const std::string group = table.text("group", "");
+    if (!group.empty() && !valid_name(group))
+        table.problem("group", fmt::format("group = {}; {}", in_quotes(group), kValidName));
+    const int history = small_integer(table, "history", {64, 65536}, 1024);
+    if (const auto slots = static_cast<unsigned>(history); !std::has_single_bit(slots))
+        table.problem("history",
+                      fmt::format("history = {} is no power of two; the next one is {}", history, std::bit_ceil(slots)));
+    return {group, history};
+}
+
+LinkSettings read_link(Options table) {
+    const std::string name = table.text("name");
+    if (!name.empty()) check_name(table, name);
+    const std::string driver = table.text("driver");
+    const bool simulated = table.flag("simulated", false);
+    return {name, driver, simulated, 0, table};
+}
+
+std::vector<std::string> read_channels(Options& table) {
+    const std::vector<std::string> channels = table.texts("channels", {1, kMostChannels});
+    const auto wrong = [&](const std::string& why) { table.problem("channels", why); };
+    std::size_t used = 0;
+    for (auto at = channels.begin(); at != channels.end(); ++at) {
+        if (*at == "-") continue;
+        ++used;
+        if (!valid_channel(*at)) wrong(fmt::format("channels has {}; {}", in_quotes(*at), kValidChannel));
+        if (std::find(channels.begin(), at, *at) != at)
+            wrong(fmt::format("channels has {} twice; write \"-\" for a channel that is not used", in_quotes(*at)));
+    }
+    if (!channels.empty() && used == 0) wrong("channels uses none of the frame's channels; \"-\" stands for one not used");
+    return channels;
+}
+
+struct Rails {
+    double below = -kInf, above = kInf;
+};
+
+Rails read_rails(Options& table) {
+    const auto rails = table.numbers("saturates_at", {-1e300, 1e300}, {2, 2});
+    if (rails.empty()) return {};
+    if (rails[0] < rails[1]) return {rails[0], rails[1]};
+    table.problem("saturates_at", fmt::format("saturates_at = [{}, {}] should be [lowest, highest]", rails[0], rails[1]));
+    return {};
+}
+
+SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
+    const std::string name = table.text("name");
+    if (!name.empty()) check_name(table, name);
+    if (name == "all") table.problem("name", "name = \"all\" means every sensor in commands; choose another");
+    const std::string link = table.text("link");
+    const int device = small_integer(table, "device", {0, 65535}, 0);
+    const auto channels = read_channels(table);
+    const double counts_per_unit = table.number("counts_per_unit", {1e-18, 1e18}, 1);
+    const Rails rails = read_rails(table);
+    const std::string model = table.text("model");
+    const std::string calibration = table.text("calibration");
+    const std::string method = table.text("method", "");
+    const int stale_ms = small_integer(table, "stale_ms", {1, 10000}, 100);
+    const int tare_ms = small_integer(table, "tare_ms", {1, 10000}, 100);
+    const std::string beside = calibration.empty() ? "" : (folder / calibration).string();  // an absolute path stays itself
+    return {name,  link,   device, channels, counts_per_unit, rails.below, rails.above,
+            model, beside, method, stale_ms, tare_ms,         table};
+}
+
+template <typename Settings>
+void check_unique(std::vector<Settings>& all, const char* kind) {
+    for (auto later = all.begin(); later != all.end(); ++later)
+        for (auto first = all.begin(); first != later; ++first)
+            if (first->name == later->name && !first->name.empty()) {
+                later->options.problem("name", fmt::format("name = \"{}\" is the name of the [[{}]] at {} already",
+                                                           later->name, kind, first->options.where("name")));
+                break;
+            }
+}
+
+void bind_links(std::vector<LinkSettings>& links, std::vector<SensorSettings>& sensors) {
+    std::vector<std::string> names;
+    for (const auto& link : links)
+        if (!link.name.empty()) names.push_back(link.name);
+    for (auto& sensor : sensors) {
+        if (sensor.link.empty()) continue;  // reported already
+        const auto link = std::find_if(links.begin(), links.end(), [&](const auto& l) { return l.name == sensor.link; });
+        if (link != links.end()) {
+            ++link->sensors;
+            continue;
+        }
+        const auto near = nearest_name(sensor.link, names);
+        sensor.options.problem("link", fmt::format("link = {} is no [[link]]; {}", in_quotes(sensor.link),
+                                                   near ? fmt::format("did you mean \"{}\"?", *near)
+                                                        : fmt::format("known: {}", fmt::join(names, ", "))));
+    }
+}
+
+// Several sensors may read one frame, each its own channels of it.
+void check_shared_frames(std::vector<SensorSettings>& sensors) {
+    for (auto later = sensors.begin(); later != sensors.end(); ++later)
+        for (auto first = sensors.begin(); first != later; ++first) {
+            if (first->link != later->link || first->device != later->device || first->link.empty()) continue;
+            if (first->channels.empty() || later->channels.empty()) {
+                later->options.problem("link",
+                                       fmt::format("link \"{}\", device {} is read by sensor \"{}\", too: give each its own "
+                                                   "`device`, or its own `channels` with \"-\" for the other's",
+                                                   later->link, later->device, first->name));
+                continue;
+            }
+            const std::size_t n = std::min(first->channels.size(), later->channels.size());
+            for (std::size_t i = 0; i < n; ++i)
+                if (first->channels[i] != "-" && later->channels[i] != "-") {
+                    later->options.problem(
+                        "channels",
+                        fmt::format("channels[{}] = {} is used by sensor \"{}\", too (as {}): write "
+                                    "\"-\" in one of them",
+                                    i, in_quotes(later->channels[i]), first->name, in_quotes(first->channels[i])));
+                    break;
+                }
+        }
+}
+
+}  // namespace
+
+Config load_config(const std::string& path, Problems& problems) {
+    Options root = Options::parse_file(path, problems);
+    const auto folder = std::filesystem::path(path).parent_path();
+    NodeSettings node = read_node(root.table("node"));
+    const RealtimeSettings realtime = read_realtime(root.table("realtime"));
+    std::vector<LinkSettings> links;
+    for (const auto& table : root.tables("link", kMostLinks)) links.push_back(read_link(table));
+    std::vector<SensorSettings> sensors;
+    for (const auto& table : root.tables("sensor", kMostSensors)) sensors.push_back(read_sensor(table, folder));
+    ModbusSettings modbus = read_modbus(root.table("modbus"));
+    ShmSettings shm = read_shm(root.table("shm"));
+
+    if (!root.has("link")) root.problem("link", "there is no [[link]]; one at least says where data come from");
+    if (!root.has("sensor")) root.problem("sensor", "there is no [[sensor]]; one at least says what the data mean");
+    check_unique(links, "link");
+    check_unique(sensors, "sensor");
+    bind_links(links, sensors);
+    check_shared_frames(sensors);
+    return {path,           std::move(node),  realtime,           std::move(modbus),
+            std::move(shm), std::move(links), std::move(sensors), std::move(root)};
+}
+
+}  // namespace tactiled

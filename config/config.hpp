@@ -9,8 +9,8 @@
 namespace tactiled {
 
 struct NodeSettings {
-    std::string name;  // the segment is /dev/shm/tactiled.NAME
-    int watchdog_ms;   // readers hold the daemon for dead when it published nothing for so long
+    std::string name;     // the segment is /dev/shm/tactiled.NAME
+    int watchdog_ms;      // readers hold the daemon for dead when it published nothing for so long
     std::string control;  // path of the control socket
 };
 
@@ -25,9 +25,9 @@ struct RealtimeSettings {
 struct LinkSettings {
     std::string name;
     std::string driver;
-    bool simulated;    // the data are simulated or replayed: said in STATUS
-    int sensors;       // how many sensors use it; filled by load_config
-    Options options;   // the driver's own keys, not yet read
+    bool simulated;   // the data are simulated or replayed: said in STATUS
+    int sensors;      // how many sensors use it; filled by load_config
+    Options options;  // the driver's own keys, not yet read
 };
 
 struct SensorSettings {

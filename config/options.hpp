@@ -16,19 +16,20 @@ struct SetupError : std::runtime_error {
     using std::runtime_error::runtime_error;
 };
 
-// The errors found so far, "file:line: key: what is right", in the order of the file's lines.
+// The errors found so far, "file:line: table: what is right", in the order of the file's lines.
 class Problems {
 public:
-    void add(const std::string& file, std::uint32_t line, const std::string& text);
+    // `line` 0 is the file as a whole, `column` 0 the line as a whole.
+    void add(const std::string& file, std::uint32_t line, const std::string& text, std::uint32_t column = 0);
     [[nodiscard]] bool empty() const { return list_.empty(); }
-    [[nodiscard]] std::vector<std::string> lines() const;  // sorted by file and line
+    [[nodiscard]] std::vector<std::string> lines() const;  // sorted by file and line, each once
     // setup: throws SetupError with all lines where there is any
     void throw_if_any() const;
 
 private:
     struct Problem {
         std::string file;
-        std::uint32_t line;
+        std::uint32_t line, column;
         std::string text;
     };
     std::vector<Problem> list_;
@@ -38,8 +39,15 @@ struct Range {
     double least, most;  // both allowed
 };
 
+struct Count {  // of an array's entries
+    std::size_t least = 0, most = SIZE_MAX;
+};
+
 // The name of `known` nearest to `name` by edit distance, where it is near enough to be meant.
 std::optional<std::string> nearest_name(std::string_view name, const std::vector<std::string>& known);
+
+// `text` in quotes for a message: control characters escaped, so that a file cannot steer the terminal; cut when long.
+std::string in_quotes(std::string_view text);
 
 // One table. Copies share the same table and the same record of which keys were read.
 class Options {
@@ -60,13 +68,16 @@ public:
     bool flag(std::string_view key, bool fallback);
     std::string one_of(std::string_view key, const std::vector<std::string>& allowed);
     std::string one_of(std::string_view key, const std::vector<std::string>& allowed, std::string_view fallback);
-    std::vector<std::string> texts(std::string_view key);           // optional: missing is empty
-    std::vector<double> numbers(std::string_view key, Range range);  // optional: missing is empty
-    std::vector<std::vector<double>> rows(std::string_view key);     // an array of arrays of numbers; missing is empty
+    // Arrays are optional: a missing one is empty, and so is a wrong one.
+    std::vector<std::string> texts(std::string_view key, Count count = {});
+    std::vector<double> numbers(std::string_view key, Range range, Count count = {});
+    std::vector<std::vector<double>> rows(std::string_view key);  // an array of arrays of numbers
 
     [[nodiscard]] bool has(std::string_view key) const;
-    Options table(std::string_view key);                // optional: missing is an empty table
-    std::vector<Options> tables(std::string_view key);  // [[key]]; optional
+    [[nodiscard]] std::vector<std::string> keys() const;  // all of the table; looking does not count as asking
+    Options table(std::string_view key);                  // optional: missing is an empty table
+    // [[key]]; optional. More than `most` is an error, and those beyond are neither returned nor checked.
+    std::vector<Options> tables(std::string_view key, std::size_t most = 256);
 
     // An error at the line of `key` (or of the table where the key is missing).
     void problem(std::string_view key, const std::string& text);

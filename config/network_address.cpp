@@ -1,0 +1,88 @@
+#include "config/network_address.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+
+#include <array>
+#include <charconv>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "config/options.hpp"
+
+namespace tactiled {
+namespace {
+
+struct Address {
+    std::array<std::uint8_t, 16> bytes;
+    unsigned bits;  // 32 or 128
+};
+
+std::optional<Address> parse_address(const std::string& text) {
+    Address address{{}, 32};
+    if (::inet_pton(AF_INET, text.c_str(), address.bytes.data()) == 1) return address;
+    address.bits = 128;
+    if (::inet_pton(AF_INET6, text.c_str(), address.bytes.data()) == 1) return address;
+    return std::nullopt;
+}
+
+std::string text_of(const Address& address) {
+    char text[INET6_ADDRSTRLEN];
+    return ::inet_ntop(address.bits == 32 ? AF_INET : AF_INET6, address.bytes.data(), text, sizeof text);
+}
+
+std::optional<unsigned> parse_number(std::string_view text, unsigned least, unsigned most) {
+    unsigned value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc{} || end != text.data() + text.size() || value < least || value > most) return std::nullopt;
+    return value;
+}
+
+bool is_loopback(const Address& address) {
+    if (address.bits == 32) return address.bytes[0] == 127;
+    return text_of(address) == "::1";
+}
+
+}  // namespace
+
+ListenAddress check_listen_address(const std::string& text) {
+    const auto wrong = [&](const std::string& why) {
+        return ListenAddress{fmt::format("listen = {} {}", in_quotes(text), why), false};
+    };
+    const std::size_t colon = text.rfind(':');
+    if (colon == text.npos) return wrong("has no port; write ADDRESS:PORT, for example \"127.0.0.1:1502\"");
+    std::string host = text.substr(0, colon);
+    const bool bracketed = host.size() >= 2 && host.front() == '[' && host.back() == ']';
+    if (bracketed) host = host.substr(1, host.size() - 2);
+    const auto address = parse_address(host);
+    if (!address || bracketed != (address->bits == 128))
+        return wrong(
+            "has no numeric address; write \"192.168.0.5:502\" or \"[::1]:502\" (127.0.0.1 for localhost, 0.0.0.0 for every "
+            "interface)");
+    if (!parse_number(std::string_view(text).substr(colon + 1), 1, 65535))
+        return wrong("has no port of 1 .. 65535 at its end");
+    return {"", is_loopback(*address)};
+}
+
+std::string fault_of_network(const std::string& text) {
+    const std::size_t slash = text.find('/');
+    const auto address = parse_address(text.substr(0, slash));
+    if (!address) return in_quotes(text) + " is no network; write ADDRESS/BITS, for example \"192.168.0.0/24\"";
+    if (slash == text.npos)
+        return fmt::format("\"{0}\" says no network size; write \"{0}/{1}\" for this one machine", text, address->bits);
+    const auto bits = parse_number(std::string_view(text).substr(slash + 1), 0, address->bits);
+    if (!bits) return fmt::format("{} should end with /0 .. /{}", in_quotes(text), address->bits);
+    if (*bits == 0)
+        return in_quotes(text) +
+               " is everybody; name the network or the address of the PLC, for example \"192.168.0.10/32\"";
+    Address network = *address;
+    for (unsigned bit = *bits; bit < address->bits; ++bit)
+        network.bytes[bit / 8] = std::uint8_t(network.bytes[bit / 8] & ~(0x80u >> (bit % 8)));
+    if (network.bytes == address->bytes) return "";
+    return fmt::format(
+        "\"{}\" names a machine and a network at once; write \"{}/{}\" for the machine, \"{}/{}\" for the network", text,
+        text_of(*address), address->bits, text_of(network), *bits);
+}
+
+}  // namespace tactiled

@@ -1,0 +1,19 @@
+// Files that a user wrote, whole and with a limit; and files that must not be lost half-written.
+#pragma once
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "config/options.hpp"
+
+namespace tactiled {
+
+// The bytes of a regular file of at most `most_bytes`. Else an error in `problems` that says what to do. Never blocks on a
+// pipe or a device. setup: never throws for bad input
+std::optional<std::string> read_text_file(const std::string& path, std::size_t most_bytes, Problems& problems);
+
+// Replaces `path` at once or not at all: temporary file beside it, fsync, rename, fsync of the folder.
+// setup: throws SetupError where a step is refused; then the old file stands as it was and no temporary one is left
+void replace_file(const std::string& path, std::string_view bytes);
+
+}  // namespace tactiled
