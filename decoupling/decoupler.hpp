@@ -33,8 +33,8 @@ struct Estimate {
     Wrench wrench_S = kUnseen;
     Wrench sd = kUnseen;  // one standard deviation
     tactiled_quality quality = TACTILED_BAD;
-    std::uint32_t reasons = 0;   // enum tactiled_reason
-    double residual = kNaN;      // of the model, in standard deviations of the channels
+    std::uint32_t reasons = 0;  // enum tactiled_reason
+    double residual = kNaN;     // of the model, in standard deviations of the channels
 };
 
 class Decoupler {
@@ -50,7 +50,7 @@ public:
 
 // One model; an entry object at the foot of its own file links itself into the list (as DriverEntry).
 struct DecouplerEntry {
-    std::string_view name;  // as in `model = "table"`
+    std::string_view name;             // as in `model = "table"`
     std::vector<std::string> methods;  // the first is the default
     // Reads the model's own keys of a [[sensor]] table and prepares everything that decouple() needs; errors go to the
     // options' Problems. setup

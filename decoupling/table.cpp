@@ -179,6 +179,7 @@ private:
             reading += r[k] * r[k];
         }
         const double variance = noise_ * noise_ + kGainError * kGainError * reading / gauges;
+        if (!std::isfinite(variance)) return std::numeric_limits<double>::infinity();  // readings of 1e154 and more
         return std::sqrt(unexplained / (gauges - 3) / variance);
     }
 

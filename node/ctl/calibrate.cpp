@@ -1,0 +1,113 @@
+// tactilectl calibrate: from labelled rows to a calibration file, and how far to trust it.
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <cmath>
+#include <ctime>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "config/calibration.hpp"
+#include "decoupling/fit/fit.hpp"
+#include "node/ctl/verb.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Settings {
+    std::string in, out;
+    Selection selection;
+    FitRequest request;
+    bool json = false;
+};
+
+std::string unit_of(const ComponentReport& component) { return component.name[0] == 'f' ? "N" : "Nm"; }
+
+void print_report(const FitReport& report, const Settings& settings) {
+    const Calibration& calibration = report.calibration;
+    fmt::print("{}: model {}, method {}, {} channels\n", settings.out, calibration.model, calibration.method,
+               calibration.channels.size());
+    fmt::print("rows: {} used of {} ({} without a label, {} with a missing channel)\n", calibration.rows, report.rows_read,
+               report.rows_without_label, report.rows_missing_channel);
+    fmt::print("held out: {}\n", calibration.validation.empty() ? "not validated" : calibration.validation);
+    fmt::print("{:>9} {:>10} {:>13} {:>15} {:>15} {:>8}\n", "component", "rows", "full scale", "fitted rms", "held-out rms",
+               "% of FS");
+    for (const auto& c : report.components) {
+        const std::string unit = unit_of(c);
+        fmt::print("{:>9} {:>10} {:>10.4g} {:<2} {:>12.3g} {:<2}", c.name, c.rows, c.full_scale, unit, c.fitted_rms, unit);
+        if (std::isfinite(c.held_out_rms))
+            fmt::print(" {:>12.3g} {:<2} {:>8.2f}\n", c.held_out_rms, unit, 100 * c.held_out_rms / c.full_scale);
+        else
+            fmt::print(" {:>15} {:>8}\n", "unknown", "unknown");
+    }
+    if (calibration.model == "table")
+        for (const auto& [name, value] : calibration.parameters)
+            fmt::print("{} = {:.5g}{}\n", name, value, name == "noise" ? " (rms residual of a gauge)" : " 1/N");
+    fmt::print("condition number: {:.3g}\n", calibration.condition);
+    for (const auto& warning : report.warnings) fmt::print(stderr, "warning: {}\n", warning);
+}
+
+void print_json(const FitReport& report, const Settings& settings) {
+    // What is unknown is null: JSON has no NaN.
+    const auto number = [](double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); };
+    nlohmann::json json{{"schema", 1},
+                        {"calibration", settings.out},
+                        {"model", report.calibration.model},
+                        {"method", report.calibration.method},
+                        {"channels", report.calibration.channels},
+                        {"rows_read", report.rows_read},
+                        {"rows_used", report.calibration.rows},
+                        {"rows_without_label", report.rows_without_label},
+                        {"rows_missing_channel", report.rows_missing_channel},
+                        {"validation", report.calibration.validation},
+                        {"condition", number(report.calibration.condition)},
+                        {"parameters", report.calibration.parameters},
+                        {"components", nlohmann::json::array()},
+                        {"warnings", report.warnings}};
+    for (const auto& c : report.components)
+        json["components"].push_back({{"name", c.name},
+                                      {"unit", unit_of(c)},
+                                      {"rows", c.rows},
+                                      {"full_scale", number(c.full_scale)},
+                                      {"fitted_rms", number(c.fitted_rms)},
+                                      {"held_out_rms", number(c.held_out_rms)}});
+    fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+int calibrate(Settings settings) {
+    if (settings.request.channel_unit.empty())
+        settings.request.channel_unit = settings.request.model == "table" ? "dR/R0" : "unknown";
+    settings.request.date = fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)));
+    const FitReport report = fit(read_labelled(settings.in, settings.selection), settings.request);
+    save_calibration(report.calibration, settings.out);
+    if (settings.json)
+        print_json(report, settings);
+    else
+        print_report(report, settings);
+    return kGood;
+}
+
+}  // namespace
+
+void add_calibrate(CLI::App& app, Run& run) {
+    auto settings = std::make_shared<Settings>();
+    settings->request.channel_unit.clear();
+    auto* verb = app.add_subcommand(
+        "calibrate", "Fits a calibration to labelled readings and says how good it is on rows it has not seen");
+    verb->add_option("--model", settings->request.model, "generic or table")->required();
+    verb->add_option("--method", settings->request.method, "of the model; its first if not given");
+    verb->add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
+        ->required();
+    verb->add_option("--out", settings->out, "the calibration file to write")->required();
+    verb->add_option("--session", settings->selection.sessions, "use only these sessions")->take_all();
+    verb->add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")
+        ->delimiter(',');
+    verb->add_option("--serial", settings->request.serial, "of this sensor");
+    verb->add_option("--contact-model", settings->request.contact_model, "what pressed on it: uniform, point ...")
+        ->capture_default_str();
+    verb->add_option("--channel-unit", settings->request.channel_unit, "unit of the channels: dR/R0, pF, uT, counts ...");
+    verb->add_flag("--json", settings->json, "print the report as JSON");
+    verb->callback([settings, &run] { run = [settings] { return calibrate(*settings); }; });
+}
+
+}  // namespace tactiled::ctl

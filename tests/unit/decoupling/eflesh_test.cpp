@@ -1,0 +1,60 @@
+// A real skin: calibrated on one session, judged on another that it has never seen.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "decoupling/fit/fit.hpp"
+#include "made_by_hand.hpp"
+
+namespace tactiled {
+namespace {
+
+const std::string kFile = TACTILED_SOURCE_DIR "/tests/data/eflesh/normal_labelled.csv";
+
+Labelled session(const std::string& name) { return read_labelled(kFile, {.sessions = {name}, .channels = {}}); }
+
+FitReport fitted_on_session_1() {
+    return fit(session("1"), {.model = "generic", .method = "", .serial = "", .channel_unit = "uT", .date = ""});
+}
+
+// Full scale is the calibration's: the greatest load of session 1, 34.154 N (session 2 goes to 32.339 N).
+TEST(Eflesh, AnUnseenSessionIsWithin23PerMilleOfFullScale) {
+    const FitReport report = fitted_on_session_1();
+    const double full_scale_N = report.calibration.full_scale[0];
+    EXPECT_NEAR(full_scale_N, 34.154, 0.001);
+    const auto decoupler = make_decoupler(report.calibration);
+    double squares = 0;
+    int labelled = 0, good = 0, flagged = 0;
+    for (const auto& row : session("2").rows) {
+        const Estimate estimate = decouple(*decoupler, row.channel);
+        ++(estimate.quality == TACTILED_GOOD ? good : flagged);
+        if (std::isnan(row.wrench_S[2])) continue;
+        squares += std::pow(estimate.wrench_S[2] - row.wrench_S[2], 2);
+        ++labelled;
+    }
+    const double rms_N = std::sqrt(squares / labelled);
+    RecordProperty("rms_N", std::to_string(rms_N));
+    EXPECT_EQ(labelled, 1860);
+    EXPECT_LE(rms_N, 0.023 * full_scale_N);
+    // The same skin in the same range: nearly all of it lies in the domain.
+    EXPECT_EQ(good + flagged, 3600);
+    EXPECT_LT(flagged, 36);
+}
+
+// What the calibration claims of itself, without session 2, is what session 2 then shows.
+TEST(Eflesh, TheClaimedDeviationIsTrueOfTheUnseenSession) {
+    const FitReport report = fitted_on_session_1();
+    ASSERT_EQ(report.calibration.sd.size(), 1u);
+    const auto decoupler = make_decoupler(report.calibration);
+    double squares = 0;
+    int labelled = 0;
+    for (const auto& row : session("2").rows) {
+        if (std::isnan(row.wrench_S[2])) continue;
+        squares += std::pow((decouple(*decoupler, row.channel).wrench_S[2] - row.wrench_S[2]) / report.calibration.sd[0], 2);
+        ++labelled;
+    }
+    EXPECT_NEAR(std::sqrt(squares / labelled), 1.0, 0.15);
+}
+
+}  // namespace
+}  // namespace tactiled

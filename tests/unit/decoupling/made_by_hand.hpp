@@ -1,0 +1,76 @@
+// Calibrations and readings made by hand, for the tests of the models.
+#pragma once
+#include <unistd.h>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "decoupling/decoupler.hpp"
+
+namespace tactiled {
+
+// The gains of the documents' table sensor, 1/N, and its noise.
+inline constexpr double kNormal_per_N = 19366e-6;
+inline constexpr double kTangential_per_N = 10847e-6;
+inline constexpr double kOuter_per_N = 8596e-6;
+
+inline Calibration table_calibration(std::vector<std::string> channels) {
+    Calibration calibration;
+    calibration.path = "table.toml";
+    calibration.model = "table";
+    calibration.method = "linear";
+    calibration.zero.assign(channels.size(), 0.0);
+    calibration.channels = std::move(channels);
+    calibration.components = {"fx", "fy", "fz"};
+    calibration.parameters = {{"normal_inner", kNormal_per_N}, {"tangential_inner", kTangential_per_N}, {"noise", 20e-6}};
+    if (calibration.channels.size() > 4) calibration.parameters["tangential_outer"] = kOuter_per_N;
+    calibration.sd = {0.01, 0.01, 0.02};
+    return calibration;
+}
+
+inline std::vector<std::string> inner_gauges() { return {"R1", "R3", "R5", "R7"}; }
+inline std::vector<std::string> all_gauges() { return {"R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8"}; }
+
+// nullptr where the calibration is refused; `problems` says why.
+inline std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, Problems& problems) {
+    Options none = Options::parse_text("", "test", problems);
+    const auto* entry = find_decoupler(calibration.model);
+    return entry->make(calibration, calibration.method, none);
+}
+
+inline std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration) {
+    Problems problems;
+    auto decoupler = make_decoupler(calibration, problems);
+    problems.throw_if_any();
+    return decoupler;
+}
+
+inline Estimate decouple(Decoupler& decoupler, const std::vector<double>& channel, std::uint32_t missing = 0,
+                         std::uint32_t saturated = 0) {
+    return decoupler.decouple({.channel = channel, .missing = missing, .saturated = saturated});
+}
+
+// A file that is gone when the test ends.
+class ScratchFile {
+public:
+    explicit ScratchFile(const std::string& text) {
+        std::string pattern = (std::filesystem::temp_directory_path() / "tactiled_test_XXXXXX").string();
+        const int fd = mkstemp(pattern.data());
+        if (fd < 0) std::abort();
+        ::close(fd);
+        path_ = pattern;
+        std::ofstream(path_, std::ios::binary) << text;
+    }
+    ~ScratchFile() { std::filesystem::remove(path_); }
+    ScratchFile(const ScratchFile&) = delete;
+    ScratchFile& operator=(const ScratchFile&) = delete;
+    [[nodiscard]] const std::string& path() const { return path_; }
+
+private:
+    std::string path_;
+};
+
+}  // namespace tactiled
