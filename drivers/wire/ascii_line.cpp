@@ -1,0 +1,169 @@
+#include "drivers/wire/ascii_line.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+namespace tactiled {
+namespace {
+
+constexpr std::string_view kBlanks = " \t\r";
+
+std::string_view trimmed(std::string_view text) noexcept {
+    while (!text.empty() && kBlanks.find(text.front()) != std::string_view::npos) text.remove_prefix(1);
+    while (!text.empty() && kBlanks.find(text.back()) != std::string_view::npos) text.remove_suffix(1);
+    return text;
+}
+
+// The text up to the next separator; `line` keeps what follows, `more` whether there was a separator.
+std::string_view cut_cell(std::string_view& line, char separator, bool& more) noexcept {
+    std::size_t end = line.find(separator);
+    more = end != std::string_view::npos;
+    const std::string_view cell = trimmed(line.substr(0, end));
+    line.remove_prefix(more ? end + 1 : line.size());
+    if (separator == ' ')  // blanks in a row separate once
+        while (!line.empty() && line.front() == ' ') line.remove_prefix(1);
+    return cell;
+}
+
+// Commas, else semicolons, else tabs, else blanks.
+char separator_of(std::string_view line) noexcept {
+    for (const char c : {',', ';', '\t'})
+        if (line.find(c) != std::string_view::npos) return c;
+    return ' ';
+}
+
+template <class T>
+bool read_number(std::string_view cell, T& value) noexcept {
+    if (cell.size() > 1 && cell.front() == '+' && cell[1] != '-') cell.remove_prefix(1);
+    const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+    return error == std::errc{} && end == cell.data() + cell.size();
+}
+
+int hex_digit(char c) noexcept {
+    if (c >= '0' && c <= '9') return c - '0';
+    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+    return -1;
+}
+
+std::uint8_t xor_of(std::string_view text) noexcept {
+    std::uint8_t sum = 0;
+    for (const char c : text) sum = std::uint8_t(sum ^ std::uint8_t(c));
+    return sum;
+}
+
+}  // namespace
+
+void AsciiDecoder::reset() noexcept {
+    StreamDecoder::reset();
+    length_ = 0;
+    synchronised_ = time_seen_ = false;
+    sequence_.reset();
+}
+
+bool AsciiDecoder::take(std::uint8_t byte, Frame& frame) noexcept {
+    if (byte != '\n') {
+        if (length_ < line_.size()) line_[length_] = char(byte);
+        ++length_;
+        return false;
+    }
+    bool complete = false;
+    if (length_ > line_.size()) {
+        reject(TACTILED_LINK_BAD_LENGTH);
+    } else {
+        const std::string_view line = trimmed({line_.data(), length_});
+        if (line.empty() || line.front() == '#')
+            counts_[TACTILED_LINK_SKIPPED] += line.empty() ? 0 : std::uint32_t(length_ + 1);  // a comment
+        else
+            complete = finish(line, frame);
+    }
+    length_ = 0;
+    synchronised_ = true;
+    return complete;
+}
+
+bool AsciiDecoder::reject(tactiled_link_count kind) noexcept {
+    if (synchronised_) ++counts_[kind];  // else we came in the middle of a line, which is nobody's fault
+    counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
+    return false;
+}
+
+bool AsciiDecoder::finish(std::string_view line, Frame& frame) noexcept {
+    const std::size_t star = line.rfind('*');
+    if (star == std::string_view::npos) {
+        if (format_.checksum) return reject(TACTILED_LINK_BAD_CHECKSUM);
+    } else {
+        const int high = star + 3 == line.size() ? hex_digit(line[star + 1]) : -1;
+        const int low = high >= 0 ? hex_digit(line[star + 2]) : -1;
+        if (low < 0 || xor_of(line.substr(0, star)) != high * 16 + low) return reject(TACTILED_LINK_BAD_CHECKSUM);
+        line = line.substr(0, star);
+    }
+    // An unchecked first line may have lost its beginning and still look whole.
+    if (!synchronised_ && star == std::string_view::npos) return reject(TACTILED_LINK_BAD_LENGTH);
+    return read_cells(line, frame);
+}
+
+bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
+    const char separator = separator_of(line);
+    std::uint32_t sequence = 0, time_us = 0;
+    bool more = true;
+    if (format_.sequence && !read_number(cut_cell(line, separator, more), sequence)) return reject(TACTILED_LINK_BAD_VALUE);
+    if (format_.time_us && (!more || !read_number(cut_cell(line, separator, more), time_us))) return reject(TACTILED_LINK_BAD_VALUE);
+    frame = Frame{};
+    for (; more; ++frame.n_channels) {
+        if (frame.n_channels == format_.channels) return reject(TACTILED_LINK_BAD_LENGTH);
+        const std::string_view cell = cut_cell(line, separator, more);
+        double& value = frame.channel[frame.n_channels];
+        value = std::numeric_limits<double>::quiet_NaN();
+        if (!cell.empty() && (!read_number(cell, value) || std::isinf(value))) return reject(TACTILED_LINK_BAD_VALUE);
+        if (std::isnan(value)) frame.missing |= 1u << frame.n_channels;
+    }
+    if (frame.n_channels != format_.channels) return reject(TACTILED_LINK_BAD_LENGTH);
+
+    const auto elapsed_us = std::int32_t(time_us - std::uint32_t(time_us_));
+    const bool clock_went_back = format_.time_us && time_seen_ && elapsed_us < 0;
+    if (format_.sequence) {
+        const auto verdict = sequence_.next(sequence, 32, clock_went_back);
+        if (!verdict.accept) {
+            ++counts_[TACTILED_LINK_REPEATED];
+            return false;
+        }
+        counts_[TACTILED_LINK_LOST] += verdict.lost;
+        frame.lost = verdict.lost;
+        frame.sequence = sequence;
+        frame.has_sequence = true;
+    }
+    if (format_.time_us) {
+        time_us_ = time_seen_ && !clock_went_back ? time_us_ + std::uint32_t(elapsed_us) : time_us;
+        time_seen_ = true;
+        frame.device_time_us = time_us_;
+    }
+    return true;
+}
+
+std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMostBytes * 2> out) noexcept {
+    char* at = out.data();
+    char* const end = out.data() + out.size() - 8;  // room for "*HH\n"
+    const auto separate = [&] {
+        if (at != out.data()) *at++ = ',';
+    };
+    if (format.sequence) at = std::to_chars(at, end, frame.sequence).ptr;
+    if (format.time_us) {
+        separate();
+        at = std::to_chars(at, end, std::uint32_t(frame.device_time_us)).ptr;
+    }
+    for (unsigned k = 0; k < frame.n_channels; ++k) {
+        if (k != 0 || at != out.data()) *at++ = ',';
+        if ((frame.missing >> k & 1u) == 0) at = std::to_chars(at, end, frame.channel[k]).ptr;
+    }
+    if (format.checksum) {
+        const std::uint8_t sum = xor_of({out.data(), std::size_t(at - out.data())});
+        *at++ = '*';
+        for (const int digit : {sum >> 4, sum & 15}) *at++ = "0123456789ABCDEF"[digit];
+    }
+    *at++ = '\n';
+    return std::size_t(at - out.data());
+}
+
+}  // namespace tactiled

@@ -1,0 +1,155 @@
+#include "drivers/wire/cobs_frame.hpp"
+
+#include <algorithm>
+#include <boost/crc.hpp>
+#include <cmath>
+#include <limits>
+
+namespace tactiled {
+namespace {
+
+using Crc16 = boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false>;  // CRC-16/CCITT-FALSE
+
+constexpr std::uint8_t kFormat24 = 1, kFormat32 = 2;
+constexpr std::uint8_t kFlagMissing = 1, kFlagTime = 2;
+constexpr std::size_t kHeader = 10;
+
+std::uint32_t get(const std::uint8_t* bytes, int n) noexcept {
+    std::uint32_t value = 0;
+    for (int i = 0; i < n; ++i) value |= std::uint32_t(bytes[i]) << (8 * i);
+    return value;
+}
+
+void put(std::uint8_t*& at, std::uint32_t value, int n) noexcept {
+    for (int i = 0; i < n; ++i) *at++ = std::uint8_t(value >> (8 * i));
+}
+
+std::int32_t rail(int bits) noexcept { return std::int32_t((1u << (bits - 1)) - 1); }
+
+// Length of the plain bytes, or 0 where `encoded` is no COBS.
+std::size_t uncobs(std::span<const std::uint8_t> encoded, std::uint8_t* plain) noexcept {
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < encoded.size();) {
+        const std::size_t code = encoded[i++];
+        if (code == 0 || i + code - 1 > encoded.size()) return 0;
+        for (std::size_t k = 1; k < code; ++k) plain[n++] = encoded[i++];
+        if (code != 255 && i < encoded.size()) plain[n++] = 0;
+    }
+    return n;
+}
+
+}  // namespace
+
+void CobsDecoder::reset() noexcept {
+    StreamDecoder::reset();
+    devices_.fill({});
+    length_ = 0;
+    synchronised_ = false;
+}
+
+bool CobsDecoder::take(std::uint8_t byte, Frame& frame) noexcept {
+    if (byte != 0) {
+        if (length_ < encoded_.size()) encoded_[length_] = byte;
+        ++length_;
+        return false;
+    }
+    const bool complete = length_ != 0 && finish(frame);  // zeros in a row are idle line
+    length_ = 0;
+    synchronised_ = true;
+    return complete;
+}
+
+bool CobsDecoder::reject(tactiled_link_count kind) noexcept {
+    if (synchronised_) ++counts_[kind];  // else we came in the middle of a frame, which is nobody's fault
+    counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
+    return false;
+}
+
+bool CobsDecoder::finish(Frame& frame) noexcept {
+    if (length_ >= encoded_.size()) return reject(TACTILED_LINK_BAD_LENGTH);
+    std::array<std::uint8_t, kCobsMostEncoded> plain;
+    const std::size_t n = uncobs({encoded_.data(), length_}, plain.data());
+    if (n < kHeader + 3 + 2) return reject(TACTILED_LINK_BAD_LENGTH);
+    Crc16 crc;
+    crc.process_bytes(plain.data(), n - 2);
+    if (crc.checksum() != get(&plain[n - 2], 2)) return reject(TACTILED_LINK_BAD_CHECKSUM);
+    return read_plain({plain.data(), n - 2}, frame);
+}
+
+bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, Frame& frame) noexcept {
+    const std::uint8_t format = plain[0], device = plain[1], channels = plain[2], flags = plain[3];
+    const int bytes = format == kFormat24 ? 3 : 4;
+    const std::size_t mask_bytes = (flags & kFlagMissing) != 0 ? 4 : 0;
+    if ((format != kFormat24 && format != kFormat32) || device >= kCobsMostDevices || channels == 0 || channels > kMaxChannels ||
+        (flags & ~(kFlagMissing | kFlagTime)) != 0 || plain.size() != kHeader + mask_bytes + std::size_t(channels) * std::size_t(bytes))
+        return reject(TACTILED_LINK_BAD_LENGTH);
+
+    Device& known = devices_[device];
+    const std::uint32_t sequence = get(&plain[4], 2), time_us = get(&plain[6], 4);
+    const bool has_time = (flags & kFlagTime) != 0;
+    const auto elapsed_us = std::int32_t(time_us - std::uint32_t(known.time_us));
+    const bool clock_went_back = has_time && known.seen && elapsed_us < 0;
+    const auto verdict = known.sequence.next(sequence, 16, clock_went_back);
+    if (!verdict.accept) {
+        ++counts_[TACTILED_LINK_REPEATED];
+        return false;
+    }
+    counts_[TACTILED_LINK_LOST] += verdict.lost;
+    if (has_time) known.time_us = known.seen && !clock_went_back ? known.time_us + std::uint32_t(elapsed_us) : time_us;
+    known.seen = has_time;
+
+    frame = Frame{};
+    frame.device_time_us = has_time ? known.time_us : 0;
+    frame.sequence = sequence;
+    frame.has_sequence = true;
+    frame.device = device;
+    frame.n_channels = channels;
+    frame.lost = verdict.lost;
+    if (mask_bytes != 0) frame.missing = get(&plain[kHeader], 4);
+    const std::int32_t top = bytes == 3 ? rail(24) : std::numeric_limits<std::int32_t>::max();
+    for (unsigned k = 0; k < channels; ++k) {
+        const std::uint32_t raw = get(&plain[kHeader + mask_bytes + std::size_t(k) * std::size_t(bytes)], bytes);
+        const auto value = bytes == 3 ? std::int32_t(raw << 8) >> 8 : std::int32_t(raw);
+        const bool missing = (frame.missing >> k & 1u) != 0;
+        frame.channel[k] = missing ? std::numeric_limits<double>::quiet_NaN() : double(value);
+        if (!missing && (value >= top || value <= -top - 1)) frame.saturated |= 1u << k;
+    }
+    return true;
+}
+
+std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kCobsMostEncoded> out) noexcept {
+    std::array<std::uint8_t, kCobsMostPlain> plain;
+    std::uint8_t* at = plain.data();
+    const bool has_time = frame.device_time_us != 0;
+    put(at, bits == 24 ? kFormat24 : kFormat32, 1);
+    put(at, frame.device, 1);
+    put(at, frame.n_channels, 1);
+    put(at, std::uint32_t((frame.missing != 0 ? kFlagMissing : 0) | (has_time ? kFlagTime : 0)), 1);
+    put(at, frame.sequence, 2);
+    put(at, std::uint32_t(frame.device_time_us), 4);
+    if (frame.missing != 0) put(at, frame.missing, 4);
+    const double top = bits == 24 ? double(rail(24)) : double(std::numeric_limits<std::int32_t>::max());
+    for (unsigned k = 0; k < frame.n_channels; ++k) {
+        const bool missing = (frame.missing >> k & 1u) != 0;
+        const double value = missing ? 0 : std::clamp(std::nearbyint(frame.channel[k]), -top - 1, top);
+        put(at, std::uint32_t(std::int32_t(value)), bits / 8);
+    }
+    Crc16 crc;
+    crc.process_bytes(plain.data(), std::size_t(at - plain.data()));
+    put(at, crc.checksum(), 2);
+
+    std::size_t code_at = 0, n = 1;  // frames are shorter than 254 bytes: COBS adds exactly one byte
+    for (const std::uint8_t* p = plain.data(); p != at; ++p) {
+        if (*p != 0) {
+            out[n++] = *p;
+            continue;
+        }
+        out[code_at] = std::uint8_t(n - code_at);
+        code_at = n++;
+    }
+    out[code_at] = std::uint8_t(n - code_at);
+    out[n++] = 0;
+    return n;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,78 @@
+#include "drivers/tty.hpp"
+
+#include <asm/termbits.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <linux/serial.h>
+#include <linux/tty_flags.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+
+namespace tactiled {
+namespace {
+
+const char* remedy(int error) {
+    switch (error) {
+        case ENOENT: return " (is it plugged in? ls /dev/serial/by-id)";
+        case EACCES: return " (join its group, usually dialout)";
+        case EBUSY: return " (another program has it open; who: fuser PATH)";
+        case ENXIO:
+        case EIO: return " (the device behind the name is gone)";
+        case ENOTTY: return " (this is no serial port)";
+        default: return "";
+    }
+}
+
+}  // namespace
+
+int open_tty(const std::string& path, unsigned baud, std::string& why) {
+    const int fd = ::open(path.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    const auto fail = [&](const char* what) {
+        const int error = errno;
+        why = fmt::format("{}: {}{}{}", path, what, std::strerror(error), remedy(error));
+        if (fd >= 0) ::close(fd);
+        return -1;
+    };
+    if (fd < 0) return fail("");
+    termios2 settings{};
+    if (::ioctl(fd, TCGETS2, &settings) != 0) return fail("");
+    if (::ioctl(fd, TIOCEXCL) != 0) return fail("exclusive use: ");  // root may open it all the same
+    settings.c_iflag = 0;
+    settings.c_oflag = 0;
+    settings.c_lflag = 0;
+    settings.c_cflag = CS8 | CREAD | CLOCAL | BOTHER | (BOTHER << IBSHIFT);  // no HUPCL: closing must not reset an Arduino
+    settings.c_ispeed = settings.c_ospeed = baud;
+    settings.c_cc[VMIN] = 1;
+    settings.c_cc[VTIME] = 0;
+    if (::ioctl(fd, TCSETS2, &settings) != 0) return fail("settings: ");
+    // A UART that cannot do the rate takes the call and does another one.
+    termios2 got{};
+    if (::ioctl(fd, TCGETS2, &got) != 0) return fail("settings: ");
+    const unsigned off = got.c_ospeed > baud ? got.c_ospeed - baud : baud - got.c_ospeed;
+    if (off > baud / 50) {
+        ::close(fd);
+        why = fmt::format("{}: asked for {} baud, the port does {}: choose a rate that it can do", path, baud, got.c_ospeed);
+        return -1;
+    }
+    // USB adapters hold bytes back for 16 ms unless told otherwise. Optional: a pty has no such thing.
+    serial_struct serial{};
+    if (::ioctl(fd, TIOCGSERIAL, &serial) == 0) {
+        serial.flags |= ASYNC_LOW_LATENCY;
+        (void)::ioctl(fd, TIOCSSERIAL, &serial);
+    }
+    if (::ioctl(fd, TCFLSH, TCIFLUSH) != 0) return fail("flush: ");
+    return fd;
+}
+
+bool tty_overruns(int fd, std::uint32_t& count) noexcept {
+    serial_icounter_struct counters{};
+    if (::ioctl(fd, TIOCGICOUNT, &counters) != 0) return false;
+    count = std::uint32_t(counters.overrun) + std::uint32_t(counters.buf_overrun);
+    return true;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,17 @@
+// A tty as the kernel sees it: opening, its settings, its error counters. termios2 and <termios.h> cannot share a
+// translation unit, so this is its own.
+#pragma once
+#include <cstdint>
+#include <string>
+
+namespace tactiled {
+
+// Opens `path` raw, 8N1, for reading, exclusively, at `baud` (any rate; read back and compared), and throws away what
+// waited in the kernel: old bytes must not get a new stamp. Returns the descriptor, or -1 with `why` and its remedy.
+int open_tty(const std::string& path, unsigned baud, std::string& why);
+
+// Bytes that the kernel or the UART has lost since boot, where the driver counts them. Returns false where it does not.
+// rt: one ioctl
+bool tty_overruns(int fd, std::uint32_t& count) noexcept;
+
+}  // namespace tactiled

@@ -1,0 +1,108 @@
+// Bytes -> Frame, whatever the wire format: pure, no I/O, bounded, so that it can be fuzzed and replayed.
+#pragma once
+#include <array>
+#include <cassert>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+#include "drivers/driver.hpp"
+#include "drivers/frame.hpp"
+
+namespace tactiled {
+
+// A stream of bytes in which frames stand one after the other. What comes out does not depend on how the bytes were cut
+// into chunks. A format derives from it and says, byte by byte, when a frame is complete.
+class StreamDecoder {
+public:
+    static constexpr std::size_t kMostBytes = 4096;  // of one push; a kernel's tty buffer
+
+    explicit StreamDecoder(LinkCounts& counts) : counts_(counts) {}
+    virtual ~StreamDecoder() = default;
+
+    // Takes bytes that arrived at `t_ns`; every earlier one must have been used: next() has returned false.
+    // rt: wait-free
+    void push(std::span<const std::uint8_t> bytes, std::uint64_t t_ns) noexcept {
+        assert(at_ == size_ && bytes.size() <= kMostBytes);
+        std::memcpy(bytes_.data(), bytes.data(), bytes.size());
+        at_ = 0;
+        size_ = bytes.size();
+        t_ns_ = t_ns;
+        counts_[TACTILED_LINK_BYTES] += std::uint32_t(bytes.size());
+    }
+
+    // The next complete frame, stamped with the time of the push that brought its last byte. rt: wait-free
+    [[nodiscard]] bool next(Frame& frame) noexcept {
+        if (!is_ready()) return false;
+        frame = ahead_;
+        ready_ = false;
+        return true;
+    }
+
+    // True when next() will give a frame. rt: wait-free
+    [[nodiscard]] bool is_ready() noexcept {
+        while (!ready_ && at_ < size_) ready_ = take(bytes_[at_++], ahead_);
+        if (ready_ && ahead_.t_ns == 0) {
+            ahead_.t_ns = t_ns_;
+            ++counts_[TACTILED_LINK_FRAMES];
+        }
+        return ready_;
+    }
+
+    // Forgets the stream: the device was opened anew. The first frame may be a partial one and is then dropped quietly.
+    virtual void reset() noexcept {
+        at_ = size_ = 0;
+        ready_ = false;
+    }
+
+protected:
+    // Uses one byte; true when it completed `frame` (stamp and counting are the base's). rt: wait-free
+    [[nodiscard]] virtual bool take(std::uint8_t byte, Frame& frame) noexcept = 0;
+
+    LinkCounts& counts_;
+
+private:
+    std::array<std::uint8_t, kMostBytes> bytes_{};
+    std::size_t at_ = 0, size_ = 0;
+    std::uint64_t t_ns_ = 0;
+    Frame ahead_;
+    bool ready_ = false;
+};
+
+// Follows a device's sequence counter: gaps, repeats, restarts.
+//
+// A step ahead by less than half the counter's range is a gap of that many frames. A step back is a frame that was
+// sent twice or overtaken: it is dropped, unless the device has restarted: its clock went back, or the frame after it
+// counts on from it. So a restart costs no frame of a device that sends its time, and one frame of another.
+class SequenceTracker {
+public:
+    struct Verdict {
+        bool accept;
+        std::uint32_t lost;  // frames missing right before this one
+    };
+
+    // `bits`: width of the counter. rt: wait-free
+    Verdict next(std::uint32_t sequence, unsigned bits, bool clock_went_back) noexcept {
+        const std::uint32_t mask = bits >= 32 ? ~0u : (1u << bits) - 1;
+        const std::uint32_t step = (sequence - last_ - 1) & mask;  // 0: the one that follows
+        const bool counts_on = dropped_ && ((sequence - last_dropped_ - 1) & mask) == 0;
+        const bool restart = !started_ || clock_went_back || counts_on;
+        if (!restart && step > mask / 2) {
+            dropped_ = true;
+            last_dropped_ = sequence;
+            return {false, 0};
+        }
+        started_ = true;
+        dropped_ = false;
+        last_ = sequence;
+        return {true, restart ? 0 : step};
+    }
+    void reset() noexcept { started_ = dropped_ = false; }
+
+private:
+    std::uint32_t last_ = 0, last_dropped_ = 0;
+    bool started_ = false, dropped_ = false;
+};
+
+}  // namespace tactiled
