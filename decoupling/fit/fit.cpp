@@ -61,7 +61,9 @@ Labelled with_useful_channels(const Labelled& labelled, const std::string& model
             warnings.push_back(fmt::format("channel {} {} in the labelled rows: left out", name, what));
         }
     }
-    if (kept.empty()) throw Undetermined("no channel changes in the labelled rows");
+    if (kept.empty())
+        throw Undetermined(model == "table" ? "no column is a gauge of model \"table\" (R1 .. R8)"
+                                            : "no channel changes in the labelled rows");
     return with_channels(labelled, kept);
 }
 

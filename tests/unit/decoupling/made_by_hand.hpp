@@ -15,7 +15,7 @@ namespace tactiled {
 // The gains of the documents' table sensor, 1/N, and its noise.
 inline constexpr double kNormal_per_N = 19366e-6;
 inline constexpr double kTangential_per_N = 10847e-6;
-inline constexpr double kOuter_per_N = 8596e-6;
+inline constexpr double kOuter_per_N = 8582e-6;
 
 inline Calibration table_calibration(std::vector<std::string> channels) {
     Calibration calibration;

@@ -18,7 +18,7 @@ struct Force {
 
 // The sensor, written out from the sign table of Lee et al. and not from the code: what R1 .. R8 read.
 std::array<double, 8> gauges_of(Force f) {
-    const double ti = 10847e-6, ni = 19366e-6, to = 8596e-6, n = -f.z;
+    const double ti = 10847e-6, ni = 19366e-6, to = 8582e-6, n = -f.z;
     return {-ti * f.x + ni * n, +to * f.x, -ti * f.y + ni * n, +to * f.y,
             +ti * f.x + ni * n, -to * f.x, +ti * f.y + ni * n, -to * f.y};
 }
@@ -130,8 +130,8 @@ TEST(Table, FollowsTheSignTableNotEquationTwo) {
 TEST(Table, CombinesBothRingsByTheirGains) {
     const auto decoupler = make_decoupler(table_calibration(all_gauges()));
     // Only the outer pair answers: of the least-squares Fx it decides to^2 / (to^2 + ti^2).
-    const double share = 8596.0 * 8596 / (8596.0 * 8596 + 10847.0 * 10847);
-    EXPECT_NEAR(decouple(*decoupler, {0, 8596e-6, 0, 0, 0, -8596e-6, 0, 0}).wrench_S[0], share, 1e-14);
+    const double share = 8582.0 * 8582 / (8582.0 * 8582 + 10847.0 * 10847);
+    EXPECT_NEAR(decouple(*decoupler, {0, 8582e-6, 0, 0, 0, -8582e-6, 0, 0}).wrench_S[0], share, 1e-14);
 }
 
 TEST(Table, SubtractsTheZeroOfEachGauge) {
