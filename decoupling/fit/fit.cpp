@@ -7,15 +7,14 @@
 #include <utility>
 
 #include "decoupling/domain.hpp"
+#include "decoupling/fit/validate.hpp"
 #include "decoupling/table_signs.hpp"
 
 namespace tactiled {
 namespace {
 
-using Fit = void (*)(const Rows&, Calibration&, std::vector<std::string>&);
-constexpr std::pair<std::string_view, Fit> kFits[] = {{"generic", fit_generic}, {"table", fit_table}};
+constexpr std::pair<std::string_view, FitModel> kFits[] = {{"generic", fit_generic}, {"table", fit_table}};
 
-constexpr std::size_t kStretches = 5;           // of time, where there are no sessions to leave out
 constexpr std::size_t kRowsPerCoefficient = 3;  // fewer describe the noise
 constexpr double kIllConditioned = 1000;        // 0.1 % of noise in a channel becomes 100 % of a coefficient
 constexpr double kHardlyIndependent = 0.05;     // of the labels: correlated to more than 0.995
@@ -120,113 +119,6 @@ void check_labels(const Rows& rows, FitReport& report) {
         fmt::format("the labels of {} hardly vary independently of each other: they are told apart badly", together));
 }
 
-std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration) {
-    Problems problems;
-    Options none = Options::parse_text("", "fit", problems);
-    auto decoupler = find_decoupler(calibration.model)->make(calibration, calibration.method, none);
-    problems.throw_if_any();
-    return decoupler;
-}
-
-// For each component the sum of squared errors and their number, over `rows`; with `worst`, the greatest error too.
-struct Errors {
-    Wrench squares{};
-    std::array<int, 6> count{};
-    Wrench rms() const {
-        Wrench result;
-        for (std::size_t c = 0; c < result.size(); ++c) result[c] = count[c] == 0 ? kNaN : std::sqrt(squares[c] / count[c]);
-        return result;
-    }
-};
-
-Wrench error_of(Decoupler& decoupler, const LabelledRow& row) {
-    const Estimate estimate = decoupler.decouple({.channel = row.channel, .missing = 0, .saturated = 0});
-    Wrench error;
-    for (std::size_t c = 0; c < error.size(); ++c) error[c] = estimate.wrench_S[c] - row.wrench_S[c];
-    return error;
-}
-
-void add_errors(const Calibration& calibration, const Rows& rows, Errors& errors) {
-    const auto decoupler = decoupler_of(calibration);
-    for (const auto* row : rows) {
-        const Wrench error = error_of(*decoupler, *row);
-        for (std::size_t c = 0; c < error.size(); ++c) {
-            if (!std::isfinite(error[c])) continue;
-            errors.squares[c] += error[c] * error[c];
-            ++errors.count[c];
-        }
-    }
-}
-
-// Rows that no straight line explains: a swapped or misread label, a load that moved. Named, never dropped.
-void report_outliers(const Labelled& labelled, const Rows& rows, FitReport& report) {
-    const auto decoupler = decoupler_of(report.calibration);
-    for (const auto& component : report.components) {
-        const std::size_t c = component_index(component.name);
-        std::vector<std::pair<double, std::int64_t>> errors;  // size, line
-        for (const auto* row : rows)
-            if (const double error = error_of(*decoupler, *row)[c]; std::isfinite(error))
-                errors.emplace_back(std::abs(error), row->line);
-        std::sort(errors.begin(), errors.end());
-        // 10 robust standard deviations, and a fifth of full scale: bends and hysteresis stay below that.
-        const double limit = std::max(10 * 1.4826 * errors[errors.size() / 2].first, 0.2 * component.full_scale);
-        const auto first = std::upper_bound(errors.begin(), errors.end(), std::pair(limit, std::int64_t{0}));
-        if (first != errors.end())
-            report.warnings.push_back(fmt::format(
-                "{} of {} rows disagree with the rest in {} (worst {}:{}, by {:.3g} {}): are their labels right?",
-                errors.end() - first, errors.size(), label_column(c), labelled.name, errors.back().second,
-                errors.back().first, c < 3 ? "N" : "Nm"));
-    }
-}
-
-// The groups to leave out, one after the other: sessions, or stretches of time.
-std::vector<std::size_t> groups_of(const Labelled& labelled, const Rows& rows, std::string& validation) {
-    std::vector<std::size_t> groups, distinct;
-    for (const auto* row : rows) groups.push_back(row->session);
-    distinct = groups;
-    std::sort(distinct.begin(), distinct.end());
-    distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
-    if (!labelled.sessions.empty() && distinct.size() >= 2) {
-        validation = fmt::format("leave one session out ({} sessions)", distinct.size());
-        return groups;
-    }
-    validation = fmt::format("leave one of {} stretches of time out", kStretches);
-    for (std::size_t i = 0; i < rows.size(); ++i) groups[i] = i * kStretches / rows.size();
-    return groups;
-}
-
-Wrench held_out_rms(const Labelled& labelled, const Rows& rows, Fit fit_model, FitReport& report) {
-    std::string validation;
-    const auto groups = groups_of(labelled, rows, validation);
-    auto distinct = groups;
-    std::sort(distinct.begin(), distinct.end());
-    distinct.erase(std::unique(distinct.begin(), distinct.end()), distinct.end());
-    Errors errors;
-    for (const std::size_t group : distinct) {
-        Rows seen, unseen;
-        for (std::size_t i = 0; i < rows.size(); ++i) (groups[i] == group ? unseen : seen).push_back(rows[i]);
-        Calibration calibration = report.calibration;
-        std::vector<std::string> of_this_part;  // said about a part only: not worth repeating
-        try {
-            fit_model(seen, calibration, of_this_part);
-        } catch (const Undetermined& error) {
-            report.warnings.push_back(
-                fmt::format("not validated, so no standard deviation: without {} the rest does not determine the model ({})",
-                            labelled.sessions.empty() || distinct.size() > labelled.sessions.size()
-                                ? fmt::format("stretch {}", group + 1)
-                                : "session " + labelled.sessions[group],
-                            error.what()));
-            return kUnseen;
-        }
-        add_errors(calibration, unseen, errors);
-    }
-    report.calibration.validation = validation;
-    if (validation.find("session") == std::string::npos)
-        report.warnings.emplace_back(
-            "one session only: the error after mounting the sensor again, or on another day, is not known");
-    return errors.rms();
-}
-
 }  // namespace
 
 FitReport fit(const Labelled& all, const FitRequest& request) {
@@ -239,7 +131,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
                                      near ? fmt::format("did you mean \"{}\"?", *near)
                                           : fmt::format("known are {}", fmt::join(decoupler_names(), " "))));
     }
-    const Fit fit_model = at->second;
+    const FitModel fit_model = at->second;
     FitReport report;
     Calibration& calibration = report.calibration;
     calibration.model = request.model;
@@ -299,12 +191,11 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         }
     for (const auto& component : report.components) calibration.full_scale.push_back(component.full_scale);
 
-    Errors fitted;
-    add_errors(calibration, rows, fitted);
+    const Wrench fitted = rms_error(calibration, rows);
     const Wrench held_out = held_out_rms(labelled, rows, fit_model, report);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
-        component.fitted_rms = fitted.rms()[c];
+        component.fitted_rms = fitted[c];
         component.held_out_rms = held_out[c];
         if (held_out[c] >= component.spread)
             report.warnings.push_back(

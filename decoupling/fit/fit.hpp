@@ -44,6 +44,7 @@ FitReport fit(const Labelled& labelled, const FitRequest& request);
 // each. Fills matrix or parameters, zero and condition of `calibration`, whose model, channels and components are set;
 // may say something in `warnings`. setup: throws Undetermined
 using Rows = std::vector<const LabelledRow*>;
+using FitModel = void (*)(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 void fit_table(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 

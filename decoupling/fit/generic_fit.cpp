@@ -56,6 +56,7 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
             x.row(at) = Eigen::Map<const Eigen::RowVectorXd>(row->channel.data(), n_channels);
             y[at++] = row->wrench_S[c];
         }
+        if (!(y.minCoeff() < y.maxCoeff())) throw Undetermined(fmt::format("{} is always {} there", label_column(c), y[0]));
         const Affine affine = affine_fit(x, y);
         if (!affine.slope.dependent.empty())
             throw Undetermined(

@@ -1,0 +1,103 @@
+// The calibrations and recordings that ship with the project are what their comments say.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "decoupling/fit/csv.hpp"
+#include "decoupling/fit/fit.hpp"
+#include "made_by_hand.hpp"
+
+namespace tactiled {
+namespace {
+
+const std::string kRoot = TACTILED_SOURCE_DIR;
+
+Calibration loaded(const std::string& name) {
+    Problems problems;
+    Calibration calibration = load_calibration(kRoot + "/config/calibration/" + name, problems);
+    problems.throw_if_any();
+    return calibration;
+}
+
+// Every row of a recording through the calibration: what `each` is called with.
+template <typename Each>
+void decouple_file(const Calibration& calibration, const std::string& path, Each each) {
+    const auto decoupler = make_decoupler(calibration);
+    CsvReader csv(path);
+    std::vector<std::size_t> columns;
+    for (const auto& name : calibration.channels) columns.push_back(csv.find(name).value());
+    std::vector<double> channel(columns.size());
+    while (csv.next()) {
+        for (std::size_t k = 0; k < columns.size(); ++k) channel[k] = csv.number(columns[k]);
+        each(csv.number(0), decouple(*decoupler, channel));
+    }
+}
+
+TEST(Shipped, SkinIsTheFitOfSessionOne) {
+    const Calibration shipped = loaded("skin_eflesh.toml");
+    const Calibration fitted =
+        fit(read_labelled(kRoot + "/tests/data/eflesh/normal_labelled.csv", {.sessions = {"1"}, .channels = {}}),
+            {.model = "generic", .method = "", .serial = "", .date = ""})
+            .calibration;
+    ASSERT_EQ(shipped.channels, fitted.channels);
+    for (std::size_t k = 0; k < fitted.channels.size(); ++k) {
+        EXPECT_NEAR(shipped.matrix[0][k], fitted.matrix[0][k], 1e-12);  // N a uT; condition 708 times rounding
+        EXPECT_NEAR(shipped.zero[k], fitted.zero[k], 1e-9);             // uT
+    }
+    EXPECT_NEAR(shipped.sd[0], fitted.sd[0], 1e-9);
+    EXPECT_EQ(shipped.channel_unit, "uT");
+}
+
+TEST(Shipped, TheCalibrationFileLosesNoBit) {
+    const FitReport report =
+        fit(read_labelled(kRoot + "/tests/data/eflesh/normal_labelled.csv", {.sessions = {"2"}, .channels = {}}),
+            {.model = "generic", .method = "", .serial = "", .channel_unit = "uT", .date = "2026-03-01"});
+    const ScratchFile file("");
+    save_calibration(report.calibration, file.path());
+    Problems problems;
+    const Calibration back = load_calibration(file.path(), problems);
+    EXPECT_TRUE(problems.empty());
+    EXPECT_EQ(back.matrix, report.calibration.matrix);
+    EXPECT_EQ(back.zero, report.calibration.zero);
+    EXPECT_EQ(back.sd, report.calibration.sd);
+}
+
+TEST(Shipped, SkinDemoIsPressedTwice) {
+    double least = 0;
+    int rows = 0, flagged = 0, presses = 0;
+    bool pressed = false;
+    decouple_file(loaded("skin_eflesh.toml"), kRoot + "/config/demo/skin_session2.csv",
+                  [&](double, const Estimate& estimate) {
+                      const double fz = estimate.wrench_S[2];
+                      least = std::min(least, fz);
+                      ++rows;
+                      flagged += estimate.quality == TACTILED_GOOD ? 0 : 1;
+                      if (!pressed && fz < -20) ++presses;
+                      pressed = pressed ? fz < -5 : fz < -20;
+                  });
+    EXPECT_EQ(rows, 720);
+    EXPECT_EQ(presses, 2);
+    EXPECT_NEAR(least, -33, 1.5);  // N
+    EXPECT_LT(flagged, 10);
+}
+
+TEST(Shipped, TableDemoRestsPressesAndCircles) {
+    const Calibration calibration = loaded("table_documents.toml");
+    EXPECT_TRUE(calibration.sd.empty());  // nobody measured it
+    decouple_file(calibration, kRoot + "/config/demo/table_demo.csv", [&](double t_s, const Estimate& estimate) {
+        const auto& f = estimate.wrench_S;
+        ASSERT_EQ(estimate.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY}) << t_s;
+        const double noise_N = 0.01;  // 20 ppm is 1 mN a tangential force; 6 sigma
+        if (t_s < 2 || t_s > 18) {
+            ASSERT_NEAR(std::hypot(f[0], f[1], f[2]), 0, noise_N) << t_s;
+        } else if (t_s > 6.5 && t_s < 14) {
+            const double angle = 2 * 3.14159265358979 * (t_s - 6.5) / 3.75;
+            ASSERT_NEAR(f[0], 0.3 * std::cos(angle), noise_N) << t_s;
+            ASSERT_NEAR(f[1], 0.3 * std::sin(angle), noise_N) << t_s;
+            ASSERT_NEAR(f[2], -1, noise_N) << t_s;
+        }
+    });
+}
+
+}  // namespace
+}  // namespace tactiled
