@@ -1,0 +1,171 @@
+#include "node/modbus/encode.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+namespace tactiled::modbus {
+namespace {
+
+constexpr double kForce = 0.01, kTorque = 0.001, kLength_m = 1e-5, kTemperature = 0.1;
+constexpr std::uint16_t kMostU16 = 65534;
+
+std::uint16_t age_ms(const tactiled_sample& s, std::uint64_t now_ns) noexcept {
+    const std::uint64_t age = now_ns > s.t_ns ? (now_ns - s.t_ns) / 1'000'000u : 0;
+    return std::uint16_t(std::min<std::uint64_t>(age, kMostU16));
+}
+
+std::uint16_t clamped(std::uint32_t value) noexcept { return std::uint16_t(std::min<std::uint32_t>(value, kMostU16)); }
+
+// The forces of a sensor block, and whether one of them left the range of its register.
+bool encode_wrench(const tactiled_sample& s, std::span<std::uint16_t, kSensorSize> out) noexcept {
+    bool beyond = false;
+    for (unsigned i = 0; i < 3; ++i) {
+        out[kFx + i] = i16_of(s.force_S_N[i], kForce, beyond);
+        out[kTx + i] = i16_of(s.torque_S_Nm[i], kTorque, beyond);
+    }
+    const double* f = s.force_S_N;
+    out[kFTang] = u16_of(std::hypot(f[0], f[1]), kForce, beyond);
+    out[kFMag] = u16_of(std::hypot(f[0], f[1], f[2]), kForce, beyond);
+    out[kCopX] = i16_of(s.cop_S_m[0], kLength_m, beyond);
+    out[kCopY] = i16_of(s.cop_S_m[1], kLength_m, beyond);
+    return beyond;
+}
+
+bool overloads(const tactiled_sample& s) noexcept {
+    std::uint16_t unused[kSensorSize];
+    return (s.reasons & TACTILED_SATURATED) != 0 || encode_wrench(s, unused);
+}
+
+std::uint16_t sensor_status(const tactiled_sample& s, bool beyond) noexcept {
+    constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
+    unsigned bits = 0;
+    bits |= s.quality == TACTILED_GOOD ? 1u << 0 : 0u;
+    bits |= beyond ? 1u << 4 : 0u;
+    bits |= (s.reasons & TACTILED_SATURATED) != 0 ? 1u << 5 : 0u;
+    bits |= (s.reasons & kSilent) != 0 ? 1u << 6 : 0u;
+    bits |= (s.reasons & TACTILED_TARING) != 0 ? 1u << 7 : 0u;
+    bits |= s.tare_count != 0 ? 1u << 8 : 0u;
+    bits |= (s.reasons & TACTILED_UNCALIBRATED) != 0 ? 1u << 9 : 0u;
+    bits |= s.quality == TACTILED_UNCERTAIN ? 1u << 12 : 0u;
+    bits |= s.quality != TACTILED_GOOD && s.quality != TACTILED_UNCERTAIN ? 1u << 15 : 0u;
+    return std::uint16_t(bits);
+}
+
+unsigned sensors_of(const View& view) noexcept { return view.segment != nullptr ? view.segment->n_sensors() : 0; }
+
+}  // namespace
+
+std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept {
+    if (std::isnan(value)) return kNoI16;
+    const double scaled = std::nearbyint(value / scale);
+    saturated |= std::abs(scaled) > 32767;
+    return std::uint16_t(std::int16_t(std::clamp(scaled, -32767.0, 32767.0)));
+}
+
+std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept {
+    if (std::isnan(value)) return kNoU16;
+    const double scaled = std::nearbyint(value / scale);
+    saturated |= scaled > kMostU16;
+    return std::uint16_t(std::clamp(scaled, 0.0, double(kMostU16)));
+}
+
+View view_of_nothing() noexcept {
+    View view;
+    view.snapshot.taken_ns = monotonic_ns();
+    for (auto& s : view.snapshot.sensor) tactiled_invalidate(&s, TACTILED_DAEMON_STOPPED);
+    return view;
+}
+
+View view_of(const Segment& segment) noexcept {
+    View view;
+    if (!segment.snapshot(view.snapshot)) {
+        view = view_of_nothing();
+        view.segment = &segment;
+        return view;
+    }
+    view.segment = &segment;
+    const std::uint64_t limit_ns = std::uint64_t(segment.header().watchdog_ms) * 1'000'000u;
+    const std::uint64_t published_ns = view.snapshot.node.t_ns;
+    view.alive = segment.is_current() && view.snapshot.taken_ns <= published_ns + limit_ns;
+    if (!view.alive)
+        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) tactiled_invalidate(&view.snapshot.sensor[i], TACTILED_DAEMON_STOPPED);
+    return view;
+}
+
+void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept {
+    std::fill(out.begin(), out.end(), std::uint16_t(0));
+    const tactiled_node& node = view.snapshot.node;
+    const auto seq = std::uint16_t(node.sequence);
+    std::uint64_t newest_ns = 0;
+    unsigned ok = 0, stale = 0, overload = 0;
+    for (unsigned i = 0; i < sensors_of(view); ++i) {
+        const tactiled_sample& s = view.snapshot.sensor[i];
+        newest_ns = std::max(newest_ns, s.t_ns);
+        const unsigned bit = 1u << i;
+        ok |= s.quality == TACTILED_GOOD ? bit : 0u;
+        stale |= (sensor_status(s, false) >> 6 & 1u) != 0 ? bit : 0u;
+        overload |= overloads(s) ? bit : 0u;
+    }
+    std::uint32_t status = node.status & 0xFFFFu;
+    if (!view.alive) status = (status & ~std::uint32_t(TACTILED_READY)) | TACTILED_FAULT | TACTILED_ANY_STALE;
+    if (stale != 0) status = (status & ~std::uint32_t(TACTILED_READY)) | TACTILED_ANY_STALE;
+
+    out[kMagic0] = 0x5441;
+    out[kMagic1] = 0x4354;
+    out[kMapVersion] = std::uint16_t(kMapMajor << 8 | kMapMinor);
+    out[kSensors] = std::uint16_t(sensors_of(view));
+    out[kSeq] = out[kSeqEnd] = seq;
+    out[kHeartbeat] = std::uint16_t(node.heartbeat);
+    tactiled_sample newest{};
+    newest.t_ns = newest_ns;
+    out[kAgeMs] = age_ms(newest, view.snapshot.taken_ns);
+    out[kStatus] = std::uint16_t(status);
+    out[kFault] = std::uint16_t(node.fault | (view.alive ? 0u : std::uint32_t(TACTILED_FAULT_INTERNAL)));
+    out[kWarn] = std::uint16_t(node.warning);
+    out[kOk] = std::uint16_t(ok);
+    out[kStale] = std::uint16_t(stale);
+    out[kOverload] = std::uint16_t(overload);
+    for (const auto at : {kGripForce, kGripState, kWeightG, kWeightSd, kRecGrip}) out[at] = kNoU16;
+    out[kWeight] = std::uint16_t(kNoI32 >> 16);
+    out[kWeight + 1] = std::uint16_t(kNoI32 & 0xFFFFu);
+    out[kCmdSeqAck] = std::uint16_t(node.command_acknowledged);
+    out[kCmdState] = std::uint16_t(node.command_state);
+    out[kCmdResult] = std::uint16_t(node.command_result);
+    out[kCalId] = view.segment != nullptr ? std::uint16_t(view.segment->header().calibration_id) : std::uint16_t(0);
+    out[kCycleWorst] = clamped(node.worst_cycle_us);
+}
+
+void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept {
+    std::fill(out.begin(), out.end(), std::uint16_t(0));
+    tactiled_sample s = view.snapshot.sensor[index];
+    const bool exists = index < sensors_of(view);
+    if (!exists) tactiled_invalidate(&s, 0);  // a block of no sensor: sentinels, and no bit of STATUS but fault
+    const bool beyond = encode_wrench(s, out);
+    out[kSensorSeq] = out[kSensorSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
+    out[kSensorStatus] = sensor_status(s, beyond);
+    out[kSensorFault] = fault_of(s.reasons);
+    out[kSensorAgeMs] = exists ? age_ms(s, view.snapshot.taken_ns) : kNoU16;
+    for (const auto at : {kFrictionUse, kSlipState, kPeak}) out[at] = kNoU16;
+    bool unused = false;
+    out[kTemp] = exists ? i16_of(double(s.temperature_C), kTemperature, unused) : kNoI16;
+    out[kScale] = std::uint16_t(std::int16_t(-2));
+    out[kTareCount] = std::uint16_t(s.tare_count);
+    out[kRate] = exists ? u16_of(double(s.rate_Hz), 1, unused) : kNoU16;
+    out[kLost] = std::uint16_t(s.lost);
+    out[kRawState] = std::uint16_t(s.missing | s.saturated);
+}
+
+void encode_area(const View& view, const Area& area, std::span<std::uint16_t> out) noexcept {
+    assert(out.size() == area.size);
+    if (area.at == kGlobalAt) {
+        encode_global(view, out.first<kGlobalSize>());
+    } else if (area.at == kSensorsAt) {
+        for (unsigned i = 0; i < kSensorBlocks; ++i)
+            encode_sensor(view, i, std::span<std::uint16_t, kSensorSize>(out.subspan(std::size_t(i) * kSensorSize, kSensorSize)));
+    } else {
+        std::copy(constants().begin(), constants().end(), out.begin());
+    }
+}
+
+}  // namespace tactiled::modbus

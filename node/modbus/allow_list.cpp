@@ -1,0 +1,75 @@
+#include "node/modbus/allow_list.hpp"
+
+#include <arpa/inet.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <cstring>
+
+namespace tactiled::modbus {
+namespace {
+
+using Address = std::array<std::uint8_t, 16>;
+
+Address mapped(const in_addr& v4) noexcept {
+    Address a{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF};
+    std::memcpy(a.data() + 12, &v4, 4);
+    return a;
+}
+
+bool same_prefix(const Address& a, const Address& b, unsigned bits) noexcept {
+    const unsigned whole = bits / 8, rest = bits % 8;
+    if (!std::equal(a.begin(), a.begin() + whole, b.begin())) return false;
+    return rest == 0 || (a[whole] ^ b[whole]) >> (8 - rest) == 0;
+}
+
+}  // namespace
+
+AllowList::AllowList(const std::vector<std::string>& networks) {
+    const std::vector<std::string> loopback{"127.0.0.0/8", "::1/128"};
+    for (const auto& text : networks.empty() ? loopback : networks) {
+        const std::size_t slash = text.find('/');
+        const std::string address = text.substr(0, slash);
+        in_addr v4{};
+        in6_addr v6{};
+        const bool is_v4 = ::inet_pton(AF_INET, address.c_str(), &v4) == 1;
+        if (!is_v4 && ::inet_pton(AF_INET6, address.c_str(), &v6) != 1) continue;
+        Network network{};
+        network.address = is_v4 ? mapped(v4) : std::to_array(v6.s6_addr);
+        const unsigned full = is_v4 ? 32 : 128;
+        const unsigned bits = slash == std::string::npos ? full : unsigned(std::strtoul(text.c_str() + slash + 1, nullptr, 10));
+        network.bits = std::min(bits, full) + (is_v4 ? 96 : 0);
+        networks_.push_back(network);
+    }
+}
+
+bool AllowList::allows(const sockaddr_storage& peer) const noexcept {
+    Address address{};
+    if (peer.ss_family == AF_INET)
+        address = mapped(reinterpret_cast<const sockaddr_in&>(peer).sin_addr);
+    else
+        address = std::to_array(reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr.s6_addr);
+    return std::any_of(networks_.begin(), networks_.end(), [&](const Network& n) { return same_prefix(address, n.address, n.bits); });
+}
+
+sockaddr_storage listen_address(const std::string& text, socklen_t& size) {
+    sockaddr_storage storage{};
+    const std::size_t colon = text.rfind(':');
+    const auto port = htons(std::uint16_t(std::strtoul(text.c_str() + colon + 1, nullptr, 10)));
+    if (text.front() == '[') {
+        auto& v6 = reinterpret_cast<sockaddr_in6&>(storage);
+        v6.sin6_family = AF_INET6;
+        v6.sin6_port = port;
+        ::inet_pton(AF_INET6, text.substr(1, colon - 2).c_str(), &v6.sin6_addr);
+        size = sizeof v6;
+    } else {
+        auto& v4 = reinterpret_cast<sockaddr_in&>(storage);
+        v4.sin_family = AF_INET;
+        v4.sin_port = port;
+        ::inet_pton(AF_INET, text.substr(0, colon).c_str(), &v4.sin_addr);
+        size = sizeof v4;
+    }
+    return storage;
+}
+
+}  // namespace tactiled::modbus

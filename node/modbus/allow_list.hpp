@@ -1,0 +1,30 @@
+// Which addresses may connect.
+#pragma once
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace tactiled::modbus {
+
+class AllowList {
+public:
+    // CIDR texts that the configuration has checked; an empty list allows the loopback alone.
+    explicit AllowList(const std::vector<std::string>& networks);
+    [[nodiscard]] bool allows(const sockaddr_storage& peer) const noexcept;
+
+private:
+    struct Network {
+        std::array<std::uint8_t, 16> address;  // IPv4 as ::ffff:a.b.c.d
+        unsigned bits;
+    };
+    std::vector<Network> networks_;
+};
+
+// "ADDRESS:PORT" or "[IPv6]:PORT", checked by the configuration.
+sockaddr_storage listen_address(const std::string& text, socklen_t& size);
+
+}  // namespace tactiled::modbus

@@ -1,0 +1,58 @@
+// One client: what it has sent and what it has not taken yet. Never blocks.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "node/modbus/wall.hpp"
+
+namespace tactiled::modbus {
+
+// Answers a whole request into `out`, returns the answer's length.
+using Answer = std::function<std::size_t(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out)>;
+
+class Connection {
+public:
+    static constexpr std::uint64_t kRequestNs = 1'000'000'000;  // from the first byte of a request to its last
+    static constexpr std::uint64_t kDeafNs = 2'000'000'000;     // that a client may leave its answers untaken
+    static constexpr std::uint64_t kIdleNs = 60'000'000'000;
+
+    // Takes over `fd`, a non-blocking socket.
+    Connection(int fd, std::uint64_t now_ns) : fd_(fd), heard_ns_(now_ns) {}
+    ~Connection();
+    Connection(const Connection&) = delete;
+    Connection& operator=(const Connection&) = delete;
+
+    // Receives, answers whole requests in order, sends. Returns "" or why the connection must be closed.
+    const char* serve(const Answer& answer, std::uint64_t now_ns);
+    // As serve() says, for a client that is late.
+    [[nodiscard]] const char* overdue(std::uint64_t now_ns) const noexcept;
+
+    [[nodiscard]] bool wants_to_send() const noexcept { return sent_ < out_.size(); }
+    // Whole requests wait although nothing new has come: serve() again.
+    [[nodiscard]] bool has_backlog() const noexcept { return backlog_; }
+    [[nodiscard]] std::uint64_t heard_ns() const noexcept { return heard_ns_; }
+    [[nodiscard]] int fd() const noexcept { return fd_; }
+
+private:
+    static constexpr std::size_t kMostWaiting = 16 * kMostAdu;  // Guide 4.4.1.2: up to 16 transactions at a time
+    static constexpr int kMostAtOnce = 16;                      // then the other clients have their turn
+
+    const char* receive(std::uint64_t now_ns);
+    const char* answer_all(const Answer& answer, std::uint64_t now_ns);
+    const char* send(std::uint64_t now_ns);
+
+    int fd_;
+    std::array<std::uint8_t, kMostWaiting> in_{};
+    std::size_t received_ = 0;
+    std::vector<std::uint8_t> out_;
+    std::size_t sent_ = 0;
+    bool backlog_ = false;
+    std::uint64_t heard_ns_;
+    std::uint64_t request_began_ns_ = 0;  // 0: no request is incomplete
+    std::uint64_t stuck_since_ns_ = 0;    // 0: the client takes its answers
+};
+
+}  // namespace tactiled::modbus

@@ -1,0 +1,34 @@
+// Snapshot -> registers. Pure: what the PLC reads follows from what shared memory says, and from the time of the request.
+#pragma once
+#include <cstdint>
+#include <span>
+
+#include "node/modbus/table.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled::modbus {
+
+// A double in units of `scale` as i16: nearest, halves to even; beyond +-32767 it saturates and sets `saturated`; NaN is
+// kNoI16. Never wraps.
+std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept;
+// As i16_of for 0 .. 65534 and kNoU16; negative values saturate at 0.
+std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept;
+
+// Everything that one request may need, from one frame of the pipeline.
+struct View {
+    const Segment* segment = nullptr;  // nullptr: no daemon's segment could be read
+    Snapshot snapshot;
+    bool alive = false;  // the pipeline has published within watchdog_ms
+};
+
+// Takes a snapshot now. Samples are already judged by their age; where the pipeline is not alive all are BAD.
+View view_of(const Segment& segment) noexcept;
+// What is shown when there is no segment to read: every sensor value is a sentinel.
+View view_of_nothing() noexcept;
+
+void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept;
+void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept;
+// All registers of an area.
+void encode_area(const View& view, const Area& area, std::span<std::uint16_t> out) noexcept;
+
+}  // namespace tactiled::modbus

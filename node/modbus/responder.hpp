@@ -1,0 +1,37 @@
+// libmodbus as the engine that answers a checked request: it gets the request by a call and writes its answer to one end
+// of a socket pair, the other end of which is ours. It never sees a client.
+#pragma once
+#include <modbus.h>
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "node/modbus/table.hpp"
+#include "node/modbus/wall.hpp"
+
+namespace tactiled::modbus {
+
+class Responder {
+public:
+    // setup: throws SetupError where libmodbus or a socket pair cannot be had
+    Responder();
+    ~Responder();
+    Responder(const Responder&) = delete;
+    Responder& operator=(const Responder&) = delete;
+
+    // The answer to a request that check_adu() found good, from `registers`, all of `area`. Returns its length in `out`;
+    // where libmodbus gives none or a wrong one, exception 4.
+    std::size_t answer(std::span<const std::uint8_t> adu, const Area& area, std::span<std::uint16_t> registers,
+                       std::span<std::uint8_t, kMostAdu> out) noexcept;
+
+private:
+    struct Free {
+        void operator()(modbus_t* context) const noexcept { modbus_free(context); }
+    };
+    std::unique_ptr<modbus_t, Free> context_;
+    std::array<int, 2> pair_{-1, -1};
+};
+
+}  // namespace tactiled::modbus
