@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include "config/calibration.hpp"
+#include "config/names.hpp"
 #include "config/text_file.hpp"
 
 namespace tactiled {
@@ -25,6 +26,11 @@ std::string toml_text(const std::string& text) {
             out += c;
     }
     return out + "\"";
+}
+
+// Bare where that is possible, so that a name cannot bring lines of its own into the file.
+std::string toml_key(const std::string& name) {
+    return valid_name(name) && name.find('.') == name.npos ? name : toml_text(name);
 }
 
 std::string toml_numbers(const std::vector<double>& numbers) {
@@ -74,7 +80,8 @@ std::string calibration_text(const Calibration& calibration) {
     text("validation", calibration.validation);
     line("rows", fmt::format("{}", calibration.rows));
     // Not as a table [parameters]: the crc line after it would belong to that table.
-    for (const auto& [name, value] : calibration.parameters) line(("parameters." + name).c_str(), toml_number(value));
+    for (const auto& [name, value] : calibration.parameters)
+        line(("parameters." + toml_key(name)).c_str(), toml_number(value));
     return out + fmt::format("crc = \"0x{:04X}\"\n", calibration_crc(out));
 }
 

@@ -8,16 +8,12 @@
 #include <map>
 
 #include "config/text_file.hpp"
-
-// toml++ 3.3 limits how deep values nest, but not how deep a.b.c.d = 1 nests tables, whose destructor recurses; the two
-// limits below keep a hostile file's depth under 16 * 512 + 512 tables, some 3 MiB of stack.
-#define TOML_EXCEPTIONS 0
-#define TOML_MAX_NESTED_VALUES 16
-#include <toml++/toml.h>
+#include "config/toml.hpp"
 
 namespace tactiled {
 namespace {
 
+// A table's destructor recurses: with at most 16 nested values a hostile file's depth stays under 5,000 tables, some MiB.
 constexpr std::ptrdiff_t kMostDotsALine = 512;
 constexpr std::size_t kMostUnknownKeys = 20;         // reported of one table
 constexpr double kExactIntegers = 9007199254740992;  // 2^53: a float up to here can stand for one integer only
