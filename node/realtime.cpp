@@ -22,6 +22,7 @@ constexpr std::size_t kTouchedBytes = 128 * 1024;
 void touch_stack() noexcept {
     volatile unsigned char page[kTouchedBytes];
     for (std::size_t i = 0; i < kTouchedBytes; i += 4096) page[i] = 0;
+    (void)page;
 }
 
 // Filters that decay to 0 end in denormals, which cost a hundred times a normal operation.

@@ -15,8 +15,9 @@ mkdir -p build/demo
 children=()
 end() {
     trap - INT TERM EXIT
-    [ ${#children[@]} -eq 0 ] || kill -TERM "${children[@]}" 2>/dev/null || true
-    wait
+    for child in "${children[@]}"; do  # the daemon first
+        kill -TERM "$child" 2>/dev/null && wait "$child" || true
+    done
 }
 trap end EXIT
 trap 'exit 0' INT TERM

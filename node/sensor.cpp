@@ -43,14 +43,14 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     for (std::size_t i = 0; i < 3; ++i) {
         s.raw_force_S_N[i] = e.wrench_S[i];
         s.raw_torque_S_Nm[i] = e.wrench_S[i + 3];
-        s.force_S_N[i] = e.wrench_S[i] - zero_[i];
-        s.torque_S_Nm[i] = e.wrench_S[i + 3] - zero_[i + 3];
         s.sd_force_N[i] = e.sd[i];
         s.sd_torque_Nm[i] = e.sd[i + 3];
     }
-    if (tare_ == Tare::running) {
-        s.reasons |= TACTILED_TARING;
-        advance_tare(s);
+    if (tare_ == Tare::running) advance_tare(s);  // the sample that completes a tare is the first that it applies to
+    if (tare_ == Tare::running) s.reasons |= TACTILED_TARING;
+    for (std::size_t i = 0; i < 3; ++i) {
+        s.force_S_N[i] = s.raw_force_S_N[i] - zero_[i];
+        s.torque_S_Nm[i] = s.raw_torque_S_Nm[i] - zero_[i + 3];
     }
     s.tare_count = tare_count_;
     if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);

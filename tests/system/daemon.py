@@ -34,16 +34,17 @@ class Daemon:
 
     def play(self, *words):
         """A recorded device behind a pty, in a process of its own."""
-        log = open(self.folder / f"play{len(self.others)}.log", "w")
-        process = subprocess.Popen([BIN / "tactilectl", "play", *map(str, words)], stderr=log, stdout=log)
+        with open(self.folder / f"play{len(self.others)}.log", "w") as log:
+            process = subprocess.Popen([BIN / "tactilectl", "play", *map(str, words)], stderr=log, stdout=log)
         self.others.append(process)
         link = pathlib.Path(words[list(words).index("--pty") + 1])
         wait_for(link.is_symlink, 5, f"{link} to appear")
         return process
 
-    def start(self):
-        log = open(self.folder / "tactiled.log", "a")
-        self.process = subprocess.Popen([BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
+    def start(self, *before):
+        """before: words of a command that runs the daemon, such as prlimit."""
+        with open(self.folder / "tactiled.log", "a") as log:
+            self.process = subprocess.Popen([*before, BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
         segment = pathlib.Path(f"/dev/shm/tactiled.{self.name}")
         wait_for(lambda: segment.exists() or self.process.poll() is not None, 10, "the segment")
         wait_for(lambda: "Modbus" in self.log() or self.process.poll() is not None, 10, "the start")

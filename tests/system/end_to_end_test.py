@@ -79,7 +79,8 @@ class Session2:
                     total += gain * (float(line[name]) - zero)
                 self.fz.append(total)
                 self.label.append(float(line["fz_N"]) if line["fz_N"] else None)
-        self.full_scale = max(abs(float(r["fz_N"])) for r in csv.DictReader(open(LABELLED)) if r["fz_N"])
+        with open(LABELLED) as file:
+            self.full_scale = max(abs(float(r["fz_N"])) for r in csv.DictReader(file) if r["fz_N"])
 
 
 class EndToEnd(unittest.TestCase):
@@ -131,6 +132,8 @@ class EndToEnd(unittest.TestCase):
             follower.terminate()
             follower.wait()
             reading.join()
+            follower.stdout.close()
+            client.close()
             status = daemon.ctl("status").stdout
             self.check(samples, polls, mbpoll_runs, status)
             self.assertEqual(daemon.stop()[0], 0)
