@@ -94,7 +94,7 @@ TEST(Csv, SurvivesHostileBytes) {
 TEST(Csv, AnyBytesAreReadOrRefused) {
     std::mt19937 random(11);
     const std::string alphabet = "t_s,R1\n\r\"0123456789.e-+ ;\t\0\xff";
-    for (int i = 0; i < 3000; ++i) {
+    for (int i = 0; i < 1000; ++i) {
         std::string text = i % 2 == 0 ? "t_s,R1\n" : "";
         for (auto n = random() % 60; n > 0; --n) text += alphabet[random() % alphabet.size()];
         (void)complaint(text);  // returns: no crash, no other exception
