@@ -3,8 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
-#include <regex>
-#include <set>
+#include <sstream>
 
 #include "config/names.hpp"
 #include "drivers/frame.hpp"
@@ -428,11 +427,12 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
     for (const auto& line : loaded.lines()) {
         const auto known = line.find("; known: ");
         ASSERT_NE(known, line.npos) << line;
-        const std::regex key("[a-z_]+");
-        for (auto at = std::sregex_iterator(line.begin() + std::ptrdiff_t(known + 9), line.end(), key);
-             at != std::sregex_iterator(); ++at) {
-            ++n_keys;
-            EXPECT_TRUE(std::regex_search(text, std::regex("\n" + at->str() + " = [^\n]* # "))) << line << ": " << at->str();
+        std::istringstream keys(line.substr(known + 9));
+        for (std::string key; keys >> key; ++n_keys) {
+            if (key.back() == ',') key.pop_back();
+            const auto at = text.find("\n" + key + " = ");
+            ASSERT_NE(at, text.npos) << line << ": " << key;
+            EXPECT_NE(text.substr(at + 1, text.find('\n', at + 1) - at).find("  # "), std::string::npos) << key;
         }
     }
     EXPECT_EQ(n_keys, 27u);
