@@ -1,0 +1,133 @@
+#!/usr/bin/env python3
+"""The release daemon under the guard: clean by itself, and each planted breach of the rules is found.
+
+    guard_test.py                     the daemon with every plant, and without one: 1 minute
+    guard_test.py --sections 1000000  without a plant until the pipeline's thread was armed so often; prints what was seen
+"""
+import json
+import os
+import pathlib
+import sys
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
+from daemon import ROOT, Daemon, wait_for  # noqa: E402
+
+GUARD = os.environ.get("RTGUARD", str(ROOT / "build/release/tests/guard/librtguard.so"))
+CONFIG = """
+[realtime]
+period_us = {period}
+
+[[link]]
+name = "usb0"
+driver = "uart"
+device = "{folder}/dev"
+format = "cobs"
+
+[[link]]
+name = "usb1"
+driver = "uart"
+device = "{folder}/text"
+format = "lines"
+channels = 3
+sequence = true
+
+[[sensor]]
+name = "binary"
+link = "usb0"
+model = "generic"
+calibration = "{folder}/unit.toml"
+
+[[sensor]]
+name = "text"
+link = "usb1"
+model = "generic"
+calibration = "{folder}/unit.toml"
+"""
+CALIBRATION = """format = 1
+model = "generic"
+method = "matrix"
+contact_model = "unknown"
+serial = "unit"
+date = "2026-01-01"
+channels = ["c1", "c2", "c3"]
+channel_unit = "N"
+zero = [0.0, 0.0, 0.0]
+components = ["fx", "fy", "fz"]
+matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+sd = [0.01, 0.01, 0.01]
+full_scale = [10.0, 10.0, 10.0]
+"""
+CLEAN = ("malloc", "free", "lock", "syscall", "minor_fault", "major_fault")
+PLANTS = {  # plant: what must be found at least
+    "string": ["malloc", "free"], "vector": ["malloc"], "function": ["malloc", "free"], "aligned_new": ["malloc", "free"], "free": ["free"],
+    "throw": ["malloc", "free"], "mutex": ["lock"], "shared_mutex": ["lock"], "spin_lock": ["lock"], "write": ["syscall"], "fprintf": ["syscall"],
+    "usleep": ["syscall"], "open": ["syscall"], "untouched_page": ["minor_fault"], "localtime": ["malloc"],
+}
+
+
+def run(seconds, plant=None, thread="pipeline", period=250, stir=False):
+    """The daemon under the guard. Returns its exit status and the report's lines."""
+    env = {"LD_PRELOAD": GUARD}
+    if plant:
+        env.update(RTGUARD_PLANT=plant, RTGUARD_PLANT_THREAD=thread)
+    with Daemon(CONFIG.replace("{period}", str(period)), env=env) as d:
+        d.env["RTGUARD_REPORT"] = str(d.folder / "guard.json")
+        (d.folder / "unit.toml").write_text(CALIBRATION)
+        (d.folder / "rows.csv").write_text("t_s,c1,c2,c3\n0,1,2,-3\n0.001,1,2,-4\n")
+        d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "cobs", "--rate", 1000, "--loop")
+        d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "text", "--format", "lines", "--sequence", "--rate", 500, "--loop")
+        d.start()
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:  # what the daemon meets in its life: tares, queries, a device that goes and comes
+            time.sleep(min(1, seconds / 4))
+            if stir:
+                d.ctl("tare", "all")
+                player = d.others.pop()
+                player.terminate()
+                player.wait()
+                d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "text", "--format", "lines", "--sequence", "--rate", 500, "--loop")
+        status, _ = d.stop()
+        return status, [json.loads(line) for line in (d.folder / "guard.json").read_text().splitlines()]
+
+
+class Guard(unittest.TestCase):
+    def test_the_release_daemon_is_clean(self):
+        status, threads = run(6, stir=True)
+        self.assertEqual(sorted(t["thread"] for t in threads), ["link", "link", "pipeline"])
+        for t in threads:
+            self.assertGreater(t["sections"], 500)
+            self.assertEqual({k: t[k] for k in CLEAN}, dict.fromkeys(CLEAN, 0), t)
+            self.assertEqual(set(t["allowed_calls"]), {"0", "271"} if t["thread"] == "link" else set())  # read, ppoll
+        self.assertEqual(status, 0)
+
+    def test_each_plant_is_found(self):
+        for plant, kinds in PLANTS.items():
+            with self.subTest(plant):
+                status, threads = run(0.6, plant)
+                pipeline = next(t for t in threads if t["thread"] == "pipeline")
+                for kind in kinds:
+                    self.assertGreater(pipeline[kind], 0, f"{plant} not found as {kind}: {pipeline}")
+                self.assertEqual(status, 97)
+
+    def test_a_plant_in_a_link_thread_is_found(self):
+        for plant, kind in (("string", "malloc"), ("mutex", "lock"), ("open", "syscall")):
+            with self.subTest(plant):
+                status, threads = run(2, plant, "link")
+                self.assertGreater(sum(t[kind] for t in threads if t["thread"] == "link"), 0)
+                self.assertEqual(status, 97)
+
+    def test_reading_the_clock_is_no_breach(self):
+        status, _ = run(0.6, "clock")
+        self.assertEqual(status, 0, "clock_gettime enters the kernel on this machine: tactiled would, too")
+
+
+if __name__ == "__main__":
+    if "--sections" in sys.argv:
+        wanted = int(sys.argv[sys.argv.index("--sections") + 1])
+        status, threads = run(wanted / 4000 + 1, stir=True)
+        for t in threads:
+            print(json.dumps(t))
+        sys.exit(status if min(t["sections"] for t in threads if t["thread"] == "pipeline") >= wanted else 1)
+    unittest.main(verbosity=2)
