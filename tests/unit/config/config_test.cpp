@@ -353,6 +353,7 @@ TEST(Config, RefusesEverybody) {
     EXPECT_NE(allow("192.168.0.10/24").find("write \"192.168.0.10/32\" for the machine, \"192.168.0.0/24\" for the network"),
               std::string::npos);
     EXPECT_NE(allow("fd00::1/64").find("\"fd00::1/128\" for the machine, \"fd00::/64\" for the network"), std::string::npos);
+    EXPECT_NE(allow("10.0.0.128/24"), "");  // the first bit beyond the network
     for (const char* bad :
          {"", "/8", "10.0.0.0/", "10.0.0.0/33", "10.0.0.0/-1", "fd00::/129", "plc/32", "10.0.0.0/8x", "10.0.0/8"})
         EXPECT_NE(allow(bad), "") << bad;
@@ -407,10 +408,10 @@ TEST(DocumentedConfig, LoadsWithoutAProblem) {
     for (auto& link : config.links) {
         EXPECT_EQ(link.driver, "uart");
         link.options.text("device");
-        link.options.integer("baud", {300, 4e6});
+        link.options.integer("baud", {50, 12e6}, 115200);
         link.options.one_of("format", {"cobs", "lines"});
         link.options.integer("channels", {1, 32}, 1);
-        link.options.integer("bits", {8, 32}, 24);
+        for (const char* key : {"sequence", "time_us", "checksum"}) link.options.flag(key, false);
     }
     config.root.finish();
     EXPECT_EQ(problems.lines(), Lines{});
