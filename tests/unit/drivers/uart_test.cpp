@@ -1,0 +1,142 @@
+// The uart driver over real ptys.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <pty.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <random>
+
+#include "drivers/driver.hpp"
+#include "drivers/tty.hpp"
+#include "drivers/wire/cobs_frame.hpp"
+
+namespace tactiled {
+namespace {
+
+class UartTest : public testing::Test {
+protected:
+    UartTest() {
+        char name[128];
+        EXPECT_EQ(::openpty(&master_, &slave_, name, nullptr, nullptr), 0);
+        port_ = name;
+    }
+    ~UartTest() override {
+        hang_up();
+        if (slave_ >= 0) ::close(slave_);
+    }
+    void hang_up() {
+        if (master_ >= 0) ::close(master_);
+        master_ = -1;
+    }
+    std::unique_ptr<Driver> make(const std::string& keys) {
+        Options options = Options::parse_text("device = \"" + port_ + "\"\n" + keys, "test.toml", problems_);
+        auto driver = find_driver("uart")->make(options);
+        options.finish();
+        return driver;
+    }
+    void send(const void* bytes, std::size_t size) { ASSERT_EQ(::write(master_, bytes, size), ssize_t(size)); }
+    void send_frame(std::uint32_t n) {
+        Frame f;
+        f.sequence = n;
+        f.n_channels = 2;
+        f.channel[1] = double(n) * 2;
+        std::array<std::uint8_t, kCobsMostEncoded> out;
+        send(out.data(), encode_cobs(f, 24, out));
+    }
+
+    std::string port_;
+    int master_ = -1, slave_ = -1;
+    Problems problems_;
+};
+
+TEST_F(UartTest, ReadsFramesInOrderOneACall) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    for (std::uint32_t n = 0; n < 5; ++n) send_frame(n);
+    Frame frame;
+    for (std::uint32_t n = 0; n < 5; ++n) {
+        ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+        EXPECT_EQ(frame.sequence, n);
+        EXPECT_EQ(frame.channel[1], double(n) * 2);
+        EXPECT_EQ(driver->has_more(), n < 4);
+    }
+    EXPECT_EQ(driver->read(frame, 1), Status::timeout);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_FRAMES], 5u);
+}
+
+TEST_F(UartTest, AHangUpIsGoneAndNotReadAgain) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    send_frame(1);
+    Frame frame;
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    hang_up();
+    EXPECT_EQ(driver->read(frame, 1000), Status::gone);
+    driver->close();
+    EXPECT_NE(driver->open(), "");  // the pty is dead: says so, and does not throw
+}
+
+TEST_F(UartTest, WhatLayInTheBufferBeforeOpeningIsNotGivenANewStamp) {
+    const auto driver = make("format = \"cobs\"");
+    send_frame(1);
+    ASSERT_EQ(driver->open(), "");
+    send_frame(2);
+    Frame frame;
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    EXPECT_EQ(frame.sequence, 2u);
+}
+
+TEST_F(UartTest, SetsRawModeAndAnyRate) {
+    const auto driver = make("format = \"cobs\"\nbaud = 123456");
+    ASSERT_EQ(driver->open(), "");
+    send("\x03\x04\r\x00", 4);  // nothing is translated, nothing is a signal
+    termios settings{};
+    ASSERT_EQ(::tcgetattr(slave_, &settings), 0);
+    EXPECT_EQ(settings.c_lflag & unsigned(ICANON | ECHO | ISIG), 0u);
+    EXPECT_EQ(settings.c_iflag & unsigned(ICRNL | IXON), 0u);
+    EXPECT_EQ(settings.c_cflag & unsigned(CLOCAL | CREAD | CS8), unsigned(CLOCAL | CREAD | CS8));
+}
+
+TEST_F(UartTest, SurvivesAFloodOfNoiseAndFindsTheNextFrame) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    std::mt19937 random(3);
+    Frame frame;
+    std::uint32_t good = 0;
+    for (std::uint32_t round = 0; round < 100; ++round) {
+        std::array<std::uint8_t, 2000> noise;
+        for (auto& byte : noise) byte = std::uint8_t(random());
+        noise.back() = 0;
+        send(noise.data(), noise.size());
+        send_frame(round);
+        for (int reads = 0; reads < 10; ++reads)
+            if (driver->read(frame, 0) == Status::frame) {
+                EXPECT_EQ(frame.channel[1], double(frame.sequence) * 2);
+                ++good;
+            }
+    }
+    EXPECT_EQ(good, 100u);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_BYTES], 100u * 2000u + driver->counts[TACTILED_LINK_BYTES] - 200'000u);
+}
+
+TEST_F(UartTest, SaysWhatIsWrongWithAPort) {
+    std::string why;
+    EXPECT_EQ(open_tty("/nonexistent/tty", 9600, why), -1);
+    EXPECT_NE(why.find("is it plugged in?"), std::string::npos) << why;
+    EXPECT_EQ(open_tty("/dev/null", 9600, why), -1);
+    EXPECT_NE(why.find("no serial port"), std::string::npos) << why;
+}
+
+TEST_F(UartTest, ChecksItsKeys) {
+    (void)make("format = \"cobbs\"\nbaud = 49\nbits = 8");
+    std::string all;
+    for (const auto& line : problems_.lines()) all += line + "\n";
+    EXPECT_NE(all.find("cobs"), std::string::npos) << all;
+    EXPECT_NE(all.find("baud = 49 is outside 50 .. 12000000"), std::string::npos) << all;
+    EXPECT_NE(all.find("unknown key \"bits\""), std::string::npos) << all;
+}
+
+}  // namespace
+}  // namespace tactiled
