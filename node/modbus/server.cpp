@@ -113,6 +113,8 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
             continue;
         }
         const int one = 1, keep_idle_s = 5, keep_interval_s = 2, keep_count = 3;
+        const int waiting_bytes = 32 * 1024;  // of answers, in the kernel: a client that takes none is soon noticed
+        ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &waiting_bytes, sizeof waiting_bytes);
         ::setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
         ::setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &one, sizeof one);  // a pulled cable frees its place after about 11 s
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &keep_idle_s, sizeof keep_idle_s);

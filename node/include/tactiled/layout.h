@@ -56,7 +56,7 @@ enum tactiled_reason {
     TACTILED_TARING = 1 << 10,           /* a tare is being measured: the value is right, its zero is about to move */
     TACTILED_READER_OVERRUN = 1 << 11,   /* this read could not be completed in its bounded retries */
     TACTILED_WRONG_DEVICE = 1 << 12,     /* the frame does not have the channels that the sensor declares */
-    TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13 /* the calibration states no standard deviation */
+    TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13 /* the standard deviation is not known here: NaN */
 };
 
 /* One sample of one sensor. SI units, frame S. A component that the sensor cannot see is NaN, not 0. */
