@@ -129,6 +129,19 @@ TEST_F(UartTest, SaysWhatIsWrongWithAPort) {
     EXPECT_NE(why.find("no serial port"), std::string::npos) << why;
 }
 
+TEST(ReadmeDriver, TheExampleOfThePageRuns) {
+    Problems problems;
+    Options options = Options::parse_text("period_ms = 2", "test.toml", problems);
+    ASSERT_NE(find_driver("ramp"), nullptr);
+    const auto driver = find_driver("ramp")->make(options);
+    ASSERT_EQ(driver->open(), "");
+    Frame frame;
+    for (int n = 0; n < 3; ++n) {
+        ASSERT_EQ(driver->read(frame, 50), Status::frame);
+        EXPECT_EQ(frame.channel[0], n);
+    }
+}
+
 TEST_F(UartTest, ChecksItsKeys) {
     (void)make("format = \"cobbs\"\nbaud = 49\nbits = 8");
     std::string all;
