@@ -14,7 +14,7 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import BIN, Daemon, wait_for  # noqa: E402
+from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
 
 CONFIG = """
 [[link]]
@@ -173,6 +173,11 @@ class TheDaemon(unittest.TestCase):
                 for word in ('did you mean "uart"', "stale_ms = 0 is outside 1 .. 10000", 'did you mean "model"'):
                     self.assertIn(word, done.stderr)
                 self.assertRegex(done.stderr, r"tactiled\.toml:\d+:")
+
+    def test_the_configurations_that_are_shipped_are_good(self):
+        for name in ("tactiled.toml", "demo.toml"):
+            done = subprocess.run([BIN / "tactilectl", "check", ROOT / "config" / name], capture_output=True, text=True, timeout=10)
+            self.assertEqual(done.returncode, 0, done.stderr)
 
     def test_a_taken_port_stops_neither_sensors_nor_shared_memory(self):
         with unit_daemon() as d, socket.socket() as squatter:
