@@ -30,9 +30,10 @@ public:
     // As serve() says, for a client that is late.
     [[nodiscard]] const char* overdue(std::uint64_t now_ns) const noexcept;
 
-    [[nodiscard]] bool wants_to_send() const noexcept { return sent_ < out_.size(); }
-    // Whole requests wait although nothing new has come: serve() again.
-    [[nodiscard]] bool has_backlog() const noexcept { return backlog_; }
+    [[nodiscard]] bool wants_to_send() const noexcept { return !out_.empty(); }
+    // A whole request waits and may be answered although nothing new has come: serve() again.
+    [[nodiscard]] bool has_backlog() const noexcept { return request_waits_ && out_.size() < kMostWaiting; }
+    [[nodiscard]] bool has_asked() const noexcept { return asked_; }
     [[nodiscard]] std::uint64_t heard_ns() const noexcept { return heard_ns_; }
     [[nodiscard]] int fd() const noexcept { return fd_; }
 
@@ -47,9 +48,10 @@ private:
     int fd_;
     std::array<std::uint8_t, kMostWaiting> in_{};
     std::size_t received_ = 0;
-    std::vector<std::uint8_t> out_;
-    std::size_t sent_ = 0;
-    bool backlog_ = false;
+    std::vector<std::uint8_t> out_;  // not yet sent, at most kMostWaiting + kMostAdu bytes
+    bool asked_ = false;             // at least one whole request
+    bool request_waits_ = false;     // a whole one at the start of in_
+    bool said_all_ = false;          // the client will send no more
     std::uint64_t heard_ns_;
     std::uint64_t request_began_ns_ = 0;  // 0: no request is incomplete
     std::uint64_t stuck_since_ns_ = 0;    // 0: the client takes its answers

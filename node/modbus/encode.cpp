@@ -10,7 +10,14 @@ namespace {
 constexpr double kForce = 0.01, kTorque = 0.001, kLength_m = 1e-5, kTemperature = 0.1;
 constexpr std::uint16_t kMostU16 = 65534;
 
+constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
+// What remains true of the node when its loop has stopped; what its sensors do now is no longer known.
+constexpr std::uint32_t kOutlivesLoop = TACTILED_SIMULATED | TACTILED_ANY_UNCALIBRATED | TACTILED_WARNING | TACTILED_FAULT;
+
+bool has_value(const tactiled_sample& s) noexcept { return s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN; }
+
 std::uint16_t age_ms(const tactiled_sample& s, std::uint64_t now_ns) noexcept {
+    if (s.t_ns == 0) return kMostU16;  // no frame ever: not as young as the machine
     const std::uint64_t age = now_ns > s.t_ns ? (now_ns - s.t_ns) / 1'000'000u : 0;
     return std::uint16_t(std::min<std::uint64_t>(age, kMostU16));
 }
@@ -38,7 +45,6 @@ bool overloads(const tactiled_sample& s) noexcept {
 }
 
 std::uint16_t sensor_status(const tactiled_sample& s, bool beyond) noexcept {
-    constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
     unsigned bits = 0;
     bits |= s.quality == TACTILED_GOOD ? 1u << 0 : 0u;
     bits |= beyond ? 1u << 4 : 0u;
@@ -48,7 +54,7 @@ std::uint16_t sensor_status(const tactiled_sample& s, bool beyond) noexcept {
     bits |= s.tare_count != 0 ? 1u << 8 : 0u;
     bits |= (s.reasons & TACTILED_UNCALIBRATED) != 0 ? 1u << 9 : 0u;
     bits |= s.quality == TACTILED_UNCERTAIN ? 1u << 12 : 0u;
-    bits |= s.quality != TACTILED_GOOD && s.quality != TACTILED_UNCERTAIN ? 1u << 15 : 0u;
+    bits |= !has_value(s) ? 1u << 15 : 0u;
     return std::uint16_t(bits);
 }
 
@@ -70,17 +76,17 @@ std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept {
     return std::uint16_t(std::clamp(scaled, 0.0, double(kMostU16)));
 }
 
-View view_of_nothing() noexcept {
+View view_of_nothing(std::uint32_t reason) noexcept {
     View view;
     view.snapshot.taken_ns = monotonic_ns();
-    for (auto& s : view.snapshot.sensor) tactiled_invalidate(&s, TACTILED_DAEMON_STOPPED);
+    for (auto& s : view.snapshot.sensor) tactiled_invalidate(&s, reason);
     return view;
 }
 
 View view_of(const Segment& segment) noexcept {
     View view;
     if (!segment.snapshot(view.snapshot)) {
-        view = view_of_nothing();
+        view = view_of_nothing(segment.is_current() ? TACTILED_READER_OVERRUN : TACTILED_DAEMON_STOPPED);
         view.segment = &segment;
         return view;
     }
@@ -88,8 +94,11 @@ View view_of(const Segment& segment) noexcept {
     const std::uint64_t limit_ns = std::uint64_t(segment.header().watchdog_ms) * 1'000'000u;
     const std::uint64_t published_ns = view.snapshot.node.t_ns;
     view.alive = segment.is_current() && view.snapshot.taken_ns <= published_ns + limit_ns;
-    if (!view.alive)
-        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) tactiled_invalidate(&view.snapshot.sensor[i], TACTILED_DAEMON_STOPPED);
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
+        tactiled_sample& s = view.snapshot.sensor[i];
+        if (!view.alive) s.reasons = 0;  // they were true once
+        if (!view.alive || !has_value(s)) tactiled_invalidate(&s, view.alive ? 0u : unsigned(TACTILED_DAEMON_STOPPED));
+    }
     return view;
 }
 
@@ -108,7 +117,8 @@ void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) 
         overload |= overloads(s) ? bit : 0u;
     }
     std::uint32_t status = node.status & 0xFFFFu;
-    if (!view.alive) status = (status & ~std::uint32_t(TACTILED_READY)) | TACTILED_FAULT | TACTILED_ANY_STALE;
+    if (!view.alive) status = (status & kOutlivesLoop) | TACTILED_FAULT | TACTILED_ANY_STALE;
+    if (overload != 0) status |= 1u << 7;
     if (stale != 0) status = (status & ~std::uint32_t(TACTILED_READY)) | TACTILED_ANY_STALE;
 
     out[kMagic0] = 0x5441;
@@ -133,7 +143,7 @@ void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) 
     out[kCmdState] = std::uint16_t(node.command_state);
     out[kCmdResult] = std::uint16_t(node.command_result);
     out[kCalId] = view.segment != nullptr ? std::uint16_t(view.segment->header().calibration_id) : std::uint16_t(0);
-    out[kCycleWorst] = clamped(node.worst_cycle_us);
+    out[kCycleWorst] = view.alive ? clamped(node.worst_cycle_us) : kNoU16;
 }
 
 void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept {
@@ -144,14 +154,16 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
     const bool beyond = encode_wrench(s, out);
     out[kSensorSeq] = out[kSensorSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
     out[kSensorStatus] = sensor_status(s, beyond);
-    out[kSensorFault] = fault_of(s.reasons);
+    const std::uint16_t why = fault_of(s.reasons);
+    const std::uint16_t none = exists ? kFaultUnknown : kFaultNoSensor;  // never 0 where the value is not GOOD
+    out[kSensorFault] = s.quality == TACTILED_GOOD ? std::uint16_t(0) : why != 0 ? why : none;
     out[kSensorAgeMs] = exists ? age_ms(s, view.snapshot.taken_ns) : kNoU16;
     for (const auto at : {kFrictionUse, kSlipState, kPeak}) out[at] = kNoU16;
     bool unused = false;
-    out[kTemp] = exists ? i16_of(double(s.temperature_C), kTemperature, unused) : kNoI16;
+    out[kTemp] = exists && has_value(s) ? i16_of(double(s.temperature_C), kTemperature, unused) : kNoI16;
     out[kScale] = std::uint16_t(std::int16_t(-2));
     out[kTareCount] = std::uint16_t(s.tare_count);
-    out[kRate] = exists ? u16_of(double(s.rate_Hz), 1, unused) : kNoU16;
+    out[kRate] = exists && (s.reasons & kSilent) == 0 ? u16_of(double(s.rate_Hz), 1, unused) : kNoU16;
     out[kLost] = std::uint16_t(s.lost);
     out[kRawState] = std::uint16_t(s.missing | s.saturated);
 }

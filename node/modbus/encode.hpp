@@ -23,8 +23,8 @@ struct View {
 
 // Takes a snapshot now. Samples are already judged by their age; where the pipeline is not alive all are BAD.
 View view_of(const Segment& segment) noexcept;
-// What is shown when there is no segment to read: every sensor value is a sentinel.
-View view_of_nothing() noexcept;
+// What is shown when there is nothing to read: every sensor value is a sentinel.
+View view_of_nothing(std::uint32_t reason = TACTILED_DAEMON_STOPPED) noexcept;
 
 void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept;
 void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept;

@@ -35,7 +35,10 @@ std::size_t Responder::answer(std::span<const std::uint8_t> adu, const Area& are
     // The answer must be this request's: same transaction, protocol and unit, and as long as it says.
     const bool fits = sent > 0 && size == sent && size > ssize_t(kMbapSize) && std::equal(out.begin(), out.begin() + 4, adu.begin()) &&
                       (out[4] << 8 | out[5]) == int(size) - 6 && out[6] == adu[6];
-    return fits ? std::size_t(size) : exception_adu(adu, kDeviceFailure, out);
+    if (fits) return std::size_t(size);
+    while (::recv(pair_[1], out.data(), out.size(), MSG_DONTWAIT) > 0) {  // else the rest would answer the next request
+    }
+    return exception_adu(adu, kDeviceFailure, out);
 }
 
 }  // namespace tactiled::modbus

@@ -64,6 +64,10 @@ void ModbusServer::serve() {
             for (const int fd : waiting) serve_client(fd, now_ns);
         }
         if (listener_ < 0 && now_ns >= listen_again_ns_) try_to_listen(now_ns);
+        if (looks_away_ && now_ns >= listen_again_ns_) {
+            looks_away_ = false;
+            watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
+        }
         if (now_ns - looked_for_overdue_ns_ >= std::uint64_t(kTurnMs) * 1'000'000u) close_overdue(now_ns);
     }
 }
@@ -101,8 +105,9 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
         const int fd = ::accept4(listener_, reinterpret_cast<sockaddr*>(&peer), &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
         if (fd < 0) {
             if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
-                stop_listening();  // the waiting client would wake us for ever
+                watch(epoll_, EPOLL_CTL_DEL, listener_, 0);  // the waiting client would wake us for ever
                 listen_again_ns_ = now_ns + kRetryNs;
+                looks_away_ = true;
             }
             if (errno != EINTR && errno != ECONNABORTED) return;
             continue;
@@ -126,13 +131,15 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
     }
 }
 
-// The client that has been silent longest makes room; one that polls keeps its place, and the newcomer must wait.
+// Who has never asked anything makes room first, then who has been silent longest. One that polls keeps its place, so a
+// flood of connections pushes out only itself.
 bool ModbusServer::make_room(std::uint64_t now_ns) {
     if (clients_.size() < std::size_t(settings_.max_clients)) return true;
-    const auto oldest = std::min_element(clients_.begin(), clients_.end(),
-                                         [](const auto& a, const auto& b) { return a.second->heard_ns() < b.second->heard_ns(); });
-    if (now_ns - oldest->second->heard_ns() < kMayBeEvictedNs) return false;
-    close(oldest->first);
+    const auto worth = [](const auto& c) { return std::pair(c.second->has_asked(), c.second->heard_ns()); };
+    const auto least = std::min_element(clients_.begin(), clients_.end(),
+                                        [&](const auto& a, const auto& b) { return worth(a) < worth(b); });
+    if (least->second->has_asked() && now_ns - least->second->heard_ns() < kMayBeEvictedNs) return false;
+    close(least->first);
     return true;
 }
 

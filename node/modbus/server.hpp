@@ -50,6 +50,7 @@ private:
 
     int epoll_ = -1, listener_ = -1;
     std::uint64_t listen_again_ns_ = 0, looked_for_overdue_ns_ = 0;
+    bool looks_away_ = false;  // out of descriptors: the port stays ours, who waits there waits a second
     std::string complaint_;
     std::map<int, std::unique_ptr<modbus::Connection>> clients_;  // by descriptor
     Counts counts_;

@@ -87,7 +87,7 @@ constexpr Area kAreas[] = {
 constexpr std::uint16_t kConstantValues[kConstantsSize] = {0x1234, 0xFB2E, 0x1234, 0x5678, 0x449A, 0x5000,
                                                            0x5000, 0x449A, 0x4142, 0x4344, 0x4546, 0x4748};
 
-constexpr Name kStatusBits[] = {{0, "ready"},        {8, "taring"},   {9, "simulated or replayed data"},
+constexpr Name kStatusBits[] = {{0, "ready"}, {7, "overload: see OVERLOAD"},        {8, "taring"},   {9, "simulated or replayed data"},
                                 {10, "stale"},       {11, "uncalibrated"}, {14, "warning: see WARN"},
                                 {15, "fault: see FAULT"}};
 constexpr Name kFaultBits[] = {{0, "sensor lost"},       {1, "overrange"},           {2, "open gauge"}, {3, "pipeline overrun"},
@@ -125,8 +125,10 @@ constexpr Fault kSensorFaults[] = {
 };
 
 constexpr auto kSensorFaultNames = [] {
-    std::array<Name, std::size(kSensorFaults) + 1> names{};
+    std::array<Name, std::size(kSensorFaults) + 3> names{};
     names[0] = {0, "none"};
+    names[names.size() - 2] = {kFaultNoSensor, "no sensor has this block"};
+    names[names.size() - 1] = {kFaultUnknown, "a reason that this map does not know"};
     for (std::size_t i = 0; i < std::size(kSensorFaults); ++i) names[i + 1] = kSensorFaults[i].name;
     return names;
 }();

@@ -76,5 +76,6 @@ std::span<const std::uint16_t> constants();
 
 // Why a sensor block has no trustworthy value: SensorFault by the first reason that is set (enum tactiled_reason).
 std::uint16_t fault_of(std::uint32_t reasons);
+inline constexpr std::uint16_t kFaultNoSensor = 15, kFaultUnknown = 16;
 
 }  // namespace tactiled::modbus

@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cassert>
 #include <cerrno>
 #include <cstdio>
@@ -177,7 +178,7 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
         sensors[i] = plan.sensors[i];
         sensors[i].ring = ring(sizeof(tactiled_sample));
     }
-    std::memcpy(base_ + h.link_offset, plan.links.data(), sizeof(tactiled_link) * plan.links.size());
+    std::copy(plan.links.begin(), plan.links.end(), reinterpret_cast<tactiled_link*>(base_ + h.link_offset));
     assert(at == size_);
     set_state(TACTILED_STARTING);
 }

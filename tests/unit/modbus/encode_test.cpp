@@ -2,6 +2,7 @@
 #include "node/modbus/encode.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
@@ -10,6 +11,8 @@
 #include <random>
 #include <set>
 #include <string>
+
+#include "node/shm/writer.hpp"
 
 namespace tactiled::modbus {
 namespace {
@@ -116,6 +119,113 @@ TEST(Registers, WithoutASegmentEveryValueIsASentinel) {
         EXPECT_EQ(sensor[kFMag], kNoU16);
         EXPECT_EQ(sensor[kSensorStatus], 1u << 15 | 1u << 6);  // fault, stale
     }
+}
+
+// A live segment with one sensor, and what a PLC reads from it.
+class LiveRegisters : public testing::Test {
+protected:
+    LiveRegisters() : writer_(plan()) {
+        writer_.set_state(TACTILED_RUNNING);
+        segment_ = Segment::open(plan().name);
+    }
+    static SegmentPlan plan() {
+        SegmentPlan p;
+        p.name = "encode-test-" + std::to_string(::getpid());
+        p.history = 64;
+        p.sensors.resize(1);
+        p.sensors[0].stale_ms = 50;
+        return p;
+    }
+    static tactiled_sample good() {
+        tactiled_sample s{};
+        s.t_ns = monotonic_ns();
+        s.quality = TACTILED_GOOD;
+        s.temperature_C = 25;
+        s.rate_Hz = 1000;
+        return s;
+    }
+    void publish(tactiled_sample s) {
+        s.sequence = number_;
+        writer_.publish(0, s);
+        tactiled_node node{};
+        node.sequence = number_++;
+        node.t_ns = monotonic_ns();
+        node.status = TACTILED_READY | TACTILED_ANY_TARING;
+        node.worst_cycle_us = 42;
+        node.count[0] = number_;
+        writer_.publish(node);
+    }
+    std::array<std::uint16_t, kSensorSize> sensor(unsigned index = 0) const {
+        std::array<std::uint16_t, kSensorSize> out{};
+        encode_sensor(view_of(segment_), index, out);
+        return out;
+    }
+    std::array<std::uint16_t, kGlobalSize> global() const {
+        std::array<std::uint16_t, kGlobalSize> out{};
+        encode_global(view_of(segment_), out);
+        return out;
+    }
+    SegmentWriter writer_;
+    Segment segment_;
+    std::uint64_t number_ = 0;
+};
+
+TEST_F(LiveRegisters, AStaleSensorShowsNothingOld) {
+    publish(good());
+    ::usleep(80'000);
+    const auto s = sensor();
+    EXPECT_EQ(s[kFx], kNoI16);
+    EXPECT_EQ(s[kTemp], kNoI16);
+    EXPECT_EQ(s[kRate], kNoU16);
+}
+
+TEST_F(LiveRegisters, ADeadLoopShowsNothingOfWhatItsSensorsDid) {
+    auto busy = good();
+    busy.reasons = TACTILED_TARING | TACTILED_SATURATED;
+    publish(busy);
+    ::usleep(300'000);  // longer than watchdog_ms
+    EXPECT_EQ(sensor()[kSensorStatus] & (1u << 7 | 1u << 5), 0u);
+    EXPECT_EQ(sensor()[kSensorFault], fault_of(TACTILED_DAEMON_STOPPED));
+    EXPECT_EQ(global()[kStatus] & TACTILED_ANY_TARING, 0);
+    EXPECT_EQ(global()[kOverload], 0);
+    EXPECT_EQ(global()[kCycleWorst], kNoU16);
+}
+
+TEST_F(LiveRegisters, ASampleWithoutAValueIsNotZeroNewton) {
+    auto none = good();
+    none.quality = TACTILED_NO_VALUE;
+    publish(none);
+    EXPECT_EQ(sensor()[kFx], kNoI16);
+}
+
+TEST_F(LiveRegisters, ForcesBeyondTheRegisterAreSaid) {
+    auto heavy = good();
+    heavy.force_S_N[2] = -400;
+    publish(heavy);
+    EXPECT_EQ(std::int16_t(sensor()[kFz]), -32767);
+    EXPECT_NE(sensor()[kSensorStatus] & 1u << 4, 0u);
+    EXPECT_EQ(global()[kOverload], 1);
+    EXPECT_NE(global()[kStatus] & 1u << 7, 0u);
+}
+
+TEST_F(LiveRegisters, FaultIsZeroForAGoodValueAndForNoOther) {
+    auto s = good();
+    s.reasons = TACTILED_UNKNOWN_UNCERTAINTY;
+    publish(s);
+    EXPECT_EQ(sensor()[kSensorFault], 0);
+    s.quality = TACTILED_UNCERTAIN;
+    s.reasons = 1u << 20;  // of a later version
+    publish(s);
+    EXPECT_EQ(sensor()[kSensorFault], kFaultUnknown);
+    EXPECT_EQ(sensor(3)[kSensorFault], kFaultNoSensor);
+}
+
+TEST(Registers, NoFrameEverIsNotAsYoungAsTheMachine) {
+    View view = view_of_nothing();
+    view.snapshot.taken_ns = 5'000'000'000u;
+    std::array<std::uint16_t, kGlobalSize> global{};
+    encode_global(view, global);
+    EXPECT_EQ(global[kAgeMs], 65534);
 }
 
 TEST(Registers, ConstantsAreWhatTheMapSays) {

@@ -163,7 +163,7 @@ TEST_F(ServerTest, OneAnswerIsOneFrame) {
         for (const unsigned at : {24u, 25u, 49u}) ASSERT_EQ(register_at(a, at), seq);
         for (const unsigned at : {5u, 6u, 7u, 8u, 9u, 29u, 30u, 34u}) ASSERT_EQ(register_at(a, at), force);
     }
-    EXPECT_GT(changes, 1000);
+    EXPECT_GT(changes, 20);  // else the writer stood still and nothing was shown
 }
 
 TEST_F(ServerTest, AHangingPipelineShowsSentinelsAndAStandingHeartbeat) {
@@ -271,6 +271,20 @@ TEST_F(ServerTest, APollingClientKeepsItsPlaceAndAnIdleOneMakesRoom) {
     EXPECT_TRUE(second.is_closed_within(500));
 }
 
+TEST_F(ServerTest, AFloodOfConnectionsPushesOutOnlyItself) {
+    const auto server = serve(4);
+    Client plc(port_);
+    ASSERT_TRUE(plc.send(read_request(1, 0, 2)));
+    ASSERT_FALSE(plc.answer().empty());
+    std::vector<std::unique_ptr<Client>> flood;
+    for (int i = 0; i < 300; ++i) {  // for longer than a polling client's protection lasts
+        flood.push_back(std::make_unique<Client>(port_));
+        ::usleep(5000);
+    }
+    ASSERT_TRUE(plc.send(read_request(2, 0, 2)));
+    EXPECT_FALSE(plc.answer().empty()) << "a PLC that polls every 1.5 s lost its place";
+}
+
 TEST_F(ServerTest, RefusesAddressesThatAreNotAllowed) {
     const auto server = serve(8, {"127.0.0.5/32"});
     Client stranger(port_), friendly(port_, "127.0.0.5");
@@ -304,8 +318,7 @@ TEST_F(ServerTest, RunningOutOfDescriptorsEndsNobody) {
         EXPECT_LT(cpu_us(end) - cpu_us(start), 150'000);  // does not spin on the client that waits
     }
     ::setrlimit(RLIMIT_NOFILE, &before);
-    ::usleep(1'200'000);
-    Client later(port_);
+    Client later(port_);  // waits at the port, which stayed ours, for up to a second
     ASSERT_TRUE(later.send(read_request(3, 0, 2)));
     EXPECT_FALSE(later.answer().empty());
 }

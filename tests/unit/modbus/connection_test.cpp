@@ -1,0 +1,105 @@
+// One client's bytes, without a server: what it is owed, and when it is late.
+#include "node/modbus/connection.hpp"
+
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+namespace tactiled::modbus {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+constexpr std::size_t kAnswer = 259;  // 125 registers
+
+Bytes requests(int n) {
+    Bytes bytes;
+    for (int i = 0; i < n; ++i) {
+        const Bytes one{std::uint8_t(i >> 8), std::uint8_t(i), 0, 0, 0, 6, 1, 4, 0, 100, 0, 125};
+        bytes.insert(bytes.end(), one.begin(), one.end());
+    }
+    return bytes;
+}
+
+std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+    std::fill(out.begin(), out.end(), std::uint8_t(0));
+    std::copy_n(adu.begin(), 8, out.begin());
+    out[5] = kAnswer - 6;
+    return kAnswer;
+}
+
+// A client and the server's end of its connection, with as small a send buffer as the kernel gives.
+class ConnectionTest : public testing::Test {
+protected:
+    ConnectionTest() {
+        int pair[2];
+        EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair), 0);
+        const int least = 1;
+        ::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &least, sizeof least);
+        server_ = pair[0];
+        client_ = pair[1];
+    }
+    ~ConnectionTest() override { ::close(client_); }
+    void say(const Bytes& bytes) const { ASSERT_EQ(::send(client_, bytes.data(), bytes.size(), 0), ssize_t(bytes.size())); }
+    std::size_t hear() const {
+        std::array<char, 65536> buffer;
+        std::size_t total = 0;
+        for (ssize_t n; (n = ::recv(client_, buffer.data(), buffer.size(), 0)) > 0;) total += std::size_t(n);
+        return total;
+    }
+    // Whether the server would be woken: as ModbusServer watches it.
+    bool is_woken(const Connection& connection) const {
+        pollfd p{server_, short(connection.wants_to_send() ? POLLOUT : POLLIN), 0};
+        return ::poll(&p, 1, 0) == 1 || connection.has_backlog();
+    }
+    int server_, client_;
+};
+
+TEST_F(ConnectionTest, AClientThatPipelinesAndReadsLateGetsEveryAnswer) {
+    Connection connection(server_, 1);
+    say(requests(100));
+    std::size_t heard = 0;
+    for (std::uint64_t turn = 1, idle = 0; heard < 100 * kAnswer && idle < 20; ++turn) {
+        idle = is_woken(connection) ? 0 : idle + 1;
+        if (idle == 0) ASSERT_STREQ(connection.serve(answer, turn * 1'000'000), "");
+        if (turn % 5 == 0) heard += hear();
+    }
+    EXPECT_EQ(heard, 100 * kAnswer);
+}
+
+TEST_F(ConnectionTest, AClientThatHasSaidAllStillGetsItsAnswers) {
+    Connection connection(server_, 1);
+    say(requests(40));
+    ::shutdown(client_, SHUT_WR);
+    std::size_t heard = 0;
+    std::string why;
+    for (std::uint64_t turn = 1; turn < 200 && why.empty(); ++turn) {
+        why = connection.serve(answer, turn);
+        heard += hear();
+    }
+    EXPECT_EQ(heard, 40 * kAnswer);
+    EXPECT_EQ(why, "closed by the client");
+}
+
+TEST_F(ConnectionTest, WhatIsWrongWithALateClient) {
+    constexpr std::uint64_t kSecond = 1'000'000'000;
+    Connection connection(server_, 1);
+    EXPECT_STREQ(connection.overdue(59 * kSecond), "");
+    EXPECT_STREQ(connection.overdue(61 * kSecond), "idle");
+    say({0, 1, 0, 0, 0, 6, 1});
+    (void)connection.serve(answer, 10 * kSecond);
+    EXPECT_STREQ(connection.overdue(10 * kSecond + kSecond), "");
+    EXPECT_STREQ(connection.overdue(10 * kSecond + kSecond + 1), "half a request for a second");
+    say({4, 0, 100, 0, 125});
+    (void)connection.serve(answer, 12 * kSecond);
+    EXPECT_EQ(hear(), kAnswer);
+    EXPECT_STREQ(connection.overdue(14 * kSecond), "");
+    say(requests(60));
+    for (int i = 0; i < 10; ++i) (void)connection.serve(answer, 20 * kSecond);
+    EXPECT_STREQ(connection.overdue(22 * kSecond + 1), "takes no answers");
+}
+
+}  // namespace
+}  // namespace tactiled::modbus
