@@ -134,13 +134,15 @@ void Pipeline::carry_out(const Command& command, std::uint64_t now_ns) noexcept 
     if (taring_ != 0) follow_tares(now_ns);
     node_.command_acknowledged = command.number;
     news_ = true;
+    if (taring_ != 0)
+        return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
     const auto all = std::uint32_t((1u << sensors_.size()) - 1);
     if ((command.mask & ~all) != 0 || (command.mask == 0 && command.kind != Command::Kind::clear_latches))
         return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_MASK);
+    tare_number_ = command.number;
+    tare_failed_ = false;
     switch (command.kind) {
-        case Command::Kind::tare: {
-            if (taring_ != 0) return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
-            tare_failed_ = false;
+        case Command::Kind::tare:
             for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
                 if ((command.mask >> i & 1u) == 0) continue;
                 if (sensors_[i].begin_tare(now_ns))
@@ -151,11 +153,12 @@ void Pipeline::carry_out(const Command& command, std::uint64_t now_ns) noexcept 
             if (taring_ == 0) return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
             node_.command_state = TACTILED_COMMAND_RUNNING;
             return;
-        }
         case Command::Kind::untare:
             for (std::uint32_t i = 0; i < sensors_.size(); ++i)
-                if ((command.mask >> i & 1u) != 0) sensors_[i].remove_tare();
-            return finish_command(TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK);
+                if ((command.mask >> i & 1u) != 0) sensors_[i].begin_untare(now_ns);
+            taring_ = command.mask;
+            node_.command_state = TACTILED_COMMAND_RUNNING;
+            return;
         case Command::Kind::clear_latches: node_.fault = 0; return finish_command(TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK);
     }
     finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
@@ -172,11 +175,12 @@ void Pipeline::follow_tares(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         if ((taring_ >> i & 1u) == 0) continue;
         const auto tare = sensors_[i].poll_tare(now_ns);
-        if (tare == Sensor::Tare::running) continue;
+        if (tare == Sensor::Tare::running || tare == Sensor::Tare::removing) continue;
         taring_ &= ~(1u << i);
         tare_failed_ |= tare != Sensor::Tare::done;
     }
-    if (taring_ == 0) finish_command(TACTILED_COMMAND_DONE, tare_failed_ ? TACTILED_COMMAND_FAILED : TACTILED_COMMAND_OK);
+    if (taring_ != 0 || node_.command_acknowledged != tare_number_) return;  // else a later command was rejected meanwhile
+    finish_command(TACTILED_COMMAND_DONE, tare_failed_ ? TACTILED_COMMAND_FAILED : TACTILED_COMMAND_OK);
 }
 
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {

@@ -101,6 +101,7 @@ private:
     std::uint64_t last_node_ns_ = 0, heartbeat_ns_ = 0, lost_until_ns_ = 0, worst_since_ns_ = 0;
     std::uint32_t worst_ns_ = 0;
     std::uint32_t taring_ = 0;  // mask
+    std::uint32_t tare_number_ = 0;  // of the command that began it
     bool tare_failed_ = false;
     std::uint32_t lost_seen_ = 0;
 };

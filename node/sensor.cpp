@@ -47,6 +47,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
         s.sd_torque_Nm[i] = e.sd[i + 3];
     }
     if (tare_ == Tare::running) advance_tare(s);  // the sample that completes a tare is the first that it applies to
+    if (tare_ == Tare::removing) tare_ = Tare::done;
     if (tare_ == Tare::running) s.reasons |= TACTILED_TARING;
     for (std::size_t i = 0; i < 3; ++i) {
         s.force_S_N[i] = s.raw_force_S_N[i] - zero_[i];
@@ -118,7 +119,7 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
 }
 
 bool Sensor::begin_tare(std::uint64_t now_ns) noexcept {
-    if (broken_ != 0 || last_.quality == TACTILED_BAD || (last_.reasons & ~kTareMayHave) != 0 || tare_ == Tare::running) return false;
+    if (broken_ != 0 || last_.quality == TACTILED_BAD || (last_.reasons & ~kTareMayHave) != 0 || tare_ != Tare::none) return false;
     tare_ = Tare::running;
     tare_begin_ns_ = now_ns;
     tare_samples_ = 0;
@@ -126,9 +127,11 @@ bool Sensor::begin_tare(std::uint64_t now_ns) noexcept {
     return true;
 }
 
-void Sensor::remove_tare() noexcept {
+void Sensor::begin_untare(std::uint64_t now_ns) noexcept {
     zero_ = {};
     tare_count_ = 0;
+    tare_begin_ns_ = now_ns;
+    tare_ = broken_ == 0 ? Tare::removing : Tare::done;
 }
 
 void Sensor::advance_tare(const tactiled_sample& s) noexcept {
@@ -150,8 +153,9 @@ void Sensor::advance_tare(const tactiled_sample& s) noexcept {
 
 Sensor::Tare Sensor::poll_tare(std::uint64_t now_ns) noexcept {
     if (tare_ == Tare::running && (broken_ != 0 || now_ns > tare_begin_ns_ + setup_.tare_ns + kTareLimitNs)) tare_ = Tare::failed;
+    if (tare_ == Tare::removing && broken_ != 0) tare_ = Tare::done;
     const Tare told = tare_;
-    if (tare_ != Tare::running) tare_ = Tare::none;
+    if (tare_ == Tare::done || tare_ == Tare::failed) tare_ = Tare::none;
     return told;
 }
 

@@ -41,8 +41,9 @@ public:
 
     // Begins to average a new zero. False when the sensor has no trustworthy value now. rt: wait-free
     [[nodiscard]] bool begin_tare(std::uint64_t now_ns) noexcept;
-    void remove_tare() noexcept;
-    enum class Tare { none, running, done, failed };
+    // Goes back to the calibration's zero with the next sample, at once where none is coming. rt: wait-free
+    void begin_untare(std::uint64_t now_ns) noexcept;
+    enum class Tare { none, running, removing, done, failed };
     // How the tare stands; a finished one is told once. rt: wait-free
     [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept;
 

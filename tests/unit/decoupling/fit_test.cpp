@@ -241,7 +241,7 @@ Labelled table_rows(const std::vector<std::string>& channels, double noise_sd) {
     labelled.channels = channels;
     std::mt19937_64 random(8);
     std::uniform_real_distribution<double> uniform(-1, 1);
-    std::normal_distribution<double> noise(0, noise_sd);
+    std::normal_distribution<double> normal(0, 1);
     const double sign_x[8] = {-1, 1, 0, 0, 1, -1, 0, 0}, sign_y[8] = {0, 0, -1, 1, 0, 0, 1, -1};
     for (int i = 0; i < 400; ++i) {
         const double fx = 0.3 * uniform(random), fy = 0.3 * uniform(random), n = std::abs(uniform(random));
@@ -251,7 +251,7 @@ Labelled table_rows(const std::vector<std::string>& channels, double noise_sd) {
             const bool inner = k % 2 == 0;
             const double tangential = inner ? kTangential_per_N : kOuter_per_N;
             row.channel.push_back(0.001 * double(k) + tangential * (sign_x[k] * fx + sign_y[k] * fy) +
-                                  (inner ? kNormal_per_N * n : 0) + noise(random));
+                                  (inner ? kNormal_per_N * n : 0) + noise_sd * normal(random));
         }
         labelled.rows.push_back(row);
     }

@@ -141,8 +141,10 @@ TEST(Sensor, TareAveragesAndKeepsTheRawForce) {
     EXPECT_EQ(s.raw_force_S_N[2], -4);
     EXPECT_EQ(s.tare_count, 1u);
     EXPECT_EQ(s.reasons & TACTILED_TARING, 0u);
-    sensor.remove_tare();
+    sensor.begin_untare(112 * kMs);
+    EXPECT_EQ(sensor.poll_tare(112 * kMs), Sensor::Tare::removing);  // not acknowledged before a sample shows it
     EXPECT_EQ(sensor.sample(frame(112 * kMs, 5, 1, -4), 112 * kMs).force_S_N[2], -4);
+    EXPECT_EQ(sensor.poll_tare(112 * kMs), Sensor::Tare::done);
 }
 
 TEST(Sensor, ATareNeedsATrustworthyValueAllAlong) {
