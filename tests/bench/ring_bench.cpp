@@ -1,9 +1,9 @@
 // The ring between a link and the pipeline, beside the rings that others use, in one run: 128-byte items from a thread on
 // CPU 0 to a thread on CPU 1, each of the 16 words written and checked, 1024 items of room, so that it wraps and fills.
-// Peers take turns, a tenth of a second each, for several rounds, and the median of the rounds' ratios to ours counts:
-// a hypervisor that moves the CPUs moves all of them.
+// Peers take turns, a tenth of a second each, and the median of the rounds' ratios counts: a hypervisor that moves the CPUs
+// moves all of them.
 //
-//   ring_bench [rounds]      lines: peer metric value unit
+//   ring_bench [rounds]
 //
 // What it does not show: latency under load, several producers, items larger than two cache lines.
 #include <pthread.h>
@@ -209,26 +209,25 @@ double median(std::vector<double> v) {
 
 template <class... Peers>
 void compare(int rounds) {
+    constexpr std::size_t kPeers = sizeof...(Peers);
     const char* names[] = {Peers::kName...};
-    for (const std::size_t burst : {std::size_t(1), std::size_t(8)}) {
-        std::vector<double> rates[sizeof...(Peers)], ratios[sizeof...(Peers)];
-        std::vector<double> best_of_others;
-        for (int round = 0; round < rounds; ++round) {
-            const double now[] = {run<Peers>(burst)...};
-            double best = 0;
-            for (std::size_t i = 0; i < sizeof...(Peers); ++i) {
-                rates[i].push_back(now[i]);
-                ratios[i].push_back(now[0] / now[i]);
-                if (i > 0) best = std::max(best, now[i]);
-            }
-            best_of_others.push_back(now[0] / best);
+    std::vector<double> single[kPeers], burst[kPeers], ratio_single, ratio_burst, ratio_burst_to_single;
+    for (int round = 0; round < rounds; ++round) {
+        const double one[] = {run<Peers>(1)...}, eight[] = {run<Peers>(8)...};
+        for (std::size_t i = 0; i < kPeers; ++i) {
+            single[i].push_back(one[i]);
+            burst[i].push_back(eight[i]);
         }
-        for (std::size_t i = 0; i < sizeof...(Peers); ++i) {
-            std::printf("%-18s burst%zu.throughput %8.1f M items/s\n", names[i], burst, median(rates[i]));
-            if (i > 0) std::printf("%-18s burst%zu.ours_is_times %5.2f x\n", names[i], burst, median(ratios[i]));
-        }
-        std::printf("%-18s burst%zu.ours_is_times %5.2f x\n", "best_of_a_round", burst, median(best_of_others));
+        const double best_one = *std::max_element(one + 1, one + kPeers), best_eight = *std::max_element(eight + 1, eight + kPeers);
+        ratio_single.push_back(one[0] / best_one);
+        ratio_burst.push_back(eight[0] / best_eight);
+        ratio_burst_to_single.push_back(eight[0] / best_one);
     }
+    for (std::size_t i = 0; i < kPeers; ++i)
+        std::printf("%-18s one by one %6.1f   bursts of 8 %6.1f M items/s\n", names[i], median(single[i]), median(burst[i]));
+    std::printf("ours / best peer of the round, one by one            %5.2f x\n", median(ratio_single));
+    std::printf("ours / best peer of the round, bursts of 8           %5.2f x\n", median(ratio_burst));
+    std::printf("ours in bursts of 8 / best peer of the round one by one %5.2f x\n", median(ratio_burst_to_single));
 }
 
 }  // namespace
