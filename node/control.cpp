@@ -19,7 +19,7 @@
 namespace tactiled {
 namespace {
 
-constexpr int kLookMs = 100;      // how long stop() may wait
+constexpr int kLookMs = 100;       // how long stop() may wait
 constexpr int kAnswerMs = 15'000;  // longer than the longest tare
 
 sockaddr_un address_of(const std::string& path) {
@@ -53,7 +53,8 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     if (!group.empty())
         if (const ::group* found = ::getgrnam(group.c_str()))
             if (::chown(path.c_str(), uid_t(-1), found->gr_gid) != 0)
-                log_line(LogLevel::warning, fmt::format("control socket {}: group {}: {}", path, group, std::strerror(errno)));
+                log_line(LogLevel::warning,
+                         fmt::format("control socket {}: group {}: {}", path, group, std::strerror(errno)));
     thread_ = std::thread([this] { serve(); });
 }
 

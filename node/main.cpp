@@ -1,7 +1,7 @@
 // tactiled, the daemon: reads the configuration, makes the segment, starts the threads, waits for a signal.
 #include <fmt/format.h>
-#include <systemd/sd-daemon.h>
 #include <sysexits.h>
+#include <systemd/sd-daemon.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -59,8 +59,8 @@ int run(Node& node, const sigset_t& signals) {
         segment.set_state(TACTILED_RUNNING);
         std::unique_ptr<ModbusServer> modbus;
         if (node.config.modbus.enabled) modbus = std::make_unique<ModbusServer>(node.plan.name, node.config.modbus);
-        log_line(LogLevel::info, fmt::format("tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}", TACTILED_VERSION,
-                                             node.plan.name, node.sensors.size(), node.plan.name,
+        log_line(LogLevel::info, fmt::format("tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}",
+                                             TACTILED_VERSION, node.plan.name, node.sensors.size(), node.plan.name,
                                              node.config.modbus.enabled ? node.config.modbus.listen : "off"));
         ::sd_notify(0, "READY=1");
         wait_for_end(signals);
@@ -84,9 +84,7 @@ int main(int argc, char** argv) {
     app.add_flag("--check", check, "check the configuration and end");
     try {
         app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) {
-        return app.exit(error) == 0 ? EX_OK : EX_USAGE;
-    }
+    } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? EX_OK : EX_USAGE; }
     const sigset_t signals = block_signals();
     try {
         Problems problems;

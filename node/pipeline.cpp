@@ -91,7 +91,8 @@ void Pipeline::deliver(std::uint64_t now_ns) noexcept {
     follow_tares(now_ns);
     if (now_ns - heartbeat_ns_ >= kHeartbeatNs) {
         heartbeat_ns_ += (now_ns - heartbeat_ns_) / kHeartbeatNs * kHeartbeatNs;
-        const bool acquiring = std::any_of(sensors_.begin(), sensors_.end(), [](const Sensor& s) { return s.is_delivering(); });
+        const bool acquiring =
+            std::any_of(sensors_.begin(), sensors_.end(), [](const Sensor& s) { return s.is_delivering(); });
         if (acquiring) {
             ++node_.heartbeat;
             news_ = true;
@@ -134,8 +135,7 @@ void Pipeline::carry_out(const Command& command, std::uint64_t now_ns) noexcept 
     if (taring_ != 0) follow_tares(now_ns);
     node_.command_acknowledged = command.number;
     news_ = true;
-    if (taring_ != 0)
-        return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
+    if (taring_ != 0) return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
     const auto all = std::uint32_t((1u << sensors_.size()) - 1);
     if ((command.mask & ~all) != 0 || (command.mask == 0 && command.kind != Command::Kind::clear_latches))
         return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_MASK);
@@ -159,7 +159,9 @@ void Pipeline::carry_out(const Command& command, std::uint64_t now_ns) noexcept 
             taring_ = command.mask;
             node_.command_state = TACTILED_COMMAND_RUNNING;
             return;
-        case Command::Kind::clear_latches: node_.fault = 0; return finish_command(TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK);
+        case Command::Kind::clear_latches:
+            node_.fault = 0;
+            return finish_command(TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK);
     }
     finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
 }

@@ -22,8 +22,8 @@ struct Link {
     std::uint32_t index = 0;  // in the segment's directory
     std::unique_ptr<Driver> driver;
     Ring<Frame> ring{kRingFrames};
-    std::atomic<bool> connected{false};           // written by the link's thread
-    std::atomic<std::uint32_t> ring_full{0};      // so many frames were refused; written by the link's thread
+    std::atomic<bool> connected{false};       // written by the link's thread
+    std::atomic<std::uint32_t> ring_full{0};  // so many frames were refused; written by the link's thread
 
     struct Binding {  // device of this link -> sensor of the node
         std::uint16_t device;
@@ -52,7 +52,7 @@ struct Link {
 struct Command {
     enum class Kind : std::uint32_t { tare = 1, untare = 2, clear_latches = 3 };
     Kind kind = Kind::tare;
-    std::uint32_t mask = 0;  // bit n: sensor n
+    std::uint32_t mask = 0;    // bit n: sensor n
     std::uint32_t number = 0;  // told back as command_acknowledged
 };
 
@@ -100,7 +100,7 @@ private:
     bool news_ = false;  // something was published since the last node record
     std::uint64_t last_node_ns_ = 0, heartbeat_ns_ = 0, lost_until_ns_ = 0, worst_since_ns_ = 0;
     std::uint32_t worst_ns_ = 0;
-    std::uint32_t taring_ = 0;  // mask
+    std::uint32_t taring_ = 0;       // mask
     std::uint32_t tare_number_ = 0;  // of the command that began it
     bool tare_failed_ = false;
     std::uint32_t lost_seen_ = 0;

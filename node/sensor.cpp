@@ -8,7 +8,8 @@ namespace {
 
 // What may be wrong with a value that is nevertheless fit to be a zero: a mounted sensor may well rest outside the
 // calibrated domain, but a saturated or incomplete one has no known zero.
-constexpr std::uint32_t kTareMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
+constexpr std::uint32_t kTareMayHave =
+    TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
 constexpr std::uint64_t kTareLimitNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
 constexpr std::uint64_t kRateWindowNs = 1'000'000'000;
 
@@ -71,7 +72,8 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
         }
         const double raw = frame.channel[i];
         const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(raw);
-        const bool saturated = !missing && ((frame.saturated >> i & 1u) != 0 || raw <= setup_.saturates_below || raw >= setup_.saturates_above);
+        const bool saturated =
+            !missing && ((frame.saturated >> i & 1u) != 0 || raw <= setup_.saturates_below || raw >= setup_.saturates_above);
         channel_[k] = missing ? kNaN : raw / setup_.counts_per_unit;
         if (missing) reading.missing |= 1u << k;
         if (saturated) reading.saturated |= 1u << k;
@@ -119,7 +121,8 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
 }
 
 bool Sensor::begin_tare(std::uint64_t now_ns) noexcept {
-    if (broken_ != 0 || last_.quality == TACTILED_BAD || (last_.reasons & ~kTareMayHave) != 0 || tare_ != Tare::none) return false;
+    if (broken_ != 0 || last_.quality == TACTILED_BAD || (last_.reasons & ~kTareMayHave) != 0 || tare_ != Tare::none)
+        return false;
     tare_ = Tare::running;
     tare_begin_ns_ = now_ns;
     tare_samples_ = 0;
@@ -152,7 +155,8 @@ void Sensor::advance_tare(const tactiled_sample& s) noexcept {
 }
 
 Sensor::Tare Sensor::poll_tare(std::uint64_t now_ns) noexcept {
-    if (tare_ == Tare::running && (broken_ != 0 || now_ns > tare_begin_ns_ + setup_.tare_ns + kTareLimitNs)) tare_ = Tare::failed;
+    if (tare_ == Tare::running && (broken_ != 0 || now_ns > tare_begin_ns_ + setup_.tare_ns + kTareLimitNs))
+        tare_ = Tare::failed;
     if (tare_ == Tare::removing && broken_ != 0) tare_ = Tare::done;
     const Tare told = tare_;
     if (tare_ == Tare::done || tare_ == Tare::failed) tare_ = Tare::none;

@@ -38,8 +38,9 @@ std::vector<int> channel_map(SensorSettings& settings, const Calibration& calibr
         }
         const auto at = std::find(settings.channels.begin(), settings.channels.end(), name);
         if (at == settings.channels.end())
-            settings.options.problem("channels", fmt::format("the calibration {} needs channel \"{}\"; channels = [{}] lacks it",
-                                                             calibration.path, name, fmt::join(settings.channels, ", ")));
+            settings.options.problem("channels",
+                                     fmt::format("the calibration {} needs channel \"{}\"; channels = [{}] lacks it",
+                                                 calibration.path, name, fmt::join(settings.channels, ", ")));
         map.push_back(int(at - settings.channels.begin()));
     }
     return map;
@@ -70,9 +71,10 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
     if (entry == nullptr) {
         if (settings.model.empty()) return;  // reported already
         const auto near = nearest_name(settings.model, decoupler_names());
-        settings.options.problem("model", fmt::format("model = \"{}\" is unknown; {}", settings.model,
-                                                      near ? fmt::format("did you mean \"{}\"?", *near)
-                                                           : fmt::format("known are {}", fmt::join(decoupler_names(), ", "))));
+        settings.options.problem("model",
+                                 fmt::format("model = \"{}\" is unknown; {}", settings.model,
+                                             near ? fmt::format("did you mean \"{}\"?", *near)
+                                                  : fmt::format("known are {}", fmt::join(decoupler_names(), ", "))));
         return;
     }
     const std::string method = settings.method.empty() ? entry->methods.front() : settings.method;
@@ -85,8 +87,8 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
     for (const auto& line : of_calibration.lines()) settings.options.problem("calibration", line);
     if (!of_calibration.empty()) return;
     if (calibration.model != settings.model) {
-        settings.options.problem("calibration", fmt::format("{} is for model \"{}\", the sensor says \"{}\"", settings.calibration,
-                                                            calibration.model, settings.model));
+        settings.options.problem("calibration", fmt::format("{} is for model \"{}\", the sensor says \"{}\"",
+                                                            settings.calibration, calibration.model, settings.model));
         return;
     }
     Sensor::Setup setup;

@@ -21,7 +21,8 @@ public:
         const std::uint64_t now = monotonic_ns();
         ++times_;
         if (text == text_ && now - said_ns_ < kRepeatNs) return;
-        log_line(LogLevel::warning, fmt::format("link \"{}\": {}{}", link, text, times_ > 1 ? fmt::format(" ({} times)", times_) : ""));
+        log_line(LogLevel::warning,
+                 fmt::format("link \"{}\": {}{}", link, text, times_ > 1 ? fmt::format(" ({} times)", times_) : ""));
         text_ = text;
         said_ns_ = now;
         times_ = 0;
@@ -40,7 +41,8 @@ std::vector<std::string> Threads::start() {
     const RealtimeSettings& wanted = node_.config.realtime;
     std::vector<std::string> refused;
     const auto note = [&](std::string what) {
-        if (!what.empty() && std::find(refused.begin(), refused.end(), what) == refused.end()) refused.push_back(std::move(what));
+        if (!what.empty() && std::find(refused.begin(), refused.end(), what) == refused.end())
+            refused.push_back(std::move(what));
     };
     const auto add = [&](const char* name, int priority, std::function<void()> body) {
         auto thread = std::make_unique<RtThread>();

@@ -109,7 +109,8 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     std::uint32_t sequence = 0, time_us = 0;
     bool more = true;
     if (format_.sequence && !read_number(cut_cell(line, separator, more), sequence)) return reject(TACTILED_LINK_BAD_VALUE);
-    if (format_.time_us && (!more || !read_number(cut_cell(line, separator, more), time_us))) return reject(TACTILED_LINK_BAD_VALUE);
+    if (format_.time_us && (!more || !read_number(cut_cell(line, separator, more), time_us)))
+        return reject(TACTILED_LINK_BAD_VALUE);
     frame = Frame{};
     for (; more; ++frame.n_channels) {
         if (frame.n_channels == format_.channels) return reject(TACTILED_LINK_BAD_LENGTH);

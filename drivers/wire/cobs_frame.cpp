@@ -80,8 +80,9 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, Frame& frame) 
     const std::uint8_t format = plain[0], device = plain[1], channels = plain[2], flags = plain[3];
     const int bytes = format == kFormat24 ? 3 : 4;
     const std::size_t mask_bytes = (flags & kFlagMissing) != 0 ? 4 : 0;
-    if ((format != kFormat24 && format != kFormat32) || device >= kCobsMostDevices || channels == 0 || channels > kMaxChannels ||
-        (flags & ~(kFlagMissing | kFlagTime)) != 0 || plain.size() != kHeader + mask_bytes + std::size_t(channels) * std::size_t(bytes))
+    if ((format != kFormat24 && format != kFormat32) || device >= kCobsMostDevices || channels == 0 ||
+        channels > kMaxChannels || (flags & ~(kFlagMissing | kFlagTime)) != 0 ||
+        plain.size() != kHeader + mask_bytes + std::size_t(channels) * std::size_t(bytes))
         return reject(TACTILED_LINK_BAD_LENGTH);
 
     Device& known = devices_[device];

@@ -9,8 +9,8 @@
 namespace tactiled {
 
 inline constexpr std::size_t kCobsMostDevices = 16;
-inline constexpr std::size_t kCobsMostPlain = 10 + 4 + 4 * kMaxChannels + 2;   // bytes before COBS
-inline constexpr std::size_t kCobsMostEncoded = kCobsMostPlain + 1 + 1;        // with COBS' byte and the delimiter
+inline constexpr std::size_t kCobsMostPlain = 10 + 4 + 4 * kMaxChannels + 2;  // bytes before COBS
+inline constexpr std::size_t kCobsMostEncoded = kCobsMostPlain + 1 + 1;       // with COBS' byte and the delimiter
 
 class CobsDecoder final : public StreamDecoder {
 public:
@@ -31,7 +31,7 @@ private:
     };
     std::array<Device, kCobsMostDevices> devices_{};
     std::array<std::uint8_t, kCobsMostEncoded> encoded_{};
-    std::size_t length_ = 0;    // bytes since the last delimiter, also those that did not fit
+    std::size_t length_ = 0;     // bytes since the last delimiter, also those that did not fit
     bool synchronised_ = false;  // a delimiter was seen since reset()
 };
 

@@ -19,8 +19,8 @@ void add_node_option(CLI::App* verb, std::string& node_name) {
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons) {
     static constexpr const char* kQuality[] = {"no-value", "good", "uncertain", "bad"};
     static constexpr const char* kReason[] = {
-        "no-data-yet",    "stale",        "disconnected", "missing-channel", "saturated",      "disagreement", "outside-domain",
-        "uncalibrated",   "not-finite",   "stopped",      "taring",          "reader-overrun", "wrong-device", "sd-unknown"};
+        "no-data-yet",  "stale",      "disconnected", "missing-channel", "saturated",      "disagreement", "outside-domain",
+        "uncalibrated", "not-finite", "stopped",      "taring",          "reader-overrun", "wrong-device", "sd-unknown"};
     std::string text = quality < std::size(kQuality) ? kQuality[quality] : "unknown";
     char separator = ':';
     for (std::size_t bit = 0; bit < std::size(kReason); ++bit)
@@ -46,9 +46,7 @@ int main(int argc, char** argv) {
         add(app, run);
     try {
         app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) {
-        return app.exit(error) == 0 ? kGood : kUsage;
-    }
+    } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? kGood : kUsage; }
     try {
         return run();
     } catch (const SetupError& error) {

@@ -47,7 +47,8 @@ bool is_label(const std::string& column) {
 std::vector<Row> read_rows(const Wish& wish) {
     CsvReader csv(wish.in);
     std::vector<std::string> names = wish.columns;
-    if (names.empty()) std::copy_if(csv.columns().begin(), csv.columns().end(), std::back_inserter(names), std::not_fn(is_label));
+    if (names.empty())
+        std::copy_if(csv.columns().begin(), csv.columns().end(), std::back_inserter(names), std::not_fn(is_label));
     if (names.empty() || names.size() > kMaxChannels)
         throw SetupError(fmt::format("{}: has {} channels; a frame carries 1 .. {}", wish.in, names.size(), kMaxChannels));
     std::vector<std::size_t> columns;
@@ -75,7 +76,8 @@ public:
     explicit Port(const std::string& link) : link_(link) {
         char name[128];
         int slave = -1;
-        if (::openpty(&master_, &slave, name, nullptr, nullptr) != 0) throw SetupError(fmt::format("pty: {}", std::strerror(errno)));
+        if (::openpty(&master_, &slave, name, nullptr, nullptr) != 0)
+            throw SetupError(fmt::format("pty: {}", std::strerror(errno)));
         termios raw{};
         ::tcgetattr(slave, &raw);
         ::cfmakeraw(&raw);
@@ -103,6 +105,7 @@ public:
     }
     // As a UART: what does not fit is gone. False then.
     bool send(const void* bytes, std::size_t size) const { return ::write(master_, bytes, size) == ssize_t(size); }
+
 private:
     std::string link_;
     int master_ = -1;
@@ -114,7 +117,8 @@ int play(const Wish& wish) {
     std::signal(SIGTERM, end);
     const std::vector<Row> rows = read_rows(wish);
     const AsciiFormat ascii{unsigned(rows.front().channel.size()), wish.checksum, wish.sequence, wish.time};
-    const double length_s = rows.size() < 2 ? 1 : (rows.back().t_s - rows.front().t_s) * double(rows.size()) / double(rows.size() - 1);
+    const double length_s =
+        rows.size() < 2 ? 1 : (rows.back().t_s - rows.front().t_s) * double(rows.size()) / double(rows.size() - 1);
     const Port port(wish.pty);
     while (interrupted == 0 && !port.has_reader()) ::usleep(2'000);
     ::usleep(20'000);  // the opener sets its tty up and flushes it
@@ -160,10 +164,17 @@ void add_play(CLI::App& app, Run& run) {
     auto* verb = app.add_subcommand("play", "Plays a recording as a device behind a pty");
     verb->add_option("--in", wish->in, "signals.csv: t_s and channels; label columns are left out")->required();
     verb->add_option("--pty", wish->pty, "the name under which the daemon opens it (a symbolic link)")->required();
-    verb->add_option("--format", wish->format, "wire format")->check(CLI::IsMember({"lines", "cobs"}))->capture_default_str();
-    verb->add_option("--bits", wish->bits, "cobs: width of a channel")->check(CLI::IsMember({24, 32}))->capture_default_str();
-    verb->add_option("--counts-per-unit", wish->counts_per_unit, "what is sent = value in the file x this")->capture_default_str();
-    verb->add_option("--speed", wish->speed, "times faster than t_s says")->check(CLI::PositiveNumber)->capture_default_str();
+    verb->add_option("--format", wish->format, "wire format")
+        ->check(CLI::IsMember({"lines", "cobs"}))
+        ->capture_default_str();
+    verb->add_option("--bits", wish->bits, "cobs: width of a channel")
+        ->check(CLI::IsMember({24, 32}))
+        ->capture_default_str();
+    verb->add_option("--counts-per-unit", wish->counts_per_unit, "what is sent = value in the file x this")
+        ->capture_default_str();
+    verb->add_option("--speed", wish->speed, "times faster than t_s says")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
     verb->add_option("--rate", wish->rate_Hz, "rows a second, instead of t_s")->check(CLI::PositiveNumber);
     verb->add_option("--columns", wish->columns, "which columns, in which order")->delimiter(',');
     verb->add_flag("--loop", wish->loop, "from the start again, until interrupted");

@@ -52,7 +52,8 @@ std::string json_row(const tactiled_sample& s) {
 std::string text_row(const tactiled_sample& s, bool raw) {
     std::string row = fmt::format("{:>10}", s.sequence);
     const double* const force = raw ? s.raw_force_S_N : s.force_S_N;
-    for (int i = 0; i < 3; ++i) row += std::isfinite(force[i]) ? fmt::format(" {:>10.4f}", force[i]) : fmt::format(" {:>10}", "-");
+    for (int i = 0; i < 3; ++i)
+        row += std::isfinite(force[i]) ? fmt::format(" {:>10.4f}", force[i]) : fmt::format(" {:>10}", "-");
     return row + "  " + quality_text(s.quality, s.reasons);
 }
 
@@ -93,7 +94,8 @@ int read(const Wish& wish) {
         }
         std::this_thread::sleep_for(std::chrono::microseconds(500));
     }
-    if (reader.lost() != 0) fmt::print(stderr, "tactilectl: {} samples were missed: this program was too slow\n", reader.lost());
+    if (reader.lost() != 0)
+        fmt::print(stderr, "tactilectl: {} samples were missed: this program was too slow\n", reader.lost());
     return sample.quality == TACTILED_BAD ? kUnhealthy : kGood;
 }
 

@@ -15,10 +15,12 @@ namespace tactiled::ctl {
 namespace {
 
 constexpr const char* kCountName[TACTILED_LINK_COUNTS] = {
-    "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length",  "bad_value", "lost",    "repeated",
-    "ring_full", "unbound", "opened",        "open_failed",  "gone",        "overrun",   nullptr,   nullptr};
+    "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost",  "repeated",
+    "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   nullptr, nullptr};
 
-double age_ms(const tactiled_sample& s, std::uint64_t now_ns) { return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0; }
+double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
+    return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0;
+}
 
 std::string number(double value, int width, int digits) {
     return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
@@ -42,12 +44,19 @@ nlohmann::json as_json(const Segment& segment, const Snapshot& snapshot) {
                        {"simulated", (snapshot.node.status & TACTILED_SIMULATED) != 0}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         const auto& s = snapshot.sensor[i];
-        nlohmann::json sensor{{"name", segment.sensor(i).name},   {"model", segment.sensor(i).model},
-                              {"method", segment.sensor(i).method}, {"link", segment.sensor(i).link},
-                              {"quality", quality_text(s.quality, s.reasons)}, {"age_ms", age_ms(s, snapshot.taken_ns)},
-                              {"rate_Hz", json_number(double(s.rate_Hz))}, {"lost", s.lost}, {"tare_count", s.tare_count}};
-        for (const auto& [key, values] : {std::pair{"force_S_N", s.force_S_N}, {"torque_S_Nm", s.torque_S_Nm},
-                                          {"sd_force_N", s.sd_force_N}, {"raw_force_S_N", s.raw_force_S_N}})
+        nlohmann::json sensor{{"name", segment.sensor(i).name},
+                              {"model", segment.sensor(i).model},
+                              {"method", segment.sensor(i).method},
+                              {"link", segment.sensor(i).link},
+                              {"quality", quality_text(s.quality, s.reasons)},
+                              {"age_ms", age_ms(s, snapshot.taken_ns)},
+                              {"rate_Hz", json_number(double(s.rate_Hz))},
+                              {"lost", s.lost},
+                              {"tare_count", s.tare_count}};
+        for (const auto& [key, values] : {std::pair{"force_S_N", s.force_S_N},
+                                          {"torque_S_Nm", s.torque_S_Nm},
+                                          {"sd_force_N", s.sd_force_N},
+                                          {"raw_force_S_N", s.raw_force_S_N}})
             sensor[key] = {json_number(values[0]), json_number(values[1]), json_number(values[2])};
         out["sensors"].push_back(std::move(sensor));
     }
@@ -64,12 +73,12 @@ nlohmann::json as_json(const Segment& segment, const Snapshot& snapshot) {
 std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
     const auto& node = snapshot.node;
-    std::string out = fmt::format("{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  missed {}{}{}\n", h.name, h.version,
-                                  h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, node.missed_cycles,
+    std::string out = fmt::format("{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  missed {}{}{}\n",
+                                  h.name, h.version, h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, node.missed_cycles,
                                   (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
                                   (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "");
-    out += fmt::format("{:<12} {:>10} {:>10} {:>10} {:>8} {:>8} {:>8} {:>6}  {}\n", "sensor", "fx/N", "fy/N", "fz/N", "sd fz/N", "Hz",
-                       "age/ms", "lost", "quality");
+    out += fmt::format("{:<12} {:>10} {:>10} {:>10} {:>8} {:>8} {:>8} {:>6}  {}\n", "sensor", "fx/N", "fy/N", "fz/N",
+                       "sd fz/N", "Hz", "age/ms", "lost", "quality");
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         const auto& s = snapshot.sensor[i];
         out += fmt::format("{:<12} {} {} {} {} {} {} {:>6}  {}\n", segment.sensor(i).name, number(s.force_S_N[0], 10, 3),
@@ -81,7 +90,8 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
         const auto& link = segment.link(i);
         out += fmt::format("link {} ({}, {})", link.name, link.driver, link.state == TACTILED_LINK_OPEN ? "open" : "closed");
         for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
-            if (const auto count = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED); kCountName[kind] != nullptr && count != 0)
+            if (const auto count = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED);
+                kCountName[kind] != nullptr && count != 0)
                 out += fmt::format("  {} {}", kCountName[kind], count);
         out += '\n';
     }
@@ -113,7 +123,8 @@ int show(const Wish& wish, bool live) {
         Snapshot snapshot;
         if (segment.is_open() && segment.snapshot(snapshot)) {
             if (redraw) fmt::print("\x1b[H\x1b[J");
-            fmt::print("{}{}", wish.json ? as_json(segment, snapshot).dump() : as_text(segment, snapshot), wish.json ? "\n" : "");
+            fmt::print("{}{}", wish.json ? as_json(segment, snapshot).dump() : as_text(segment, snapshot),
+                       wish.json ? "\n" : "");
             exit_status = is_healthy(segment, snapshot) ? kGood : kUnhealthy;
         } else {
             fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
@@ -143,7 +154,9 @@ void add_top(CLI::App& app, Run& run) {
     add_node_option(verb, wish->node);
     verb->add_flag("--json", wish->json, "one JSON object a line");
     verb->add_option("--count", wish->count, "end after so many")->check(CLI::PositiveNumber);
-    verb->add_option("--interval", wish->interval_s, "seconds between two")->check(CLI::Range(0.01, 3600.0))->capture_default_str();
+    verb->add_option("--interval", wish->interval_s, "seconds between two")
+        ->check(CLI::Range(0.01, 3600.0))
+        ->capture_default_str();
     verb->callback([wish, &run] { run = [wish] { return show(*wish, true); }; });
 }
 

@@ -18,7 +18,8 @@ struct Wish {
 const char* result_text(int result) {
     switch (result) {
         case TACTILED_COMMAND_OK: return "done";
-        case TACTILED_COMMAND_NOT_NOW: return "refused: a sensor has no trustworthy value now, or a tare is running (tactilectl status)";
+        case TACTILED_COMMAND_NOT_NOW:
+            return "refused: a sensor has no trustworthy value now, or a tare is running (tactilectl status)";
         case TACTILED_COMMAND_BAD_MASK: return "refused: no such sensor";
         case TACTILED_COMMAND_FAILED: return "failed: a sensor lost its value while the zero was averaged";
         case TACTILED_COMMAND_TIMED_OUT: return "timed out";
@@ -69,7 +70,9 @@ void add_tare(CLI::App& app, Run& run) {
     verb->add_option("sensor", wish->sensor, "name of the sensor, or all")->required();
     add_node_option(verb, wish->node);
     verb->add_flag("--remove", wish->remove, "back to the calibration's zero");
-    verb->add_option("--timeout", wish->timeout_s, "seconds to wait for the daemon's word")->check(CLI::Range(0.1, 60.0))->capture_default_str();
+    verb->add_option("--timeout", wish->timeout_s, "seconds to wait for the daemon's word")
+        ->check(CLI::Range(0.1, 60.0))
+        ->capture_default_str();
     verb->callback([wish, &run] { run = [wish] { return tare(*wish); }; });
 }
 

@@ -37,7 +37,8 @@ AllowList::AllowList(const std::vector<std::string>& networks) {
         Network network{};
         network.address = is_v4 ? mapped(v4) : std::to_array(v6.s6_addr);
         const unsigned full = is_v4 ? 32 : 128;
-        const unsigned bits = slash == std::string::npos ? full : unsigned(std::strtoul(text.c_str() + slash + 1, nullptr, 10));
+        const unsigned bits =
+            slash == std::string::npos ? full : unsigned(std::strtoul(text.c_str() + slash + 1, nullptr, 10));
         network.bits = std::min(bits, full) + (is_v4 ? 96 : 0);
         networks_.push_back(network);
     }
@@ -49,7 +50,8 @@ bool AllowList::allows(const sockaddr_storage& peer) const noexcept {
         address = mapped(reinterpret_cast<const sockaddr_in&>(peer).sin_addr);
     else
         address = std::to_array(reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr.s6_addr);
-    return std::any_of(networks_.begin(), networks_.end(), [&](const Network& n) { return same_prefix(address, n.address, n.bits); });
+    return std::any_of(networks_.begin(), networks_.end(),
+                       [&](const Network& n) { return same_prefix(address, n.address, n.bits); });
 }
 
 sockaddr_storage listen_address(const std::string& text, socklen_t& size) {

@@ -174,7 +174,8 @@ void encode_area(const View& view, const Area& area, std::span<std::uint16_t> ou
         encode_global(view, out.first<kGlobalSize>());
     } else if (area.at == kSensorsAt) {
         for (unsigned i = 0; i < kSensorBlocks; ++i)
-            encode_sensor(view, i, std::span<std::uint16_t, kSensorSize>(out.subspan(std::size_t(i) * kSensorSize, kSensorSize)));
+            encode_sensor(view, i,
+                          std::span<std::uint16_t, kSensorSize>(out.subspan(std::size_t(i) * kSensorSize, kSensorSize)));
     } else {
         std::copy(constants().begin(), constants().end(), out.begin());
     }

@@ -16,7 +16,8 @@ Responder::Responder() : context_(modbus_new_tcp("127.0.0.1", 1502)) {
     if (context_ == nullptr || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair_.data()) != 0)
         throw SetupError(fmt::format("Modbus: {}", std::strerror(errno)));
     modbus_set_socket(context_.get(), pair_[0]);
-    modbus_set_response_timeout(context_.get(), 0, 1);  // it sleeps this long before some exceptions, none of which it meets here
+    modbus_set_response_timeout(context_.get(), 0,
+                                1);  // it sleeps this long before some exceptions, none of which it meets here
 }
 
 Responder::~Responder() {
@@ -33,8 +34,9 @@ std::size_t Responder::answer(std::span<const std::uint8_t> adu, const Area& are
     const int sent = modbus_reply(context_.get(), adu.data(), int(adu.size()), &map);
     const ssize_t size = ::recv(pair_[1], out.data(), out.size(), MSG_DONTWAIT);
     // The answer must be this request's: same transaction, protocol and unit, and as long as it says.
-    const bool fits = sent > 0 && size == sent && size > ssize_t(kMbapSize) && std::equal(out.begin(), out.begin() + 4, adu.begin()) &&
-                      (out[4] << 8 | out[5]) == int(size) - 6 && out[6] == adu[6];
+    const bool fits = sent > 0 && size == sent && size > ssize_t(kMbapSize) &&
+                      std::equal(out.begin(), out.begin() + 4, adu.begin()) && (out[4] << 8 | out[5]) == int(size) - 6 &&
+                      out[6] == adu[6];
     if (fits) return std::size_t(size);
     while (::recv(pair_[1], out.data(), out.size(), MSG_DONTWAIT) > 0) {  // else the rest would answer the next request
     }

@@ -16,8 +16,8 @@
 namespace tactiled {
 namespace {
 
-constexpr int kTurnMs = 50;                              // how long stop() and deadlines may wait
-constexpr std::uint64_t kRetryNs = 1'000'000'000;        // for the port, and after running out of descriptors
+constexpr int kTurnMs = 50;                               // how long stop() and deadlines may wait
+constexpr std::uint64_t kRetryNs = 1'000'000'000;         // for the port, and after running out of descriptors
 constexpr std::uint64_t kMayBeEvictedNs = 1'000'000'000;  // a client that asked within the last second keeps its place
 
 void watch(int epoll, int operation, int fd, std::uint32_t events) {
@@ -48,7 +48,8 @@ ModbusServer::~ModbusServer() {
 void ModbusServer::serve() {
     std::array<epoll_event, 64> events;
     while (!stop_.load()) {
-        const bool backlog = std::any_of(clients_.begin(), clients_.end(), [](const auto& c) { return c.second->has_backlog(); });
+        const bool backlog =
+            std::any_of(clients_.begin(), clients_.end(), [](const auto& c) { return c.second->has_backlog(); });
         const int n = ::epoll_wait(epoll_, events.data(), int(events.size()), backlog ? 0 : kTurnMs);
         const std::uint64_t now_ns = monotonic_ns();
         for (int i = 0; i < n; ++i) {
@@ -80,7 +81,8 @@ void ModbusServer::try_to_listen(std::uint64_t now_ns) {
     const int one = 1;
     listener_ = ::socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (listener_ >= 0) ::setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), size) == 0 && ::listen(listener_, 16) == 0) {
+    if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
+        ::listen(listener_, 16) == 0) {
         watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
         if (!complaint_.empty()) log_line(LogLevel::info, fmt::format("Modbus: listening on {}", settings_.listen));
         complaint_.clear();
@@ -184,7 +186,8 @@ std::size_t ModbusServer::answer(std::span<const std::uint8_t> adu, std::span<st
             if (Segment fresh = Segment::try_open(node_name_, why); fresh.is_open()) segment_ = std::move(fresh);
         }
     }
-    const modbus::View view = segment_.is_open() ? modbus::view_of(segment_) : modbus::view_of_nothing();  // one frame a request
+    const modbus::View view =
+        segment_.is_open() ? modbus::view_of(segment_) : modbus::view_of_nothing();  // one frame a request
     const modbus::Area& area = *modbus::area_of(request.at, request.count);
     std::array<std::uint16_t, modbus::kSensorSize * modbus::kSensorBlocks> registers;
     const std::span<std::uint16_t> used(registers.data(), area.size);

@@ -87,16 +87,25 @@ constexpr Area kAreas[] = {
 constexpr std::uint16_t kConstantValues[kConstantsSize] = {0x1234, 0xFB2E, 0x1234, 0x5678, 0x449A, 0x5000,
                                                            0x5000, 0x449A, 0x4142, 0x4344, 0x4546, 0x4748};
 
-constexpr Name kStatusBits[] = {{0, "ready"}, {7, "overload: see OVERLOAD"},        {8, "taring"},   {9, "simulated or replayed data"},
-                                {10, "stale"},       {11, "uncalibrated"}, {14, "warning: see WARN"},
+constexpr Name kStatusBits[] = {{0, "ready"},
+                                {7, "overload: see OVERLOAD"},
+                                {8, "taring"},
+                                {9, "simulated or replayed data"},
+                                {10, "stale"},
+                                {11, "uncalibrated"},
+                                {14, "warning: see WARN"},
                                 {15, "fault: see FAULT"}};
-constexpr Name kFaultBits[] = {{0, "sensor lost"},       {1, "overrange"},           {2, "open gauge"}, {3, "pipeline overrun"},
+constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2, "open gauge"}, {3, "pipeline overrun"},
                                {4, "calibration missing"}, {7, "bus error"}, {8, "internal"}};
 constexpr Name kWarnBits[] = {{2, "lost samples"}};
-constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"}, {4, "overload: a force register saturates"},
-                                      {5, "saturated channel"},     {6, "stale: no data"},
-                                      {7, "taring"},                {8, "tared"},
-                                      {9, "uncalibrated"},          {12, "uncertain: a value with a weakness; FAULT says which"},
+constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
+                                      {4, "overload: a force register saturates"},
+                                      {5, "saturated channel"},
+                                      {6, "stale: no data"},
+                                      {7, "taring"},
+                                      {8, "tared"},
+                                      {9, "uncalibrated"},
+                                      {12, "uncertain: a value with a weakness; FAULT says which"},
                                       {15, "fault: no value; FAULT says why"}};
 constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3, "rejected"}};
 constexpr Name kCommandResults[] = {{0, "ok"},      {1, "unknown"}, {2, "bad mask"}, {3, "bad parameter"},

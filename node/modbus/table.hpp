@@ -24,6 +24,7 @@ enum class Type {
 };
 
 // Cells of the global block, by their address; of a sensor block, by their offset. The encoder fills them by these names.
+// clang-format off
 enum Global : std::uint16_t {
     kMagic0 = 0, kMagic1 = 1, kMapVersion = 2, kSensors = 3, kSeq = 4, kHeartbeat = 5, kAgeMs = 6, kStatus = 7, kFault = 8, kWarn = 9,
     kOk = 10, kContact = 11, kSlip = 12, kSlipLatch = 13, kOverload = 14, kStale = 15, kGripForce = 16, kGripState = 17, kWeightG = 18,
@@ -35,6 +36,7 @@ enum PerSensor : std::uint16_t {
     kFTang = 10, kFMag = 11, kCopX = 12, kCopY = 13, kFrictionUse = 14, kSlipState = 15, kSensorSlipCount = 16, kPeak = 17, kTemp = 18,
     kScale = 19, kTareCount = 20, kRate = 21, kLost = 22, kRawState = 23, kSensorSeqEnd = 24
 };
+// clang-format on
 
 inline constexpr std::uint16_t kGlobalAt = 0, kGlobalSize = 32;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;

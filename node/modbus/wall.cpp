@@ -7,7 +7,9 @@
 namespace tactiled::modbus {
 namespace {
 
-std::uint16_t word(std::span<const std::uint8_t> bytes, std::size_t at) noexcept { return std::uint16_t(bytes[at] << 8 | bytes[at + 1]); }
+std::uint16_t word(std::span<const std::uint8_t> bytes, std::size_t at) noexcept {
+    return std::uint16_t(bytes[at] << 8 | bytes[at + 1]);
+}
 
 constexpr std::uint16_t kMostRead = 125, kMostWrite = 123;  // 1.1b3, 6.3 and 6.12
 
@@ -47,14 +49,16 @@ Request check_adu(std::span<const std::uint8_t> adu) noexcept {
         case 16: {  // write registers
             if (pdu.size() < 6) return refuse(kIllegalValue);
             const std::uint16_t count = word(pdu, 3);
-            if (count == 0 || count > kMostWrite || pdu[5] != 2 * count || pdu.size() != 6u + pdu[5]) return refuse(kIllegalValue);
+            if (count == 0 || count > kMostWrite || pdu[5] != 2 * count || pdu.size() != 6u + pdu[5])
+                return refuse(kIllegalValue);
             return refuse(kIllegalAddress);
         }
         default: return refuse(kIllegalFunction);
     }
 }
 
-std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception, std::span<std::uint8_t, kMostAdu> out) noexcept {
+std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception,
+                          std::span<std::uint8_t, kMostAdu> out) noexcept {
     std::copy_n(adu.begin(), kMbapSize, out.begin());
     out[4] = 0;
     out[5] = 3;

@@ -22,7 +22,13 @@ enum class Cut {
 // What stands at the start of `bytes`. Protocol identifier not 0, or a length that no request has: close (Guide 3.1.3).
 Cut cut_adu(std::span<const std::uint8_t> bytes, std::size_t& size) noexcept;
 
-enum Exception : std::uint8_t { kNone = 0, kIllegalFunction = 1, kIllegalAddress = 2, kIllegalValue = 3, kDeviceFailure = 4 };
+enum Exception : std::uint8_t {
+    kNone = 0,
+    kIllegalFunction = 1,
+    kIllegalAddress = 2,
+    kIllegalValue = 3,
+    kDeviceFailure = 4
+};
 
 struct Request {
     Exception exception = kNone;  // what to answer instead of asking libmodbus
@@ -35,6 +41,7 @@ struct Request {
 Request check_adu(std::span<const std::uint8_t> adu) noexcept;
 
 // The answer with an exception code: transaction and unit echoed. Returns its 9 bytes in `out`.
-std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception, std::span<std::uint8_t, kMostAdu> out) noexcept;
+std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception,
+                          std::span<std::uint8_t, kMostAdu> out) noexcept;
 
 }  // namespace tactiled::modbus

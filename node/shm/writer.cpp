@@ -43,7 +43,8 @@ bool lock(int fd) {
 }
 
 bool is_still_named(int fd, const std::string& path) {
-    struct stat opened {}, named {};
+    struct stat opened {
+    }, named{};
     return ::fstat(fd, &opened) == 0 && ::lstat(path.c_str(), &named) == 0 && opened.st_ino == named.st_ino &&
            opened.st_dev == named.st_dev;
 }
@@ -54,12 +55,15 @@ std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
     for (;;) {
         const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
         if (fd < 0 && errno == ENOENT) return std::nullopt;
-        if (fd < 0) throw SetupError(fmt::format("{}: {}: not ours; remove it, or choose another [node] name", path, std::strerror(errno)));
+        if (fd < 0)
+            throw SetupError(
+                fmt::format("{}: {}: not ours; remove it, or choose another [node] name", path, std::strerror(errno)));
         struct stat status {};
         ::fstat(fd, &status);
         if (status.st_uid != ::geteuid()) {
             ::close(fd);
-            throw SetupError(fmt::format("{}: belongs to user {}: remove it, or choose another [node] name", path, status.st_uid));
+            throw SetupError(
+                fmt::format("{}: belongs to user {}: remove it, or choose another [node] name", path, status.st_uid));
         }
         tactiled_header old{};
         const bool whole = ::pread(fd, &old, sizeof old, 0) == ssize_t(sizeof old) &&
@@ -193,12 +197,14 @@ void SegmentWriter::publish(const tactiled_ring& ring, std::uint64_t number, con
 #else
     constexpr int kStore = __ATOMIC_RELAXED;
 #endif
-    const auto slot = [&](std::uint64_t n) { return base_ + ring.offset + std::size_t(n & (ring.slots - 1)) * ring.slot_size; };
+    const auto slot = [&](std::uint64_t n) {
+        return base_ + ring.offset + std::size_t(n & (ring.slots - 1)) * ring.slot_size;
+    };
     auto* lock_word = reinterpret_cast<std::uint32_t*>(slot(number));
     auto* words = reinterpret_cast<std::uint64_t*>(slot(number) + TACTILED_RECORD_OFFSET);
     const auto whole = std::uint32_t(2 * number + 2);
     __atomic_store_n(lock_word, whole - 1, __ATOMIC_RELAXED);
-    __atomic_thread_fence(__ATOMIC_RELEASE);  // the odd lock before any word: pairs with the reader's acquire fence
+    __atomic_thread_fence(__ATOMIC_RELEASE);    // the odd lock before any word: pairs with the reader's acquire fence
     for (std::size_t i = size / 8; i-- > 0;) {  // the line of the lock last: readers wait on that one
         std::uint64_t word;
         std::memcpy(&word, static_cast<const char*>(record) + 8 * i, 8);
@@ -216,7 +222,9 @@ void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample) 
     publish(sensor.ring, sample.sequence, &sample, sizeof sample);
 }
 
-void SegmentWriter::publish(const tactiled_node& node) noexcept { publish(header().node, node.sequence, &node, sizeof node); }
+void SegmentWriter::publish(const tactiled_node& node) noexcept {
+    publish(header().node, node.sequence, &node, sizeof node);
+}
 
 void SegmentWriter::set_link_state(std::uint32_t index, tactiled_link_state state) noexcept {
     auto& link = reinterpret_cast<tactiled_link*>(base_ + header().link_offset)[index];

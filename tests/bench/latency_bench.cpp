@@ -46,8 +46,8 @@ void sleep_till(std::uint64_t t_ns) {
 void print(const char* what, std::vector<double>& us) {
     std::sort(us.begin(), us.end());
     const auto at = [&](double q) { return us[std::min(us.size() - 1, std::size_t(q * double(us.size())))]; };
-    fmt::print("{:<46} p50 {:8.1f}  p99 {:8.1f}  p99.9 {:8.1f}  worst {:8.1f} us  ({} values)\n", what, at(0.5), at(0.99), at(0.999), us.back(),
-               us.size());
+    fmt::print("{:<46} p50 {:8.1f}  p99 {:8.1f}  p99.9 {:8.1f}  worst {:8.1f} us  ({} values)\n", what, at(0.5), at(0.99),
+               at(0.999), us.back(), us.size());
 }
 
 }  // namespace
@@ -65,7 +65,8 @@ int main(int argc, char** argv) {
     const std::string node = "latency-" + std::to_string(::getpid());
     const Pty device(std::string(folder) + "/dev"), bare("");
     write_fed_config(folder, node, "", 100);
-    std::ofstream(std::string(folder) + "/tactiled.toml", std::ios::app) << "\n[realtime]\nperiod_us = " << period_us << "\n";
+    std::ofstream(std::string(folder) + "/tactiled.toml", std::ios::app)
+        << "\n[realtime]\nperiod_us = " << period_us << "\n";
 
     const std::string program = std::filesystem::canonical("/proc/self/exe").parent_path() / "tactiled";
     const std::string config = std::string(folder) + "/tactiled.toml";
@@ -77,7 +78,9 @@ int main(int argc, char** argv) {
         ::usleep(5000);
         reader = std::make_unique<Reader>(node, "left");
     }
-    for (int i = 0; i < 400 && __atomic_load_n(&reader->segment().link(0).state, __ATOMIC_RELAXED) != TACTILED_LINK_OPEN; ++i) ::usleep(5000);
+    for (int i = 0; i < 400 && __atomic_load_n(&reader->segment().link(0).state, __ATOMIC_RELAXED) != TACTILED_LINK_OPEN;
+         ++i)
+        ::usleep(5000);
     ::usleep(100'000);
 
     const auto total = std::uint64_t(seconds * rate);
@@ -96,7 +99,8 @@ int main(int argc, char** argv) {
             const ssize_t size = ::read(bare.slave(), bytes.data(), bytes.size());
             const std::uint64_t now = monotonic_ns();
             for (ssize_t i = 0; i < size; ++i)
-                if (bytes[std::size_t(i)] == 0 && frames < total) bare_latency.push_back(double(now - bare_written[frames++].load()) / 1e3);
+                if (bytes[std::size_t(i)] == 0 && frames < total)
+                    bare_latency.push_back(double(now - bare_written[frames++].load()) / 1e3);
         }
     });
     std::thread feeder([&] {
@@ -146,12 +150,15 @@ int main(int argc, char** argv) {
     const auto& link = reader->segment().link(0);
     tactiled_node record{};
     reader->segment().latest_node(record);
-    fmt::print("frames written {}, seen {}, lost {}, refused by the pty {}, out of order {}, not GOOD {} (the wait before the first)\n", total, seen,
-               total - seen, refused, out_of_order, other);
-    fmt::print("link: frames {}, lost {}, bad checksum {}, bad length {}, ring full {}; reader lost {}\n", link.count[TACTILED_LINK_FRAMES],
-               link.count[TACTILED_LINK_LOST], link.count[TACTILED_LINK_BAD_CHECKSUM], link.count[TACTILED_LINK_BAD_LENGTH],
-               link.count[TACTILED_LINK_RING_FULL], reader->lost());
-    fmt::print("polls {}, torn or wrong reads {}; pipeline turns {}, missed periods {}\n", polls, wrong, record.cycles, record.missed_cycles);
+    fmt::print(
+        "frames written {}, seen {}, lost {}, refused by the pty {}, out of order {}, not GOOD {} (the wait before the "
+        "first)\n",
+        total, seen, total - seen, refused, out_of_order, other);
+    fmt::print("link: frames {}, lost {}, bad checksum {}, bad length {}, ring full {}; reader lost {}\n",
+               link.count[TACTILED_LINK_FRAMES], link.count[TACTILED_LINK_LOST], link.count[TACTILED_LINK_BAD_CHECKSUM],
+               link.count[TACTILED_LINK_BAD_LENGTH], link.count[TACTILED_LINK_RING_FULL], reader->lost());
+    fmt::print("polls {}, torn or wrong reads {}; pipeline turns {}, missed periods {}\n", polls, wrong, record.cycles,
+               record.missed_cycles);
     print("bare pty: write() to blocking read()", bare_latency);
     print("tactiled: write() to seen in shared memory", latency);
     print("tactiled: write() to published", published);

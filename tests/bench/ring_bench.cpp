@@ -218,7 +218,8 @@ void compare(int rounds) {
             single[i].push_back(one[i]);
             burst[i].push_back(eight[i]);
         }
-        const double best_one = *std::max_element(one + 1, one + kPeers), best_eight = *std::max_element(eight + 1, eight + kPeers);
+        const double best_one = *std::max_element(one + 1, one + kPeers),
+                     best_eight = *std::max_element(eight + 1, eight + kPeers);
         ratio_single.push_back(one[0] / best_one);
         ratio_burst.push_back(eight[0] / best_eight);
         ratio_burst_to_single.push_back(eight[0] / best_one);

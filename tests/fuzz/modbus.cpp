@@ -37,7 +37,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             check(n == 9u + 2u * request.count && out[7] == request.function && out[8] == 2 * request.count);
             check((out[9] << 8 | out[10]) == cells[std::size_t(request.at - area->at)]);
         }
-        check(n <= kMostAdu && out[0] == adu[0] && out[1] == adu[1] && out[6] == adu[6] && (out[4] << 8 | out[5]) == int(n) - 6);
+        check(n <= kMostAdu && out[0] == adu[0] && out[1] == adu[1] && out[6] == adu[6] &&
+              (out[4] << 8 | out[5]) == int(n) - 6);
         used += length;
     }
     return 0;

@@ -40,8 +40,8 @@ std::vector<Frame> decode(bool cobs, std::span<const std::uint8_t> bytes, std::s
 bool same(const Frame& a, const Frame& b) {
     for (unsigned k = 0; k < a.n_channels; ++k)
         if (std::memcmp(&a.channel[k], &b.channel[k], sizeof a.channel[k]) != 0) return false;
-    return a.sequence == b.sequence && a.n_channels == b.n_channels && a.missing == b.missing && a.saturated == b.saturated &&
-           a.device == b.device && a.device_time_us == b.device_time_us;
+    return a.sequence == b.sequence && a.n_channels == b.n_channels && a.missing == b.missing &&
+           a.saturated == b.saturated && a.device == b.device && a.device_time_us == b.device_time_us;
 }
 
 }  // namespace
@@ -63,8 +63,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         const std::size_t n = encode_cobs(f, 32, again);
         const auto back = decode(true, {again.data(), n}, StreamDecoder::kMostBytes);
         check(back.size() == 1 && back[0].sequence == f.sequence && back[0].n_channels == f.n_channels);
-        for (unsigned k = 0; k < f.n_channels; ++k)
-            check((f.missing >> k & 1u) != 0 || back[0].channel[k] == f.channel[k]);
+        for (unsigned k = 0; k < f.n_channels; ++k) check((f.missing >> k & 1u) != 0 || back[0].channel[k] == f.channel[k]);
     }
     return 0;
 }

@@ -114,8 +114,8 @@ void on_sigsys(int, siginfo_t* info, void* context) {
         note(kSyscall);
         state.selector = was;
     }
-    registers[REG_RAX] = rtguard_syscall(number, registers[REG_RDI], registers[REG_RSI], registers[REG_RDX], registers[REG_R10],
-                                         registers[REG_R8], registers[REG_R9]);
+    registers[REG_RAX] = rtguard_syscall(number, registers[REG_RDI], registers[REG_RSI], registers[REG_RDX],
+                                         registers[REG_R10], registers[REG_R8], registers[REG_R9]);
 }
 
 void install_handler() {
@@ -193,8 +193,8 @@ void rtguard_arm() {
     if (state.report == nullptr) rtguard_thread("unnamed");
     if (!state.dispatched) {
         state.dispatched = true;
-        if (::prctl(PR_SET_SYSCALL_USER_DISPATCH, PR_SYS_DISPATCH_ON, rtguard_range_begin, rtguard_range_end - rtguard_range_begin,
-                    &state.selector) != 0)
+        if (::prctl(PR_SET_SYSCALL_USER_DISPATCH, PR_SYS_DISPATCH_ON, rtguard_range_begin,
+                    rtguard_range_end - rtguard_range_begin, &state.selector) != 0)
             std::abort();
     }
     state.counting = ++state.report->sections > warm_up;
@@ -245,11 +245,11 @@ void free(void* memory) {
     __libc_free(memory);
 }
 
-#define GUARDED_LOCK(name, type)                                  \
-    int name(type* object) noexcept {                             \
-        static int (*real)(type*) = nullptr;                      \
-        note(kLock);                                              \
-        return next(real, #name)(object);                         \
+#define GUARDED_LOCK(name, type)             \
+    int name(type* object) noexcept {        \
+        static int (*real)(type*) = nullptr; \
+        note(kLock);                         \
+        return next(real, #name)(object);    \
     }
 GUARDED_LOCK(pthread_mutex_lock, pthread_mutex_t)
 GUARDED_LOCK(pthread_mutex_trylock, pthread_mutex_t)

@@ -38,22 +38,23 @@ struct Plant {
 const Plant plants[] = {
     {"string", [] { sink = std::string(64, 'x').size(); }},
     {"vector", [] { growing.push_back(1), growing.shrink_to_fit(); }},
-    {"function", [] {
+    {"function",
+     [] {
          char capture[64] = {};
          const std::function<int()> f = [capture] { return int(capture[0]); };
          sink = std::size_t(f());
      }},
-    {"aligned_new", [] {
+    {"aligned_new",
+     [] {
          const auto aligned = std::make_unique<Aligned>();
          sink = reinterpret_cast<std::size_t>(aligned.get());  // else the compiler leaves both out
      }},
     {"free", [] { doomed.reset(); }},
-    {"throw", [] {
+    {"throw",
+     [] {
          try {
              throw std::runtime_error("planted");
-         } catch (const std::exception& error) {
-             sink = std::strlen(error.what());
-         }
+         } catch (const std::exception& error) { sink = std::strlen(error.what()); }
      }},
     {"mutex", [] { const std::lock_guard<std::mutex> lock(mutex); }},
     {"shared_mutex", [] { const std::shared_lock<std::shared_mutex> lock(shared_mutex); }},
@@ -62,17 +63,21 @@ const Plant plants[] = {
     {"fprintf", [] { std::fprintf(stderr, "."); }},
     {"usleep", [] { ::usleep(1); }},
     {"open", [] { ::close(::open("/dev/null", O_RDONLY | O_CLOEXEC)); }},
-    {"untouched_page", [] {
-         static char* pages = static_cast<char*>(::mmap(nullptr, 1 << 24, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+    {"untouched_page",
+     [] {
+         static char* pages =
+             static_cast<char*>(::mmap(nullptr, 1 << 24, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
          static std::size_t at = 0;
          pages[at += 4096] = 1;
      }},
-    {"localtime", [] {
+    {"localtime",
+     [] {
          const time_t now = 0;
          tm parts;
          sink = std::size_t(localtime_r(&now, &parts)->tm_year);
      }},
-    {"clock", [] {  // a control: the vDSO is no system call
+    {"clock",
+     [] {  // a control: the vDSO is no system call
          timespec t;
          clock_gettime(CLOCK_MONOTONIC, &t);
          sink = std::size_t(t.tv_nsec);
@@ -97,5 +102,6 @@ __attribute__((constructor)) void choose() {
 }  // namespace
 
 extern "C" void rtguard_plant() {
-    if (chosen != nullptr && rtguard_is_planting_time() && std::strcmp(rtguard_thread_name(), thread_name) == 0) chosen->act();
+    if (chosen != nullptr && rtguard_is_planting_time() && std::strcmp(rtguard_thread_name(), thread_name) == 0)
+        chosen->act();
 }

@@ -1,6 +1,6 @@
 // kill -9 of the daemon at random moments, start again, while readers look all the time.   kill_witness [KILLS] [SEED]
-// Fails when a reader call takes a second, a GOOD sample is wrong or old, a value crosses a restart without a new epoch, or a
-// start needs anything cleaned.
+// Fails when a reader call takes a second, a GOOD sample is wrong or old, a value crosses a restart without a new epoch, or
+// a start needs anything cleaned.
 #include <fmt/format.h>
 #include <signal.h>
 #include <spawn.h>
@@ -94,7 +94,8 @@ int main(int argc, char** argv) {
         std::array<std::uint8_t, kCobsMostEncoded> bytes;
         for (std::uint32_t n = 0; !stop; ++n) {
             const std::size_t size = encode_fed(n, bytes);
-            [[maybe_unused]] const auto sent = ::write(device.master(), bytes.data(), size);  // full while nobody reads: lost
+            [[maybe_unused]] const auto sent =
+                ::write(device.master(), bytes.data(), size);  // full while nobody reads: lost
             ::usleep(950);
         }
     });
@@ -155,14 +156,17 @@ int main(int argc, char** argv) {
     std::filesystem::remove_all(folder);
 
     std::sort(ready_ms.begin(), ready_ms.end());
-    fmt::print("kills {}, reader calls {}, GOOD {}, not GOOD {}\n", kills, findings.calls.load(), findings.good.load(), findings.bad.load());
-    fmt::print("wrong {}, old {}, without a break {}, backwards {}, longest call {:.1f} ms\n", findings.wrong.load(), findings.old.load(),
-               findings.without_break.load(), findings.backwards.load(), double(findings.longest_ns) / 1e6);
-    fmt::print("starts that did not become GOOD {}, wrong epoch {}, files left {}, stale after the last kill {}\n", not_started, wrong_epoch,
-               left_behind, stale_at_last ? "yes" : "NO");
+    fmt::print("kills {}, reader calls {}, GOOD {}, not GOOD {}\n", kills, findings.calls.load(), findings.good.load(),
+               findings.bad.load());
+    fmt::print("wrong {}, old {}, without a break {}, backwards {}, longest call {:.1f} ms\n", findings.wrong.load(),
+               findings.old.load(), findings.without_break.load(), findings.backwards.load(),
+               double(findings.longest_ns) / 1e6);
+    fmt::print("starts that did not become GOOD {}, wrong epoch {}, files left {}, stale after the last kill {}\n",
+               not_started, wrong_epoch, left_behind, stale_at_last ? "yes" : "NO");
     if (!ready_ms.empty())
         fmt::print("start to GOOD: p50 {:.0f} ms, worst {:.0f} ms\n", ready_ms[ready_ms.size() / 2], ready_ms.back());
-    const bool clean = findings.wrong + findings.old + findings.without_break + findings.backwards == 0 && not_started == 0 &&
-                       wrong_epoch == 0 && left_behind <= 1 && stale_at_last && findings.longest_ns < 1'000'000'000u && findings.good > 0;
+    const bool clean = findings.wrong + findings.old + findings.without_break + findings.backwards == 0 &&
+                       not_started == 0 && wrong_epoch == 0 && left_behind <= 1 && stale_at_last &&
+                       findings.longest_ns < 1'000'000'000u && findings.good > 0;
     return clean ? 0 : 1;
 }

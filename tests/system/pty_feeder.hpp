@@ -64,7 +64,8 @@ inline std::size_t encode_fed(std::uint32_t sequence, std::span<std::uint8_t, kC
 // A sample is right when its forces are its frame's first three channels in units of 0.001 N, exactly.
 inline bool is_as_fed(const tactiled_sample& s) {
     for (int i = 0; i < 3; ++i)
-        if (s.raw_force_S_N[i] != 0.001 * fed_count(s.device_sequence, i) || s.force_S_N[i] != s.raw_force_S_N[i]) return false;
+        if (s.raw_force_S_N[i] != 0.001 * fed_count(s.device_sequence, i) || s.force_S_N[i] != s.raw_force_S_N[i])
+            return false;
     return true;
 }
 
@@ -84,11 +85,12 @@ matrix = [[0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.001, 0.0, 0.0, 0.0
 sd = [0.01, 0.01, 0.01]
 full_scale = [500.0, 500.0, 500.0]
 )";
-    std::ofstream(folder + "/tactiled.toml") << "[node]\nname = \"" << node << "\"\ncontrol = \"" << folder << "/control.sock\"\n\n"
-                                             << "[[link]]\nname = \"usb0\"\ndriver = \"uart\"\ndevice = \"" << folder
-                                             << "/dev\"\nbaud = 921600\nformat = \"cobs\"\n\n[[sensor]]\nname = \"left\"\nlink = \"usb0\"\n"
-                                             << "model = \"generic\"\ncalibration = \"fed.toml\"\nstale_ms = " << stale_ms
-                                             << "\n\n[modbus]\nlisten = \"" << listen << "\"\n";
+    std::ofstream(folder + "/tactiled.toml")
+        << "[node]\nname = \"" << node << "\"\ncontrol = \"" << folder << "/control.sock\"\n\n"
+        << "[[link]]\nname = \"usb0\"\ndriver = \"uart\"\ndevice = \"" << folder
+        << "/dev\"\nbaud = 921600\nformat = \"cobs\"\n\n[[sensor]]\nname = \"left\"\nlink = \"usb0\"\n"
+        << "model = \"generic\"\ncalibration = \"fed.toml\"\nstale_ms = " << stale_ms << "\n\n[modbus]\nlisten = \""
+        << listen << "\"\n";
 }
 
 }  // namespace tactiled::testing

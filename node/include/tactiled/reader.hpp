@@ -56,7 +56,9 @@ public:
         const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
         if (fd < 0) {
             why = path + ": " + std::strerror(errno) +
-                  (errno == ENOENT ? " (no daemon of that name runs)" : errno == EACCES ? " (join the segment's group)" : "");
+                  (errno == ENOENT   ? " (no daemon of that name runs)"
+                   : errno == EACCES ? " (join the segment's group)"
+                                     : "");
             return segment;
         }
         struct stat status {};
@@ -164,11 +166,13 @@ private:
         if (std::memcmp(h.magic, TACTILED_MAGIC, sizeof h.magic) != 0) return "no tactiled segment";
         if (h.byte_order != TACTILED_BYTE_ORDER) return "written by a machine of the other byte order";
         if (h.major != TACTILED_MAJOR)
-            return "its layout is version " + std::to_string(h.major) + "." + std::to_string(h.minor) + ", this reader knows " +
-                   std::to_string(TACTILED_MAJOR) + "." + std::to_string(TACTILED_MINOR) + ": build the reader against the daemon's headers";
+            return "its layout is version " + std::to_string(h.major) + "." + std::to_string(h.minor) +
+                   ", this reader knows " + std::to_string(TACTILED_MAJOR) + "." + std::to_string(TACTILED_MINOR) +
+                   ": build the reader against the daemon's headers";
         if (h.total_size > size_ || h.header_size < sizeof(tactiled_header)) return "truncated";
         if (h.n_sensors > TACTILED_MAX_SENSORS || h.n_links > TACTILED_MAX_LINKS) return "more sensors or links than can be";
-        if (h.sensor_size < sizeof(tactiled_sensor) || h.link_size < sizeof(tactiled_link)) return "directory entries too small";
+        if (h.sensor_size < sizeof(tactiled_sensor) || h.link_size < sizeof(tactiled_link))
+            return "directory entries too small";
         if (!fits(h.sensor_offset, std::uint64_t(h.sensor_size) * h.n_sensors, 4) ||
             !fits(h.link_offset, std::uint64_t(h.link_size) * h.n_links, 128))
             return "a directory lies outside";

@@ -21,7 +21,8 @@ Bytes bytes_of(std::string_view text) { return Bytes(text.begin(), text.end()); 
 
 Bytes hex(const std::string& text) {
     Bytes bytes;
-    for (std::size_t at = 0; at < text.size(); at += 3) bytes.push_back(std::uint8_t(std::stoi(text.substr(at, 2), nullptr, 16)));
+    for (std::size_t at = 0; at < text.size(); at += 3)
+        bytes.push_back(std::uint8_t(std::stoi(text.substr(at, 2), nullptr, 16)));
     return bytes;
 }
 
@@ -237,12 +238,14 @@ TEST_P(BothFormats, AFirstPartialFrameIsDroppedQuietly) {
         const auto decoder = GetParam().decoder(counts);
         const auto frames = decode(*decoder, Bytes(good.begin() + std::ptrdiff_t(skip), good.end()));
         EXPECT_EQ(check(frames), 3u);
-        EXPECT_EQ(counts[TACTILED_LINK_BAD_CHECKSUM] + counts[TACTILED_LINK_BAD_LENGTH] + counts[TACTILED_LINK_BAD_VALUE], 0u);
+        EXPECT_EQ(counts[TACTILED_LINK_BAD_CHECKSUM] + counts[TACTILED_LINK_BAD_LENGTH] + counts[TACTILED_LINK_BAD_VALUE],
+                  0u);
         EXPECT_TRUE(counts[TACTILED_LINK_SKIPPED] > 0 || skip == starts[1] - 1);  // a delimiter alone is an empty frame
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Wire, BothFormats, testing::Values(cobs(), lines()), [](const auto& wire) { return wire.param.name; });
+INSTANTIATE_TEST_SUITE_P(Wire, BothFormats, testing::Values(cobs(), lines()),
+                         [](const auto& wire) { return wire.param.name; });
 
 // ---- binary frames ---------------------------------------------------------------------------------------------------
 
@@ -354,7 +357,8 @@ TEST(AsciiLine, TheExampleOfItsPageIsRight) {
 
 TEST(AsciiLine, TakesWhatArduinosPrint) {
     const AsciiFormat three{3, false, false, false};
-    for (const std::string line : {"1,2.5,-3\n", "1, 2.5, -3\r\n", "1\t2.5\t-3\n", "1;2.5;-3\n", " 1  2.5 -3 \r\n", "+1,+2.5,-3e0\n", "1.0,25e-1,-3.\n"}) {
+    for (const std::string line : {"1,2.5,-3\n", "1, 2.5, -3\r\n", "1\t2.5\t-3\n", "1;2.5;-3\n", " 1  2.5 -3 \r\n",
+                                   "+1,+2.5,-3e0\n", "1.0,25e-1,-3.\n"}) {
         LinkCounts counts;
         const auto frames = read_lines(line, three, counts);
         ASSERT_EQ(frames.size(), 1u) << line;
@@ -375,8 +379,10 @@ TEST(AsciiLine, TellsWhyItDropsALine) {
             if (counts[k] == 1) return k;
         return TACTILED_LINK_BYTES;
     };
-    for (const std::string line : {"1,2\n", "1,2,3,4\n", "1,2,3,\n"}) EXPECT_EQ(kind(line, three), TACTILED_LINK_BAD_LENGTH) << line;
-    for (const std::string line : {"1,x,3\n", "1,2,3x\n", "1,inf,3\n", "1,1e999,3\n", "1,0x10,3\n", "Hello\n", "1,--2,3\n", "1,+-2,3\n"})
+    for (const std::string line : {"1,2\n", "1,2,3,4\n", "1,2,3,\n"})
+        EXPECT_EQ(kind(line, three), TACTILED_LINK_BAD_LENGTH) << line;
+    for (const std::string line :
+         {"1,x,3\n", "1,2,3x\n", "1,inf,3\n", "1,1e999,3\n", "1,0x10,3\n", "Hello\n", "1,--2,3\n", "1,+-2,3\n"})
         EXPECT_EQ(kind(line, three), TACTILED_LINK_BAD_VALUE) << line;
     for (const std::string line : {"1,2,3\n", "1,2,3*\n", "1,2,3*0\n", "1,2,3*FF\n", "1,2,3*0G\n", "1,2,3*300\n"})
         EXPECT_EQ(kind(line, checked), TACTILED_LINK_BAD_CHECKSUM) << line;

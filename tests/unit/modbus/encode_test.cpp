@@ -19,6 +19,7 @@ namespace {
 
 // Version 1.0 of the map is a promise: these addresses never move.
 TEST(RegisterMap, AddressesOfVersion1StayWhereTheyAre) {
+    // clang-format off
     const std::pair<const char*, int> global[] = {
         {"MAGIC0", 0}, {"MAGIC1", 1}, {"MAP_VER", 2}, {"N_SENSORS", 3}, {"SEQ", 4}, {"HEARTBEAT", 5}, {"AGE_MS", 6}, {"STATUS", 7},
         {"FAULT", 8}, {"WARN", 9}, {"OK", 10}, {"CONTACT", 11}, {"SLIP", 12}, {"SLIP_LATCH", 13}, {"OVERLOAD", 14}, {"STALE", 15},
@@ -29,6 +30,7 @@ TEST(RegisterMap, AddressesOfVersion1StayWhereTheyAre) {
         {"SEQ", 0}, {"STATUS", 1}, {"FAULT", 2}, {"AGE_MS", 3}, {"FX", 4}, {"FY", 5}, {"FZ", 6}, {"TX", 7}, {"TY", 8}, {"TZ", 9},
         {"F_TANG", 10}, {"F_MAG", 11}, {"COP_X", 12}, {"COP_Y", 13}, {"FRICTION_USE", 14}, {"SLIP_STATE", 15}, {"SLIP_COUNT", 16},
         {"PEAK", 17}, {"TEMP", 18}, {"SCALE", 19}, {"TARE_COUNT", 20}, {"RATE", 21}, {"LOST", 22}, {"RAW_STATE", 23}, {"SEQ_END", 24}};
+    // clang-format on
     const auto same = [](auto registers, const auto& expected) {
         ASSERT_EQ(registers.size(), std::size(expected));
         for (std::size_t i = 0; i < registers.size(); ++i) {

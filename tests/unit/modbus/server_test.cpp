@@ -48,14 +48,17 @@ public:
     Client(const Client&) = delete;
     Client& operator=(const Client&) = delete;
 
-    bool send(const Bytes& bytes) const { return ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == ssize_t(bytes.size()); }
+    bool send(const Bytes& bytes) const {
+        return ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == ssize_t(bytes.size());
+    }
     int fd() const { return fd_; }
     // One whole answer, or nothing: closed, or silent for `ms`.
     Bytes answer(int ms = 2000) {
         Bytes bytes;
         while (bytes.size() < 6 || bytes.size() < 6u + std::size_t(bytes[4] << 8 | bytes[5])) {
             pollfd p{fd_, POLLIN, 0};
-            const std::size_t want = bytes.size() < 6 ? 6 - bytes.size() : 6u + std::size_t(bytes[4] << 8 | bytes[5]) - bytes.size();
+            const std::size_t want =
+                bytes.size() < 6 ? 6 - bytes.size() : 6u + std::size_t(bytes[4] << 8 | bytes[5]) - bytes.size();
             std::uint8_t buffer[300];
             if (::poll(&p, 1, ms) != 1) return {};
             const ssize_t size = ::recv(fd_, buffer, want, 0);
@@ -79,10 +82,22 @@ private:
 };
 
 Bytes read_request(std::uint16_t transaction, std::uint16_t at, std::uint16_t count, std::uint8_t function = 4) {
-    return {std::uint8_t(transaction >> 8), std::uint8_t(transaction), 0, 0, 0, 6, 1, function,
-            std::uint8_t(at >> 8), std::uint8_t(at), std::uint8_t(count >> 8), std::uint8_t(count)};
+    return {std::uint8_t(transaction >> 8),
+            std::uint8_t(transaction),
+            0,
+            0,
+            0,
+            6,
+            1,
+            function,
+            std::uint8_t(at >> 8),
+            std::uint8_t(at),
+            std::uint8_t(count >> 8),
+            std::uint8_t(count)};
 }
-std::uint16_t register_at(const Bytes& answer, std::size_t i) { return std::uint16_t(answer[9 + 2 * i] << 8 | answer[10 + 2 * i]); }
+std::uint16_t register_at(const Bytes& answer, std::size_t i) {
+    return std::uint16_t(answer[9 + 2 * i] << 8 | answer[10 + 2 * i]);
+}
 
 class ServerTest : public testing::Test {
 protected:
@@ -178,10 +193,10 @@ TEST_F(ServerTest, AHangingPipelineShowsSentinelsAndAStandingHeartbeat) {
     EXPECT_EQ(register_at(sensor, 1) & 1, 0);
     ASSERT_TRUE(client.send(read_request(3, 0, 32)));
     const Bytes global = client.answer();
-    EXPECT_EQ(register_at(global, 10), 0);        // OK
-    EXPECT_EQ(register_at(global, 7) & 1, 0);     // ready
-    EXPECT_NE(register_at(global, 7) >> 15, 0);   // fault
-    EXPECT_EQ(register_at(global, 5), 7);         // heartbeat
+    EXPECT_EQ(register_at(global, 10), 0);       // OK
+    EXPECT_EQ(register_at(global, 7) & 1, 0);    // ready
+    EXPECT_NE(register_at(global, 7) >> 15, 0);  // fault
+    EXPECT_EQ(register_at(global, 5), 7);        // heartbeat
 }
 
 TEST_F(ServerTest, AnswersAHundredPipelinedRequestsInOrder) {
@@ -244,8 +259,8 @@ TEST_F(ServerTest, ABadNeighbourDelaysNobody) {
         longest_ns = std::max(longest_ns, monotonic_ns() - before);
         ::usleep(5000);
     }
-    EXPECT_LT(longest_ns, 400'000'000u);  // libmodbus' own server makes it wait 20 s; a loaded test machine, tens of ms
-    EXPECT_TRUE(half.is_closed_within(100));     // half a request for a second
+    EXPECT_LT(longest_ns, 400'000'000u);      // libmodbus' own server makes it wait 20 s; a loaded test machine, tens of ms
+    EXPECT_TRUE(half.is_closed_within(100));  // half a request for a second
     EXPECT_TRUE(garbage.is_closed_within(100));  // not Modbus
     EXPECT_TRUE(drip.is_closed_within(100));     // 12 bytes at 5 a second
     EXPECT_GE(server->counts().closed, 4u);      // and the deaf one
@@ -314,7 +329,9 @@ TEST_F(ServerTest, RunningOutOfDescriptorsEndsNobody) {
         ::getrusage(RUSAGE_SELF, &start);
         ::usleep(300'000);
         ::getrusage(RUSAGE_SELF, &end);
-        const auto cpu_us = [](const rusage& u) { return u.ru_utime.tv_sec * 1'000'000 + u.ru_utime.tv_usec + u.ru_stime.tv_sec * 1'000'000 + u.ru_stime.tv_usec; };
+        const auto cpu_us = [](const rusage& u) {
+            return u.ru_utime.tv_sec * 1'000'000 + u.ru_utime.tv_usec + u.ru_stime.tv_sec * 1'000'000 + u.ru_stime.tv_usec;
+        };
         EXPECT_LT(cpu_us(end) - cpu_us(start), 150'000);  // does not spin on the client that waits
     }
     ::setrlimit(RLIMIT_NOFILE, &before);

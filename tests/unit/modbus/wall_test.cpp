@@ -112,18 +112,19 @@ TEST(Wall, CutsTheStreamIntoRequests) {  // G 3.1.3: transaction, protocol 0, le
         return std::pair(c, c == Cut::adu ? size : 0);
     };
     const Bytes good = adu({3, 0, 0, 0, 1});
-    for (std::size_t n = 0; n < good.size(); ++n) EXPECT_EQ(cut(Bytes(good.begin(), good.begin() + long(n))).first, Cut::more) << n;
+    for (std::size_t n = 0; n < good.size(); ++n)
+        EXPECT_EQ(cut(Bytes(good.begin(), good.begin() + long(n))).first, Cut::more) << n;
     EXPECT_EQ(cut(good), std::pair(Cut::adu, good.size()));
     Bytes two = good;
     two.insert(two.end(), good.begin(), good.end());
     EXPECT_EQ(cut(two), std::pair(Cut::adu, good.size()));
-    EXPECT_EQ(cut({0, 1, 0, 1}).first, Cut::close);                    // protocol 1
-    EXPECT_EQ(cut({0, 1, 0x80, 0, 0, 6}).first, Cut::close);           // protocol 32768
-    EXPECT_EQ(cut({0, 1, 0, 0, 0, 0}).first, Cut::close);              // no unit
-    EXPECT_EQ(cut({0, 1, 0, 0, 0, 1, 1}).first, Cut::close);           // no function
-    EXPECT_EQ(cut({0, 1, 0, 0, 0, 255}).first, Cut::close);            // longer than any request
-    EXPECT_EQ(cut({0, 1, 0, 0, 0xFF, 0xFF}).first, Cut::close);        // 65535: libmodbus answers it
-    EXPECT_EQ(cut({0, 1, 0, 0, 0, 254}).first, Cut::more);             // the longest there is
+    EXPECT_EQ(cut({0, 1, 0, 1}).first, Cut::close);              // protocol 1
+    EXPECT_EQ(cut({0, 1, 0x80, 0, 0, 6}).first, Cut::close);     // protocol 32768
+    EXPECT_EQ(cut({0, 1, 0, 0, 0, 0}).first, Cut::close);        // no unit
+    EXPECT_EQ(cut({0, 1, 0, 0, 0, 1, 1}).first, Cut::close);     // no function
+    EXPECT_EQ(cut({0, 1, 0, 0, 0, 255}).first, Cut::close);      // longer than any request
+    EXPECT_EQ(cut({0, 1, 0, 0, 0xFF, 0xFF}).first, Cut::close);  // 65535: libmodbus answers it
+    EXPECT_EQ(cut({0, 1, 0, 0, 0, 254}).first, Cut::more);       // the longest there is
     const std::string http = "GET / HTTP/1.1\r\n";
     EXPECT_EQ(cut(Bytes(http.begin(), http.end())).first, Cut::close);
 }
@@ -140,7 +141,8 @@ TEST(Wall, LetsThroughOnlyWhatTheTableHas) {
         ASSERT_TRUE(r.function == 3 || r.function == 4);
         ASSERT_GE(r.count, 1);
         ASSERT_LE(r.count, 125);
-        ASSERT_TRUE((r.at + r.count <= 32) || (r.at >= 100 && r.at + r.count <= 500) || (r.at >= 9000 && r.at + r.count <= 9012));
+        ASSERT_TRUE((r.at + r.count <= 32) || (r.at >= 100 && r.at + r.count <= 500) ||
+                    (r.at >= 9000 && r.at + r.count <= 9012));
     }
     EXPECT_GT(good, 100);
 }

@@ -166,7 +166,8 @@ TEST_F(PipelineTest, WhatArrivedBeforeTheBreakIsDeliveredBeforeIt) {
     Snapshot s = look();
     EXPECT_EQ(s.sensor[0].quality, unsigned(TACTILED_BAD));
     EXPECT_EQ(s.sensor[0].reasons, unsigned(TACTILED_DISCONNECTED));
-    ASSERT_TRUE(tactiled_ring_read(segment.base(), &segment.sensor(0).ring, std::uint32_t(s.node.count[0]) - 2, &last, sizeof last));
+    ASSERT_TRUE(
+        tactiled_ring_read(segment.base(), &segment.sensor(0).ring, std::uint32_t(s.node.count[0]) - 2, &last, sizeof last));
     EXPECT_EQ(last.force_S_N[0], 1);
     EXPECT_EQ(last.quality, unsigned(TACTILED_GOOD));
 }

@@ -213,12 +213,16 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
             file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
             return text;
         };
-        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.0, this reader knows 1.0"), std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.0, this reader knows 1.0"),
+                  std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, sensor_offset), 1u << 30, 4).find("outside"), std::string::npos);
-        EXPECT_NE(patched(offsetof(tactiled_header, node) + offsetof(tactiled_ring, slots), 1u << 20, 4).find("outside"), std::string::npos);
-        EXPECT_NE(patched(offsetof(tactiled_header, node) + offsetof(tactiled_ring, head_offset), 0xFFFFFFFCu, 4).find("outside"), std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, node) + offsetof(tactiled_ring, slots), 1u << 20, 4).find("outside"),
+                  std::string::npos);
+        EXPECT_NE(
+            patched(offsetof(tactiled_header, node) + offsetof(tactiled_ring, head_offset), 0xFFFFFFFCu, 4).find("outside"),
+            std::string::npos);
         EXPECT_TRUE(Segment::open(name_).is_open());
     }
 }
