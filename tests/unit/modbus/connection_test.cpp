@@ -63,7 +63,7 @@ TEST_F(ConnectionTest, AClientThatPipelinesAndReadsLateGetsEveryAnswer) {
     std::size_t heard = 0;
     for (std::uint64_t turn = 1, idle = 0; heard < 100 * kAnswer && idle < 20; ++turn) {
         idle = is_woken(connection) ? 0 : idle + 1;
-        if (idle == 0) ASSERT_STREQ(connection.serve(answer, turn * 1'000'000), "");
+        if (idle == 0) { ASSERT_STREQ(connection.serve(answer, turn * 1'000'000), ""); }
         if (turn % 5 == 0) heard += hear();
     }
     EXPECT_EQ(heard, 100 * kAnswer);
