@@ -5,7 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-./node/install-packages.sh build
+./node/install-packages.sh build demo
 [ -e build/release/build.ninja ] || cmake --preset release -DTACTILED_TESTS=OFF >/dev/null
 cmake --build --preset release --target tactiled tactilectl
 
@@ -35,7 +35,7 @@ if ! kill -0 "$daemon" 2>/dev/null; then cat build/demo/tactiled.log; exit 1; fi
 cat <<'EOF'
 The daemon runs; its log is build/demo/tactiled.log. From another terminal:
     build/release/bin/tactilectl read skin --follow          forces from shared memory
-    mbpoll -m tcp -p 1502 -t 4:hex -0 -r 0 -c 32 -1 127.0.0.1    the global block, as a PLC reads it
+    mbpoll -m tcp -p 1502 -t 3:hex -0 -r 0 -c 32 -1 127.0.0.1    the global block, as a PLC reads it
     build/release/bin/tactilectl map                         what each register means
 EOF
 sleep 1
