@@ -10,7 +10,7 @@ namespace {
 constexpr Register kGlobal[] = {
     {kMagic0, "MAGIC0", Type::text, "", "0x5441 \"TA\"; reading 0x4354 here: the client is off by one"},
     {kMagic1, "MAGIC1", Type::text, "", "0x4354 \"CT\""},
-    {kMapVersion, "MAP_VER", Type::text, "", "major << 8 | minor; a minor version only adds"},
+    {kMapVersion, "MAP_VER", Type::text, "", "256 * major + minor; a minor version only adds"},
     {kSensors, "N_SENSORS", Type::u16, "", "1 .. 16"},
     {kSeq, "SEQ", Type::count, "", "number of the published frame, wraps"},
     {kHeartbeat, "HEARTBEAT", Type::count, "1 / 100 ms", "stops when acquisition, the loop or every sensor stops"},
@@ -27,7 +27,7 @@ constexpr Register kGlobal[] = {
     {kGripForce, "GRIP_FORCE", Type::u16, "0.01 N", "not yet measured: 0xFFFF"},
     {kGripState, "GRIP_STATE", Type::enumeration, "", "not yet measured: 0xFFFF"},
     {kWeightG, "WEIGHT_G", Type::u16, "1 g", "not yet measured: 0xFFFF"},
-    {kWeightState, "WEIGHT_STATE", Type::enumeration, "", "0: none"},
+    {kWeightState, "WEIGHT_STATE", Type::enumeration, "", "not yet measured: 0"},
     {kWeight, "WEIGHT", Type::i32, "0.1 g", "not yet measured: 0x80000000"},
     {kWeightSd, "WEIGHT_SD", Type::u16, "0.1 g", "not yet measured: 0xFFFF"},
     {kRecGrip, "REC_GRIP", Type::u16, "0.01 N", "not yet measured: 0xFFFF"},
