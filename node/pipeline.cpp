@@ -22,9 +22,10 @@ void note_refused(Link& link, std::uint16_t device, std::uint32_t lost_before) n
 }
 
 std::uint32_t take_refused(Link& link, std::uint16_t device) noexcept {
+    std::uint32_t frames = 0;
     for (auto& refused : link.refused)
-        if (refused.device == device) return std::exchange(refused.frames, 0);
-    return 0;
+        if (refused.device == device) frames += std::exchange(refused.frames, 0);
+    return frames;
 }
 
 }  // namespace
