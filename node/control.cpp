@@ -87,12 +87,14 @@ void ControlSocket::serve() noexcept {
 
 std::string ControlSocket::answer(const std::string& request) noexcept {
     std::istringstream words(request);
-    std::string verb, mask, more;
-    words >> verb >> mask >> more;
+    std::string node, verb, mask, more;
+    words >> node >> verb >> mask >> more;
+    if (node != node_name_) return fmt::format("{} {}", int(TACTILED_COMMAND_REJECTED), int(TACTILED_COMMAND_UNKNOWN));
     Command command;
     char* end = nullptr;
-    command.mask = std::uint32_t(std::strtoul(mask.c_str(), &end, 0));
-    const bool mask_good = !mask.empty() && *end == 0 && more.empty();
+    const unsigned long value = std::strtoul(mask.c_str(), &end, 0);
+    command.mask = std::uint32_t(value);
+    const bool mask_good = !mask.empty() && *end == 0 && more.empty() && value <= UINT32_MAX;
     if (verb == "tare" && mask_good)
         command.kind = Command::Kind::tare;
     else if (verb == "untare" && mask_good)

@@ -1,7 +1,7 @@
 // The control socket: what a local user may ask the daemon for. AF_UNIX, one packet a request, one packet an answer;
 // who may connect is the file's mode, 0660.
 //
-//     request   tare MASK | untare MASK | clear          MASK: bit n = sensor n, decimal or 0x...
+//     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
 //     answer    STATE RESULT                             enum tactiled_command_state and _result, decimal
 #pragma once
 #include <atomic>

@@ -33,13 +33,14 @@ std::uint32_t take_refused(Link& link, std::uint16_t device) noexcept {
 // ---- link -> frame -> ring -------------------------------------------------------------------------------------------
 
 bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
-    Frame* const slot = link.ring.claim();
+    Frame* slot = link.ring.claim();
     Frame& frame = slot != nullptr ? *slot : link.spare;
     Driver& driver = *link.driver;
 
     const Status status = driver.read(frame, timeout_ms);
+    if (status == Status::frame && slot == nullptr && (slot = link.ring.claim()) != nullptr) *slot = frame;  // room by now
     if (status == Status::frame && slot != nullptr) {
-        frame.lost += take_refused(link, frame.device);
+        slot->lost += take_refused(link, slot->device);
         link.ring.push();
     } else if (status == Status::frame) {
         note_refused(link, frame.device, frame.lost);

@@ -63,13 +63,13 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
 Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     Reading reading;
     const std::size_t n = setup_.channel_of_frame.size();
+    if (frame.n_channels != setup_.frame_channels) {
+        Estimate wrong;
+        wrong.reasons = TACTILED_WRONG_DEVICE;
+        return wrong;
+    }
     for (std::size_t k = 0; k < n; ++k) {
         const auto i = std::size_t(setup_.channel_of_frame[k]);
-        if (i >= frame.n_channels) {
-            Estimate wrong;
-            wrong.reasons = TACTILED_WRONG_DEVICE;
-            return wrong;
-        }
         const double raw = frame.channel[i];
         const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(raw);
         const bool saturated =

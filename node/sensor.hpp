@@ -17,6 +17,7 @@ class Sensor {
 public:
     struct Setup {
         std::vector<int> channel_of_frame;  // for each channel of the model, its index in the frame
+        std::size_t frame_channels = 0;     // that a frame of this device has
         double counts_per_unit = 1;
         double saturates_below = -std::numeric_limits<double>::infinity();
         double saturates_above = std::numeric_limits<double>::infinity();

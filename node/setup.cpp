@@ -94,6 +94,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
     Sensor::Setup setup;
     setup.decoupler = entry->make(calibration, method, settings.options);
     setup.channel_of_frame = channel_map(settings, calibration);
+    setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
     if (setup.decoupler == nullptr || !problems.empty()) return;
     setup.counts_per_unit = settings.counts_per_unit;
     setup.saturates_below = settings.saturates_below;

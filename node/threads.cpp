@@ -114,7 +114,8 @@ void Threads::run_link(Link& link) noexcept {
 }
 
 void Threads::run_pipeline() noexcept {
-    while (!go_.load(std::memory_order_acquire)) sleep_until(monotonic_ns() + 1'000'000u);  // rights are settled first
+    while (!go_.load(std::memory_order_acquire) && !stop_.load(std::memory_order_acquire))
+        sleep_until(monotonic_ns() + 1'000'000u);  // rights are settled first
     const std::uint64_t period_ns = std::uint64_t(node_.config.realtime.period_us) * 1000u;
     std::uint64_t next_ns = monotonic_ns() + period_ns;
     while (!stop_.load(std::memory_order_acquire)) {

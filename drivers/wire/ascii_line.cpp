@@ -7,7 +7,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::string_view kBlanks = " \t\r";
+constexpr std::string_view kBlanks = " \t";
 
 std::string_view trimmed(std::string_view text) noexcept {
     while (!text.empty() && kBlanks.find(text.front()) != std::string_view::npos) text.remove_prefix(1);
@@ -72,9 +72,11 @@ bool AsciiDecoder::take(std::uint8_t byte, Frame& frame) noexcept {
     if (length_ > line_.size()) {
         reject(TACTILED_LINK_BAD_LENGTH);
     } else {
-        const std::string_view line = trimmed({line_.data(), length_});
-        if (line.empty() || line.front() == '#')
-            counts_[TACTILED_LINK_SKIPPED] += line.empty() ? 0 : std::uint32_t(length_ + 1);  // a comment
+        std::string_view line(line_.data(), length_);
+        if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+        const std::string_view text = trimmed(line);
+        if (text.empty() || text.front() == '#')
+            counts_[TACTILED_LINK_SKIPPED] += text.empty() ? 0 : std::uint32_t(length_ + 1);  // a comment
         else
             complete = finish(line, frame);
     }
@@ -106,6 +108,7 @@ bool AsciiDecoder::finish(std::string_view line, Frame& frame) noexcept {
 
 bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     const char separator = separator_of(line);
+    if (separator == ' ') line = trimmed(line);  // else a blank or a tab at an end may bound an empty cell
     std::uint32_t sequence = 0, time_us = 0;
     bool more = true;
     if (format_.sequence && !read_number(cut_cell(line, separator, more), sequence)) return reject(TACTILED_LINK_BAD_VALUE);

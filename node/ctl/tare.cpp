@@ -50,8 +50,8 @@ int tare(const Wish& wish) {
         fmt::print(stderr, "tactilectl: the daemon runs without a control socket; its log says why\n");
         return kNotReachable;
     }
-    const std::string reply =
-        ask_daemon(control, fmt::format("{} {}", wish.remove ? "untare" : "tare", mask), int(wish.timeout_s * 1000), why);
+    const std::string reply = ask_daemon(control, fmt::format("{} {} {}", wish.node, wish.remove ? "untare" : "tare", mask),
+                                         int(wish.timeout_s * 1000), why);
     int state = 0, result = TACTILED_COMMAND_TIMED_OUT;
     if (reply.empty() || std::sscanf(reply.c_str(), "%d %d", &state, &result) != 2) {
         fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "unreadable answer of the daemon" : why);

@@ -17,7 +17,8 @@ constexpr std::uint32_t kOutlivesLoop = TACTILED_SIMULATED | TACTILED_ANY_UNCALI
 bool has_value(const tactiled_sample& s) noexcept { return s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN; }
 
 std::uint16_t age_ms(const tactiled_sample& s, std::uint64_t now_ns) noexcept {
-    if (s.t_ns == 0) return kMostU16;  // no frame ever: not as young as the machine
+    if (s.t_ns == 0 || (s.reasons & TACTILED_NO_DATA_YET) != 0)
+        return kMostU16;  // no frame ever: not as young as the machine
     const std::uint64_t age = now_ns > s.t_ns ? (now_ns - s.t_ns) / 1'000'000u : 0;
     return std::uint16_t(std::min<std::uint64_t>(age, kMostU16));
 }
@@ -110,7 +111,7 @@ void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) 
     unsigned ok = 0, stale = 0, overload = 0;
     for (unsigned i = 0; i < sensors_of(view); ++i) {
         const tactiled_sample& s = view.snapshot.sensor[i];
-        newest_ns = std::max(newest_ns, s.t_ns);
+        if ((s.reasons & TACTILED_NO_DATA_YET) == 0) newest_ns = std::max(newest_ns, s.t_ns);
         const unsigned bit = 1u << i;
         ok |= s.quality == TACTILED_GOOD ? bit : 0u;
         stale |= (sensor_status(s, false) >> 6 & 1u) != 0 ? bit : 0u;

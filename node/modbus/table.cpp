@@ -122,7 +122,7 @@ constexpr Fault kSensorFaults[] = {
     {TACTILED_DISCONNECTED, {2, "disconnected"}},
     {TACTILED_NO_DATA_YET, {3, "no data yet"}},
     {TACTILED_STALE, {4, "stale"}},
-    {TACTILED_WRONG_DEVICE, {5, "wrong device: its frames have too few channels"}},
+    {TACTILED_WRONG_DEVICE, {5, "wrong device: its frames have another number of channels"}},
     {TACTILED_NOT_FINITE, {6, "result is no number"}},
     {TACTILED_MISSING_CHANNEL, {7, "missing channel"}},
     {TACTILED_UNCALIBRATED, {8, "uncalibrated"}},

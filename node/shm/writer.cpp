@@ -6,6 +6,7 @@
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -102,9 +103,12 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
             sizeof(tactiled_link) * plan.links.size() + std::size_t(kAlign) * (plan.sensors.size() + 1) +
             std::size_t(node_slot) * plan.history + std::size_t(slot) * plan.history * plan.sensors.size();
 
-    std::uint32_t epoch = 0;
+    // Differs from every earlier start's, also where a clean end left no file to count on from: units of 17 ms since boot.
+    timespec now{};
+    ::clock_gettime(CLOCK_BOOTTIME, &now);
+    auto epoch = std::uint32_t((std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec)) >> 24);
     for (;;) {
-        if (const auto old = retire_predecessor(path_)) epoch = *old;
+        if (const auto old = retire_predecessor(path_)) epoch = std::max(epoch, *old);
         if (fd_ < 0) {
             fd_ = ::open(kFolder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
             if (fd_ < 0) throw fail("cannot create");

@@ -45,7 +45,7 @@ public:
         before_ns_ = before;
         return got;
     }
-    void look(const tactiled_sample& s, std::uint32_t daemon_epoch) {
+    void look(const tactiled_sample& s, const tactiled_header& header) {
         if (s.quality != TACTILED_GOOD) {
             ++findings_.bad;
             return;
@@ -53,7 +53,9 @@ public:
         ++findings_.good;
         if (!is_as_fed(s)) ++findings_.wrong;
         if (before_ns_ > s.t_ns && before_ns_ - s.t_ns > std::uint64_t(kStaleMs) * 1'000'000u) ++findings_.old;
-        if (s.epoch >> 16 != (daemon_epoch & 0xFFFFu)) ++findings_.without_break;
+        if (s.epoch >> 16 != (header.epoch & 0xFFFFu) || (header.pid != pid_ && s.epoch == epoch_))
+            ++findings_.without_break;
+        pid_ = header.pid;
         if (s.epoch == epoch_ && s.t_ns < t_ns_) ++findings_.backwards;
         epoch_ = s.epoch;
         t_ns_ = s.t_ns;
@@ -62,7 +64,7 @@ public:
 private:
     Findings& findings_;
     std::uint64_t before_ns_ = 0, t_ns_ = 0;
-    std::uint32_t epoch_ = 0;
+    std::uint32_t epoch_ = 0, pid_ = 0;
 };
 
 pid_t start(const std::string& folder) {
@@ -106,7 +108,7 @@ int main(int argc, char** argv) {
         tactiled_sample s{};
         while (!stop) {
             witness.time([&] { return s = reader.latest(), true; });
-            if (reader.is_attached()) witness.look(s, reader.segment().header().epoch);
+            if (reader.is_attached()) witness.look(s, reader.segment().header());
         }
     });
     std::thread follower([&] {
@@ -115,13 +117,14 @@ int main(int argc, char** argv) {
         tactiled_sample s{};
         while (!stop)
             if (witness.time([&] { return reader.next(s); }))
-                witness.look(s, reader.segment().header().epoch);
+                witness.look(s, reader.segment().header());
             else
                 ::usleep(100);
     });
 
     std::vector<double> ready_ms;
     int not_started = 0, wrong_epoch = 0;
+    std::uint32_t last_epoch = 0;
     for (int n = 0; n < kills; ++n) {
         const std::uint64_t began = monotonic_ns();
         const pid_t daemon = start(folder);
@@ -136,7 +139,8 @@ int main(int argc, char** argv) {
             }
             if (!good) ++not_started;
             ready_ms.push_back(double(monotonic_ns() - began) / 1e6);
-            if (good && reader.segment().header().epoch > std::uint32_t(n + 1)) ++wrong_epoch;
+            if (good && reader.segment().header().epoch <= last_epoch) ++wrong_epoch;
+            last_epoch = reader.segment().header().epoch;
         }
         ::usleep(patience_us);
         ::kill(daemon, SIGKILL);

@@ -215,7 +215,7 @@ struct tactiled_header {
     uint16_t major, minor;
     uint32_t header_size;
     uint32_t total_size;
-    uint32_t epoch; /* + 1 with each start of the daemon under this name */
+    uint32_t epoch; /* larger with each start of the daemon under this name */
     uint32_t pid;
     char boot_id[40];
     char name[TACTILED_NAME_SIZE];

@@ -139,6 +139,7 @@ public:
     // A consistent set of node record and samples. False when the daemon has published none, or lapped every try.
     bool snapshot(Snapshot& out) const noexcept {
         for (int tries = 0; tries < 16; ++tries) {
+            const std::uint64_t begun_ns = monotonic_ns();
             if (!latest_node(out.node)) return false;
             bool whole = true;
             for (std::uint32_t i = 0; i < n_sensors() && whole; ++i)
@@ -146,6 +147,8 @@ public:
                                            sizeof out.sensor[i]) != 0;
             if (!whole) continue;
             out.taken_ns = monotonic_ns();
+            // Held up between reading and judging: what was read may be old, what is there now need not be.
+            if (out.taken_ns - begun_ns > 10'000'000u && tries < 15) continue;
             const bool current = is_current();
             for (std::uint32_t i = 0; i < n_sensors(); ++i) {
                 tactiled_judge(&out.sensor[i], sensor(i).stale_ms, out.taken_ns);

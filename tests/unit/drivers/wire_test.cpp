@@ -369,6 +369,16 @@ TEST(AsciiLine, TakesWhatArduinosPrint) {
     }
 }
 
+TEST(AsciiLine, ChecksTheLineAsItWasSentAndKeepsEmptyEnds) {
+    LinkCounts counts;
+    EXPECT_EQ(read_lines(" 1,2,3*10\r\n", {3, true, false, false}, counts).size(), 1u)
+        << "the leading blank is in the checksum";
+    const auto frames = read_lines("\t1\t\n", {3, false, false, false}, counts);
+    ASSERT_EQ(frames.size(), 1u);
+    EXPECT_EQ(frames[0].missing, 0b101u);
+    EXPECT_EQ(frames[0].channel[1], 1);
+}
+
 TEST(AsciiLine, TellsWhyItDropsALine) {
     const AsciiFormat three{3, false, false, false}, checked{3, true, false, false};
     const auto kind = [](const std::string& line, const AsciiFormat& format) {

@@ -49,6 +49,7 @@ protected:
             links_.push_back(std::move(link));
             Sensor::Setup setup;
             setup.channel_of_frame = {0};
+            setup.frame_channels = 1;
             setup.decoupler = std::make_unique<Constant>();
             sensors_.emplace_back(std::move(setup));
         }

@@ -29,6 +29,7 @@ public:
 Sensor make(double counts_per_unit = 1) {
     Sensor::Setup setup;
     setup.channel_of_frame = {0, 1, 2};
+    setup.frame_channels = 3;
     setup.counts_per_unit = counts_per_unit;
     setup.saturates_below = -1000;
     setup.saturates_above = 1000;
@@ -87,10 +88,12 @@ TEST(Sensor, AtTheRailCountsAsSaturated) {
 TEST(Sensor, AFrameOfAnotherShapeIsAnotherDevice) {
     Sensor sensor = make();
     Frame f = frame(kMs, 1, 2, 3);
-    f.n_channels = 2;
-    const auto s = sensor.sample(f, kMs);
-    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
-    EXPECT_EQ(s.reasons, unsigned(TACTILED_WRONG_DEVICE));
+    for (const std::uint8_t channels : {std::uint8_t(2), std::uint8_t(4)}) {
+        f.n_channels = channels;
+        const auto s = sensor.sample(f, kMs);
+        EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+        EXPECT_EQ(s.reasons, unsigned(TACTILED_WRONG_DEVICE));
+    }
 }
 
 TEST(Sensor, BreaksOnceAfterStaleMsAndTellsItByANewEpoch) {
