@@ -3,9 +3,11 @@
 #include <dlfcn.h>
 #include <execinfo.h>
 #include <pthread.h>
+#include <semaphore.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/syscall.h>
+#include <threads.h>
 #include <ucontext.h>
 #include <unistd.h>
 
@@ -24,14 +26,15 @@
 #endif
 
 // Code between these two labels may enter the kernel while a thread is armed. The kernel compares the address after the
-// `syscall` instruction, so each one is followed by something.
+// `syscall` instruction, so each one is followed by something. The return is spelt with %rax, as libc's is: by these very
+// bytes the unwinder knows a signal's frame and shows who made the system call.
 asm(R"(
 .text
 .globl rtguard_range_begin, rtguard_range_end, rtguard_sigreturn, rtguard_syscall
 .hidden rtguard_range_begin, rtguard_range_end, rtguard_sigreturn, rtguard_syscall
 rtguard_range_begin:
 rtguard_sigreturn:
-    mov $15, %eax
+    mov $15, %rax
     syscall
     ud2
 rtguard_syscall:
@@ -55,6 +58,8 @@ void* __libc_malloc(std::size_t);
 void* __libc_calloc(std::size_t, std::size_t);
 void* __libc_realloc(void*, std::size_t);
 void* __libc_memalign(std::size_t, std::size_t);
+void* __libc_valloc(std::size_t);
+void* __libc_pvalloc(std::size_t);
 void __libc_free(void*);
 }
 
@@ -94,11 +99,29 @@ thread_local ThreadState state __attribute__((tls_model("initial-exec")));
 unsigned long warm_up = 10;
 
 void note(Kind kind) {
-    if (!state.armed) return;
+    if (!state.armed || !state.counting) return;
+    if (state.report->count[kind]++ != 0) return;
+    const int error = errno;
+    const char selector = state.selector;
     state.armed = false;  // what backtrace() does is not the program's doing
-    if (state.counting && state.report->count[kind]++ == 0)
-        state.report->first[kind].depth = backtrace(state.report->first[kind].address, kFrames);
+    state.selector = 0;
+    rusage before, after;
+    ::getrusage(RUSAGE_THREAD, &before);
+    state.report->first[kind].depth = backtrace(state.report->first[kind].address, kFrames);
+    ::getrusage(RUSAGE_THREAD, &after);
+    state.minor += after.ru_minflt - before.ru_minflt;
+    state.major += after.ru_majflt - before.ru_majflt;
+    state.selector = selector;
     state.armed = true;
+    errno = error;
+}
+
+// These change the caller's own stack, mask or thread, so that they cannot be carried out in its place.
+bool must_run_in_place(int number) {
+    for (const int each :
+         {SYS_rt_sigreturn, SYS_rt_sigprocmask, SYS_sigaltstack, SYS_clone, SYS_clone3, SYS_fork, SYS_vfork})
+        if (number == each) return true;
+    return false;
 }
 
 void on_sigsys(int, siginfo_t* info, void* context) {
@@ -108,11 +131,12 @@ void on_sigsys(int, siginfo_t* info, void* context) {
     const int index = number >= 0 && number < kSyscalls ? number : kSyscalls - 1;
     if (state.counting && allowed) ++state.report->allowed[index];
     if (state.counting && !allowed) ++state.report->forbidden[index];
-    if (!allowed) {
-        const char was = state.selector;
+    if (!allowed) note(kSyscall);
+    if (must_run_in_place(number)) {  // again, unseen, and with it the rest of this armed section's system calls
         state.selector = 0;
-        note(kSyscall);
-        state.selector = was;
+        registers[REG_RAX] = number;
+        registers[REG_RIP] -= 2;
+        return;
     }
     registers[REG_RAX] = rtguard_syscall(number, registers[REG_RDI], registers[REG_RSI], registers[REG_RDX],
                                          registers[REG_R10], registers[REG_R8], registers[REG_R9]);
@@ -129,6 +153,7 @@ void install_handler() {
 }
 
 void print_report() {
+    if (threads == 0) return;  // a shell or timeout around the daemon: it must not empty the daemon's report
     const char* path = std::getenv("RTGUARD_REPORT");
     std::FILE* out = path != nullptr ? std::fopen(path, "w") : stderr;
     if (out == nullptr) return;
@@ -185,6 +210,9 @@ void rtguard_thread(const char* name) {
     const int index = threads.fetch_add(1);
     if (index >= kThreads) std::abort();
     state.report = &reports[index];
+    for (unsigned i = 0; i < sizeof reports[index]; i += 1024)  // no page fault of the guard's own later
+        reinterpret_cast<volatile char*>(state.report)[i] = 0;
+    reinterpret_cast<volatile char*>(state.report)[sizeof reports[index] - 1] = 0;
     std::strncpy(state.report->name, name, sizeof state.report->name - 1);
     state.report->reads_device = std::strcmp(name, "link") == 0;
 }
@@ -236,34 +264,59 @@ void* memalign(std::size_t alignment, std::size_t size) {
     return __libc_memalign(alignment, size);
 }
 void* aligned_alloc(std::size_t alignment, std::size_t size) { return memalign(alignment, size); }
+void* valloc(std::size_t size) {
+    note(kMalloc);
+    return __libc_valloc(size);
+}
+void* pvalloc(std::size_t size) {
+    note(kMalloc);
+    return __libc_pvalloc(size);
+}
 int posix_memalign(void** out, std::size_t alignment, std::size_t size) {
-    *out = memalign(alignment, size);
-    return *out != nullptr ? 0 : ENOMEM;
+    if (alignment % sizeof(void*) != 0 || alignment == 0 || (alignment & (alignment - 1)) != 0) return EINVAL;
+    void* memory = memalign(alignment, size);
+    if (memory == nullptr) return ENOMEM;
+    *out = memory;
+    return 0;
 }
 void free(void* memory) {
     if (memory != nullptr) note(kFree);
     __libc_free(memory);
 }
 
-#define GUARDED_LOCK(name, type)             \
-    int name(type* object) noexcept {        \
-        static int (*real)(type*) = nullptr; \
-        note(kLock);                         \
-        return next(real, #name)(object);    \
+#define GUARDED_LOCK(name, contract, parameters, ...) \
+    int name parameters contract {                    \
+        static int(*real) parameters = nullptr;       \
+        note(kLock);                                  \
+        return next(real, #name)(__VA_ARGS__);        \
     }
-GUARDED_LOCK(pthread_mutex_lock, pthread_mutex_t)
-GUARDED_LOCK(pthread_mutex_trylock, pthread_mutex_t)
-GUARDED_LOCK(pthread_rwlock_rdlock, pthread_rwlock_t)
-GUARDED_LOCK(pthread_rwlock_wrlock, pthread_rwlock_t)
-GUARDED_LOCK(pthread_rwlock_tryrdlock, pthread_rwlock_t)
-GUARDED_LOCK(pthread_rwlock_trywrlock, pthread_rwlock_t)
-GUARDED_LOCK(pthread_cond_signal, pthread_cond_t)
-GUARDED_LOCK(pthread_cond_broadcast, pthread_cond_t)
-
-int pthread_spin_lock(pthread_spinlock_t* lock) noexcept {
-    static int (*real)(pthread_spinlock_t*) = nullptr;
-    note(kLock);
-    return next(real, "pthread_spin_lock")(lock);
-}
+using Until = const timespec*;
+GUARDED_LOCK(pthread_mutex_lock, noexcept, (pthread_mutex_t * m), m)
+GUARDED_LOCK(pthread_mutex_trylock, noexcept, (pthread_mutex_t * m), m)
+GUARDED_LOCK(pthread_mutex_timedlock, noexcept, (pthread_mutex_t * m, Until t), m, t)
+GUARDED_LOCK(pthread_mutex_clocklock, noexcept, (pthread_mutex_t * m, clockid_t c, Until t), m, c, t)
+GUARDED_LOCK(pthread_rwlock_rdlock, noexcept, (pthread_rwlock_t * l), l)
+GUARDED_LOCK(pthread_rwlock_wrlock, noexcept, (pthread_rwlock_t * l), l)
+GUARDED_LOCK(pthread_rwlock_tryrdlock, noexcept, (pthread_rwlock_t * l), l)
+GUARDED_LOCK(pthread_rwlock_trywrlock, noexcept, (pthread_rwlock_t * l), l)
+GUARDED_LOCK(pthread_rwlock_timedrdlock, noexcept, (pthread_rwlock_t * l, Until t), l, t)
+GUARDED_LOCK(pthread_rwlock_timedwrlock, noexcept, (pthread_rwlock_t * l, Until t), l, t)
+GUARDED_LOCK(pthread_rwlock_clockrdlock, noexcept, (pthread_rwlock_t * l, clockid_t c, Until t), l, c, t)
+GUARDED_LOCK(pthread_rwlock_clockwrlock, noexcept, (pthread_rwlock_t * l, clockid_t c, Until t), l, c, t)
+GUARDED_LOCK(pthread_spin_lock, noexcept, (pthread_spinlock_t * l), l)
+GUARDED_LOCK(pthread_spin_trylock, noexcept, (pthread_spinlock_t * l), l)
+GUARDED_LOCK(pthread_cond_signal, noexcept, (pthread_cond_t * v), v)
+GUARDED_LOCK(pthread_cond_broadcast, noexcept, (pthread_cond_t * v), v)
+GUARDED_LOCK(pthread_cond_wait, , (pthread_cond_t * v, pthread_mutex_t* m), v, m)
+GUARDED_LOCK(pthread_cond_timedwait, , (pthread_cond_t * v, pthread_mutex_t* m, Until t), v, m, t)
+GUARDED_LOCK(pthread_cond_clockwait, , (pthread_cond_t * v, pthread_mutex_t* m, clockid_t c, Until t), v, m, c, t)
+GUARDED_LOCK(sem_wait, , (sem_t * s), s)
+GUARDED_LOCK(sem_trywait, noexcept, (sem_t * s), s)
+GUARDED_LOCK(sem_timedwait, , (sem_t * s, Until t), s, t)
+GUARDED_LOCK(sem_clockwait, , (sem_t * s, clockid_t c, Until t), s, c, t)
+GUARDED_LOCK(sem_post, noexcept, (sem_t * s), s)
+GUARDED_LOCK(mtx_lock, , (mtx_t * m), m)
+GUARDED_LOCK(mtx_trylock, , (mtx_t * m), m)
+GUARDED_LOCK(mtx_timedlock, , (mtx_t * m, Until t), m, t)
 
 }  // extern "C"
