@@ -21,6 +21,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 int small_integer(Options& table, std::string_view key, Range range, int fallback) {
     return static_cast<int>(table.integer(key, range, fallback));
 }
+int small_integer(Options& table, std::string_view key, Range range) { return static_cast<int>(table.integer(key, range)); }
 
 void check_name(Options& table, const std::string& name) {
     if (!valid_name(name)) table.problem("name", fmt::format("name = {}; {}", in_quotes(name), kValidName));
@@ -48,31 +49,62 @@ RealtimeSettings read_realtime(Options table) {
     return {priority, cpu, lock_memory, required, period_us};
 }
 
-ModbusSettings read_modbus(Options table) {
+RtuSettings read_rtu(Options table) {
+    const std::string device = table.text("device", "");
+    const int baud = small_integer(table, "baud", {300, 4'000'000}, 19200);
+    const std::string parity = table.one_of("parity", {"none", "odd", "even"}, "even");
+    const int address = small_integer(table, "address", {1, 247}, 1);
+    const bool rs485 = table.flag("rs485", false);
+    return {device, baud, parity, address, rs485};
+}
+
+std::vector<std::string> read_networks(Options& table, std::string_view key) {
+    const std::vector<std::string> networks = table.texts(key);
+    for (const auto& network : networks)
+        if (const auto fault = fault_of_network(network); !fault.empty())
+            table.problem(key, fmt::format("{}: {}", key, fault));
+    return networks;
+}
+
+ModbusSettings read_modbus(Options table, const std::string& node_name) {
     const std::string listen = table.text("listen", "127.0.0.1:1502");
-    const std::vector<std::string> allow = table.texts("allow");
+    const auto allow = read_networks(table, "allow");
+    const std::vector<std::string> plc = table.texts("plc");
+    for (const auto& address : plc)
+        if (!fault_of_network(address + (address.find(':') == std::string::npos ? "/32" : "/128")).empty())
+            table.problem("plc",
+                          fmt::format("plc has {}; each is one address, such as \"192.168.0.10\"", in_quotes(address)));
     const int max_clients = small_integer(table, "max_clients", {1, 64}, 8);
-    for (const auto& network : allow)
-        if (const auto fault = fault_of_network(network); !fault.empty()) table.problem("allow", "allow: " + fault);
+    const int max_requests_per_s = small_integer(table, "max_requests_per_s", {0, 1'000'000}, 2000);
+    const bool commands = table.flag("commands", false);
+    const auto command_allow = read_networks(table, "command_allow");
+    const bool scratch = table.flag("scratch", false);
+    const std::string settings = table.text("settings", fmt::format("/var/lib/tactiled/{}.settings.toml", node_name));
+    if (settings.empty() || settings.front() != '/')
+        table.problem("settings", fmt::format("settings = {} should be a full path, starting with /", in_quotes(settings)));
+    const RtuSettings rtu = read_rtu(table.table("rtu"));
+    if (!command_allow.empty() && !commands)
+        table.problem("command_allow", "command_allow has no effect without commands = true");
     if (!listen.empty()) {
         const ListenAddress address = check_listen_address(listen);
         if (!address.fault.empty())
             table.problem("listen", address.fault);
-        else if (!address.loopback && allow.empty())
+        else if (!address.loopback && allow.empty() && plc.empty())
             table.problem(
                 "listen",
                 fmt::format("listen = {} lets other machines in, and Modbus knows no passwords: name those that may "
                             "connect, for example allow = [\"192.168.0.10/32\"]",
                             in_quotes(listen)));
     }
-    return {!listen.empty(), listen, allow, max_clients};
+    return {listen, allow, plc, max_clients, max_requests_per_s, commands, command_allow, scratch, settings, rtu};
 }
 
 ShmSettings read_shm(Options table) {
     const std::string group = table.text("group", "");
     if (!group.empty() && !valid_name(group))
         table.problem("group", fmt::format("group = {}; {}", in_quotes(group), kValidName));
-    const int history = small_integer(table, "history", {64, 65536}, 1024);
+    if (!table.has("history")) return {group, 0};
+    const int history = small_integer(table, "history", {64, 65536});
     if (const auto slots = static_cast<unsigned>(history); !std::has_single_bit(slots))
         table.problem("history",
                       fmt::format("history = {} is no power of two; the next one is {}", history, std::bit_ceil(slots)));
@@ -128,9 +160,16 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
     const std::string method = table.text("method", "");
     const int stale_ms = small_integer(table, "stale_ms", {1, 10000}, 100);
     const int tare_ms = small_integer(table, "tare_ms", {1, 10000}, 100);
+    const double filter_Hz = table.number("filter_hz", {0, 10000}, 0);
+    const double contact_on_N = table.number("contact_on_N", {0.01, 300}, 0.5);
+    const double contact_off_N = table.number("contact_off_N", {0, 300}, contact_on_N / 2);
+    const double overload_N = table.number("overload_N", {0, 1e6}, 0);
+    if (contact_off_N > contact_on_N)
+        table.problem("contact_off_N",
+                      fmt::format("contact_off_N = {} is above contact_on_N = {}", contact_off_N, contact_on_N));
     const std::string beside = calibration.empty() ? "" : (folder / calibration).string();  // an absolute path stays itself
-    return {name,  link,   device, channels, counts_per_unit, rails.below, rails.above,
-            model, beside, method, stale_ms, tare_ms,         table};
+    return {name,   link,     device,  channels,  counts_per_unit, rails.below,   rails.above, model, beside,
+            method, stale_ms, tare_ms, filter_Hz, contact_on_N,    contact_off_N, overload_N,  table};
 }
 
 template <typename Settings>
@@ -198,7 +237,7 @@ Config load_config(const std::string& path, Problems& problems) {
     for (const auto& table : root.tables("link", kMostLinks)) links.push_back(read_link(table));
     std::vector<SensorSettings> sensors;
     for (const auto& table : root.tables("sensor", kMostSensors)) sensors.push_back(read_sensor(table, folder));
-    ModbusSettings modbus = read_modbus(root.table("modbus"));
+    ModbusSettings modbus = read_modbus(root.table("modbus"), node.name);
     ShmSettings shm = read_shm(root.table("shm"));
 
     if (!root.has("link")) root.problem("link", "there is no [[link]]; one at least says where data come from");

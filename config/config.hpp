@@ -41,20 +41,39 @@ struct SensorSettings {
     std::string calibration;  // path, as given or beside the configuration file
     std::string method;
     int stale_ms;
-    int tare_ms;      // how long a tare averages
-    Options options;  // the model's own keys, not yet read
+    int tare_ms;       // how long a tare averages
+    double filter_Hz;  // low pass on force and torque, 0 = off
+    double contact_on_N, contact_off_N;
+    double overload_N;  // 0 = none
+    Options options;    // the model's own keys, not yet read
+};
+
+struct RtuSettings {
+    std::string device;  // "" = no RTU
+    int baud;
+    std::string parity;  // "none", "odd" or "even"
+    int address;
+    bool rs485;  // the kernel's driver switches the direction
 };
 
 struct ModbusSettings {
-    bool enabled;
-    std::string listen;              // ADDRESS:PORT
+    std::string listen;              // ADDRESS:PORT, "" = no TCP
     std::vector<std::string> allow;  // CIDR; needed where `listen` is not the loopback
+    std::vector<std::string> plc;    // addresses that always find a place
     int max_clients;
+    int max_requests_per_s;                  // a client; 0 = no limit
+    bool commands;                           // the writable block may be written
+    std::vector<std::string> command_allow;  // CIDR; empty = whoever may connect
+    bool scratch;
+    std::string settings;  // where SAVE stores
+    RtuSettings rtu;
+
+    [[nodiscard]] bool enabled() const { return !listen.empty() || !rtu.device.empty(); }
 };
 
 struct ShmSettings {
     std::string group;  // "" = the daemon's own
-    int history;        // samples kept a sensor, a power of two
+    int history;        // samples kept a sensor, a power of two; 0 = as many as keep the segment within 1 MB
 };
 
 struct Config {

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <linux/serial.h>
 #include <linux/tty_flags.h>
+#include <sys/file.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -29,8 +30,10 @@ const char* remedy(int error) {
 
 }  // namespace
 
-int open_tty(const std::string& path, unsigned baud, std::string& why) {
-    const int fd = ::open(path.c_str(), O_RDONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+int open_tty(const std::string& path, const TtySettings& wanted, std::string& why) {
+    using Parity = TtySettings::Parity;
+    const unsigned baud = wanted.baud;
+    const int fd = ::open(path.c_str(), (wanted.answers ? O_RDWR : O_RDONLY) | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
     const auto fail = [&](const char* what) {
         const int error = errno;
         why = fmt::format("{}: {}{}{}", path, what, std::strerror(error), remedy(error));
@@ -40,11 +43,17 @@ int open_tty(const std::string& path, unsigned baud, std::string& why) {
     if (fd < 0) return fail("");
     termios2 settings{};
     if (::ioctl(fd, TCGETS2, &settings) != 0) return fail("");
-    if (::ioctl(fd, TIOCEXCL) != 0) return fail("exclusive use: ");  // root may open it all the same
-    settings.c_iflag = 0;
+    if (::ioctl(fd, TIOCEXCL) != 0) return fail("exclusive use: ");
+    if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {  // root may open it all the same: then this tells two daemons apart
+        errno = EBUSY;
+        return fail("");
+    }
+    settings.c_iflag = wanted.parity == Parity::none ? 0 : INPCK;  // a wrong one reads as 0, and the frame's checksum fails
     settings.c_oflag = 0;
     settings.c_lflag = 0;
     settings.c_cflag = CS8 | CREAD | CLOCAL | BOTHER | (BOTHER << IBSHIFT);  // no HUPCL: closing must not reset an Arduino
+    if (wanted.parity != Parity::none) settings.c_cflag |= PARENB | (wanted.parity == Parity::odd ? PARODD : 0u);
+    if (wanted.two_stop_bits) settings.c_cflag |= CSTOPB;
     settings.c_ispeed = settings.c_ospeed = baud;
     settings.c_cc[VMIN] = 1;
     settings.c_cc[VTIME] = 0;
@@ -63,6 +72,12 @@ int open_tty(const std::string& path, unsigned baud, std::string& why) {
     if (::ioctl(fd, TIOCGSERIAL, &serial) == 0) {
         serial.flags |= ASYNC_LOW_LATENCY;
         (void)::ioctl(fd, TIOCSSERIAL, &serial);
+    }
+    if (wanted.rs485) {
+        serial_rs485 direction{};
+        direction.flags = SER_RS485_ENABLED | SER_RS485_RTS_ON_SEND;
+        if (::ioctl(fd, TIOCSRS485, &direction) != 0)
+            return fail("RS-485 direction (leave rs485 out where the adapter switches by itself): ");
     }
     if (::ioctl(fd, TCFLSH, TCIFLUSH) != 0) return fail("flush: ");
     return fd;

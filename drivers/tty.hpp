@@ -6,9 +6,17 @@
 
 namespace tactiled {
 
-// Opens `path` raw, 8N1, for reading, exclusively, at `baud` (any rate; read back and compared), and throws away what
-// waited in the kernel: old bytes must not get a new stamp. Returns the descriptor, or -1 with `why` and its remedy.
-int open_tty(const std::string& path, unsigned baud, std::string& why);
+struct TtySettings {
+    unsigned baud = 115200;  // any rate; read back and compared
+    enum class Parity { none, odd, even } parity = Parity::none;
+    bool two_stop_bits = false;
+    bool answers = false;  // opened for writing, too
+    bool rs485 = false;    // the kernel's driver switches the direction while it sends
+};
+
+// Opens `path` raw with 8 bits, exclusively, and throws away what waited in the kernel: old bytes must not get a new stamp.
+// Returns the descriptor, or -1 with `why` and its remedy.
+int open_tty(const std::string& path, const TtySettings& settings, std::string& why);
 
 // Bytes that the kernel or the UART has lost since boot, where the driver counts them. Returns false where it does not.
 // rt: one ioctl

@@ -42,7 +42,7 @@ public:
     std::string open() override {
         close();
         std::string why;
-        fd_ = open_tty(path_, baud_, why);
+        fd_ = open_tty(path_, {.baud = baud_}, why);
         if (fd_ < 0) return why;
         decoder_->reset();
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;

@@ -8,8 +8,8 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <sstream>
@@ -34,18 +34,49 @@ bool wait_readable(int fd, int timeout_ms) {
     return ::poll(&p, 1, timeout_ms) == 1;
 }
 
+void answer(int client, std::uint32_t state, std::uint32_t result) {
+    const std::string text = fmt::format("{} {}", state, result);
+    [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
+}
+
+// "ok" and the descriptor, or "none" where it is -1.
+void answer_with(int client, int descriptor) {
+    char text[] = "ok";
+    iovec part{text, 2};
+    alignas(cmsghdr) char control[CMSG_SPACE(sizeof(int))]{};
+    msghdr message{};
+    message.msg_iov = &part;
+    message.msg_iovlen = 1;
+    if (descriptor < 0) {
+        [[maybe_unused]] const auto sent = ::send(client, "none", 4, MSG_NOSIGNAL);
+        return;
+    }
+    message.msg_control = control;
+    message.msg_controllen = sizeof control;
+    cmsghdr* const extra = CMSG_FIRSTHDR(&message);
+    extra->cmsg_level = SOL_SOCKET;
+    extra->cmsg_type = SCM_RIGHTS;
+    extra->cmsg_len = CMSG_LEN(sizeof(int));
+    std::memcpy(CMSG_DATA(extra), &descriptor, sizeof descriptor);
+    [[maybe_unused]] const auto sent = ::sendmsg(client, &message, MSG_NOSIGNAL);
+}
+
 }  // namespace
 
 ControlSocket::ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
-                             Ring<Command>& commands)
-    : path_(path), node_name_(node_name), commands_(commands) {
+                             const SegmentWriter& segment, Ring<Command>& commands)
+    : path_(path), node_name_(node_name), writer_(segment), commands_(commands), events_(node_name, segment.wake_page()) {
     std::error_code ignored;
     std::filesystem::create_directories(std::filesystem::path(path).parent_path(), ignored);
-    ::unlink(path.c_str());  // we hold the segment's lock: whoever made this socket is dead
+    std::string unused;
+    if (!ask_daemon(path, "?", kLookMs, unused).empty())  // our name is ours, but another node may have been given this path
+        throw SetupError(
+            fmt::format("control socket {}: another daemon answers there; give each its own [node] control", path));
+    ::unlink(path.c_str());
     listener_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     const sockaddr_un address = address_of(path);
     if (listener_ < 0 || ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-        ::chmod(path.c_str(), 0660) != 0 || ::listen(listener_, 4) != 0) {
+        ::chmod(path.c_str(), 0660) != 0 || ::listen(listener_, 16) != 0) {
         const std::string why = std::strerror(errno);
         if (listener_ >= 0) ::close(listener_);
         throw SetupError(fmt::format("control socket {}: {}", path, why));
@@ -55,76 +86,87 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
             if (::chown(path.c_str(), uid_t(-1), found->gr_gid) != 0)
                 log_line(LogLevel::warning,
                          fmt::format("control socket {}: group {}: {}", path, group, std::strerror(errno)));
-    thread_ = std::thread([this] { serve(); });
+    segment_ = Segment::open(node_name);
+    thread_.start("control", 0, -1, [this] { serve(); });
 }
 
 ControlSocket::~ControlSocket() {
     stop_.store(true);
     thread_.join();
+    if (asker_ >= 0) ::close(asker_);
     ::close(listener_);
     ::unlink(path_.c_str());
 }
 
 void ControlSocket::serve() noexcept {
     while (!stop_.load()) {
-        if (!wait_readable(listener_, kLookMs)) continue;
+        const bool asked = wait_readable(listener_, asker_ >= 0 ? 1 : kLookMs);
+        if (asker_ >= 0) follow();
+        if (!asked) continue;
         const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-        if (client < 0) {
-            std::this_thread::sleep_for(std::chrono::milliseconds(kLookMs));  // out of descriptors: do not spin
-            continue;
-        }
-        char request[128];
-        if (wait_readable(client, kLookMs)) {
-            const ssize_t size = ::recv(client, request, sizeof request, 0);
-            if (size > 0) {
-                const std::string reply = answer(std::string(request, std::size_t(size)));
-                [[maybe_unused]] const auto sent = ::send(client, reply.data(), reply.size(), MSG_NOSIGNAL);
-            }
-        }
-        ::close(client);
+        if (client >= 0)
+            take(client);
+        else
+            sleep_until(monotonic_ns() + std::uint64_t(kLookMs) * 1'000'000u);  // out of descriptors: do not spin
     }
 }
 
-std::string ControlSocket::answer(const std::string& request) noexcept {
-    std::istringstream words(request);
+// One client's request. Who says nothing within kLookMs is not waited for.
+void ControlSocket::take(int client) {
+    char request[128];
+    const ssize_t size = wait_readable(client, kLookMs) ? ::recv(client, request, sizeof request, 0) : 0;
+    std::istringstream words(std::string(request, std::size_t(std::max<ssize_t>(size, 0))));
     std::string node, verb, mask, more;
     words >> node >> verb >> mask >> more;
-    if (node != node_name_) return fmt::format("{} {}", int(TACTILED_COMMAND_REJECTED), int(TACTILED_COMMAND_UNKNOWN));
-    Command command;
     char* end = nullptr;
     const unsigned long value = std::strtoul(mask.c_str(), &end, 0);
-    command.mask = std::uint32_t(value);
     const bool mask_good = !mask.empty() && *end == 0 && more.empty() && value <= UINT32_MAX;
-    if (verb == "tare" && mask_good)
-        command.kind = Command::Kind::tare;
-    else if (verb == "untare" && mask_good)
-        command.kind = Command::Kind::untare;
-    else if (verb == "clear" && mask.empty())
+    Command command;
+    command.mask = std::uint32_t(value);
+    if (node == node_name_ && verb == "wake" && mask.empty()) {
+        answer_with(client, writer_.wake_page());
+    } else if (node == node_name_ && verb == "events" && mask.empty()) {
+        const int event = events_.subscribe(client);
+        answer_with(client, event);
+        if (event >= 0) return;  // the connection is the subscription
+    } else if (node == node_name_ && (verb == "tare" || verb == "untare") && mask_good) {
+        command.kind = verb == "tare" ? Command::Kind::tare : Command::Kind::untare;
+        return begin(client, command);
+    } else if (node == node_name_ && verb == "clear" && mask.empty()) {
         command.kind = Command::Kind::clear_latches;
-    else
-        return fmt::format("{} {}", int(TACTILED_COMMAND_REJECTED), int(TACTILED_COMMAND_UNKNOWN));
-    return carry_out(command);
+        return begin(client, command);
+    } else if (size > 0) {
+        answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
+    }
+    ::close(client);
 }
 
-std::string ControlSocket::carry_out(Command command) noexcept {
-    std::string why;
-    const Segment segment = Segment::try_open(node_name_, why);
+void ControlSocket::begin(int client, Command command) {
     command.number = ++number_;
-    Command* const slot = commands_.claim();
-    if (!segment.is_open() || slot == nullptr)
-        return fmt::format("{} {}", int(TACTILED_COMMAND_REJECTED), int(TACTILED_COMMAND_NOT_NOW));
+    Command* const slot = asker_ < 0 ? commands_.claim() : nullptr;
+    if (slot == nullptr) {  // one at a time
+        answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
+        ::close(client);
+        return;
+    }
     *slot = command;
     commands_.push();
     commands_.commit();
-    const std::uint64_t until = monotonic_ns() + std::uint64_t(kAnswerMs) * 1'000'000u;
-    while (monotonic_ns() < until && !stop_.load()) {
-        tactiled_node node{};
-        if (segment.latest_node(node) && node.command_acknowledged == command.number &&
-            node.command_state != TACTILED_COMMAND_RUNNING)
-            return fmt::format("{} {}", node.command_state, node.command_result);
-        std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    }
-    return fmt::format("{} {}", int(TACTILED_COMMAND_DONE), int(TACTILED_COMMAND_TIMED_OUT));
+    asker_ = client;
+    give_up_ns_ = monotonic_ns() + std::uint64_t(kAnswerMs) * 1'000'000u;
+}
+
+void ControlSocket::follow() {
+    tactiled_node node{};
+    const tactiled_command& command = node.command[TACTILED_FROM_SOCKET];
+    if (segment_.latest_node(node) && command.acknowledged == number_ && command.state != TACTILED_COMMAND_RUNNING)
+        answer(asker_, command.state, command.result);
+    else if (monotonic_ns() > give_up_ns_)
+        answer(asker_, TACTILED_COMMAND_DONE, TACTILED_COMMAND_TIMED_OUT);
+    else
+        return;
+    ::close(asker_);
+    asker_ = -1;
 }
 
 std::string ask_daemon(const std::string& path, const std::string& request, int timeout_ms, std::string& why) {

@@ -2,37 +2,47 @@
 // who may connect is the file's mode, 0660.
 //
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
-//     answer    STATE RESULT                             enum tactiled_command_state and _result, decimal
+//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal; a tare answers when it is done
+//     request   NODE wake | NODE events
+//     answer    "ok" with a descriptor (SCM_RIGHTS): the page of struct tactiled_wake, or an eventfd that counts node
+//               records for as long as the connection stays open
 #pragma once
 #include <atomic>
 #include <string>
-#include <thread>
 
 #include "node/pipeline.hpp"
-#include "tactiled/reader.hpp"
+#include "node/realtime.hpp"
+#include "node/shm/events.hpp"
 
 namespace tactiled {
 
 class ControlSocket {
 public:
     // Replaces a socket that a dead daemon left. setup: throws SetupError where `path` cannot be bound
-    ControlSocket(const std::string& path, const std::string& group, const std::string& node_name, Ring<Command>& commands);
+    ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
+                  const SegmentWriter& segment, Ring<Command>& commands);
     ~ControlSocket();
     ControlSocket(const ControlSocket&) = delete;
     ControlSocket& operator=(const ControlSocket&) = delete;
 
 private:
     void serve() noexcept;
-    std::string answer(const std::string& request) noexcept;
-    std::string carry_out(Command command) noexcept;
+    void take(int client);
+    void begin(int client, Command command);
+    void follow();
 
     std::string path_;
     std::string node_name_;
+    const SegmentWriter& writer_;
     Ring<Command>& commands_;
+    EventFanOut events_;
     std::uint32_t number_ = 0;
     int listener_ = -1;
+    int asker_ = -1;  // who waits for the command that runs, -1 = none does
+    std::uint64_t give_up_ns_ = 0;
+    Segment segment_;
     std::atomic<bool> stop_{false};
-    std::thread thread_;
+    RtThread thread_;
 };
 
 // Sends one request to the socket at `path`; "" with `why` set when there is no answer within `timeout_ms`.

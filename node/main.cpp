@@ -29,12 +29,14 @@ sigset_t block_signals() {
     return set;
 }
 
-// Tare works without it from a PLC, values from everywhere: a missing folder must not keep the gripper from running.
-std::unique_ptr<ControlSocket> open_control(Node& node, Pipeline& pipeline) {
+// A PLC can tare without it, and values do not need it: a missing folder must not keep the gripper from running.
+std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, Pipeline& pipeline) {
     try {
-        return std::make_unique<ControlSocket>(node.plan.control, node.plan.group, node.plan.name, pipeline.commands);
-    } catch (const SetupError& error) {
-        log_line(LogLevel::warning, fmt::format("{}; tactilectl tare will not work", error.what()));
+        return std::make_unique<ControlSocket>(node.plan.control, node.plan.group, node.plan.name, segment,
+                                               pipeline.commands[TACTILED_FROM_SOCKET]);
+    } catch (const std::exception& error) {
+        log_line(LogLevel::warning,
+                 fmt::format("{}; tactilectl tare will not work, sleeping readers poll each millisecond", error.what()));
         return nullptr;
     }
 }
@@ -53,15 +55,18 @@ int run(Node& node, const sigset_t& signals) {
     Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u);
     pipeline.start(monotonic_ns());
     {
-        const auto control = open_control(node, pipeline);
+        const auto control = open_control(node, segment, pipeline);
         Threads threads(node, segment, pipeline);
         for (const auto& refused : threads.start()) log_line(LogLevel::warning, fmt::format("RT_DEGRADED: {}", refused));
         segment.set_state(TACTILED_RUNNING);
         std::unique_ptr<ModbusServer> modbus;
-        if (node.config.modbus.enabled) modbus = std::make_unique<ModbusServer>(node.plan.name, node.config.modbus);
-        log_line(LogLevel::info, fmt::format("tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}",
-                                             TACTILED_VERSION, node.plan.name, node.sensors.size(), node.plan.name,
-                                             node.config.modbus.enabled ? node.config.modbus.listen : "off"));
+        const ModbusSettings& settings = node.config.modbus;
+        if (settings.enabled())
+            modbus = std::make_unique<ModbusServer>(node.plan.name, settings, pipeline.commands[TACTILED_FROM_MODBUS]);
+        log_line(LogLevel::info,
+                 fmt::format("tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}",
+                             TACTILED_VERSION, node.plan.name, node.sensors.size(), node.plan.name,
+                             settings.listen.empty() ? settings.enabled() ? "RTU" : "off" : settings.listen));
         ::sd_notify(0, "READY=1");
         wait_for_end(signals);
         ::sd_notify(0, "STOPPING=1");

@@ -73,11 +73,12 @@ void Pipeline::start(std::uint64_t now_ns) noexcept {
     publish_node(now_ns);
 }
 
-void Pipeline::deliver(std::uint64_t now_ns) noexcept {
-    while (const Command* command = commands.front()) {
-        carry_out(*command, now_ns);
-        commands.pop();
-    }
+bool Pipeline::deliver(std::uint64_t now_ns) noexcept {
+    for (std::size_t commander = 0; commander < commands.size(); ++commander)
+        while (const Command* command = commands[commander].front()) {
+            carry_out(commander, *command, now_ns);
+            commands[commander].pop();
+        }
     for (auto& link : links_) {
         // Looked at before the ring: what arrived before the link broke is delivered before the break is.
         link->was_connected = link->connected.load(std::memory_order_acquire);
@@ -100,7 +101,9 @@ void Pipeline::deliver(std::uint64_t now_ns) noexcept {
             news_ = true;
         }
     }
-    if (news_ || now_ns - last_node_ns_ >= kNodeRecordNs) publish_node(now_ns);
+    if (!news_ && now_ns - last_node_ns_ < kNodeRecordNs) return false;
+    publish_node(now_ns);
+    return true;
 }
 
 void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept {
@@ -133,44 +136,65 @@ void Pipeline::mark_breaks(std::uint64_t now_ns) noexcept {
     }
 }
 
-void Pipeline::carry_out(const Command& command, std::uint64_t now_ns) noexcept {
-    if (taring_ != 0) follow_tares(now_ns);
-    node_.command_acknowledged = command.number;
-    news_ = true;
-    if (taring_ != 0) return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
-    const auto all = std::uint32_t((1u << sensors_.size()) - 1);
-    if ((command.mask & ~all) != 0 || (command.mask == 0 && command.kind != Command::Kind::clear_latches))
-        return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_MASK);
-    tare_number_ = command.number;
-    tare_failed_ = false;
-    switch (command.kind) {
-        case Command::Kind::tare:
-            for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
-                if ((command.mask >> i & 1u) == 0) continue;
-                if (sensors_[i].begin_tare(now_ns))
-                    taring_ |= 1u << i;
-                else
-                    tare_failed_ = true;
-            }
-            if (taring_ == 0) return finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
-            node_.command_state = TACTILED_COMMAND_RUNNING;
-            return;
-        case Command::Kind::untare:
-            for (std::uint32_t i = 0; i < sensors_.size(); ++i)
-                if ((command.mask >> i & 1u) != 0) sensors_[i].begin_untare(now_ns);
-            taring_ = command.mask;
-            node_.command_state = TACTILED_COMMAND_RUNNING;
-            return;
-        case Command::Kind::clear_latches:
-            node_.fault = 0;
-            return finish_command(TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK);
+void Pipeline::carry_out(std::size_t commander, const Command& command, std::uint64_t now_ns) noexcept {
+    using Kind = Command::Kind;
+    const auto reject = [&](tactiled_command_result why) { finish_command(commander, TACTILED_COMMAND_REJECTED, why); };
+    const auto done = [&](bool good = true) {
+        finish_command(commander, TACTILED_COMMAND_DONE, good ? TACTILED_COMMAND_OK : TACTILED_COMMAND_FAILED);
+    };
+    if (command.kind == Kind::set) {  // nobody waits for it: the registers say what is set
+        for (auto& sensor : sensors_) sensor.set(command.settable);
+        return;
     }
-    finish_command(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
+    node_.command[commander].acknowledged = command.number;
+    news_ = true;
+    const auto all = std::uint32_t((1u << sensors_.size()) - 1);
+    if ((command.mask & ~all) != 0 || (command.mask == 0 && command.kind != Kind::clear_latches))
+        return reject(TACTILED_COMMAND_BAD_MASK);
+    const auto each = [&](auto&& what) {
+        for (std::uint32_t i = 0; i < sensors_.size(); ++i)
+            if ((command.mask >> i & 1u) != 0) what(sensors_[i]);
+    };
+    switch (command.kind) {
+        case Kind::tare:
+        case Kind::untare:
+            if (taring_ != 0) follow_tares(now_ns);
+            if (taring_ != 0 || !begin_tares(command, now_ns)) return reject(TACTILED_COMMAND_NOT_NOW);
+            tare_commander_ = commander;
+            tare_number_ = command.number;
+            node_.command[commander].state = TACTILED_COMMAND_RUNNING;
+            return;
+        case Kind::clear_latches: node_.fault = 0; return done();
+        case Kind::reset_peaks: each([](Sensor& s) { s.reset_peak(); }); return done();
+        case Kind::self_test: return done(all_have_values(command.mask));
+        case Kind::set: break;
+    }
+    reject(TACTILED_COMMAND_UNKNOWN);
 }
 
-void Pipeline::finish_command(tactiled_command_state state, tactiled_command_result result) noexcept {
-    node_.command_state = state;
-    node_.command_result = result;
+// All that are asked for, or none: half a tare is nobody's wish.
+bool Pipeline::begin_tares(const Command& command, std::uint64_t now_ns) noexcept {
+    const bool tare = command.kind == Command::Kind::tare;
+    const auto asked = [&](std::size_t i) { return (command.mask >> i & 1u) != 0; };
+    for (std::size_t i = 0; i < sensors_.size(); ++i)
+        if (tare && asked(i) && !sensors_[i].can_tare()) return false;
+    for (std::size_t i = 0; i < sensors_.size(); ++i)
+        if (asked(i)) tare ? sensors_[i].begin_tare(now_ns) : sensors_[i].begin_untare(now_ns);
+    taring_ = command.mask;
+    tare_failed_ = false;
+    return true;
+}
+
+bool Pipeline::all_have_values(std::uint32_t mask) const noexcept {
+    for (std::uint32_t i = 0; i < sensors_.size(); ++i)
+        if ((mask >> i & 1u) != 0 && (!sensors_[i].is_delivering() || sensors_[i].last().quality == TACTILED_BAD))
+            return false;
+    return true;
+}
+
+void Pipeline::finish_command(std::size_t commander, tactiled_command_state state, tactiled_command_result result) noexcept {
+    node_.command[commander].state = state;
+    node_.command[commander].result = result;
     news_ = true;
 }
 
@@ -183,17 +207,18 @@ void Pipeline::follow_tares(std::uint64_t now_ns) noexcept {
         taring_ &= ~(1u << i);
         tare_failed_ |= tare != Sensor::Tare::done;
     }
-    if (taring_ != 0 || node_.command_acknowledged != tare_number_) return;  // else a later command was rejected meanwhile
-    finish_command(TACTILED_COMMAND_DONE, tare_failed_ ? TACTILED_COMMAND_FAILED : TACTILED_COMMAND_OK);
+    if (taring_ != 0 || node_.command[tare_commander_].acknowledged != tare_number_) return;  // a later one stands there
+    finish_command(tare_commander_, TACTILED_COMMAND_DONE, tare_failed_ ? TACTILED_COMMAND_FAILED : TACTILED_COMMAND_OK);
 }
 
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
-    bool ready = true, stale = false, uncalibrated = false;
+    bool ready = true, stale = false, uncalibrated = false, contact = false;
     std::uint32_t lost = 0;
     for (const auto& sensor : sensors_) {
         ready &= sensor.is_delivering() && sensor.last().quality != TACTILED_BAD;
         stale |= !sensor.is_delivering();
         uncalibrated |= (sensor.last().reasons & TACTILED_UNCALIBRATED) != 0;
+        contact |= (sensor.last().state & TACTILED_CONTACT) != 0;
         lost += sensor.last().lost;
     }
     for (auto& link : links_) {
@@ -203,9 +228,10 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
     const auto bit = [](bool on, auto value) { return on ? std::uint32_t(value) : 0u; };
     node_.warning = bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST);
-    node_.status = fixed_status_ | bit(ready, TACTILED_READY) | bit(stale, TACTILED_ANY_STALE) |
-                   bit(uncalibrated, TACTILED_ANY_UNCALIBRATED) | bit(taring_ != 0, TACTILED_ANY_TARING) |
-                   bit(node_.warning != 0, TACTILED_WARNING) | bit(node_.fault != 0, TACTILED_FAULT);
+    node_.status = fixed_status_ | bit(ready, TACTILED_READY) | bit(contact, TACTILED_ANY_CONTACT) |
+                   bit(stale, TACTILED_ANY_STALE) | bit(uncalibrated, TACTILED_ANY_UNCALIBRATED) |
+                   bit(taring_ != 0, TACTILED_ANY_TARING) | bit(node_.warning != 0, TACTILED_WARNING) |
+                   bit(node_.fault != 0, TACTILED_FAULT);
     node_.t_ns = now_ns;
     segment_.publish(node_);
     ++node_.sequence;

@@ -50,10 +50,11 @@ struct Link {
 
 // What the PLC or a person asks for; carried out by the pipeline, acknowledged in the node record.
 struct Command {
-    enum class Kind : std::uint32_t { tare = 1, untare = 2, clear_latches = 3 };
+    enum class Kind : std::uint32_t { tare = 1, untare = 2, clear_latches = 3, reset_peaks = 6, self_test = 8, set = 100 };
     Kind kind = Kind::tare;
-    std::uint32_t mask = 0;    // bit n: sensor n
-    std::uint32_t number = 0;  // told back as command_acknowledged
+    std::uint32_t mask = 0;     // bit n: sensor n
+    std::uint32_t number = 0;   // told back as tactiled_command.acknowledged
+    SensorSettable settable{};  // of `set`
 };
 
 class Pipeline {
@@ -65,9 +66,9 @@ public:
     // Publishes one BAD sample a sensor, so that a reader finds a reason, not an empty ring. setup
     void start(std::uint64_t now_ns) noexcept;
 
-    // One turn: commands, all frames that wait, breaks, heartbeat, and a node record if anything is new.
+    // One turn: commands, all frames that wait, breaks, heartbeat, and a node record if anything is new: then true.
     // rt: bounded by the rings' capacity; no system call
-    void deliver(std::uint64_t now_ns) noexcept;
+    bool deliver(std::uint64_t now_ns) noexcept;
 
     // After a turn: how long it took and how many periods were slept through before it. rt: wait-free
     void account(std::uint64_t turn_ns, std::uint64_t missed) noexcept;
@@ -78,17 +79,19 @@ public:
     // Bits that set-up learnt after the pipeline was made: RT_DEGRADED. Before the loop only.
     void add_status(std::uint32_t bits) noexcept { fixed_status_ |= bits; }
 
-    // From one other thread at a time: the ring has one producer.
-    Ring<Command> commands{16};
+    // One ring a commander (enum tactiled_commander), each from one other thread: a ring has one producer.
+    std::array<Ring<Command>, TACTILED_COMMANDERS> commands{Ring<Command>{16}, Ring<Command>{16}};
 
 private:
     void deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept;
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
-    void carry_out(const Command& command, std::uint64_t now_ns) noexcept;
+    void carry_out(std::size_t commander, const Command& command, std::uint64_t now_ns) noexcept;
+    [[nodiscard]] bool begin_tares(const Command& command, std::uint64_t now_ns) noexcept;
+    [[nodiscard]] bool all_have_values(std::uint32_t mask) const noexcept;
     void follow_tares(std::uint64_t now_ns) noexcept;
     void mark_breaks(std::uint64_t now_ns) noexcept;
     void publish_node(std::uint64_t now_ns) noexcept;
-    void finish_command(tactiled_command_state state, tactiled_command_result result) noexcept;
+    void finish_command(std::size_t commander, tactiled_command_state state, tactiled_command_result result) noexcept;
 
     std::vector<std::unique_ptr<Link>>& links_;
     std::vector<Sensor>& sensors_;
@@ -100,8 +103,9 @@ private:
     bool news_ = false;  // something was published since the last node record
     std::uint64_t last_node_ns_ = 0, heartbeat_ns_ = 0, lost_until_ns_ = 0, worst_since_ns_ = 0;
     std::uint32_t worst_ns_ = 0;
-    std::uint32_t taring_ = 0;       // mask
-    std::uint32_t tare_number_ = 0;  // of the command that began it
+    std::uint32_t taring_ = 0;        // mask
+    std::size_t tare_commander_ = 0;  // who began it
+    std::uint32_t tare_number_ = 0;
     bool tare_failed_ = false;
     std::uint32_t lost_seen_ = 0;
 };

@@ -16,7 +16,7 @@
 
 namespace tactiled {
 namespace {
-constexpr std::size_t kStackBytes = 256 * 1024;  // the default of 8 MiB would all be locked
+constexpr std::size_t kStackBytes = 256 * 1024;
 constexpr std::size_t kTouchedBytes = 128 * 1024;
 
 void touch_stack() noexcept {
@@ -44,6 +44,7 @@ std::string lock_memory() {
 std::string RtThread::start(const char* name, int priority, int cpu, std::function<void()> body) {
     body_ = std::move(body);
     name_ = name;
+    has_loop_ = priority > 0;
     pthread_attr_t attributes;
     ::pthread_attr_init(&attributes);
     ::pthread_attr_setstacksize(&attributes, kStackBytes);
@@ -52,7 +53,7 @@ std::string RtThread::start(const char* name, int priority, int cpu, std::functi
         ::prctl(PR_SET_TIMERSLACK, 1);  // matters only where SCHED_FIFO was refused
         touch_stack();
         flush_denormals();
-        if (rtguard_thread != nullptr) rtguard_thread(thread.name_);
+        if (rtguard_thread != nullptr && thread.has_loop_) rtguard_thread(thread.name_);
         thread.body_();
         return nullptr;
     };
@@ -72,6 +73,7 @@ std::string RtThread::start(const char* name, int priority, int cpu, std::functi
     }
     sched_param parameters{};
     parameters.sched_priority = priority;
+    if (priority == 0) return refused;
     if (const int error = ::pthread_setschedparam(thread_, SCHED_FIFO, &parameters))
         refused += fmt::format("{}SCHED_FIFO {}: {} (raise LimitRTPRIO; a cgroup with CPU limits refuses it too)",
                                refused.empty() ? "" : "; ", priority, std::strerror(error));

@@ -35,7 +35,8 @@ public:
 // Locks all memory, present and future, and keeps the heap from giving pages back. "" or what was refused and the remedy.
 std::string lock_memory();
 
-// A thread with a small, touched stack. `body` runs until it returns; join() waits for it.
+// A thread with a small, touched stack: the default of 8 MiB would all be locked. `body` runs until it returns; join() waits
+// for it.
 class RtThread {
 public:
     RtThread() = default;
@@ -43,14 +44,15 @@ public:
     RtThread(const RtThread&) = delete;
     RtThread& operator=(const RtThread&) = delete;
 
-    // SCHED_FIFO at `priority` on `cpu` (-1: any). Returns "" or which right was refused; the thread runs all the same.
+    // SCHED_FIFO at `priority` (0: ordinary scheduling) on `cpu` (-1: any). Returns "" or which right was refused; the
+    // thread runs all the same.
     // setup: throws SetupError where no thread can be made
     std::string start(const char* name, int priority, int cpu, std::function<void()> body);
     void join() noexcept;
 
 private:
     pthread_t thread_{};
-    bool running_ = false;
+    bool running_ = false, has_loop_ = false;
     std::function<void()> body_;
     const char* name_ = "";
 };

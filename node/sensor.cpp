@@ -21,7 +21,10 @@ void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
 }
 
 tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcept {
-    if (broken_ != 0) rate_frames_ = 0;
+    if (broken_ != 0) {
+        rate_frames_ = 0;
+        low_pass_.reset();
+    }
     broken_ = 0;
     last_frame_ns_ = frame.t_ns;
     lost_ += frame.lost;
@@ -50,14 +53,51 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     if (tare_ == Tare::running) advance_tare(s);  // the sample that completes a tare is the first that it applies to
     if (tare_ == Tare::removing) tare_ = Tare::done;
     if (tare_ == Tare::running) s.reasons |= TACTILED_TARING;
+    Wrench tared;
     for (std::size_t i = 0; i < 3; ++i) {
-        s.force_S_N[i] = s.raw_force_S_N[i] - zero_[i];
-        s.torque_S_Nm[i] = s.raw_torque_S_Nm[i] - zero_[i + 3];
+        tared[i] = s.raw_force_S_N[i] - zero_[i];
+        tared[i + 3] = s.raw_torque_S_Nm[i] - zero_[i + 3];
     }
+    if (s.quality == TACTILED_BAD)
+        low_pass_.reset();
+    else
+        low_pass_.apply(tared, s.t_ns);
+    std::copy_n(tared.begin(), 3, s.force_S_N);
+    std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
     s.tare_count = tare_count_;
+    judge_magnitude(s);
     if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
     last_ = s;
     return s;
+}
+
+void Sensor::set(const SensorSettable& wish) noexcept {
+    const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
+    const SensorSettable& configured = setup_.settable;
+    in_force_.filter_Hz = or_configured(wish.filter_Hz, configured.filter_Hz);
+    in_force_.contact_on_N = or_configured(wish.contact_on_N, configured.contact_on_N);
+    in_force_.contact_off_N = std::min(or_configured(wish.contact_off_N, configured.contact_off_N), in_force_.contact_on_N);
+    in_force_.overload_N = or_configured(wish.overload_N, configured.overload_N);
+    if (in_force_.filter_Hz != low_pass_.cutoff_Hz()) low_pass_.set_cutoff(in_force_.filter_Hz);
+}
+
+// Contact, overload and peak, from the components that the sensor sees. No value, no contact: the last one is not kept.
+void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
+    s.peak_N = peak_N_;
+    if (s.quality == TACTILED_BAD) {
+        contact_ = false;
+        return;
+    }
+    double squares = 0;
+    for (const double f : s.force_S_N)
+        if (std::isfinite(f)) squares += f * f;
+    const double magnitude_N = std::sqrt(squares);
+    const SensorSettable& at = in_force_;
+    contact_ = magnitude_N >= (contact_ ? at.contact_off_N : at.contact_on_N);
+    peak_N_ = s.peak_N = std::max(peak_N_, float(magnitude_N));
+    if (contact_) s.state |= TACTILED_CONTACT;
+    if (at.overload_N > 0 && magnitude_N > at.overload_N) s.state |= TACTILED_OVERLOAD;
+    if (low_pass_.is_on()) s.state |= TACTILED_LOW_PASS;
 }
 
 Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
@@ -112,27 +152,31 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
     s.epoch = epoch_;
     s.tare_count = tare_count_;
     s.lost = lost_;
+    s.peak_N = peak_N_;
     s.rate_Hz = 0;
     s.temperature_C = std::numeric_limits<float>::quiet_NaN();
     tactiled_invalidate(&s, broken_);
+    contact_ = false;
     rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
     last_ = s;
     return s;
 }
 
-bool Sensor::begin_tare(std::uint64_t now_ns) noexcept {
-    if (broken_ != 0 || last_.quality == TACTILED_BAD || (last_.reasons & ~kTareMayHave) != 0 || tare_ != Tare::none)
-        return false;
+bool Sensor::can_tare() const noexcept {
+    return broken_ == 0 && last_.quality != TACTILED_BAD && (last_.reasons & ~kTareMayHave) == 0 && tare_ == Tare::none;
+}
+
+void Sensor::begin_tare(std::uint64_t now_ns) noexcept {
     tare_ = Tare::running;
     tare_begin_ns_ = now_ns;
     tare_samples_ = 0;
     tare_sum_ = {};
-    return true;
 }
 
 void Sensor::begin_untare(std::uint64_t now_ns) noexcept {
     zero_ = {};
     tare_count_ = 0;
+    low_pass_.reset();
     tare_begin_ns_ = now_ns;
     tare_ = broken_ == 0 ? Tare::removing : Tare::done;
 }
@@ -151,6 +195,7 @@ void Sensor::advance_tare(const tactiled_sample& s) noexcept {
     if (s.t_ns - tare_begin_ns_ < setup_.tare_ns) return;
     for (std::size_t i = 0; i < zero_.size(); ++i) zero_[i] = std::isfinite(tare_sum_[i]) ? tare_sum_[i] / tare_samples_ : 0;
     ++tare_count_;
+    low_pass_.reset();
     tare_ = Tare::done;
 }
 

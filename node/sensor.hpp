@@ -9,9 +9,17 @@
 
 #include "decoupling/decoupler.hpp"
 #include "drivers/frame.hpp"
+#include "node/low_pass.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
+
+// What may be changed while the daemon runs. NaN in a wish: as configured.
+struct SensorSettable {
+    double filter_Hz = 0;                             // low pass on force and torque, 0 = off
+    double contact_on_N = 0.5, contact_off_N = 0.25;  // of the magnitude of the components that the sensor sees
+    double overload_N = 0;                            // 0 = none
+};
 
 class Sensor {
 public:
@@ -23,9 +31,10 @@ public:
         double saturates_above = std::numeric_limits<double>::infinity();
         std::uint64_t stale_ns = 100'000'000;
         std::uint64_t tare_ns = 100'000'000;
+        SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
     };
-    explicit Sensor(Setup setup) : setup_(std::move(setup)) {}
+    explicit Sensor(Setup setup) : setup_(std::move(setup)) { set(setup_.settable); }
 
     // The daemon's epoch goes into the upper half of each sample's. Call once, before the first sample. setup
     void start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept;
@@ -40,25 +49,36 @@ public:
     [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool is_delivering() const noexcept { return broken_ == 0; }
 
-    // Begins to average a new zero. False when the sensor has no trustworthy value now. rt: wait-free
-    [[nodiscard]] bool begin_tare(std::uint64_t now_ns) noexcept;
+    // Whether the sensor has a value now that is fit to be a zero, and no tare is running. rt: wait-free
+    [[nodiscard]] bool can_tare() const noexcept;
+    // Begins to average a new zero; can_tare() must be true. rt: wait-free
+    void begin_tare(std::uint64_t now_ns) noexcept;
     // Goes back to the calibration's zero with the next sample, at once where none is coming. rt: wait-free
     void begin_untare(std::uint64_t now_ns) noexcept;
     enum class Tare { none, running, removing, done, failed };
     // How the tare stands; a finished one is told once. rt: wait-free
     [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept;
 
-    [[nodiscard]] std::uint64_t count() const noexcept { return sequence_; }
+    // Takes effect with the next sample. rt: wait-free
+    void set(const SensorSettable& wish) noexcept;
+    // The peak starts again with the next sample. rt: wait-free
+    void reset_peak() noexcept { peak_N_ = 0; }
+
     [[nodiscard]] const tactiled_sample& last() const noexcept { return last_; }
 
 private:
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
     void measure_rate(std::uint64_t t_ns) noexcept;
     void advance_tare(const tactiled_sample& sample) noexcept;
+    void judge_magnitude(tactiled_sample& sample) noexcept;
 
     Setup setup_;
+    SensorSettable in_force_;
     std::array<double, kMaxChannels> channel_{};
     Wrench zero_{};  // subtracted from the raw wrench
+    LowPass low_pass_;
+    bool contact_ = false;
+    float peak_N_ = 0;
     tactiled_sample last_{};
     std::uint64_t sequence_ = 0;
     std::uint64_t last_frame_ns_ = 0;

@@ -101,6 +101,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
     setup.saturates_above = settings.saturates_above;
     setup.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
     setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
+    setup.settable = {settings.filter_Hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     const auto index = std::uint16_t(node.sensors.size());
     for (auto& link : node.links)

@@ -120,12 +120,16 @@ void Threads::run_pipeline() noexcept {
     std::uint64_t next_ns = monotonic_ns() + period_ns;
     while (!stop_.load(std::memory_order_acquire)) {
         sleep_until(next_ns);
-        const Armed armed;
-        const std::uint64_t now_ns = monotonic_ns();
-        const std::uint64_t missed = now_ns > next_ns ? (now_ns - next_ns) / period_ns : 0;
-        pipeline_.deliver(now_ns);
-        pipeline_.account(monotonic_ns() - now_ns, missed);
-        next_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up
+        {
+            const Armed armed;
+            const std::uint64_t now_ns = monotonic_ns();
+            const std::uint64_t missed = now_ns > next_ns ? (now_ns - next_ns) / period_ns : 0;
+            const bool published = pipeline_.deliver(now_ns);
+            pipeline_.account(monotonic_ns() - now_ns, missed);
+            next_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up
+            if (!published) continue;
+        }
+        segment_.wake_readers();  // one wake a turn, not one a sensor; the only system call but the sleep
     }
 }
 

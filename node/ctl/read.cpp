@@ -63,7 +63,8 @@ int read(const Wish& wish) {
     Reader reader(wish.node, wish.sensor);
     if (!reader.is_attached()) {
         fmt::print(stderr, "tactilectl: {}\n", reader.why_not());
-        return reader.segment().is_open() ? kUsage : kNotReachable;
+        std::string unused;
+        return Segment::try_open(wish.node, unused).is_open() ? kUsage : kNotReachable;
     }
     if (wish.csv)
         fmt::print("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality\n");

@@ -23,6 +23,11 @@ bool same_prefix(const Address& a, const Address& b, unsigned bits) noexcept {
     return rest == 0 || (a[whole] ^ b[whole]) >> (8 - rest) == 0;
 }
 
+Address address_of(const sockaddr_storage& peer) noexcept {
+    if (peer.ss_family == AF_INET) return mapped(reinterpret_cast<const sockaddr_in&>(peer).sin_addr);
+    return std::to_array(reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr.s6_addr);
+}
+
 }  // namespace
 
 AllowList::AllowList(const std::vector<std::string>& networks) {
@@ -44,12 +49,10 @@ AllowList::AllowList(const std::vector<std::string>& networks) {
     }
 }
 
+bool same_host(const sockaddr_storage& a, const sockaddr_storage& b) noexcept { return address_of(a) == address_of(b); }
+
 bool AllowList::allows(const sockaddr_storage& peer) const noexcept {
-    Address address{};
-    if (peer.ss_family == AF_INET)
-        address = mapped(reinterpret_cast<const sockaddr_in&>(peer).sin_addr);
-    else
-        address = std::to_array(reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr.s6_addr);
+    const Address address = address_of(peer);
     return std::any_of(networks_.begin(), networks_.end(),
                        [&](const Network& n) { return same_prefix(address, n.address, n.bits); });
 }

@@ -24,6 +24,9 @@ private:
     std::vector<Network> networks_;
 };
 
+// Whether two peers are the same host, whatever their ports.
+bool same_host(const sockaddr_storage& a, const sockaddr_storage& b) noexcept;
+
 // "ADDRESS:PORT" or "[IPv6]:PORT", checked by the configuration.
 sockaddr_storage listen_address(const std::string& text, socklen_t& size);
 

@@ -1,5 +1,6 @@
 #include "node/modbus/connection.hpp"
 
+#include <sys/epoll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -40,8 +41,9 @@ const char* Connection::answer_all(const Answer& answer, std::uint64_t now_ns) {
         const Cut cut = cut_adu(rest, size);
         if (cut == Cut::close) why = "not Modbus/TCP";
         if (cut != Cut::adu) break;
-        request_waits_ = n == kMostAtOnce || out_.size() >= kMostWaiting;
+        request_waits_ = n == kMostAtOnce || out_.size() >= kMostWaiting || now_ns < held_until_ns();
         if (request_waits_) break;
+        account_ns_ = std::max(account_ns_, now_ns) + cost_ns_;
         std::array<std::uint8_t, kMostAdu> reply;
         const std::size_t length = answer(rest.first(size), reply);
         out_.insert(out_.end(), reply.begin(), reply.begin() + std::ptrdiff_t(length));
@@ -67,6 +69,11 @@ const char* Connection::send(std::uint64_t now_ns) {
     }
     if (wants_to_send() && stuck_since_ns_ == 0) stuck_since_ns_ = now_ns;
     return "";
+}
+
+std::uint32_t Connection::interest() const noexcept {
+    if (wants_to_send()) return EPOLLOUT;  // a client that takes no answers is not read from either
+    return received_ < in_.size() && !said_all_ ? std::uint32_t(EPOLLIN) : 0u;
 }
 
 const char* Connection::overdue(std::uint64_t now_ns) const noexcept {

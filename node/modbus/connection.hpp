@@ -1,12 +1,13 @@
 // One client: what it has sent and what it has not taken yet. Never blocks.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
 #include <span>
 #include <vector>
 
-#include "node/modbus/wall.hpp"
+#include "node/modbus/controls.hpp"
 
 namespace tactiled::modbus {
 
@@ -19,8 +20,9 @@ public:
     static constexpr std::uint64_t kDeafNs = 2'000'000'000;     // that a client may leave its answers untaken
     static constexpr std::uint64_t kIdleNs = 60'000'000'000;
 
-    // Takes over `fd`, a non-blocking socket.
-    Connection(int fd, std::uint64_t now_ns) : fd_(fd), heard_ns_(now_ns) {}
+    // Takes over `fd`, a non-blocking socket. `most_per_s` requests a second are answered, 0 = any number; more wait.
+    Connection(int fd, std::uint64_t now_ns, int most_per_s = 0)
+        : fd_(fd), heard_ns_(now_ns), cost_ns_(most_per_s > 0 ? 1'000'000'000u / std::uint64_t(most_per_s) : 0) {}
     ~Connection();
     Connection(const Connection&) = delete;
     Connection& operator=(const Connection&) = delete;
@@ -31,15 +33,22 @@ public:
     [[nodiscard]] const char* overdue(std::uint64_t now_ns) const noexcept;
 
     [[nodiscard]] bool wants_to_send() const noexcept { return !out_.empty(); }
-    // A whole request waits and may be answered although nothing new has come: serve() again.
-    [[nodiscard]] bool has_backlog() const noexcept { return request_waits_ && out_.size() < kMostWaiting; }
+    // When a whole request that waits may be answered although nothing new has come: serve() again then. 0: none waits.
+    [[nodiscard]] std::uint64_t backlog_ns() const noexcept {
+        return request_waits_ && out_.size() < kMostWaiting ? std::max<std::uint64_t>(held_until_ns(), 1) : 0;
+    }
+    // What it waits for: EPOLLIN, EPOLLOUT or, while it is held back, nothing.
+    [[nodiscard]] std::uint32_t interest() const noexcept;
+    std::uint32_t watched = 0;  // what epoll was told
+
+    modbus::Session session;
     [[nodiscard]] bool has_asked() const noexcept { return asked_; }
     [[nodiscard]] std::uint64_t heard_ns() const noexcept { return heard_ns_; }
-    [[nodiscard]] int fd() const noexcept { return fd_; }
 
 private:
     static constexpr std::size_t kMostWaiting = 16 * kMostAdu;  // Guide 4.4.1.2: up to 16 transactions at a time
     static constexpr int kMostAtOnce = 16;                      // then the other clients have their turn
+    static constexpr std::uint64_t kBurst = 64;
 
     const char* receive(std::uint64_t now_ns);
     const char* answer_all(const Answer& answer, std::uint64_t now_ns);
@@ -55,6 +64,12 @@ private:
     std::uint64_t heard_ns_;
     std::uint64_t request_began_ns_ = 0;  // 0: no request is incomplete
     std::uint64_t stuck_since_ns_ = 0;    // 0: the client takes its answers
+    // Each answer costs so much time; a client may be kBurst answers ahead of its account.
+    std::uint64_t cost_ns_;
+    std::uint64_t account_ns_ = 0;  // when all that was answered so far will be paid
+    [[nodiscard]] std::uint64_t held_until_ns() const noexcept {
+        return account_ns_ > kBurst * cost_ns_ ? account_ns_ - kBurst * cost_ns_ : 0;
+    }
 };
 
 }  // namespace tactiled::modbus

@@ -28,7 +28,10 @@ View view_of_nothing(std::uint32_t reason = TACTILED_DAEMON_STOPPED) noexcept;
 
 void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept;
 void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept;
-// All registers of an area.
-void encode_area(const View& view, const Area& area, std::span<std::uint16_t> out) noexcept;
+void encode_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kFloatSize> out) noexcept;
+void encode_sensor_floats(const View& view, unsigned index, bool low_word_first,
+                          std::span<std::uint16_t, kSensorFloatSize> out) noexcept;
+// What the discrete inputs say, 0 or 1 each, from the global block that is shown at the same time.
+void encode_inputs(std::span<const std::uint16_t, kGlobalSize> global, std::span<std::uint8_t, kInputs> out) noexcept;
 
 }  // namespace tactiled::modbus

@@ -25,12 +25,15 @@ Responder::~Responder() {
     ::close(pair_[1]);
 }
 
-std::size_t Responder::answer(std::span<const std::uint8_t> adu, const Area& area, std::span<std::uint16_t> registers,
+std::size_t Responder::answer(std::span<const std::uint8_t> adu, Tables& tables,
                               std::span<std::uint8_t, kMostAdu> out) noexcept {
     modbus_mapping_t map{};
-    map.start_registers = map.start_input_registers = area.at;
-    map.nb_registers = map.nb_input_registers = int(registers.size());
-    map.tab_registers = map.tab_input_registers = registers.data();
+    map.nb_registers = map.nb_input_registers = int(tables.registers.size());
+    map.tab_registers = map.tab_input_registers = tables.registers.data();
+    map.nb_bits = int(tables.coils.size());
+    map.tab_bits = tables.coils.data();
+    map.nb_input_bits = int(tables.inputs.size());
+    map.tab_input_bits = tables.inputs.data();
     const int sent = modbus_reply(context_.get(), adu.data(), int(adu.size()), &map);
     const ssize_t size = ::recv(pair_[1], out.data(), out.size(), MSG_DONTWAIT);
     // The answer must be this request's: same transaction, protocol and unit, and as long as it says.

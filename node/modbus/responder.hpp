@@ -13,6 +13,13 @@
 
 namespace tactiled::modbus {
 
+// The whole map as libmodbus sees it, by address. Only what a request reads needs to be filled in.
+struct Tables {
+    std::array<std::uint16_t, kMapEnd> registers{};
+    std::array<std::uint8_t, kCoils> coils{};
+    std::array<std::uint8_t, kInputs> inputs{};
+};
+
 class Responder {
 public:
     // setup: throws SetupError where libmodbus or a socket pair cannot be had
@@ -21,10 +28,9 @@ public:
     Responder(const Responder&) = delete;
     Responder& operator=(const Responder&) = delete;
 
-    // The answer to a request that check_adu() found good, from `registers`, all of `area`. Returns its length in `out`;
-    // where libmodbus gives none or a wrong one, exception 4.
-    std::size_t answer(std::span<const std::uint8_t> adu, const Area& area, std::span<std::uint16_t> registers,
-                       std::span<std::uint8_t, kMostAdu> out) noexcept;
+    // The answer to a request that check_adu() found good. What it writes, it writes into `tables`. Returns its length in
+    // `out`; where libmodbus gives none or a wrong one, exception 4.
+    std::size_t answer(std::span<const std::uint8_t> adu, Tables& tables, std::span<std::uint8_t, kMostAdu> out) noexcept;
 
 private:
     struct Free {

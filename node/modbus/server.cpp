@@ -16,9 +16,10 @@
 namespace tactiled {
 namespace {
 
-constexpr int kTurnMs = 50;                               // how long stop() and deadlines may wait
+constexpr std::uint64_t kTurnNs = 50'000'000;             // how long stop() and deadlines may wait
 constexpr std::uint64_t kRetryNs = 1'000'000'000;         // for the port, and after running out of descriptors
 constexpr std::uint64_t kMayBeEvictedNs = 1'000'000'000;  // a client that asked within the last second keeps its place
+constexpr std::size_t kPlacesOfPlc = 4;                   // of each listed address
 
 void watch(int epoll, int operation, int fd, std::uint32_t events) {
     epoll_event event{};
@@ -29,12 +30,19 @@ void watch(int epoll, int operation, int fd, std::uint32_t events) {
 
 }  // namespace
 
-ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings)
-    : node_name_(std::move(node_name)), settings_(settings), allowed_(settings.allow) {
+ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands)
+    : settings_(settings),
+      allowed_(settings.allow),
+      plcs_(settings.plc),
+      writers_(settings.command_allow),
+      service_(std::move(node_name), settings, commands),
+      line_(settings.rtu) {
     epoll_ = ::epoll_create1(EPOLL_CLOEXEC);
     if (epoll_ < 0) throw SetupError(fmt::format("Modbus: epoll: {}", std::strerror(errno)));
-    try_to_listen(monotonic_ns());
-    thread_ = std::thread([this] { serve(); });
+    line_.session.may_write = settings.commands;  // who is on the wire is among those who may
+    if (!settings_.listen.empty()) try_to_listen(monotonic_ns());
+    if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), false);
+    thread_.start("modbus", 0, -1, [this] { serve(); });
 }
 
 ModbusServer::~ModbusServer() {
@@ -48,29 +56,54 @@ ModbusServer::~ModbusServer() {
 void ModbusServer::serve() {
     std::array<epoll_event, 64> events;
     while (!stop_.load()) {
-        const bool backlog =
-            std::any_of(clients_.begin(), clients_.end(), [](const auto& c) { return c.second->has_backlog(); });
-        const int n = ::epoll_wait(epoll_, events.data(), int(events.size()), backlog ? 0 : kTurnMs);
+        const std::uint64_t before_ns = monotonic_ns(), due_ns = next_due_ns(before_ns);
+        const std::uint64_t wait_ns = due_ns > before_ns ? due_ns - before_ns : 0;
+        const timespec wait{0, long(wait_ns)};  // at most kTurnMs
+        const int n = ::epoll_pwait2(epoll_, events.data(), int(events.size()), &wait, nullptr);
         const std::uint64_t now_ns = monotonic_ns();
+        bool line_readable = false;
         for (int i = 0; i < n; ++i) {
-            if (events[std::size_t(i)].data.fd == listener_)
+            const auto& event = events[std::size_t(i)];
+            if (event.data.fd == watched_line_)
+                line_readable = true;
+            else if (event.data.fd == listener_)
                 accept_all(now_ns);
             else
-                serve_client(events[std::size_t(i)].data.fd, now_ns);
+                serve_client(event.data.fd, event.events, now_ns);
         }
-        if (backlog) {
-            std::vector<int> waiting;
-            for (const auto& [fd, client] : clients_)
-                if (client->has_backlog()) waiting.push_back(fd);
-            for (const int fd : waiting) serve_client(fd, now_ns);
-        }
-        if (listener_ < 0 && now_ns >= listen_again_ns_) try_to_listen(now_ns);
+        if (!settings_.rtu.device.empty()) serve_line(now_ns, line_readable);
+        serve_held_back(now_ns);
+        if (!settings_.listen.empty() && listener_ < 0 && now_ns >= listen_again_ns_) try_to_listen(now_ns);
         if (looks_away_ && now_ns >= listen_again_ns_) {
             looks_away_ = false;
             watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
         }
-        if (now_ns - looked_for_overdue_ns_ >= std::uint64_t(kTurnMs) * 1'000'000u) close_overdue(now_ns);
+        if (now_ns - looked_for_overdue_ns_ >= kTurnNs) close_overdue(now_ns);
     }
+}
+
+std::uint64_t ModbusServer::next_due_ns(std::uint64_t now_ns) const noexcept {
+    std::uint64_t due_ns = now_ns + kTurnNs;
+    for (const auto& [fd, client] : clients_)
+        if (const std::uint64_t at_ns = client->backlog_ns(); at_ns != 0) due_ns = std::min(due_ns, at_ns);
+    if (const std::uint64_t at_ns = line_.due_ns(); at_ns != 0 && !settings_.rtu.device.empty())
+        due_ns = std::min(due_ns, at_ns);
+    return due_ns;
+}
+
+// Clients whose requests wait for their turn or, above their rate, for time to pass.
+void ModbusServer::serve_held_back(std::uint64_t now_ns) {
+    std::array<int, 256> due;
+    std::size_t n = 0;
+    for (const auto& [fd, client] : clients_)
+        if (client->backlog_ns() != 0 && client->backlog_ns() <= now_ns && n < due.size()) due[n++] = fd;
+    for (std::size_t i = 0; i < n; ++i) serve_client(due[i], 0, now_ns);
+}
+
+void ModbusServer::serve_line(std::uint64_t now_ns, bool readable) {
+    if (readable && !line_.receive(now_ns)) watched_line_ = -1;  // closed: epoll has forgotten it
+    line_.tick([this](auto adu, auto out) { return service_.answer(adu, line_.session, out); }, now_ns);
+    if (line_.fd() >= 0 && watched_line_ < 0) watch(epoll_, EPOLL_CTL_ADD, watched_line_ = line_.fd(), EPOLLIN);
 }
 
 // ---- the port --------------------------------------------------------------------------------------------------------
@@ -114,7 +147,8 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
             if (errno != EINTR && errno != ECONNABORTED) return;
             continue;
         }
-        if (!allowed_.allows(peer) || !make_room(now_ns)) {
+        const bool plc = !settings_.plc.empty() && plcs_.allows(peer);
+        if ((!plc && !allowed_.allows(peer)) || !make_room(peer, plc, now_ns)) {
             ++counts_.refused;
             ::close(fd);
             continue;
@@ -127,35 +161,43 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &keep_idle_s, sizeof keep_idle_s);
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &keep_interval_s, sizeof keep_interval_s);
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &keep_count, sizeof keep_count);
-        clients_[fd] = std::make_unique<modbus::Connection>(fd, now_ns);
-        watch(epoll_, EPOLL_CTL_ADD, fd, EPOLLIN);
+        auto client = std::make_unique<Client>(fd, now_ns, settings_.max_requests_per_s, peer, plc);
+        client->session.may_write = settings_.command_allow.empty() || writers_.allows(peer);
+        watch(epoll_, EPOLL_CTL_ADD, fd, client->watched = EPOLLIN);
+        clients_[fd] = std::move(client);
         ++counts_.accepted;
     }
 }
 
 // Who has never asked anything makes room first, then who has been silent longest. One that polls keeps its place, so a
-// flood of connections pushes out only itself.
-bool ModbusServer::make_room(std::uint64_t now_ns) {
-    if (clients_.size() < std::size_t(settings_.max_clients)) return true;
-    const auto worth = [](const auto& c) { return std::pair(c.second->has_asked(), c.second->heard_ns()); };
-    const auto least = std::min_element(clients_.begin(), clients_.end(),
-                                        [&](const auto& a, const auto& b) { return worth(a) < worth(b); });
-    if (least->second->has_asked() && now_ns - least->second->heard_ns() < kMayBeEvictedNs) return false;
-    close(least->first);
+// flood of connections pushes out only itself. A listed PLC has places of its own, for which only its own old ones go.
+bool ModbusServer::make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns) {
+    const auto competes = [&](const Client& c) { return plc ? c.plc && modbus::same_host(c.peer, peer) : !c.plc; };
+    const auto worth = [](const Client& c) { return std::pair(c.has_asked(), c.heard_ns()); };
+    std::size_t n = 0;
+    int least = -1;
+    for (const auto& [fd, client] : clients_) {
+        if (!competes(*client)) continue;
+        ++n;
+        if (least < 0 || worth(*client) < worth(*clients_[least])) least = fd;
+    }
+    if (n < (plc ? kPlacesOfPlc : std::size_t(settings_.max_clients))) return true;
+    const Client& out = *clients_[least];
+    if (!plc && out.has_asked() && now_ns - out.heard_ns() < kMayBeEvictedNs) return false;
+    close(least);
     return true;
 }
 
 // ---- the clients -----------------------------------------------------------------------------------------------------
 
-void ModbusServer::serve_client(int fd, std::uint64_t now_ns) {
+void ModbusServer::serve_client(int fd, std::uint32_t events, std::uint64_t now_ns) {
     const auto found = clients_.find(fd);
     if (found == clients_.end()) return;
-    modbus::Connection& client = *found->second;
-    const bool was_sending = client.wants_to_send();
-    const char* why = client.serve([this](auto adu, auto out) { return answer(adu, out); }, now_ns);
-    if (*why != 0) return close(fd);
-    if (client.wants_to_send() != was_sending)  // a client that takes no answers is not read from either
-        watch(epoll_, EPOLL_CTL_MOD, fd, client.wants_to_send() ? std::uint32_t(EPOLLOUT) : std::uint32_t(EPOLLIN));
+    Client& client = *found->second;
+    const auto answer = [&](auto adu, auto out) { return service_.answer(adu, client.session, out); };
+    const char* const why = client.serve(answer, now_ns);
+    if (*why != 0 || (events & (EPOLLERR | EPOLLHUP)) != 0) return close(fd);  // hung up: nobody would hear the rest
+    if (client.interest() != client.watched) watch(epoll_, EPOLL_CTL_MOD, fd, client.watched = client.interest());
 }
 
 void ModbusServer::close_overdue(std::uint64_t now_ns) {
@@ -169,30 +211,6 @@ void ModbusServer::close_overdue(std::uint64_t now_ns) {
 void ModbusServer::close(int fd) {
     clients_.erase(fd);  // closes; epoll forgets it
     ++counts_.closed;
-}
-
-std::size_t ModbusServer::answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, modbus::kMostAdu> out) {
-    ++counts_.requests;
-    const modbus::Request request = modbus::check_adu(adu);
-    if (request.exception != modbus::kNone) {
-        ++counts_.exceptions;
-        return modbus::exception_adu(adu, request.exception, out);
-    }
-    if (!segment_.is_open() || !segment_.is_current()) {
-        const std::uint64_t now_ns = monotonic_ns();
-        if (now_ns - segment_tried_ns_ >= kRetryNs / 10) {
-            std::string why;
-            segment_tried_ns_ = now_ns;
-            if (Segment fresh = Segment::try_open(node_name_, why); fresh.is_open()) segment_ = std::move(fresh);
-        }
-    }
-    const modbus::View view =
-        segment_.is_open() ? modbus::view_of(segment_) : modbus::view_of_nothing();  // one frame a request
-    const modbus::Area& area = *modbus::area_of(request.at, request.count);
-    std::array<std::uint16_t, modbus::kSensorSize * modbus::kSensorBlocks> registers;
-    const std::span<std::uint16_t> used(registers.data(), area.size);
-    modbus::encode_area(view, area, used);
-    return responder_.answer(adu, area, used, out);
 }
 
 }  // namespace tactiled

@@ -1,61 +1,69 @@
-// Modbus TCP: one thread, any number of clients, none of which can delay another. A reader of shared memory like any other:
-// it could be a process of its own.
+// The Modbus thread: any number of TCP clients and one RTU line, none of which can delay another.
 #pragma once
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
-#include <thread>
 
 #include "config/config.hpp"
 #include "node/modbus/allow_list.hpp"
 #include "node/modbus/connection.hpp"
-#include "node/modbus/encode.hpp"
-#include "node/modbus/responder.hpp"
+#include "node/modbus/rtu.hpp"
+#include "node/modbus/service.hpp"
+#include "node/realtime.hpp"
 
 namespace tactiled {
 
 class ModbusServer {
 public:
-    // Starts to serve the segment of `node_name`. A port that is not to be had is asked for again each second.
+    // Starts to serve the segment of `node_name`. A port or tty that is not to be had is asked for again each second.
     // setup: throws SetupError where libmodbus or epoll cannot be had
-    ModbusServer(std::string node_name, const ModbusSettings& settings);
+    ModbusServer(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands);
     ~ModbusServer();
     ModbusServer(const ModbusServer&) = delete;
     ModbusServer& operator=(const ModbusServer&) = delete;
 
     struct Counts {
-        std::atomic<std::uint64_t> requests{0}, exceptions{0}, accepted{0}, refused{0}, closed{0};
+        std::atomic<std::uint64_t> accepted{0}, refused{0}, closed{0};
     };
     const Counts& counts() const noexcept { return counts_; }
 
 private:
+    struct Client : modbus::Connection {
+        Client(int fd, std::uint64_t now_ns, int most_per_s, const sockaddr_storage& from, bool is_plc)
+            : Connection(fd, now_ns, most_per_s), peer(from), plc(is_plc) {}
+        sockaddr_storage peer;
+        bool plc;  // has a reserved place
+    };
+
     void serve();
+    [[nodiscard]] std::uint64_t next_due_ns(std::uint64_t now_ns) const noexcept;
+    void serve_held_back(std::uint64_t now_ns);
+    void serve_line(std::uint64_t now_ns, bool readable);
     void try_to_listen(std::uint64_t now_ns);
     void stop_listening() noexcept;
     void accept_all(std::uint64_t now_ns);
-    bool make_room(std::uint64_t now_ns);
-    void serve_client(int fd, std::uint64_t now_ns);
+    bool make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns);
+    void serve_client(int fd, std::uint32_t events, std::uint64_t now_ns);
     void close_overdue(std::uint64_t now_ns);
     void close(int fd);
-    std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, modbus::kMostAdu> out);
 
-    std::string node_name_;
     ModbusSettings settings_;
-    modbus::AllowList allowed_;
-    modbus::Responder responder_;
-    Segment segment_;
-    std::uint64_t segment_tried_ns_ = 0;
+    modbus::AllowList allowed_, plcs_, writers_;
+    modbus::Service service_;
+    modbus::RtuLine line_;
+    int watched_line_ = -1;
 
     int epoll_ = -1, listener_ = -1;
     std::uint64_t listen_again_ns_ = 0, looked_for_overdue_ns_ = 0;
     bool looks_away_ = false;  // out of descriptors: the port stays ours, who waits there waits a second
     std::string complaint_;
-    std::map<int, std::unique_ptr<modbus::Connection>> clients_;  // by descriptor
+    std::map<int, std::unique_ptr<Client>> clients_;  // by descriptor
     Counts counts_;
     std::atomic<bool> stop_{false};
-    std::thread thread_;
+    RtThread thread_;
 };
 
 }  // namespace tactiled

@@ -1,8 +1,6 @@
 #include "node/modbus/table.hpp"
 
-#include <array>
-
-#include "tactiled/layout.h"
+#include <algorithm>
 
 namespace tactiled::modbus {
 namespace {
@@ -19,10 +17,11 @@ constexpr Register kGlobal[] = {
     {kFault, "FAULT", Type::bits, "", "latched"},
     {kWarn, "WARN", Type::bits, "", "true now"},
     {kOk, "OK", Type::mask, "", "the sensor's value is GOOD"},
-    {kContact, "CONTACT", Type::mask, "", "not yet measured: 0"},
+    {kContact, "CONTACT", Type::mask, "", "the magnitude has passed CONTACT_ON, and not fallen below CONTACT_OFF since"},
     {kSlip, "SLIP", Type::mask, "", "not yet measured: 0"},
     {kSlipLatch, "SLIP_LATCH", Type::mask, "", "not yet measured: 0"},
-    {kOverload, "OVERLOAD", Type::mask, "", "a channel is at its rail, or a register saturates"},
+    {kOverload, "OVERLOAD", Type::mask, "",
+     "a channel is at its rail, a register saturates, or the magnitude is above OVERLOAD_AT"},
     {kStale, "STALE", Type::mask, "", "the sensor delivers nothing"},
     {kGripForce, "GRIP_FORCE", Type::u16, "0.01 N", "not yet measured: 0xFFFF"},
     {kGripState, "GRIP_STATE", Type::enumeration, "", "not yet measured: 0xFFFF"},
@@ -32,11 +31,11 @@ constexpr Register kGlobal[] = {
     {kWeightSd, "WEIGHT_SD", Type::u16, "0.1 g", "not yet measured: 0xFFFF"},
     {kRecGrip, "REC_GRIP", Type::u16, "0.01 N", "not yet measured: 0xFFFF"},
     {kSlipCount, "SLIP_COUNT", Type::count, "", "not yet measured: 0"},
-    {kCmdSeqAck, "CMD_SEQ_ACK", Type::count, "", "number of the last command taken"},
-    {kCmdState, "CMD_STATE", Type::enumeration, "", "of that command"},
+    {kCmdSeqAck, "CMD_SEQ_ACK", Type::count, "", "the CMD_SEQ last taken"},
+    {kCmdState, "CMD_STATE", Type::enumeration, "", "of the last command, by whichever register or coil it came"},
     {kCmdResult, "CMD_RESULT", Type::enumeration, "", "of that command"},
     {kCalId, "CAL_ID", Type::text, "", "CRC-16 of configuration and calibrations: changes when either does"},
-    {kPlcHbEcho, "PLC_HB_ECHO", Type::count, "", "not yet writable: 0"},
+    {kPlcHbEcho, "PLC_HB_ECHO", Type::count, "", "echo of PLC_HEARTBEAT"},
     {kCycleWorst, "CYCLE_WORST", Type::u16, "us", "worst turn of the pipeline within the last second"},
     {kSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
@@ -52,14 +51,14 @@ constexpr Register kSensor[] = {
     {kTx, "TX", Type::i16, "0.001 Nm", "torque on the sensor, frame S"},
     {kTy, "TY", Type::i16, "0.001 Nm", ""},
     {kTz, "TZ", Type::i16, "0.001 Nm", ""},
-    {kFTang, "F_TANG", Type::u16, "0.01 N", "magnitude of (FX, FY)"},
-    {kFMag, "F_MAG", Type::u16, "0.01 N", "magnitude of (FX, FY, FZ)"},
+    {kFTang, "F_TANG", Type::u16, "0.01 N", "magnitude of (FX, FY); not available where one of them is not"},
+    {kFMag, "F_MAG", Type::u16, "0.01 N", "magnitude of (FX, FY, FZ); not available where one of them is not"},
     {kCopX, "COP_X", Type::i16, "0.01 mm", "centre of pressure"},
     {kCopY, "COP_Y", Type::i16, "0.01 mm", ""},
     {kFrictionUse, "FRICTION_USE", Type::u16, "0.1 %", "not yet measured: 0xFFFF"},
     {kSlipState, "SLIP_STATE", Type::enumeration, "", "not yet measured: 0xFFFF"},
     {kSensorSlipCount, "SLIP_COUNT", Type::count, "", "not yet measured: 0"},
-    {kPeak, "PEAK", Type::u16, "0.01 N", "not yet measured: 0xFFFF"},
+    {kPeak, "PEAK", Type::u16, "0.01 N", "largest magnitude of the components seen, since the start or the last reset"},
     {kTemp, "TEMP", Type::i16, "0.1 degC", "0x8000: the sensor has none"},
     {kScale, "SCALE", Type::i16, "", "power of ten of the forces: -2"},
     {kTareCount, "TARE_COUNT", Type::count, "", "finished tares; 0 = none in force"},
@@ -78,76 +77,113 @@ constexpr Register kConstant[] = {
     {9008, "CONST_TEXT", Type::text, "", "\"ABCDEFGH\""},
 };
 
+constexpr Register kFloat[] = {
+    {kFloatSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
+    {kFloatWeight, "WEIGHT", Type::f32, "kg", "not yet measured: NaN"},
+    {kFloatWeightSd, "WEIGHT_SD", Type::f32, "kg", "not yet measured: NaN"},
+    {kFloatGrip, "GRIP_FORCE", Type::f32, "N", "not yet measured: NaN"},
+    {kFloatRecGrip, "REC_GRIP", Type::f32, "N", "not yet measured: NaN"},
+    {kFloatFriction, "FRICTION", Type::f32, "", "coefficient; not yet measured: NaN"},
+    {kFloatTime, "TIME", Type::f32, "s", "of the frame, on the daemon's clock, modulo 4096"},
+    {kFloatSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
+};
+
+constexpr Register kSensorFloat[] = {
+    {kFloatSensorSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
+    {kFloatStatus, "STATUS", Type::bits, "", "as in the sensor block"},
+    {kFloatForce, "FX", Type::f32, "N", "force on the sensor, frame S"},
+    {kFloatForce + 2, "FY", Type::f32, "N", ""},
+    {kFloatForce + 4, "FZ", Type::f32, "N", "a press is negative"},
+    {kFloatTorque, "TX", Type::f32, "Nm", "torque on the sensor, frame S"},
+    {kFloatTorque + 2, "TY", Type::f32, "Nm", ""},
+    {kFloatTorque + 4, "TZ", Type::f32, "Nm", ""},
+    {kFloatCop, "COP_X", Type::f32, "mm", "centre of pressure"},
+    {kFloatCop + 2, "COP_Y", Type::f32, "mm", ""},
+    {kFloatMag, "F_MAG", Type::f32, "N", "magnitude of (FX, FY, FZ)"},
+    {kFloatTang, "F_TANG", Type::f32, "N", "magnitude of (FX, FY)"},
+    {kFloatTemp, "TEMP", Type::f32, "degC", ""},
+    {kFloatSensorSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
+};
+
+constexpr Limits kAny{0, 65535, false};
+constexpr Register kControl[] = {
+    {kCmd, "CMD", Type::enumeration, "", "the command; runs when CMD_SEQ is written with another value", kAny},
+    {kCmdMask, "MASK", Type::mask, "", "the sensors that it is for", kAny},
+    {kCmdParamHigh, "PARAM_H", Type::u16, "", "parameter, high word: no command has one yet", kAny},
+    {kCmdParamLow, "PARAM_L", Type::u16, "", "parameter, low word", kAny},
+    {kCmdSeq, "CMD_SEQ", Type::count, "", "any value but the last: CMD_SEQ_ACK repeats it, CMD_STATE and CMD_RESULT tell",
+     kAny},
+    {kTareCell, "TARE", Type::mask, "", "tares these sensors at once; reads 0", kAny},
+    {kUntareCell, "UNTARE", Type::mask, "", "goes back to the calibration's zero; reads 0", kAny},
+    {kClearLatchCell, "CLEAR_LATCH", Type::mask, "", "clears latched faults; reads 0", kAny},
+    {kWeighCell, "WEIGH", Type::mask, "", "not in this version: exception 4", kAny},
+    {kResetPeakCell, "RESET_PEAK", Type::mask, "", "PEAK starts again; reads 0", kAny},
+    {kPlcHeartbeat, "PLC_HEARTBEAT", Type::count, "", "any changing value", kAny},
+    {kPlcWatchdog,
+     "PLC_WATCHDOG",
+     Type::u16,
+     "ms",
+     "0 = off, else 10 .. 60000: STATUS bit 12 when the heartbeat stands longer",
+     {0, 60000}},
+    {kGripperState, "GRIPPER_STATE", Type::enumeration, "", "a hint for the grasp estimate", {0, 5}},
+    {kGripperForce, "GRIPPER_FORCE", Type::u16, "0.01 N", "commanded force, a hint", kAny},
+    {kFilterHz, "FILTER_HZ", Type::u16, "Hz", "low pass on force and torque, 0 = off", {0, 1000, true}},
+    {kContactOn, "CONTACT_ON", Type::u16, "0.01 N", "magnitude at which contact begins", {1, 30000, true}},
+    {kContactOff, "CONTACT_OFF", Type::u16, "0.01 N", "magnitude below which it ends", {0, 30000, true}},
+    {kOverloadAt,
+     "OVERLOAD_AT",
+     Type::u16,
+     "0.01 N",
+     "magnitude above which the sensor is overloaded, 0 = never",
+     {0, 65534, true}},
+    {kSlipSensitivity, "SLIP_SENSITIVITY", Type::u16, "", "kept, without effect yet", {0, 100, true}},
+    {kWeighWindow, "WEIGH_WINDOW", Type::u16, "ms", "kept, without effect yet", {10, 10000, true}},
+    {kUnlock, "UNLOCK", Type::u16, "",
+     "0x5AFE opens the settings 5030 .. 5035 for 30 s on this connection, 0 closes; reads 1 while open", kAny},
+    {kSave, "SAVE", Type::enumeration, "", "0x7361 stores the settings; exception 6 while it does", {kSaveWord, kSaveWord}},
+};
+
+constexpr std::uint16_t kFloatsEnd = kSensorFloatSize * kSensorBlocks;
 constexpr Area kAreas[] = {
-    {kGlobalAt, kGlobalSize, "Global block", kGlobal},
-    {kSensorsAt, kSensorSize* kSensorBlocks, "Sensor blocks", kSensor},
-    {kConstantsAt, kConstantsSize, "Constants", kConstant},
+    {kGlobalAt, kGlobalSize, Block::global, 0, false, "Global block", "global", kGlobal},
+    {kSensorsAt, kSensorSize* kSensorBlocks, Block::sensor, kSensorSize, false, "Sensor blocks", "sensor", kSensor},
+    {kFloatsAt, kFloatSize, Block::floats, 0, false, "Floats, high word first", "float", kFloat},
+    {kSensorFloatsAt, kFloatsEnd, Block::sensor_floats, kSensorFloatSize, false, "Floats of sensors, high word first",
+     "sensor_float", kSensorFloat},
+    {kFloatsAt + kSwapped, kFloatSize, Block::floats, 0, true, "Floats, low word first", "float", kFloat},
+    {kSensorFloatsAt + kSwapped, kFloatsEnd, Block::sensor_floats, kSensorFloatSize, true,
+     "Floats of sensors, low word first", "sensor_float", kSensorFloat},
+    {kControlsAt, kControlsSize, Block::controls, 0, false, "Commands and settings", "control", kControl},
+    {kScratchAt, kScratchSize, Block::scratch, 0, false, "Scratch: free registers, to try a client", "scratch", {}},
+    {kConstantsAt, kConstantsSize, Block::constants, 0, false, "Constants, to check base, sign and word order", "constant",
+     kConstant},
+};
+
+constexpr Bits kCoilRuns[] = {
+    {kTareCoils, 16, "TARE", "1 tares sensor n; reads 1 while it does"},
+    {kSlipCoils, 16, "CLEAR_SLIP", "1 clears the slip latch of sensor n: without effect yet"},
+    {kClearAllCoil, 1, "CLEAR_ALL", "1 clears all latches"},
+    {kWeighCoil, 1, "WEIGH", "not in this version: exception 4"},
+};
+constexpr Bits kInputRuns[] = {
+    {kContactInputs, 16, "CONTACT", "of sensor n"},
+    {kSlipInputs, 16, "SLIP_LATCH", "of sensor n; not yet measured: 0"},
+    {kOkInputs, 16, "OK", "the value of sensor n is GOOD"},
+    {kOverloadInputs, 16, "OVERLOAD", "of sensor n"},
+    {kGraspedInput, 1, "GRASPED", "not yet measured: 0"},
+    {kStableInput, 1, "WEIGHT_STABLE", "not yet measured: 0"},
+    {kBlinkInput, 1, "BLINK", "1 s on, 1 s off, from the heartbeat: stands still when that does"},
+    {kFaultInput, 1, "FAULT", "STATUS bit 15"},
 };
 
 constexpr std::uint16_t kConstantValues[kConstantsSize] = {0x1234, 0xFB2E, 0x1234, 0x5678, 0x449A, 0x5000,
                                                            0x5000, 0x449A, 0x4142, 0x4344, 0x4546, 0x4748};
 
-constexpr Name kStatusBits[] = {{0, "ready"},
-                                {7, "overload: see OVERLOAD"},
-                                {8, "taring"},
-                                {9, "simulated or replayed data"},
-                                {10, "stale"},
-                                {11, "uncalibrated"},
-                                {14, "warning: see WARN"},
-                                {15, "fault: see FAULT"}};
-constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2, "open gauge"}, {3, "pipeline overrun"},
-                               {4, "calibration missing"}, {7, "bus error"}, {8, "internal"}};
-constexpr Name kWarnBits[] = {{2, "lost samples"}};
-constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
-                                      {4, "overload: a force register saturates"},
-                                      {5, "saturated channel"},
-                                      {6, "stale: no data"},
-                                      {7, "taring"},
-                                      {8, "tared"},
-                                      {9, "uncalibrated"},
-                                      {12, "uncertain: a value with a weakness; FAULT says which"},
-                                      {15, "fault: no value; FAULT says why"}};
-constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3, "rejected"}};
-constexpr Name kCommandResults[] = {{0, "ok"},      {1, "unknown"}, {2, "bad mask"}, {3, "bad parameter"},
-                                    {4, "not now"}, {5, "locked"},  {6, "failed"},   {7, "timed out"}};
-constexpr Name kWeightStates[] = {{0, "none"}, {1, "estimating"}, {2, "stable"}, {3, "overload"}, {4, "not observable"}};
-
-// Gravest first. The numbers are the map's and do not follow the order of enum tactiled_reason.
-struct Fault {
-    std::uint32_t reason;
-    Name name;
-};
-constexpr Fault kSensorFaults[] = {
-    {TACTILED_DAEMON_STOPPED, {1, "daemon stopped or hangs"}},
-    {TACTILED_DISCONNECTED, {2, "disconnected"}},
-    {TACTILED_NO_DATA_YET, {3, "no data yet"}},
-    {TACTILED_STALE, {4, "stale"}},
-    {TACTILED_WRONG_DEVICE, {5, "wrong device: its frames have another number of channels"}},
-    {TACTILED_NOT_FINITE, {6, "result is no number"}},
-    {TACTILED_MISSING_CHANNEL, {7, "missing channel"}},
-    {TACTILED_UNCALIBRATED, {8, "uncalibrated"}},
-    {TACTILED_SATURATED, {9, "saturated channel"}},
-    {TACTILED_DISAGREEMENT, {10, "channels contradict each other"}},
-    {TACTILED_OUTSIDE_DOMAIN, {11, "outside the calibrated domain"}},
-    {TACTILED_UNKNOWN_UNCERTAINTY, {12, "uncertainty unknown"}},
-    {TACTILED_READER_OVERRUN, {13, "internal: read overrun"}},
-};
-
-constexpr auto kSensorFaultNames = [] {
-    std::array<Name, std::size(kSensorFaults) + 3> names{};
-    names[0] = {0, "none"};
-    names[names.size() - 2] = {kFaultNoSensor, "no sensor has this block"};
-    names[names.size() - 1] = {kFaultUnknown, "a reason that this map does not know"};
-    for (std::size_t i = 0; i < std::size(kSensorFaults); ++i) names[i + 1] = kSensorFaults[i].name;
-    return names;
-}();
-
 }  // namespace
 
-std::span<const Register> global_registers() { return kGlobal; }
-std::span<const Register> sensor_registers() { return kSensor; }
-std::span<const Register> constant_registers() { return kConstant; }
 std::span<const Area> areas() { return kAreas; }
+std::span<const Bits> coils() { return kCoilRuns; }
+std::span<const Bits> discrete_inputs() { return kInputRuns; }
 std::span<const std::uint16_t> constants() { return kConstantValues; }
 
 const Area* area_of(std::uint32_t at, std::uint32_t count) {
@@ -156,22 +192,9 @@ const Area* area_of(std::uint32_t at, std::uint32_t count) {
     return nullptr;
 }
 
-std::span<const Name> names_of(std::string_view name) {
-    if (name == "global.STATUS") return kStatusBits;
-    if (name == "global.FAULT") return kFaultBits;
-    if (name == "global.WARN") return kWarnBits;
-    if (name == "global.CMD_STATE") return kCommandStates;
-    if (name == "global.CMD_RESULT") return kCommandResults;
-    if (name == "global.WEIGHT_STATE") return kWeightStates;
-    if (name == "sensor.STATUS") return kSensorStatusBits;
-    if (name == "sensor.FAULT") return kSensorFaultNames;
-    return {};
-}
-
-std::uint16_t fault_of(std::uint32_t reasons) {
-    for (const Fault& fault : kSensorFaults)
-        if ((reasons & fault.reason) != 0) return fault.name.value;
-    return 0;
+const Register* writable_at(std::uint32_t at) {
+    const auto found = std::find_if(std::begin(kControl), std::end(kControl), [&](const Register& r) { return r.at == at; });
+    return found != std::end(kControl) ? found : nullptr;
 }
 
 }  // namespace tactiled::modbus

@@ -1,4 +1,5 @@
-// The register map, once: the server, `tactilectl map`, the manual and the tests are all made from these tables.
+// The register map, once: the server, `tactilectl map`, the manual, the PLC code and the tests are all made from these
+// tables.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -20,10 +21,11 @@ enum class Type {
     enumeration,
     count,  // wraps at 65536, has no "not available"
     i32,    // two registers, high word first; 0x80000000 = not available
+    f32,    // two registers, in the word order of the area; a quiet NaN = not available
     text,   // a constant
 };
 
-// Cells of the global block, by their address; of a sensor block, by their offset. The encoder fills them by these names.
+// Cells of a block, by address or by their offset in it. The encoders fill them by these names.
 // clang-format off
 enum Global : std::uint16_t {
     kMagic0 = 0, kMagic1 = 1, kMapVersion = 2, kSensors = 3, kSeq = 4, kHeartbeat = 5, kAgeMs = 6, kStatus = 7, kFault = 8, kWarn = 9,
@@ -36,18 +38,49 @@ enum PerSensor : std::uint16_t {
     kFTang = 10, kFMag = 11, kCopX = 12, kCopY = 13, kFrictionUse = 14, kSlipState = 15, kSensorSlipCount = 16, kPeak = 17, kTemp = 18,
     kScale = 19, kTareCount = 20, kRate = 21, kLost = 22, kRawState = 23, kSensorSeqEnd = 24
 };
+enum Float : std::uint16_t {  // offsets in 2000 and 3000
+    kFloatSeq = 0, kFloatWeight = 2, kFloatWeightSd = 4, kFloatGrip = 6, kFloatRecGrip = 8, kFloatFriction = 10, kFloatTime = 12,
+    kFloatSeqEnd = 24
+};
+enum SensorFloat : std::uint16_t {
+    kFloatSensorSeq = 0, kFloatStatus = 1, kFloatForce = 2, kFloatTorque = 8, kFloatCop = 14, kFloatMag = 18, kFloatTang = 20,
+    kFloatTemp = 22, kFloatSensorSeqEnd = 24
+};
+enum Control : std::uint16_t {
+    kCmd = 5000, kCmdMask = 5001, kCmdParamHigh = 5002, kCmdParamLow = 5003, kCmdSeq = 5004, kTareCell = 5010, kUntareCell = 5011,
+    kClearLatchCell = 5012, kWeighCell = 5013, kResetPeakCell = 5014, kPlcHeartbeat = 5020, kPlcWatchdog = 5021, kGripperState = 5022,
+    kGripperForce = 5023, kFilterHz = 5030, kContactOn = 5031, kContactOff = 5032, kOverloadAt = 5033, kSlipSensitivity = 5034,
+    kWeighWindow = 5035, kUnlock = 5090, kSave = 5091
+};
+enum CommandCode : std::uint16_t {
+    kTare = 1, kUntare = 2, kClearLatches = 3, kStartWeighing = 4, kStopWeighing = 5, kResetPeaks = 6, kZeroWeight = 7, kSelfTest = 8
+};
 // clang-format on
 
 inline constexpr std::uint16_t kGlobalAt = 0, kGlobalSize = 32;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;
+inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
+inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first
+inline constexpr std::uint16_t kControlsAt = 5000, kControlsSize = 100, kScratchAt = 5100, kScratchSize = 128;
 inline constexpr std::uint16_t kConstantsAt = 9000, kConstantsSize = 12;
+inline constexpr std::uint16_t kMapEnd = kConstantsAt + kConstantsSize;
+
+inline constexpr std::uint16_t kUnlockWord = 0x5AFE, kSaveWord = 0x7361;
+inline constexpr std::uint16_t kAsConfigured = 0xFFFF;  // of a setting: the configuration decides
+
+// What may be written into a register; `most` < `least`: nothing.
+struct Limits {
+    std::uint16_t least = 1, most = 0;
+    bool locked = false;  // needs UNLOCK; kAsConfigured is allowed, too
+};
 
 struct Register {
-    std::uint16_t at;  // address, or offset in the sensor block
+    std::uint16_t at;  // address, or offset in its block
     std::string_view name;
     Type type;
     std::string_view unit;  // scale and unit, "" = none
     std::string_view meaning;
+    Limits limits{};
 };
 
 struct Name {
@@ -55,23 +88,40 @@ struct Name {
     std::string_view name;
 };
 
+enum class Block { global, sensor, floats, sensor_floats, controls, scratch, constants };
+
 // A run of addresses that is readable as a whole; cells without an entry read 0.
 struct Area {
     std::uint16_t at, size;
+    Block block;
+    std::uint16_t repeats;  // every so many registers, 0 = not: one block a sensor
+    bool low_word_first;
     std::string_view title;
+    std::string_view prefix;  // of names_of()
     std::span<const Register> registers;
 };
 
-std::span<const Register> global_registers();
-std::span<const Register> sensor_registers();
-std::span<const Register> constant_registers();
 // In the order of addresses. Sensor blocks are one area: they follow each other without a hole.
 std::span<const Area> areas();
 // The area that holds all of [at, at + count), or nullptr: exception 2.
 const Area* area_of(std::uint32_t at, std::uint32_t count);
+// The register that may be written at an address, or nullptr. Scratch registers have no entry.
+const Register* writable_at(std::uint32_t at);
 
 // Bit and value names of a register, by "global.NAME" or "sensor.NAME"; empty where it has none.
 std::span<const Name> names_of(std::string_view register_name);
+
+// Coils (may be written) and discrete inputs: runs of bits.
+struct Bits {
+    std::uint16_t at, count;
+    std::string_view name;
+    std::string_view meaning;
+};
+inline constexpr std::uint16_t kTareCoils = 0, kSlipCoils = 16, kClearAllCoil = 32, kWeighCoil = 33, kCoils = 34;
+inline constexpr std::uint16_t kContactInputs = 0, kSlipInputs = 16, kOkInputs = 32, kOverloadInputs = 48,
+                               kGraspedInput = 64, kStableInput = 65, kBlinkInput = 66, kFaultInput = 67, kInputs = 68;
+std::span<const Bits> coils();
+std::span<const Bits> discrete_inputs();
 
 // The constants of 9000, as they stand on the wire.
 std::span<const std::uint16_t> constants();

@@ -11,7 +11,26 @@ std::uint16_t word(std::span<const std::uint8_t> bytes, std::size_t at) noexcept
     return std::uint16_t(bytes[at] << 8 | bytes[at + 1]);
 }
 
-constexpr std::uint16_t kMostRead = 125, kMostWrite = 123;  // 1.1b3, 6.3 and 6.12
+constexpr unsigned kMostRead = 125, kMostWrite = 123, kMostWriteBeside = 121;  // 1.1b3, 6.3, 6.12 and 6.17
+constexpr unsigned kMostReadBits = 2000, kMostWriteBits = 1968;                // 6.1 and 6.11
+
+bool in(unsigned count, unsigned most) noexcept { return count >= 1 && count <= most; }
+
+bool is_readable(Run run, std::uint8_t function, bool scratch) noexcept {
+    const Area* const area = area_of(run.at, run.count);
+    if (area == nullptr || (area->block == Block::scratch && !scratch)) return false;
+    const bool writable = area->block == Block::controls || area->block == Block::scratch;
+    return !(writable && function == kReadInputRegisters);  // what can be written is no input register
+}
+
+bool is_writable(Run run, bool scratch) noexcept {
+    const Area* const area = area_of(run.at, run.count);
+    if (area == nullptr) return false;
+    if (area->block == Block::scratch) return scratch;
+    for (unsigned i = 0; i < run.count; ++i)
+        if (writable_at(run.at + i) == nullptr) return false;
+    return true;
+}
 
 }  // namespace
 
@@ -25,34 +44,77 @@ Cut cut_adu(std::span<const std::uint8_t> bytes, std::size_t& size) noexcept {
     return bytes.size() < size ? Cut::more : Cut::adu;
 }
 
-Request check_adu(std::span<const std::uint8_t> adu) noexcept {
+Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept {
     Request request;
     const auto pdu = adu.subspan(kMbapSize);
+    const std::size_t size = pdu.size();
     request.function = pdu[0];
     const auto refuse = [&](Exception exception) {
         request.exception = exception;
         return request;
     };
+    const auto run = [&](std::size_t at) { return Run{word(pdu, at), word(pdu, at + 2)}; };
+    // `size` bytes of a write with a byte count at `at`: as long as it says, and that is what the quantity wants.
+    const auto holds = [&](std::size_t at, std::size_t bytes) { return pdu[at] == bytes && size == at + 1 + bytes; };
     switch (pdu[0]) {
-        case 3:    // read holding registers
-        case 4: {  // read input registers: the same registers
-            if (pdu.size() != 5) return refuse(kIllegalValue);
-            request.at = word(pdu, 1);
-            request.count = word(pdu, 3);
-            if (request.count == 0 || request.count > kMostRead) return refuse(kIllegalValue);
-            if (area_of(request.at, request.count) == nullptr) return refuse(kIllegalAddress);
+        case kReadCoils:
+        case kReadInputs:
+            if (size != 5 || !in(word(pdu, 3), kMostReadBits)) return refuse(kIllegalValue);
+            request.read = run(1);
+            if (request.read.at + request.read.count > (pdu[0] == kReadCoils ? kCoils : kInputs))
+                return refuse(kIllegalAddress);
             return request;
-        }
-        case 6:  // write one register: nothing is writable yet
-            if (pdu.size() != 5) return refuse(kIllegalValue);
-            return refuse(kIllegalAddress);
-        case 16: {  // write registers
-            if (pdu.size() < 6) return refuse(kIllegalValue);
-            const std::uint16_t count = word(pdu, 3);
-            if (count == 0 || count > kMostWrite || pdu[5] != 2 * count || pdu.size() != 6u + pdu[5])
+        case kReadHolding:
+        case kReadInputRegisters:
+            if (size != 5 || !in(word(pdu, 3), kMostRead)) return refuse(kIllegalValue);
+            request.read = run(1);
+            if (!is_readable(request.read, pdu[0], scratch)) return refuse(kIllegalAddress);
+            return request;
+        case kWriteCoil:
+            if (size != 5 || (word(pdu, 3) != 0 && word(pdu, 3) != 0xFF00)) return refuse(kIllegalValue);
+            request.write = {word(pdu, 1), 1};
+            request.written = pdu.subspan(3, 1);  // 0xFF: its lowest bit is the coil
+            if (request.write.at >= kCoils) return refuse(kIllegalAddress);
+            return request;
+        case kWriteRegister:
+            if (size != 5) return refuse(kIllegalValue);
+            request.write = {word(pdu, 1), 1};
+            request.written = pdu.subspan(3);
+            if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
+            return request;
+        case kWriteCoils:
+            if (size < 6 || !in(word(pdu, 3), kMostWriteBits) || !holds(5, (word(pdu, 3) + 7u) / 8))
                 return refuse(kIllegalValue);
-            return refuse(kIllegalAddress);
-        }
+            request.write = run(1);
+            request.written = pdu.subspan(6);
+            if (request.write.at + request.write.count > kCoils) return refuse(kIllegalAddress);
+            return request;
+        case kWriteRegisters:
+            if (size < 6 || !in(word(pdu, 3), kMostWrite) || !holds(5, 2u * word(pdu, 3))) return refuse(kIllegalValue);
+            request.write = run(1);
+            request.written = pdu.subspan(6);
+            if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
+            return request;
+        case kMaskWrite:
+            if (size != 7) return refuse(kIllegalValue);
+            request.write = {word(pdu, 1), 1};
+            request.written = pdu.subspan(3);  // AND mask, OR mask
+            if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
+            return request;
+        case kReadWrite:
+            if (size < 10 || !in(word(pdu, 3), kMostRead) || !in(word(pdu, 7), kMostWriteBeside) ||
+                !holds(9, 2u * word(pdu, 7)))
+                return refuse(kIllegalValue);
+            request.read = run(1);
+            request.write = run(5);
+            request.written = pdu.subspan(10);
+            if (!is_readable(request.read, pdu[0], scratch) || !is_writable(request.write, scratch))
+                return refuse(kIllegalAddress);
+            return request;
+        case kEncapsulated:  // identify.hpp knows the rest
+            if (size < 2 || pdu[1] != 14) return refuse(kIllegalFunction);
+            if (size != 4) return refuse(kIllegalValue);
+            return request;
         default: return refuse(kIllegalFunction);
     }
 }

@@ -27,18 +27,40 @@ enum Exception : std::uint8_t {
     kIllegalFunction = 1,
     kIllegalAddress = 2,
     kIllegalValue = 3,
-    kDeviceFailure = 4
+    kDeviceFailure = 4,
+    kBusy = 6
 };
 
+enum Function : std::uint8_t {
+    kReadCoils = 1,
+    kReadInputs = 2,
+    kReadHolding = 3,
+    kReadInputRegisters = 4,
+    kWriteCoil = 5,
+    kWriteRegister = 6,
+    kWriteCoils = 15,
+    kWriteRegisters = 16,
+    kMaskWrite = 22,
+    kReadWrite = 23,
+    kEncapsulated = 43
+};
+
+struct Run {
+    std::uint16_t at = 0, count = 0;
+};
+
+// A checked request: what it reads and what it writes, as far as it does.
 struct Request {
     Exception exception = kNone;  // what to answer instead of asking libmodbus
     std::uint8_t function = 0;
-    std::uint16_t at = 0, count = 0;  // registers asked for, where exception is kNone
+    Run read, write;                        // registers, or coils and inputs for functions 1, 2, 5, 15
+    std::span<const std::uint8_t> written;  // the bytes to write, as they stand in the request
 };
 
-// Checks a whole request: function, length, quantity, address (Modbus Application Protocol 1.1b3, section 6, in that
-// order of the state diagrams: function, then quantity, then address).
-Request check_adu(std::span<const std::uint8_t> adu) noexcept;
+// Checks a whole request: function, length, quantity, address (Modbus Application Protocol 1.1b3, section 6, in the order
+// of its state diagrams: function, then quantity, then address). Whether a value may be written is not looked at here.
+// The scratch area is there only where `scratch` says so. The request must outlive the result.
+Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept;
 
 // The answer with an exception code: transaction and unit echoed. Returns its 9 bytes in `out`.
 std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception,

@@ -3,19 +3,25 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <grp.h>
+#include <linux/futex.h>
+#include <linux/membarrier.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cassert>
 #include <cerrno>
+#include <climits>
 #include <cstdio>
 #include <cstring>
 #include <optional>
 #include <utility>
+
+#include "node/shm/publish.hpp"
 
 namespace tactiled {
 namespace {
@@ -35,12 +41,48 @@ std::string boot_id() {
     return text;
 }
 
+constexpr std::uint32_t kNodeRecords = 64;  // only the newest are read: 16 ms of a 4 kHz loop
+constexpr std::size_t kWishedSize = 1'000'000;
+constexpr std::uint32_t kMostHistory = 1024, kLeastHistory = 64;
+
+std::size_t size_of(const SegmentPlan& plan, std::uint32_t history) {
+    const std::size_t sensors = plan.sensors.size();
+    const std::size_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_sample));
+    const std::size_t node_slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_node));
+    return sizeof(tactiled_header) + aligned(sizeof(tactiled_sensor) * sensors) + sizeof(tactiled_link) * plan.links.size() +
+           kAlign * (sensors + 1) + node_slot * kNodeRecords + slot * history * sensors;
+}
+
+std::uint32_t history_of(const SegmentPlan& plan) {
+    std::uint32_t history = plan.history != 0 ? plan.history : kMostHistory;
+    while (plan.history == 0 && history > kLeastHistory && size_of(plan, history) > kWishedSize) history /= 2;
+    return history;
+}
+
+int make_wake_page() {
+    const int fd = ::memfd_create("tactiled-wake", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+    if (fd >= 0 && (::ftruncate(fd, sizeof(tactiled_wake)) != 0 ||
+                    ::fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0)) {
+        ::close(fd);
+        return -1;
+    }
+    return fd;
+}
+
 // An open-file-description lock on the whole file says that its writer lives; the kernel drops it with the process.
 bool lock(int fd) {
     struct flock whole {};
     whole.l_type = F_WRLCK;
     whole.l_whence = SEEK_SET;
     return ::fcntl(fd, F_OFD_SETLK, &whole) == 0;
+}
+
+// Whether somebody holds such a lock. A reader can lock too, but only for reading: that says nothing, and stops nobody.
+bool is_write_locked(int fd) {
+    struct flock whole {};
+    whole.l_type = F_RDLCK;
+    whole.l_whence = SEEK_SET;
+    return ::fcntl(fd, F_OFD_GETLK, &whole) == 0 && whole.l_type != F_UNLCK;
 }
 
 bool is_still_named(int fd, const std::string& path) {
@@ -69,7 +111,7 @@ std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
         tactiled_header old{};
         const bool whole = ::pread(fd, &old, sizeof old, 0) == ssize_t(sizeof old) &&
                            std::memcmp(old.magic, TACTILED_MAGIC, sizeof old.magic) == 0;
-        if (!lock(fd)) {
+        if (!lock(fd) && is_write_locked(fd)) {
             ::close(fd);
             throw SetupError(fmt::format("{}: another daemon of this name runs, pid {}", path, whole ? old.pid : 0));
         }
@@ -93,15 +135,16 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     assert(plan.sensors.size() <= TACTILED_MAX_SENSORS && plan.links.size() <= TACTILED_MAX_LINKS);
     const auto fail = [&](const char* what) -> SetupError {
         const std::string text = fmt::format("{}: {}: {}", path_, what, std::strerror(errno));
-        if (base_ != nullptr) ::munmap(base_, size_);
-        if (fd_ >= 0) ::close(fd_);
+        give_back();
         return SetupError(text);
     };
-    const std::uint32_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_sample));
-    const std::uint32_t node_slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_node));
-    size_ = sizeof(tactiled_header) + aligned(sizeof(tactiled_sensor) * plan.sensors.size()) +
-            sizeof(tactiled_link) * plan.links.size() + std::size_t(kAlign) * (plan.sensors.size() + 1) +
-            std::size_t(node_slot) * plan.history + std::size_t(slot) * plan.history * plan.sensors.size();
+    size_ = size_of(plan, history_of(plan));
+    wake_fd_ = make_wake_page();
+    void* const page = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ, MAP_SHARED | MAP_POPULATE, wake_fd_, 0);
+    if (wake_fd_ < 0 || page == MAP_FAILED) throw fail("the page of sleeping readers");
+    wake_ = static_cast<const tactiled_wake*>(page);
+    // Lets a reader order its wish to be woken against our publishing without a fence of ours; refused: see reader.h.
+    ::syscall(SYS_membarrier, MEMBARRIER_CMD_REGISTER_GLOBAL_EXPEDITED, 0, 0);
 
     // Differs from every earlier start's, also where a clean end left no file to count on from: units of 17 ms since boot.
     timespec now{};
@@ -139,8 +182,14 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
 SegmentWriter::~SegmentWriter() {
     set_state(TACTILED_STOPPED);
     if (is_still_named(fd_, path_)) ::unlink(path_.c_str());
-    ::munmap(base_, size_);
-    ::close(fd_);
+    give_back();
+}
+
+void SegmentWriter::give_back() noexcept {
+    if (base_ != nullptr) ::munmap(base_, size_);
+    if (wake_ != nullptr) ::munmap(const_cast<tactiled_wake*>(wake_), sizeof *wake_);
+    for (const int fd : {fd_, wake_fd_})
+        if (fd >= 0) ::close(fd);
 }
 
 void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
@@ -169,22 +218,22 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
     const auto take = [&](std::uint64_t size) { return std::exchange(at, at + aligned(size)); };
     h.sensor_offset = take(sizeof(tactiled_sensor) * plan.sensors.size());
     h.link_offset = take(sizeof(tactiled_link) * plan.links.size());
-    const auto ring = [&](std::size_t record_size) {
+    const auto ring = [&](std::size_t record_size, std::uint32_t slots) {
         tactiled_ring r{};
         r.record_size = std::uint32_t(record_size);
         r.slot_size = aligned(TACTILED_RECORD_OFFSET + record_size);
-        r.slots = plan.history;
+        r.slots = slots;
         r.head_offset = take(4);
         r.offset = take(std::uint64_t(r.slot_size) * r.slots);
         for (std::uint32_t i = 0; i < r.slots; ++i)  // odd: never written, readable by nobody
             *reinterpret_cast<std::uint32_t*>(base_ + r.offset + std::size_t(i) * r.slot_size) = 1;
         return r;
     };
-    h.node = ring(sizeof(tactiled_node));
+    h.node = ring(sizeof(tactiled_node), kNodeRecords);
     auto* sensors = reinterpret_cast<tactiled_sensor*>(base_ + h.sensor_offset);
     for (std::size_t i = 0; i < plan.sensors.size(); ++i) {
         sensors[i] = plan.sensors[i];
-        sensors[i].ring = ring(sizeof(tactiled_sample));
+        sensors[i].ring = ring(sizeof(tactiled_sample), history_of(plan));
     }
     std::copy(plan.links.begin(), plan.links.end(), reinterpret_cast<tactiled_link*>(base_ + h.link_offset));
     assert(at == size_);
@@ -195,39 +244,21 @@ void SegmentWriter::set_state(tactiled_state state) noexcept {
     __atomic_store_n(&header().state, std::uint32_t(state), __ATOMIC_RELEASE);
 }
 
-void SegmentWriter::publish(const tactiled_ring& ring, std::uint64_t number, const void* record, std::size_t size) noexcept {
-#if defined(__SANITIZE_THREAD__)  // thread sanitizer models no fences: order by the stores themselves
-    constexpr int kStore = __ATOMIC_RELEASE;
-#else
-    constexpr int kStore = __ATOMIC_RELAXED;
-#endif
-    const auto slot = [&](std::uint64_t n) {
-        return base_ + ring.offset + std::size_t(n & (ring.slots - 1)) * ring.slot_size;
-    };
-    auto* lock_word = reinterpret_cast<std::uint32_t*>(slot(number));
-    auto* words = reinterpret_cast<std::uint64_t*>(slot(number) + TACTILED_RECORD_OFFSET);
-    const auto whole = std::uint32_t(2 * number + 2);
-    __atomic_store_n(lock_word, whole - 1, __ATOMIC_RELAXED);
-    __atomic_thread_fence(__ATOMIC_RELEASE);    // the odd lock before any word: pairs with the reader's acquire fence
-    for (std::size_t i = size / 8; i-- > 0;) {  // the line of the lock last: readers wait on that one
-        std::uint64_t word;
-        std::memcpy(&word, static_cast<const char*>(record) + 8 * i, 8);
-        __atomic_store_n(words + i, word, kStore);
-    }
-    __atomic_store_n(lock_word, whole, __ATOMIC_RELEASE);  // pairs with the reader's acquire of the lock
-    auto* head = reinterpret_cast<std::uint32_t*>(base_ + ring.head_offset);
-    __atomic_store_n(head, std::uint32_t(number + 1), __ATOMIC_RELEASE);
-    // Open the next slot now: its line is fetched for writing while there is time, not at the next publish.
-    __atomic_store_n(reinterpret_cast<std::uint32_t*>(slot(number + 1)), std::uint32_t(2 * number + 3), __ATOMIC_RELAXED);
-}
-
 void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample) noexcept {
     const auto& sensor = reinterpret_cast<const tactiled_sensor*>(base_ + header().sensor_offset)[index];
-    publish(sensor.ring, sample.sequence, &sample, sizeof sample);
+    publish_record(base_, sensor.ring, sample.sequence, &sample, sizeof sample);
 }
 
 void SegmentWriter::publish(const tactiled_node& node) noexcept {
-    publish(header().node, node.sequence, &node, sizeof node);
+    publish_record(base_, header().node, node.sequence, &node, sizeof node);
+}
+
+void SegmentWriter::wake_readers() noexcept {
+    const auto* head = reinterpret_cast<const std::uint32_t*>(base_ + header().node.head_offset);
+    const std::uint32_t until = __atomic_load_n(&wake_->wanted_until, __ATOMIC_RELAXED);
+    const std::uint32_t ahead = until - __atomic_load_n(head, __ATOMIC_RELAXED);
+    if (ahead == 0 || ahead > TACTILED_WAKE_RECORDS) return;  // over, or nonsense
+    ::syscall(SYS_futex, head, FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
 }
 
 void SegmentWriter::set_link_state(std::uint32_t index, tactiled_link_state state) noexcept {

@@ -17,7 +17,7 @@ struct SegmentPlan {
     std::string control;  // path of the control socket, "" = none
     std::string group;    // "" = the daemon's own
     std::uint32_t watchdog_ms = 250;
-    std::uint32_t history = 1024;  // slots a sensor, a power of two
+    std::uint32_t history = 0;  // slots a sensor, a power of two; 0: as many, up to 1024, as keep the segment within 1 MB
     std::uint32_t calibration_id = 0;
     std::vector<tactiled_sensor> sensors;
     std::vector<tactiled_link> links;
@@ -43,6 +43,11 @@ public:
     // Publishes the next node record: call it after the samples that it names. rt: wait-free
     void publish(const tactiled_node& node) noexcept;
 
+    // Wakes the readers that sleep until the next node record, if any do. rt: one system call where one does
+    void wake_readers() noexcept;
+    // The page in which they say so (struct tactiled_wake), to be handed to them: sealed, it cannot shrink under us.
+    [[nodiscard]] int wake_page() const noexcept { return wake_fd_; }
+
     // A link's own line, shown as it is. Each word has one writer. rt: wait-free
     void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
     void set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept;
@@ -50,12 +55,13 @@ public:
 private:
     [[nodiscard]] tactiled_header& header() const noexcept { return *reinterpret_cast<tactiled_header*>(base_); }
     void lay_out(const SegmentPlan& plan, std::uint32_t epoch);
-    void publish(const tactiled_ring& ring, std::uint64_t number, const void* record, std::size_t size) noexcept;
+    void give_back() noexcept;
 
     std::string path_;
-    int fd_ = -1;
+    int fd_ = -1, wake_fd_ = -1;
     char* base_ = nullptr;
     std::size_t size_ = 0;
+    const tactiled_wake* wake_ = nullptr;
 };
 
 }  // namespace tactiled

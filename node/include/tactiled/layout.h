@@ -43,19 +43,19 @@ enum tactiled_quality {
 
 /* Why a sample is not GOOD: bits of tactiled_sample.reasons. */
 enum tactiled_reason {
-    TACTILED_NO_DATA_YET = 1 << 0,       /* the sensor has not delivered since the daemon started */
-    TACTILED_STALE = 1 << 1,             /* no frame for longer than stale_ms */
-    TACTILED_DISCONNECTED = 1 << 2,      /* the link is closed and being reopened */
-    TACTILED_MISSING_CHANNEL = 1 << 3,   /* a channel that the model needs is not in the frame */
-    TACTILED_SATURATED = 1 << 4,         /* a channel is at its rail */
-    TACTILED_DISAGREEMENT = 1 << 5,      /* redundant channels contradict each other */
-    TACTILED_OUTSIDE_DOMAIN = 1 << 6,    /* beyond what the calibration saw: extrapolated */
-    TACTILED_UNCALIBRATED = 1 << 7,      /* no calibration, or a default one */
-    TACTILED_NOT_FINITE = 1 << 8,        /* the model's result was not a finite number */
-    TACTILED_DAEMON_STOPPED = 1 << 9,    /* the daemon ended, or another took over the name: attach again */
-    TACTILED_TARING = 1 << 10,           /* a tare is being measured: the value is right, its zero is about to move */
-    TACTILED_READER_OVERRUN = 1 << 11,   /* this read could not be completed in its bounded retries */
-    TACTILED_WRONG_DEVICE = 1 << 12,     /* the frame does not have the channels that the sensor declares */
+    TACTILED_NO_DATA_YET = 1 << 0,         /* the sensor has not delivered since the daemon started */
+    TACTILED_STALE = 1 << 1,               /* no frame for longer than stale_ms */
+    TACTILED_DISCONNECTED = 1 << 2,        /* the link is closed and being reopened */
+    TACTILED_MISSING_CHANNEL = 1 << 3,     /* a channel that the model needs is not in the frame */
+    TACTILED_SATURATED = 1 << 4,           /* a channel is at its rail */
+    TACTILED_DISAGREEMENT = 1 << 5,        /* redundant channels contradict each other */
+    TACTILED_OUTSIDE_DOMAIN = 1 << 6,      /* beyond what the calibration saw: extrapolated */
+    TACTILED_UNCALIBRATED = 1 << 7,        /* no calibration, or a default one */
+    TACTILED_NOT_FINITE = 1 << 8,          /* the model's result was not a finite number */
+    TACTILED_DAEMON_STOPPED = 1 << 9,      /* the daemon ended, or another took over the name: attach again */
+    TACTILED_TARING = 1 << 10,             /* a tare is being measured: the value is right, its zero is about to move */
+    TACTILED_READER_OVERRUN = 1 << 11,     /* this read could not be completed in its bounded retries */
+    TACTILED_WRONG_DEVICE = 1 << 12,       /* the frame does not have the channels that the sensor declares */
     TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13 /* the standard deviation is not known here: NaN */
 };
 
@@ -82,11 +82,21 @@ struct tactiled_sample {
     TACTILED_ALIGN(8) double residual;   /* of the model, in standard deviations of the channels; NaN if it has none */
     TACTILED_ALIGN(8) float rate_Hz;     /* measured over the last second or so */
     float temperature_C;
+    uint32_t state; /* enum tactiled_sensor_state */
+    float peak_N;   /* largest magnitude of the seen components of force_S_N since the start or the last reset */
+};
+
+/* What a sample says about the force, whatever its quality: bits of tactiled_sample.state; all 0 in a BAD sample. */
+enum tactiled_sensor_state {
+    TACTILED_CONTACT = 1 << 0,  /* the magnitude has passed contact_on_N, and not fallen below contact_off_N since */
+    TACTILED_OVERLOAD = 1 << 1, /* the magnitude is above overload_N */
+    TACTILED_LOW_PASS = 1 << 2  /* force and torque are filtered; the raw ones are not */
 };
 
 /* tactiled_node.status: the bits of the Modbus register STATUS. */
 enum tactiled_status {
     TACTILED_READY = 1 << 0, /* every sensor is GOOD or UNCERTAIN */
+    TACTILED_ANY_CONTACT = 1 << 1,
     TACTILED_ANY_TARING = 1 << 8,
     TACTILED_SIMULATED = 1 << 9, /* a link is declared simulated or replayed */
     TACTILED_ANY_STALE = 1 << 10,
@@ -112,20 +122,28 @@ enum tactiled_warning {
     TACTILED_WARN_LOST = 1 << 2 /* frames were lost within the last second */
 };
 
+/* Who commands: index of tactiled_node.command. Each counts its own commands. */
+enum tactiled_commander { TACTILED_FROM_SOCKET = 0, TACTILED_FROM_MODBUS = 1, TACTILED_COMMANDERS = 2 };
+
+/* How the last command of a commander stands. */
+struct tactiled_command {
+    uint32_t acknowledged; /* its number */
+    uint32_t state;        /* enum tactiled_command_state */
+    uint32_t result;       /* enum tactiled_command_result */
+};
+
 /* One published frame of the whole node: which sample of each sensor belongs together. */
 struct tactiled_node {
-    TACTILED_ALIGN(8) uint64_t sequence; /* counts published frames from 0 */
-    TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC of publishing */
-    TACTILED_ALIGN(8) uint64_t cycles;   /* turns of the pipeline loop */
+    TACTILED_ALIGN(8) uint64_t sequence;      /* counts published frames from 0 */
+    TACTILED_ALIGN(8) uint64_t t_ns;          /* CLOCK_MONOTONIC of publishing */
+    TACTILED_ALIGN(8) uint64_t cycles;        /* turns of the pipeline loop */
     TACTILED_ALIGN(8) uint64_t missed_cycles; /* periods that the loop slept through */
-    uint32_t heartbeat; /* + 1 each 100 ms while the loop runs and at least one sensor delivers */
-    uint32_t status;    /* enum tactiled_status */
-    uint32_t fault;     /* enum tactiled_fault, latched */
-    uint32_t warning;   /* enum tactiled_warning */
-    uint32_t worst_cycle_us; /* longest turn of the last second */
-    uint32_t command_acknowledged; /* sequence number of the last command taken */
-    uint32_t command_state;        /* enum tactiled_command_state of that command */
-    uint32_t command_result;       /* enum tactiled_command_result of that command */
+    uint32_t heartbeat;                       /* + 1 each 100 ms while the loop runs and at least one sensor delivers */
+    uint32_t status;                          /* enum tactiled_status */
+    uint32_t fault;                           /* enum tactiled_fault, latched */
+    uint32_t warning;                         /* enum tactiled_warning */
+    uint32_t worst_cycle_us;                  /* longest turn of the last second */
+    struct tactiled_command command[TACTILED_COMMANDERS];
     TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* samples of each sensor so far: newest is count - 1 */
 };
 
@@ -186,7 +204,7 @@ enum tactiled_link_count {
     TACTILED_LINK_UNBOUND = 9,      /* frames of a device that no sensor uses */
     TACTILED_LINK_OPENED = 10,      /* times the device was opened */
     TACTILED_LINK_OPEN_FAILED = 11,
-    TACTILED_LINK_GONE = 12, /* times the device vanished while open */
+    TACTILED_LINK_GONE = 12,    /* times the device vanished while open */
     TACTILED_LINK_OVERRUN = 13, /* losses that the kernel's driver reports */
     TACTILED_LINK_COUNTS = 16
 };
@@ -208,6 +226,15 @@ enum tactiled_state {
     TACTILED_REPLACED = 4 /* found dead by its successor, who has a new file under the same name */
 };
 
+/* The one page that readers write: a memfd, sealed against shrinking, that the control socket hands out. A reader that goes
+ * to sleep in FUTEX_WAIT on the head word of the node ring first asks here to be woken. The wish ends by itself, so a reader
+ * that dies leaves nothing behind; damage to the page can only cause a wake too many or, until a reader's own time limit,
+ * too few. */
+struct tactiled_wake {
+    uint32_t wanted_until; /* wake while fewer node records than this were published (modulo 2^32) */
+};
+#define TACTILED_WAKE_RECORDS 256 /* how far ahead a reader asks; it asks again at half of that */
+
 /* The start of the file. All but `state` is constant while the segment lives. */
 struct tactiled_header {
     char magic[8];
@@ -220,17 +247,17 @@ struct tactiled_header {
     char boot_id[40];
     char name[TACTILED_NAME_SIZE];
     char version[TACTILED_NAME_SIZE];
-    char control[108]; /* path of the daemon's control socket, "" = none */
-    uint32_t watchdog_ms; /* the daemon is dead or hangs when the newest node record is older */
+    char control[108];                              /* path of the daemon's control socket, "" = none */
+    uint32_t watchdog_ms;                           /* the daemon is dead or hangs when the newest node record is older */
     uint32_t n_sensors, sensor_offset, sensor_size; /* directory of struct tactiled_sensor */
     uint32_t n_links, link_offset, link_size;       /* directory of struct tactiled_link */
-    uint32_t calibration_id; /* CRC-16 of the configuration and the calibrations in force */
+    uint32_t calibration_id;                        /* CRC-16 of the configuration and the calibrations in force */
     struct tactiled_ring node;
     TACTILED_ALIGN(128) uint32_t state; /* enum tactiled_state */
 };
 
-TACTILED_ASSERT(sizeof(struct tactiled_sample) == 232);
-TACTILED_ASSERT(sizeof(struct tactiled_node) == 192);
+TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
+TACTILED_ASSERT(sizeof(struct tactiled_node) == 208);
 TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 216);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
@@ -248,36 +275,33 @@ TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
 #endif
 
 /* Number of records published so far, modulo 2^32. */
-static inline uint32_t tactiled_ring_head(const void *segment, const struct tactiled_ring *ring)
-{
-    const uint32_t *head = (const uint32_t *)(const void *)((const char *)segment + ring->head_offset);
+static inline uint32_t tactiled_ring_head(const void* segment, const struct tactiled_ring* ring) {
+    const uint32_t* head = (const uint32_t*)(const void*)((const char*)segment + ring->head_offset);
     return __atomic_load_n(head, __ATOMIC_ACQUIRE);
 }
 
 /* Copies record number `number` (modulo 2^32) into `out`, which holds `size` bytes, a multiple of 4; what the daemon
  * does not fill reads as 0. Returns 1 when the copy is whole, 0 when the slot holds another record or changed meanwhile. */
-static inline int tactiled_ring_read(const void *segment, const struct tactiled_ring *ring, uint32_t number, void *out,
-                                     uint32_t size)
-{
-    const char *slot = (const char *)segment + ring->offset + (uint64_t)(number & (ring->slots - 1)) * ring->slot_size;
-    const uint32_t *lock = (const uint32_t *)(const void *)slot;
-    const uint32_t *words = (const uint32_t *)(const void *)(slot + TACTILED_RECORD_OFFSET);
+static inline int tactiled_ring_read(const void* segment, const struct tactiled_ring* ring, uint32_t number, void* out,
+                                     uint32_t size) {
+    const char* slot = (const char*)segment + ring->offset + (uint64_t)(number & (ring->slots - 1)) * ring->slot_size;
+    const uint32_t* lock = (const uint32_t*)(const void*)slot;
+    const uint32_t* words = (const uint32_t*)(const void*)(slot + TACTILED_RECORD_OFFSET);
     const uint32_t known = size < ring->record_size ? size : ring->record_size;
     const uint32_t whole = 2 * number + 2;
     uint32_t i;
     if (__atomic_load_n(lock, __ATOMIC_ACQUIRE) != whole) return 0; /* pairs with the writer's release of the lock */
     for (i = 0; i < known / 4; ++i) {
         const uint32_t word = __atomic_load_n(words + i, TACTILED_LOAD_WORD);
-        memcpy((char *)out + 4 * i, &word, 4);
+        memcpy((char*)out + 4 * i, &word, 4);
     }
-    memset((char *)out + known, 0, size - known);
+    memset((char*)out + known, 0, size - known);
     TACTILED_READ_FENCE(); /* pairs with the writer's release fence after it made the lock odd */
     return __atomic_load_n(lock, __ATOMIC_RELAXED) == whole;
 }
 
 /* Copies the newest record. Returns 1, or 0 when there is none yet or the writer lapped every one of `kTries` tries. */
-static inline int tactiled_ring_latest(const void *segment, const struct tactiled_ring *ring, void *out, uint32_t size)
-{
+static inline int tactiled_ring_latest(const void* segment, const struct tactiled_ring* ring, void* out, uint32_t size) {
     enum { kTries = 16 };
     int i;
     for (i = 0; i < kTries; ++i) {
@@ -287,9 +311,43 @@ static inline int tactiled_ring_latest(const void *segment, const struct tactile
     return 0;
 }
 
+/* Where a reader of all records stands: the record that it wants next, and how many it could not get. */
+struct tactiled_cursor {
+    TACTILED_ALIGN(8) uint64_t lost;
+    uint32_t next; /* number of the record, modulo 2^32 */
+};
+
+/* Sets the cursor to the newest record, or to the oldest that will surely stay for a while. */
+static inline void tactiled_ring_seek(const void* segment, const struct tactiled_ring* ring, struct tactiled_cursor* cursor,
+                                      int oldest) {
+    const uint32_t head = tactiled_ring_head(segment, ring);
+    const uint32_t kept = ring->slots - 1 - ring->slots / 8; /* the slot of `head` itself may be open already */
+    cursor->next = head == 0 ? 0 : oldest == 0 ? head - 1 : head < kept ? 0 : head - kept;
+}
+
+/* Copies the record that the cursor wants and moves on. Returns 1, or 0 when there is none yet. What the writer has
+ * overwritten is skipped and counted. Looks at the slot itself, not at the head: one cache line less to wait for. */
+static inline int tactiled_ring_next(const void* segment, const struct tactiled_ring* ring, struct tactiled_cursor* cursor,
+                                     void* out, uint32_t size) {
+    enum { kTries = 16 };
+    int i;
+    for (i = 0; i < kTries; ++i) {
+        const uint32_t number = cursor->next, whole = 2 * number + 2;
+        const char* slot = (const char*)segment + ring->offset + (uint64_t)(number & (ring->slots - 1)) * ring->slot_size;
+        const uint32_t lock = __atomic_load_n((const uint32_t*)(const void*)slot, __ATOMIC_RELAXED);
+        if (lock == whole && tactiled_ring_read(segment, ring, number, out, size)) {
+            cursor->next = number + 1;
+            return 1;
+        }
+        if (lock != whole && (int32_t)(lock - whole) < 0) return 0; /* not written yet */
+        tactiled_ring_seek(segment, ring, cursor, 1);               /* lapped */
+        cursor->lost += cursor->next - number;
+    }
+    return 0;
+}
+
 /* Makes `sample` BAD: its forces become NaN, so that an old value cannot pass for a new one. */
-static inline void tactiled_invalidate(struct tactiled_sample *sample, uint32_t reason)
-{
+static inline void tactiled_invalidate(struct tactiled_sample* sample, uint32_t reason) {
     const uint64_t nan_bits = 0x7FF8000000000000u;
     double nan_value;
     int i;
@@ -302,11 +360,11 @@ static inline void tactiled_invalidate(struct tactiled_sample *sample, uint32_t 
         sample->raw_force_S_N[i] = sample->raw_torque_S_Nm[i] = nan_value;
     }
     sample->cop_S_m[0] = sample->cop_S_m[1] = sample->residual = nan_value;
+    sample->state = 0;
 }
 
 /* What every reader must do with a sample that it is about to use at `now_ns` (CLOCK_MONOTONIC): BAD when too old. */
-static inline void tactiled_judge(struct tactiled_sample *sample, uint32_t stale_ms, uint64_t now_ns)
-{
+static inline void tactiled_judge(struct tactiled_sample* sample, uint32_t stale_ms, uint64_t now_ns) {
     if (now_ns > sample->t_ns && now_ns - sample->t_ns > (uint64_t)stale_ms * 1000000u)
         tactiled_invalidate(sample, TACTILED_STALE);
 }

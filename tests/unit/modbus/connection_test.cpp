@@ -52,7 +52,7 @@ protected:
     // Whether the server would be woken: as ModbusServer watches it.
     bool is_woken(const Connection& connection) const {
         pollfd p{server_, short(connection.wants_to_send() ? POLLOUT : POLLIN), 0};
-        return ::poll(&p, 1, 0) == 1 || connection.has_backlog();
+        return ::poll(&p, 1, 0) == 1 || connection.backlog_ns() != 0;
     }
     int server_, client_;
 };
@@ -81,6 +81,26 @@ TEST_F(ConnectionTest, AClientThatHasSaidAllStillGetsItsAnswers) {
     }
     EXPECT_EQ(heard, 40 * kAnswer);
     EXPECT_EQ(why, "closed by the client");
+}
+
+TEST_F(ConnectionTest, AboveItsRateAClientWaitsAndLosesNothing) {
+    constexpr std::uint64_t kMs = 1'000'000;
+    Connection connection(server_, 1, 1000);
+    const int most = 1 << 20;
+    ::setsockopt(server_, SOL_SOCKET, SO_SNDBUF, &most, sizeof most);
+    say(requests(300));
+    std::size_t heard = 0;
+    std::uint64_t at = 1000 * kMs;
+    for (int i = 0; i < 40; ++i) ASSERT_STREQ(connection.serve(answer, at), "");
+    heard += hear();
+    EXPECT_EQ(heard, 65 * kAnswer);  // the one that is due, and a burst of 64
+    EXPECT_GE(connection.backlog_ns(), at);
+    for (; heard < 300 * kAnswer && at < 3000 * kMs; at += kMs) {
+        ASSERT_STREQ(connection.serve(answer, at), "");
+        heard += hear();
+    }
+    EXPECT_EQ(heard, 300 * kAnswer);
+    EXPECT_NEAR(double(at) / kMs, 1000 + 235, 3);  // 1 a millisecond
 }
 
 TEST_F(ConnectionTest, WhatIsWrongWithALateClient) {

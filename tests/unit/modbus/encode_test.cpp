@@ -17,32 +17,19 @@
 namespace tactiled::modbus {
 namespace {
 
-// Version 1.0 of the map is a promise: these addresses never move.
-TEST(RegisterMap, AddressesOfVersion1StayWhereTheyAre) {
-    // clang-format off
-    const std::pair<const char*, int> global[] = {
-        {"MAGIC0", 0}, {"MAGIC1", 1}, {"MAP_VER", 2}, {"N_SENSORS", 3}, {"SEQ", 4}, {"HEARTBEAT", 5}, {"AGE_MS", 6}, {"STATUS", 7},
-        {"FAULT", 8}, {"WARN", 9}, {"OK", 10}, {"CONTACT", 11}, {"SLIP", 12}, {"SLIP_LATCH", 13}, {"OVERLOAD", 14}, {"STALE", 15},
-        {"GRIP_FORCE", 16}, {"GRIP_STATE", 17}, {"WEIGHT_G", 18}, {"WEIGHT_STATE", 19}, {"WEIGHT", 20}, {"WEIGHT_SD", 22}, {"REC_GRIP", 23},
-        {"SLIP_COUNT", 24}, {"CMD_SEQ_ACK", 25}, {"CMD_STATE", 26}, {"CMD_RESULT", 27}, {"CAL_ID", 28}, {"PLC_HB_ECHO", 29},
-        {"CYCLE_WORST", 30}, {"SEQ_END", 31}};
-    const std::pair<const char*, int> sensor[] = {
-        {"SEQ", 0}, {"STATUS", 1}, {"FAULT", 2}, {"AGE_MS", 3}, {"FX", 4}, {"FY", 5}, {"FZ", 6}, {"TX", 7}, {"TY", 8}, {"TZ", 9},
-        {"F_TANG", 10}, {"F_MAG", 11}, {"COP_X", 12}, {"COP_Y", 13}, {"FRICTION_USE", 14}, {"SLIP_STATE", 15}, {"SLIP_COUNT", 16},
-        {"PEAK", 17}, {"TEMP", 18}, {"SCALE", 19}, {"TARE_COUNT", 20}, {"RATE", 21}, {"LOST", 22}, {"RAW_STATE", 23}, {"SEQ_END", 24}};
-    // clang-format on
-    const auto same = [](auto registers, const auto& expected) {
-        ASSERT_EQ(registers.size(), std::size(expected));
-        for (std::size_t i = 0; i < registers.size(); ++i) {
-            EXPECT_EQ(registers[i].name, expected[i].first);
-            EXPECT_EQ(registers[i].at, expected[i].second) << registers[i].name;
+TEST(RegisterMap, NoTwoRegistersShareACellAndEachLiesInItsArea) {
+    std::set<unsigned> cells;
+    for (const Area& area : areas())
+        for (const Register& r : area.registers) {
+            const bool offset = area.at != 0 && r.at < area.at;
+            const unsigned size = r.type == Type::i32 || r.type == Type::f32 || r.name == "CONST_TEXT" ? 2 : 1;
+            for (unsigned i = 0; i < size; ++i) {
+                const unsigned at = (offset ? area.at + r.at : r.at) + i;
+                EXPECT_TRUE(cells.insert(at).second) << r.name;
+                EXPECT_EQ(area_of(at, 1), &area) << r.name;
+                EXPECT_LT(offset && area.repeats != 0 ? r.at + i : 0u, std::max<unsigned>(area.repeats, 1)) << r.name;
+            }
         }
-    };
-    same(global_registers(), global);
-    same(sensor_registers(), sensor);
-    EXPECT_EQ(kSensorsAt, 100);
-    EXPECT_EQ(kSensorSize, 25);
-    EXPECT_EQ(kConstantsAt, 9000);
 }
 
 TEST(RegisterMap, AreasHoldWholeRequestsOnly) {
@@ -56,6 +43,9 @@ TEST(RegisterMap, AreasHoldWholeRequestsOnly) {
     EXPECT_EQ(area_of(500, 1), nullptr);
     EXPECT_NE(area_of(9011, 1), nullptr);
     EXPECT_EQ(area_of(65535, 125), nullptr);  // does not wrap
+    EXPECT_NE(area_of(2100, 125), nullptr);
+    EXPECT_EQ(area_of(2026, 1), nullptr);
+    EXPECT_EQ(area_of(5090, 20), nullptr);  // from the controls into scratch
 }
 
 TEST(RegisterMap, EverySensorReasonHasItsOwnFaultNumber) {
@@ -208,6 +198,50 @@ TEST_F(LiveRegisters, ForcesBeyondTheRegisterAreSaid) {
     EXPECT_NE(sensor()[kSensorStatus] & 1u << 4, 0u);
     EXPECT_EQ(global()[kOverload], 1);
     EXPECT_NE(global()[kStatus] & 1u << 7, 0u);
+}
+
+TEST_F(LiveRegisters, FloatsAreTheForcesInBothWordOrders) {
+    auto s = good();
+    const double force[] = {1234.5, -0.001, -12.25};
+    std::copy_n(force, 3, s.force_S_N);
+    s.torque_S_Nm[2] = std::numeric_limits<double>::quiet_NaN();
+    s.cop_S_m[0] = 1e300;
+    publish(s);
+    std::array<std::uint16_t, kSensorFloatSize> high{}, low{};
+    const View view = view_of(segment_);
+    encode_sensor_floats(view, 0, false, high);
+    encode_sensor_floats(view, 0, true, low);
+    EXPECT_EQ(high[kFloatForce], 0x449A);  // 1234.5 = 449A 5000
+    EXPECT_EQ(high[kFloatForce + 1], 0x5000);
+    for (unsigned at = kFloatForce; at < kFloatSensorSeqEnd; at += 2) {
+        EXPECT_EQ(high[at], low[at + 1]) << at;
+        EXPECT_EQ(high[at + 1], low[at]) << at;
+    }
+    EXPECT_EQ(high[kFloatTorque + 4], 0x7FC0);  // NaN
+    EXPECT_EQ(high[kFloatCop], 0x7FC0);         // beyond float32: no infinity
+    EXPECT_EQ(high[kFloatSensorSeq], high[kFloatSensorSeqEnd]);
+    EXPECT_EQ(high[kFloatStatus], sensor()[kSensorStatus]);
+    encode_sensor_floats(view, 5, false, high);  // no such sensor
+    EXPECT_EQ(high[kFloatForce], 0x7FC0);
+}
+
+TEST_F(LiveRegisters, ContactOverloadAndPeakAreShown) {
+    auto s = good();
+    s.state = TACTILED_CONTACT | TACTILED_OVERLOAD | TACTILED_LOW_PASS;
+    s.peak_N = 7.25f;
+    publish(s);
+    EXPECT_EQ(sensor()[kSensorStatus] & (1u << 1 | 1u << 4 | 1u << 10), 1u << 1 | 1u << 4 | 1u << 10);
+    EXPECT_EQ(sensor()[kPeak], 725);
+    EXPECT_EQ(global()[kContact], 1);
+    EXPECT_EQ(global()[kOverload], 1);
+    std::array<std::uint8_t, kInputs> inputs{};
+    encode_inputs(global(), inputs);
+    EXPECT_EQ(inputs[kContactInputs], 1);
+    EXPECT_EQ(inputs[kOkInputs], 1);
+    EXPECT_EQ(inputs[kOverloadInputs], 1);
+    EXPECT_EQ(inputs[kContactInputs + 1], 0);
+    ::usleep(80'000);  // stale: what was is not what is
+    EXPECT_EQ(global()[kContact], 0);
 }
 
 TEST_F(LiveRegisters, FaultIsZeroForAGoodValueAndForNoOther) {

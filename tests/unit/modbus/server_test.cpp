@@ -147,15 +147,15 @@ protected:
     }
     std::unique_ptr<ModbusServer> serve(int max_clients = 8, const std::vector<std::string>& allow = {}) {
         ModbusSettings settings{};
-        settings.enabled = true;
         settings.listen = "127.0.0.1:" + std::to_string(port_);
         settings.allow = allow;
         settings.max_clients = max_clients;
-        return std::make_unique<ModbusServer>(plan_.name, settings);
+        return std::make_unique<ModbusServer>(plan_.name, settings, commands_);
     }
 
     SegmentPlan plan_;
     SegmentWriter writer_;
+    Ring<Command> commands_{16};
     std::uint16_t port_;
     std::thread flood_;
     std::atomic<bool> stop_{false};

@@ -181,29 +181,30 @@ TEST_F(PipelineTest, PublishesANodeRecordEvenWithoutNews) {
 
 TEST_F(PipelineTest, ATareIsAcknowledgedWhenItIsDone) {
     const auto tell = [&](Command::Kind kind, std::uint32_t mask, std::uint32_t number) {
-        *pipeline_->commands.claim() = {kind, mask, number};
-        pipeline_->commands.push();
-        pipeline_->commands.commit();
+        auto& ring = pipeline_->commands[TACTILED_FROM_SOCKET];
+        *ring.claim() = {kind, mask, number, {}};
+        ring.push();
+        ring.commit();
         turn();
     };
     tell(Command::Kind::tare, 1, 1);
-    EXPECT_EQ(look().node.command_result, unsigned(TACTILED_COMMAND_NOT_NOW));  // no data yet
+    EXPECT_EQ(look().node.command[TACTILED_FROM_SOCKET].result, unsigned(TACTILED_COMMAND_NOT_NOW));  // no data yet
     send(0, 3);
     acquire_all(0);
     tell(Command::Kind::tare, 4, 2);
-    EXPECT_EQ(look().node.command_result, unsigned(TACTILED_COMMAND_BAD_MASK));
+    EXPECT_EQ(look().node.command[TACTILED_FROM_SOCKET].result, unsigned(TACTILED_COMMAND_BAD_MASK));
     turn();
     tell(Command::Kind::tare, 1, 3);
-    EXPECT_EQ(look().node.command_state, unsigned(TACTILED_COMMAND_RUNNING));
+    EXPECT_EQ(look().node.command[TACTILED_FROM_SOCKET].state, unsigned(TACTILED_COMMAND_RUNNING));
     for (int i = 0; i < 110; ++i) {
         send(0, 3);
         acquire_all(0);
         turn();
     }
     const auto s = look();
-    EXPECT_EQ(s.node.command_acknowledged, 3u);
-    EXPECT_EQ(s.node.command_state, unsigned(TACTILED_COMMAND_DONE));
-    EXPECT_EQ(s.node.command_result, unsigned(TACTILED_COMMAND_OK));
+    EXPECT_EQ(s.node.command[TACTILED_FROM_SOCKET].acknowledged, 3u);
+    EXPECT_EQ(s.node.command[TACTILED_FROM_SOCKET].state, unsigned(TACTILED_COMMAND_DONE));
+    EXPECT_EQ(s.node.command[TACTILED_FROM_SOCKET].result, unsigned(TACTILED_COMMAND_OK));
     EXPECT_EQ(s.sensor[0].force_S_N[0], 0);
     EXPECT_EQ(s.sensor[0].raw_force_S_N[0], 3);
     tell(Command::Kind::clear_latches, 0, 4);

@@ -132,7 +132,8 @@ TEST(Sensor, ADisconnectedLinkBreaksAtOnce) {
 TEST(Sensor, TareAveragesAndKeepsTheRawForce) {
     Sensor sensor = make();
     (void)sensor.sample(frame(kMs, 5, 0, -3), kMs);
-    ASSERT_TRUE(sensor.begin_tare(10 * kMs));
+    ASSERT_TRUE(sensor.can_tare());
+    sensor.begin_tare(10 * kMs);
     tactiled_sample s{};
     for (std::uint64_t t = 9; t <= 110; ++t) s = sensor.sample(frame(t * kMs, t % 2 ? 4.0 : 6.0, 1, -3), t * kMs);
     EXPECT_EQ(sensor.poll_tare(110 * kMs), Sensor::Tare::done);
@@ -152,11 +153,12 @@ TEST(Sensor, TareAveragesAndKeepsTheRawForce) {
 
 TEST(Sensor, ATareNeedsATrustworthyValueAllAlong) {
     Sensor sensor = make();
-    EXPECT_FALSE(sensor.begin_tare(0));  // no data yet
+    EXPECT_FALSE(sensor.can_tare());  // no data yet
     (void)sensor.sample(frame(kMs, 1000, 0, 0), kMs);
-    EXPECT_FALSE(sensor.begin_tare(2 * kMs));  // saturated
+    EXPECT_FALSE(sensor.can_tare());  // saturated
     (void)sensor.sample(frame(3 * kMs, 1, 0, 0), 3 * kMs);
-    ASSERT_TRUE(sensor.begin_tare(4 * kMs));
+    ASSERT_TRUE(sensor.can_tare());
+    sensor.begin_tare(4 * kMs);
     Frame hole = frame(5 * kMs, 1, 0, 0);
     hole.missing = 1;
     (void)sensor.sample(hole, 5 * kMs);
@@ -169,9 +171,62 @@ TEST(Sensor, ATareNeedsATrustworthyValueAllAlong) {
 TEST(Sensor, ATareOfASilentSensorFails) {
     Sensor sensor = make();
     (void)sensor.sample(frame(kMs, 1, 2, 3), kMs);
-    ASSERT_TRUE(sensor.begin_tare(2 * kMs));
+    ASSERT_TRUE(sensor.can_tare());
+    sensor.begin_tare(2 * kMs);
     ASSERT_TRUE(sensor.has_broken(true, 200 * kMs));
     EXPECT_EQ(sensor.poll_tare(200 * kMs), Sensor::Tare::failed);
+}
+
+TEST(Sensor, ContactHasHysteresisAndEndsWithTheValue) {
+    Sensor sensor = make();
+    sensor.set({.filter_Hz = 0, .contact_on_N = 1, .contact_off_N = 0.5, .overload_N = 4});
+    const auto state = [&](double fx, std::uint64_t ms) { return sensor.sample(frame(ms * kMs, fx, 0, 0), ms * kMs).state; };
+    EXPECT_EQ(state(0.9, 1), 0u);
+    EXPECT_EQ(state(-1.0, 2), unsigned(TACTILED_CONTACT));  // whatever the direction
+    EXPECT_EQ(state(0.6, 3), unsigned(TACTILED_CONTACT));
+    EXPECT_EQ(state(0.4, 4), 0u);
+    EXPECT_EQ(state(0.9, 5), 0u);
+    EXPECT_EQ(state(4.5, 6), unsigned(TACTILED_CONTACT | TACTILED_OVERLOAD));
+    ASSERT_TRUE(sensor.has_broken(false, 7 * kMs));
+    EXPECT_EQ(sensor.marker(7 * kMs).state, 0u);
+    EXPECT_EQ(state(0.9, 8), 0u);  // it has to begin anew
+    const double as_configured = std::nan("");
+    sensor.set({as_configured, as_configured, as_configured, as_configured});
+    EXPECT_EQ(state(4.5, 9), unsigned(TACTILED_CONTACT));  // configured: no overload
+}
+
+TEST(Sensor, ThePeakStaysUntilItIsReset) {
+    Sensor sensor = make();
+    (void)sensor.sample(frame(kMs, 3, 4, 0), kMs);
+    EXPECT_FLOAT_EQ(sensor.sample(frame(2 * kMs, 1, 0, 0), 2 * kMs).peak_N, 5);
+    sensor.reset_peak();
+    EXPECT_FLOAT_EQ(sensor.sample(frame(3 * kMs, 2, 0, 0), 3 * kMs).peak_N, 2);
+}
+
+TEST(Sensor, TheLowPassHasItsCutoffWhateverTheRate) {
+    for (const double rate_Hz : {500.0, 1000.0, 3333.0}) {
+        Sensor sensor = make();
+        sensor.set({.filter_Hz = 10, .contact_on_N = 1, .contact_off_N = 0.5, .overload_N = 0});
+        double most = 0;
+        for (int i = 0; i < int(3 * rate_Hz); ++i) {  // 10 Hz sine, 3 s
+            const auto t = std::uint64_t(i / rate_Hz * 1e9) + 1;
+            const auto s = sensor.sample(frame(t, std::sin(2 * 3.141592653589793 * 10 * i / rate_Hz), 0, 0), t);
+            EXPECT_NE(s.state & TACTILED_LOW_PASS, 0u);
+            if (i > int(2 * rate_Hz)) most = std::max(most, s.force_S_N[0]);
+        }
+        EXPECT_NEAR(most, std::sqrt(0.5), 0.02) << rate_Hz;  // -3 dB
+    }
+}
+
+TEST(Sensor, TheLowPassStartsAnewAfterABreak) {
+    Sensor sensor = make();
+    sensor.set({.filter_Hz = 1, .contact_on_N = 1, .contact_off_N = 0.5, .overload_N = 0});
+    EXPECT_EQ(sensor.sample(frame(kMs, 5, 0, 0), kMs).force_S_N[0], 5);  // no climb from 0
+    EXPECT_LT(sensor.sample(frame(2 * kMs, 1, 0, 0), 2 * kMs).force_S_N[0], 5);
+    EXPECT_GT(sensor.sample(frame(3 * kMs, 1, 0, 0), 3 * kMs).force_S_N[0], 4.5);
+    ASSERT_TRUE(sensor.has_broken(false, 4 * kMs));
+    (void)sensor.marker(4 * kMs);
+    EXPECT_EQ(sensor.sample(frame(5 * kMs, 1, 0, 0), 5 * kMs).force_S_N[0], 1);
 }
 
 TEST(Sensor, MeasuresItsRate) {

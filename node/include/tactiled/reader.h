@@ -1,0 +1,441 @@
+/* Reads the segment of a tactiled daemon in C11. Header only, nothing to link. In C++ take reader.hpp.
+ *
+ *     struct tactiled_reader left;
+ *     struct tactiled_sample s;
+ *     tactiled_reader_init(&left, "gripper", "left");
+ *     while (tactiled_reader_wait(&left, &s, 1000, TACTILED_BLOCK))
+ *         if (s.quality == TACTILED_GOOD) use(s.force_S_N);
+ *
+ * A reader costs the daemon nothing, cannot delay it, and survives its death: it gets one BAD sample, and attaches to the
+ * successor by itself. One object a thread. Needs what -std=gnu11 declares (or _DEFAULT_SOURCE). */
+#ifndef TACTILED_READER_H
+#define TACTILED_READER_H
+
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/futex.h>
+#include <linux/membarrier.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/un.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "layout.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+static inline uint64_t tactiled_now_ns(void) /* CLOCK_MONOTONIC */
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
+}
+
+/* ---- One mapping of one segment ------------------------------------------------------------------------------------ */
+
+struct tactiled_segment {
+    const char* base; /* NULL: not open */
+    size_t size;
+    char why[256]; /* why it is not open */
+};
+
+static inline const struct tactiled_header* tactiled_header_of(const struct tactiled_segment* segment) {
+    return (const struct tactiled_header*)(const void*)segment->base;
+}
+static inline const struct tactiled_sensor* tactiled_sensor_of(const struct tactiled_segment* segment, uint32_t index) {
+    const struct tactiled_header* h = tactiled_header_of(segment);
+    return (const struct tactiled_sensor*)(const void*)(segment->base + h->sensor_offset + (size_t)index * h->sensor_size);
+}
+static inline const struct tactiled_link* tactiled_link_of(const struct tactiled_segment* segment, uint32_t index) {
+    const struct tactiled_header* h = tactiled_header_of(segment);
+    return (const struct tactiled_link*)(const void*)(segment->base + h->link_offset + (size_t)index * h->link_size);
+}
+/* 0 once the daemon has ended cleanly or a successor has taken over: open again. */
+static inline int tactiled_is_current(const struct tactiled_segment* segment) {
+    const uint32_t state = __atomic_load_n(&tactiled_header_of(segment)->state, __ATOMIC_ACQUIRE);
+    return state == TACTILED_RUNNING || state == TACTILED_STARTING;
+}
+
+static inline int tactiled_fits(const struct tactiled_segment* segment, uint64_t offset, uint64_t size, uint32_t alignment) {
+    return offset % alignment == 0 && offset + size <= segment->size;
+}
+static inline int tactiled_ring_fits(const struct tactiled_segment* segment, const struct tactiled_ring* ring) {
+    return ring->slots >= 8 && (ring->slots & (ring->slots - 1)) == 0 && ring->slot_size % 128 == 0 &&
+           ring->record_size % 4 == 0 && TACTILED_RECORD_OFFSET + (uint64_t)ring->record_size <= ring->slot_size &&
+           tactiled_fits(segment, ring->offset, (uint64_t)ring->slots * ring->slot_size, 128) &&
+           tactiled_fits(segment, ring->head_offset, 4, 4);
+}
+/* Whether the header describes something that may be read within the mapping; else says in `why` what is wrong. */
+static inline int tactiled_check(struct tactiled_segment* segment, const char* path) {
+    const struct tactiled_header* h = tactiled_header_of(segment);
+    const char* wrong = NULL;
+    uint32_t i;
+    if (memcmp(h->magic, TACTILED_MAGIC, sizeof h->magic) != 0)
+        wrong = "no tactiled segment";
+    else if (h->byte_order != TACTILED_BYTE_ORDER)
+        wrong = "written by a machine of the other byte order";
+    else if (h->major != TACTILED_MAJOR) {
+        snprintf(segment->why, sizeof segment->why,
+                 "%s: its layout is version %u.%u, this reader knows %u.%u: build the reader against the daemon's headers",
+                 path, h->major, h->minor, TACTILED_MAJOR, TACTILED_MINOR);
+        return 0;
+    } else if (h->total_size > segment->size || h->header_size < sizeof *h)
+        wrong = "truncated";
+    else if (h->n_sensors > TACTILED_MAX_SENSORS || h->n_links > TACTILED_MAX_LINKS)
+        wrong = "more sensors or links than can be";
+    else if (h->sensor_size < sizeof(struct tactiled_sensor) || h->link_size < sizeof(struct tactiled_link))
+        wrong = "directory entries too small";
+    else if (!tactiled_fits(segment, h->sensor_offset, (uint64_t)h->sensor_size * h->n_sensors, 4) ||
+             !tactiled_fits(segment, h->link_offset, (uint64_t)h->link_size * h->n_links, 128))
+        wrong = "a directory lies outside";
+    else if (!tactiled_ring_fits(segment, &h->node))
+        wrong = "the node ring lies outside";
+    for (i = 0; wrong == NULL && i < h->n_sensors; ++i)
+        if (!tactiled_ring_fits(segment, &tactiled_sensor_of(segment, i)->ring)) wrong = "a sensor's ring lies outside";
+    if (wrong != NULL) snprintf(segment->why, sizeof segment->why, "%s: %s", path, wrong);
+    return wrong == NULL;
+}
+
+static inline void tactiled_close(struct tactiled_segment* segment) {
+    if (segment->base != NULL) munmap((void*)(uintptr_t)segment->base, segment->size);
+    segment->base = NULL;
+}
+
+/* Maps /dev/shm/tactiled.NAME read-only and checks it. Returns 1, or 0 with the reason in segment->why. */
+static inline int tactiled_open(struct tactiled_segment* segment, const char* node_name) {
+    char path[64 + TACTILED_NAME_SIZE];
+    struct stat status;
+    int fd;
+    segment->base = NULL;
+    segment->why[0] = 0;
+    snprintf(path, sizeof path, "/dev/shm/tactiled.%s", node_name);
+    fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    if (fd < 0) {
+        snprintf(segment->why, sizeof segment->why, "%s: %s%s", path, strerror(errno),
+                 errno == ENOENT   ? " (no daemon of that name runs)"
+                 : errno == EACCES ? " (join the segment's group)"
+                                   : "");
+        return 0;
+    }
+    if (fstat(fd, &status) != 0 || status.st_size < (off_t)sizeof(struct tactiled_header)) {
+        snprintf(segment->why, sizeof segment->why, "%s: too short to be a segment", path);
+    } else if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
+        snprintf(segment->why, sizeof segment->why, "%s: others than its owner may write it: not a daemon's", path);
+    } else {
+        void* base = mmap(NULL, (size_t)status.st_size, PROT_READ, MAP_SHARED | MAP_POPULATE, fd, 0);
+        if (base == MAP_FAILED) {
+            snprintf(segment->why, sizeof segment->why, "%s: mmap: %s", path, strerror(errno));
+        } else {
+            segment->base = (const char*)base;
+            segment->size = (size_t)status.st_size;
+            if (!tactiled_check(segment, path)) tactiled_close(segment);
+        }
+    }
+    close(fd);
+    return segment->base != NULL;
+}
+
+/* Index of the sensor of that name, or -1. */
+static inline int tactiled_find(const struct tactiled_segment* segment, const char* sensor_name) {
+    uint32_t i;
+    for (i = 0; i < tactiled_header_of(segment)->n_sensors; ++i)
+        if (strncmp(tactiled_sensor_of(segment, i)->name, sensor_name, TACTILED_NAME_SIZE) == 0) return (int)i;
+    return -1;
+}
+
+/* The newest sample of a sensor, judged at `now_ns`. Returns 0, and a BAD sample, when there is none. */
+static inline int tactiled_latest(const struct tactiled_segment* segment, uint32_t index, struct tactiled_sample* sample,
+                                  uint64_t now_ns) {
+    const struct tactiled_sensor* sensor = tactiled_sensor_of(segment, index);
+    if (!tactiled_ring_latest(segment->base, &sensor->ring, sample, sizeof *sample)) {
+        memset(sample, 0, sizeof *sample);
+        tactiled_invalidate(sample, TACTILED_READER_OVERRUN);
+        return 0;
+    }
+    tactiled_judge(sample, sensor->stale_ms, now_ns);
+    if (!tactiled_is_current(segment)) tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
+    return 1;
+}
+
+/* Asks the control socket for a descriptor: "wake" gives the page of struct tactiled_wake, "events" an eventfd that counts
+ * node records for as long as *connection stays open. Returns the descriptor or -1. */
+static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment, const char* what, int* connection) {
+    const struct tactiled_header* h = tactiled_header_of(segment);
+    const struct timeval limit = {1, 0};
+    struct sockaddr_un address;
+    struct msghdr message;
+    struct iovec part;
+    struct cmsghdr* extra;
+    union {
+        struct cmsghdr align;
+        char bytes[CMSG_SPACE(sizeof(int))];
+    } control;
+    char text[64 + TACTILED_NAME_SIZE];
+    int fd = -1;
+    const int s = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+    memset(&address, 0, sizeof address);
+    address.sun_family = AF_UNIX;
+    snprintf(address.sun_path, sizeof address.sun_path, "%.*s", (int)sizeof h->control - 1, h->control);
+    snprintf(text, sizeof text, "%s %s", h->name, what);
+    setsockopt(s, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+    memset(&message, 0, sizeof message);
+    memset(&control, 0, sizeof control);
+    if (h->control[0] != 0 && s >= 0 && connect(s, (const struct sockaddr*)&address, sizeof address) == 0 &&
+        send(s, text, strlen(text), MSG_NOSIGNAL) > 0) {
+        part.iov_base = text;
+        part.iov_len = sizeof text;
+        message.msg_iov = &part;
+        message.msg_iovlen = 1;
+        message.msg_control = &control;
+        message.msg_controllen = sizeof control;
+        if (recvmsg(s, &message, MSG_CMSG_CLOEXEC) > 0 && (extra = CMSG_FIRSTHDR(&message)) != NULL &&
+            extra->cmsg_level == SOL_SOCKET && extra->cmsg_type == SCM_RIGHTS)
+            memcpy(&fd, CMSG_DATA(extra), sizeof fd);
+    }
+    if (connection != NULL && fd >= 0)
+        *connection = s;
+    else if (s >= 0)
+        close(s);
+    return fd;
+}
+
+/* ---- One sensor of one node, across restarts of the daemon ------------------------------------------------------------ */
+
+enum tactiled_wait {
+    TACTILED_POLL = 0, /* spin: least latency, a whole CPU */
+    TACTILED_PREDICT =
+        1,             /* sleep until shortly before the next sample is due, then spin: as quick, a few percent of a CPU */
+    TACTILED_BLOCK = 2 /* sleep until woken: no CPU, the latency of a wake-up */
+};
+
+struct tactiled_reader {
+    char node[TACTILED_NAME_SIZE], sensor[TACTILED_NAME_SIZE];
+    struct tactiled_segment segment;
+    int index; /* of the sensor in the segment, -1 = not attached */
+    struct tactiled_cursor cursor;
+    struct tactiled_sample last;   /* what next() gave last */
+    int begun;                     /* `last` holds something */
+    int placed;                    /* the cursor stands where it belongs; else the next call begins with the newest */
+    int broken;                    /* the last thing given was the end of a daemon */
+    uint32_t empty;                /* calls that found nothing, since a sample */
+    uint64_t tried_ns;             /* last attempt to attach */
+    uint64_t period_ns, jitter_ns; /* of publishing, learnt; for TACTILED_PREDICT */
+    uint32_t* wake;                /* struct tactiled_wake, for TACTILED_BLOCK; NULL = not asked for or not to be had */
+    int wake_asked;
+};
+
+static inline void tactiled_reader_detach(struct tactiled_reader* r) {
+    tactiled_close(&r->segment);
+    if (r->wake != NULL) munmap(r->wake, sizeof(struct tactiled_wake));
+    r->wake = NULL;
+    r->wake_asked = 0;
+    r->index = -1;
+}
+
+/* Tries to attach; segment.why says why not. After a restart the reader begins with the first record of the new daemon. */
+static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now_ns) {
+    struct tactiled_segment fresh;
+    int index;
+    r->tried_ns = now_ns;
+    if (!tactiled_open(&fresh, r->node)) {
+        memcpy(r->segment.why, fresh.why, sizeof fresh.why);
+        return 0;
+    }
+    index = tactiled_find(&fresh, r->sensor);
+    if (index < 0 || !tactiled_is_current(&fresh)) {
+        snprintf(r->segment.why, sizeof r->segment.why,
+                 index < 0 ? "node \"%s\" has no sensor \"%s\"" : "node \"%s\" has stopped", r->node, r->sensor);
+        tactiled_close(&fresh);
+        return 0;
+    }
+    if (r->index >= 0 && tactiled_header_of(&fresh)->epoch == tactiled_header_of(&r->segment)->epoch) {
+        tactiled_close(&fresh); /* the very same */
+        return tactiled_is_current(&r->segment);
+    }
+    tactiled_reader_detach(r);
+    r->segment = fresh;
+    r->index = index;
+    r->broken = 0;
+    tactiled_ring_seek(fresh.base, &tactiled_sensor_of(&fresh, (uint32_t)index)->ring, &r->cursor, 1);
+    r->placed = r->begun;
+    return 1;
+}
+
+/* Attaches at once if it can; a daemon that is not there yet is waited for by the other functions. */
+static inline void tactiled_reader_init(struct tactiled_reader* r, const char* node_name, const char* sensor_name) {
+    memset(r, 0, sizeof *r);
+    r->index = -1;
+    snprintf(r->node, sizeof r->node, "%s", node_name);
+    snprintf(r->sensor, sizeof r->sensor, "%s", sensor_name);
+    tactiled_reader_attach(r, tactiled_now_ns());
+}
+
+/* Starts again with the oldest sample that is kept. */
+static inline void tactiled_reader_rewind(struct tactiled_reader* r) {
+    if (r->index < 0) return;
+    tactiled_ring_seek(r->segment.base, &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring, &r->cursor, 1);
+    r->placed = 1;
+}
+
+/* Whether the segment may be read; attaches, at most each 10 ms. */
+static inline int tactiled_reader_ready(struct tactiled_reader* r) {
+    uint64_t now_ns;
+    if (r->index >= 0 && !r->broken && tactiled_is_current(&r->segment)) return 1;
+    now_ns = tactiled_now_ns();
+    if (now_ns - r->tried_ns >= 10000000u) tactiled_reader_attach(r, now_ns);
+    return r->index >= 0 && tactiled_is_current(&r->segment);
+}
+
+/* The newest sample; BAD with a reason when there is no good one. Never blocks. */
+static inline void tactiled_reader_latest(struct tactiled_reader* r, struct tactiled_sample* sample) {
+    if (tactiled_reader_ready(r)) {
+        tactiled_latest(&r->segment, (uint32_t)r->index, sample, tactiled_now_ns());
+        return;
+    }
+    memset(sample, 0, sizeof *sample);
+    tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
+}
+
+/* Nothing new: has the daemon ended, is it dead? Then gives one BAD sample that says so, and returns 1. */
+static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactiled_sample* sample) {
+    const struct tactiled_ring* ring;
+    struct tactiled_node node;
+    int gone = r->index < 0;
+    if (!gone) {
+        const struct tactiled_header* h = tactiled_header_of(&r->segment);
+        ring = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
+        if (tactiled_ring_head(r->segment.base, ring) - r->cursor.next > ring->slots) /* asleep for 2^30 records, or more */
+            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1);
+        gone = !tactiled_is_current(&r->segment) || !tactiled_ring_latest(r->segment.base, &h->node, &node, sizeof node) ||
+               tactiled_now_ns() > node.t_ns + (uint64_t)h->watchdog_ms * 1000000u;
+    }
+    if (!gone) {
+        r->broken = 0; /* it hung, and lives again */
+        return 0;
+    }
+    if (r->broken || !r->begun) return 0;
+    r->broken = 1;
+    if ((r->last.reasons & TACTILED_DAEMON_STOPPED) != 0) return 0; /* the daemon has said so itself */
+    *sample = r->last;
+    tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
+    return 1;
+}
+
+/* The sample after the last one that it gave, or 0 when there is none yet. The first call gives the newest. When the daemon
+ * ends, hangs or dies, what is left in the ring comes first, then one BAD sample; then the successor's. */
+static inline int tactiled_reader_next(struct tactiled_reader* r, struct tactiled_sample* sample) {
+    if (r->index >= 0) {
+        const struct tactiled_sensor* sensor = tactiled_sensor_of(&r->segment, (uint32_t)r->index);
+        if (!r->placed) tactiled_ring_seek(r->segment.base, &sensor->ring, &r->cursor, 0);
+        if (tactiled_ring_next(r->segment.base, &sensor->ring, &r->cursor, sample, sizeof *sample)) {
+            tactiled_judge(sample, sensor->stale_ms, tactiled_now_ns());
+            if (r->begun && sample->epoch == r->last.epoch && sample->sequence == r->last.sequence + 1) {
+                const int64_t step_ns = (int64_t)(sample->t_published_ns - r->last.t_published_ns);
+                const int64_t off_ns = step_ns - (int64_t)r->period_ns;
+                if (r->period_ns == 0)
+                    r->period_ns = (uint64_t)step_ns;
+                else
+                    r->period_ns = (uint64_t)((int64_t)r->period_ns + off_ns / 16);
+                r->jitter_ns += (uint64_t)(off_ns < 0 ? -off_ns : off_ns) / 16 - r->jitter_ns / 16;
+            }
+            r->last = *sample;
+            r->begun = r->placed = 1;
+            r->empty = 0;
+            return 1;
+        }
+        if (++r->empty % 16 != 0 && tactiled_is_current(&r->segment)) return 0; /* not each time: it reads the clock */
+    }
+    if (tactiled_reader_look(r, sample)) return 1;
+    if (r->index < 0 || r->broken) tactiled_reader_ready(r);
+    return 0;
+}
+
+static inline void tactiled_sleep_until(uint64_t until_ns) {
+    struct timespec t;
+    t.tv_sec = (time_t)(until_ns / 1000000000u);
+    t.tv_nsec = (long)(until_ns % 1000000000u);
+    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
+}
+
+/* Sleeps until more than `seen` node records were published, but not beyond `until_ns`, asking to be woken in `wake`. */
+static inline void tactiled_sleep_on_node(const struct tactiled_segment* segment, uint32_t* wake, uint32_t seen,
+                                          uint64_t now_ns, uint64_t until_ns) {
+    const uint32_t* head = (const uint32_t*)(const void*)(segment->base + tactiled_header_of(segment)->node.head_offset);
+    struct timespec limit;
+    if ((int32_t)(__atomic_load_n(wake, __ATOMIC_RELAXED) - seen) < TACTILED_WAKE_RECORDS / 2) {
+        __atomic_store_n(wake, seen + TACTILED_WAKE_RECORDS, __ATOMIC_RELAXED);
+        /* The wish before the look at the head, also as the daemon sees it, which pays no fence. Where the kernel refuses,
+         * one wake may be missed: the next record's comes. */
+        syscall(SYS_membarrier, MEMBARRIER_CMD_GLOBAL_EXPEDITED, 0, 0);
+    }
+    limit.tv_sec = (time_t)((until_ns - now_ns) / 1000000000u);
+    limit.tv_nsec = (long)((until_ns - now_ns) % 1000000000u);
+    syscall(SYS_futex, head, FUTEX_WAIT, seen, &limit, NULL, 0);
+}
+
+/* Sleeps until the next node record, but not beyond `until_ns`. Without a wake page (no control socket): 1 ms naps. */
+static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now_ns, uint64_t until_ns) {
+    const struct tactiled_ring *node, *ring;
+    uint32_t seen;
+    if (until_ns > now_ns + 20000000u) until_ns = now_ns + 20000000u; /* the daemon may die and wake nobody */
+    if (!r->wake_asked && r->index >= 0) {
+        const int fd = tactiled_ask_descriptor(&r->segment, "wake", NULL);
+        void* page =
+            fd < 0 ? MAP_FAILED : mmap(NULL, sizeof(struct tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+        if (page != MAP_FAILED) r->wake = (uint32_t*)page;
+        if (fd >= 0) close(fd);
+        r->wake_asked = 1;
+    }
+    if (r->wake == NULL || r->broken) {
+        tactiled_sleep_until(now_ns + 1000000u < until_ns ? now_ns + 1000000u : until_ns);
+        return;
+    }
+    node = &tactiled_header_of(&r->segment)->node;
+    ring = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
+    seen = tactiled_ring_head(r->segment.base, node); /* before the look at the sensor: its sample comes first */
+    if (tactiled_ring_head(r->segment.base, ring) == r->cursor.next)
+        tactiled_sleep_on_node(&r->segment, r->wake, seen, now_ns, until_ns);
+}
+
+/* As tactiled_reader_next(), but waits for up to `timeout_ms`. Returns 0 when the time is over. */
+static inline int tactiled_reader_wait(struct tactiled_reader* r, struct tactiled_sample* sample, uint32_t timeout_ms,
+                                       enum tactiled_wait mode) {
+    enum { kEarlyNs = 60000, kMostEarlyNs = 500000, kNapNs = 200000 };
+    uint64_t now_ns, until_ns = 0, spin_until_ns = 0;
+    uint32_t i;
+    if (tactiled_reader_next(r, sample)) return 1;
+    until_ns = tactiled_now_ns() + (uint64_t)timeout_ms * 1000000u;
+    for (;;) {
+        now_ns = tactiled_now_ns();
+        if (now_ns >= until_ns) return 0;
+        if (mode == TACTILED_BLOCK) {
+            tactiled_reader_block(r, now_ns, until_ns);
+            r->empty |= 15; /* look at the daemon, too */
+        } else if (mode == TACTILED_PREDICT && now_ns >= spin_until_ns) {
+            uint64_t early_ns = kEarlyNs + 2 * r->jitter_ns;
+            if (early_ns > kMostEarlyNs) early_ns = kMostEarlyNs;
+            uint64_t wake_ns = r->last.t_published_ns + r->period_ns - early_ns;
+            if (r->period_ns <= early_ns || r->broken || !r->begun || wake_ns <= now_ns)
+                wake_ns = now_ns + kNapNs; /* late */
+            if (wake_ns > until_ns) wake_ns = until_ns;
+            tactiled_sleep_until(wake_ns);
+            spin_until_ns = wake_ns + (r->broken || !r->begun ? 0 : 3 * early_ns);
+            r->empty |= 15;
+        }
+        for (i = 0; i < 64; ++i)
+            if (tactiled_reader_next(r, sample)) return 1;
+    }
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,81 @@
+// What a PLC may write: commands, hints, settings, scratch. A write is checked whole before any of it is carried out.
+#pragma once
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "config/config.hpp"
+#include "node/modbus/encode.hpp"
+#include "node/modbus/wall.hpp"
+#include "node/pipeline.hpp"
+#include "node/realtime.hpp"
+
+namespace tactiled::modbus {
+
+// One client, as far as writing is concerned.
+struct Session {
+    bool may_write = false;
+    std::uint64_t unlocked_until_ns = 0;  // of the settings
+};
+
+class Controls {
+public:
+    // `commands` goes to the pipeline: the ring of TACTILED_FROM_MODBUS. Reads the settings that SAVE has stored. setup
+    Controls(const ModbusSettings& settings, Ring<Command>& commands);
+    Controls(const Controls&) = delete;
+    Controls& operator=(const Controls&) = delete;
+
+    // Whether all of a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
+    [[nodiscard]] Exception check(const Request& request, const View& view, const Session& session,
+                                  std::uint64_t now_ns) const noexcept;
+    // Carries out a write that check() found good.
+    void write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept;
+
+    // The registers of `run`, which lies in the controls or in scratch, as they are read.
+    void read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept;
+    void read_coils(const View& view, std::span<std::uint8_t, kCoils> out) const noexcept;
+    // Acknowledgement, echo, and the bits of STATUS and FAULT that are known here.
+    void add_to_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) noexcept;
+
+private:
+    static constexpr unsigned kSettings = 6;  // 5030 .. 5035
+    enum Saving : std::uint8_t { idle, storing, failed };
+
+    [[nodiscard]] std::uint16_t wished(const Request& request, unsigned i) const noexcept;
+    [[nodiscard]] Exception check_register(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
+                                           std::uint64_t now_ns) const noexcept;
+    [[nodiscard]] Exception check_coil(std::uint16_t at, const View& view) const noexcept;
+    void write_register(std::uint16_t at, std::uint16_t value, const View& view, Session& session,
+                        std::uint64_t now_ns) noexcept;
+    void run_command(const View& view, std::uint64_t now_ns) noexcept;
+    void send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept;
+    void send_settings() noexcept;
+    void settle(tactiled_command_state state, tactiled_command_result result) noexcept;
+    void load();
+    void save() noexcept;
+
+    bool enabled_;
+    std::string path_;
+    Ring<Command>& commands_;
+    std::array<std::uint16_t, kScratchSize> scratch_{};
+    std::array<std::uint16_t, 5> block_{};  // 5000 .. 5004
+    std::array<std::uint16_t, kSettings> settings_;
+    std::uint16_t heartbeat_ = 0, watchdog_ms_ = 0, gripper_state_ = 0, gripper_force_ = 0;
+    std::uint64_t heartbeat_ns_ = 0;
+    std::uint64_t unlocked_until_ns_ = 0;  // by any client
+
+    std::uint16_t acknowledged_ = 0;  // CMD_SEQ
+    std::uint32_t number_ = 0;        // of the last command sent to the pipeline
+    std::uint64_t sent_ns_ = 0;
+    tactiled_command_state state_ = TACTILED_COMMAND_IDLE;
+    tactiled_command_result result_ = TACTILED_COMMAND_OK;
+
+    std::atomic<Saving> saving_{idle};
+    bool unreadable_ = false;  // what an earlier SAVE stored
+    std::array<std::uint16_t, kSettings> to_save_{};
+    RtThread saver_;
+};
+
+}  // namespace tactiled::modbus

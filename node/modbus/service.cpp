@@ -1,0 +1,94 @@
+#include "node/modbus/service.hpp"
+
+#include <algorithm>
+
+namespace tactiled::modbus {
+namespace {
+
+constexpr std::uint64_t kLookAgainNs = 100'000'000;  // for a segment that is not there
+
+bool writes(const Request& request) { return request.write.count != 0; }
+bool reads_bits(const Request& request) { return request.function == kReadCoils || request.function == kReadInputs; }
+// What does not change with the sensors needs no look at them.
+bool needs_view(const Request& request) {
+    if (writes(request) || reads_bits(request)) return true;
+    const Block block = area_of(request.read.at, request.read.count)->block;
+    return block != Block::controls && block != Block::scratch && block != Block::constants;
+}
+
+}  // namespace
+
+Service::Service(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands)
+    : node_name_(std::move(node_name)), scratch_(settings.scratch), controls_(settings, commands), identity_(node_name_) {}
+
+std::size_t Service::answer(std::span<const std::uint8_t> adu, Session& session, std::span<std::uint8_t, kMostAdu> out) {
+    counts_.requests.fetch_add(1, std::memory_order_relaxed);
+    const auto refuse = [&](Exception exception) {
+        counts_.exceptions.fetch_add(1, std::memory_order_relaxed);
+        return exception_adu(adu, exception, out);
+    };
+    const Request request = check_adu(adu, scratch_);
+    if (request.exception != kNone) return refuse(request.exception);
+    if (request.function == kEncapsulated) return identity_.answer(adu, out);
+
+    const std::uint64_t now_ns = monotonic_ns();
+    View view = needs_view(request) ? look() : View{};  // one frame a request
+    if (writes(request)) {
+        const Exception exception = controls_.check(request, view, session, now_ns);
+        if (exception != kNone) return refuse(exception);
+        controls_.write(request, view, session, now_ns);
+    }
+    if (reads_bits(request))
+        fill_bits(view, now_ns);
+    else if (request.read.count != 0)
+        fill_registers(request.read, view, session, now_ns);
+    return responder_.answer(adu, tables_, out);
+}
+
+View Service::look() {
+    if (!segment_.is_open() || !segment_.is_current()) {
+        const std::uint64_t now_ns = monotonic_ns();
+        if (now_ns - segment_tried_ns_ >= kLookAgainNs) {
+            std::string why;
+            segment_tried_ns_ = now_ns;
+            if (Segment fresh = Segment::try_open(node_name_, why); fresh.is_open()) segment_ = std::move(fresh);
+        }
+    }
+    return segment_.is_open() ? view_of(segment_) : view_of_nothing();
+}
+
+void Service::fill_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> out) {
+    encode_global(view, out);
+    controls_.add_to_global(view, now_ns, out);
+}
+
+void Service::fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns) {
+    const Area& area = *area_of(run.at, run.count);
+    const auto cells = std::span(tables_.registers).subspan(area.at, area.size);
+    // Only the blocks that the request touches.
+    const unsigned size = area.repeats != 0 ? area.repeats : area.size;
+    const unsigned first = (run.at - area.at) / size, last = (run.at + run.count - 1u - area.at) / size;
+    for (unsigned n = first; n <= last; ++n) {
+        const auto block = cells.subspan(std::size_t(n) * size, size);
+        switch (area.block) {
+            case Block::global: fill_global(view, now_ns, block.first<kGlobalSize>()); break;
+            case Block::sensor: encode_sensor(view, n, block.first<kSensorSize>()); break;
+            case Block::floats: encode_floats(view, area.low_word_first, block.first<kFloatSize>()); break;
+            case Block::sensor_floats:
+                encode_sensor_floats(view, n, area.low_word_first, block.first<kSensorFloatSize>());
+                break;
+            case Block::controls:
+            case Block::scratch: controls_.read(run, session, now_ns, &tables_.registers[run.at]); break;
+            case Block::constants: std::copy(constants().begin(), constants().end(), block.begin()); break;
+        }
+    }
+}
+
+void Service::fill_bits(const View& view, std::uint64_t now_ns) {
+    std::array<std::uint16_t, kGlobalSize> global;
+    fill_global(view, now_ns, global);
+    encode_inputs(global, tables_.inputs);
+    controls_.read_coils(view, tables_.coils);
+}
+
+}  // namespace tactiled::modbus

@@ -1,0 +1,46 @@
+// A whole request -> its answer, whichever way it came: what TCP and RTU share. A reader of shared memory like any other,
+// and one ring of commands: it could be a process of its own. From one thread.
+#pragma once
+#include <atomic>
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "config/config.hpp"
+#include "node/modbus/controls.hpp"
+#include "node/modbus/identify.hpp"
+#include "node/modbus/responder.hpp"
+
+namespace tactiled::modbus {
+
+class Service {
+public:
+    // setup: throws SetupError where libmodbus cannot be had
+    Service(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands);
+
+    // Answers `adu` (MBAP header and PDU) into `out`, returns the answer's length.
+    std::size_t answer(std::span<const std::uint8_t> adu, Session& session, std::span<std::uint8_t, kMostAdu> out);
+
+    struct Counts {
+        std::atomic<std::uint64_t> requests{0}, exceptions{0};
+    };
+    [[nodiscard]] const Counts& counts() const noexcept { return counts_; }
+
+private:
+    [[nodiscard]] View look();
+    void fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns);
+    void fill_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> out);
+    void fill_bits(const View& view, std::uint64_t now_ns);
+
+    std::string node_name_;
+    bool scratch_;
+    Controls controls_;
+    Identity identity_;
+    Responder responder_;
+    Tables tables_;
+    Segment segment_;
+    std::uint64_t segment_tried_ns_ = 0;
+    Counts counts_;
+};
+
+}  // namespace tactiled::modbus

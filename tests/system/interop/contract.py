@@ -1,0 +1,94 @@
+"""What every client must see of the register map, and the daemon that shows it."""
+import json
+import pathlib
+import socket
+import struct
+import subprocess
+import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+from daemon import wait_for  # noqa: E402
+from daemon_test import CONFIG, quality_is, unit_daemon  # noqa: E402
+
+HERE = pathlib.Path(__file__).resolve().parent
+RTU_ADDRESS = 7
+
+OPEN_TO_WRITERS = """commands = true
+scratch = true
+max_requests_per_s = 0
+settings = "{folder}/settings.toml"
+"""
+RTU = f"""
+[modbus.rtu]
+device = "{{folder}}/rtu"
+baud = 19200
+parity = "even"
+address = {RTU_ADDRESS}
+"""
+
+
+def map_daemon(rtu=False, tare_ms=20):
+    """A daemon with one sensor that reads (1, 2, -3) N, with everything of the map switched on; its force is good."""
+    config = OPEN_TO_WRITERS + (RTU if rtu else "") + CONFIG + f"tare_ms = {tare_ms}\n"
+    return unit_daemon(rows="0,1,2,-3\n0.005,1,2,-3\n", config=config)
+
+
+def start_map(daemon):
+    daemon.start()
+    wait_for(quality_is(daemon, "good"), 3, "a good sample")
+    wait_for(lambda: listens(daemon.port), 3, "the server to listen")
+
+
+def listens(port):
+    with socket.socket() as client:
+        return client.connect_ex(("127.0.0.1", port)) == 0
+
+
+CONSTANTS = [0x1234, 0x10000 - 1234, *struct.unpack(">10H", struct.pack(">if", 0x12345678, 1234.5)
+             + struct.pack(">f", 1234.5)[2:] + struct.pack(">f", 1234.5)[:2] + b"ABCDEFGH")]
+
+# Every client fills such a table; one that lacks a function leaves its lines out.
+EXPECTED = {
+    "magic": [0x5441, 0x4354],
+    "map_version": 0x0100,
+    "constants": CONSTANTS,
+    "constants_fc4": CONSTANTS,
+    "int16": -1234,
+    "int32": 0x12345678,
+    "float_abcd": 1234.5,
+    "float_cdab": 1234.5,
+    "text": "ABCDEFGH",
+    "force_cN": [100, 200, -300],
+    "force_N": [1, 2, -3],
+    "force_N_low_word_first": [1, 2, -3],
+    "inputs_ok": [1, 0],
+    "coils": [0] * 34,
+    "scratch_fc6": 0xA55A,
+    "scratch_fc16": [1, 0xFFFF, 3],
+    "scratch_fc22": 0x0017,
+    "scratch_fc23": [4, 5, 6],
+    # CMD_SEQ_ACK - CMD_SEQ, CMD_STATE, CMD_RESULT, and by how much TARE_COUNT went up
+    "tare_block": [0, 2, 0, 1],
+    "tare_fc23": [0, 2, 0, 1],
+    "tare_register": 1,
+    "tare_coil": 1,
+    # exceptions: FC 6 to 0, FC 16 to 9000, FC 5 to coil 34, FC 15 beyond coil 33
+    "refused": [2, 2, 2, 2],
+    "refused_fc22": 2,
+    "refused_fc23": 2,
+    "fc17": 1,
+    "identity": ["tactiled", "tactiled"],
+}
+
+
+def expected(without=()):
+    return {name: value for name, value in EXPECTED.items() if name not in without}
+
+
+def table(words, env=None):
+    """Runs a client that prints lines "NAME JSON"; returns them as a table."""
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=20, env=env)
+    if done.returncode != 0:
+        raise AssertionError(f"{words}: status {done.returncode}\n{done.stdout}{done.stderr}")
+    lines = [line.split(" ", 1) for line in done.stdout.splitlines()]
+    return {name: json.loads(value) for name, value in lines}
