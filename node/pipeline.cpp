@@ -162,8 +162,7 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
             if (taring_ != 0 || !begin_tares(command, now_ns)) return reject(TACTILED_COMMAND_NOT_NOW);
             tare_commander_ = commander;
             tare_number_ = command.number;
-            node_.command[commander].state = TACTILED_COMMAND_RUNNING;
-            return;
+            return finish_command(commander, TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
         case Kind::clear_latches: node_.fault = 0; return done();
         case Kind::reset_peaks: each([](Sensor& s) { s.reset_peak(); }); return done();
         case Kind::self_test: return done(all_have_values(command.mask));

@@ -15,10 +15,8 @@ constexpr std::uint64_t kUnlockNs = 30'000'000'000;
 constexpr std::uint64_t kAnswerNs = 15'000'000'000;  // longer than the longest tare
 
 bool is_setting(std::uint16_t at) { return at >= kFilterHz && at <= kWeighWindow; }
-bool is_tare(std::uint16_t at) { return at == kTareCell || at == kUntareCell; }
 
 std::uint32_t sensors_of(const View& view) { return view.segment != nullptr ? (1u << view.segment->n_sensors()) - 1 : 0; }
-bool is_taring(const View& view) { return (view.snapshot.node.status & TACTILED_ANY_TARING) != 0; }
 // What cannot be tared now is refused at once where that is known at once.
 bool have_values(const View& view, std::uint32_t mask) {
     for (unsigned i = 0; i < kSensorBlocks; ++i)
@@ -41,6 +39,23 @@ Controls::Controls(const ModbusSettings& settings, Ring<Command>& commands)
     : enabled_(settings.commands), path_(settings.settings), commands_(commands) {
     settings_.fill(kAsConfigured);
     if (enabled_) load();
+}
+
+void Controls::follow(const View& view, std::uint64_t now_ns) noexcept {
+    const tactiled_command& answer = view.snapshot.node.command[TACTILED_FROM_MODBUS];
+    if (state_ == TACTILED_COMMAND_RUNNING) {
+        if (answer.acknowledged == number_) {
+            state_ = tactiled_command_state(answer.state);
+            result_ = tactiled_command_result(answer.result);
+        } else if (now_ns > sent_ns_ + kAnswerNs) {
+            settle(TACTILED_COMMAND_DONE, TACTILED_COMMAND_TIMED_OUT);
+        }
+    }
+}
+
+// Also before the pipeline has taken the command: two tares in one segment of TCP are two.
+bool Controls::is_taring(const View& view) const noexcept {
+    return (view.snapshot.node.status & TACTILED_ANY_TARING) != 0 || (state_ == TACTILED_COMMAND_RUNNING && runs_a_tare_);
 }
 
 // ---- may it be written? ----------------------------------------------------------------------------------------------
@@ -81,7 +96,8 @@ Exception Controls::check_register(std::uint16_t at, std::uint16_t value, const 
     if (at == kUnlock && value != kUnlockWord && value != 0) return kIllegalValue;
     if (at >= kTareCell && at <= kResetPeakCell && (value & ~sensors_of(view)) != 0) return kIllegalValue;
     if (at == kWeighCell && value != 0) return kDeviceFailure;  // no weighing in this version
-    if (is_tare(at) && value != 0 && is_taring(view)) return kBusy;
+    const bool command = (at >= kTareCell && at <= kResetPeakCell && value != 0) || (at == kCmdSeq && value != block_[4]);
+    if (command && is_taring(view)) return kBusy;  // one at a time, so that CMD_STATE tells of the one that was asked for
     if (at == kTareCell && !have_values(view, value)) return kDeviceFailure;
     if (at == kSave && saving_.load() == storing) return kBusy;
     return kNone;
@@ -89,7 +105,7 @@ Exception Controls::check_register(std::uint16_t at, std::uint16_t value, const 
 
 Exception Controls::check_coil(std::uint16_t at, const View& view) const noexcept {
     if (at == kWeighCoil) return kDeviceFailure;
-    if (at == kClearAllCoil) return kNone;
+    if (at == kClearAllCoil) return is_taring(view) ? kBusy : kNone;
     if ((sensors_of(view) >> at % kSensorBlocks & 1) == 0) return kIllegalAddress;  // no such sensor
     if (at >= kSlipCoils) return kNone;
     return is_taring(view) ? kBusy : have_values(view, 1u << at) ? kNone : kDeviceFailure;
@@ -192,6 +208,7 @@ void Controls::send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns
     slot->number = ++number_;
     commands_.push();
     commands_.commit();
+    runs_a_tare_ = kind == Command::Kind::tare || kind == Command::Kind::untare;
     state_ = TACTILED_COMMAND_RUNNING;
     result_ = TACTILED_COMMAND_OK;
     sent_ns_ = now_ns;
@@ -240,16 +257,7 @@ void Controls::read_coils(const View& view, std::span<std::uint8_t, kCoils> out)
         out[kTareCoils + i] = (view.snapshot.sensor[i].reasons & TACTILED_TARING) != 0 ? 1 : 0;
 }
 
-void Controls::add_to_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) noexcept {
-    const tactiled_command& answer = view.snapshot.node.command[TACTILED_FROM_MODBUS];
-    if (state_ == TACTILED_COMMAND_RUNNING) {
-        if (answer.acknowledged == number_) {
-            state_ = tactiled_command_state(answer.state);
-            result_ = tactiled_command_result(answer.result);
-        } else if (now_ns > sent_ns_ + kAnswerNs) {
-            settle(TACTILED_COMMAND_DONE, TACTILED_COMMAND_TIMED_OUT);
-        }
-    }
+void Controls::add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) const noexcept {
     global[kCmdSeqAck] = acknowledged_;
     global[kCmdState] = std::uint16_t(state_);
     global[kCmdResult] = std::uint16_t(result_);

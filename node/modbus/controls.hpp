@@ -27,6 +27,9 @@ public:
     Controls(const Controls&) = delete;
     Controls& operator=(const Controls&) = delete;
 
+    // What has become of the command that runs, if one does. Before check(), write() and add_to_global().
+    void follow(const View& view, std::uint64_t now_ns) noexcept;
+
     // Whether all of a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
     [[nodiscard]] Exception check(const Request& request, const View& view, const Session& session,
                                   std::uint64_t now_ns) const noexcept;
@@ -37,12 +40,13 @@ public:
     void read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept;
     void read_coils(const View& view, std::span<std::uint8_t, kCoils> out) const noexcept;
     // Acknowledgement, echo, and the bits of STATUS and FAULT that are known here.
-    void add_to_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) noexcept;
+    void add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) const noexcept;
 
 private:
     static constexpr unsigned kSettings = 6;  // 5030 .. 5035
     enum Saving : std::uint8_t { idle, storing, failed };
 
+    [[nodiscard]] bool is_taring(const View& view) const noexcept;
     [[nodiscard]] std::uint16_t wished(const Request& request, unsigned i) const noexcept;
     [[nodiscard]] Exception check_register(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
                                            std::uint64_t now_ns) const noexcept;
@@ -69,6 +73,7 @@ private:
     std::uint16_t acknowledged_ = 0;  // CMD_SEQ
     std::uint32_t number_ = 0;        // of the last command sent to the pipeline
     std::uint64_t sent_ns_ = 0;
+    bool runs_a_tare_ = false;
     tactiled_command_state state_ = TACTILED_COMMAND_IDLE;
     tactiled_command_result result_ = TACTILED_COMMAND_OK;
 

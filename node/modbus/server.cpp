@@ -19,6 +19,7 @@ namespace {
 constexpr std::uint64_t kTurnNs = 50'000'000;             // how long stop() and deadlines may wait
 constexpr std::uint64_t kRetryNs = 1'000'000'000;         // for the port, and after running out of descriptors
 constexpr std::uint64_t kMayBeEvictedNs = 1'000'000'000;  // a client that asked within the last second keeps its place
+constexpr int kWaitingAtTheDoor = 128;                    // whom the kernel finds no room for tries again after a second
 constexpr std::size_t kPlacesOfPlc = 4;                   // of each listed address
 
 void watch(int epoll, int operation, int fd, std::uint32_t events) {
@@ -115,7 +116,7 @@ void ModbusServer::try_to_listen(std::uint64_t now_ns) {
     listener_ = ::socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (listener_ >= 0) ::setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
     if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
-        ::listen(listener_, 16) == 0) {
+        ::listen(listener_, kWaitingAtTheDoor) == 0) {
         watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
         if (!complaint_.empty()) log_line(LogLevel::info, fmt::format("Modbus: listening on {}", settings_.listen));
         complaint_.clear();

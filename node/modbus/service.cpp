@@ -32,7 +32,8 @@ std::size_t Service::answer(std::span<const std::uint8_t> adu, Session& session,
     if (request.function == kEncapsulated) return identity_.answer(adu, out);
 
     const std::uint64_t now_ns = monotonic_ns();
-    View view = needs_view(request) ? look() : View{};  // one frame a request
+    const View view = needs_view(request) ? look() : View{};  // one frame a request
+    if (needs_view(request)) controls_.follow(view, now_ns);
     if (writes(request)) {
         const Exception exception = controls_.check(request, view, session, now_ns);
         if (exception != kNone) return refuse(exception);
@@ -59,7 +60,7 @@ View Service::look() {
 
 void Service::fill_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> out) {
     encode_global(view, out);
-    controls_.add_to_global(view, now_ns, out);
+    controls_.add_to_global(now_ns, out);
 }
 
 void Service::fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns) {

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """fetch_npm.py FOLDER: unpacks the packages of package-lock.json that are not optional into FOLDER/node_modules."""
 import base64
 import hashlib

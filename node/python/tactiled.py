@@ -1,0 +1,559 @@
+"""Reads the segment of a tactiled daemon. Python 3.9 or later on Linux, standard library alone; copy this file or put
+it on PYTHONPATH.
+
+    import tactiled
+
+    with tactiled.open("gripper") as node:
+        print("sensors:", *node.sensors)
+        for sample in node.follow("left", timeout=1.0):
+            if sample.quality == tactiled.BAD:
+                print("no value:", *sample.reasons_text)
+            else:
+                print(sample.sequence, *sample.force_S_N)
+    print("nothing new for a second")
+
+Fields, units, frames and signs are those of layout.h; what happens at the end of a daemon is what reader.h does. A
+reader costs the daemon nothing, cannot delay it, and survives its death. One object a thread.
+
+Memory order. A sample is copied in one piece between two looks at its slot's lock word, and given only if both showed
+the same finished record. That needs the two looks and the copy to happen in this order. Python has no fences. On x86
+this holds: loads are not reordered with loads, and the interpreter makes the three accesses in three separate calls. On
+other processors (ARM, RISC-V) the hardware may reorder them; some hundred instructions of the interpreter lie between,
+which makes it unlikely and guarantees nothing. Who must be sure there reads through C or C++.
+"""
+import collections
+import errno
+import math
+import mmap
+import operator
+import os
+import select
+import socket
+import stat
+import struct
+import time
+
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 0
+MAX_SENSORS = MAX_LINKS = 16
+
+NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
+
+(NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
+ DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY) = (1 << bit for bit in range(14))
+REASON_WORDS = (  # bit 0 first, as tactilectl prints them
+    "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
+    "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown")
+
+CONTACT, OVERLOAD, LOW_PASS = 1, 2, 4  # Sample.state
+
+READY, ANY_CONTACT = 1 << 0, 1 << 1  # NodeRecord.status
+ANY_TARING, SIMULATED, ANY_STALE, ANY_UNCALIBRATED = 1 << 8, 1 << 9, 1 << 10, 1 << 11
+WARNING, FAULT, RT_DEGRADED = 1 << 14, 1 << 15, 1 << 16
+
+STARTING, RUNNING, STOPPED, REPLACED = 1, 2, 3, 4  # the header's state
+
+_WORD = 0xFFFFFFFF
+_RECORD_OFFSET = 8
+_LINK_SIZE = 256
+_TRIES = 16
+_ATTACH_NS = 10_000_000  # between two looks for a successor
+_LOOK_S = 0.02           # the longest sleep: a daemon that dies wakes nobody
+_NAP_S = 0.001
+
+
+class Error(Exception):
+    """Why a segment cannot be read."""
+
+
+class _Struct:
+    """A struct of layout.h: `fields` is "name:format ...", in the letters of the module struct; "-" is padding."""
+
+    def __init__(self, fields):
+        self.fields = [tuple(field.split(":")) for field in fields.split()]
+        self.struct = struct.Struct("=" + "".join(code for _, code in self.fields))
+        self.size = self.struct.size
+        self.names = [name for name, _ in self.fields if name != "-"]
+        picks, at = [], 0
+        for _, code in self.fields:
+            if code[-1] == "x":
+                continue
+            if len(code) == 1 or code[-1] == "s":
+                picks.append(at)
+                at += 1
+            else:
+                picks.append(slice(at, at + int(code[:-1])))
+                at += int(code[:-1])
+        self._pick = operator.itemgetter(*picks)
+
+    def values(self, data, offset=0):
+        return self._pick(self.struct.unpack_from(data, offset))
+
+    def texts(self, data, offset):
+        """As values(), with char arrays as str."""
+        return [v.split(b"\0")[0].decode("utf-8", "surrogateescape") if isinstance(v, bytes) else v
+                for v in self.values(data, offset)]
+
+
+_HEADER = _Struct(
+    "magic:8s byte_order:I major:H minor:H header_size:I total_size:I epoch:I pid:I boot_id:40s name:32s version:32s "
+    "control:108s watchdog_ms:I n_sensors:I sensor_offset:I sensor_size:I n_links:I link_offset:I link_size:I "
+    "calibration_id:I node:5I -:88x state:I -:124x")
+_SENSOR = _Struct(
+    "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f")
+_SAMPLE = _Struct(
+    "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
+    "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
+    "cop_S_m:2d residual:d rate_Hz:f temperature_C:f state:I peak_N:f")
+_NODE = _Struct(
+    "sequence:Q t_ns:Q cycles:Q missed_cycles:Q heartbeat:I status:I fault:I warning:I worst_cycle_us:I command:6I "
+    "-:4x count:16Q")
+_STATE_WORD = struct.calcsize("=" + "".join(code for _, code in _HEADER.fields[:-2])) // 4
+
+Header = collections.namedtuple("Header", _HEADER.names)
+SensorInfo = collections.namedtuple("SensorInfo", _SENSOR.names)
+NodeRecord = collections.namedtuple("NodeRecord", _NODE.names)
+Command = collections.namedtuple("Command", "acknowledged state result")
+
+
+class Sample(collections.namedtuple("Sample", _SAMPLE.names)):
+    """One sample of one sensor: the fields of struct tactiled_sample, arrays as tuples. Immutable."""
+    __slots__ = ()
+
+    @property
+    def reasons_text(self):
+        """Why it is not GOOD: a list of words."""
+        return [word for bit, word in enumerate(REASON_WORDS) if self.reasons >> bit & 1]
+
+    @property
+    def age_ms(self):
+        """Since the frame's last byte was taken from the kernel, now."""
+        return (time.monotonic_ns() - self.t_ns) / 1e6
+
+
+_NOTHING = Sample._make(_SAMPLE.values(bytes(_SAMPLE.size)))
+_NAN3 = (math.nan,) * 3
+_NO_FORCE = {**{name: _NAN3 for name in _SAMPLE.names if "force" in name or "torque" in name},
+             "cop_S_m": _NAN3[:2], "residual": math.nan, "quality": BAD, "state": 0}
+
+
+def _invalidated(sample, reason):
+    return sample._replace(reasons=sample.reasons | reason, **_NO_FORCE)
+
+
+def _judged(sample, stale_ms, now_ns):
+    return sample if now_ns - sample.t_ns <= stale_ms * 1_000_000 else _invalidated(sample, STALE)
+
+
+class _Ring:
+    """The functions tactiled_ring_* of layout.h. Records are numbered modulo 2^32."""
+
+    def __init__(self, segment, numbers, size):
+        self.offset, self.slot_size, self.slots, self.record_size, self.head_offset = numbers
+        self._size, self._known = size, min(size, self.record_size)
+        self._bytes, self._words = segment.bytes, segment.words
+
+    def fits(self, size):
+        return (self.slots >= 8 and self.slots & (self.slots - 1) == 0 and self.slot_size % 128 == 0 and
+                self.record_size % 4 == 0 and _RECORD_OFFSET + self.record_size <= self.slot_size and
+                self.offset % 128 == 0 and self.offset + self.slots * self.slot_size <= size and
+                self.head_offset % 4 == 0 and self.head_offset + 4 <= size)
+
+    def head(self):
+        return self._words[self.head_offset >> 2]
+
+    def lock_of(self, number):
+        return self._words[self.offset + (number & (self.slots - 1)) * self.slot_size >> 2]
+
+    def read(self, number):
+        """The bytes of a record, or None when the slot holds another one or changed meanwhile."""
+        slot = self.offset + (number & (self.slots - 1)) * self.slot_size
+        begin, whole = slot + _RECORD_OFFSET, 2 * number + 2 & _WORD
+        if self._words[slot >> 2] != whole:
+            return None
+        record = self._bytes[begin:begin + self._known]
+        if self._words[slot >> 2] != whole:
+            return None
+        return record if self._known == self._size else record.ljust(self._size, b"\0")
+
+    def latest(self):
+        for _ in range(_TRIES):
+            record = self.read(self.head() - 1)
+            if record is not None:
+                return record
+        return None
+
+    def newest_number(self):
+        return max(self.head() - 1, 0)
+
+    def oldest_number(self):
+        """Of the oldest record that will surely stay for a while."""
+        return max(self.head() - (self.slots - 1 - self.slots // 8), 0)
+
+
+class _Segment:
+    """One mapping of one segment, checked."""
+
+    def __init__(self, name):
+        self.path = _path(name)
+        try:
+            fd = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        except OSError as e:
+            hint = {errno.ENOENT: " (no daemon of that name runs)", errno.EACCES: " (join the segment's group)"}
+            raise self._error(f"{e.strerror}{hint.get(e.errno, '')}") from None
+        try:
+            status = os.fstat(fd)
+            if status.st_size < _HEADER.size:
+                raise self._error("too short to be a segment")
+            if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+                raise self._error("others than its owner may write it: not a daemon's")
+            self.identity = status.st_dev, status.st_ino
+            flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)  # the name is new in Python 3.10
+            try:
+                self.bytes = mmap.mmap(fd, status.st_size, flags, mmap.PROT_READ)
+            except OSError as e:
+                raise self._error(f"mmap: {e.strerror}") from None
+        finally:
+            os.close(fd)
+        self.words = memoryview(self.bytes)[:status.st_size & ~3].cast("I")
+        try:
+            self._check(status.st_size)
+        except Error:
+            self.close()
+            raise
+
+    def _error(self, what):
+        return Error(f"{os.fsdecode(self.path)}: {what}")
+
+    def _check(self, size):
+        self.header = h = Header._make(_HEADER.texts(self.bytes, 0))
+        if self.bytes[:8] != MAGIC:
+            raise self._error("no tactiled segment")
+        if h.byte_order != BYTE_ORDER:
+            raise self._error("written by a machine of the other byte order")
+        if h.major != MAJOR:
+            raise self._error(f"its layout is version {h.major}.{h.minor}, this reader knows {MAJOR}.{MINOR}: "
+                              "take the tactiled.py that came with the daemon")
+        if h.total_size > size or h.header_size < _HEADER.size:
+            raise self._error("truncated")
+        if h.n_sensors > MAX_SENSORS or h.n_links > MAX_LINKS:
+            raise self._error("more sensors or links than can be")
+        if h.sensor_size < _SENSOR.size or h.link_size < _LINK_SIZE:
+            raise self._error("directory entries too small")
+        for offset, whole, alignment in ((h.sensor_offset, h.sensor_size * h.n_sensors, 4),
+                                         (h.link_offset, h.link_size * h.n_links, 128)):
+            if offset % alignment or offset + whole > size:
+                raise self._error("a directory lies outside")
+        self.node = _Ring(self, h.node, _NODE.size)
+        if not self.node.fits(size):
+            raise self._error("the node ring lies outside")
+        self.sensors = {}  # name -> (SensorInfo, _Ring), in the daemon's order
+        for i in range(h.n_sensors):
+            info = SensorInfo._make(_SENSOR.texts(self.bytes, h.sensor_offset + i * h.sensor_size))
+            ring = _Ring(self, info.ring, _SAMPLE.size)
+            if not ring.fits(size):
+                raise self._error("a sensor's ring lies outside")
+            self.sensors[info.name] = info, ring
+
+    def is_current(self):
+        """False once the daemon has ended cleanly or a successor has taken over."""
+        return STARTING <= self.words[_STATE_WORD] <= RUNNING
+
+    def close(self):
+        self.words.release()
+        self.bytes.close()
+
+
+class _Attached:
+    """What has a segment and finds the successor of its daemon. A context manager."""
+
+    _segment = None
+    _tried_ns = 0
+
+    def close(self):
+        if self._segment is not None:
+            self._segment.close()
+        self._segment = None
+
+    def __del__(self):
+        self.close()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def _attach(self, sensor=None):
+        """Takes a successor that has the sensor, if there is one; at most each 10 ms. Returns whether it did."""
+        now_ns = time.monotonic_ns()
+        if now_ns - self._tried_ns < _ATTACH_NS:
+            return False
+        self._tried_ns = now_ns
+        try:
+            status = os.stat(_path(self.name), follow_symlinks=False)
+            if self._segment is not None and self._segment.identity == (status.st_dev, status.st_ino):
+                return False
+            fresh = _Segment(self.name)
+        except (OSError, Error):
+            return False
+        if not fresh.is_current() or sensor is not None and sensor not in fresh.sensors:
+            fresh.close()
+            return False
+        if self._segment is not None:
+            self._segment.close()
+        self._segment = fresh
+        return True
+
+
+class Node(_Attached):
+    """The values of a node as they are now. Attaches by itself to the daemon that follows the one it was opened on."""
+
+    def __init__(self, name):
+        self.name = name
+        self._segment = _Segment(name)
+        self._known = set(self._segment.sensors)
+        self._stale = False  # so was the last thing given: the daemon may be dead and its file removed
+
+    def _now(self):
+        if self._segment is None:
+            raise Error(f'node "{self.name}": closed')
+        if (self._stale or not self._segment.is_current()) and self._attach():
+            self._known.update(self._segment.sensors)
+        return self._segment
+
+    def _require(self, sensor):
+        if sensor not in self._known:
+            raise Error(f'node "{self.name}" has no sensor "{sensor}"; it has: {", ".join(self.sensors)}')
+
+    @property
+    def sensors(self):
+        """Their names, in the daemon's order."""
+        return tuple(self._now().sensors)
+
+    @property
+    def header(self):
+        """What the daemon says of itself: version, pid, epoch, ..."""
+        return self._now().header
+
+    def info(self, sensor):
+        """What the daemon says of a sensor: model, serial, stale_ms, full_scale, ..."""
+        if sensor not in self._now().sensors:
+            raise Error(f'node "{self.name}" has no sensor "{sensor}"')
+        return self._segment.sensors[sensor][0]
+
+    def latest(self, sensor):
+        """The newest sample; BAD with a reason when there is no good one. Never blocks."""
+        segment = self._now()
+        if sensor not in segment.sensors:
+            self._require(sensor)
+            return _invalidated(_NOTHING, DAEMON_STOPPED)  # the successor does not have it
+        now_ns = time.monotonic_ns()
+        info, ring = segment.sensors[sensor]
+        record = ring.latest()
+        if record is None:
+            return _invalidated(_NOTHING, READER_OVERRUN)
+        sample = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
+        self._stale = sample.reasons & STALE != 0
+        return sample if segment.is_current() else _invalidated(sample, DAEMON_STOPPED)
+
+    def snapshot(self):
+        """(node record, {name: sample}): what belongs together at one instant. Error when there is none yet."""
+        segment = self._now()
+        for tries in range(_TRIES):
+            begun_ns = time.monotonic_ns()
+            record = segment.node.latest()
+            if record is None:
+                break
+            values = list(_NODE.values(record))
+            at = NodeRecord._fields.index("command")
+            values[at] = tuple(Command(*values[at][i:i + 3]) for i in (0, 3))
+            node = NodeRecord._make(values)
+            samples = {}
+            for (name, (_, ring)), count in zip(segment.sensors.items(), node.count):
+                record = ring.read(count - 1)
+                if record is None:
+                    break
+                samples[name] = Sample._make(_SAMPLE.values(record))
+            taken_ns = time.monotonic_ns()
+            # Held up between reading and judging: what was read may be old, what is there now need not be.
+            if len(samples) < len(segment.sensors) or taken_ns - begun_ns > 10_000_000 and tries < _TRIES - 1:
+                continue
+            current = segment.is_current()
+            for name, (info, _) in segment.sensors.items():
+                sample = _judged(samples[name], info.stale_ms, taken_ns)
+                samples[name] = sample if current else _invalidated(sample, DAEMON_STOPPED)
+            self._stale = any(sample.reasons & STALE for sample in samples.values())
+            return node, samples
+        raise Error(f'node "{self.name}": no whole snapshot: nothing published yet, or this reader is too slow')
+
+    def follow(self, sensor, timeout=None, wait="events", from_oldest=False):
+        """An iterator of the samples of a sensor, in order: see Follower.
+
+        timeout: seconds without a sample after which it ends, None = never. wait: "events" sleeps until the daemon's
+        eventfd says that there is something, or as "sleep" where there is no control socket; "sleep" naps 1 ms;
+        "poll" uses a whole CPU. from_oldest: begin with the oldest sample that is kept, not with the newest.
+        """
+        self._now()
+        self._require(sensor)
+        return Follower(self.name, sensor, timeout, wait, from_oldest)
+
+
+class _Events:
+    """An eventfd that counts node records, from the control socket, for as long as the connection is open."""
+
+    def __init__(self, header):
+        self._connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            self._connection.settimeout(1.0)
+            self._connection.connect(os.fsencode(header.control))
+            self._connection.send(f"{header.name} events".encode("utf-8", "surrogateescape"))
+            _, fds, _, _ = socket.recv_fds(self._connection, 64, 1, socket.MSG_CMSG_CLOEXEC)
+            if not fds:
+                raise OSError("the daemon gives no eventfd")
+        except OSError:
+            self._connection.close()
+            raise
+        self._event = os.fdopen(fds[0], "rb", buffering=0)
+        self._poll = select.poll()
+        self._poll.register(self._event, select.POLLIN)
+        self._poll.register(self._connection, select.POLLIN)
+
+    def wait(self, seconds):
+        """Sleeps until the daemon has published. Returns False when it has closed the connection."""
+        for fd, _ in self._poll.poll(seconds * 1000):
+            if fd == self._connection.fileno():
+                return False
+            self._event.read(8)
+        return True
+
+    def close(self):
+        self._connection.close()
+        self._event.close()
+
+
+class Follower(_Attached):
+    """Each sample of one sensor once, in order. When the daemon ends, hangs or dies: what is left in the ring, then one
+    BAD sample, then its successor's. `lost` counts samples that were overwritten before this reader came to them.
+    After a timeout the next loop goes on where this one ended."""
+
+    _events = None
+
+    def __init__(self, name, sensor, timeout=None, wait="events", from_oldest=False):
+        if wait not in ("events", "sleep", "poll"):
+            raise ValueError(f'wait = "{wait}": choose "events", "sleep" or "poll"')
+        self.name, self.sensor = name, sensor
+        self.lost = 0
+        self._timeout, self._how = timeout, wait
+        self._last = None           # what was given last
+        self._next = None           # number of the record that comes next, None = not known yet
+        self._oldest = from_oldest  # where to begin
+        self._broken = False        # the daemon has ended, hangs or is dead
+        self._empty = 0             # looks that found nothing, since a sample
+        self._asked = self._closed = False
+        self._attach(sensor)
+
+    def close(self):
+        self._closed = True
+        self._drop_events()
+        super().close()
+
+    def __iter__(self):
+        return self
+
+    def __next__(self):
+        sample = None if self._closed else self._take()
+        until = math.inf if self._timeout is None else time.monotonic() + self._timeout
+        while sample is None:
+            left = until - time.monotonic()
+            if self._closed or left <= 0:
+                raise StopIteration
+            self._sleep(left)
+            sample = self._take()
+        return sample
+
+    def _attach(self, sensor=None):
+        if not super()._attach(sensor):
+            return False
+        self._drop_events()
+        self._asked = self._broken = False
+        self._oldest = self._oldest or self._last is not None
+        self._next = None
+        return True
+
+    def _take(self):
+        if self._segment is not None:
+            info, ring = self._segment.sensors[self.sensor]
+            if self._next is None:
+                self._next = ring.oldest_number() if self._oldest else ring.newest_number()
+            record = self._next_record(ring)
+            if record is not None:
+                self._last = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, time.monotonic_ns())
+                self._broken = False
+                return self._last
+            self._empty += 1
+            if self._how == "poll" and self._empty % 16 and self._segment.is_current():
+                return None
+        sample = self._look()
+        if sample is None and (self._segment is None or self._broken):
+            self._attach(self.sensor)
+        return sample
+
+    def _next_record(self, ring):
+        for _ in range(_TRIES):
+            number = self._next
+            ahead = ring.lock_of(number) - (2 * number + 2) & _WORD
+            if ahead == 0:
+                record = ring.read(number)
+                if record is not None:
+                    self._next = number + 1 & _WORD
+                    return record
+            elif ahead >> 31:
+                return None  # not written yet
+            self._next = ring.oldest_number()
+            self.lost += self._next - number & _WORD
+        return None
+
+    def _look(self):
+        """Nothing new: has the daemon ended, is it dead? Then gives one BAD sample that says so."""
+        segment = self._segment
+        gone = segment is None
+        if not gone:
+            ring = segment.sensors[self.sensor][1]
+            if ring.head() - self._next & _WORD > ring.slots:  # asleep for 2^30 records, or more
+                self._next = ring.oldest_number()
+            record = segment.node.latest()
+            gone = (record is None or not segment.is_current() or
+                    time.monotonic_ns() > _NODE.values(record)[1] + segment.header.watchdog_ms * 1_000_000)
+        self._broken = gone
+        if not gone or self._last is None or self._last.reasons & DAEMON_STOPPED:
+            return None
+        self._last = _invalidated(self._last, DAEMON_STOPPED)
+        return self._last
+
+    def _sleep(self, left_s):
+        if self._how == "poll":
+            return
+        if self._how == "events" and not self._asked and self._segment is not None:
+            self._asked = True
+            try:
+                self._events = _Events(self._segment.header)
+            except OSError:
+                pass
+        if self._events is None or self._broken:
+            time.sleep(min(left_s, _NAP_S))
+        elif not self._events.wait(min(left_s, _LOOK_S)):
+            self._drop_events()
+
+    def _drop_events(self):
+        if self._events is not None:
+            self._events.close()
+        self._events = None
+
+
+def _path(name):
+    return f"/dev/shm/tactiled.{name}".encode("utf-8", "surrogateescape")
+
+
+def open(name):
+    """The node of that name: /dev/shm/tactiled.NAME. Raises Error with the reason when it cannot be read."""
+    return Node(name)
