@@ -1,0 +1,117 @@
+"""What is installed: headers, package files and the Python module, used as a user's build would use them."""
+import os
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+from daemon import BIN, ROOT, Daemon
+from map_test import CONFIG
+
+EXAMPLE_C = """
+#include <stdio.h>
+#include <tactiled/reader.h>
+
+int main(int argc, char **argv) {
+    struct tactiled_reader reader;
+    struct tactiled_sample s;
+    tactiled_reader_init(&reader, argc > 1 ? argv[1] : "gripper", "table");
+    for (int n = 0; n < 100 && tactiled_reader_wait(&reader, &s, 1000, TACTILED_BLOCK); ++n)
+        if (s.quality != TACTILED_BAD) printf("%g N\\n", s.force_S_N[2]);
+    return 0;
+}
+"""
+EXAMPLE_CXX = """
+#include <cstdio>
+#include <tactiled/reader.hpp>
+
+int main(int argc, char** argv) {
+    tactiled::Reader reader(argc > 1 ? argv[1] : "gripper", "table");
+    tactiled_sample s;
+    for (int n = 0; n < 100 && reader.wait(s, 1000, tactiled::Wait::predict); ++n)
+        if (s.quality != TACTILED_BAD) std::printf("%g N\\n", s.force_S_N[2]);
+}
+"""
+CMAKE = """
+cmake_minimum_required(VERSION 3.16)
+project(user C CXX)
+find_package(tactiled 0.1 REQUIRED)
+add_executable(example_c example.c)
+add_executable(example_cxx example.cpp)
+target_link_libraries(example_c PRIVATE tactiled::reader)
+target_link_libraries(example_cxx PRIVATE tactiled::reader)
+set_target_properties(example_cxx PROPERTIES CXX_STANDARD 17)
+"""
+
+
+class Installed(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-install-"))
+        cls.prefix = cls.folder / "usr"
+        subprocess.run(["cmake", "--install", BIN.parent, "--prefix", cls.prefix], check=True, capture_output=True)
+        (cls.folder / "example.c").write_text(EXAMPLE_C)
+        (cls.folder / "example.cpp").write_text(EXAMPLE_CXX)
+        (cls.folder / "CMakeLists.txt").write_text(CMAKE)
+        cls.daemon = Daemon(CONFIG)
+        cls.daemon.play("--in", ROOT / "config/demo/table_demo.csv", "--pty", cls.daemon.folder / "table", "--format", "cobs",
+                        "--bits", "32", "--counts-per-unit", "1e9", "--loop")
+        cls.daemon.start()
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.daemon.__exit__()
+        shutil.rmtree(cls.folder)
+
+    def lines_of(self, *words):
+        out = subprocess.run([*words, self.daemon.name], capture_output=True, text=True, timeout=30, check=True).stdout
+        return [line for line in out.splitlines() if line.endswith(" N")]
+
+    def test_pkg_config_builds_the_c_example(self):
+        """pkg-config's prefix is the configured one: moved here, as a cross build does."""
+        where = {**os.environ, "PKG_CONFIG_PATH": str(self.prefix / "share/pkgconfig")}
+        words = subprocess.run(["pkg-config", f"--define-variable=prefix={self.prefix}", "--cflags", "tactiled >= 0.1"], env=where,
+                               capture_output=True, text=True, check=True).stdout.split()
+        for standard in ("-std=gnu11", "-std=gnu17"):
+            subprocess.run(["cc", "-Wall", "-Wextra", "-Werror", standard, *words, self.folder / "example.c", "-o",
+                            self.folder / "c"], check=True)
+        self.assertEqual(len(self.lines_of(self.folder / "c")), 100)
+
+    def test_find_package_builds_both_examples(self):
+        build = self.folder / "build"
+        subprocess.run(["cmake", "-S", self.folder, "-B", build, f"-DCMAKE_PREFIX_PATH={self.prefix}"], check=True,
+                       capture_output=True)
+        subprocess.run(["cmake", "--build", build], check=True, capture_output=True)
+        for program in ("example_c", "example_cxx"):
+            self.assertEqual(len(self.lines_of(build / program)), 100, program)
+        (self.folder / "CMakeLists.txt").write_text(CMAKE.replace("tactiled 0.1", "tactiled 9.0"))
+        refused = subprocess.run(["cmake", "-S", self.folder, "-B", self.folder / "other",
+                                  f"-DCMAKE_PREFIX_PATH={self.prefix}"], capture_output=True, text=True)
+        self.assertNotEqual(refused.returncode, 0)
+        (self.folder / "CMakeLists.txt").write_text(CMAKE)
+
+    def test_a_32_bit_reader_sees_the_same(self):
+        program = self.folder / "c32"
+        built = subprocess.run(["cc", "-m32", "-std=gnu11", f"-I{self.prefix}/include", self.folder / "example.c", "-o", program],
+                               capture_output=True, text=True)
+        if "bits/libc-header-start.h" in built.stderr or "cannot find" in built.stderr:
+            self.skipTest("no 32-bit C library here: apt install gcc-multilib")
+        self.assertEqual(built.returncode, 0, built.stderr)
+        self.assertEqual(len(self.lines_of(program)), 100)
+
+    def test_the_python_module_is_found(self):
+        environment = {**os.environ, "PYTHONPATH": str(self.prefix / "lib/python3/dist-packages")}
+        program = ("import sys, itertools, tactiled\n"
+                   "for s in itertools.islice(tactiled.open(sys.argv[1]).follow('table'), 100):\n"
+                   "    print(s.force_S_N[2], 'N')\n")
+        out = subprocess.run(["/usr/bin/python3", "-c", program, self.daemon.name], env=environment, capture_output=True, text=True,
+                             timeout=30, check=True).stdout
+        self.assertEqual(len(out.splitlines()), 100)
+
+    def test_the_manual_page_is_there(self):
+        self.assertIn("MAGIC0", (self.prefix / "share/man/man7/tactiled-registers.7").read_text())
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
