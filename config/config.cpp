@@ -54,8 +54,9 @@ RtuSettings read_rtu(Options table) {
     const int baud = small_integer(table, "baud", {300, 4'000'000}, 19200);
     const std::string parity = table.one_of("parity", {"none", "odd", "even"}, "even");
     const int address = small_integer(table, "address", {1, 247}, 1);
+    const int silence_us = small_integer(table, "silence_us", {0, 50'000}, 0);
     const bool rs485 = table.flag("rs485", false);
-    return {device, baud, parity, address, rs485};
+    return {device, baud, parity, address, silence_us, rs485};
 }
 
 std::vector<std::string> read_networks(Options& table, std::string_view key) {

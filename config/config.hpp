@@ -53,7 +53,8 @@ struct RtuSettings {
     int baud;
     std::string parity;  // "none", "odd" or "even"
     int address;
-    bool rs485;  // the kernel's driver switches the direction
+    int silence_us;  // that ends a frame; 0 = 3.5 characters
+    bool rs485;      // the kernel's driver switches the direction
 };
 
 struct ModbusSettings {

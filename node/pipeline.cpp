@@ -148,6 +148,7 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
     }
     node_.command[commander].acknowledged = command.number;
     news_ = true;
+    if (now_ns > command.until_ns) return reject(TACTILED_COMMAND_TIMED_OUT);
     const auto all = std::uint32_t((1u << sensors_.size()) - 1);
     if ((command.mask & ~all) != 0 || (command.mask == 0 && command.kind != Kind::clear_latches))
         return reject(TACTILED_COMMAND_BAD_MASK);

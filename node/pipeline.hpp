@@ -52,9 +52,10 @@ struct Link {
 struct Command {
     enum class Kind : std::uint32_t { tare = 1, untare = 2, clear_latches = 3, reset_peaks = 6, self_test = 8, set = 100 };
     Kind kind = Kind::tare;
-    std::uint32_t mask = 0;     // bit n: sensor n
-    std::uint32_t number = 0;   // told back as tactiled_command.acknowledged
-    SensorSettable settable{};  // of `set`
+    std::uint32_t mask = 0;               // bit n: sensor n
+    std::uint32_t number = 0;             // told back as tactiled_command.acknowledged
+    SensorSettable settable{};            // of `set`
+    std::uint64_t until_ns = UINT64_MAX;  // too late after that: who asked was told so
 };
 
 class Pipeline {

@@ -21,7 +21,9 @@ const Area& area_with(Block block) {
 bool is_flag(const Register& r) { return r.type == Type::bits || r.type == Type::mask; }
 // Forces and torques become REAL in SI, with a bit that says whether there is a value.
 bool is_force(const Register& r) { return r.type == Type::i16 && (r.unit == "0.01 N" || r.unit == "0.001 Nm"); }
-bool is_wire_only(const Register& r) { return r.name == "SEQ_END" || r.name == "MAGIC0" || r.name == "MAGIC1" || r.name == "SCALE"; }
+bool is_wire_only(const Register& r) {
+    return r.name == "SEQ_END" || r.name == "MAGIC0" || r.name == "MAGIC1" || r.name == "SCALE";
+}
 double scale_of(const Register& r) { return r.unit == "0.001 Nm" ? 0.001 : 0.01; }
 std::string si_name(const Register& r) { return fmt::format("{}_{}", r.name, r.unit == "0.001 Nm" ? "NM" : "N"); }
 
@@ -35,11 +37,17 @@ void declare(std::string& out, std::string_view type, const Area& area) {
     out += fmt::format("TYPE {} :\nSTRUCT\n", type);
     for (const Register& r : area.registers) {
         if (is_wire_only(r)) continue;
-        const std::string meaning = fmt::format("{}{}{}", r.unit, r.unit.empty() || r.meaning.empty() ? "" : ", ", r.meaning);
+        const std::string meaning =
+            fmt::format("{}{}{}", r.unit, r.unit.empty() || r.meaning.empty() ? "" : ", ", r.meaning);
         if (is_force(r))
             field(out, si_name(r), "REAL", r.meaning);
         else
-            field(out, r.name, is_flag(r) ? "WORD" : r.type == Type::i16 ? "INT" : r.type == Type::i32 ? "DINT" : "UINT", meaning);
+            field(out, r.name,
+                  is_flag(r)            ? "WORD"
+                  : r.type == Type::i16 ? "INT"
+                  : r.type == Type::i32 ? "DINT"
+                                        : "UINT",
+                  meaning);
     }
     if (area.block == Block::sensor) {
         field(out, "OK", "BOOL", "the value is GOOD: use it");
@@ -55,16 +63,17 @@ void unpack(std::string& out, const Area& area, std::string_view array, std::str
     for (const Register& r : area.registers) {
         if (is_wire_only(r)) continue;
         const auto cell = [&](unsigned plus) {
-            return base.empty() ? fmt::format("{}[{}]", array, r.at + plus) : fmt::format("{}[{} + {}]", array, base, r.at + plus);
+            return base.empty() ? fmt::format("{}[{}]", array, r.at + plus)
+                                : fmt::format("{}[{} + {}]", array, base, r.at + plus);
         };
         if (is_force(r)) {
-            out += fmt::format("{}IF {} <> 16#8000 THEN\n{}    {}.{} := INT_TO_REAL(WORD_TO_INT({})) * {};\n{}ELSE\n", indent, cell(0),
-                               indent, target, si_name(r), cell(0), scale_of(r), indent);
-            out += fmt::format("{}    {}.{} := 0.0;\n{}    {}.{} := FALSE;\n{}END_IF;\n", indent, target, si_name(r), indent, target,
-                               r.unit == "0.001 Nm" ? "HAS_TORQUE" : "HAS_VALUE", indent);
+            out += fmt::format("{}IF {} <> 16#8000 THEN\n{}    {}.{} := INT_TO_REAL(WORD_TO_INT({})) * {};\n{}ELSE\n",
+                               indent, cell(0), indent, target, si_name(r), cell(0), scale_of(r), indent);
+            out += fmt::format("{}    {}.{} := 0.0;\n{}    {}.{} := FALSE;\n{}END_IF;\n", indent, target, si_name(r), indent,
+                               target, r.unit == "0.001 Nm" ? "HAS_TORQUE" : "HAS_VALUE", indent);
         } else if (r.type == Type::i32) {  // high word first
-            out += fmt::format("{}{}.{} := INT_TO_DINT(WORD_TO_INT({})) * 65536 + UINT_TO_DINT(WORD_TO_UINT({}));\n", indent, target,
-                               r.name, cell(0), cell(1));
+            out += fmt::format("{}{}.{} := INT_TO_DINT(WORD_TO_INT({})) * 65536 + UINT_TO_DINT(WORD_TO_UINT({}));\n", indent,
+                               target, r.name, cell(0), cell(1));
         } else {
             const std::string value = is_flag(r)            ? cell(0)
                                       : r.type == Type::i16 ? fmt::format("WORD_TO_INT({})", cell(0))
@@ -104,25 +113,33 @@ std::string map_structured_text(unsigned sensors) {
         "    NODE : T_TACTILED_GLOBAL;\n"
         "    SENSOR : T_TACTILED_SENSORS;\n"
         "END_VAR\nVAR\n"
-        "    IDX : INT;\n    BASE : INT;\n    CHANNEL_OK : BOOL;\n    BEAT_SEEN : BOOL;\n    LAST_BEAT : UINT;\n    STILL : UINT;\nEND_VAR\n\n";
+        "    IDX : INT;\n    BASE : INT;\n    CHANNEL_OK : BOOL;\n    BEAT_SEEN : BOOL;\n    LAST_BEAT : UINT;\n    STILL : "
+        "UINT;\nEND_VAR\n\n";
     out += fmt::format("WRONG_MAP := (GLOBAL_REGS[{}] <> 16#5441) OR (GLOBAL_REGS[{}] <> 16#4354);\n", unsigned(kMagic0),
                        unsigned(kMagic1));
-    out += fmt::format("WRONG_MAP := WRONG_MAP OR (WORD_TO_UINT(GLOBAL_REGS[{}]) / 256 <> {});\n", unsigned(kMapVersion), kMapMajor);
+    out += fmt::format("WRONG_MAP := WRONG_MAP OR (WORD_TO_UINT(GLOBAL_REGS[{}]) / 256 <> {});\n", unsigned(kMapVersion),
+                       kMapMajor);
     out += fmt::format("TORN := GLOBAL_REGS[{}] <> GLOBAL_REGS[{}];\n\n", unsigned(kSeq), unsigned(kSeqEnd));
     unpack(out, global, "GLOBAL_REGS", "", "NODE", "");
     out +=
-        "\nIF (NOT BEAT_SEEN) OR (NODE.HEARTBEAT <> LAST_BEAT) THEN\n    STILL := 0;\nELSIF STILL < 60000 THEN\n    STILL := STILL + 1;\n"
+        "\nIF (NOT BEAT_SEEN) OR (NODE.HEARTBEAT <> LAST_BEAT) THEN\n    STILL := 0;\nELSIF STILL < 60000 THEN\n    STILL "
+        ":= STILL + 1;\n"
         "END_IF;\nLAST_BEAT := NODE.HEARTBEAT;\nBEAT_SEEN := TRUE;\nDEAD := STILL >= CALLS_PER_SECOND / 2 + 1;\n\n";
     out += fmt::format("FOR IDX := 0 TO {} DO\n    BASE := IDX * {};\n", sensors - 1, kSensorSize);
     out += fmt::format("    CHANNEL_OK := SENSOR_REGS[BASE] = SENSOR_REGS[BASE + {}];\n", unsigned(kSensorSeqEnd));
-    out += "    IF NOT CHANNEL_OK THEN\n        TORN := TRUE;\n    END_IF;\n"
-           "    SENSOR[IDX].HAS_VALUE := TRUE;\n    SENSOR[IDX].HAS_TORQUE := TRUE;\n";
+    out +=
+        "    IF NOT CHANNEL_OK THEN\n        TORN := TRUE;\n    END_IF;\n"
+        "    SENSOR[IDX].HAS_VALUE := TRUE;\n    SENSOR[IDX].HAS_TORQUE := TRUE;\n";
     unpack(out, sensor, "SENSOR_REGS", "BASE", "SENSOR[IDX]", "    ");
-    out += fmt::format("    SENSOR[IDX].OK := CHANNEL_OK AND ((SENSOR_REGS[BASE + {}] AND 16#0001) <> 16#0000);\nEND_FOR;\n\n",
-                       unsigned(kSensorStatus));
-    out += "VALID := NOT (WRONG_MAP OR TORN OR DEAD);\n"
-           "IF NOT VALID THEN\n";
-    out += fmt::format("    FOR IDX := 0 TO {} DO\n        SENSOR[IDX].OK := FALSE;\n    END_FOR;\nEND_IF;\nEND_FUNCTION_BLOCK\n", sensors - 1);
+    out +=
+        fmt::format("    SENSOR[IDX].OK := CHANNEL_OK AND ((SENSOR_REGS[BASE + {}] AND 16#0001) <> 16#0000);\nEND_FOR;\n\n",
+                    unsigned(kSensorStatus));
+    out +=
+        "VALID := NOT (WRONG_MAP OR TORN OR DEAD);\n"
+        "IF NOT VALID THEN\n";
+    out += fmt::format(
+        "    FOR IDX := 0 TO {} DO\n        SENSOR[IDX].OK := FALSE;\n    END_FOR;\nEND_IF;\nEND_FUNCTION_BLOCK\n",
+        sensors - 1);
     return out;
 }
 

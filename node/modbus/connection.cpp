@@ -80,7 +80,7 @@ const char* Connection::overdue(std::uint64_t now_ns) const noexcept {
     const auto late = [&](std::uint64_t since, std::uint64_t limit) { return since != 0 && now_ns > since + limit; };
     if (late(stuck_since_ns_, kDeafNs)) return "takes no answers";
     if (!wants_to_send() && late(request_began_ns_, kRequestNs)) return "half a request for a second";
-    if (late(heard_ns_, kIdleNs)) return "idle";
+    if (!request_waits_ && !wants_to_send() && late(heard_ns_, kIdleNs)) return "idle";
     return "";
 }
 

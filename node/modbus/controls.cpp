@@ -42,20 +42,22 @@ Controls::Controls(const ModbusSettings& settings, Ring<Command>& commands)
 }
 
 void Controls::follow(const View& view, std::uint64_t now_ns) noexcept {
+    tick();
     const tactiled_command& answer = view.snapshot.node.command[TACTILED_FROM_MODBUS];
-    if (state_ == TACTILED_COMMAND_RUNNING) {
-        if (answer.acknowledged == number_) {
-            state_ = tactiled_command_state(answer.state);
-            result_ = tactiled_command_result(answer.result);
-        } else if (now_ns > sent_ns_ + kAnswerNs) {
-            settle(TACTILED_COMMAND_DONE, TACTILED_COMMAND_TIMED_OUT);
-        }
+    acknowledged_by_pipeline_ = answer.acknowledged;
+    if (state_ != TACTILED_COMMAND_RUNNING) return;
+    if (answer.acknowledged == block_number_ && answer.state != TACTILED_COMMAND_RUNNING) {
+        const bool good = answer.state == TACTILED_COMMAND_DONE && answer.result == TACTILED_COMMAND_OK;
+        settle(good ? TACTILED_COMMAND_DONE : TACTILED_COMMAND_REJECTED, tactiled_command_result(answer.result));
+    } else if (now_ns > sent_ns_ + kAnswerNs) {
+        settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_TIMED_OUT);
     }
 }
 
 // Also before the pipeline has taken the command: two tares in one segment of TCP are two.
-bool Controls::is_taring(const View& view) const noexcept {
-    return (view.snapshot.node.status & TACTILED_ANY_TARING) != 0 || (state_ == TACTILED_COMMAND_RUNNING && runs_a_tare_);
+bool Controls::is_busy(const View& view) const noexcept {
+    return (view.snapshot.node.status & TACTILED_ANY_TARING) != 0 || state_ == TACTILED_COMMAND_RUNNING ||
+           std::int32_t(acknowledged_by_pipeline_ - tare_number_) < 0;
 }
 
 // ---- may it be written? ----------------------------------------------------------------------------------------------
@@ -82,7 +84,41 @@ Exception Controls::check(const Request& request, const View& view, const Sessio
         if (found == kIllegalAddress) return found;
         if (first == kNone) first = found;
     }
+    if (first == kNone && (takes_more_than_one_command(request) || contact_is_upside_down(request))) return kIllegalValue;
     return first;
+}
+
+// A write is carried out whole or not at all; of two commands the pipeline might refuse the second.
+bool Controls::takes_more_than_one_command(const Request& request) const noexcept {
+    int commands = 0;
+    if (request.function == kWriteCoil || request.function == kWriteCoils) {
+        bool tares = false;
+        for (unsigned i = 0; i < request.write.count; ++i) {
+            tares |= is_set(request, i) && request.write.at + i < kSlipCoils;
+            commands += is_set(request, i) && request.write.at + i == kClearAllCoil ? 1 : 0;
+        }
+        return commands + (tares ? 1 : 0) > 1;
+    }
+    for (unsigned i = 0; i < request.write.count; ++i) {
+        const unsigned at = request.write.at + i;
+        const std::uint16_t value = wished(request, i);
+        commands += (at >= kTareCell && at <= kResetPeakCell && value != 0) || (at == kCmdSeq && value != block_[4]) ? 1 : 0;
+    }
+    return commands > 1;
+}
+
+// Where both ends of the hysteresis are set here, contact must not end above where it begins.
+bool Controls::contact_is_upside_down(const Request& request) const noexcept {
+    if (request.function == kWriteCoil || request.function == kWriteCoils) return false;
+    std::uint16_t on = settings_[kContactOn - kFilterHz], off = settings_[kContactOff - kFilterHz];
+    bool touched = false;
+    for (unsigned i = 0; i < request.write.count; ++i) {
+        const unsigned at = request.write.at + i;
+        if (at == kContactOn) on = wished(request, i);
+        if (at == kContactOff) off = wished(request, i);
+        touched |= at == kContactOn || at == kContactOff;
+    }
+    return touched && on != kAsConfigured && off != kAsConfigured && off > on;
 }
 
 Exception Controls::check_register(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
@@ -97,18 +133,19 @@ Exception Controls::check_register(std::uint16_t at, std::uint16_t value, const 
     if (at >= kTareCell && at <= kResetPeakCell && (value & ~sensors_of(view)) != 0) return kIllegalValue;
     if (at == kWeighCell && value != 0) return kDeviceFailure;  // no weighing in this version
     const bool command = (at >= kTareCell && at <= kResetPeakCell && value != 0) || (at == kCmdSeq && value != block_[4]);
-    if (command && is_taring(view)) return kBusy;  // one at a time, so that CMD_STATE tells of the one that was asked for
+    if (command && is_busy(view)) return kBusy;  // one at a time, so that CMD_STATE tells of the one that was asked for
+    if (command && !view.alive) return kDeviceFailure;
     if (at == kTareCell && !have_values(view, value)) return kDeviceFailure;
     if (at == kSave && saving_.load() == storing) return kBusy;
     return kNone;
 }
 
 Exception Controls::check_coil(std::uint16_t at, const View& view) const noexcept {
-    if (at == kWeighCoil) return kDeviceFailure;
-    if (at == kClearAllCoil) return is_taring(view) ? kBusy : kNone;
+    if (at == kWeighCoil || !view.alive) return kDeviceFailure;
+    if (at == kClearAllCoil) return is_busy(view) ? kBusy : kNone;
     if ((sensors_of(view) >> at % kSensorBlocks & 1) == 0) return kIllegalAddress;  // no such sensor
     if (at >= kSlipCoils) return kNone;
-    return is_taring(view) ? kBusy : have_values(view, 1u << at) ? kNone : kDeviceFailure;
+    return is_busy(view) ? kBusy : have_values(view, 1u << at) ? kNone : kDeviceFailure;
 }
 
 // ---- writing ---------------------------------------------------------------------------------------------------------
@@ -144,18 +181,19 @@ void Controls::write_register(std::uint16_t at, std::uint16_t value, const View&
         return;
     }
     switch (at) {
-        case kTareCell: return value != 0 ? send(Command::Kind::tare, value, now_ns) : void();
-        case kUntareCell: return value != 0 ? send(Command::Kind::untare, value, now_ns) : void();
-        case kClearLatchCell: return value != 0 ? send(Command::Kind::clear_latches, 0, now_ns) : void();
-        case kResetPeakCell: return value != 0 ? send(Command::Kind::reset_peaks, value, now_ns) : void();
+        case kTareCell: return void(value != 0 ? send(Command::Kind::tare, value, now_ns) : 0);
+        case kUntareCell: return void(value != 0 ? send(Command::Kind::untare, value, now_ns) : 0);
+        case kClearLatchCell: return void(value != 0 ? send(Command::Kind::clear_latches, 0, now_ns) : 0);
+        case kResetPeakCell: return void(value != 0 ? send(Command::Kind::reset_peaks, value, now_ns) : 0);
         case kWeighCell: return;
         case kPlcHeartbeat:
             if (value != heartbeat_) heartbeat_ns_ = now_ns;
             heartbeat_ = value;
             return;
         case kPlcWatchdog:
+            if (value != watchdog_ms_)
+                heartbeat_ns_ = now_ns;  // a block that is written again and again keeps nothing alive
             watchdog_ms_ = value;
-            heartbeat_ns_ = now_ns;
             return;
         case kGripperState: gripper_state_ = value; return;
         case kGripperForce: gripper_force_ = value; return;
@@ -180,12 +218,18 @@ void Controls::run_command(const View& view, std::uint64_t now_ns) noexcept {
     if ((mask & ~sensors_of(view)) != 0 || (needs_mask && mask == 0))
         return settle(TACTILED_COMMAND_REJECTED,
                       block_[0] >= kTare && block_[0] <= kSelfTest ? TACTILED_COMMAND_BAD_MASK : TACTILED_COMMAND_UNKNOWN);
+    const auto run = [&](Command::Kind kind, std::uint32_t sensors) {
+        block_number_ = send(kind, sensors, now_ns);
+        sent_ns_ = now_ns;
+        if (block_number_ == 0) return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
+        settle(TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
+    };
     switch (block_[0]) {
-        case kTare: return send(Command::Kind::tare, mask, now_ns);
-        case kUntare: return send(Command::Kind::untare, mask, now_ns);
-        case kClearLatches: return send(Command::Kind::clear_latches, 0, now_ns);
-        case kResetPeaks: return send(Command::Kind::reset_peaks, mask, now_ns);
-        case kSelfTest: return send(Command::Kind::self_test, mask, now_ns);
+        case kTare: return run(Command::Kind::tare, mask);
+        case kUntare: return run(Command::Kind::untare, mask);
+        case kClearLatches: return run(Command::Kind::clear_latches, 0);
+        case kResetPeaks: return run(Command::Kind::reset_peaks, mask);
+        case kSelfTest: return run(Command::Kind::self_test, mask);
         case kStartWeighing:
         case kStopWeighing:
         case kZeroWeight: return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);  // no weighing in this version
@@ -196,27 +240,26 @@ void Controls::run_command(const View& view, std::uint64_t now_ns) noexcept {
 void Controls::settle(tactiled_command_state state, tactiled_command_result result) noexcept {
     state_ = state;
     result_ = result;
-    ++number_;  // an answer of the pipeline that is still to come is no longer this command's
 }
 
-void Controls::send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept {
+std::uint32_t Controls::send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept {
     Command* const slot = commands_.claim();
-    if (slot == nullptr) return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);  // the pipeline hangs
+    if (slot == nullptr) return 0;  // the pipeline hangs
     *slot = Command{};
     slot->kind = kind;
     slot->mask = mask;
     slot->number = ++number_;
+    slot->until_ns = now_ns + kAnswerNs;
     commands_.push();
     commands_.commit();
-    runs_a_tare_ = kind == Command::Kind::tare || kind == Command::Kind::untare;
-    state_ = TACTILED_COMMAND_RUNNING;
-    result_ = TACTILED_COMMAND_OK;
-    sent_ns_ = now_ns;
+    if (kind == Command::Kind::tare || kind == Command::Kind::untare) tare_number_ = number_;
+    return number_;
 }
 
 void Controls::send_settings() noexcept {
     Command* const slot = commands_.claim();
-    if (slot == nullptr) return;
+    settings_unsent_ = slot == nullptr;
+    if (settings_unsent_) return;
     const auto value = [&](unsigned i) { return settings_[i] == kAsConfigured ? kNaN : settings_[i] * kKeys[i].scale; };
     *slot = Command{};
     slot->kind = Command::Kind::set;
@@ -265,7 +308,7 @@ void Controls::add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlo
     const bool expired = watchdog_ms_ != 0 && now_ns > heartbeat_ns_ + std::uint64_t(watchdog_ms_) * 1'000'000u;
     if (expired) global[kStatus] |= 1u << 12;
     if (now_ns <= unlocked_until_ns_) global[kStatus] |= 1u << 13;
-    if (saving_.load() == failed || unreadable_) {
+    if (saving_.load() == failed || unreadable_.load()) {
         global[kFault] |= 1u << 6;
         global[kStatus] |= std::uint16_t(TACTILED_FAULT);
     }
@@ -287,8 +330,8 @@ void Controls::load() {
     file.finish();
     for (const auto& line : problems.lines())
         log_line(LogLevel::warning, fmt::format("{}; stored settings are not used", line));
-    unreadable_ = !problems.empty();
-    if (unreadable_) return;
+    unreadable_.store(!problems.empty());
+    if (!problems.empty()) return;
     settings_ = loaded;
     send_settings();
 }
@@ -305,6 +348,7 @@ void Controls::save() noexcept {
                     if (to_save_[i] != kAsConfigured)
                         text += fmt::format("{} = {:.10g}\n", kKeys[i].name, to_save_[i] * kKeys[i].scale);
                 replace_file(path_, text);
+                unreadable_.store(false);
                 saving_.store(idle);
             } catch (const std::exception& error) {
                 log_line(LogLevel::warning, fmt::format("Modbus SAVE: {}", error.what()));

@@ -33,6 +33,10 @@ public:
     // Whether all of a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
     [[nodiscard]] Exception check(const Request& request, const View& view, const Session& session,
                                   std::uint64_t now_ns) const noexcept;
+    // Sends what the pipeline had no room for. Now and then.
+    void tick() noexcept {
+        if (settings_unsent_) send_settings();
+    }
     // Carries out a write that check() found good.
     void write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept;
 
@@ -46,7 +50,7 @@ private:
     static constexpr unsigned kSettings = 6;  // 5030 .. 5035
     enum Saving : std::uint8_t { idle, storing, failed };
 
-    [[nodiscard]] bool is_taring(const View& view) const noexcept;
+    [[nodiscard]] bool is_busy(const View& view) const noexcept;
     [[nodiscard]] std::uint16_t wished(const Request& request, unsigned i) const noexcept;
     [[nodiscard]] Exception check_register(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
                                            std::uint64_t now_ns) const noexcept;
@@ -54,7 +58,10 @@ private:
     void write_register(std::uint16_t at, std::uint16_t value, const View& view, Session& session,
                         std::uint64_t now_ns) noexcept;
     void run_command(const View& view, std::uint64_t now_ns) noexcept;
-    void send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept;
+    [[nodiscard]] bool takes_more_than_one_command(const Request& request) const noexcept;
+    [[nodiscard]] bool contact_is_upside_down(const Request& request) const noexcept;
+    // Returns the number by which the pipeline acknowledges it, 0 when it takes none.
+    std::uint32_t send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept;
     void send_settings() noexcept;
     void settle(tactiled_command_state state, tactiled_command_result result) noexcept;
     void load();
@@ -72,13 +79,16 @@ private:
 
     std::uint16_t acknowledged_ = 0;  // CMD_SEQ
     std::uint32_t number_ = 0;        // of the last command sent to the pipeline
+    std::uint32_t acknowledged_by_pipeline_ = 0;
+    std::uint32_t tare_number_ = 0;   // of the last tare or untare sent
+    std::uint32_t block_number_ = 0;  // of the command block's: CMD_STATE and CMD_RESULT tell of that one alone
     std::uint64_t sent_ns_ = 0;
-    bool runs_a_tare_ = false;
     tactiled_command_state state_ = TACTILED_COMMAND_IDLE;
     tactiled_command_result result_ = TACTILED_COMMAND_OK;
 
     std::atomic<Saving> saving_{idle};
-    bool unreadable_ = false;  // what an earlier SAVE stored
+    bool settings_unsent_ = false;
+    std::atomic<bool> unreadable_{false};  // what an earlier SAVE stored
     std::array<std::uint16_t, kSettings> to_save_{};
     RtThread saver_;
 };

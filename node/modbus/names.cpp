@@ -32,7 +32,7 @@ constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {10, "low pass on"},
                                       {12, "uncertain: a value with a weakness; FAULT says which"},
                                       {15, "fault: no value; FAULT says why"}};
-constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3, "rejected"}};
+constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3, "rejected or failed"}};
 constexpr Name kCommandResults[] = {{0, "ok"},      {1, "unknown"}, {2, "bad mask"}, {3, "bad parameter"},
                                     {4, "not now"}, {5, "locked"},  {6, "failed"},   {7, "timed out"}};
 constexpr Name kCommands[] = {{1, "tare"},          {2, "untare"},      {3, "clear latches"}, {4, "start weighing"},

@@ -7,6 +7,7 @@
 #include <boost/crc.hpp>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "drivers/tty.hpp"
 #include "node/log.hpp"
@@ -15,6 +16,7 @@ namespace tactiled::modbus {
 namespace {
 
 constexpr std::uint64_t kRetryNs = 1'000'000'000;
+constexpr std::uint64_t kEchoLateNs = 2'000'000;  // beyond the line's own time
 
 // 3.5 characters of 11 bits; above 19200 baud the standard fixes 1.75 ms (2.5.1.1).
 std::uint64_t silence_ns(int baud) { return baud > 19200 ? 1'750'000 : std::uint64_t(3.5 * 11 * 1e9 / baud); }
@@ -58,7 +60,9 @@ std::size_t rtu_of_adu(std::span<const std::uint8_t> adu, std::span<std::uint8_t
     return length + 2;
 }
 
-RtuLine::RtuLine(const RtuSettings& settings) : settings_(settings), silence_ns_(silence_ns(settings.baud)) {}
+RtuLine::RtuLine(const RtuSettings& settings)
+    : settings_(settings),
+      silence_ns_(settings.silence_us > 0 ? std::uint64_t(settings.silence_us) * 1000 : silence_ns(settings.baud)) {}
 
 void RtuLine::open(std::uint64_t now_ns) {
     std::string why;
@@ -66,6 +70,8 @@ void RtuLine::open(std::uint64_t now_ns) {
     open_again_ns_ = now_ns + kRetryNs;
     received_ = 0;
     silent_since_ns_ = 0;
+    too_long_ = false;
+    sent_size_ = 0;
     if (fd_ >= 0) {
         log_line(LogLevel::info, fmt::format("Modbus RTU: {}, address {}, {} baud, {} parity", settings_.device,
                                              settings_.address, settings_.baud, settings_.parity));
@@ -85,6 +91,7 @@ bool RtuLine::receive(std::uint64_t now_ns) {
     // Bytes that come after more than t3.5 of silence begin a new frame, even where nobody has looked in between.
     if (silent_since_ns_ != 0 && now_ns > frame_ends_ns()) {
         received_ = 0;
+        too_long_ = false;
         ++counts_.bad_frames;
     }
     std::uint8_t bytes[512];
@@ -110,14 +117,15 @@ void RtuLine::tick(const Answer& answer, std::uint64_t now_ns) {
     if (too_long_)
         ++counts_.bad_frames;
     else
-        take_frame(answer);
+        take_frame(answer, now_ns);
     received_ = 0;
     too_long_ = false;
     silent_since_ns_ = 0;
 }
 
 // A frame that is not for us, or is none, is answered by silence (2.2: the other units on the line do the same).
-void RtuLine::take_frame(const Answer& answer) {
+void RtuLine::take_frame(const Answer& answer, std::uint64_t now_ns) {
+    if (is_echo(now_ns)) return;
     std::array<std::uint8_t, kMostAdu> request, reply;
     const std::size_t size = adu_of_rtu(std::span(frame_).first(received_), request);
     if (size == 0) {
@@ -139,6 +147,20 @@ void RtuLine::take_frame(const Answer& answer) {
     const std::size_t bytes = rtu_of_adu(std::span(reply).first(length), frame);
     // At most 256 bytes: the kernel's buffer takes them. What it does not take the master misses, and asks again.
     [[maybe_unused]] const auto written = ::write(fd_, frame.data(), bytes);
+    sent_ = frame;
+    sent_size_ = bytes;
+    const auto line_ns = std::uint64_t(double(bytes) * 11 * 1e9 / settings_.baud);
+    echo_until_ns_ = now_ns + line_ns + 2 * silence_ns_ + kEchoLateNs;
+}
+
+// Our own answer come back, once: no master repeats a request that early, and the answer to a write looks like one.
+bool RtuLine::is_echo(std::uint64_t now_ns) noexcept {
+    const std::size_t size = std::exchange(sent_size_, 0);
+    if (size == 0 || now_ns > echo_until_ns_ || received_ != size ||
+        !std::equal(sent_.begin(), sent_.begin() + long(size), frame_.begin()))
+        return false;
+    ++counts_.echoes;
+    return true;
 }
 
 }  // namespace tactiled::modbus

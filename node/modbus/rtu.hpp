@@ -42,14 +42,15 @@ public:
 
     Session session;
     struct Counts {
-        std::uint64_t frames = 0, bad_frames = 0, for_others = 0, broadcasts = 0;
+        std::uint64_t frames = 0, bad_frames = 0, for_others = 0, broadcasts = 0, echoes = 0;
     };
     [[nodiscard]] const Counts& counts() const noexcept { return counts_; }
 
 private:
     void open(std::uint64_t now_ns);
     void close() noexcept;
-    void take_frame(const Answer& answer);
+    void take_frame(const Answer& answer, std::uint64_t now_ns);
+    [[nodiscard]] bool is_echo(std::uint64_t now_ns) noexcept;
     [[nodiscard]] std::uint64_t frame_ends_ns() const noexcept { return silent_since_ns_ + silence_ns_; }
 
     RtuSettings settings_;
@@ -60,6 +61,10 @@ private:
     std::array<std::uint8_t, kMostRtu> frame_{};
     std::size_t received_ = 0;
     bool too_long_ = false;
+    // What we sent last, until it cannot come back any more: an adapter that hears itself must not make us answer ourselves.
+    std::array<std::uint8_t, kMostRtu> sent_{};
+    std::size_t sent_size_ = 0;
+    std::uint64_t echo_until_ns_ = 0;
     std::string complaint_;
     Counts counts_;
 };

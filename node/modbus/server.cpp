@@ -60,19 +60,22 @@ void ModbusServer::serve() {
         const std::uint64_t before_ns = monotonic_ns(), due_ns = next_due_ns(before_ns);
         const std::uint64_t wait_ns = due_ns > before_ns ? due_ns - before_ns : 0;
         const timespec wait{0, long(wait_ns)};  // at most kTurnMs
-        const int n = ::epoll_pwait2(epoll_, events.data(), int(events.size()), &wait, nullptr);
+        int n = ::epoll_pwait2(epoll_, events.data(), int(events.size()), &wait, nullptr);
+        if (n < 0 && errno != EINTR)  // a kernel before 5.11, or a filter that does not know it
+            n = ::epoll_wait(epoll_, events.data(), int(events.size()), int((wait_ns + 999'999) / 1'000'000));
         const std::uint64_t now_ns = monotonic_ns();
-        bool line_readable = false;
+        bool line_readable = false, somebody_knocks = false;
         for (int i = 0; i < n; ++i) {
             const auto& event = events[std::size_t(i)];
             if (event.data.fd == watched_line_)
                 line_readable = true;
             else if (event.data.fd == listener_)
-                accept_all(now_ns);
+                somebody_knocks = true;  // after the batch: a new client must not get an event of the old one of its number
             else
                 serve_client(event.data.fd, event.events, now_ns);
         }
-        if (!settings_.rtu.device.empty()) serve_line(now_ns, line_readable);
+        if (somebody_knocks) accept_all(now_ns);
+        if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), line_readable);
         serve_held_back(now_ns);
         if (!settings_.listen.empty() && listener_ < 0 && now_ns >= listen_again_ns_) try_to_listen(now_ns);
         if (looks_away_ && now_ns >= listen_again_ns_) {
@@ -203,6 +206,7 @@ void ModbusServer::serve_client(int fd, std::uint32_t events, std::uint64_t now_
 
 void ModbusServer::close_overdue(std::uint64_t now_ns) {
     looked_for_overdue_ns_ = now_ns;
+    service_.tick();
     std::vector<int> overdue;
     for (const auto& [fd, client] : clients_)
         if (*client->overdue(now_ns) != 0) overdue.push_back(fd);

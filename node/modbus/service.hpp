@@ -26,8 +26,12 @@ public:
     };
     [[nodiscard]] const Counts& counts() const noexcept { return counts_; }
 
+    // Now and then: sends what the pipeline had no room for.
+    void tick() noexcept { controls_.tick(); }
+
 private:
     [[nodiscard]] View look();
+    std::size_t answer_read(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out);
     void fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns);
     void fill_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> out);
     void fill_bits(const View& view, std::uint64_t now_ns);

@@ -423,10 +423,10 @@ def tare_while_taring(port, gap_s=0.0):
             time.sleep(gap_s)
             got += map(client.ask, requests[1:])
         wait_for(lambda: values(client, 120, 1) != (before,) and is_idle(client), 5, "the tare to end")
-        tares, (state, result) = (values(client, 120, 1)[0] - before) & 0xFFFF, values(client, 26, 2)
+        tares = (values(client, 120, 1)[0] - before) & 0xFFFF
     want = requests[:1] + [cases.refusal(pdu, 6) for pdu in requests[1:]]
-    if (got, tares, state, result) != (want, 1, 2, 0):
-        return f"{show(got)}, {tares} tares, CMD_STATE {state}, CMD_RESULT {result}"
+    if (got, tares) != (want, 1):
+        return f"{show(got)}, {tares} tares"
     return ""
 
 
@@ -463,9 +463,9 @@ ONE_BY_ONE = [
     ("close in the middle of a frame", "1 .. 11 bytes, close", "nothing", OURS, closed_in_a_frame),
     ("mutated frames", "400 of them", "others are served", OURS, mutated_frames),
     ("noise", "200 times up to 600 bytes", "nothing", OURS, noise),
-    ("a tare while one runs", "a tare, 0.05 s later 5 more", "one accepted, exception 6, one tare: 2, 0", mb("7"),
+    ("a tare while one runs", "a tare, 0.05 s later 5 more", "one accepted, exception 6, one tare", mb("7"),
      lambda port: tare_while_taring(port, 0.05)),
-    ("a tare right behind a tare", "6 tares in one segment", "one accepted, exception 6, one tare: 2, 0", mb("7"),
+    ("a tare right behind a tare", "6 tares in one segment", "one accepted, exception 6, one tare", mb("7"),
      tare_while_taring),
     ("a SAVE while one runs", "20 SAVEs in one segment", "accepted or exception 6, at the end 0", mb("7"),
      save_while_saving),

@@ -286,14 +286,20 @@ static inline int tactiled_ring_read(const void* segment, const struct tactiled_
                                      uint32_t size) {
     const char* slot = (const char*)segment + ring->offset + (uint64_t)(number & (ring->slots - 1)) * ring->slot_size;
     const uint32_t* lock = (const uint32_t*)(const void*)slot;
-    const uint32_t* words = (const uint32_t*)(const void*)(slot + TACTILED_RECORD_OFFSET);
+    const char* record = slot + TACTILED_RECORD_OFFSET;
     const uint32_t known = size < ring->record_size ? size : ring->record_size;
     const uint32_t whole = 2 * number + 2;
-    uint32_t i;
+    uint32_t i = 0;
     if (__atomic_load_n(lock, __ATOMIC_ACQUIRE) != whole) return 0; /* pairs with the writer's release of the lock */
-    for (i = 0; i < known / 4; ++i) {
-        const uint32_t word = __atomic_load_n(words + i, TACTILED_LOAD_WORD);
-        memcpy((char*)out + 4 * i, &word, 4);
+#if UINTPTR_MAX > 0xFFFFFFFFu /* two words at a time; the lock guards them all, so that halves are as good */
+    for (; i + 8 <= known; i += 8) {
+        const uint64_t words = __atomic_load_n((const uint64_t*)(const void*)(record + i), TACTILED_LOAD_WORD);
+        memcpy((char*)out + i, &words, 8);
+    }
+#endif
+    for (; i + 4 <= known; i += 4) {
+        const uint32_t word = __atomic_load_n((const uint32_t*)(const void*)(record + i), TACTILED_LOAD_WORD);
+        memcpy((char*)out + i, &word, 4);
     }
     memset((char*)out + known, 0, size - known);
     TACTILED_READ_FENCE(); /* pairs with the writer's release fence after it made the lock odd */

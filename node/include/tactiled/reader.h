@@ -91,8 +91,9 @@ static inline int tactiled_check(struct tactiled_segment* segment, const char* p
         wrong = "truncated";
     else if (h->n_sensors > TACTILED_MAX_SENSORS || h->n_links > TACTILED_MAX_LINKS)
         wrong = "more sensors or links than can be";
-    else if (h->sensor_size < sizeof(struct tactiled_sensor) || h->link_size < sizeof(struct tactiled_link))
-        wrong = "directory entries too small";
+    else if (h->sensor_size < sizeof(struct tactiled_sensor) || h->link_size < sizeof(struct tactiled_link) ||
+             h->sensor_size % 4 != 0 || h->link_size % 128 != 0)
+        wrong = "directory entries of a wrong size";
     else if (!tactiled_fits(segment, h->sensor_offset, (uint64_t)h->sensor_size * h->n_sensors, 4) ||
              !tactiled_fits(segment, h->link_offset, (uint64_t)h->link_size * h->n_links, 128))
         wrong = "a directory lies outside";
@@ -216,6 +217,30 @@ enum tactiled_wait {
     TACTILED_BLOCK = 2 /* sleep until woken: no CPU, the latency of a wake-up */
 };
 
+/* When records come: learnt from their times, to sleep until shortly before the next. */
+struct tactiled_rhythm {
+    uint64_t last_ns, period_ns, jitter_ns;
+};
+/* A record at `t_ns` followed the one at last_ns. */
+static inline void tactiled_rhythm_learn(struct tactiled_rhythm* rhythm, uint64_t t_ns) {
+    const int64_t step_ns = (int64_t)(t_ns - rhythm->last_ns);
+    const int64_t off_ns = rhythm->period_ns == 0 ? 0 : step_ns - (int64_t)rhythm->period_ns;
+    rhythm->period_ns = rhythm->period_ns == 0 ? (uint64_t)step_ns : (uint64_t)((int64_t)rhythm->period_ns + off_ns / 16);
+    rhythm->jitter_ns += (uint64_t)(off_ns < 0 ? -off_ns : off_ns) / 16 - rhythm->jitter_ns / 16;
+    rhythm->last_ns = t_ns;
+}
+/* How long before the next record is due a reader should wake: the time of a wake-up, and what the rhythm wavers. */
+static inline uint64_t tactiled_rhythm_early_ns(const struct tactiled_rhythm* rhythm) {
+    const uint64_t early_ns = 40000 + 2 * rhythm->jitter_ns;
+    return early_ns < 500000 ? early_ns : 500000;
+}
+/* Until when to sleep; later than `now_ns`, a nap where the next record is overdue or no rhythm is known. */
+static inline uint64_t tactiled_rhythm_wake_ns(const struct tactiled_rhythm* rhythm, uint64_t now_ns) {
+    const uint64_t early_ns = tactiled_rhythm_early_ns(rhythm);
+    const uint64_t wake_ns = rhythm->last_ns + rhythm->period_ns - early_ns;
+    return rhythm->period_ns <= early_ns || wake_ns <= now_ns ? now_ns + 200000 : wake_ns;
+}
+
 struct tactiled_reader {
     char node[TACTILED_NAME_SIZE], sensor[TACTILED_NAME_SIZE];
     struct tactiled_segment segment;
@@ -227,7 +252,7 @@ struct tactiled_reader {
     int broken;                    /* the last thing given was the end of a daemon */
     uint32_t empty;                /* calls that found nothing, since a sample */
     uint64_t tried_ns;             /* last attempt to attach */
-    uint64_t period_ns, jitter_ns; /* of publishing, learnt; for TACTILED_PREDICT */
+    struct tactiled_rhythm rhythm; /* of publishing, for TACTILED_PREDICT */
     uint32_t* wake;                /* struct tactiled_wake, for TACTILED_BLOCK; NULL = not asked for or not to be had */
     int wake_asked;
 };
@@ -296,8 +321,12 @@ static inline int tactiled_reader_ready(struct tactiled_reader* r) {
 
 /* The newest sample; BAD with a reason when there is no good one. Never blocks. */
 static inline void tactiled_reader_latest(struct tactiled_reader* r, struct tactiled_sample* sample) {
+    uint64_t now_ns;
     if (tactiled_reader_ready(r)) {
-        tactiled_latest(&r->segment, (uint32_t)r->index, sample, tactiled_now_ns());
+        now_ns = tactiled_now_ns();
+        tactiled_latest(&r->segment, (uint32_t)r->index, sample, now_ns);
+        if (sample->quality == TACTILED_BAD && now_ns - r->tried_ns >= 10000000u) /* dead, and its file gone? A successor? */
+            tactiled_reader_attach(r, now_ns);
         return;
     }
     memset(sample, 0, sizeof *sample);
@@ -321,11 +350,12 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
         r->broken = 0; /* it hung, and lives again */
         return 0;
     }
-    if (r->broken || !r->begun) return 0;
+    if (r->broken) return 0;
     r->broken = 1;
-    if ((r->last.reasons & TACTILED_DAEMON_STOPPED) != 0) return 0; /* the daemon has said so itself */
+    if (!r->begun || (r->last.reasons & TACTILED_DAEMON_STOPPED) != 0) return 0; /* the daemon has said so itself */
     *sample = r->last;
     tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
+    r->last = *sample; /* one for this end, also where the successor has published nothing yet */
     return 1;
 }
 
@@ -337,18 +367,13 @@ static inline int tactiled_reader_next(struct tactiled_reader* r, struct tactile
         if (!r->placed) tactiled_ring_seek(r->segment.base, &sensor->ring, &r->cursor, 0);
         if (tactiled_ring_next(r->segment.base, &sensor->ring, &r->cursor, sample, sizeof *sample)) {
             tactiled_judge(sample, sensor->stale_ms, tactiled_now_ns());
-            if (r->begun && sample->epoch == r->last.epoch && sample->sequence == r->last.sequence + 1) {
-                const int64_t step_ns = (int64_t)(sample->t_published_ns - r->last.t_published_ns);
-                const int64_t off_ns = step_ns - (int64_t)r->period_ns;
-                if (r->period_ns == 0)
-                    r->period_ns = (uint64_t)step_ns;
-                else
-                    r->period_ns = (uint64_t)((int64_t)r->period_ns + off_ns / 16);
-                r->jitter_ns += (uint64_t)(off_ns < 0 ? -off_ns : off_ns) / 16 - r->jitter_ns / 16;
-            }
+            if (r->begun && sample->epoch == r->last.epoch && sample->sequence == r->last.sequence + 1)
+                tactiled_rhythm_learn(&r->rhythm, sample->t_published_ns);
+            r->rhythm.last_ns = sample->t_published_ns;
             r->last = *sample;
             r->begun = r->placed = 1;
             r->empty = 0;
+            r->broken = 0;
             return 1;
         }
         if (++r->empty % 16 != 0 && tactiled_is_current(&r->segment)) return 0; /* not each time: it reads the clock */
@@ -408,7 +433,6 @@ static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now
 /* As tactiled_reader_next(), but waits for up to `timeout_ms`. Returns 0 when the time is over. */
 static inline int tactiled_reader_wait(struct tactiled_reader* r, struct tactiled_sample* sample, uint32_t timeout_ms,
                                        enum tactiled_wait mode) {
-    enum { kEarlyNs = 60000, kMostEarlyNs = 500000, kNapNs = 200000 };
     uint64_t now_ns, until_ns = 0, spin_until_ns = 0;
     uint32_t i;
     if (tactiled_reader_next(r, sample)) return 1;
@@ -420,14 +444,11 @@ static inline int tactiled_reader_wait(struct tactiled_reader* r, struct tactile
             tactiled_reader_block(r, now_ns, until_ns);
             r->empty |= 15; /* look at the daemon, too */
         } else if (mode == TACTILED_PREDICT && now_ns >= spin_until_ns) {
-            uint64_t early_ns = kEarlyNs + 2 * r->jitter_ns;
-            if (early_ns > kMostEarlyNs) early_ns = kMostEarlyNs;
-            uint64_t wake_ns = r->last.t_published_ns + r->period_ns - early_ns;
-            if (r->period_ns <= early_ns || r->broken || !r->begun || wake_ns <= now_ns)
-                wake_ns = now_ns + kNapNs; /* late */
+            const int known = r->begun && !r->broken;
+            uint64_t wake_ns = known ? tactiled_rhythm_wake_ns(&r->rhythm, now_ns) : now_ns + 1000000;
             if (wake_ns > until_ns) wake_ns = until_ns;
             tactiled_sleep_until(wake_ns);
-            spin_until_ns = wake_ns + (r->broken || !r->begun ? 0 : 3 * early_ns);
+            spin_until_ns = known ? wake_ns + 3 * tactiled_rhythm_early_ns(&r->rhythm) : 0;
             r->empty |= 15;
         }
         for (i = 0; i < 64; ++i)
