@@ -1,6 +1,7 @@
 """What is installed: headers, package files and the Python module, used as a user's build would use them."""
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import tempfile
@@ -9,30 +10,13 @@ import unittest
 from daemon import BIN, ROOT, Daemon
 from map_test import CONFIG
 
-EXAMPLE_C = """
-#include <stdio.h>
-#include <tactiled/reader.h>
 
-int main(int argc, char **argv) {
-    struct tactiled_reader reader;
-    struct tactiled_sample s;
-    tactiled_reader_init(&reader, argc > 1 ? argv[1] : "gripper", "table");
-    for (int n = 0; n < 100 && tactiled_reader_wait(&reader, &s, 1000, TACTILED_BLOCK); ++n)
-        if (s.quality != TACTILED_BAD) printf("%g N\\n", s.force_S_N[2]);
-    return 0;
-}
-"""
-EXAMPLE_CXX = """
-#include <cstdio>
-#include <tactiled/reader.hpp>
+def example(language, node):
+    """The example of README.md in that language, with the name of the test's own node."""
+    text = re.search(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(), re.S).group(1)
+    return text.replace('"gripper"', f'"{node}"')
 
-int main(int argc, char** argv) {
-    tactiled::Reader reader(argc > 1 ? argv[1] : "gripper", "table");
-    tactiled_sample s;
-    for (int n = 0; n < 100 && reader.wait(s, 1000, tactiled::Wait::predict); ++n)
-        if (s.quality != TACTILED_BAD) std::printf("%g N\\n", s.force_S_N[2]);
-}
-"""
+
 CMAKE = """
 cmake_minimum_required(VERSION 3.16)
 project(user C CXX)
@@ -51,10 +35,10 @@ class Installed(unittest.TestCase):
         cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-install-"))
         cls.prefix = cls.folder / "usr"
         subprocess.run(["cmake", "--install", BIN.parent, "--prefix", cls.prefix], check=True, capture_output=True)
-        (cls.folder / "example.c").write_text(EXAMPLE_C)
-        (cls.folder / "example.cpp").write_text(EXAMPLE_CXX)
         (cls.folder / "CMakeLists.txt").write_text(CMAKE)
         cls.daemon = Daemon(CONFIG)
+        (cls.folder / "example.c").write_text(example("c", cls.daemon.name))
+        (cls.folder / "example.cpp").write_text(example("cpp", cls.daemon.name))
         cls.daemon.play("--in", ROOT / "config/demo/table_demo.csv", "--pty", cls.daemon.folder / "table", "--format", "cobs",
                         "--bits", "32", "--counts-per-unit", "1e9", "--loop")
         cls.daemon.start()
@@ -65,7 +49,7 @@ class Installed(unittest.TestCase):
         shutil.rmtree(cls.folder)
 
     def lines_of(self, *words):
-        out = subprocess.run([*words, self.daemon.name], capture_output=True, text=True, timeout=30, check=True).stdout
+        out = subprocess.run(words, capture_output=True, text=True, timeout=30, check=True).stdout
         return [line for line in out.splitlines() if line.endswith(" N")]
 
     def test_pkg_config_builds_the_c_example(self):
@@ -102,11 +86,8 @@ class Installed(unittest.TestCase):
 
     def test_the_python_module_is_found(self):
         environment = {**os.environ, "PYTHONPATH": str(self.prefix / "lib/python3/dist-packages")}
-        program = ("import sys, itertools, tactiled\n"
-                   "for s in itertools.islice(tactiled.open(sys.argv[1]).follow('table'), 100):\n"
-                   "    print(s.force_S_N[2], 'N')\n")
-        out = subprocess.run(["/usr/bin/python3", "-c", program, self.daemon.name], env=environment, capture_output=True, text=True,
-                             timeout=30, check=True).stdout
+        out = subprocess.run(["/usr/bin/python3", "-c", example("python", self.daemon.name)], env=environment, capture_output=True,
+                             text=True, timeout=30, check=True).stdout
         self.assertEqual(len(out.splitlines()), 100)
 
     def test_the_manual_page_is_there(self):

@@ -276,5 +276,127 @@ TEST_F(SegmentTest, ASnapshotBelongsTogether) {
     EXPECT_GT(whole, 25'000u);
 }
 
+// A node record, so that the daemon counts as alive.
+void beat(SegmentWriter& writer, std::uint64_t number) {
+    tactiled_node node{};
+    node.sequence = number;
+    node.t_ns = monotonic_ns();
+    writer.publish(node);
+}
+
+TEST_F(SegmentTest, AFollowerIsToldOnceThatTheDaemonIsDead) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    Reader reader(name_, "s0");
+    tactiled_sample s{};
+    beat(writer, 0);
+    writer.publish(0, sample(0));
+    ASSERT_TRUE(reader.next(s));
+    writer.publish(0, sample(1));
+    ::usleep(300'000);  // longer than watchdog_ms, as after kill -9
+    ASSERT_TRUE(reader.wait(s, 100));
+    EXPECT_EQ(s.sequence, 1u);                     // first what is left
+    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));  // and old
+    ASSERT_TRUE(reader.wait(s, 100));
+    EXPECT_NE(s.reasons & TACTILED_DAEMON_STOPPED, 0u);
+    EXPECT_TRUE(std::isnan(s.force_S_N[2]));
+    EXPECT_FALSE(reader.wait(s, 100));  // once
+    beat(writer, 1);                    // it had only hung
+    writer.publish(0, sample(2));
+    ASSERT_TRUE(reader.wait(s, 100));
+    EXPECT_EQ(s.sequence, 2u);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    ::usleep(300'000);
+    ASSERT_TRUE(reader.wait(s, 100));  // and hangs again
+    EXPECT_NE(s.reasons & TACTILED_DAEMON_STOPPED, 0u);
+}
+
+TEST_F(SegmentTest, EveryWayOfWaitingGivesEverySample) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    std::uint64_t number = 0, beats = 0;
+    for (const Wait how : {Wait::poll, Wait::predict, Wait::block}) {
+        beat(writer, beats++);
+        Reader reader(name_, "s0");
+        std::atomic<bool> stop{false};
+        std::thread daemon([&] {
+            while (!stop) {
+                writer.publish(0, sample(number++));
+                beat(writer, beats++);
+                writer.wake_readers();
+                ::usleep(1000);
+            }
+        });
+        tactiled_sample s{};
+        ASSERT_TRUE(reader.wait(s, 1000, how));
+        for (std::uint64_t next = s.sequence + 1, end = next + 200; next < end; ++next) {
+            ASSERT_TRUE(reader.wait(s, 1000, how));
+            ASSERT_EQ(s.sequence, next);
+        }
+        EXPECT_EQ(reader.lost(), 0u);
+        stop = true;
+        daemon.join();
+    }
+}
+
+TEST_F(SegmentTest, AnotherMinorVersionIsReadAndAnotherMajorRefused) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    tactiled_sample s = sample(0);
+    s.peak_N = 3;
+    writer.publish(0, s);
+    const auto patch = [&](std::size_t offset, auto value) {
+        const int fd = ::open(path_.c_str(), O_RDWR);
+        ASSERT_EQ(::pwrite(fd, &value, sizeof value, off_t(offset)), ssize_t(sizeof value));
+        ::close(fd);
+    };
+    patch(offsetof(tactiled_header, minor), std::uint16_t(7));
+    const auto ring = Segment::open(name_).header().sensor_offset + offsetof(tactiled_sensor, ring);
+    patch(ring + offsetof(tactiled_ring, record_size), std::uint32_t(232));  // an older daemon: without state and peak
+    tactiled_sample got{};
+    ASSERT_TRUE(Segment::open(name_).latest(0, got));
+    EXPECT_EQ(got.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(got.peak_N, 0);
+    patch(ring + offsetof(tactiled_ring, record_size), std::uint32_t(248));  // a newer one: with more
+    ASSERT_TRUE(Segment::open(name_).latest(0, got));
+    EXPECT_EQ(got.peak_N, 3);
+    patch(offsetof(tactiled_header, major), std::uint16_t(2));
+    std::string why;
+    EXPECT_FALSE(Segment::try_open(name_, why).is_open());
+    EXPECT_NE(why.find("version 2.7, this reader knows 1.0"), std::string::npos) << why;
+}
+
+TEST_F(SegmentTest, AFileThatOthersMayWriteIsNoDaemons) {
+    SegmentWriter writer(plan());
+    ASSERT_EQ(::chmod(path_.c_str(), 0660), 0);
+    std::string why;
+    EXPECT_FALSE(Segment::try_open(name_, why).is_open());
+    EXPECT_NE(why.find("others than its owner may write it"), std::string::npos);
+}
+
+TEST_F(SegmentTest, AReadersLockStopsNoSuccessor) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+        SegmentWriter writer(plan());
+        ::kill(::getpid(), SIGKILL);
+    }
+    ::waitpid(child, nullptr, 0);
+    const int fd = ::open(path_.c_str(), O_RDONLY);
+    struct flock whole {};
+    whole.l_type = F_RDLCK;
+    ASSERT_EQ(::fcntl(fd, F_OFD_SETLK, &whole), 0);
+    EXPECT_NO_THROW(SegmentWriter{plan()});
+    ::close(fd);
+}
+
+TEST_F(SegmentTest, SixteenSensorsFitOneMegabyte) {
+    SegmentPlan p = plan(16);
+    p.history = 0;
+    const SegmentWriter writer(p);
+    const Segment segment = Segment::open(name_);
+    EXPECT_LE(segment.header().total_size, 1'000'000u);
+    EXPECT_GE(segment.sensor(15).ring.slots, 128u);
+}
+
 }  // namespace
 }  // namespace tactiled
