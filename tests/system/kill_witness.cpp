@@ -80,9 +80,30 @@ pid_t start(const std::string& folder) {
     return pid;
 }
 
+// A reader that sleeps on the node ring, and subscribes to events: killed each turn, it must leave nothing in anybody's way.
+int be_a_victim(const char* node) {
+    Reader reader(node, "left");
+    tactiled_sample s{};
+    int connection = -1;
+    for (bool subscribed = false;;) {
+        (void)reader.wait(s, 100, Wait::block);
+        if (!subscribed && reader.is_attached())
+            subscribed = tactiled_ask_descriptor(reader.segment().c(), "events", &connection) >= 0;
+    }
+}
+
+pid_t start_a_victim(const std::string& node) {
+    const std::string program = std::filesystem::canonical("/proc/self/exe");
+    const char* words[] = {program.c_str(), "--victim", node.c_str(), nullptr};
+    pid_t pid = -1;
+    if (::posix_spawn(&pid, program.c_str(), nullptr, nullptr, const_cast<char**>(words), environ) != 0) std::abort();
+    return pid;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+    if (argc == 3 && std::string(argv[1]) == "--victim") return be_a_victim(argv[2]);
     const int kills = argc > 1 ? std::atoi(argv[1]) : 40;
     std::mt19937 random(argc > 2 ? unsigned(std::atoi(argv[2])) : 1u);
     char folder[] = "/tmp/tactiled-kill-XXXXXX";
@@ -116,10 +137,7 @@ int main(int argc, char** argv) {
         Witness witness(findings);
         tactiled_sample s{};
         while (!stop)
-            if (witness.time([&] { return reader.next(s); }))
-                witness.look(s, reader.segment().header());
-            else
-                ::usleep(100);
+            if (witness.time([&] { return reader.wait(s, 20, Wait::block); })) witness.look(s, reader.segment().header());
     });
 
     std::vector<double> ready_ms;
@@ -127,7 +145,7 @@ int main(int argc, char** argv) {
     std::uint32_t last_epoch = 0;
     for (int n = 0; n < kills; ++n) {
         const std::uint64_t began = monotonic_ns();
-        const pid_t daemon = start(folder);
+        const pid_t daemon = start(folder), victim = start_a_victim(node);
         // Half of the kills come at any moment of the start, half in full run.
         const auto patience_us = std::uniform_int_distribution<unsigned>(0, n % 2 == 0 ? 20'000 : 60'000)(random);
         if (n % 2 == 1) {
@@ -143,8 +161,11 @@ int main(int argc, char** argv) {
             last_epoch = reader.segment().header().epoch;
         }
         ::usleep(patience_us);
-        ::kill(daemon, SIGKILL);
-        ::waitpid(daemon, nullptr, 0);
+        const bool reader_first = random() % 2 == 0;
+        for (const pid_t pid : {reader_first ? victim : daemon, reader_first ? daemon : victim}) {
+            ::kill(pid, SIGKILL);
+            ::waitpid(pid, nullptr, 0);
+        }
     }
     ::usleep(2 * kStaleMs * 1000);
     const bool stale_at_last = Reader(node, "left").latest().quality == TACTILED_BAD;
@@ -160,8 +181,8 @@ int main(int argc, char** argv) {
     std::filesystem::remove_all(folder);
 
     std::sort(ready_ms.begin(), ready_ms.end());
-    fmt::print("kills {}, reader calls {}, GOOD {}, not GOOD {}\n", kills, findings.calls.load(), findings.good.load(),
-               findings.bad.load());
+    fmt::print("kills of daemon and reader {} each, reader calls {}, GOOD {}, not GOOD {}\n", kills, findings.calls.load(),
+               findings.good.load(), findings.bad.load());
     fmt::print("wrong {}, old {}, without a break {}, backwards {}, longest call {:.1f} ms\n", findings.wrong.load(),
                findings.old.load(), findings.without_break.load(), findings.backwards.load(),
                double(findings.longest_ns) / 1e6);
