@@ -16,7 +16,11 @@
 
 namespace tactiled {
 namespace {
+#if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
+constexpr std::size_t kStackBytes = 8 * 1024 * 1024;  // the sanitizers keep their own data there
+#else
 constexpr std::size_t kStackBytes = 256 * 1024;
+#endif
 constexpr std::size_t kTouchedBytes = 128 * 1024;
 
 void touch_stack() noexcept {
