@@ -337,12 +337,14 @@ static inline void tactiled_reader_latest(struct tactiled_reader* r, struct tact
 static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactiled_sample* sample) {
     const struct tactiled_ring* ring;
     struct tactiled_node node;
+    uint32_t behind;
     int gone = r->index < 0;
     if (!gone) {
         const struct tactiled_header* h = tactiled_header_of(&r->segment);
         ring = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
-        if (tactiled_ring_head(r->segment.base, ring) - r->cursor.next > ring->slots) /* asleep for 2^30 records, or more */
-            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1);
+        behind = tactiled_ring_head(r->segment.base, ring) - r->cursor.next;
+        if (behind > ring->slots && behind != UINT32_MAX) /* asleep for 2^30 records, or more; but it may be one ahead */
+            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1); /* of the head, which is published last */
         gone = !tactiled_is_current(&r->segment) || !tactiled_ring_latest(r->segment.base, &h->node, &node, sizeof node) ||
                tactiled_now_ns() > node.t_ns + (uint64_t)h->watchdog_ms * 1000000u;
     }
