@@ -519,7 +519,7 @@ class Follower(_Attached):
         gone = segment is None
         if not gone:
             ring = segment.sensors[self.sensor][1]
-            if ring.head() - self._next & _WORD > ring.slots:  # asleep for 2^30 records, or more
+            if ring.slots < (ring.head() - self._next & _WORD) != _WORD:  # asleep for 2^30 records; one ahead is none
                 self._next = ring.oldest_number()
             record = segment.node.latest()
             gone = (record is None or not segment.is_current() or

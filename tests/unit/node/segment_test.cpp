@@ -311,6 +311,22 @@ TEST_F(SegmentTest, AFollowerIsToldOnceThatTheDaemonIsDead) {
     EXPECT_NE(s.reasons & TACTILED_DAEMON_STOPPED, 0u);
 }
 
+TEST_F(SegmentTest, AReaderThatIsAheadOfTheHeadDoesNotGoBack) {
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    Reader reader(name_, "s0");
+    tactiled_sample s{};
+    beat(writer, 0);
+    for (std::uint64_t n = 0; n < 3; ++n) writer.publish(0, sample(n));
+    ASSERT_TRUE(reader.next(s));
+    ASSERT_EQ(s.sequence, 2u);
+    const int fd = ::open(path_.c_str(), O_RDWR);  // the writer has filled the slot and not yet moved the head
+    const std::uint32_t before = 2;
+    ASSERT_EQ(::pwrite(fd, &before, sizeof before, off_t(reader.segment().sensor(0).ring.head_offset)), 4);
+    ::close(fd);
+    for (int i = 0; i < 64; ++i) ASSERT_FALSE(reader.next(s)) << s.sequence;
+}
+
 TEST_F(SegmentTest, EveryWayOfWaitingGivesEverySample) {
     SegmentWriter writer(plan());
     writer.set_state(TACTILED_RUNNING);
