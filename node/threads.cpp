@@ -99,7 +99,8 @@ void Threads::run_link(Link& link) noexcept {
             const Armed armed;
             present = acquire(link, segment_, kReadTimeoutMs);
         }
-        link.connected.store(false, std::memory_order_release);  // after the last commit: see Pipeline::deliver
+        // After the last commit: see Pipeline::deliver. Not where the daemon ends: that is no break of the link.
+        if (!present) link.connected.store(false, std::memory_order_release);
         segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
         link.driver->close();
         if (present) break;
