@@ -1,5 +1,6 @@
-// libmodbus as the engine that answers a checked request: it gets the request by a call and writes its answer to one end
-// of a socket pair, the other end of which is ours. It never sees a client.
+// libmodbus answers what writes, and what reads bits: it gets a checked request by a call and writes its answer to one end
+// of a socket pair, the other end of which is ours. It never sees a client. Reads of registers, which a PLC asks for all
+// the time, do not come here: wall.hpp, registers_adu().
 #pragma once
 #include <modbus.h>
 
@@ -13,7 +14,7 @@
 
 namespace tactiled::modbus {
 
-// The whole map as libmodbus sees it, by address. Only what a request reads needs to be filled in.
+// The whole map by address, as libmodbus wants it. Only what a request reads needs to be filled in.
 struct Tables {
     std::array<std::uint16_t, kMapEnd> registers{};
     std::array<std::uint8_t, kCoils> coils{};

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <netinet/tcp.h>
 #include <sys/epoll.h>
+#include <sys/timerfd.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,7 +17,8 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kTurnNs = 50'000'000;             // how long stop() and deadlines may wait
+constexpr std::uint64_t kTickNs = 50'000'000;             // how long stop() and deadlines may wait
+constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
 constexpr std::uint64_t kRetryNs = 1'000'000'000;         // for the port, and after running out of descriptors
 constexpr std::uint64_t kMayBeEvictedNs = 1'000'000'000;  // a client that asked within the last second keeps its place
 constexpr int kWaitingAtTheDoor = 128;                    // whom the kernel finds no room for tries again after a second
@@ -39,7 +41,11 @@ ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings
       service_(std::move(node_name), settings, commands),
       line_(settings.rtu) {
     epoll_ = ::epoll_create1(EPOLL_CLOEXEC);
-    if (epoll_ < 0) throw SetupError(fmt::format("Modbus: epoll: {}", std::strerror(errno)));
+    ticks_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    const itimerspec tick{{0, kTickNs}, {0, kTickNs}};
+    if (epoll_ < 0 || ticks_ < 0 || ::timerfd_settime(ticks_, 0, &tick, nullptr) != 0)
+        throw SetupError(fmt::format("Modbus: epoll, timer: {}", std::strerror(errno)));
+    watch(epoll_, EPOLL_CTL_ADD, ticks_, EPOLLIN);
     line_.session.may_write = settings.commands;  // who is on the wire is among those who may
     if (!settings_.listen.empty()) try_to_listen(monotonic_ns());
     if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), false);
@@ -51,23 +57,21 @@ ModbusServer::~ModbusServer() {
     thread_.join();
     clients_.clear();
     stop_listening();
+    ::close(ticks_);
     ::close(epoll_);
 }
 
 void ModbusServer::serve() {
     std::array<epoll_event, 64> events;
     while (!stop_.load()) {
-        const std::uint64_t before_ns = monotonic_ns(), due_ns = next_due_ns(before_ns);
-        const std::uint64_t wait_ns = due_ns > before_ns ? due_ns - before_ns : 0;
-        const timespec wait{0, long(wait_ns)};  // at most kTurnMs
-        int n = ::epoll_pwait2(epoll_, events.data(), int(events.size()), &wait, nullptr);
-        if (n < 0 && errno != EINTR)  // a kernel before 5.11, or a filter that does not know it
-            n = ::epoll_wait(epoll_, events.data(), int(events.size()), int((wait_ns + 999'999) / 1'000'000));
+        const int n = wait_for(events);
         const std::uint64_t now_ns = monotonic_ns();
-        bool line_readable = false, somebody_knocks = false;
+        bool line_readable = false, somebody_knocks = false, ticked = false;
         for (int i = 0; i < n; ++i) {
             const auto& event = events[std::size_t(i)];
-            if (event.data.fd == watched_line_)
+            if (event.data.fd == ticks_)
+                ticked = true;
+            else if (event.data.fd == watched_line_)
                 line_readable = true;
             else if (event.data.fd == listener_)
                 somebody_knocks = true;  // after the batch: a new client must not get an event of the old one of its number
@@ -77,17 +81,34 @@ void ModbusServer::serve() {
         if (somebody_knocks) accept_all(now_ns);
         if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), line_readable);
         serve_held_back(now_ns);
-        if (!settings_.listen.empty() && listener_ < 0 && now_ns >= listen_again_ns_) try_to_listen(now_ns);
-        if (looks_away_ && now_ns >= listen_again_ns_) {
-            looks_away_ = false;
-            watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
-        }
-        if (now_ns - looked_for_overdue_ns_ >= kTurnNs) close_overdue(now_ns);
+        if (ticked) tick(now_ns);
     }
 }
 
-std::uint64_t ModbusServer::next_due_ns(std::uint64_t now_ns) const noexcept {
-    std::uint64_t due_ns = now_ns + kTurnNs;
+// Without a limit as a rule: to set one makes each wait cost several microseconds more on a virtual machine.
+int ModbusServer::wait_for(std::span<epoll_event> events) const noexcept {
+    const std::uint64_t now_ns = monotonic_ns(), due_ns = next_due_ns();
+    if (due_ns == kAnyTime) return ::epoll_wait(epoll_, events.data(), int(events.size()), -1);
+    const std::uint64_t wait_ns = due_ns > now_ns ? std::min(due_ns - now_ns, kTickNs) : 0;
+    const timespec wait{0, long(wait_ns)};
+    const int n = ::epoll_pwait2(epoll_, events.data(), int(events.size()), &wait, nullptr);
+    if (n >= 0 || errno == EINTR) return n;  // else a kernel before 5.11, or a filter that does not know it
+    return ::epoll_wait(epoll_, events.data(), int(events.size()), int((wait_ns + 999'999) / 1'000'000));
+}
+
+void ModbusServer::tick(std::uint64_t now_ns) {
+    std::uint64_t ticks = 0;
+    (void)!::read(ticks_, &ticks, sizeof ticks);
+    if (!settings_.listen.empty() && listener_ < 0 && now_ns >= listen_again_ns_) try_to_listen(now_ns);
+    if (looks_away_ && now_ns >= listen_again_ns_) {
+        looks_away_ = false;
+        watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
+    }
+    close_overdue(now_ns);
+}
+
+std::uint64_t ModbusServer::next_due_ns() const noexcept {
+    std::uint64_t due_ns = kAnyTime;
     for (const auto& [fd, client] : clients_)
         if (const std::uint64_t at_ns = client->backlog_ns(); at_ns != 0) due_ns = std::min(due_ns, at_ns);
     if (const std::uint64_t at_ns = line_.due_ns(); at_ns != 0 && !settings_.rtu.device.empty())
@@ -205,7 +226,6 @@ void ModbusServer::serve_client(int fd, std::uint32_t events, std::uint64_t now_
 }
 
 void ModbusServer::close_overdue(std::uint64_t now_ns) {
-    looked_for_overdue_ns_ = now_ns;
     service_.tick();
     std::vector<int> overdue;
     for (const auto& [fd, client] : clients_)

@@ -1,10 +1,13 @@
 // The Modbus thread: any number of TCP clients and one RTU line, none of which can delay another.
 #pragma once
+#include <sys/epoll.h>
+
 #include <array>
 #include <atomic>
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <span>
 #include <string>
 
 #include "config/config.hpp"
@@ -39,7 +42,9 @@ private:
     };
 
     void serve();
-    [[nodiscard]] std::uint64_t next_due_ns(std::uint64_t now_ns) const noexcept;
+    int wait_for(std::span<epoll_event> events) const noexcept;
+    void tick(std::uint64_t now_ns);  // some times a second
+    [[nodiscard]] std::uint64_t next_due_ns() const noexcept;
     void serve_held_back(std::uint64_t now_ns);
     void serve_line(std::uint64_t now_ns, bool readable);
     void try_to_listen(std::uint64_t now_ns);
@@ -56,8 +61,8 @@ private:
     modbus::RtuLine line_;
     int watched_line_ = -1;
 
-    int epoll_ = -1, listener_ = -1;
-    std::uint64_t listen_again_ns_ = 0, looked_for_overdue_ns_ = 0;
+    int epoll_ = -1, ticks_ = -1, listener_ = -1;
+    std::uint64_t listen_again_ns_ = 0;
     bool looks_away_ = false;  // out of descriptors: the port stays ours, who waits there waits a second
     std::string complaint_;
     std::map<int, std::unique_ptr<Client>> clients_;  // by descriptor

@@ -39,25 +39,12 @@ std::size_t Service::answer(std::span<const std::uint8_t> adu, Session& session,
         if (exception != kNone) return refuse(exception);
         controls_.write(request, view, session, now_ns);
     }
-    if (reads_bits(request))
-        fill_bits(view, now_ns);
-    else if (request.read.count != 0)
+    if (!reads_bits(request) && request.read.count != 0) {
         fill_registers(request.read, view, session, now_ns);
-    return request.function == kReadWrite ? answer_read(adu, out) : responder_.answer(adu, tables_, out);
-}
-
-// The read half of function 23. libmodbus would answer with the words that were written: a register that reads 0 when its
-// command is done, or 1 while settings are open, must read so here, too. The answers of 3 and 23 differ by the function
-// alone.
-std::size_t Service::answer_read(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
-    std::array<std::uint8_t, kMbapSize + 5> read;
-    std::copy_n(adu.begin(), read.size(), read.begin());  // transaction, unit, address and quantity stand at the same places
-    read[4] = 0;
-    read[5] = 6;
-    read[kMbapSize] = kReadHolding;
-    const std::size_t length = responder_.answer(read, tables_, out);
-    out[kMbapSize] = std::uint8_t((out[kMbapSize] & 0x80) | kReadWrite);
-    return length;
+        return registers_adu(adu, std::span(tables_.registers).subspan(request.read.at, request.read.count), out);
+    }
+    if (reads_bits(request)) fill_bits(view, now_ns);
+    return responder_.answer(adu, tables_, out);
 }
 
 View Service::look() {

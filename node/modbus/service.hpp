@@ -31,7 +31,6 @@ public:
 
 private:
     [[nodiscard]] View look();
-    std::size_t answer_read(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out);
     void fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns);
     void fill_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> out);
     void fill_bits(const View& view, std::uint64_t now_ns);

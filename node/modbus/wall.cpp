@@ -129,4 +129,19 @@ std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception
     return 9;
 }
 
+std::size_t registers_adu(std::span<const std::uint8_t> adu, std::span<const std::uint16_t> registers,
+                          std::span<std::uint8_t, kMostAdu> out) noexcept {
+    const std::size_t bytes = 2 * registers.size();  // at most 250
+    std::copy_n(adu.begin(), kMbapSize + 1, out.begin());
+    out[4] = 0;
+    out[5] = std::uint8_t(3 + bytes);
+    out[8] = std::uint8_t(bytes);
+    auto next = out.begin() + 9;
+    for (const std::uint16_t word : registers) {
+        *next++ = std::uint8_t(word >> 8);
+        *next++ = std::uint8_t(word & 0xFFu);
+    }
+    return 9 + bytes;
+}
+
 }  // namespace tactiled::modbus
