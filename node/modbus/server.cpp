@@ -17,7 +17,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kTickNs = 50'000'000;             // how long stop() and deadlines may wait
+constexpr std::uint64_t kTickNs = 50'000'000;  // how long stop() and deadlines may wait
 constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
 constexpr std::uint64_t kRetryNs = 1'000'000'000;         // for the port, and after running out of descriptors
 constexpr std::uint64_t kMayBeEvictedNs = 1'000'000'000;  // a client that asked within the last second keeps its place
