@@ -15,6 +15,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMostBytes = std::size_t{16} << 20;
+constexpr std::size_t kMostMethods = 16;
 constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of a few numbers
 constexpr Range kNotNegative{0, 1e300};
 
@@ -60,11 +61,9 @@ void read_names(Options& file, Calibration& calibration) {
             file.problem(key, fmt::format("{} = {}; {}", key, in_quotes(value), kValidName));
     };
     calibration.model = file.text("model");
-    calibration.method = file.text("method", "");
     calibration.contact_model = file.text("contact_model", "unknown");
     calibration.serial = file.text("serial", "");
     short_text("model", calibration.model);
-    short_text("method", calibration.method);
     if (calibration.serial.size() > kLongestNameBytes)
         file.problem("serial", fmt::format("serial has {} bytes; at most {} are published", calibration.serial.size(),
                                            kLongestNameBytes));
@@ -88,8 +87,6 @@ void read_channels(Options& file, Calibration& calibration) {
             file.problem("channels", fmt::format("channels has {} twice", in_quotes(*at)));
     }
     const Count each = channels.empty() ? Count{} : Count{channels.size(), channels.size()};
-    missing(file, "zero", "what each channel reads at no load");
-    calibration.zero = file.numbers("zero", kFinite, each);
     calibration.channel_least = file.numbers("channel_least", kFinite, each);
     calibration.channel_most = file.numbers("channel_most", kFinite, each);
     const auto &least = calibration.channel_least, &most = calibration.channel_most;
@@ -116,29 +113,49 @@ void read_components(Options& file, Calibration& calibration) {
         next = found + 1;
     }
     const Count each = components.empty() ? Count{} : Count{components.size(), components.size()};
-    calibration.sd = file.numbers("sd", kNotNegative, each);
     calibration.full_scale = file.numbers("full_scale", kNotNegative, each);
 }
 
-void read_map(Options& file, Calibration& calibration) {
-    calibration.matrix = file.rows("matrix");
-    const auto& matrix = calibration.matrix;
+// Of the file itself, or of one of its [[other]] tables.
+void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
+    fit.method = file.text("method", "");
+    if (!fit.method.empty() && !valid_name(fit.method))
+        file.problem("method", fmt::format("method = {}; {}", in_quotes(fit.method), kValidName));
     const std::size_t n_rows = calibration.components.size(), n = calibration.channels.size();
-    if (!matrix.empty() && n_rows != 0 && matrix.size() != n_rows)
-        file.problem("matrix", fmt::format("matrix has {} rows for {} components", matrix.size(), n_rows));
-    for (std::size_t i = 0; i < matrix.size(); ++i)
-        if (n != 0 && matrix[i].size() != n)
-            file.problem("matrix", fmt::format("matrix[{}] has {} numbers for {} channels", i, matrix[i].size(), n));
-    Options parameters = file.table("parameters");
+    missing(file, "zero", "what each channel reads at no load");
+    fit.zero = file.numbers("zero", kFinite, n == 0 ? Count{} : Count{n, n});
+    const Count each = n_rows == 0 ? Count{} : Count{n_rows, n_rows};
+    fit.sd = file.numbers("sd", kNotNegative, each);
+    fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
+    fit.matrix = file.rows("matrix");
+    if (!fit.matrix.empty() && n_rows != 0 && fit.matrix.size() != n_rows)
+        file.problem("matrix", fmt::format("matrix has {} rows for {} components", fit.matrix.size(), n_rows));
+    for (std::size_t i = 0; i < fit.matrix.size(); ++i)
+        if (n != 0 && fit.matrix[i].size() != n)
+            file.problem("matrix", fmt::format("matrix[{}] has {} numbers for {} channels", i, fit.matrix[i].size(), n));
+    const auto plain = [](Options& table, const char* kind, const std::string& name) {
+        if (!valid_name(name) || name.find('.') != name.npos)
+            table.problem(name, fmt::format("{} {}; {}, and no dot here", kind, in_quotes(name), kValidName));
+    };
+    Options parameters = file.table("parameters"), tables = file.table("tables");
     for (const auto& name : parameters.keys()) {
-        const bool plain = valid_name(name) && name.find('.') == name.npos;
-        if (!plain) parameters.problem(name, fmt::format("parameter {}; {}, and no dot here", in_quotes(name), kValidName));
-        calibration.parameters[name] = parameters.number(name, kFinite);
+        plain(parameters, "parameter", name);
+        fit.parameters[name] = parameters.number(name, kFinite);
     }
-    if (!file.has("matrix") && !file.has("parameters"))
+    for (const auto& name : tables.keys()) {
+        plain(tables, "table", name);
+        fit.tables[name] = tables.rows(name);
+        for (const auto& row : fit.tables[name])
+            if (row.size() != fit.tables[name].front().size())
+                tables.problem(name, fmt::format("{}: its rows have {} and {} numbers; all need as many", name,
+                                                 fit.tables[name].front().size(), row.size()));
+    }
+    if (!file.has("matrix") && !file.has("parameters") && !file.has("tables"))
         file.problem("matrix",
                      "key \"matrix\" is missing: a row for each component, in it N or Nm a channel_unit for each channel "
                      "(or [parameters], for models that have some)");
+    fit.condition = file.number("condition", kNotNegative, 0);
+    fit.validation = file.text("validation", "");
 }
 
 }  // namespace
@@ -171,9 +188,11 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
     read_names(file, calibration);
     read_channels(file, calibration);
     read_components(file, calibration);
-    read_map(file, calibration);
-    calibration.condition = file.number("condition", kNotNegative, 0);
-    calibration.validation = file.text("validation", "");
+    read_fit(file, calibration, calibration);
+    for (Options& other : file.tables("other", kMostMethods)) {
+        read_fit(other, calibration, calibration.others.emplace_back());
+        if (calibration.others.back().method.empty()) other.problem("method", "key \"method\" is missing");
+    }
     calibration.rows = static_cast<int>(file.integer("rows", {0, 1e9}, 0));
     if (file.has("crc")) {
         (void)file.text("crc", "");
@@ -183,6 +202,15 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
     }
     file.finish();
     return calibration;
+}
+
+Calibration Calibration::with_method(const std::string& name) const {
+    Calibration result = *this;
+    for (const Fit& other : others)
+        if (other.method == name && method != name) static_cast<Fit&>(result) = other;
+    result.method = name;
+    result.others.clear();
+    return result;
 }
 
 Calibration load_calibration(const std::string& path, Problems& problems) {

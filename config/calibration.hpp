@@ -1,4 +1,4 @@
-// A calibration file: one sensor sample, a linear map from channels to the components of the wrench, and how good it is.
+// A calibration file: one sensor sample, how its channels become the components of the wrench, and how good that is.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -14,26 +14,38 @@ namespace tactiled {
 // fx fy fz in N, mx my mz in Nm, frame S.
 inline constexpr std::array<const char*, 6> kComponentNames{"fx", "fy", "fz", "mx", "my", "mz"};
 
-struct Calibration {
+// What one method knows of a sensor sample. Which of it a method needs is said beside the method.
+struct Fit {
+    std::string method;                       // "matrix", "linear" ...
+    std::vector<double> zero;                 // a channel at no load, in channel_unit
+    std::vector<std::vector<double>> matrix;  // components x channels: N or Nm a channel_unit
+    std::map<std::string, double> parameters;
+    std::map<std::string, std::vector<std::vector<double>>> tables;  // rows of numbers: centres, weights ...
+    // Per component, of errors on data that the fit had not seen, N or Nm; empty = unknown. 68 % of them are below
+    // hypot(sd, sd_slope * |component|).
+    std::vector<double> sd, sd_slope;
+    double condition = 0;    // of the scaled problem that was solved; 0 = unknown
+    std::string validation;  // how held out: "leave one session out (2 sessions)" ...
+};
+
+// The Fit that it is itself, and those of other methods of the same model, for the same channels and components.
+struct Calibration : Fit {
     std::string path;
     std::string model;          // "generic", "table"
-    std::string method;         // "matrix", "linear"
     std::string contact_model;  // what pressed on the sensor when it was calibrated: "uniform", "point", "unknown" ...
     std::string serial;
     std::string date;                                 // YYYY-MM-DD
     std::vector<std::string> channels;                // names, in the order of the matrix's columns
     std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
-    std::vector<double> zero;                         // a channel at no load, in channel_unit
     std::vector<double> channel_least, channel_most;  // the domain that the calibration saw; empty = unknown
     std::vector<std::string> components;              // of kComponentNames, those that the sensor sees, in this order
-    std::vector<std::vector<double>> matrix;   // components x channels: N or Nm a channel_unit. Empty for model "table"
-    std::map<std::string, double> parameters;  // model "table": normal_inner, tangential_inner ... (1/N)
-    std::vector<double> sd;          // per component: one standard deviation of held-out error, N or Nm; empty = unknown
-    std::vector<double> full_scale;  // per component, N or Nm; empty = unknown
-    double condition = 0;            // of the scaled problem that was solved; 0 = unknown
-    std::string validation;          // how held out: "leave one session out (2 sessions)" ...
-    int rows = 0;                    // labelled rows used
-    std::uint16_t crc = 0;           // CRC-16/CCITT-FALSE over the file up to its line `crc = `
+    std::vector<double> full_scale;                   // per component, N or Nm; empty = unknown
+    int rows = 0;                                     // labelled rows used
+    std::uint16_t crc = 0;                            // CRC-16/CCITT-FALSE over the file up to its line `crc = `
+    std::vector<Fit> others;
+
+    // As this one, with the fit of `name` where there is one of its own, and without the others.
+    [[nodiscard]] Calibration with_method(const std::string& name) const;
 };
 
 // Reads and checks: format version, known model, sizes that fit each other, finite numbers, CRC (a file without a crc

@@ -45,44 +45,59 @@ std::string toml_texts(const std::vector<std::string>& texts) {
     return fmt::format("[{}]", fmt::join(all, ", "));
 }
 
+// Lines "key = value" of what is not empty.
+class Lines {
+public:
+    void line(const std::string& key, const std::string& value) { text_ += fmt::format("{} = {}\n", key, value); }
+    void text(const char* key, const std::string& value) {
+        if (!value.empty()) line(key, toml_text(value));
+    }
+    void numbers(const char* key, const std::vector<double>& values) {
+        if (!values.empty()) line(key, toml_numbers(values));
+    }
+    void rows(const std::string& key, const std::vector<std::vector<double>>& values) {
+        text_ += key + " = [\n";
+        for (const auto& row : values) text_ += fmt::format("    {},\n", toml_numbers(row));
+        text_ += "]\n";
+    }
+    void fit(const Fit& fit) {
+        text("method", fit.method);
+        numbers("zero", fit.zero);
+        if (!fit.matrix.empty()) rows("matrix", fit.matrix);
+        numbers("sd", fit.sd);
+        numbers("sd_slope", fit.sd_slope);
+        line("condition", toml_number(fit.condition));
+        text("validation", fit.validation);
+        for (const auto& [name, value] : fit.parameters) line("parameters." + toml_key(name), toml_number(value));
+        for (const auto& [name, values] : fit.tables) rows("tables." + toml_key(name), values);
+    }
+    std::string text_;
+};
+
 }  // namespace
 
 std::string calibration_text(const Calibration& calibration) {
-    std::string out =
+    Lines out;
+    out.text_ =
         "# One calibrated sensor sample. Forces in N, moments in Nm, frame S. The last line guards all lines before it.\n";
-    const auto line = [&](const char* key, const std::string& value) { out += fmt::format("{} = {}\n", key, value); };
-    const auto text = [&](const char* key, const std::string& value) {
-        if (!value.empty()) line(key, toml_text(value));
-    };
-    const auto numbers = [&](const char* key, const std::vector<double>& values) {
-        if (!values.empty()) line(key, toml_numbers(values));
-    };
-    line("format", "1");
-    text("model", calibration.model);
-    text("method", calibration.method);
-    text("contact_model", calibration.contact_model);
-    text("serial", calibration.serial);
-    text("date", calibration.date);
-    line("channels", toml_texts(calibration.channels));
-    text("channel_unit", calibration.channel_unit);
-    numbers("zero", calibration.zero);
-    numbers("channel_least", calibration.channel_least);
-    numbers("channel_most", calibration.channel_most);
-    line("components", toml_texts(calibration.components));
-    if (!calibration.matrix.empty()) {
-        out += "matrix = [\n";
-        for (const auto& row : calibration.matrix) out += fmt::format("    {},\n", toml_numbers(row));
-        out += "]\n";
+    out.line("format", "1");
+    out.text("model", calibration.model);
+    out.text("contact_model", calibration.contact_model);
+    out.text("serial", calibration.serial);
+    out.text("date", calibration.date);
+    out.line("channels", toml_texts(calibration.channels));
+    out.text("channel_unit", calibration.channel_unit);
+    out.numbers("channel_least", calibration.channel_least);
+    out.numbers("channel_most", calibration.channel_most);
+    out.line("components", toml_texts(calibration.components));
+    out.numbers("full_scale", calibration.full_scale);
+    out.line("rows", fmt::format("{}", calibration.rows));
+    out.fit(calibration);
+    for (const Fit& other : calibration.others) {
+        out.text_ += "[[other]]  # another method, for the same channels and components\n";
+        out.fit(other);
     }
-    numbers("sd", calibration.sd);
-    numbers("full_scale", calibration.full_scale);
-    line("condition", toml_number(calibration.condition));
-    text("validation", calibration.validation);
-    line("rows", fmt::format("{}", calibration.rows));
-    // Not as a table [parameters]: the crc line after it would belong to that table.
-    for (const auto& [name, value] : calibration.parameters)
-        line(("parameters." + toml_key(name)).c_str(), toml_number(value));
-    return out + fmt::format("crc = \"0x{:04X}\"\n", calibration_crc(out));
+    return out.text_ + fmt::format("crc = \"0x{:04X}\"\n", calibration_crc(out.text_));
 }
 
 void save_calibration(const Calibration& calibration, const std::string& path) {

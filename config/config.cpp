@@ -159,6 +159,7 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
     const std::string model = table.text("model");
     const std::string calibration = table.text("calibration");
     const std::string method = table.text("method", "");
+    const double budget_us = table.number("budget_us", {0.01, 1e4}, 10);
     const int stale_ms = small_integer(table, "stale_ms", {1, 10000}, 100);
     const int tare_ms = small_integer(table, "tare_ms", {1, 10000}, 100);
     const double filter_Hz = table.number("filter_hz", {0, 10000}, 0);
@@ -169,8 +170,8 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
         table.problem("contact_off_N",
                       fmt::format("contact_off_N = {} is above contact_on_N = {}", contact_off_N, contact_on_N));
     const std::string beside = calibration.empty() ? "" : (folder / calibration).string();  // an absolute path stays itself
-    return {name,   link,     device,  channels,  counts_per_unit, rails.below,   rails.above, model, beside,
-            method, stale_ms, tare_ms, filter_Hz, contact_on_N,    contact_off_N, overload_N,  table};
+    return {name,   link,      device,   channels, counts_per_unit, rails.below,  rails.above,   model,      beside,
+            method, budget_us, stale_ms, tare_ms,  filter_Hz,       contact_on_N, contact_off_N, overload_N, table};
 }
 
 template <typename Settings>

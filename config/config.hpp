@@ -39,7 +39,8 @@ struct SensorSettings {
     double saturates_below, saturates_above;  // raw numbers; at or beyond them a channel counts as saturated
     std::string model;
     std::string calibration;  // path, as given or beside the configuration file
-    std::string method;
+    std::string method;       // "" = the calibration's own; "auto"
+    double budget_us;         // what a sample may cost with method "auto"
     int stale_ms;
     int tare_ms;       // how long a tare averages
     double filter_Hz;  // low pass on force and torque, 0 = off

@@ -23,6 +23,7 @@ struct Reading {
     std::span<const double> channel;  // NaN where missing
     std::uint32_t missing = 0;        // bit n: channel n
     std::uint32_t saturated = 0;      // bit n: channel n
+    std::uint64_t t_ns = 0;           // CLOCK_MONOTONIC, of the frame; for models that remember (piezo, hysteresis)
 };
 
 // Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = this sensor cannot see it, or BAD.
@@ -33,8 +34,9 @@ struct Estimate {
     Wrench wrench_S = kUnseen;
     Wrench sd = kUnseen;  // one standard deviation
     tactiled_quality quality = TACTILED_BAD;
-    std::uint32_t reasons = 0;  // enum tactiled_reason
-    double residual = kNaN;     // of the model, in standard deviations of the channels
+    std::uint32_t reasons = 0;    // enum tactiled_reason
+    double residual = kNaN;       // of the model, in standard deviations of the channels
+    std::uint32_t direction = 0;  // method "signs": row of the decision table, 0 = none or not this method
 };
 
 class Decoupler {
@@ -63,5 +65,11 @@ struct DecouplerEntry {
 
 const DecouplerEntry* find_decoupler(std::string_view name) noexcept;
 std::vector<std::string> decoupler_names();
+
+// The decoupler of a calibration. `method`: "" = the one that it was fitted for; "auto" = of the methods that it has a fit
+// and a standard deviation of, the most accurate that needs at most `budget_us` a sample on this machine now (the fastest
+// where none is fast enough). nullptr where that cannot be; errors go to the options' Problems. setup
+std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us,
+                                          Options& options);
 
 }  // namespace tactiled

@@ -46,6 +46,11 @@ public:
         return any;
     }
 
+    // The value of channel k in the domain (margin included) that is nearest to `value`. rt: wait-free
+    [[nodiscard]] double nearest(std::size_t k, double value) const noexcept {
+        return std::clamp(value, least_[k], most_[k]);
+    }
+
 private:
     std::array<double, 32> least_, most_;
 };
@@ -70,11 +75,16 @@ inline std::string fault_of_shared_parts(const Calibration& calibration) {
     const auto all_finite = [](const std::vector<double>& numbers) {
         return std::all_of(numbers.begin(), numbers.end(), [](double number) { return std::isfinite(number); });
     };
+    if (!calibration.sd_slope.empty() && calibration.sd_slope.size() != rows)
+        return fmt::format("sd_slope has {} numbers for {} components", calibration.sd_slope.size(), rows);
     for (const auto* numbers : {&calibration.zero, &calibration.channel_least, &calibration.channel_most, &calibration.sd,
-                                &calibration.full_scale})
+                                &calibration.sd_slope, &calibration.full_scale})
         if (!all_finite(*numbers)) return "a number is not finite";
     for (const auto& row : calibration.matrix)
         if (!all_finite(row)) return "a number of matrix is not finite";
+    for (const auto& [name, table] : calibration.tables)
+        for (const auto& row : table)
+            if (!all_finite(row)) return fmt::format("a number of table {} is not finite", name);
     for (const auto& [name, number] : calibration.parameters)
         if (!std::isfinite(number)) return fmt::format("parameter {} is not finite", name);
     return "";

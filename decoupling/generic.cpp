@@ -1,116 +1,132 @@
-// Model "generic", method "matrix": any channels, one calibrated matrix.
+// Model "generic": any channels, any components.
 //
-//     wrench[c] = sum over k of M[c][k] * (channel[k] - zero[k])
+//     matrix:      wrench[c] = sum over k of M[c][k] * r[k],    r[k] = channel[k] - zero[k]
+//     quadratic, rbf, mlp:      the same + g(u),    u[k] = r[k] / width[k]
 //
-// Summed from k = 0 upwards into one double that starts at 0, every product and every sum rounded once (no fused
-// multiply-add, no reordering), so that anyone with the calibration file can recompute a force to its last bit.
-#include <fmt/format.h>
-
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstddef>
-
-#include "decoupling/decoupler.hpp"
-#include "decoupling/domain.hpp"
+// The sum of `matrix` runs from k = 0 upwards into one double that starts at 0, every product and every sum rounded once (no
+// fused multiply-add, no reordering), so that anyone with the calibration file can recompute a force to its last bit.
+//
+// The matrix of the corrected methods is the best affine map by itself and g what it leaves over. Outside of the domain g
+// stays at what it is at the nearest point inside: the force goes on as a straight line, whatever g would do there.
+#include "decoupling/generic_methods.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMost = 32;  // channels: a bit each in Reading::missing
+using MakeCorrection = std::unique_ptr<Correction> (*)(const Calibration&, std::string&);
 
-class Generic final : public Decoupler {
+std::uint32_t used_channels(const Calibration& calibration, bool corrected) {
+    std::uint32_t used = 0;
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k)
+        for (const auto& row : calibration.matrix)
+            if (corrected || row[k] != 0) used |= 1u << k;
+    return used;
+}
+
+class Generic final : public CheckedModel {
 public:
-    explicit Generic(const Calibration& calibration)
-        : n_(calibration.channels.size()), domain_(calibration), sd_known_(!calibration.sd.empty()) {
-        for (std::size_t k = 0; k < n_; ++k) zero_[k] = calibration.zero[k];
+    Generic(const Calibration& calibration, const std::string& method, std::unique_ptr<Correction> correction)
+        : CheckedModel(calibration, used_channels(calibration, correction != nullptr), ~0u),
+          method_(method),
+          correction_(std::move(correction)) {
         for (std::size_t i = 0; i < calibration.components.size(); ++i) {
-            const std::size_t c = component_index(calibration.components[i]);
-            seen_[c] = true;
-            if (sd_known_) sd_[c] = calibration.sd[i];
-            for (std::size_t k = 0; k < n_; ++k) {
-                matrix_[c][k] = calibration.matrix[i][k];
-                if (matrix_[c][k] != 0) needed_ |= 1u << k;
-            }
+            component_[i] = component_index(calibration.components[i]);
+            for (std::size_t k = 0; k < n_channels(); ++k) matrix_[i][k] = calibration.matrix[i][k];
+        }
+        n_components_ = calibration.components.size();
+        if (correction_ == nullptr) return;
+        const auto& width = calibration.tables.at("width").front();
+        for (std::size_t k = 0; k < n_channels(); ++k) {
+            width_[k] = width[k];
+            zero_[k] = calibration.zero[k];
         }
     }
 
-    // rt: wait-free
-    Estimate decouple(const Reading& reading) noexcept override {
-        Estimate estimate;
-        if (reading.channel.size() != n_) {
-            estimate.reasons = TACTILED_WRONG_DEVICE;
-            return estimate;
-        }
-        // A channel that no component uses may be missing or anything: it must not turn 0 * NaN into the sum.
-        std::array<double, kMost> shift;
-        std::uint32_t missing = reading.missing;
-        for (std::size_t k = 0; k < n_; ++k) {
-            const double value = reading.channel[k];
-            if (std::isnan(value)) missing |= 1u << k;
-            shift[k] = (needed_ >> k & 1u) != 0 ? value - zero_[k] : 0.0;
-        }
-        if ((missing & needed_) != 0) {
-            estimate.reasons = TACTILED_MISSING_CHANNEL;
-            return estimate;
-        }
-        bool finite = true;
-        for (std::size_t c = 0; c < seen_.size(); ++c) {
-            if (!seen_[c]) continue;
-            double sum = 0;
-            for (std::size_t k = 0; k < n_; ++k) sum += matrix_[c][k] * shift[k];
-            finite = finite && std::isfinite(sum);
-            estimate.wrench_S[c] = sum;
-        }
-        if (!finite) {
-            estimate.wrench_S = kUnseen;
-            estimate.reasons = TACTILED_NOT_FINITE;
-            return estimate;
-        }
-        if (domain_.outside(reading.channel, needed_)) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-        // Beyond the rail the true channel may be anything, so no standard deviation would be true.
-        if ((reading.saturated & needed_) != 0) estimate.reasons |= TACTILED_SATURATED | TACTILED_UNKNOWN_UNCERTAINTY;
-        if (!sd_known_) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-        if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0) estimate.sd = sd_;
-        estimate.quality = estimate.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
-        return estimate;
-    }
-
-    [[nodiscard]] std::string_view method() const noexcept override { return "matrix"; }
+    [[nodiscard]] std::string_view method() const noexcept override { return method_; }
 
 private:
-    std::size_t n_;
-    std::array<std::array<double, kMost>, 6> matrix_{};
-    std::array<double, kMost> zero_{};
-    std::array<bool, 6> seen_{};
-    std::uint32_t needed_ = 0;  // bit k: some component has a nonzero coefficient for channel k
-    Wrench sd_ = kUnseen;
-    Domain domain_;
-    bool sd_known_;
+    // rt: wait-free
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        std::array<double, 6> value{};
+        for (std::size_t i = 0; i < n_components_; ++i) {
+            double sum = 0;
+            for (std::size_t k = 0; k < n_channels(); ++k) sum += matrix_[i][k] * input.r[k];
+            value[i] = sum;
+        }
+        if (correction_ != nullptr) {
+            std::array<double, kMostChannels> u;
+            for (std::size_t k = 0; k < n_channels(); ++k)
+                u[k] = (domain().nearest(k, input.r[k] + zero_[k]) - zero_[k]) / width_[k];
+            correction_->add(u.data(), value.data());
+        }
+        for (std::size_t i = 0; i < n_components_; ++i) estimate.wrench_S[component_[i]] = value[i];
+    }
+
+    std::string method_;
+    std::unique_ptr<Correction> correction_;
+    std::size_t n_components_ = 0;
+    std::array<std::size_t, 6> component_{};
+    std::array<std::array<double, kMostChannels>, 6> matrix_{};
+    std::array<double, kMostChannels> width_{}, zero_{};
 };
 
 // What would make the matrix unusable, "" where nothing does. A calibration may come from code as well as from a file.
 std::string fault_of(const Calibration& calibration) {
+    if (std::string fault = fault_of_checked(calibration); !fault.empty()) return fault;
     const std::size_t n = calibration.channels.size(), rows = calibration.components.size();
-    if (n == 0 || n > kMost) return fmt::format("{} channels; a sensor has 1 .. {}", n, kMost);
-    if (rows == 0) return "components is empty; name at least one of fx fy fz mx my mz";
-    if (calibration.zero.size() != n) return fmt::format("zero has {} numbers for {} channels", calibration.zero.size(), n);
     if (calibration.matrix.size() != rows)
         return fmt::format("matrix has {} rows for {} components", calibration.matrix.size(), rows);
     for (const auto& row : calibration.matrix)
         if (row.size() != n) return fmt::format("a row of matrix has {} numbers for {} channels", row.size(), n);
-    return fault_of_shared_parts(calibration);
+    return "";
 }
 
-std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string&, Options& options) {
-    if (const std::string fault = fault_of(calibration); !fault.empty()) {
-        options.problem("calibration", calibration.path + ": " + fault);
+std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string& method, Options& options) {
+    std::string fault = fault_of(calibration);
+    std::unique_ptr<Correction> correction;
+    const MakeCorrection make_correction = method == "quadratic" ? make_quadratic
+                                           : method == "rbf"     ? make_rbf
+                                           : method == "mlp"     ? make_mlp
+                                                                 : nullptr;
+    if (fault.empty() && make_correction != nullptr) {
+        const auto* width = table_of(calibration, "width", 1, calibration.channels.size(), fault);
+        if (width != nullptr)
+            for (const double w : width->front())
+                if (!(w > 0)) fault = "table width has a number that is not above 0";
+        if (fault.empty() && calibration.channel_least.empty()) fault = "channel_least and channel_most are needed";
+        if (fault.empty()) correction = make_correction(calibration, fault);
+    }
+    if (!fault.empty()) {
+        options.problem("calibration", calibration.path + ": " + (make_correction == nullptr ? "" : "method " + method + ": ") + fault);
         return nullptr;
     }
-    return std::make_unique<Generic>(calibration);
+    return std::make_unique<Generic>(calibration, method, std::move(correction));
 }
 
-const DecouplerEntry entry("generic", {"matrix"}, make);
+const DecouplerEntry entry("generic", {"matrix", "quadratic", "rbf", "mlp"}, make);
 
 }  // namespace
+
+const std::vector<std::vector<double>>* table_of(const Calibration& calibration, const std::string& name, std::size_t rows,
+                                                 std::size_t columns, std::string& fault) {
+    const auto found = calibration.tables.find(name);
+    if (found == calibration.tables.end() || found->second.empty()) {
+        fault = fmt::format("table {} is missing", name);
+        return nullptr;
+    }
+    const auto& table = found->second;
+    if ((rows != 0 && table.size() != rows) || (columns != 0 && table.front().size() != columns)) {
+        fault = fmt::format("table {} has {} rows of {}; needed are {} of {}", name, table.size(), table.front().size(),
+                            rows == 0 ? "any number" : fmt::format("{}", rows),
+                            columns == 0 ? "any number" : fmt::format("{}", columns));
+        return nullptr;
+    }
+    for (const auto& row : table)
+        if (row.size() != table.front().size()) {
+            fault = fmt::format("table {}: its rows are not equally long", name);
+            return nullptr;
+        }
+    return &table;
+}
+
 }  // namespace tactiled

@@ -119,6 +119,7 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
         if (saturated) reading.saturated |= 1u << k;
     }
     reading.channel = {channel_.data(), n};
+    reading.t_ns = frame.t_ns;
     s.missing = reading.missing;
     s.saturated = reading.saturated;
     return setup_.decoupler->decouple(reading);

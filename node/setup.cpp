@@ -77,10 +77,6 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
                                                   : fmt::format("known are {}", fmt::join(decoupler_names(), ", "))));
         return;
     }
-    const std::string method = settings.method.empty() ? entry->methods.front() : settings.method;
-    if (std::find(entry->methods.begin(), entry->methods.end(), method) == entry->methods.end())
-        settings.options.problem("method", fmt::format("method = \"{}\": model \"{}\" has {}", method, settings.model,
-                                                       fmt::join(entry->methods, ", ")));
     if (settings.calibration.empty()) return;
     Problems of_calibration;
     const Calibration calibration = load_calibration(settings.calibration, of_calibration);
@@ -92,7 +88,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
         return;
     }
     Sensor::Setup setup;
-    setup.decoupler = entry->make(calibration, method, settings.options);
+    setup.decoupler = make_decoupler(calibration, settings.method, settings.budget_us, settings.options);
     setup.channel_of_frame = channel_map(settings, calibration);
     setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
     if (setup.decoupler == nullptr || !problems.empty()) return;

@@ -18,22 +18,15 @@ namespace {
 
 struct Settings {
     std::string calibration, method, in = "-", out = "-";
+    double budget_us = 10;  // of method auto
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
 };
 
-std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, std::string method) {
-    const DecouplerEntry* entry = find_decoupler(calibration.model);
-    if (entry == nullptr)
-        throw SetupError(fmt::format("{}: model \"{}\" is unknown; known are {}", calibration.path, calibration.model,
-                                     fmt::join(decoupler_names(), " ")));
-    if (method.empty()) method = calibration.method.empty() ? entry->methods.front() : calibration.method;
-    if (std::find(entry->methods.begin(), entry->methods.end(), method) == entry->methods.end())
-        throw SetupError(fmt::format("{}: model \"{}\" has no method \"{}\"; it has {}", calibration.path, calibration.model,
-                                     method, fmt::join(entry->methods, " ")));
+std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration, const Settings& settings) {
     Problems problems;
     Options none = Options::parse_text("", calibration.path, problems);
-    auto decoupler = entry->make(calibration, method, none);
+    auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us, none);
     problems.throw_if_any();
     return decoupler;
 }
@@ -59,7 +52,7 @@ int decouple(const Settings& settings) {
     Problems problems;
     const Calibration calibration = load_calibration(settings.calibration, problems);
     problems.throw_if_any();
-    const auto decoupler = make_decoupler(calibration, settings.method);
+    const auto decoupler = decoupler_of(calibration, settings);
     CsvReader csv(settings.in);
     const auto time = csv.find("t_s");
     if (!time) csv.refuse("has no column t_s");
@@ -72,7 +65,8 @@ int decouple(const Settings& settings) {
     while (csv.next()) {
         const double t_s = csv.number(*time);
         if (std::isnan(t_s)) csv.refuse("column t_s is empty; when was this row read?");
-        Reading reading{.channel = channel, .missing = 0, .saturated = 0};
+        const auto t_ns = std::uint64_t(std::max(0.0, std::round(t_s * 1e9)));
+        Reading reading{.channel = channel, .missing = 0, .saturated = 0, .t_ns = t_ns};
         for (std::size_t k = 0; k < columns.size(); ++k) {
             channel[k] = csv.number(columns[k]);
             if (std::isnan(channel[k])) reading.missing |= 1u << k;
@@ -92,7 +86,8 @@ void add_decouple(CLI::App& app, Run& run) {
     auto settings = std::make_shared<Settings>();
     auto* verb = app.add_subcommand("decouple", "Turns a file of readings into forces, with the code of the daemon's loop");
     verb->add_option("--calibration", settings->calibration, "the calibration file")->required();
-    verb->add_option("--method", settings->method, "of the model; the calibration's own if not given");
+    verb->add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
+    verb->add_option("--budget-us", settings->budget_us, "what a sample may cost with --method auto")->capture_default_str();
     verb->add_option("--in", settings->in, "signals.csv: t_s and a column a channel; - is standard input")
         ->capture_default_str();
     verb->add_option("--out", settings->out, "forces.csv; - is standard output")->capture_default_str();

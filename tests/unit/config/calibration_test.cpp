@@ -142,8 +142,8 @@ TEST(Calibration, NeedsFewKeys) {
                   "c.toml:1: key \"format\" is missing",
                   "c.toml:1: key \"model\" is missing",
                   "c.toml:1: key \"channels\" is missing: the names of the channels, in the order of all numbers below",
-                  "c.toml:1: key \"zero\" is missing: what each channel reads at no load",
                   "c.toml:1: key \"components\" is missing: those of fx fy fz mx my mz that the sensor sees",
+                  "c.toml:1: key \"zero\" is missing: what each channel reads at no load",
                   "c.toml:1: key \"matrix\" is missing: a row for each component, in it N or Nm a channel_unit for each "
                   "channel (or "
                   "[parameters], for models that have some)",
