@@ -97,7 +97,8 @@ std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::strin
         if (fault.empty()) correction = make_correction(calibration, fault);
     }
     if (!fault.empty()) {
-        options.problem("calibration", calibration.path + ": " + (make_correction == nullptr ? "" : "method " + method + ": ") + fault);
+        options.problem("calibration",
+                        calibration.path + ": " + (make_correction == nullptr ? "" : "method " + method + ": ") + fault);
         return nullptr;
     }
     return std::make_unique<Generic>(calibration, method, std::move(correction));

@@ -1,151 +1,48 @@
 #include "decoupling/fit/fit.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "decoupling/domain.hpp"
+#include "decoupling/fit/labels.hpp"
+#include "decoupling/fit/outliers.hpp"
 #include "decoupling/fit/validate.hpp"
-#include "decoupling/table_signs.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr std::pair<std::string_view, FitModel> kFits[] = {{"generic", fit_generic}, {"table", fit_table}};
+constexpr double kIllConditioned = 1000;  // 0.1 % of noise in a channel becomes 100 % of a coefficient
 
-constexpr std::size_t kRowsPerCoefficient = 3;  // fewer describe the noise
-constexpr double kIllConditioned = 1000;        // 0.1 % of noise in a channel becomes 100 % of a coefficient
-constexpr double kHardlyIndependent = 0.05;     // of the labels: correlated to more than 0.995
-constexpr double kNotIndependent = 1e-3;        // ... to more than 0.999998: computed from each other
-
-// Keeps the columns `kept` of every row.
-Labelled with_channels(const Labelled& labelled, const std::vector<std::size_t>& kept) {
-    Labelled result = labelled;
-    result.channels.clear();
-    for (const std::size_t k : kept) result.channels.push_back(labelled.channels[k]);
-    for (auto& row : result.rows) {
-        std::vector<double> channel;
-        for (const std::size_t k : kept) channel.push_back(row.channel[k]);
-        row.channel = std::move(channel);
+// The methods that were asked for, at least one.
+std::vector<FitMethod> methods_of(const FitRequest& request) {
+    std::vector<FitMethod> of_model, chosen;
+    std::vector<std::string> names;
+    for (const FitMethod& method : fit_methods()) {
+        if (method.model != request.model) continue;
+        of_model.push_back(method);
+        names.emplace_back(method.method);
+        if (method.method == request.method) chosen = {method};
     }
-    return result;
-}
-
-bool has_label(const LabelledRow& row) {
-    return std::any_of(row.wrench_S.begin(), row.wrench_S.end(), [](double value) { return std::isfinite(value); });
-}
-
-// Without the channels that say nothing: those that the model does not know, and those that never change.
-Labelled with_useful_channels(const Labelled& labelled, const std::string& model, std::vector<std::string>& warnings) {
-    std::vector<std::size_t> kept;
-    for (std::size_t k = 0; k < labelled.channels.size(); ++k) {
-        const std::string& name = labelled.channels[k];
-        if (model == "table" && !table_gauge(name)) {
-            warnings.push_back(fmt::format("channel {} is no gauge of model \"table\" (R1 .. R8): left out", name));
-            continue;
-        }
-        double least = std::numeric_limits<double>::infinity(), most = -least;
-        for (const auto& row : labelled.rows) {
-            if (!has_label(row) || std::isnan(row.channel[k])) continue;
-            least = std::min(least, row.channel[k]);
-            most = std::max(most, row.channel[k]);
-        }
-        if (least < most) {
-            kept.push_back(k);
-        } else {
-            const std::string what = least > most ? "has no value" : fmt::format("is always {}", least);
-            if (model == "table") throw Undetermined(fmt::format("gauge {} {} in the labelled rows", name, what));
-            warnings.push_back(fmt::format("channel {} {} in the labelled rows: left out", name, what));
-        }
-    }
-    if (kept.empty())
-        throw Undetermined(model == "table" ? "no column is a gauge of model \"table\" (R1 .. R8)"
-                                            : "no channel changes in the labelled rows");
-    return with_channels(labelled, kept);
-}
-
-// The labels of the components must vary, and not only together. Fills the report's part about labels.
-void check_labels(const Rows& rows, FitReport& report) {
-    for (auto& component : report.components) {
-        const std::size_t c = component_index(component.name);
-        double sum = 0, squares = 0, least = std::numeric_limits<double>::infinity(), most = -least;
-        for (const auto* row : rows) {
-            const double label = row->wrench_S[c];
-            if (std::isnan(label)) continue;
-            ++component.rows;
-            sum += label;
-            least = std::min(least, label);
-            most = std::max(most, label);
-            component.full_scale = std::max(component.full_scale, std::abs(label));
-        }
-        if (component.rows == 0) throw Undetermined(fmt::format("no row with {} has all channels", label_column(c)));
-        if (!(least < most))
-            throw Undetermined(fmt::format("{} is always {}: load the sensor along this axis too, or leave the column out",
-                                           label_column(c), least));
-        for (const auto* row : rows)
-            if (!std::isnan(row->wrench_S[c])) squares += std::pow(row->wrench_S[c] - sum / component.rows, 2);
-        component.spread = std::sqrt(squares / component.rows);
-    }
-    std::vector<Eigen::RowVectorXd> whole;
-    const auto n = Eigen::Index(report.components.size());
-    for (const auto* row : rows) {
-        Eigen::RowVectorXd labels(n);
-        for (Eigen::Index i = 0; i < n; ++i)
-            labels[i] = row->wrench_S[component_index(report.components[std::size_t(i)].name)];
-        if (labels.allFinite()) whole.push_back(labels);
-    }
-    if (n < 2 || whole.size() < 2) return;
-    Eigen::MatrixXd labels(Eigen::Index(whole.size()), n);
-    for (std::size_t i = 0; i < whole.size(); ++i) labels.row(Eigen::Index(i)) = whole[i];
-    const Eigen::RowVectorXd centre = labels.colwise().mean();
-    labels.rowwise() -= centre;
-    for (Eigen::Index i = 0; i < n; ++i) {
-        const double length = labels.col(i).norm();
-        if (length > 0) labels.col(i) /= length;  // 0: constant where all are known; the singular value below says so
-    }
-    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(labels.transpose() * labels, Eigen::ComputeFullV);  // squares: of length 1
-    const double ratio = std::sqrt(std::max(0.0, svd.singularValues()[n - 1]) / svd.singularValues()[0]);
-    if (ratio > kHardlyIndependent) return;
-    std::string together;
-    for (Eigen::Index i = 0; i < n; ++i)
-        if (std::abs(svd.matrixV()(i, n - 1)) > 0.1)
-            together += (together.empty() ? "" : " ") + report.components[std::size_t(i)].name;
-    if (ratio < kNotIndependent)
-        throw Undetermined(
-            fmt::format("the labels of {} follow from each other: load the axes independently, or leave one out", together));
-    report.warnings.push_back(
-        fmt::format("the labels of {} hardly vary independently of each other: they are told apart badly", together));
-}
-
-}  // namespace
-
-FitReport fit(const Labelled& all, const FitRequest& request) {
-    const auto* entry = find_decoupler(request.model);
-    const auto* const at =
-        std::find_if(std::begin(kFits), std::end(kFits), [&](const auto& known) { return known.first == request.model; });
-    if (entry == nullptr || at == std::end(kFits)) {
+    if (of_model.empty()) {
         const auto near = nearest_name(request.model, decoupler_names());
         throw SetupError(fmt::format("model \"{}\" is unknown; {}", request.model,
                                      near ? fmt::format("did you mean \"{}\"?", *near)
                                           : fmt::format("known are {}", fmt::join(decoupler_names(), " "))));
     }
-    const FitModel fit_model = at->second;
-    FitReport report;
-    Calibration& calibration = report.calibration;
-    calibration.model = request.model;
-    calibration.method = request.method.empty() ? entry->methods.front() : request.method;
-    if (std::find(entry->methods.begin(), entry->methods.end(), calibration.method) == entry->methods.end())
-        throw SetupError(fmt::format("model \"{}\" has no method \"{}\"; it has {}", request.model, calibration.method,
-                                     fmt::join(entry->methods, " ")));
-    calibration.serial = request.serial;
-    calibration.contact_model = request.contact_model;
-    calibration.channel_unit = request.channel_unit;
-    calibration.date = request.date;
+    if (request.method.empty()) return {of_model.front()};
+    if (request.method == "auto") return of_model;
+    if (chosen.empty())
+        throw SetupError(fmt::format("method \"{}\" of model \"{}\" is not fitted; {} are (or auto: all)", request.method,
+                                     request.model, fmt::join(names, " ")));
+    return chosen;
+}
 
-    const Labelled labelled = with_useful_channels(all, request.model, report.warnings);
-    calibration.channels = labelled.channels;
+// Rows that have a label and every channel; counts the others.
+Rows usable_rows(const Labelled& labelled, FitReport& report) {
     Rows rows;
     std::array<bool, 6> labelled_at_all{};
     for (const auto& row : labelled.rows) {
@@ -163,49 +60,111 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     }
     for (std::size_t c = 0; c < labelled_at_all.size(); ++c) {
         if (!labelled_at_all[c]) continue;
-        calibration.components.emplace_back(kComponentNames[c]);
+        report.calibration.components.emplace_back(kComponentNames[c]);
         report.components.push_back({.name = kComponentNames[c]});
     }
     if (rows.empty()) throw Undetermined("no row has a label and all channels");
     if (report.rows_missing_channel > 0)
         report.warnings.push_back(fmt::format("{} labelled rows lack a channel: left out", report.rows_missing_channel));
-    check_labels(rows, report);
-    const std::size_t coefficients = calibration.channels.size() + 1;
-    for (const auto& component : report.components)
-        if (std::size_t(component.rows) < kRowsPerCoefficient * coefficients)
-            throw Undetermined(fmt::format("{} rows with {} for {} coefficients; at least {} are needed", component.rows,
-                                           component.name, coefficients, kRowsPerCoefficient * coefficients));
+    return rows;
+}
 
-    fit_model(rows, calibration, report.warnings);
+void check_number(const Rows& rows, const FitReport& report) {
+    const std::size_t coefficients = report.calibration.channels.size() + 1;
+    for (const auto& component : report.components) {
+        const std::size_t independent = independent_rows(rows, component_index(component.name));
+        if (independent >= kRowsPerCoefficient * coefficients) continue;
+        throw Undetermined(
+            fmt::format("{} {} with {} for {} coefficients; at least {} are needed", independent,
+                        independent == std::size_t(component.rows) ? "rows" : "loads (rows of one load count once)",
+                        component.name, coefficients, kRowsPerCoefficient * coefficients));
+    }
+}
+
+double mean_held_out(const MethodReport& method, const FitReport& report) {
+    double sum = 0;
+    for (std::size_t i = 0; i < report.components.size(); ++i)
+        sum += method.held_out_rms[i] / report.components[i].full_scale;
+    return std::isnan(sum) ? std::numeric_limits<double>::infinity() : sum;
+}
+
+struct Fitted {
+    Calibration calibration;
+    MethodReport about;
+    Validation validation;
+};
+
+Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitMethod& method, FitReport& report) {
+    Fitted fitted{.calibration = report.calibration, .about = {}, .validation = {}};
+    Calibration& calibration = fitted.calibration;
+    calibration.method = method.method;
+    fitted.about.method = method.method;
+    set_domain(rows, calibration);
+    method.fit(rows, calibration, report.warnings);
     if (calibration.condition > kIllConditioned)
         report.warnings.push_back(fmt::format(
             "condition number {:.2g}: the channels nearly repeat each other, noise is amplified", calibration.condition));
+    fitted.validation = hold_out(labelled, rows, method.fit, calibration, report.warnings);
+    calibration.validation = fitted.validation.how;
+    set_uncertainty(fitted.validation.rows, calibration);
+    for (const auto& component : report.components)
+        fitted.about.held_out_rms.push_back(fitted.validation.rms[component_index(component.name)]);
+    return fitted;
+}
+
+}  // namespace
+
+FitReport fit(const Labelled& all, const FitRequest& request) {
+    const std::vector<FitMethod> methods = methods_of(request);
+    FitReport report;
+    Calibration& calibration = report.calibration;
+    calibration.model = request.model;
+    calibration.serial = request.serial;
+    calibration.contact_model = request.contact_model;
+    calibration.channel_unit = request.channel_unit;
+    calibration.date = request.date;
+
+    const auto labelled = std::make_shared<const Labelled>(with_useful_channels(all, methods.front(), report.warnings));
+    report.labelled = labelled;
+    calibration.channels = labelled->channels;
+    Rows rows = usable_rows(*labelled, report);
+    check_labels(rows, report);
+    check_number(rows, report);
+    rows = without_outliers(*labelled, rows, report);
     calibration.rows = int(rows.size());
-    const std::size_t n = calibration.channels.size();
-    calibration.channel_least.assign(n, std::numeric_limits<double>::infinity());
-    calibration.channel_most.assign(n, -std::numeric_limits<double>::infinity());
-    for (const auto* row : rows)
-        for (std::size_t k = 0; k < n; ++k) {
-            calibration.channel_least[k] = std::min(calibration.channel_least[k], row->channel[k]);
-            calibration.channel_most[k] = std::max(calibration.channel_most[k], row->channel[k]);
-        }
     for (const auto& component : report.components) calibration.full_scale.push_back(component.full_scale);
 
+    std::vector<Fitted> all_fitted;
+    for (const FitMethod& method : methods) {
+        try {
+            all_fitted.push_back(fit_one(*labelled, rows, method, report));
+            report.methods.push_back(all_fitted.back().about);
+        } catch (const Undetermined& error) {
+            if (methods.size() == 1) throw;
+            report.methods.push_back({.method = std::string(method.method), .held_out_rms = {}, .refused = error.what()});
+        }
+    }
+    if (all_fitted.empty()) throw Undetermined(report.methods.front().refused);
+    std::stable_sort(all_fitted.begin(), all_fitted.end(), [&](const Fitted& a, const Fitted& b) {
+        return mean_held_out(a.about, report) < mean_held_out(b.about, report);
+    });
+    calibration = all_fitted.front().calibration;
+    for (std::size_t i = 1; i < all_fitted.size(); ++i) calibration.others.push_back(all_fitted[i].calibration);
+    const Validation& validation = all_fitted.front().validation;
+    report.held_out = validation.rows;
+    report.crosstalk = crosstalk(report.held_out, calibration);
     const Wrench fitted = rms_error(calibration, rows);
-    const Wrench held_out = held_out_rms(labelled, rows, fit_model, report);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
         component.fitted_rms = fitted[c];
-        component.held_out_rms = held_out[c];
-        if (held_out[c] >= component.spread)
+        component.held_out_rms = validation.rms[c];
+        if (component.held_out_rms >= component.spread)
             report.warnings.push_back(
                 fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these "
                             "channels do not tell {}, or a part that was left out alone loads this axis",
-                            component.name, held_out[c], component.spread, component.name));
-        if (std::isfinite(held_out[c])) calibration.sd.push_back(held_out[c]);
+                            component.name, component.held_out_rms, component.spread, component.name));
     }
-    if (calibration.sd.size() != report.components.size()) calibration.sd.clear();
-    report_outliers(labelled, rows, report);
+    report_disagreement(*labelled, rows, report);
     return report;
 }
 

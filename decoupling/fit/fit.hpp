@@ -1,6 +1,10 @@
 // Calibrations from labelled rows: fit, hold out, say how good. May allocate; never in the loop.
 #pragma once
+#include <array>
+#include <memory>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "config/calibration.hpp"
@@ -11,7 +15,7 @@ namespace tactiled {
 
 struct FitRequest {
     std::string model;   // "generic", "table"
-    std::string method;  // "" = the model's first
+    std::string method;  // "" = the model's first; "auto" = all, the most accurate on held-out rows first
     std::string serial, contact_model = "unknown", channel_unit = "unknown";
     std::string date;  // YYYY-MM-DD
 };
@@ -25,27 +29,65 @@ struct ComponentReport {
     double held_out_rms = 0;  // of rows that a fit without their group had not seen; NaN = could not be validated
 };
 
+// A row that the fit had not seen, and what it made of it.
+struct HeldOut {
+    const LabelledRow* row;
+    Wrench estimated_S;
+};
+
+struct MethodReport {
+    std::string method;
+    std::vector<double> held_out_rms;  // a component, as in ComponentReport
+    std::string refused;               // why it could not be fitted, "" = it was
+};
+
 struct FitReport {
     Calibration calibration;
+    std::shared_ptr<const Labelled> labelled;  // what was used, which held_out refers to
     std::vector<ComponentReport> components;
+    std::vector<MethodReport> methods;  // those that were tried
+    std::vector<HeldOut> held_out;      // of the calibration's own method
+    // Slope of the estimated component [i] over the applied one [j] on held-out rows, both in full scales, by least
+    // squares over all applied components: 1 on the diagonal and 0 elsewhere would be perfect. NaN where unknown.
+    std::array<std::array<double, 6>, 6> crosstalk{};
     int rows_read = 0;
     int rows_without_label = 0;
     int rows_missing_channel = 0;  // labelled, but a channel that is used has no value
     std::vector<std::string> warnings;
 };
 
-// Fits, then validates by leaving out each session, or where there is only one, each of five stretches of time: rows of
-// one stretch resemble each other so much that rows drawn at random would praise themselves. What is held out goes
-// through the Decoupler of the loop.
-// setup: throws SetupError where the request is wrong, Undetermined where the data do not determine the model
+// Fits, then validates by leaving out each session, or where there is only one, each pose or each of five stretches of
+// time: rows of one group resemble each other so much that rows drawn at random would praise themselves. What is held out
+// goes through the Decoupler of the loop.
+// setup: throws SetupError where the request is wrong, Undetermined where the data do not determine the model.
 FitReport fit(const Labelled& labelled, const FitRequest& request);
 
-// ---- one function a model: a calibration from `rows`, which have every channel and at least one label of `components`
-// each. Fills matrix or parameters, zero and condition of `calibration`, whose model, channels and components are set;
-// may say something in `warnings`. setup: throws Undetermined
+// ---- one function a method: a calibration from `rows`, which have every channel and at least one label of `components`
+// each. Fills matrix, parameters, tables, zero and condition of `calibration`, whose model, method, channels, components and
+// domain are set; a parameter that it would have to search for and finds there it keeps. May say something in `warnings`.
+// setup: throws Undetermined
 using Rows = std::vector<const LabelledRow*>;
 using FitModel = void (*)(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
+
+struct FitMethod {
+    std::string_view model, method;
+    FitModel fit;
+    bool (*knows_channel)(std::string_view) = nullptr;  // nullptr: any channel
+    std::string_view channels = "";                     // said of the channels that it knows
+};
+// All of them; of a model, the one that is taken without being named comes first. fit/methods.cpp
+std::span<const FitMethod> fit_methods();
+
 void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
+void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
+void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
+void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 void fit_table(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
+
+inline constexpr std::size_t kRowsPerCoefficient = 3;  // fewer describe the noise
+
+// Rows that were recorded under the same load, one after the other, count as one: how many there are of those with a
+// label of component `c`.
+std::size_t independent_rows(const Rows& rows, std::size_t c);
 
 }  // namespace tactiled

@@ -40,7 +40,7 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
         label[c] = csv.find(label_column(c));
         any_label = any_label || label[c].has_value();
     }
-    const auto session = csv.find("session");
+    const auto session = csv.find("session"), time = csv.find("t_s");
     std::vector<std::size_t> channel;  // columns
     for (std::size_t k = 0; k < csv.columns().size(); ++k) {
         const std::string& name = csv.columns()[k];
@@ -66,7 +66,9 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
 
     std::vector<std::string> seen_sessions;  // chosen or not, for the error below
     while (csv.next()) {
-        LabelledRow row{.line = csv.line(), .channel = {}, .wrench_S = kUnseen, .session = 0};
+        LabelledRow row{.line = csv.line(), .channel = {}, .wrench_S = kUnseen, .session = 0, .t_ns = 0};
+        if (time)
+            if (const double t_s = csv.number(*time); t_s > 0) row.t_ns = std::uint64_t(std::min(t_s, 1e9) * 1e9);
         if (session) {
             const std::string name(csv.text(*session));
             if (name.empty()) csv.refuse("column session is empty; which session is this row of?");

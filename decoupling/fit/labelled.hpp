@@ -14,6 +14,7 @@ struct LabelledRow {
     std::vector<double> channel;  // NaN where missing
     Wrench wrench_S = kUnseen;    // NaN where the reference gave none
     std::size_t session = 0;      // index in Labelled::sessions
+    std::uint64_t t_ns = 0;       // of the file's t_s, 0 = unknown
 };
 
 struct Labelled {

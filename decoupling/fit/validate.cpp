@@ -3,9 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <memory>
+#include <map>
 #include <utility>
 
 #include "decoupling/domain.hpp"
@@ -14,43 +13,30 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kStretches = 5;  // of time, where there are no sessions to leave out
+constexpr std::size_t kMostPoseGroups = 10;
+constexpr std::size_t kRowsPerPose = 5;  // on average, from where rows are said to repeat poses
 
-std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration) {
-    Problems problems;
-    Options none = Options::parse_text("", "fit", problems);
-    auto decoupler = find_decoupler(calibration.model)->make(calibration, calibration.method, none);
-    problems.throw_if_any();
-    return decoupler;
-}
-
-// Squared errors of each component, summed over rows.
-struct Errors {
-    Wrench squares{};
+Wrench rms_of(const std::vector<HeldOut>& rows) {
+    Wrench squares{}, rms = kUnseen;
     std::array<int, 6> count{};
-    Wrench rms() const {
-        Wrench result;
-        for (std::size_t c = 0; c < result.size(); ++c) result[c] = count[c] == 0 ? kNaN : std::sqrt(squares[c] / count[c]);
-        return result;
-    }
-};
-
-Wrench error_of(Decoupler& decoupler, const LabelledRow& row) {
-    const Estimate estimate = decoupler.decouple({.channel = row.channel, .missing = 0, .saturated = 0});
-    Wrench error;
-    for (std::size_t c = 0; c < error.size(); ++c) error[c] = estimate.wrench_S[c] - row.wrench_S[c];
-    return error;
+    for (const auto& [row, estimated] : rows)
+        for (std::size_t c = 0; c < 6; ++c) {
+            const double error = estimated[c] - row->wrench_S[c];
+            if (!std::isfinite(error)) continue;
+            squares[c] += error * error;
+            ++count[c];
+        }
+    for (std::size_t c = 0; c < 6; ++c)
+        if (count[c] > 0) rms[c] = std::sqrt(squares[c] / count[c]);
+    return rms;
 }
 
-void add_errors(const Calibration& calibration, const Rows& rows, Errors& errors) {
+std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows) {
     const auto decoupler = decoupler_of(calibration);
-    for (const auto* row : rows) {
-        const Wrench error = error_of(*decoupler, *row);
-        for (std::size_t c = 0; c < error.size(); ++c) {
-            if (!std::isfinite(error[c])) continue;
-            errors.squares[c] += error[c] * error[c];
-            ++errors.count[c];
-        }
-    }
+    std::vector<HeldOut> result;
+    for (const auto* row : rows)
+        result.push_back({row, decoupler->decouple({.channel = row->channel, .t_ns = row->t_ns}).wrench_S});
+    return result;
 }
 
 // What is left out, one group after the other.
@@ -58,81 +44,138 @@ struct Groups {
     std::vector<std::size_t> of_row;
     std::vector<std::string> names;
     std::string validation;
-    bool are_sessions;
+    bool are_sessions = false;
 };
+
+// Poses in groups of neighbours; empty where the rows do not repeat poses.
+Groups groups_of_poses(const Rows& rows) {
+    Groups groups;
+    std::map<Wrench, std::size_t> poses;
+    std::vector<std::size_t> pose_of_row;
+    for (const auto* row : rows) {
+        Wrench key = row->wrench_S;
+        for (double& value : key)
+            if (std::isnan(value)) value = 1e300;  // NaN has no order
+        pose_of_row.push_back(poses.emplace(key, poses.size()).first->second);
+    }
+    if (poses.size() < 4 || poses.size() * kRowsPerPose > rows.size()) return groups;
+    const std::size_t n = std::min(kMostPoseGroups, poses.size());
+    for (const std::size_t pose : pose_of_row) groups.of_row.push_back(pose * n / poses.size());
+    for (std::size_t i = 0; i < n; ++i) groups.names.push_back(fmt::format("the poses' group number {} of {}", i + 1, n));
+    groups.validation = fmt::format("leave poses out ({} poses in {} groups)", poses.size(), n);
+    return groups;
+}
 
 Groups groups_of(const Labelled& labelled, const Rows& rows) {
     std::vector<bool> occurs(std::max<std::size_t>(labelled.sessions.size(), 1));
     for (const auto* row : rows) occurs[row->session] = true;
     const auto sessions = std::count(occurs.begin(), occurs.end(), true);
-    Groups groups{.of_row = {}, .names = {}, .validation = {}, .are_sessions = sessions >= 2};
-    if (groups.are_sessions) {
-        for (const auto* row : rows) groups.of_row.push_back(row->session);
-        for (const auto& name : labelled.sessions) groups.names.push_back("session " + name);
-        groups.validation = fmt::format("leave one session out ({} sessions)", sessions);
-    } else {
+    if (sessions < 2) {
+        if (Groups groups = groups_of_poses(rows); !groups.names.empty()) return groups;
+        Groups groups;
         for (std::size_t i = 0; i < rows.size(); ++i) groups.of_row.push_back(i * kStretches / rows.size());
         for (std::size_t i = 0; i < kStretches; ++i)
             groups.names.push_back(fmt::format("the stretch of time number {} of {}", i + 1, kStretches));
         groups.validation = fmt::format("leave one of {} stretches of time out", kStretches);
+        return groups;
     }
+    Groups groups;
+    groups.are_sessions = true;
+    for (const auto* row : rows) groups.of_row.push_back(row->session);
+    for (const auto& name : labelled.sessions) groups.names.push_back("session " + name);
+    groups.validation = fmt::format("leave one session out ({} sessions)", sessions);
     return groups;
 }
 
 }  // namespace
 
-Wrench rms_error(const Calibration& calibration, const Rows& rows) {
-    Errors errors;
-    add_errors(calibration, rows, errors);
-    return errors.rms();
+std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration) {
+    Problems problems;
+    Options none = Options::parse_text("", "fit", problems);
+    auto decoupler = make_decoupler(calibration, calibration.method, 0, none);
+    problems.throw_if_any();
+    return decoupler;
 }
 
-Wrench held_out_rms(const Labelled& labelled, const Rows& rows, FitModel fit_model, FitReport& report) {
+Wrench error_of(Decoupler& decoupler, const LabelledRow& row) {
+    const Estimate estimate = decoupler.decouple({.channel = row.channel, .t_ns = row.t_ns});
+    Wrench error;
+    for (std::size_t c = 0; c < error.size(); ++c) error[c] = estimate.wrench_S[c] - row.wrench_S[c];
+    return error;
+}
+
+Wrench rms_error(const Calibration& calibration, const Rows& rows) { return rms_of(estimates(calibration, rows)); }
+
+void set_domain(const Rows& rows, Calibration& calibration) {
+    const std::size_t n = calibration.channels.size();
+    calibration.channel_least.assign(n, std::numeric_limits<double>::infinity());
+    calibration.channel_most.assign(n, -std::numeric_limits<double>::infinity());
+    for (const auto* row : rows)
+        for (std::size_t k = 0; k < n; ++k) {
+            calibration.channel_least[k] = std::min(calibration.channel_least[k], row->channel[k]);
+            calibration.channel_most[k] = std::max(calibration.channel_most[k], row->channel[k]);
+        }
+}
+
+Validation hold_out(const Labelled& labelled, const Rows& rows, FitModel fit_model, const Calibration& whole,
+                    std::vector<std::string>& warnings) {
     const Groups groups = groups_of(labelled, rows);
-    Errors errors;
+    Validation validation;
     for (std::size_t group = 0; group < groups.names.size(); ++group) {
         Rows seen, unseen;
         for (std::size_t i = 0; i < rows.size(); ++i) (groups.of_row[i] == group ? unseen : seen).push_back(rows[i]);
         if (unseen.empty()) continue;
-        Calibration calibration = report.calibration;
+        Calibration calibration = whole;
         std::vector<std::string> of_this_part;  // said about a part only: not worth repeating
         try {
+            set_domain(seen, calibration);
             fit_model(seen, calibration, of_this_part);
         } catch (const Undetermined& error) {
-            report.warnings.push_back(
+            warnings.push_back(
                 fmt::format("not validated, so no standard deviation: without {} the rest does not determine "
                             "the model ({}); record every load twice, or in a second session",
                             groups.names[group], error.what()));
-            return kUnseen;
+            return {};
         }
-        add_errors(calibration, unseen, errors);
+        const auto estimated = estimates(calibration, unseen);
+        validation.rows.insert(validation.rows.end(), estimated.begin(), estimated.end());
     }
-    report.calibration.validation = groups.validation;
+    validation.how = groups.validation;
+    validation.rms = rms_of(validation.rows);
     if (!groups.are_sessions)
-        report.warnings.emplace_back(
+        warnings.emplace_back(
             "one session only: the error after mounting the sensor again, or on another day, is not known");
-    return errors.rms();
+    return validation;
 }
 
-// A swapped or misread label, a load that moved.
-void report_outliers(const Labelled& labelled, const Rows& rows, FitReport& report) {
-    const auto decoupler = decoupler_of(report.calibration);
-    for (const auto& component : report.components) {
-        const std::size_t c = component_index(component.name);
-        std::vector<std::pair<double, std::int64_t>> errors;  // size, line
-        for (const auto* row : rows)
-            if (const double error = error_of(*decoupler, *row)[c]; std::isfinite(error))
-                errors.emplace_back(std::abs(error), row->line);
-        std::sort(errors.begin(), errors.end());
-        // 10 robust standard deviations, and a fifth of full scale: bends and hysteresis stay below that.
-        const double limit = std::max(10 * 1.4826 * errors[errors.size() / 2].first, 0.2 * component.full_scale);
-        const auto first = std::upper_bound(errors.begin(), errors.end(), std::pair(limit, std::int64_t{0}));
-        if (first != errors.end())
-            report.warnings.push_back(fmt::format(
-                "{} of {} rows disagree with the rest in {} (worst {}:{}, by {:.3g} {}): are their labels right?",
-                errors.end() - first, errors.size(), label_column(c), labelled.name, errors.back().second,
-                errors.back().first, c < 3 ? "N" : "Nm"));
+std::array<std::array<double, 6>, 6> crosstalk(const std::vector<HeldOut>& rows, const Calibration& calibration) {
+    std::array<std::array<double, 6>, 6> result;
+    for (auto& row : result) row.fill(kNaN);
+    const auto n = Eigen::Index(calibration.components.size());
+    std::vector<std::size_t> index;
+    for (const auto& name : calibration.components) index.push_back(component_index(name));
+    std::vector<const HeldOut*> whole;
+    for (const auto& held_out : rows) {
+        bool known = true;
+        for (const std::size_t c : index)
+            known = known && std::isfinite(held_out.row->wrench_S[c]) && std::isfinite(held_out.estimated_S[c]);
+        if (known) whole.push_back(&held_out);
     }
+    if (Eigen::Index(whole.size()) <= n + 1) return result;
+    Eigen::MatrixXd applied(Eigen::Index(whole.size()), n), estimated = applied;
+    for (std::size_t i = 0; i < whole.size(); ++i)
+        for (Eigen::Index j = 0; j < n; ++j) {
+            const double scale = calibration.full_scale[std::size_t(j)];
+            applied(Eigen::Index(i), j) = whole[i]->row->wrench_S[index[std::size_t(j)]] / scale;
+            estimated(Eigen::Index(i), j) = whole[i]->estimated_S[index[std::size_t(j)]] / scale;
+        }
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const Affine affine = affine_fit(applied, estimated.col(i));
+        if (!affine.slope.dependent.empty()) continue;
+        for (Eigen::Index j = 0; j < n; ++j)
+            result[index[std::size_t(i)]][index[std::size_t(j)]] = affine.slope.coefficient[j];
+    }
+    return result;
 }
 
 }  // namespace tactiled

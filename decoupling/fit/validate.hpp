@@ -1,18 +1,39 @@
-// How wrong a calibration is on rows that it has seen, and on rows that it has not.
+// How good a calibration is on rows that it has not seen.
 #pragma once
+#include <memory>
+#include <string>
+#include <vector>
+
 #include "decoupling/fit/fit.hpp"
 
 namespace tactiled {
 
-// For each component the rms error over `rows` of what the Decoupler of the loop makes of them; NaN where none has a label.
+// The Decoupler of the loop for the calibration's own method. setup: throws SetupError where the calibration is wrong
+std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration);
+
+// Estimated minus applied, of one row; NaN where either is unknown. A model that remembers starts anew.
+Wrench error_of(Decoupler& decoupler, const LabelledRow& row);
+
+// Root mean square over rows, per component.
 Wrench rms_error(const Calibration& calibration, const Rows& rows);
 
-// For each component the rms error over all rows, each decoupled with a calibration that `fit_model` made without the row's
-// session, or without its fifth of the time where there is only one session. NaN where a part cannot be left out. Fills
-// `validation` of the report's calibration, and warnings.
-Wrench held_out_rms(const Labelled& labelled, const Rows& rows, FitModel fit_model, FitReport& report);
+// The least and the greatest of each channel, into the calibration: its domain.
+void set_domain(const Rows& rows, Calibration& calibration);
 
-// Names rows that disagree with all others in the report's warnings. Never drops one.
-void report_outliers(const Labelled& labelled, const Rows& rows, FitReport& report);
+struct Validation {
+    std::string how;            // "leave one session out (2 sessions)"; "" = could not be
+    std::vector<HeldOut> rows;  // each once
+    Wrench rms = kUnseen;
+};
+// Leaves each session out in turn and fits the rest; with one session, each pose (rows of the same labels) where the rows
+// repeat poses, else each of five stretches of time.
+Validation hold_out(const Labelled& labelled, const Rows& rows, FitModel fit_model, const Calibration& calibration,
+                    std::vector<std::string>& warnings);
+
+// sd and sd_slope such that 68.27 % of the held-out errors of each component are within one standard deviation; none
+// where a component has no held-out rows.
+void set_uncertainty(const std::vector<HeldOut>& rows, Calibration& calibration);
+
+std::array<std::array<double, 6>, 6> crosstalk(const std::vector<HeldOut>& rows, const Calibration& calibration);
 
 }  // namespace tactiled

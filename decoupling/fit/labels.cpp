@@ -1,0 +1,137 @@
+#include "decoupling/fit/labels.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "decoupling/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kHardlyIndependent = 0.05;  // of the labels: correlated to more than 0.995
+constexpr double kNotIndependent = 1e-3;     // ... to more than 0.999998: computed from each other
+
+// Keeps the columns `kept` of every row.
+Labelled with_channels(const Labelled& labelled, const std::vector<std::size_t>& kept) {
+    Labelled result = labelled;
+    result.channels.clear();
+    for (const std::size_t k : kept) result.channels.push_back(labelled.channels[k]);
+    for (auto& row : result.rows) {
+        std::vector<double> channel;
+        for (const std::size_t k : kept) channel.push_back(row.channel[k]);
+        row.channel = std::move(channel);
+    }
+    return result;
+}
+
+}  // namespace
+
+bool has_label(const LabelledRow& row) {
+    return std::any_of(row.wrench_S.begin(), row.wrench_S.end(), [](double value) { return std::isfinite(value); });
+}
+
+Labelled with_useful_channels(const Labelled& labelled, const FitMethod& method, std::vector<std::string>& warnings) {
+    std::vector<std::size_t> kept;
+    for (std::size_t k = 0; k < labelled.channels.size(); ++k) {
+        const std::string& name = labelled.channels[k];
+        if (method.knows_channel != nullptr && !method.knows_channel(name)) {
+            const std::string_view what = method.channels;
+            const bool article = what.substr(0, 2) == "a ";
+            warnings.push_back(
+                fmt::format("channel {} is {} {}: left out", name, article ? "no" : "not", what.substr(article ? 2 : 0)));
+            continue;
+        }
+        double least = std::numeric_limits<double>::infinity(), most = -least;
+        for (const auto& row : labelled.rows) {
+            if (!has_label(row) || std::isnan(row.channel[k])) continue;
+            least = std::min(least, row.channel[k]);
+            most = std::max(most, row.channel[k]);
+        }
+        if (least < most) {
+            kept.push_back(k);
+        } else {
+            const std::string what = least > most ? "has no value" : fmt::format("is always {}", least);
+            if (method.knows_channel != nullptr)
+                throw Undetermined(fmt::format("channel {} {} in the labelled rows", name, what));
+            warnings.push_back(fmt::format("channel {} {} in the labelled rows: left out", name, what));
+        }
+    }
+    if (kept.empty())
+        throw Undetermined(method.knows_channel != nullptr ? fmt::format("no column is {}", method.channels)
+                                                           : "no channel changes in the labelled rows");
+    return with_channels(labelled, kept);
+}
+
+void check_labels(const Rows& rows, FitReport& report) {
+    for (auto& component : report.components) {
+        const std::size_t c = component_index(component.name);
+        double sum = 0, squares = 0, least = std::numeric_limits<double>::infinity(), most = -least;
+        for (const auto* row : rows) {
+            const double label = row->wrench_S[c];
+            if (std::isnan(label)) continue;
+            ++component.rows;
+            sum += label;
+            least = std::min(least, label);
+            most = std::max(most, label);
+            component.full_scale = std::max(component.full_scale, std::abs(label));
+        }
+        if (component.rows == 0) throw Undetermined(fmt::format("no row with {} has all channels", label_column(c)));
+        if (!(least < most))
+            throw Undetermined(fmt::format("{} is always {}: load the sensor along this axis too, or leave the column out",
+                                           label_column(c), least));
+        for (const auto* row : rows)
+            if (!std::isnan(row->wrench_S[c])) squares += std::pow(row->wrench_S[c] - sum / component.rows, 2);
+        component.spread = std::sqrt(squares / component.rows);
+    }
+    std::vector<Eigen::RowVectorXd> whole;
+    const auto n = Eigen::Index(report.components.size());
+    for (const auto* row : rows) {
+        Eigen::RowVectorXd labels(n);
+        for (Eigen::Index i = 0; i < n; ++i)
+            labels[i] = row->wrench_S[component_index(report.components[std::size_t(i)].name)];
+        if (labels.allFinite()) whole.push_back(labels);
+    }
+    if (n < 2 || whole.size() < 2) return;
+    Eigen::MatrixXd labels(Eigen::Index(whole.size()), n);
+    for (std::size_t i = 0; i < whole.size(); ++i) labels.row(Eigen::Index(i)) = whole[i];
+    const Eigen::RowVectorXd centre = labels.colwise().mean();
+    labels.rowwise() -= centre;
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const double length = labels.col(i).norm();
+        if (length > 0) labels.col(i) /= length;  // 0: constant where all are known; the singular value below says so
+    }
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(labels.transpose() * labels, Eigen::ComputeFullV);  // squares: of length 1
+    const double ratio = std::sqrt(std::max(0.0, svd.singularValues()[n - 1]) / svd.singularValues()[0]);
+    if (ratio > kHardlyIndependent) return;
+    std::string together;
+    for (Eigen::Index i = 0; i < n; ++i)
+        if (std::abs(svd.matrixV()(i, n - 1)) > 0.1)
+            together += (together.empty() ? "" : " ") + report.components[std::size_t(i)].name;
+    if (ratio < kNotIndependent)
+        throw Undetermined(
+            fmt::format("the labels of {} follow from each other: load the axes independently, or leave one out", together));
+    report.warnings.push_back(
+        fmt::format("the labels of {} hardly vary independently of each other: they are told apart badly", together));
+}
+
+std::size_t independent_rows(const Rows& rows, std::size_t c) {
+    std::size_t n = 0;
+    const Wrench* last = nullptr;
+    const auto same = [](const Wrench& a, const Wrench& b) {
+        for (std::size_t i = 0; i < a.size(); ++i)
+            if (a[i] != b[i] && !(std::isnan(a[i]) && std::isnan(b[i]))) return false;
+        return true;
+    };
+    for (const auto* row : rows) {
+        if (std::isnan(row->wrench_S[c])) continue;
+        n += last == nullptr || !same(*last, row->wrench_S) ? 1 : 0;
+        last = &row->wrench_S;
+    }
+    return n;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,20 @@
+// What the labels and channels of a recording can determine, before anything is fitted.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "decoupling/fit/fit.hpp"
+
+namespace tactiled {
+
+bool has_label(const LabelledRow& row);
+
+// Without the channels that say nothing: those that the method does not know, and those that never change.
+// setup: throws Undetermined where none is left, or one that the method needs never changes
+Labelled with_useful_channels(const Labelled& labelled, const FitMethod& method, std::vector<std::string>& warnings);
+
+// The labels of the components must vary, and not only together. Fills the report's part about labels.
+// setup: throws Undetermined
+void check_labels(const Rows& rows, FitReport& report);
+
+}  // namespace tactiled

@@ -1,0 +1,29 @@
+// Model "generic", method "quadratic": least squares of all products of two channels.
+#include <fmt/format.h>
+
+#include "decoupling/domain.hpp"
+#include "decoupling/fit/corrections.hpp"
+
+namespace tactiled {
+
+void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
+    const Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
+    const Eigen::MatrixXd features = quadratic_features(scaled.u);
+    calibration.tables["quadratic"].clear();
+    for (std::size_t i = 0; i < scaled.component.size(); ++i) {
+        const Leftover& leftover = scaled.component[i];
+        const std::size_t independent = independent_rows(rows, component_index(calibration.components[i]));
+        const auto needed = kRowsPerCoefficient * std::size_t(features.cols());
+        if (independent < needed)
+            throw Undetermined(
+                fmt::format("{} independent rows with {} for {} coefficients of method quadratic; at least {} "
+                            "are needed",
+                            independent, calibration.components[i], features.cols(), needed));
+        // Products of channels that go together repeat each other: the shortest of the equally good solutions.
+        const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver(rows_of(features, leftover.rows));
+        const Eigen::VectorXd q = solver.solve(leftover.y);
+        calibration.tables["quadratic"].emplace_back(q.data(), q.data() + q.size());
+    }
+}
+
+}  // namespace tactiled

@@ -1,0 +1,134 @@
+// Model "generic", method "rbf": centres by k-means, weights by ridge regression together with the quadratic; spread and
+// ridge are those that do best on a part that is left out.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <random>
+
+#include "decoupling/domain.hpp"
+#include "decoupling/fit/corrections.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr Eigen::Index kMostCentres = 1000;
+constexpr Eigen::Index kRowsPerCentre = 20;
+constexpr double kSpreads[] = {1, 2, 4, 8};  // in standard deviations of a channel
+constexpr double kRidges[] = {1e-9, 1e-7, 1e-5, 1e-3};
+constexpr int kParts = 5;  // of which one is left out while spread and ridge are looked for
+
+// k-means++ and Lloyd's rounds, always with the same random numbers. A centre that loses all its rows keeps its place.
+Eigen::MatrixXd k_means(const Eigen::MatrixXd& u, Eigen::Index n) {
+    std::mt19937_64 random(1);
+    Eigen::MatrixXd centres(n, u.cols());
+    Eigen::VectorXd d2 = Eigen::VectorXd::Constant(u.rows(), std::numeric_limits<double>::infinity());
+    Eigen::Index chosen = u.rows() / 2;
+    for (Eigen::Index j = 0; j < n; ++j) {
+        centres.row(j) = u.row(chosen);
+        d2 = d2.cwiseMin((u.rowwise() - centres.row(j)).rowwise().squaredNorm());
+        double left = std::uniform_real_distribution<double>(0, d2.sum())(random);
+        for (chosen = 0; chosen + 1 < u.rows() && (left -= d2[chosen]) > 0;) ++chosen;
+    }
+    const Eigen::VectorXd length = u.rowwise().squaredNorm();
+    for (int round = 0; round < 10; ++round) {
+        const Eigen::MatrixXd score = (-2 * u * centres.transpose()).rowwise() + centres.rowwise().squaredNorm().transpose();
+        Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(n, u.cols());
+        Eigen::VectorXd counts = Eigen::VectorXd::Zero(n);
+        for (Eigen::Index i = 0; i < u.rows(); ++i) {
+            Eigen::Index nearest = 0;
+            score.row(i).minCoeff(&nearest);
+            sums.row(nearest) += u.row(i);
+            counts[nearest] += 1;
+        }
+        for (Eigen::Index j = 0; j < n; ++j)
+            if (counts[j] > 0) centres.row(j) = sums.row(j) / counts[j];
+    }
+    return centres;
+}
+
+Eigen::MatrixXd features_of(const Eigen::MatrixXd& u, const Eigen::MatrixXd& centres, double spread) {
+    const Eigen::MatrixXd quadratic = quadratic_features(u);
+    Eigen::MatrixXd features(u.rows(), quadratic.cols() + centres.rows());
+    features.leftCols(quadratic.cols()) = quadratic;
+    for (Eigen::Index j = 0; j < centres.rows(); ++j)
+        features.col(quadratic.cols() + j) =
+            (1 + (u.rowwise() - centres.row(j)).rowwise().squaredNorm().array() / (spread * spread)).inverse();
+    return features;
+}
+
+// Spread and ridge with the least error on every fifth stretch of rows, the components in units of what the matrix leaves.
+void search(const Scaled& scaled, const Eigen::MatrixXd& centres, double& best_spread, double& best_ridge) {
+    std::vector<Eigen::Index> seen, unseen;
+    const Eigen::Index stretch = std::max<Eigen::Index>(1, scaled.u.rows() / (kParts * kParts));
+    for (Eigen::Index i = 0; i < scaled.u.rows(); ++i) (i / stretch % kParts == kParts / 2 ? unseen : seen).push_back(i);
+    double least = std::numeric_limits<double>::infinity();
+    for (const double spread : kSpreads) {
+        const Eigen::MatrixXd features = features_of(scaled.u, centres, spread);
+        const Ridge ridge_of_seen(rows_of(features, seen));
+        for (const double ridge : kRidges) {
+            double sum = 0;
+            for (const Leftover& leftover : scaled.component) {
+                // A row without this label counts as explained: a part of the search, not of the fit.
+                Eigen::VectorXd y = Eigen::VectorXd::Zero(scaled.u.rows());
+                for (std::size_t i = 0; i < leftover.rows.size(); ++i) y[leftover.rows[i]] = leftover.y[Eigen::Index(i)];
+                Eigen::VectorXd y_seen(Eigen::Index(seen.size()));
+                for (std::size_t i = 0; i < seen.size(); ++i) y_seen[Eigen::Index(i)] = y[seen[i]];
+                const Eigen::VectorXd w = ridge_of_seen.solve(rows_of(features, seen).transpose() * y_seen, ridge);
+                double squares = 0;
+                for (const Eigen::Index i : unseen) squares += std::pow(y[i] - features.row(i).dot(w), 2);
+                sum += squares / (leftover.y.squaredNorm() + std::numeric_limits<double>::min());
+            }
+            if (!(sum < least)) continue;
+            least = sum;
+            best_spread = spread;
+            best_ridge = ridge;
+        }
+    }
+}
+
+}  // namespace
+
+void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
+    const Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
+    const Eigen::Index n_quadratic = 1 + scaled.u.cols() + scaled.u.cols() * (scaled.u.cols() + 1) / 2;
+    std::size_t independent = rows.size();
+    for (const auto& name : calibration.components)
+        independent = std::min(independent, independent_rows(rows, component_index(name)));
+    const Eigen::Index n_centres = std::min(kMostCentres, Eigen::Index(independent) / kRowsPerCentre);
+    const auto needed = std::max(std::size_t(8 * kRowsPerCentre), kRowsPerCoefficient * std::size_t(n_quadratic));
+    if (independent < needed)
+        throw Undetermined(fmt::format("{} independent rows for method rbf; at least {} are needed", independent, needed));
+    const Eigen::MatrixXd centres = k_means(scaled.u, n_centres);
+    double spread = 0, ridge = 0;
+    if (calibration.parameters.count("spread") != 0 && calibration.parameters.count("ridge") != 0) {
+        spread = calibration.parameters["spread"];  // found before, on all rows
+        ridge = calibration.parameters["ridge"];
+    } else {
+        search(scaled, centres, spread, ridge);
+    }
+    calibration.parameters = {{"spread", spread}, {"ridge", ridge}};
+    auto &weights = calibration.tables["weights"], &quadratic = calibration.tables["quadratic"];
+    weights.clear();
+    quadratic.clear();
+    const Eigen::MatrixXd features = features_of(scaled.u, centres, spread);
+    std::unique_ptr<Ridge> of_all;
+    for (const Leftover& leftover : scaled.component) {
+        const bool all = Eigen::Index(leftover.rows.size()) == features.rows();
+        const Eigen::MatrixXd own = all ? Eigen::MatrixXd() : rows_of(features, leftover.rows);
+        const Eigen::MatrixXd& used = all ? features : own;
+        if (all && of_all == nullptr) of_all = std::make_unique<Ridge>(used);
+        const Eigen::VectorXd feature_y = used.transpose() * leftover.y;
+        const Eigen::VectorXd w = all ? of_all->solve(feature_y, ridge) : Ridge(used).solve(feature_y, ridge);
+        quadratic.emplace_back(w.data(), w.data() + n_quadratic);
+        weights.emplace_back(w.data() + n_quadratic, w.data() + w.size());
+    }
+    auto& table = calibration.tables["centres"];
+    table.clear();
+    for (Eigen::Index j = 0; j < centres.rows(); ++j) {
+        const Eigen::RowVectorXd centre = centres.row(j);
+        table.emplace_back(centre.data(), centre.data() + centre.size());
+    }
+}
+
+}  // namespace tactiled
