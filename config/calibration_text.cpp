@@ -33,10 +33,13 @@ std::string toml_key(const std::string& name) {
     return valid_name(name) && name.find('.') == name.npos ? name : toml_text(name);
 }
 
+// Broken into lines: a table may have rows of a thousand numbers.
 std::string toml_numbers(const std::vector<double>& numbers) {
-    std::vector<std::string> all;
-    for (const double x : numbers) all.push_back(toml_number(x));
-    return fmt::format("[{}]", fmt::join(all, ", "));
+    constexpr std::size_t kPerLine = 32;
+    std::string out = "[";
+    for (std::size_t i = 0; i < numbers.size(); ++i)
+        out += (i == 0 ? "" : i % kPerLine == 0 ? ",\n        " : ", ") + toml_number(numbers[i]);
+    return out + "]";
 }
 
 std::string toml_texts(const std::vector<std::string>& texts) {

@@ -17,7 +17,7 @@ namespace {
 constexpr int kMostNeurons = 24;
 constexpr std::size_t kMostRows = 4000;  // evenly chosen: a fit shall take a minute, not an hour
 constexpr double kRowsPerWeight = 3;
-constexpr double kDecay = 1e-3;  // of the weights, a row
+constexpr double kDecay = 1e-5;  // of the weights, a row
 
 }  // namespace
 
