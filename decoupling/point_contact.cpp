@@ -10,8 +10,8 @@ namespace {
 
 constexpr double kLinear_m = 1e-6;  // a step below this is the last, and the force goes along with it linearly
 constexpr double kLargest_m = 1.5e-4;
-constexpr int kSteps = 12, kMinima = 4;
-constexpr double kApart_m = 1.2e-4;
+constexpr int kSteps = 12, kMinima = 8;
+constexpr double kApart_m = 0.9e-4;
 constexpr double kRank = 1e-9;  // a column whose new part is shorter than this part of it is dependent
 
 // Gram-Schmidt, twice is enough (Giraud, Langou and Rozloznik 2005): q orthonormal, r upper triangular, a = q r. A

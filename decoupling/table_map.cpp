@@ -3,8 +3,8 @@
 // 0 of frame S, so the moments are those of the force at the point: mx = y fz, my = -x fz; the centre of pressure is
 // (-my / fz, mx / fz).
 //
-// A point is reported where the force is more than `locate` times its standard deviation (Dargahi and Najarian 2004: the
-// variance of the position goes with 1 / F^2). Else, and where no point on the plate explains the readings, the forces are
+// A point is reported where the force is more than `locate` times the standard deviation that noise gives it (after Dargahi
+// and Najarian 2004: the variance of the position goes with 1 / F^2). Else, and where no point on the plate explains the readings, the forces are
 // those of a load spread evenly over the plate.
 #include <fmt/format.h>
 
@@ -80,7 +80,7 @@ private:
         if (unexplained <= kDoubtful) disagreements_ = 0;
         solver_.deviations(usable, contact);
         const double sigma = std::sqrt(variance);
-        const double force_sd = sigma * std::hypot(contact.sd[0], contact.sd[1], contact.sd[2]);
+        const double force_sd = noise_ * std::hypot(contact.sd[0], contact.sd[1], contact.sd[2]);
         if (!(unexplained <= kDoubtful) || !(contact.force_N.norm() > locate_ * force_sd)) {
             if (!(unexplained <= kDoubtful)) estimate.reasons |= TACTILED_DISAGREEMENT;
             has_point_ = false;
