@@ -10,8 +10,8 @@ namespace {
 
 constexpr double kLinear_m = 1e-6;  // a step below this is the last, and the force goes along with it linearly
 constexpr double kLargest_m = 1.5e-4;
-constexpr int kSteps = 12, kMinima = 8;
-constexpr double kApart_m = 0.9e-4;
+constexpr int kSteps = 12, kMinima = 10;
+constexpr double kApart_m = 0.7e-4;
 constexpr double kRank = 1e-9;  // a column whose new part is shorter than this part of it is dependent
 
 // Gram-Schmidt, twice is enough (Giraud, Langou and Rozloznik 2005): q orthonormal, r upper triangular, a = q r. A
@@ -60,10 +60,10 @@ void keep(Matrix& rows, std::uint32_t usable) noexcept {
 }  // namespace
 
 PointSolver::PointSolver(InfluenceMap map) : map_(std::move(map)) {
-    const int rings = std::max(1, int(std::lround(map_.radius_m() / (2 * map_.spacing_m()))));
+    const int rings = std::max(1, int(std::lround(map_.radius_m() / map_.spacing_m())));
     for (int i = 0; i <= rings; ++i)
-        for (int j = 0; j < (i == 0 ? 1 : 24); ++j) {
-            const double r = map_.radius_m() * i / rings, angle = 2 * std::numbers::pi * j / 24;
+        for (int j = 0; j < (i == 0 ? 1 : 48); ++j) {
+            const double r = map_.radius_m() * i / rings, angle = 2 * std::numbers::pi * j / 48;
             InfluenceMap::At at;
             map_.at(r * std::cos(angle), r * std::sin(angle), at);
             starts_.push_back({{r * std::cos(angle), r * std::sin(angle)}, at.value, Orthogonal<3>(at.value).q});

@@ -17,8 +17,8 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kPlays = 10, kKnots = 6;
-constexpr int kRounds = 3;            // of hysteresis and curve in turn
+constexpr std::size_t kPlays = 16, kKnots = 8;
+constexpr int kRounds = 4;            // of curve and hysteresis in turn
 constexpr double kSomething = 0.002;  // of the range: what a curve or a loop has to explain to be kept
 
 Rows rows_with(const Rows& rows, const std::vector<std::string>& components) {
@@ -43,8 +43,9 @@ struct Track {
     std::vector<bool> starts;
 };
 
-// Play operators from `input` to `reading`; only the linear part where the loop is nothing. `scale`: 1 / slope.
-Plays fit_plays(const std::vector<double>& input, const Track& track, const std::vector<double>& thresholds) {
+// Play operators from `input` to `reading`, whose constant is taken off and added to `constant`: the zero of the straight
+// line lies in the middle of the loop, that of the plays where it was never loaded.
+Plays fit_plays(const std::vector<double>& input, Track& track, const std::vector<double>& thresholds, double& constant) {
     const auto n = Eigen::Index(input.size());
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < thresholds.size(); ++i) kept.push_back(i);
@@ -58,21 +59,26 @@ Plays fit_plays(const std::vector<double>& input, const Track& track, const std:
             columns(row, Eigen::Index(i)) = state;
         }
     }
-    const Eigen::Map<const Eigen::VectorXd> y(track.reading.data(), n);
+    Eigen::Map<Eigen::VectorXd> y(track.reading.data(), n);
     Plays plays;
     plays.n = thresholds.size();
     std::copy(thresholds.begin(), thresholds.end(), plays.threshold.begin());
     while (!kept.empty()) {
-        Eigen::MatrixXd a(n, Eigen::Index(kept.size()));
+        Eigen::MatrixXd a = Eigen::MatrixXd::Ones(n, Eigen::Index(kept.size()) + 1);
         for (std::size_t i = 0; i < kept.size(); ++i) a.col(Eigen::Index(i)) = columns.col(Eigen::Index(kept[i]));
         const LeastSquares solved = least_squares(a, y);
         if (!solved.dependent.empty()) {  // plays that no row moved alone
-            kept.erase(std::find(kept.begin(), kept.end(), kept[solved.dependent.back()]));
+            kept.erase(kept.begin() + std::ptrdiff_t(std::min(solved.dependent.back(), kept.size() - 1)));
             continue;
         }
         plays.weight.fill(0);
         for (std::size_t i = 0; i < kept.size(); ++i) plays.weight[kept[i]] = solved.coefficient[Eigen::Index(i)];
-        if (Plays::fault_of({plays.threshold.data(), plays.n}, {plays.weight.data(), plays.n}).empty()) return plays;
+        if (Plays::fault_of({plays.threshold.data(), plays.n}, {plays.weight.data(), plays.n}).empty()) {
+            const double offset = solved.coefficient[Eigen::Index(kept.size())];
+            y.array() -= offset;
+            constant += offset;
+            return plays;
+        }
         if (kept.size() == 1) break;
         kept.pop_back();
     }
@@ -91,31 +97,28 @@ std::vector<double> through(const Plays& plays, const std::vector<double>& value
     return result;
 }
 
-// A rising curve from load to reading with its knots spread over the loads, through (0, 0); nothing where it does not rise.
-// Broken lines are fitted: hat functions, least squares.
+// A rising curve from load to reading with its knots spread over the loads: the first is (0, constant). Nothing where it
+// does not rise. Broken lines are fitted (hat functions, least squares): the chords of eight knots miss a parabola by
+// 1 / 512 of its bend over the whole range.
 std::optional<std::vector<std::vector<double>>> fit_curve(const std::vector<double>& load,
                                                           const std::vector<double>& reading) {
     const double most = *std::max_element(load.begin(), load.end());
     if (!(most > 0)) return std::nullopt;
-    const auto knots = Eigen::Index(kKnots);
-    Eigen::MatrixXd a = Eigen::MatrixXd::Zero(Eigen::Index(load.size()), knots);
-    // Hermite cubic with finite-difference slopes would couple the knots; hats on a fine grid do not, and six knots keep
-    // their chord error below (1/6)^2 / 8 of the curve's total bend.
-    for (std::size_t i = 0; i < load.size(); ++i) {
-        const double x = std::clamp(load[i], 0.0, most) / most * double(knots);
-        const auto low = std::min(Eigen::Index(x), knots - 1);
-        const double t = x - double(low);
-        if (low > 0) a(Eigen::Index(i), low - 1) = 1 - t;
-        a(Eigen::Index(i), low) = t;
-        if (load[i] < 0) a(Eigen::Index(i), 0) = load[i] / most * double(knots);  // a pull goes on straight
+    const auto pieces = Eigen::Index(kKnots);
+    Eigen::MatrixXd a = Eigen::MatrixXd::Zero(Eigen::Index(load.size()), pieces + 1);
+    for (Eigen::Index i = 0; i < a.rows(); ++i) {
+        const double x = load[std::size_t(i)] / most * double(pieces);  // below 0, a pull, goes on straight
+        const Eigen::Index low = x <= 0 ? 0 : std::min(Eigen::Index(x), pieces - 1);
+        a(i, low) = 1 - (x - double(low));
+        a(i, low + 1) = x - double(low);
     }
     const LeastSquares solved =
         least_squares(a, Eigen::Map<const Eigen::VectorXd>(reading.data(), Eigen::Index(reading.size())));
     if (!solved.dependent.empty()) return std::nullopt;
-    std::vector<std::vector<double>> points{{0, 0}};
-    for (Eigen::Index j = 0; j < knots; ++j) {
-        points.push_back({most * double(j + 1) / double(knots), solved.coefficient[j]});
-        if (!(solved.coefficient[j] > points[points.size() - 2][1])) return std::nullopt;
+    std::vector<std::vector<double>> points;
+    for (Eigen::Index j = 0; j <= pieces; ++j) {
+        points.push_back({most * double(j) / double(pieces), solved.coefficient[j]});
+        if (j > 0 && !(points[std::size_t(j)][1] > points[std::size_t(j) - 1][1])) return std::nullopt;
     }
     return points;
 }
@@ -175,42 +178,59 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     const auto linear = make_table_nonlinear(calibration, fault);
     if (linear == nullptr) throw Undetermined(fault);
     std::array<Track, 3> track;  // Fx Fy N
-    double range = 0;
     for (std::size_t i = 0; i < whole.size(); ++i) {
         const Estimate estimate = linear->decouple({.channel = whole[i]->channel});
         for (std::size_t c = 0; c < 3; ++c) {
             track[c].load.push_back(c == 2 ? -whole[i]->wrench_S[c] : whole[i]->wrench_S[c]);
             track[c].reading.push_back(c == 2 ? -estimate.wrench_S[c] : estimate.wrench_S[c]);
             track[c].starts.push_back(i == 0 || whole[i]->session != whole[i - 1]->session);
-            range = std::max(range, std::abs(track[c].load.back()));
         }
     }
-    // Thresholds: a play of half the range never moves back; those in use share the way there evenly.
-    std::vector<double> thresholds;
-    for (std::size_t i = 0; i < kPlays; ++i) thresholds.push_back(range * double(i) / double(kPlays) * 0.75);
+    double span = 0;
+    for (const auto& one : track) {
+        const auto [least, most] = std::minmax_element(one.load.begin(), one.load.end());
+        span = std::max(span, *most - *least);
+    }
     std::vector<std::vector<double>> curve;
     std::array<Plays, 3> plays;
-    for (std::size_t c = 0; c < 3; ++c) {
-        std::vector<double> input = track[c].load;
-        for (int round = 0; round < (c == 2 ? kRounds : 1); ++round) {
-            plays[c] = fit_plays(input, track[c], thresholds);
-            if (c != 2) break;
-            const auto points = fit_curve(track[2].load, through(plays[2].inverse(), track[2].reading, track[2].starts));
-            if (!points) {
-                warnings.emplace_back("the readings of a press do not rise with it, or too few loads: no normal_curve");
-                curve.clear();
-                break;
-            }
-            curve = *points;
-            std::vector<double> x, y;
-            for (const auto& point : curve) {
-                x.push_back(point[0]);
-                y.push_back(point[1]);
-            }
-            const MonotoneCurve forward(x, y);
-            for (std::size_t i = 0; i < input.size(); ++i) input[i] = forward.at(track[2].load[i]);
-        }
+    std::array<double, 3> constant{};
+    // A play of half the span of the loads never moves back; closer together where they are narrow.
+    std::vector<double> thresholds;
+    for (std::size_t i = 0; i < kPlays; ++i) thresholds.push_back(span / 2 * std::pow(double(i) / double(kPlays), 1.5));
+    for (auto& one : plays) {
+        one.n = kPlays;
+        std::copy(thresholds.begin(), thresholds.end(), one.threshold.begin());
+        one.weight[0] = 1;
     }
+    // The curve first: plays can imitate one half of it.
+    for (int round = 0; round <= kRounds; ++round) {
+        const auto points = fit_curve(track[2].load, through(plays[2].inverse(), track[2].reading, track[2].starts));
+        if (!points) {
+            warnings.emplace_back("the readings of a press do not rise with it, or too few loads: no normal_curve");
+            curve.clear();
+            plays[2] = fit_plays(track[2].load, track[2], thresholds, constant[2]);
+            break;
+        }
+        curve = *points;
+        std::vector<double> x, y;
+        const double offset = curve.front()[1];
+        for (auto& reading : track[2].reading) reading -= offset;
+        constant[2] += offset;
+        for (auto& point : curve) {
+            point[1] -= offset;
+            x.push_back(point[0]);
+            y.push_back(point[1]);
+        }
+        if (round == kRounds) break;
+        const MonotoneCurve forward(x, y);
+        std::vector<double> bent;
+        for (const double load : track[2].load) bent.push_back(forward.at(load));
+        plays[2] = fit_plays(bent, track[2], thresholds, constant[2]);
+    }
+    for (std::size_t c = 0; c < 2; ++c) plays[c] = fit_plays(track[c].load, track[c], thresholds, constant[c]);
+    const auto gains = gains_of_signs(calibration);
+    for (std::size_t k = 0; k < gains.size(); ++k)
+        for (std::size_t c = 0; c < 3; ++c) calibration.zero[k] += gains[k][c] * constant[c];
     const auto loop = [&](const Plays& one) {
         double width = 0;
         for (std::size_t i = 1; i < one.n; ++i) width = std::max(width, std::abs(one.weight[i]));
