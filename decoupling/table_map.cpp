@@ -4,8 +4,8 @@
 // (-my / fz, mx / fz).
 //
 // A point is reported where the force is more than `locate` times the standard deviation that noise gives it (after Dargahi
-// and Najarian 2004: the variance of the position goes with 1 / F^2). Else, and where no point on the plate explains the readings, the forces are
-// those of a load spread evenly over the plate.
+// and Najarian 2004: the variance of the position goes with 1 / F^2). Else, and where no point on the plate explains the
+// readings, the forces are those of a load spread evenly over the plate.
 #include <fmt/format.h>
 
 #include <bit>

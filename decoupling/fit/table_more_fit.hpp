@@ -16,6 +16,9 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
 // gauge_factor, 2 where it has none). The labels fx fy fz mx my say where the point was. setup: throws Undetermined
 void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
+// Those that have a label of every one of `components`.
+Rows rows_with(const Rows& rows, const std::vector<std::string>& components);
+
 // Puts the table `influence` and the gauge_factor of the calibration file `path` (the installed one is
 // calibration/table_influence.toml) into `calibration`. setup: throws SetupError where the file has none
 void add_influence(const std::string& path, Calibration& calibration);
