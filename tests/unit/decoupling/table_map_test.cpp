@@ -375,6 +375,34 @@ TEST(TableMap, RunsFromTheShippedCalibration) {
     EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY});
 }
 
+// A finger that slides, lifts without a sample in between, and lands elsewhere: following the last point finds no worse.
+TEST(TableMap, FollowsAFingerAndItsJumps) {
+    const auto warm = make_decoupler(map_calibration()), cold = make_decoupler(map_calibration());
+    std::mt19937_64 random(6);
+    std::vector<double> warm_points, warm_forces, cold_points;
+    for (int landing = 0; landing < 100; ++landing) {
+        Contact at = random_contact(random, 0.6e-3), to = random_contact(random, 0.6e-3);
+        for (int i = 0; i <= 40; ++i) {
+            Contact truth = at;
+            truth.x_m += (to.x_m - at.x_m) * i / 40;
+            truth.y_m += (to.y_m - at.y_m) * i / 40;
+            const auto reading = noisy(strains(truth), Noise::kOfEach, random);
+            const Error error = error_of(decouple(*warm, reading), truth);
+            warm_points.push_back(error.point_m);
+            warm_forces.push_back(error.force);
+            (void)cold->decouple({.channel = {}});
+            cold_points.push_back(error_of(decouple(*cold, reading), truth).point_m);
+        }
+    }
+    std::printf("a finger that slides and jumps within 0.6 mm, noise 1 %% of each reading:\n");
+    Percentiles(warm_points).print("map, following: point", 1e6, "um");
+    Percentiles(warm_forces).print("map, following: force vector", 100, "%");
+    Percentiles(cold_points).print("map, each sample anew: point", 1e6, "um");
+    EXPECT_LT(Percentiles(warm_points).p99, 15e-6);
+    EXPECT_LT(Percentiles(warm_forces).p50, 0.02);
+    EXPECT_LT(Percentiles(warm_points).p95, 1.5 * Percentiles(cold_points).p95);
+}
+
 TEST(TableMap, CostsFewMicrosecondsWarm) {
     const auto map = make_decoupler(map_calibration());
     std::mt19937_64 random(3);
