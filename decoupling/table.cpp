@@ -7,7 +7,7 @@
 //                                                           R4 ( 0 +to no)   R8 ( 0 -to no)
 //
 // For the inner four the least-squares solution is Lee et al., eq. 1-3, with the signs of their table and not of their
-// eq. 2 and 3 (README.md, "Errata"): Fx = (r5 - r1) / 2 ti, Fy = (r7 - r3) / 2 ti, N = (r1 + r3 + r5 + r7) / 4 ni.
+// eq. 2 and 3 (table.md, "Errata"): Fx = (r5 - r1) / 2 ti, Fy = (r7 - r3) / 2 ti, N = (r1 + r3 + r5 + r7) / 4 ni.
 // What four gauges say more than three forces is the parity r1 - r3 + r5 - r7 = 0; with eight, five such sums.
 #include <fmt/format.h>
 
@@ -21,6 +21,7 @@
 
 #include "decoupling/decoupler.hpp"
 #include "decoupling/domain.hpp"
+#include "decoupling/table_methods.hpp"
 #include "decoupling/table_signs.hpp"
 
 namespace tactiled {
@@ -33,8 +34,6 @@ constexpr double kDoubtful = 6;
 // linearity nobody can calibrate them closer. All four off by 1 % in the worst signs make a residual of 2 sigma, one
 // gauge alone has to be off by about 12 % of the others' reading to reach kDoubtful.
 constexpr double kGainError = 0.01;
-// Noise assumed where the calibration states none: 0.5 % of what an inner gauge reads at 1 N.
-constexpr double kDefaultNoise_per_reading = 0.005;
 // Subsets worse conditioned than this are not solved: all that leave three inner gauges stay below 10.
 constexpr double kWorstCondition = 100;
 
@@ -257,30 +256,20 @@ std::string fault_of(const Calibration& calibration) {
     return fault_of_shared_parts(calibration);
 }
 
-std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string&, Options& options) {
-    if (const std::string fault = fault_of(calibration); !fault.empty()) {
-        options.problem("calibration", calibration.path + ": " + fault);
-        return nullptr;
-    }
-    const auto parameter = [&](const char* name) {
-        const auto found = calibration.parameters.find(name);
-        return found == calibration.parameters.end() ? 0.0 : found->second;
-    };
+}  // namespace
+
+std::unique_ptr<Decoupler> make_table_linear(const Calibration& calibration, std::string& fault) {
+    fault = fault_of(calibration);
+    if (!fault.empty()) return nullptr;
     Gains gains(Eigen::Index(calibration.channels.size()), 3);
-    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
-        const TableGauge gauge = *table_gauge(calibration.channels[k]);
-        const double tangential = parameter(gauge.inner ? "tangential_inner" : "tangential_outer");
-        const double normal = parameter(gauge.inner ? "normal_inner" : "normal_outer");
-        gains.row(Eigen::Index(k)) << gauge.along_x * tangential, gauge.along_y * tangential, normal;
-    }
+    const auto rows = gains_of_signs(calibration);
+    for (std::size_t k = 0; k < rows.size(); ++k)
+        for (std::size_t j = 0; j < 3; ++j) gains(Eigen::Index(k), Eigen::Index(j)) = rows[k][j];
     if (!solve(gains, (1u << calibration.channels.size()) - 1).solvable) {
-        options.problem("calibration", calibration.path + ": these gains cannot tell the three forces apart");
+        fault = "these gains cannot tell the three forces apart";
         return nullptr;
     }
     return std::make_unique<Table>(calibration, gains);
 }
 
-const DecouplerEntry entry("table", {"linear"}, make);
-
-}  // namespace
 }  // namespace tactiled

@@ -1,0 +1,157 @@
+#include "decoupling/fit/table_more_fit.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "decoupling/domain.hpp"
+#include "decoupling/generic_methods.hpp"
+#include "decoupling/influence_map.hpp"
+#include "decoupling/table_methods.hpp"
+
+namespace tactiled {
+namespace {
+
+double rms(const std::vector<double>& values) {
+    double sum = 0;
+    for (const double value : values) sum += value * value;
+    return values.empty() ? 0 : std::sqrt(sum / double(values.size()));
+}
+
+}  // namespace
+
+Rows rows_with(const Rows& rows, const std::vector<std::string>& components) {
+    Rows whole;
+    for (const auto* row : rows) {
+        bool all = true;
+        for (const auto& name : components) all = all && std::isfinite(row->wrench_S[component_index(name)]);
+        if (all) whole.push_back(row);
+    }
+    return whole;
+}
+
+void fit_table_matrix(const Rows& rows, Calibration& calibration, std::vector<std::string>&) {
+    for (const auto& name : calibration.components)
+        if (name == "mz")
+            throw Undetermined("mz cannot be seen by the gauges of a table sensor: leave the column mz_Nm out");
+    const Rows whole = rows_with(rows, calibration.components);
+    const auto n = Eigen::Index(whole.size()), loads = Eigen::Index(calibration.components.size());
+    if (n < 3 * (loads + 1)) throw Undetermined(fmt::format("{} rows have all labels; {} are needed", n, 3 * (loads + 1)));
+    Eigen::MatrixXd x(n, loads);
+    for (Eigen::Index i = 0; i < n; ++i)
+        for (Eigen::Index j = 0; j < loads; ++j)
+            x(i, j) = whole[std::size_t(i)]->wrench_S[component_index(calibration.components[std::size_t(j)])];
+    auto& forward = calibration.tables["forward"];
+    auto& noise = calibration.tables["noise"];
+    forward.clear();
+    noise.assign(1, {});
+    calibration.zero.clear();
+    calibration.parameters.clear();
+    calibration.matrix.clear();
+    calibration.condition = 0;
+    double greatest = 0;
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
+        Eigen::VectorXd y(n);
+        for (Eigen::Index i = 0; i < n; ++i) y[i] = whole[std::size_t(i)]->channel[k];
+        const Affine fitted = affine_fit(x, y);
+        if (!fitted.slope.dependent.empty()) {
+            std::vector<std::string> names;
+            for (const std::size_t j : fitted.slope.dependent) names.push_back(calibration.components[j]);
+            throw Undetermined(
+                fmt::format("the labels of {} follow from each other: load the axes independently, or leave one "
+                            "out (a point that never moves ties the moments to the forces)",
+                            fmt::join(names, " ")));
+        }
+        calibration.zero.push_back(fitted.constant);
+        forward.emplace_back(fitted.slope.coefficient.data(), fitted.slope.coefficient.data() + loads);
+        const Eigen::VectorXd rest = (x * fitted.slope.coefficient).array() + fitted.constant - y.array();
+        noise.front().push_back(std::sqrt(rest.squaredNorm() / double(n - loads - 1)));
+        greatest = std::max(greatest, noise.front().back());
+        calibration.condition = std::max(calibration.condition, fitted.slope.condition);
+    }
+    // A gauge is never trusted a hundred times more than the worst one: few rows may leave nothing over by chance.
+    for (double& sd : noise.front()) sd = std::max({sd, greatest / 100, 1e-300});
+    std::string fault;
+    if (make_table_matrix(calibration, fault) == nullptr) throw Undetermined(fault);
+}
+
+void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
+    const std::vector<std::string> all{"fx", "fy", "fz", "mx", "my"};
+    if (calibration.tables.count("influence") == 0)
+        throw Undetermined("method \"map\" needs the table influence: take it from calibration/table_influence.toml");
+    for (const auto& name : all)
+        if (std::find(calibration.components.begin(), calibration.components.end(), name) == calibration.components.end())
+            throw Undetermined(fmt::format("method \"map\" needs the labels of fx fy fz mx my: {} is not there", name));
+    if (calibration.components.size() > all.size())
+        throw Undetermined("method \"map\" cannot see mz: leave the column mz_Nm out");
+    calibration.tables.erase("gauge_scale");
+    calibration.parameters.emplace("gauge_factor", 2.0);
+    std::string fault;
+    const auto map = influence_of(calibration, fault);
+    if (!map) throw Undetermined(fault);
+    const std::size_t n = calibration.channels.size();
+    std::vector<std::vector<double>> model(n), measured(n);
+    int beside = 0;
+    double most = 0;
+    for (const auto* row : rows_with(rows, all)) most = std::max(most, std::abs(row->wrench_S[2]));
+    for (const auto* row : rows_with(rows, all)) {
+        const auto& w = row->wrench_S;
+        const Eigen::Vector3d force(w[0], w[1], w[2]);
+        Influence answer = Influence::Zero();
+        if (force.norm() > 0) {
+            // Where the press is too small to say where it was, the row says nothing.
+            const double x = -w[4] / w[2], y = w[3] / w[2];
+            if (!(std::abs(w[2]) > 0.02 * most) || !(std::hypot(x, y) <= map->radius_m())) {
+                ++beside;
+                continue;
+            }
+            InfluenceMap::At at;
+            map->at(x, y, at);
+            answer = at.value;
+        }
+        for (std::size_t k = 0; k < n; ++k) {
+            model[k].push_back(answer.row(Eigen::Index(k)).dot(force));
+            measured[k].push_back(row->channel[k]);
+        }
+    }
+    if (beside > 0)
+        warnings.push_back(
+            fmt::format("{} rows without a point on the plate (mx / fz, -my / fz), or a press below 2 %: left out", beside));
+    if (model.front().size() < 3 * n) throw Undetermined("too few rows with a point on the plate");
+    std::vector<double> scale, rest;
+    calibration.zero.clear();
+    for (std::size_t k = 0; k < n; ++k) {
+        const auto m = Eigen::Index(model[k].size());
+        const Eigen::Map<const Eigen::VectorXd> x(model[k].data(), m), y(measured[k].data(), m);
+        const Affine fitted = affine_fit(x, y);
+        if (!fitted.slope.dependent.empty())
+            throw Undetermined(fmt::format("gauge {}: no row makes it answer", calibration.channels[k]));
+        scale.push_back(fitted.slope.coefficient[0]);
+        if (!(scale.back() > 0))
+            throw Undetermined(
+                fmt::format("gauge {} answers with the wrong sign (scale {:.3g}): swapped, or fz is not negative "
+                            "under a press",
+                            calibration.channels[k], scale.back()));
+        calibration.zero.push_back(fitted.constant);
+        for (Eigen::Index i = 0; i < m; ++i) rest.push_back(y[i] - fitted.constant - scale.back() * x[i]);
+    }
+    calibration.tables["gauge_scale"] = {scale};
+    calibration.parameters["noise"] = std::max(rms(rest), 1e-300);
+    calibration.parameters["contact"] = 1;
+    calibration.condition = 0;
+    calibration.matrix.clear();
+}
+
+void add_influence(const std::string& path, Calibration& calibration) {
+    Problems problems;
+    Calibration source = load_calibration(path, problems);
+    problems.throw_if_any();
+    if (source.method != "map") source = source.with_method("map");
+    if (source.tables.count("influence") == 0) throw SetupError(path + ": has no table influence");
+    calibration.tables["influence"] = source.tables.at("influence");
+    calibration.parameters["gauge_factor"] = parameter_or(source, "gauge_factor", 2.0);
+}
+
+}  // namespace tactiled

@@ -1,0 +1,70 @@
+// Prandtl-Ishlinskii hysteresis: a sum of play operators (Krejci; inverse by Kuhnen 2003, eq. 12 to 15). Rate-independent;
+// it remembers as many turning points as it has plays.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <string>
+
+namespace tactiled {
+
+// y = sum over i of weight[i] * play of width threshold[i]; threshold[0] = 0 is the linear part.
+struct Plays {
+    static constexpr std::size_t kMost = 32;
+    std::size_t n = 0;
+    std::array<double, kMost> threshold{}, weight{};
+
+    // What is wrong, "" where nothing is: thresholds rise from 0, and the loading curve rises everywhere, that is the sums
+    // of the first weights are above 0. setup
+    static std::string fault_of(std::span<const double> thresholds, std::span<const double> weights) {
+        if (thresholds.empty() || thresholds.size() != weights.size() || thresholds.size() > kMost)
+            return "hysteresis has 1 .. 32 rows";
+        double sum = 0;
+        for (std::size_t i = 0; i < thresholds.size(); ++i) {
+            if (i == 0 ? thresholds[0] != 0 : !(thresholds[i] > thresholds[i - 1]))
+                return "its thresholds do not rise from 0";
+            sum += weights[i];
+            if (!(sum > 0)) return "the loading curve does not rise everywhere: no inverse";
+        }
+        return "";
+    }
+
+    // The plays that undo these, exactly. setup
+    [[nodiscard]] Plays inverse() const {
+        Plays other;
+        other.n = n;
+        double slope = 0;  // of the loading curve beyond threshold i
+        for (std::size_t i = 0; i < n; ++i) {
+            const double before = slope;
+            slope += weight[i];
+            // Loading curve at threshold i, and the change of the inverse slope there.
+            other.threshold[i] = i == 0 ? 0 : other.threshold[i - 1] + before * (threshold[i] - threshold[i - 1]);
+            other.weight[i] = i == 0 ? 1 / slope : -weight[i] / (before * slope);
+        }
+        return other;
+    }
+};
+
+// What the plays remember of one quantity.
+class PlayState {
+public:
+    // The next value through the plays; what is not finite is not remembered. rt: wait-free
+    double next(const Plays& plays, double value) noexcept {
+        if (!std::isfinite(value)) return value;
+        double sum = 0;
+        for (std::size_t i = 0; i < plays.n; ++i) {
+            state_[i] = std::max(value - plays.threshold[i], std::min(value + plays.threshold[i], state_[i]));
+            sum += plays.weight[i] * state_[i];
+        }
+        return sum;
+    }
+    // As a sensor that was never loaded. rt: wait-free
+    void forget() noexcept { state_.fill(0); }
+
+private:
+    std::array<double, Plays::kMost> state_{};
+};
+
+}  // namespace tactiled
