@@ -23,9 +23,9 @@ namespace {
 // As for model "table": 6 sigma of pure noise is once in 5e8 samples, and hairs that differ from their calibration by 1 % of
 // their readings are sound.
 constexpr double kDoubtful = 6, kGainError = 0.01;
-constexpr double kLeastSum = 0.1;  // of the sum of sizes; 1 where both hairs of a pair answer alike
-constexpr std::uint32_t kPairX = 0b0101, kPairY = 0b1010;        // H1 H3, H2 H4
-constexpr std::array<std::size_t, 3> kComponentOf{2, 0, 1};      // of sigma, tau_x, tau_y in a wrench
+constexpr double kLeastSum = 0.1;                          // of the sum of sizes; 1 where both hairs of a pair answer alike
+constexpr std::uint32_t kPairX = 0b0101, kPairY = 0b1010;  // H1 H3, H2 H4
+constexpr std::array<std::size_t, 3> kComponentOf{2, 0, 1};  // of sigma, tau_x, tau_y in a wrench
 constexpr std::array<std::string_view, 3> kNameOf{"fz", "fx", "fy"};
 
 struct Setup {
@@ -41,7 +41,11 @@ struct Setup {
 class Hair final : public CheckedModel {
 public:
     Hair(const Calibration& calibration, const std::string& method, const Setup& setup, const HairSolver& solver)
-        : CheckedModel(calibration, ~0u, 0), method_(method), sum_diff_(method == "sum_diff"), setup_(setup), solver_(solver) {}
+        : CheckedModel(calibration, ~0u, 0),
+          method_(method),
+          sum_diff_(method == "sum_diff"),
+          setup_(setup),
+          solver_(solver) {}
 
     [[nodiscard]] std::string_view method() const noexcept override { return method_; }
 
@@ -97,9 +101,8 @@ private:
             for (std::size_t j = 0; j < 3; ++j) gain[j] += setup_.response.gain[i][j];
             for (std::size_t j = 0; j < kLeakTerms; ++j) coefficient[j] += setup_.response.leak[i][j];
         }
-        const double intercept =
-            intercept_of_sum(tau_x, tau_y, gain[1] / setup_.scale_Pa[1], gain[2] / setup_.scale_Pa[2], coefficient,
-                             leak_terms(setup_.response.nearest(load)));
+        const double intercept = intercept_of_sum(tau_x, tau_y, gain[1] / setup_.scale_Pa[1], gain[2] / setup_.scale_Pa[2],
+                                                  coefficient, leak_terms(setup_.response.nearest(load)));
         load[0] = normal_from_sum_Pa(sum, intercept, gain[0] / setup_.scale_Pa[0]) / setup_.scale_Pa[0];
         return load;
     }
@@ -240,13 +243,13 @@ std::string read_response(const Calibration& calibration, const std::string& met
         for (std::size_t k = 0; k < n; ++k) {
             const std::size_t i = setup.hair[k];
             const double own_normal = own != nullptr ? (*own)[k][0] : 1, own_shear = own != nullptr ? (*own)[k][1] : 1;
-            setup.response.gain[i] = {normal * own_normal, -shear * own_shear * kHairCos[i], -shear * own_shear * kHairSin[i]};
+            setup.response.gain[i] = {normal * own_normal, -shear * own_shear * kHairCos[i],
+                                      -shear * own_shear * kHairSin[i]};
         }
     } else {
         const auto* gains = table_of(calibration, "gains", n, 3, fault);
         const bool intercept = method == "sum_diff";
-        const auto* leaks =
-            optional(intercept ? "intercept" : "leak", n, intercept ? kInterceptTerms : kLeakTerms);
+        const auto* leaks = optional(intercept ? "intercept" : "leak", n, intercept ? kInterceptTerms : kLeakTerms);
         for (std::size_t k = 0; k < n && fault.empty(); ++k) {
             const std::size_t i = setup.hair[k];
             for (std::size_t j = 0; j < 3; ++j) setup.response.gain[i][j] = (*gains)[k][j] * scale[j];
@@ -302,9 +305,10 @@ std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::strin
     if (fault.empty()) {
         solver.emplace(setup.response, setup.wired, setup.unknowns);
         if (solver->contraction(setup.wired) >= HairSolver::kSlowest)
-            fault = fmt::format("the leak terms are too large beside the gains: a step of the iteration leaves {:.2g} of an "
-                                "error, at most {} is solved; calibrate over a smaller range",
-                                solver->contraction(setup.wired), HairSolver::kSlowest);
+            fault = fmt::format(
+                "the leak terms are too large beside the gains: a step of the iteration leaves {:.2g} of an "
+                "error, at most {} is solved; calibrate over a smaller range",
+                solver->contraction(setup.wired), HairSolver::kSlowest);
         else if (!solver->solvable(setup.wired))
             fault = "these hairs and gains cannot tell the stresses apart";
     }

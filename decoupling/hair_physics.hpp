@@ -19,25 +19,23 @@ struct Elastomer {
 inline constexpr std::array<Elastomer, 3> kElastomers{{{"PDMS", 750}, {"Ecoflex", 250}, {"hydrogel", 150}}};
 
 struct HairPhysics {
-    double radius_m = 0.7162e-3;      // 1.5 mm over 120 degrees
-    double width_m = 0.5e-3;          // w
-    double thickness_m = 9e-6;        // t of the table; the text makes it of 10 um
-    double root_distance_m = 1e-3;    // L of eq. 7; printed nowhere: an assumption
-    double k_x_Pa = 4374;             // foundation modulus, printed nowhere: so that D_tau is the measured 7.91e-7
-    double k_y_Pa = 11090;            // ... and D_sigma the measured 3.74e-7
-    double friction = 0.5;            // mu of eq. 7; an assumption
-    double pi_l_per_Pa = 2 / 3.2e9;   // gauge factor 2 (metal) over the modulus of the polyimide
-    double elastomer_kPa = 750;       // E
-    double poisson = 0.49;            // G = E / 2 (1 + nu)
+    double radius_m = 0.7162e-3;     // 1.5 mm over 120 degrees
+    double width_m = 0.5e-3;         // w
+    double thickness_m = 9e-6;       // t of the table; the text makes it of 10 um
+    double root_distance_m = 1e-3;   // L of eq. 7; printed nowhere: an assumption
+    double k_x_Pa = 4374;            // foundation modulus, printed nowhere: so that D_tau is the measured 7.91e-7
+    double k_y_Pa = 11090;           // ... and D_sigma the measured 3.74e-7
+    double friction = 0.5;           // mu of eq. 7; an assumption
+    double pi_l_per_Pa = 2 / 3.2e9;  // gauge factor 2 (metal) over the modulus of the polyimide
+    double elastomer_kPa = 750;      // E
+    double poisson = 0.49;           // G = E / 2 (1 + nu)
 };
 
 // Mean of 3 (1/2 + cos t)^2 over 0 .. 60 degrees: a horizontal load a unit height, M = q a^2 / 2. 5.351225
-inline constexpr double kHorizontalMean =
-    9 * (2 * std::numbers::pi + 5 * std::numbers::sqrt3) / (8 * std::numbers::pi);
+inline constexpr double kHorizontalMean = 9 * (2 * std::numbers::pi + 5 * std::numbers::sqrt3) / (8 * std::numbers::pi);
 // Mean of 3 (2 (1 - sin t)^2 - (sqrt(3)/2 - sin t)^2): a vertical load a unit width, the arc beyond 60 degrees counted
 // twice where it turns back (their eq. 9). 1.381157
-inline constexpr double kVerticalMean =
-    3 * (14 * std::numbers::pi + 9 * std::numbers::sqrt3 - 48) / (8 * std::numbers::pi);
+inline constexpr double kVerticalMean = 3 * (14 * std::numbers::pi + 9 * std::numbers::sqrt3 - 48) / (8 * std::numbers::pi);
 
 // pi_l R^2 / (w t^2), in m/N: dR/R0 at a mean factor of 1 and q = 1 N/m.
 inline double reading_of_load_m_per_N(const HairPhysics& p) noexcept {

@@ -1,6 +1,7 @@
 #include "decoupling/hair_solver.hpp"
 
 #include <Eigen/Dense>
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <vector>
 
@@ -58,28 +59,31 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
             subset.inverse[at][rows[std::size_t(i)]] = inverse(j, i) / scale[j] / response_.noise[rows[std::size_t(i)]];
     }
     if (leaks_) {
-        // Largest row sum of inverse * slopes of the leak over the loads where it is evaluated: the factor by which one
-        // step shrinks the greatest error.
+        // Greatest size, over the loads where the leak is evaluated, of each entry of inverse * slopes of the leak. The
+        // greatest eigenvalue of these sizes is the factor by which a step shrinks the error (in the maximum norm weighted
+        // by its eigenvector, in which cutting a load off to its range lengthens nothing).
+        Eigen::Matrix3d sizes = Eigen::Matrix3d::Zero();
         HairLoad load;
         for (int point = 0; point < (kGrid + 1) * (kGrid + 1) * (kGrid + 1); ++point) {
             int rest = point;
             for (std::size_t j = 0; j < 3; ++j, rest /= kGrid + 1)
                 load[j] = std::lerp(response_.least[j] - kDomainMargin, response_.most[j] + kDomainMargin,
                                     double(rest % (kGrid + 1)) / kGrid);
-            std::array<double, 3> sum{};
             for (const std::size_t axis : columns) {
                 const LeakTerms slopes = leak_slopes(load, axis);
                 for (const std::size_t c : columns) {
                     double slope = 0;
                     for (const std::size_t i : rows) slope += subset.inverse[c][i] * leak(response_.leak[i], slopes);
-                    sum[c] += std::abs(slope);
+                    auto& size = sizes(Eigen::Index(c), Eigen::Index(axis));
+                    size = std::max(size, std::abs(slope));
                 }
             }
-            subset.contraction = std::max({subset.contraction, sum[0], sum[1], sum[2]});
         }
+        if (!sizes.allFinite()) return subset;
+        subset.contraction = sizes.eigenvalues().cwiseAbs().maxCoeff();
     }
-    subset.solvable = subset.contraction < kSlowest && std::isfinite(subset.noise_gain[0] + subset.noise_gain[1] +
-                                                                      subset.noise_gain[2]);
+    subset.solvable =
+        subset.contraction < kSlowest && std::isfinite(subset.noise_gain[0] + subset.noise_gain[1] + subset.noise_gain[2]);
     return subset;
 }
 
@@ -93,7 +97,8 @@ HairLoad HairSolver::solve(const std::array<double, 4>& r, std::uint32_t hairs) 
         HairLoad next{};
         for (std::size_t j = 0; j < 3; ++j)
             for (std::size_t i = 0; i < 4; ++i) next[j] += subset.inverse[j][i] * linear[i];
-        const double change = std::max({std::abs(next[0] - load[0]), std::abs(next[1] - load[1]), std::abs(next[2] - load[2])});
+        const double change =
+            std::max({std::abs(next[0] - load[0]), std::abs(next[1] - load[1]), std::abs(next[2] - load[2])});
         load = next;
         if (!leaks_ || !(change > 1e-14)) break;  // of full scale; a NaN ends it too
         const LeakTerms terms = leak_terms(response_.nearest(load));

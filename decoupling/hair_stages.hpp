@@ -53,8 +53,7 @@ using LeakTerms = std::array<double, kLeakTerms>;
 constexpr LeakTerms leak_terms(const HairLoad& load) noexcept {
     const auto [s, x, y] = load;
     const double ss = s * s, xx = x * x, xy = x * y, yy = y * y;
-    return {ss,     s * x,  s * y, ss * s, ss * x, ss * y, s * xx, s * xy,
-            s * yy, xx,     xy,    yy,     xx * x, xx * y, x * yy, yy * y};
+    return {ss, s * x, s * y, ss * s, ss * x, ss * y, s * xx, s * xy, s * yy, xx, xy, yy, xx * x, xx * y, x * yy, yy * y};
 }
 
 // Their derivatives by sigma, tau_x or tau_y (axis 0, 1, 2). setup

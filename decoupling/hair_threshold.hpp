@@ -7,9 +7,9 @@
 
 namespace tactiled {
 
-// Of the sum of sign_k r_k. `noise`: sd of each hair's dR/R0; `sensitivity`: of each hair in 1/Pa, to the stress in question;
-// sign: +1, or -1 for the near hair of DIFF, whose sensitivity is negative too. `correlation` of the noise between any two
-// hairs: 0 is the ideal. Infinite where the hairs do not answer.
+// Of the sum of sign_k r_k. `noise`: sd of each hair's dR/R0; `sensitivity`: of each hair in 1/Pa, to the stress in
+// question; sign: +1, or -1 for the near hair of DIFF, whose sensitivity is negative too. `correlation` of the noise between
+// any two hairs: 0 is the ideal. Infinite where the hairs do not answer.
 inline double threshold_Pa(std::span<const double> noise, std::span<const double> sensitivity, std::span<const double> sign,
                            double correlation = 0) noexcept {
     double variance = 0, signal = 0;

@@ -81,8 +81,8 @@ Session session_of(const Rows& rows, const Calibration& calibration, double area
         throw Undetermined("model \"hair\" needs the labels fz_N and at least one of fx_N fy_N");
     for (std::size_t axis = 0; axis < 2; ++axis)
         if (session.asked[axis + 1] && !has(session, axis) && !has(session, axis + 2))
-            throw Undetermined(fmt::format("H{} and H{} are not there, so f{} cannot be seen: leave its column out", axis + 1,
-                                           axis + 3, axis == 0 ? 'x' : 'y'));
+            throw Undetermined(fmt::format("H{} and H{} are not there, so f{} cannot be seen: leave its column out",
+                                           axis + 1, axis + 3, axis == 0 ? 'x' : 'y'));
     HairLoad least{}, most{};
     for (const auto* row : rows) {
         HairLoad load{};
@@ -194,9 +194,10 @@ std::vector<HairFit> fit_hairs(const Session& session, Calibration& calibration,
             warnings.push_back(fmt::format("{} falls under a press: is a press fz < 0 in the labels?", name));
         const std::size_t i = session.hair[k], axis = i % 2 + 1;
         if (session.asked[axis] && hair.gain[axis] * (kHairCos[i] + kHairSin[i]) > 0)
-            warnings.push_back(fmt::format("{} rises under a shear towards it: H{} and H{} are swapped, the sensor is turned "
-                                           "by 180 degrees, or its hairs are curled the other way",
-                                           name, i + 1, (i + 2) % 4 + 1));
+            warnings.push_back(
+                fmt::format("{} rises under a shear towards it: H{} and H{} are swapped, the sensor is turned "
+                            "by 180 degrees, or its hairs are curled the other way",
+                            name, i + 1, (i + 2) % 4 + 1));
     }
     if (!whole)
         warnings.emplace_back(
@@ -287,8 +288,16 @@ void fit_hair_physics(const Rows& rows, Calibration& calibration, std::vector<st
     std::array<double, 10> v;
     for (std::size_t i = 0; i < v.size(); ++i)
         parameters[kPhysicsNames[i]] = v[i] = parameter(calibration, kPhysicsNames[i], defaults[i]);
-    const HairPhysics physics{.radius_m = v[0], .width_m = v[1], .thickness_m = v[2], .root_distance_m = v[3], .k_x_Pa = v[4],
-                              .k_y_Pa = v[5], .friction = v[6], .pi_l_per_Pa = v[7], .elastomer_kPa = v[8], .poisson = v[9]};
+    const HairPhysics physics{.radius_m = v[0],
+                              .width_m = v[1],
+                              .thickness_m = v[2],
+                              .root_distance_m = v[3],
+                              .k_x_Pa = v[4],
+                              .k_y_Pa = v[5],
+                              .friction = v[6],
+                              .pi_l_per_Pa = v[7],
+                              .elastomer_kPa = v[8],
+                              .poisson = v[9]};
     const auto hairs = fit_hairs(session, calibration, kLeakTerms, warnings);
     // Only two numbers of the geometry can be told from readings, D_sigma and D_tau: each gets its correction, and each
     // hair its own part of it.
@@ -296,14 +305,16 @@ void fit_hair_physics(const Rows& rows, Calibration& calibration, std::vector<st
     for (std::size_t k = 0; k < hairs.size(); ++k) {
         const std::size_t i = session.hair[k], axis = i % 2 + 1;
         normal.push_back(hairs[k].gain[0] / session.scale_Pa[0]);
-        if (session.asked[axis]) shear.push_back(-hairs[k].gain[axis] * (kHairCos[i] + kHairSin[i]) / session.scale_Pa[axis]);
+        if (session.asked[axis])
+            shear.push_back(-hairs[k].gain[axis] * (kHairCos[i] + kHairSin[i]) / session.scale_Pa[axis]);
     }
     const double mean_normal = mean(normal), mean_shear = mean(shear);
     if (!(mean_normal > 0) || !(mean_shear > 0))
-        throw Undetermined(fmt::format("the hairs answer {:.3g}/Pa to a press and {:.3g}/Pa to a shear away from them; physics "
-                                       "has both above 0: check the signs of the labels and the order of the hairs, or fit "
-                                       "method matrix",
-                                       mean_normal, mean_shear));
+        throw Undetermined(
+            fmt::format("the hairs answer {:.3g}/Pa to a press and {:.3g}/Pa to a shear away from them; physics "
+                        "has both above 0: check the signs of the labels and the order of the hairs, or fit "
+                        "method matrix",
+                        mean_normal, mean_shear));
     parameters["correction_normal"] = mean_normal / normal_sensitivity_per_Pa(physics);
     parameters["correction_shear"] = mean_shear / shear_sensitivity_per_Pa(physics);
     for (const char* name : {"correction_normal", "correction_shear"})
@@ -335,9 +346,9 @@ std::map<std::string, double> hair_parameters(std::string_view elastomer, const 
         }
     }
     const auto near = nearest_name(elastomer, names);
-    throw SetupError(fmt::format("elastomer \"{}\" is unknown; {}", elastomer,
-                                 near ? fmt::format("did you mean \"{}\"?", *near)
-                                      : fmt::format("known are {}", fmt::join(names, " "))));
+    throw SetupError(
+        fmt::format("elastomer \"{}\" is unknown; {}", elastomer,
+                    near ? fmt::format("did you mean \"{}\"?", *near) : fmt::format("known are {}", fmt::join(names, " "))));
 }
 
 }  // namespace tactiled

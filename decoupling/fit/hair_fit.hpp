@@ -1,8 +1,8 @@
 // Calibrations of model "hair". Forwards, hair by hair: the noise is in the readings. Rows that contradict the rest (swapped
 // labels) lose their weight (Cauchy).
 //
-// Taken from `calibration.parameters` where they are there, else the documents' values: area_m2 (a cap of 6 mm diameter), and
-// for physics the geometry and elastomer (HairPhysics). setup: throws Undetermined
+// Taken from `calibration.parameters` where they are there, else the documents' values: area_m2 (a cap of 6 mm diameter),
+// and for physics the geometry and elastomer (HairPhysics). setup: throws Undetermined
 #pragma once
 #include <string>
 #include <string_view>
