@@ -1,13 +1,16 @@
 // A hair sensor to measure against, written from the paper and not from the code under test: each hair has its own gains and
 // azimuth, and what shear adds to it bends.
 #pragma once
+#include <gtest/gtest.h>
+
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
 #include <vector>
 
-#include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/hair_fit.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {
@@ -123,6 +126,46 @@ inline Calibration paper_hair(const std::string& method,
     }
     calibration.tables["noise"] = {std::vector<double>(channels.size(), kHairNoise)};
     return calibration;
+}
+
+inline const std::vector<std::string> kHairMethods{"sum_diff", "matrix", "physics"};
+
+inline Calibration fitted_hair(const std::string& method, const Rows& rows, Calibration calibration = {},
+                               std::vector<std::string>* said = nullptr) {
+    if (calibration.channels.empty()) calibration = hair_calibration(method);
+    calibration.method = method;
+    std::vector<std::string> warnings;
+    (method == "sum_diff" ? fit_hair_sum_diff
+     : method == "matrix" ? fit_hair_matrix
+                          : fit_hair_physics)(rows, calibration, warnings);
+    if (said != nullptr) *said = warnings;
+    return calibration;
+}
+
+inline void expect_force(const Estimate& estimate, Stress s, double tolerance_Pa) {
+    const Wrench force = force_of(s);
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(estimate.wrench_S[c], force[c], tolerance_Pa * kCap_m2) << c;
+}
+
+struct HairErrors {
+    std::array<double, 3> rms{}, worst{};  // fx fy fz, % of 2 kPa
+    int good = 0, rows = 0;
+};
+
+inline HairErrors errors_on(Decoupler& decoupler, const std::vector<LabelledRow>& session, std::uint32_t missing = 0) {
+    HairErrors errors;
+    for (const auto& row : session) {
+        const Estimate estimate = decouple(decoupler, row.channel, missing);
+        errors.good += estimate.quality == TACTILED_GOOD ? 1 : 0;
+        ++errors.rows;
+        for (std::size_t c = 0; c < 3; ++c) {
+            const double error = 100 * (estimate.wrench_S[c] - row.wrench_S[c]) / (kHairRange_Pa * kCap_m2);
+            errors.rms[c] += error * error;
+            errors.worst[c] = std::max(errors.worst[c], std::abs(error));
+        }
+    }
+    for (double& rms : errors.rms) rms = std::sqrt(rms / errors.rows);
+    return errors;
 }
 
 }  // namespace tactiled
