@@ -22,8 +22,8 @@ struct HairPhysics {
     double radius_m = 0.7162e-3;     // 1.5 mm over 120 degrees
     double width_m = 0.5e-3;         // w
     double thickness_m = 9e-6;       // t of the table; the text makes it of 10 um
-    double root_distance_m = 1e-3;   // L of eq. 7; printed nowhere: an assumption
-    double k_x_Pa = 4374;            // foundation modulus, printed nowhere: so that D_tau is the measured 7.91e-7
+    double root_distance_m = 1e-3;   // L of eq. 7; not printed: an assumption
+    double k_x_Pa = 4374;            // foundation modulus, no number known: so that D_tau is the measured 7.91e-7
     double k_y_Pa = 11090;           // ... and D_sigma the measured 3.74e-7
     double friction = 0.5;           // mu of eq. 7; an assumption
     double pi_l_per_Pa = 2 / 3.2e9;  // gauge factor 2 (metal) over the modulus of the polyimide

@@ -201,5 +201,25 @@ TEST(HairSolver, TakesOffALeakToRoundingAndRefusesOneThatIsTooLarge) {
     EXPECT_FALSE(HairSolver(response, 15, 7).solvable(15));
 }
 
+// A cubic goes anywhere beyond its data: there the load goes on as a straight line.
+TEST(HairSolver, BeyondTheRangeTheLeakStaysWhatItIsAtTheEdge) {
+    HairResponse response;
+    for (std::size_t i = 0; i < 4; ++i) {
+        response.gain[i] = {1, -2 * kHairCos[i], -2 * kHairSin[i]};
+        response.leak[i][0] = 0.02;   // sigma^2
+        response.leak[i][12] = 0.03;  // tau_x^3
+    }
+    const HairSolver solver(response, 15, 7);
+    const double at_edge = 0.02 * 1.05 * 1.05 + 0.03 * 1.05 * 1.05 * 1.05;
+    std::array<double, 4> r{};
+    for (std::size_t i = 0; i < 4; ++i) r[i] = 7 - 2 * kHairCos[i] * 5;
+    EXPECT_NEAR(solver.solve(r, 15)[0], 7 - at_edge, 1e-12);
+    for (double& one : r) one += 3;
+    EXPECT_NEAR(solver.solve(r, 15)[0], 10 - at_edge, 1e-12);
+    EXPECT_NEAR(solver.solve(r, 15)[1], 5, 1e-12);
+    // A pull was not calibrated either: sigma^2 stays that of -5 %.
+    EXPECT_NEAR(solver.solve({-3, -3, -3, -3}, 15)[0], -3 - 0.02 * 0.05 * 0.05, 1e-12);
+}
+
 }  // namespace
 }  // namespace tactiled

@@ -150,6 +150,23 @@ TEST_P(HairBy, TheOrderOfTheChannelsIsFree) {
                         1e-12);
 }
 
+// What the fit makes goes through a calibration file to the last bit.
+TEST_P(HairBy, ReadsItsCalibrationFile) {
+    const auto session = hair_session(HairSensor::asymmetric(8, 1), 300, 16);
+    Calibration calibration = fitted_hair(GetParam(), rows_of(session));
+    calibration.contact_model = "uniform";
+    calibration.serial = "S1";
+    calibration.date = "2026-03-01";
+    calibration.channel_unit = "dR/R0";
+    Problems problems;
+    const Calibration read = parse_calibration(calibration_text(calibration), "hair.toml", problems);
+    problems.throw_if_any();
+    const auto one = make_decoupler(calibration), other = make_decoupler(read);
+    for (std::size_t i = 0; i < 20; ++i)
+        for (std::size_t c = 0; c < 3; ++c)
+            EXPECT_EQ(decouple(*one, session[i].channel).wrench_S[c], decouple(*other, session[i].channel).wrench_S[c]);
+}
+
 // H1 and H3 alone: one axis of shear, as Cao et al. measured.
 TEST_P(HairBy, OnePairSeesItsAxis) {
     for (const bool x : {true, false}) {
@@ -171,6 +188,24 @@ TEST_P(HairBy, OnePairSeesItsAxis) {
         EXPECT_NEAR(estimate.wrench_S[2], -1500 * kCap_m2, 0.1 * kCap_m2);
         EXPECT_TRUE(std::isnan(estimate.wrench_S[x ? 1 : 0]));
         EXPECT_EQ(decouple(*decoupler, {a + b, a - b}, 1).quality, TACTILED_BAD);  // one hair, two unknowns
+    }
+}
+
+// Four hairs, but only fx and fz are calibrated: the other pair serves SUM, and all of it may be dead.
+TEST(Hair, TwoComponentsFromFourHairs) {
+    for (const char* method : {"sum_diff", "matrix"}) {
+        Calibration c = paper_hair(method);
+        c.components = {"fx", "fz"};
+        c.sd = {1e-4, 1e-4};
+        const auto decoupler = make_decoupler(c);
+        const auto reading = HairSensor::ideal().reading({1200, 700, 0});
+        for (const std::uint32_t dead : {0b0000u, 0b0010u, 0b1000u, 0b1010u}) {
+            const Estimate estimate = decouple(*decoupler, reading, dead);
+            EXPECT_NEAR(estimate.wrench_S[0], 700 * kCap_m2, 1e-14);
+            EXPECT_NEAR(estimate.wrench_S[2], -1200 * kCap_m2, 1e-14);
+            EXPECT_TRUE(std::isnan(estimate.wrench_S[1]));
+        }
+        EXPECT_NEAR(decouple(*decoupler, reading, 0b1010u).sd[2], 1e-4 * std::numbers::sqrt2, 1e-9);
     }
 }
 
