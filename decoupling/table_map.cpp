@@ -92,6 +92,7 @@ private:
         if (ambiguous_) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         const auto& f = contact.force_N;
         estimate.wrench_S = {f.x(), f.y(), f.z(), contact.point_m.y() * f.z(), -contact.point_m.x() * f.z(), kNaN};
+        estimate.cop_S_m = {contact.point_m.x(), contact.point_m.y()};
         for (std::size_t c = 0; c < 5; ++c) add_sd(input, estimate, c, sigma * contact.sd[c]);
     }
 

@@ -43,7 +43,8 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     s.quality = std::uint32_t(e.quality);
     s.reasons = e.reasons;
     s.residual = e.residual;
-    s.cop_S_m[0] = s.cop_S_m[1] = kNaN;
+    s.state |= (e.direction & 31u) << 8;
+    std::copy_n(e.cop_S_m.begin(), 2, s.cop_S_m);
     for (std::size_t i = 0; i < 3; ++i) {
         s.raw_force_S_N[i] = e.wrench_S[i];
         s.raw_torque_S_Nm[i] = e.wrench_S[i + 3];

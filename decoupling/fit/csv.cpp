@@ -142,7 +142,7 @@ ForcesWriter::ForcesWriter(const std::string& path) : name_(path == "-" ? "stand
     if (file_ == nullptr) throw SetupError(why_not_opened(path));
     // A consumer at the other end of a pipe sees a row when it is there, not 4 kB later.
     if (path == "-") std::setvbuf(stdout, nullptr, _IOLBF, 1u << 16);
-    put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,residual\n");
+    put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual\n");
 }
 
 void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view quality) {
@@ -160,6 +160,8 @@ void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view 
     row_ += quality;
     if (quoted) row_ += '"';
     row_ += ',';
+    for (const double coordinate : estimate.cop_S_m) add(coordinate);
+    add(estimate.direction == 0 ? kNaN : double(estimate.direction));
     add(estimate.residual);
     row_.back() = '\n';
     put(row_);

@@ -94,9 +94,13 @@ struct Fitted {
     Validation validation;
 };
 
-Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitMethod& method, FitReport& report) {
+Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitMethod& method, const FitRequest& request,
+               FitReport& report) {
     Fitted fitted{.calibration = report.calibration, .about = {}, .validation = {}};
     Calibration& calibration = fitted.calibration;
+    if (const auto start = request.start.find(std::string(method.method)); start != request.start.end())
+        static_cast<Fit&>(calibration) = start->second;
+    for (const auto& [name, value] : request.parameters) calibration.parameters[name] = value;
     calibration.method = method.method;
     fitted.about.method = method.method;
     set_domain(rows, calibration);
@@ -137,7 +141,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     std::vector<Fitted> all_fitted;
     for (const FitMethod& method : methods) {
         try {
-            all_fitted.push_back(fit_one(*labelled, rows, method, report));
+            all_fitted.push_back(fit_one(*labelled, rows, method, request, report));
             report.methods.push_back(all_fitted.back().about);
         } catch (const Undetermined& error) {
             if (methods.size() == 1) throw;

@@ -1,6 +1,7 @@
 // Calibrations from labelled rows: fit, hold out, say how good. May allocate; never in the loop.
 #pragma once
 #include <array>
+#include <map>
 #include <memory>
 #include <span>
 #include <string>
@@ -17,7 +18,9 @@ struct FitRequest {
     std::string model;   // "generic", "table"
     std::string method;  // "" = the model's first; "auto" = all, the most accurate on held-out rows first
     std::string serial, contact_model = "unknown", channel_unit = "unknown";
-    std::string date;  // YYYY-MM-DD
+    std::string date;                               // YYYY-MM-DD
+    std::map<std::string, double> parameters = {};  // known beforehand, for the methods that look for them: area_m2, gap ...
+    std::map<std::string, Fit> start = {};          // by method: what it must be given, such as a map of influences
 };
 
 struct ComponentReport {

@@ -4,11 +4,14 @@
 
 #include <cmath>
 #include <ctime>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "config/calibration.hpp"
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/hair_fit.hpp"
+#include "decoupling/fit/table_more_fit.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
@@ -18,6 +21,8 @@ struct Settings {
     std::string in, out;
     Selection selection;
     FitRequest request;
+    std::vector<std::string> set;  // "area_m2=3e-5"
+    std::string influence, elastomer;
     bool json = false;
 };
 
@@ -40,9 +45,16 @@ void print_report(const FitReport& report, const Settings& settings) {
         else
             fmt::print(" {:>15} {:>8}\n", "unknown", "unknown");
     }
-    if (calibration.model == "table")
-        for (const auto& [name, value] : calibration.parameters)
-            fmt::print("{} = {:.5g}{}\n", name, value, name == "noise" ? " (rms residual of a gauge)" : " 1/N");
+    if (report.methods.size() > 1)
+        for (const auto& method : report.methods) {
+            fmt::print("method {:10}", method.method);
+            if (!method.refused.empty()) fmt::print(" refused: {}", method.refused);
+            for (std::size_t i = 0; i < method.held_out_rms.size(); ++i)
+                fmt::print(" {} {:.2f} %", report.components[i].name,
+                           100 * method.held_out_rms[i] / report.components[i].full_scale);
+            fmt::print("\n");
+        }
+    for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);
     fmt::print("condition number: {:.3g}\n", calibration.condition);
     for (const auto& warning : report.warnings) fmt::print(stderr, "warning: {}\n", warning);
 }
@@ -76,8 +88,24 @@ void print_json(const FitReport& report, const Settings& settings) {
 
 int calibrate(Settings settings) {
     if (settings.request.channel_unit.empty())
-        settings.request.channel_unit = settings.request.model == "table" ? "dR/R0" : "unknown";
+        settings.request.channel_unit =
+            settings.request.model == "table" || settings.request.model == "hair" ? "dR/R0" : "unknown";
     settings.request.date = fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)));
+    FitRequest& request = settings.request;
+    for (const auto& text : settings.set) {
+        const auto at = text.find('=');
+        char* end = nullptr;
+        const double value = at == text.npos ? 0 : std::strtod(text.c_str() + at + 1, &end);
+        if (end == nullptr || end == text.c_str() + at + 1 || *end != 0)
+            throw SetupError(fmt::format("--set {}: write NAME=NUMBER", in_quotes(text)));
+        request.parameters[text.substr(0, at)] = value;
+    }
+    if (!settings.influence.empty()) {
+        Calibration map;
+        add_influence(settings.influence, map);
+        request.start["map"] = map;
+    }
+    if (!settings.elastomer.empty()) request.start["physics"].parameters = hair_parameters(settings.elastomer);
     const FitReport report = fit(read_labelled(settings.in, settings.selection), settings.request);
     save_calibration(report.calibration, settings.out);
     if (settings.json)
@@ -94,8 +122,14 @@ void add_calibrate(CLI::App& app, Run& run) {
     settings->request.channel_unit.clear();
     auto* verb = app.add_subcommand(
         "calibrate", "Fits a calibration to labelled readings and says how good it is on rows it has not seen");
-    verb->add_option("--model", settings->request.model, "generic or table")->required();
-    verb->add_option("--method", settings->request.method, "of the model; its first if not given");
+    verb->add_option("--model", settings->request.model, "generic, table, hair, capacitive or piezo")->required();
+    verb->add_option("--method", settings->request.method,
+                     "of the model; its first if not given; auto: all that the rows determine");
+    verb->add_option("--set", settings->set, "a parameter that is known: NAME=NUMBER, e.g. area_m2=3e-5")->take_all();
+    verb->add_option("--influence", settings->influence,
+                     "method map of model table: the file with the plate's influence map");
+    verb->add_option("--elastomer", settings->elastomer,
+                     "method physics of model hair: PDMS, Ecoflex or hydrogel to start from");
     verb->add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
         ->required();
     verb->add_option("--out", settings->out, "the calibration file to write")->required();

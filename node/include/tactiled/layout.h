@@ -92,6 +92,8 @@ enum tactiled_sensor_state {
     TACTILED_OVERLOAD = 1 << 1, /* the magnitude is above overload_N */
     TACTILED_LOW_PASS = 1 << 2  /* force and torque are filtered; the raw ones are not */
 };
+/* Bits 8..12 of tactiled_sample.state, for method "signs" of model "table": row of its decision table, 1 .. 17; 0 = none. */
+#define TACTILED_DIRECTION(state) (((state) >> 8) & 31u)
 
 /* tactiled_node.status: the bits of the Modbus register STATUS. */
 enum tactiled_status {

@@ -114,9 +114,9 @@ TEST(Csv, WritesForcesThatReadBackToTheLastBit) {
         forces.close();
     }
     EXPECT_EQ(text_of(file.path()),
-              "t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,residual\n"
-              "0.01,0.30000000000000004,,-0.3333333333333333,,,,1e-300,,5,\"uncertain:saturated,disagreement\",1.5\n"
-              "0.02,,,,,,,,,,bad:missing-channel,\n");
+              "t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual\n"
+              "0.01,0.30000000000000004,,-0.3333333333333333,,,,1e-300,,5,\"uncertain:saturated,disagreement\",,,,1.5\n"
+              "0.02,,,,,,,,,,bad:missing-channel,,,,\n");
     CsvReader csv(file.path());
     ASSERT_TRUE(csv.next());
     EXPECT_EQ(csv.number(1), 0.1 + 0.2);

@@ -41,19 +41,26 @@ TEST(Eflesh, AnUnseenSessionIsWithin23PerMilleOfFullScale) {
     EXPECT_LT(flagged, 36);
 }
 
-// What the calibration claims of itself, without session 2, is what session 2 then shows.
-TEST(Eflesh, TheClaimedDeviationIsTrueOfTheUnseenSession) {
+// 68 % of the errors on rows that the fits had not seen lie within the standard deviation that is published with them. On
+// another session, which no row of the calibration tells anything about, it is a tenth less.
+TEST(Eflesh, TheClaimedDeviationHoldsForTwoThirdsOfTheErrors) {
     const FitReport report = fitted_on_session_1();
-    ASSERT_EQ(report.calibration.sd.size(), 1u);
-    const auto decoupler = make_decoupler(report.calibration);
-    double squares = 0;
-    int labelled = 0;
+    const Calibration& c = report.calibration;
+    ASSERT_EQ(c.sd.size(), 1u);
+    int held_out = 0, unseen = 0, labelled = 0;
+    for (const auto& [row, estimated] : report.held_out)
+        held_out += std::abs(estimated[2] - row->wrench_S[2]) <= std::hypot(c.sd[0], c.sd_slope[0] * estimated[2]) ? 1 : 0;
+    EXPECT_NEAR(held_out / double(report.held_out.size()), 0.68, 0.05);
+    const auto decoupler = make_decoupler(c);
     for (const auto& row : session("2").rows) {
         if (std::isnan(row.wrench_S[2])) continue;
-        squares += std::pow((decouple(*decoupler, row.channel).wrench_S[2] - row.wrench_S[2]) / report.calibration.sd[0], 2);
+        const Estimate estimate = decouple(*decoupler, row.channel);
+        unseen += std::abs(estimate.wrench_S[2] - row.wrench_S[2]) <= estimate.sd[2] ? 1 : 0;
         ++labelled;
     }
-    EXPECT_NEAR(std::sqrt(squares / labelled), 1.0, 0.15);
+    RecordProperty("unseen_within_one_sd_percent", std::to_string(100.0 * unseen / labelled));
+    EXPECT_GT(unseen / double(labelled), 0.55);
+    EXPECT_LT(unseen / double(labelled), 0.75);
 }
 
 }  // namespace

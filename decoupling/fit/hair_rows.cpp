@@ -1,0 +1,146 @@
+#include "decoupling/fit/hair_rows.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "decoupling/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+// Cauchy's weight at 95 % efficiency on normal noise.
+constexpr double kCauchy = 2.385;
+constexpr int kReweightings = 20;
+// A hair's noise is taken as at least this part of its rms reading: rows without noise are no reason for infinite weights.
+constexpr double kLeastNoise = 1e-4;
+
+}  // namespace
+
+RobustFit robust_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y) {
+    RobustFit result{.solved = least_squares(a, y)};
+    if (!result.solved.dependent.empty()) return result;
+    for (int i = 0; i < kReweightings; ++i) {
+        const Eigen::VectorXd error = y - a * result.solved.coefficient;
+        std::vector<double> sizes(error.data(), error.data() + error.size());
+        for (double& size : sizes) size = std::abs(size);
+        std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
+        result.sd = 1.4826 * sizes[sizes.size() / 2] * std::sqrt(double(a.rows()) / double(a.rows() - a.cols()));
+        if (!(result.sd > 1e-13 * y.cwiseAbs().maxCoeff())) break;  // rounding
+        const Eigen::VectorXd weight = (1 + (error / (kCauchy * result.sd)).array().square()).rsqrt();
+        const LeastSquares next = least_squares(weight.asDiagonal() * a, weight.cwiseProduct(y));
+        if (!next.dependent.empty()) break;
+        const double change = (a * (next.coefficient - result.solved.coefficient)).cwiseAbs().maxCoeff();
+        result.solved.coefficient = next.coefficient;
+        if (change < 1e-3 * result.sd / std::sqrt(double(a.rows()))) break;
+    }
+    return result;
+}
+
+bool has_hair(const HairSession& session, std::size_t hair) {
+    return std::find(session.hair.begin(), session.hair.end(), hair) != session.hair.end();
+}
+
+HairSession hair_session_of(const Rows& rows, const Calibration& calibration, double area_m2) {
+    HairSession session;
+    for (const auto& name : calibration.channels) {
+        const std::size_t hair = hair_index(name);
+        if (hair == 4 || has_hair(session, hair))
+            throw Undetermined(fmt::format("channel {} is no hair of model \"hair\" (H1 .. H4, each once)", name));
+        session.hair.push_back(hair);
+    }
+    for (const auto& name : calibration.components) {
+        const std::size_t c = component_index(name);
+        if (c > 2) throw Undetermined(fmt::format("a hair sensor does not see {}: leave its column out", name));
+        session.asked[(c + 1) % 3] = true;
+    }
+    if (!session.asked[0] || !(session.asked[1] || session.asked[2]))
+        throw Undetermined("model \"hair\" needs the labels fz_N and at least one of fx_N fy_N");
+    for (std::size_t axis = 0; axis < 2; ++axis)
+        if (session.asked[axis + 1] && !has_hair(session, axis) && !has_hair(session, axis + 2))
+            throw Undetermined(fmt::format("H{} and H{} are not there, so f{} cannot be seen: leave its column out",
+                                           axis + 1, axis + 3, axis == 0 ? 'x' : 'y'));
+    HairLoad least{}, most{};
+    for (const auto* row : rows) {
+        HairLoad load{};
+        for (std::size_t j = 0; j < 3; ++j)
+            if (session.asked[j]) load[j] = (j == 0 ? -row->wrench_S[2] : row->wrench_S[j - 1]) / area_m2;
+        if (!std::isfinite(load[0] + load[1] + load[2])) continue;
+        session.rows.push_back(row);
+        session.load.push_back(load);
+        for (std::size_t j = 0; j < 3; ++j) {
+            least[j] = std::min(least[j], load[j]);
+            most[j] = std::max(most[j], load[j]);
+        }
+    }
+    if (session.rows.empty()) throw Undetermined("no row has all labels together");
+    if (!(most[0] > 0)) throw Undetermined("no row is a press (fz < 0)");
+    const double shear = std::max({most[1], -least[1], most[2], -least[2]});
+    if (!(shear > 0)) throw Undetermined("no row has a shear force");
+    session.scale_Pa = {most[0], shear, shear};
+    session.pull_Pa = std::max(0.0, -least[0]);
+    for (HairLoad& load : session.load)
+        for (std::size_t j = 0; j < 3; ++j) load[j] /= session.scale_Pa[j];
+    return session;
+}
+
+HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t first) {
+    struct Term {
+        std::size_t axis, leak;  // one of the two; 3 and kLeakTerms where not
+        int order;
+    };
+    std::vector<Term> terms;
+    for (std::size_t j = 0; j < 3; ++j)
+        if (session.asked[j]) terms.push_back({j, kLeakTerms, 1});
+    for (const int order : {2, 3})
+        for (std::size_t i = first; i < kLeakTerms; ++i) {
+            const auto& e = kLeakExponents[i];
+            bool known = e[0] + e[1] + e[2] == order;
+            for (std::size_t j = 0; j < 3; ++j) known = known && (e[j] == 0 || session.asked[j]);
+            if (known) terms.push_back({3, i, order});
+        }
+    HairFit fit;
+    const std::size_t n = session.rows.size();
+    while (n < kRowsPerCoefficient * (terms.size() + 1) && terms.back().order > 1) {
+        const int order = terms.back().order;
+        while (terms.back().order == order) terms.pop_back();
+        fit.whole = false;
+    }
+    if (n < kRowsPerCoefficient * (terms.size() + 1))
+        throw Undetermined(fmt::format("{} rows with all labels for {} coefficients a hair; at least {} are needed", n,
+                                       terms.size() + 1, kRowsPerCoefficient * (terms.size() + 1)));
+    Eigen::VectorXd y(static_cast<Eigen::Index>(n));
+    for (std::size_t r = 0; r < n; ++r) y[Eigen::Index(r)] = session.rows[r]->channel[channel];
+    const double centre = y.mean();  // a large zero costs no digits
+    y.array() -= centre;
+    for (;;) {
+        Eigen::MatrixXd a(Eigen::Index(n), Eigen::Index(terms.size() + 1));
+        for (std::size_t r = 0; r < n; ++r) {
+            const LeakTerms products = leak_terms(session.load[r]);
+            a(Eigen::Index(r), 0) = 1;
+            for (std::size_t t = 0; t < terms.size(); ++t)
+                a(Eigen::Index(r), Eigen::Index(t + 1)) =
+                    terms[t].axis < 3 ? session.load[r][terms[t].axis] : products[terms[t].leak];
+        }
+        const RobustFit robust = robust_least_squares(a, y);
+        if (!robust.solved.dependent.empty()) {
+            const std::size_t last = robust.solved.dependent.back();
+            if (last == 0 || terms[last - 1].order == 1)
+                throw Undetermined("normal and shear forces do not vary independently of each other");
+            terms.erase(terms.begin() + std::ptrdiff_t(last - 1));
+            fit.whole = false;
+            continue;
+        }
+        fit.zero = centre + robust.solved.coefficient[0];
+        for (std::size_t t = 0; t < terms.size(); ++t) {
+            const double value = robust.solved.coefficient[Eigen::Index(t + 1)];
+            (terms[t].axis < 3 ? fit.gain[terms[t].axis] : fit.leak[terms[t].leak]) = value;
+        }
+        fit.condition = robust.solved.condition;
+        fit.noise = std::max({robust.sd, kLeastNoise * std::sqrt(y.squaredNorm() / double(n)), 1e-300});
+        return fit;
+    }
+}
+
+}  // namespace tactiled

@@ -1,0 +1,42 @@
+// Labelled rows of a hair sensor as stresses, and what one hair answers to them.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "decoupling/fit/fit.hpp"
+#include "decoupling/hair_stages.hpp"
+
+namespace tactiled {
+
+// Least squares in which rows far from the rest lose their weight. `sd`: robust, of a reading.
+struct RobustFit {
+    LeastSquares solved;
+    double sd = 0;
+};
+RobustFit robust_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y);
+
+// The labels as stresses, the wiring, and the range.
+struct HairSession {
+    Rows rows;
+    std::vector<std::size_t> hair;  // of a channel
+    std::vector<HairLoad> load;     // of a row; parts of full scale
+    std::array<bool, 3> asked{};    // sigma, tau_x, tau_y
+    HairLoad scale_Pa{};
+    double pull_Pa = 0;
+};
+// setup: throws Undetermined where channels or labels are not those of a hair sensor
+HairSession hair_session_of(const Rows& rows, const Calibration& calibration, double area_m2);
+bool has_hair(const HairSession& session, std::size_t hair);
+
+// One hair: zero, gains (dR/R0 at full scale), leak; terms that the rows do not determine are 0.
+struct HairFit {
+    double zero = 0, noise = 0, condition = 0;
+    HairLoad gain{};
+    LeakTerms leak{};
+    bool whole = true;  // all terms that were asked for are determined
+};
+// `first`: of the leak terms that may be used; kLeakTerms = none. setup: throws Undetermined
+HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t first);
+
+}  // namespace tactiled
