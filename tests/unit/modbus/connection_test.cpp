@@ -121,5 +121,57 @@ TEST_F(ConnectionTest, WhatIsWrongWithALateClient) {
     EXPECT_STREQ(connection.overdue(22 * kSecond + 1), "takes no answers");
 }
 
+TEST_F(ConnectionTest, AClientThatTakesItsAnswersSlowlyIsNotDeaf) {
+    constexpr std::uint64_t kSecond = 1'000'000'000;
+    Connection connection(server_, 1);
+    say(requests(60));
+    for (int i = 0; i < 10; ++i) (void)connection.serve(answer, 20 * kSecond);
+    ASSERT_TRUE(connection.wants_to_send());
+    EXPECT_GT(hear(), 0u);
+    (void)connection.serve(answer, 21 * kSecond);  // some more goes out, and it is stuck again
+    ASSERT_TRUE(connection.wants_to_send());
+    EXPECT_STREQ(connection.overdue(22 * kSecond + 1), "");
+    EXPECT_STREQ(connection.overdue(23 * kSecond + 1), "takes no answers");
+}
+
+TEST_F(ConnectionTest, EachRequestHasItsOwnSecond) {
+    constexpr std::uint64_t kMs = 1'000'000;
+    Connection connection(server_, 1);
+    const Bytes one = requests(1);
+    const Bytes first(one.begin(), one.begin() + 5), rest(one.begin() + 5, one.end());
+    say(first);
+    (void)connection.serve(answer, 1000 * kMs);
+    for (std::uint64_t at = 1600 * kMs; at < 4000 * kMs; at += 600 * kMs) {  // ends one, begins the next
+        say(rest);
+        say(first);
+        (void)connection.serve(answer, at);
+        EXPECT_EQ(hear(), kAnswer);
+        EXPECT_STREQ(connection.overdue(at + 999 * kMs), "");
+    }
+}
+
+TEST_F(ConnectionTest, WhoIsHeldBackIsNotIdle) {
+    constexpr std::uint64_t kSecond = 1'000'000'000;
+    Connection connection(server_, 1, 1);  // a request a second
+    const int most = 1 << 20;
+    ::setsockopt(server_, SOL_SOCKET, SO_SNDBUF, &most, sizeof most);
+    say(requests(200));
+    for (int i = 0; i < 20; ++i) (void)connection.serve(answer, 100 * kSecond);
+    ASSERT_NE(connection.backlog_ns(), 0u);
+    EXPECT_STREQ(connection.overdue(161 * kSecond), "");
+}
+
+TEST_F(ConnectionTest, ForWhoTakesNoAnswersFewAreMade) {
+    Connection connection(server_, 1);
+    int asked = 0;
+    const auto counted = [&](std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+        ++asked;
+        return answer(adu, out);
+    };
+    say(requests(300));
+    for (int i = 0; i < 100; ++i) ASSERT_STREQ(connection.serve(counted, 1), "");
+    EXPECT_LT(asked, 64);  // 17 that wait, and what the kernel took
+}
+
 }  // namespace
 }  // namespace tactiled::modbus

@@ -280,5 +280,60 @@ TEST(Registers, ConstantsAreWhatTheMapSays) {
     EXPECT_EQ(text, "ABCDEFGH");
 }
 
+TEST_F(LiveRegisters, ASampleNewerThanTheSnapshotIsOfAgeZero) {
+    auto s = good();
+    s.t_ns += 1'000'000'000;
+    publish(s);
+    EXPECT_EQ(sensor()[kSensorAgeMs], 0);
+    EXPECT_EQ(global()[kAgeMs], 0);
+}
+
+TEST_F(LiveRegisters, ADeadLoopIsSimulatedAllTheSame) {
+    tactiled_node node{};
+    node.t_ns = monotonic_ns();
+    node.status = TACTILED_READY | TACTILED_SIMULATED | TACTILED_ANY_UNCALIBRATED | TACTILED_WARNING;
+    node.count[0] = 1;
+    writer_.publish(0, good());
+    writer_.publish(node);
+    ::usleep(300'000);  // longer than watchdog_ms
+    EXPECT_EQ(global()[kStatus],
+              TACTILED_SIMULATED | TACTILED_ANY_UNCALIBRATED | TACTILED_WARNING | TACTILED_FAULT | TACTILED_ANY_STALE);
+}
+
+TEST_F(LiveRegisters, ANodeWithAStaleSensorIsNotReady) {
+    publish(good());
+    EXPECT_EQ(global()[kStatus] & (TACTILED_READY | TACTILED_ANY_STALE), TACTILED_READY);
+    ::usleep(80'000);  // the loop lives, its sensor is silent
+    EXPECT_EQ(global()[kStatus] & (TACTILED_READY | TACTILED_ANY_STALE), TACTILED_ANY_STALE);
+    EXPECT_EQ(global()[kStale], 1);
+}
+
+TEST_F(LiveRegisters, EachCellIsItsOwnField) {
+    auto s = good();
+    s.cop_S_m[0] = 0.001;
+    s.cop_S_m[1] = -0.002;
+    s.tare_count = 3;
+    s.missing = 1u << 2;
+    s.saturated = 1u << 4;
+    s.lost = 9;
+    publish(s);
+    EXPECT_EQ(std::int16_t(sensor()[kCopX]), 100);  // 0.01 mm
+    EXPECT_EQ(std::int16_t(sensor()[kCopY]), -200);
+    EXPECT_EQ(sensor()[kTareCount], 3);
+    EXPECT_EQ(sensor()[kSensorStatus], 1u << 0 | 1u << 8);  // good, tared
+    EXPECT_EQ(sensor()[kRawState], 1u << 2 | 1u << 4);
+    EXPECT_EQ(sensor()[kLost], 9);
+}
+
+TEST(Registers, TheBlinkingInputChangesEachSecond) {
+    std::array<std::uint16_t, kGlobalSize> global{};
+    std::array<std::uint8_t, kInputs> inputs{};
+    for (std::uint16_t beat = 0; beat < 40; ++beat) {
+        global[kHeartbeat] = beat;  // 10 a second
+        encode_inputs(global, inputs);
+        EXPECT_EQ(inputs[kBlinkInput], beat / 10 % 2) << beat;
+    }
+}
+
 }  // namespace
 }  // namespace tactiled::modbus

@@ -3,6 +3,7 @@
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <ifaddrs.h>
 #include <modbus/modbus.h>
 #include <poll.h>
 #include <sys/resource.h>
@@ -338,6 +339,69 @@ TEST_F(ServerTest, RunningOutOfDescriptorsEndsNobody) {
     Client later(port_);  // waits at the port, which stayed ours, for up to a second
     ASSERT_TRUE(later.send(read_request(3, 0, 2)));
     EXPECT_FALSE(later.answer().empty());
+}
+
+TEST_F(ServerTest, SettingsThatThePipelineHadNoRoomForAreSentLater) {
+    ModbusSettings settings{};
+    settings.listen = "127.0.0.1:" + std::to_string(port_);
+    settings.max_clients = 2;
+    settings.commands = true;
+    while (Command* const slot = commands_.claim()) {
+        *slot = Command{};
+        commands_.push();
+    }
+    commands_.commit();
+    const ModbusServer server(plan_.name, settings, commands_);
+    Client client(port_);
+    const auto put = [&](std::uint16_t at, std::uint16_t value) {
+        const Bytes request = read_request(1, at, value, 6);
+        return client.send(request) && client.answer() == request;
+    };
+    EXPECT_TRUE(put(5090, 0x5AFE));
+    EXPECT_TRUE(put(5030, 20));
+    while (commands_.front() != nullptr) commands_.pop();
+    const Command* sent = nullptr;
+    for (int i = 0; i < 50 && (sent = commands_.front()) == nullptr; ++i) ::usleep(10'000);
+    ASSERT_NE(sent, nullptr);
+    EXPECT_EQ(sent->kind, Command::Kind::set);
+    EXPECT_EQ(sent->settable.filter_Hz, 20);
+}
+
+TEST_F(ServerTest, WithoutACommandListWhoMayConnectMayWrite) {
+    char own[INET_ADDRSTRLEN] = "";  // an address of this machine that is not the loopback
+    ifaddrs* all = nullptr;
+    ASSERT_EQ(::getifaddrs(&all), 0);
+    for (const ifaddrs* i = all; i != nullptr; i = i->ifa_next) {
+        if (i->ifa_addr == nullptr || i->ifa_addr->sa_family != AF_INET) continue;
+        const in_addr address = reinterpret_cast<const sockaddr_in*>(i->ifa_addr)->sin_addr;
+        if (ntohl(address.s_addr) >> 24 != 127) ::inet_ntop(AF_INET, &address, own, sizeof own);
+    }
+    ::freeifaddrs(all);
+    if (*own == 0) GTEST_SKIP() << "no network but the loopback";
+    ModbusSettings settings{};
+    settings.listen = "127.0.0.1:" + std::to_string(port_);
+    settings.max_clients = 2;
+    settings.allow = {own};
+    settings.commands = true;
+    const ModbusServer server(plan_.name, settings, commands_);
+    Client client(port_, own);
+    const Bytes request = read_request(1, 5023, 7, 6);
+    ASSERT_TRUE(client.send(request));
+    EXPECT_EQ(client.answer(), request);
+}
+
+TEST_F(ServerTest, EachPlcHasPlacesOfItsOwn) {
+    ModbusSettings settings{};
+    settings.listen = "127.0.0.1:" + std::to_string(port_);
+    settings.max_clients = 1;
+    settings.plc = {"127.0.0.9", "127.0.0.10"};
+    const ModbusServer server(plan_.name, settings, commands_);
+    const auto asks = [](Client& c) { return c.send(read_request(1, 0, 2)) && !c.answer(500).empty(); };
+    std::vector<std::unique_ptr<Client>> first;
+    for (int i = 0; i < 4; ++i) EXPECT_TRUE(asks(*first.emplace_back(std::make_unique<Client>(port_, "127.0.0.9"))));
+    Client other(port_, "127.0.0.10");
+    EXPECT_TRUE(asks(other));
+    for (const auto& c : first) EXPECT_TRUE(asks(*c));
 }
 
 }  // namespace
