@@ -48,7 +48,7 @@ private:
     bool is_finite(const Wrench& wrench) const noexcept;
 
     std::size_t n_;
-    std::uint32_t used_, needed_;
+    std::uint32_t used_, needed_, all_;
     std::array<double, kMostChannels> zero_{};
     std::array<bool, 6> seen_{};
     Wrench sd_ = kUnseen, sd_slope_{}, full_scale_{};

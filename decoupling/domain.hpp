@@ -46,6 +46,11 @@ public:
         return any;
     }
 
+    // Never for a NaN. rt: wait-free
+    [[nodiscard]] bool is_beyond(std::size_t k, double value) const noexcept {
+        return (value < least_[k]) | (value > most_[k]);  // both: cheaper than a branch
+    }
+
     // The value of channel k in the domain (margin included) that is nearest to `value`. rt: wait-free
     [[nodiscard]] double nearest(std::size_t k, double value) const noexcept {
         return std::clamp(value, least_[k], most_[k]);

@@ -31,7 +31,7 @@ public:
           correction_(std::move(correction)) {
         for (std::size_t i = 0; i < calibration.components.size(); ++i) {
             component_[i] = component_index(calibration.components[i]);
-            for (std::size_t k = 0; k < n_channels(); ++k) matrix_[i][k] = calibration.matrix[i][k];
+            for (std::size_t k = 0; k < n_channels(); ++k) matrix_[k][i] = calibration.matrix[i][k];
         }
         n_components_ = calibration.components.size();
         if (correction_ == nullptr) return;
@@ -47,12 +47,10 @@ public:
 private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
+        // Each component's own sum runs from the first channel on; all components side by side.
         std::array<double, 6> value{};
-        for (std::size_t i = 0; i < n_components_; ++i) {
-            double sum = 0;
-            for (std::size_t k = 0; k < n_channels(); ++k) sum += matrix_[i][k] * input.r[k];
-            value[i] = sum;
-        }
+        for (std::size_t k = 0; k < n_channels(); ++k)
+            for (std::size_t i = 0; i < 6; ++i) value[i] += matrix_[k][i] * input.r[k];
         if (correction_ != nullptr) {
             std::array<double, kMostChannels> u;
             for (std::size_t k = 0; k < n_channels(); ++k)
@@ -66,7 +64,7 @@ private:
     std::unique_ptr<Correction> correction_;
     std::size_t n_components_ = 0;
     std::array<std::size_t, 6> component_{};
-    std::array<std::array<double, kMostChannels>, 6> matrix_{};
+    std::array<std::array<double, 6>, kMostChannels> matrix_{};  // a row a channel, 0 beyond the components
     std::array<double, kMostChannels> width_{}, zero_{};
 };
 

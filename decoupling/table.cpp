@@ -19,8 +19,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "decoupling/decoupler.hpp"
-#include "decoupling/domain.hpp"
+#include "decoupling/checked.hpp"
 #include "decoupling/table_methods.hpp"
 #include "decoupling/table_signs.hpp"
 
@@ -39,8 +38,13 @@ constexpr double kWorstCondition = 100;
 
 // The forces from the usable gauges: pseudo-inverse of their rows of G.
 struct Solution {
-    std::array<std::array<double, 8>, 3> inverse{};  // Fx Fy N from each channel; 0 where the gauge is not used
-    std::array<double, 3> noise_gain{};              // sd of Fx Fy N at 1 sd of independent noise a gauge
+    // From each channel to Fx Fy N and nothing; 0 where the gauge is not used. Four, so that they go side by side.
+    std::array<std::array<double, 4>, 8> inverse{};
+    std::array<double, 3> noise_gain{};  // sd of Fx Fy N at 1 sd of independent noise a gauge
+    std::array<double, 8> used{};        // 1 for a gauge that is, else 0
+    std::array<double, 3> sd_factor{};   // noise_gain over that of all gauges
+    int gauges = 0;
+    double per_gauge = 0, per_freedom = 0;  // 1 / gauges, 1 / (gauges - 3)
     bool solvable = false;
 };
 
@@ -63,145 +67,125 @@ Solution solve(const Gains& gains, std::uint32_t usable) {
         Eigen::MatrixXd(g).colPivHouseholderQr().solve(Eigen::MatrixXd::Identity(g.rows(), g.rows()));
     for (Eigen::Index j = 0; j < 3; ++j) {
         for (Eigen::Index i = 0; i < g.rows(); ++i)
-            solution.inverse[std::size_t(j)][std::size_t(rows[std::size_t(i)])] = inverse(j, i) / scale[j];
+            solution.inverse[std::size_t(rows[std::size_t(i)])][std::size_t(j)] = inverse(j, i) / scale[j];
         solution.noise_gain[std::size_t(j)] = inverse.row(j).norm() / scale[j];
     }
+    solution.gauges = int(rows.size());
+    solution.per_gauge = 1.0 / solution.gauges;
+    if (solution.gauges > 3) solution.per_freedom = 1.0 / (solution.gauges - 3);
+    for (const Eigen::Index k : rows) solution.used[std::size_t(k)] = 1;
     solution.solvable = true;
     return solution;
 }
 
-class Table final : public Decoupler {
+class Table final : public CheckedModel {
 public:
     explicit Table(const Calibration& calibration, const Gains& gains)
-        : n_(calibration.channels.size()), domain_(calibration) {
-        for (std::size_t k = 0; k < n_; ++k) {
+        : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0) {
+        const std::size_t n = calibration.channels.size();
+        std::uint32_t inner = 0;
+        for (std::size_t k = 0; k < n; ++k) {
             zero_[k] = calibration.zero[k];
-            for (Eigen::Index j = 0; j < 3; ++j) gains_[k][std::size_t(j)] = gains(Eigen::Index(k), j);
-            if (table_gauge(calibration.channels[k])->inner) inner_ |= 1u << k;
+            for (Eigen::Index j = 0; j < 3; ++j) gains_[std::size_t(j)][k] = gains(Eigen::Index(k), j);
+            if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
         }
-        for (std::uint32_t usable = 0; usable < 1u << n_; ++usable) {
+        for (std::uint32_t usable = 0; usable < 1u << n; ++usable) {
             // N comes from the inner gauges only (the outer ones read about 0 under a press), and with two of them
             // left nothing would tell a press from a bent plate.
-            const bool enough = std::popcount(usable & inner_) >= 3;
-            solutions_.push_back(enough ? solve(gains, usable) : Solution{});
+            const bool enough = std::popcount(usable & inner) >= 3;
+            solutions_.push_back(enough ? tactiled::solve(gains, usable) : Solution{});
         }
+        for (Solution& solution : solutions_)
+            for (std::size_t c = 0; c < 3; ++c)
+                solution.sd_factor[c] = solution.noise_gain[c] / solutions_.back().noise_gain[c];
         const auto noise = calibration.parameters.find("noise");
         noise_ = noise != calibration.parameters.end()
                      ? noise->second
                      : kDefaultNoise_per_reading * calibration.parameters.at("normal_inner");
-        seen_.fill(calibration.components.empty());
-        full_scale_.fill(std::numeric_limits<double>::infinity());
-        for (std::size_t i = 0; i < calibration.components.size(); ++i) {
-            const std::size_t c = component_index(calibration.components[i]);
-            seen_[c] = true;
-            if (!calibration.sd.empty()) sd_[c] = calibration.sd[i];
-            if (!calibration.full_scale.empty()) full_scale_[c] = (1 + kDomainMargin) * calibration.full_scale[i];
-        }
-        sd_known_ = !calibration.sd.empty();
-    }
-
-    // rt: wait-free
-    Estimate decouple(const Reading& reading) noexcept override {
-        Estimate estimate;
-        if (reading.channel.size() != n_) {
-            estimate.reasons = TACTILED_WRONG_DEVICE;
-            return estimate;
-        }
-        std::array<double, 8> r{};
-        const std::uint32_t all = (1u << n_) - 1;
-        std::uint32_t missing = reading.missing & all;
-        for (std::size_t k = 0; k < n_; ++k) {
-            r[k] = reading.channel[k] - zero_[k];
-            if (!std::isfinite(r[k])) missing |= 1u << k;
-        }
-        if (missing != 0) estimate.reasons |= TACTILED_MISSING_CHANNEL;
-        if ((reading.saturated & all) != 0) estimate.reasons |= TACTILED_SATURATED;
-        std::uint32_t usable = all & ~missing & ~reading.saturated;
-        if (!solutions_[usable].solvable) return estimate;  // BAD
-
-        std::array<double, 3> force = forces(solutions_[usable], r, usable);
-        estimate.residual = residual(force, r, usable);
-        bool explained = true;
-        if (is_doubtful(estimate.residual, usable)) {
-            estimate.reasons |= TACTILED_DISAGREEMENT;
-            const std::uint32_t without_dead = drop_dead_gauge(reading.channel, r, usable);
-            explained = without_dead != usable;
-            if (explained) {
-                estimate.reasons |= TACTILED_MISSING_CHANNEL;
-                usable = without_dead;
-                force = forces(solutions_[usable], r, usable);
-            }
-        }
-        if (!std::isfinite(force[0]) || !std::isfinite(force[1]) || !std::isfinite(force[2])) {
-            estimate.reasons |= TACTILED_NOT_FINITE;
-            return estimate;
-        }
-        if (domain_.outside(reading.channel, usable)) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-        // Which gauge is wrong is not known, so neither is how wrong the forces are.
-        if (!sd_known_ || !explained) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-        force[2] = 0.0 - force[2];  // fz = -N, and 0 rather than -0 at rest
-        for (std::size_t c = 0; c < 3; ++c) {
-            if (!seen_[c]) continue;
-            estimate.wrench_S[c] = force[c];
-            if (std::abs(force[c]) > full_scale_[c]) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-            if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0)
-                estimate.sd[c] = sd_[c] * (solutions_[usable].noise_gain[c] / solutions_[all].noise_gain[c]);
-        }
-        estimate.quality = estimate.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
-        return estimate;
     }
 
     [[nodiscard]] std::string_view method() const noexcept override { return "linear"; }
 
 private:
-    std::array<double, 3> forces(const Solution& solution, const std::array<double, 8>& r,
-                                 std::uint32_t usable) const noexcept {
-        std::array<double, 3> force{};
-        for (std::size_t j = 0; j < 3; ++j)
-            for (std::size_t k = 0; k < n_; ++k)
-                if ((usable >> k & 1u) != 0) force[j] += solution.inverse[j][k] * r[k];  // 0 * NaN of an unusable one
+    using Gauges = std::array<double, 8>;
+    using Force = std::array<double, 4>;  // Fx Fy N, and nothing
+
+    // rt: wait-free
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        if (!solutions_[input.usable].solvable) return;  // BAD
+        Gauges r{};
+        std::copy(input.r.begin(), input.r.end(), r.begin());
+        const Solution* solution = &solutions_[input.usable];
+        Force force = forces(*solution, r);
+        estimate.residual = residual(*solution, force, r);
+        if (is_doubtful(*solution, estimate.residual)) {
+            estimate.reasons |= TACTILED_DISAGREEMENT;
+            const std::uint32_t usable = drop_dead_gauge(r, input.usable);
+            // Which gauge is wrong is not known, so neither is how wrong the forces are.
+            if (usable == input.usable) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+            if (usable != input.usable) {
+                estimate.reasons |= TACTILED_MISSING_CHANNEL;
+                solution = &solutions_[usable];
+                force = forces(*solution, r);
+                Gauges channel{};
+                for (std::size_t k = 0; k < 8; ++k) channel[k] = r[k] + zero_[k];
+                input.outside = domain().outside({channel.data(), n_channels()}, usable);
+            }
+        }
+        estimate.wrench_S = {force[0], force[1], 0.0 - force[2], kNaN, kNaN, kNaN};  // fz = -N, and 0 rather than -0 at rest
+        std::copy(solution->sd_factor.begin(), solution->sd_factor.end(), input.sd_factor.begin());
+    }
+
+    // The products and sums in the order of the channels, four side by side; a gauge that is not used has r = 0 or inverse
+    // 0.
+    static Force forces(const Solution& solution, const Gauges& r) noexcept {
+        Force force{};
+        for (std::size_t k = 0; k < 8; ++k)
+            for (std::size_t j = 0; j < 4; ++j) force[j] += solution.inverse[k][j] * r[k];
         return force;
+    }
+
+    // What the gauges would read, the unused ones too.
+    [[nodiscard]] Gauges predicted(const Force& force) const noexcept {
+        Gauges p;
+        for (std::size_t k = 0; k < 8; ++k)
+            p[k] = gains_[0][k] * force[0] + gains_[1][k] * force[1] + gains_[2][k] * force[2];
+        return p;
     }
 
     // Root mean square of what the forces do not explain of the usable gauges, a degree of freedom, in standard
     // deviations of a gauge: noise and gain error together. NaN where three gauges leave nothing to compare.
     // rt: wait-free
-    double residual(const std::array<double, 3>& force, const std::array<double, 8>& r,
-                    std::uint32_t usable) const noexcept {
-        const int gauges = std::popcount(usable);
-        if (gauges <= 3) return kNaN;
+    [[nodiscard]] double residual(const Solution& solution, const Force& force, const Gauges& r) const noexcept {
+        if (solution.gauges <= 3) return kNaN;
+        const Gauges p = predicted(force);
         double unexplained = 0, reading = 0;
-        for (std::size_t k = 0; k < n_; ++k) {
-            if ((usable >> k & 1u) == 0) continue;
-            const double rest = r[k] - predicted(k, force);
+        for (std::size_t k = 0; k < 8; ++k) {
+            const double rest = solution.used[k] * (r[k] - p[k]);
             unexplained += rest * rest;
-            reading += r[k] * r[k];
+            reading += solution.used[k] * r[k] * r[k];
         }
-        const double variance = noise_ * noise_ + kGainError * kGainError * reading / gauges;
+        const double variance = noise_ * noise_ + kGainError * kGainError * reading * solution.per_gauge;
         if (!std::isfinite(variance)) return std::numeric_limits<double>::infinity();  // readings of 1e154 and more
-        return std::sqrt(unexplained / (gauges - 3) / variance);
-    }
-
-    double predicted(std::size_t k, const std::array<double, 3>& force) const noexcept {
-        return gains_[k][0] * force[0] + gains_[k][1] * force[1] + gains_[k][2] * force[2];
+        return std::sqrt(unexplained * solution.per_freedom / variance);
     }
 
     // Three gauges cannot contradict each other; of more, a residual that overflowed is doubtful too.
-    static bool is_doubtful(double residual, std::uint32_t usable) noexcept {
-        return std::popcount(usable) > 3 && !(residual <= kDoubtful);
+    static bool is_doubtful(const Solution& solution, double residual) noexcept {
+        return solution.gauges > 3 && !(residual <= kDoubtful);
     }
 
     // The usable gauges but the one that delivers 0 as no live gauge would: the readings of the others are consistent
     // and demand another value there. The same set where there is none or more than one such.
     // rt: wait-free
-    std::uint32_t drop_dead_gauge(std::span<const double> channel, const std::array<double, 8>& r,
-                                  std::uint32_t usable) const noexcept {
+    [[nodiscard]] std::uint32_t drop_dead_gauge(const Gauges& r, std::uint32_t usable) const noexcept {
         std::uint32_t found = usable;
-        for (std::size_t k = 0; k < n_; ++k) {
+        for (std::size_t k = 0; k < n_channels(); ++k) {
             const std::uint32_t rest = usable & ~(1u << k);
-            if (rest == usable || !(std::abs(channel[k]) <= 3 * noise_) || !solutions_[rest].solvable) continue;
-            const auto force = forces(solutions_[rest], r, rest);
-            if (is_doubtful(residual(force, r, rest), rest) || !(std::abs(predicted(k, force) - r[k]) > kDoubtful * noise_))
+            if (rest == usable || !(std::abs(r[k] + zero_[k]) <= 3 * noise_) || !solutions_[rest].solvable) continue;
+            const Force force = forces(solutions_[rest], r);
+            if (is_doubtful(solutions_[rest], residual(solutions_[rest], force, r)) ||
+                !(std::abs(predicted(force)[k] - r[k]) > kDoubtful * noise_))
                 continue;
             if (found != usable) return usable;
             found = rest;
@@ -209,17 +193,10 @@ private:
         return found;
     }
 
-    std::size_t n_;
-    std::array<double, 8> zero_{};
-    std::array<std::array<double, 3>, 8> gains_{};
-    std::uint32_t inner_ = 0;
+    Gauges zero_{};
+    std::array<Gauges, 3> gains_{};
     std::vector<Solution> solutions_;  // index: bit k set where channel k is usable
     double noise_ = 0;                 // one standard deviation of a gauge's reading
-    std::array<bool, 6> seen_{};
-    Wrench sd_ = kUnseen;
-    Wrench full_scale_{};
-    Domain domain_;
-    bool sd_known_ = false;
 };
 
 // What is wrong with the calibration, "" where nothing is.
