@@ -30,7 +30,8 @@ private:
         const double v = within(input.r[channel_[kCentre]] / centre, kLeastCloseness - 1, kMostCloseness - 1, cut);
         // The change of the ratio since rest, times what the ratio changes by at one unit of shift; differences first.
         const auto shift = [&](std::size_t plus, std::size_t minus) {
-            const double change = (input.r[channel_[plus]] - input.r[channel_[minus]]) - (active_[plus] - active_[minus]) * v;
+            const double change =
+                (input.r[channel_[plus]] - input.r[channel_[minus]]) - (active_[plus] - active_[minus]) * v;
             return within(change / ((active_[plus] + active_[minus]) * (1 + v)), -1 / kLargestShift, 1 / kLargestShift, cut);
         };
         const double shear_N = pad_.shear_stiffness_at(v);
@@ -69,13 +70,14 @@ std::unique_ptr<Decoupler> make_capacitive_ratio(const Calibration& calibration,
     std::array<Parameter, kElectrodes + 4> known;
     std::copy(kStrayParameters.begin(), kStrayParameters.end(), known.begin());
     std::copy(kPadParameters.begin(), kPadParameters.end(), known.begin() + kElectrodes);
-    known.back() = {"shear_scale_N", "shear force at which one electrode would double and its opposite vanish, N", 1e-9, 1e9};
+    known.back() = {"shear_scale_N", "shear force at which one electrode would double and its opposite vanish, N", 1e-9,
+                    1e9};
     std::array<double, known.size()> value;
     fault = read_parameters(calibration, known, value.data());
     if (!fault.empty()) return nullptr;
     const auto active = active_at_rest(calibration, wiring, value.data(), fault);
     if (!fault.empty()) return nullptr;
-    return std::make_unique<Ratio>(calibration, wiring, active, PadLaw{value[5], value[6], value[8], value[7]});
+    return std::make_unique<Ratio>(calibration, wiring, active, PadLaw{value[5], value[6], value[8], value[7], 0});
 }
 
 Wiring electrode_wiring(const Calibration& calibration, std::string& fault) {
@@ -89,7 +91,8 @@ Wiring electrode_wiring(const Calibration& calibration, std::string& fault) {
         if (name == "Vp") continue;
         const std::size_t e = electrode_index(name);
         if (e == kElectrodes) {
-            fault = fmt::format("channel \"{}\"; a capacitive sensor has C1 C2 C3 C4 Cn (and Vp, for model \"piezo\")", name);
+            fault =
+                fmt::format("channel \"{}\"; a capacitive sensor has C1 C2 C3 C4 Cn (and Vp, for model \"piezo\")", name);
             continue;
         }
         wiring[e] = int(k);

@@ -9,7 +9,8 @@
 namespace tactiled {
 
 // Each returns nullptr on a fault, and `fault` says why. setup
-std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibration, const Wiring& wiring, std::string& fault);
+std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibration, const Wiring& wiring,
+                                                     std::string& fault);
 std::unique_ptr<Decoupler> make_capacitive_ratio(const Calibration& calibration, const Wiring& wiring, std::string& fault);
 std::unique_ptr<Decoupler> make_capacitive_overlap(const Calibration& calibration, const Wiring& wiring, std::string& fault);
 

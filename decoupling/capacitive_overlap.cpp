@@ -4,8 +4,8 @@
 //     r_k = active_k ((1 + v) A_k(dx, dy) / A_k(0) - 1) = active_k (v + (1 + v) dA_k / A_k(0)),   k = C1 C2 C3 C4 Cn
 //
 // active = zero less stray. Five readings, three unknowns: Gauss-Newton with the exact derivatives, by QR. Then
-// fz = -press(u), fx = k_s(u) dx, fy = k_s(u) dy (pad.hpp). It starts from the pairs' first order (errata 1.7) at each
-// sample and not from the last sample: the same reading gives the same bits, and nothing can be poisoned.
+// fz = -press(u, dx, dy), fx = k_s(u) dx, fy = k_s(u) dy (pad.hpp). It starts from the pairs' first order (errata 1.7) at
+// each sample and not from the last sample: the same reading gives the same bits, and nothing can be poisoned.
 #include <Eigen/Dense>
 #include <bit>
 
@@ -37,6 +37,7 @@ public:
         // Lengths in disc radii: the unknowns are of one size then, and the shear stiffness is per disc radius.
         const double R = geometry.disc_radius_m;
         pad_.shear_stiffness *= R;
+        pad_.gap = geometry.gap_m / R;
         for (std::size_t e = 0; e < kElectrodes; ++e) {
             channel_[e] = std::size_t(wiring[e]);
             sector_[e] = geometry.sector(e);
@@ -106,7 +107,8 @@ private:
         const double shear_N = pad_.shear_stiffness_at(state.v);
         estimate.wrench_S[0] = shear_N * state.x;
         estimate.wrench_S[1] = shear_N * state.y;
-        estimate.wrench_S[2] = 0.0 - pad_.press_N(state.v);
+        estimate.wrench_S[2] =
+            0.0 - (pad_.press_N(state.v) + pad_.press_by_shift_N(state.v, state.x * state.x + state.y * state.y));
         const auto& factor = subset_[set].sd_factor;
         input.sd_factor[0] *= factor[1];
         input.sd_factor[1] *= factor[2];
@@ -181,23 +183,24 @@ private:
 
 }  // namespace
 
-std::unique_ptr<Decoupler> make_capacitive_overlap(const Calibration& calibration, const Wiring& wiring, std::string& fault) {
-    std::array<Parameter, 15> known;
+std::unique_ptr<Decoupler> make_capacitive_overlap(const Calibration& calibration, const Wiring& wiring,
+                                                   std::string& fault) {
+    std::array<Parameter, 16> known;
     std::copy(kStrayParameters.begin(), kStrayParameters.end(), known.begin());
     std::copy(kPadParameters.begin(), kPadParameters.end(), known.begin() + 5);
     std::copy(kGeometryParameters.begin(), kGeometryParameters.end(), known.begin() + 8);
-    known[13] = {"shear_stiffness_N_per_m", "shear force a shift at rest, N/m", 1e-3, 1e9};
-    known[14] = {"noise", "one standard deviation of an electrode, in channel_unit", 1e-12, 1e12};
+    known[14] = {"shear_stiffness_N_per_m", "shear force a shift at rest, N/m", 1e-3, 1e9};
+    known[15] = {"noise", "one standard deviation of an electrode, in channel_unit", 1e-12, 1e12};
     std::array<double, known.size()> value;
     fault = read_parameters(calibration, known, value.data());
     if (!fault.empty()) return nullptr;
-    const ElectrodeGeometry geometry{value[8], value[9], value[10], value[11], value[12]};
+    const ElectrodeGeometry geometry{value[8], value[9], value[10], value[11], value[12], value[13]};
     fault = geometry.fault();
     if (!fault.empty()) return nullptr;
     const auto active = active_at_rest(calibration, wiring, value.data(), fault);
     if (!fault.empty()) return nullptr;
     return std::make_unique<OverlapMethod>(calibration, wiring, active, geometry,
-                                           PadLaw{value[5], value[6], value[13], value[7]}, value[14]);
+                                           PadLaw{value[5], value[6], value[14], value[7]}, value[15]);
 }
 
 }  // namespace tactiled

@@ -64,7 +64,8 @@ private:
         const auto unpressed = [&](std::size_t e) { return r(input, e) - press_[e].y(press_N); };
         const bool has_plus = is_usable(input, plus), has_minus = is_usable(input, minus);
         if (has_plus && has_minus) {
-            const double difference = (r(input, plus) - r(input, minus)) - (press_[plus].y(press_N) - press_[minus].y(press_N));
+            const double difference =
+                (r(input, plus) - r(input, minus)) - (press_[plus].y(press_N) - press_[minus].y(press_N));
             const Curve::Force force = pair_[axis].inverse(difference);
             flag(force, pair_[axis], -shear_range_N_, shear_range_N_, estimate);
             estimate.wrench_S[axis] = force.F;
@@ -100,7 +101,8 @@ private:
 
 }  // namespace
 
-std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibration, const Wiring& wiring, std::string& fault) {
+std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibration, const Wiring& wiring,
+                                                     std::string& fault) {
     std::array<double, kParameters.size()> value;
     fault = read_parameters(calibration, kParameters, value.data());
     if (!fault.empty()) return nullptr;
@@ -128,8 +130,10 @@ std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibrat
         else
             for (std::size_t e = 0; e < kCentre; ++e)
                 if (fault.empty() && (side->second[e].size() != 4 || !(side->second[e][0] > 0)))
-                    fault = fmt::format("table side, row {}: needed are b a normal_b normal_a with b > 0", kElectrode[e].name);
-        if (fault.empty() && !(value[3] > 0)) fault = "parameter shear_range_N is missing: " + std::string(kParameters[3].what);
+                    fault =
+                        fmt::format("table side, row {}: needed are b a normal_b normal_a with b > 0", kElectrode[e].name);
+        if (fault.empty() && !(value[3] > 0))
+            fault = "parameter shear_range_N is missing: " + std::string(kParameters[3].what);
     }
     if (!fault.empty()) return nullptr;
     return std::make_unique<Quadratic>(calibration, used, needed, value.data());

@@ -32,9 +32,10 @@ constexpr std::size_t electrode_index(std::string_view name) noexcept {
 using Wiring = std::array<int, kElectrodes>;
 
 struct ElectrodeGeometry {
-    double disc_radius_m;  // of the upper electrode, which moves
+    double disc_radius_m;                                // of the upper electrode, which moves
     double inner_radius_m, outer_radius_m, opening_rad;  // of the four sectors
     double centre_radius_m;
+    double gap_m;  // at rest
 
     [[nodiscard]] Sector sector(std::size_t electrode) const noexcept {
         constexpr double kPi = 3.14159265358979323846;
@@ -54,11 +55,12 @@ struct ElectrodeGeometry {
 // A shift beyond this part of the disc's radius is none that the pad survives.
 inline constexpr double kLargestShift = 0.9;
 
-inline constexpr std::array<Parameter, 5> kGeometryParameters{
+inline constexpr std::array<Parameter, 6> kGeometryParameters{
     {{"disc_radius_m", "radius of the electrode that moves", 1e-5, 1},
      {"inner_radius_m", "inner radius of the electrodes C1 .. C4", 1e-6, 1},
      {"outer_radius_m", "outer radius of the electrodes C1 .. C4", 1e-5, 1},
      {"opening_rad", "angle that each of C1 .. C4 spans, about 1.4 (80 degrees)", 0.1, 1.5707963267948966},
-     {"centre_radius_m", "radius of the electrode Cn", 1e-6, 1}}};
+     {"centre_radius_m", "radius of the electrode Cn", 1e-6, 1},
+     {"gap_m", "distance of the electrodes at rest", 1e-6, 1}}};
 
 }  // namespace tactiled

@@ -23,7 +23,7 @@ constexpr double kPi = 3.14159265358979323846;
 
 // The edge at one angle: the angle's cosine and sine in a fixed frame, and how the shift (dx, dy) looks from there.
 struct EdgePoint {
-    double x, y;    // of the edge
+    double x, y;       // of the edge
     double u, S, rho;  // as above, without the angle of the shift: d sin(theta - phi) = sin theta dx - cos theta dy
 
     EdgePoint(double cosine, double sine, double R, double dx, double dy) noexcept {
@@ -38,9 +38,8 @@ struct EdgePoint {
 // Of the part from `from` to `to` where the edge is neither clipped by inner nor by outer.
 Overlap free_edge(const EdgePoint& from, const EdgePoint& to, double R) noexcept {
     const double turned = std::atan2(to.u * from.S - from.u * to.S, from.S * to.S + from.u * to.u);
-    return {.change = 0.5 * (to.u * to.rho - from.u * from.rho + R * R * turned),
-            .d_dx = to.y - from.y,
-            .d_dy = from.x - to.x};
+    return {
+        .change = 0.5 * (to.u * to.rho - from.u * from.rho + R * R * turned), .d_dx = to.y - from.y, .d_dy = from.x - to.x};
 }
 
 // The angle from the shift's direction up to which the edge is beyond radius `a`: 0 .. pi. By half angles: the cosine

@@ -10,7 +10,7 @@ struct Sector {
 };
 
 struct Overlap {
-    double change;  // area less the area at no shift, unit of length squared; exact to rounding for the smallest shift
+    double change;      // area less the area at no shift, unit of length squared; exact to rounding for the smallest shift
     double d_dx, d_dy;  // of the area by the shift, unit of length
 };
 

@@ -17,16 +17,23 @@ inline double bonded_disc_modulus(double young_Pa, double bulk_Pa, double shape)
 }
 
 struct PadLaw {
-    double normal_stiffness_N;    // apparent modulus times area: d(press)/d(closeness) at rest
-    double stiffening;            // exponent q, -2 .. 1; 0 = neo-Hookean
-    double shear_stiffness;       // N per unit of shift, at rest
-    double shear_gap_exponent;    // p: shear stiffness * u^p; 1 = G A / d
+    double normal_stiffness_N;  // apparent modulus times area: d(press)/d(closeness) at rest
+    double stiffening;          // exponent q, -2 .. 1; 0 = neo-Hookean
+    double shear_stiffness;     // N per unit of shift, at rest
+    double shear_gap_exponent;  // p: shear stiffness * u^p; 1 = G A / d
+    double gap = 0;             // d0, in the unit of shift; 0 = what a shear does to the press is left out
 
     // N, > 0 while pressing: K/3 (u^2 - 1/u) u^q with v = u - 1, monotone for every u > 0 while -2 <= q <= 1. For q = 0 this
     // is neo-Hookean compression, nominal stress E/3 (1/lambda^2 - lambda), lambda = 1/u. rt: wait-free
     [[nodiscard]] double press_N(double v) const noexcept {
         const double u = 1 + v;
         return normal_stiffness_N * v * (u * u + u + 1) / (3 * u) * power(u, stiffening);
+    }
+    // N, what a shift adds to the press at that closeness: a pad that stores k(u) shift^2 / 2 pushes back where k rises as
+    // it closes, -d/dd of that energy = p k(u) u shift^2 / 2 d0. No parameter of its own. rt: wait-free
+    [[nodiscard]] double press_by_shift_N(double v, double shift2) const noexcept {
+        if (!(gap > 0)) return 0;
+        return 0.5 * shear_gap_exponent * shear_stiffness_at(v) * (1 + v) * shift2 / gap;
     }
     // rt: wait-free
     [[nodiscard]] double shear_stiffness_at(double v) const noexcept {

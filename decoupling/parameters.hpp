@@ -16,8 +16,8 @@ namespace tactiled {
 
 struct Parameter {
     const char* name;
-    const char* what;      // with the unit, for the error
-    double least, most;    // both allowed
+    const char* what;        // with the unit, for the error
+    double least, most;      // both allowed
     double fallback = kNaN;  // NaN: the model needs it
 };
 

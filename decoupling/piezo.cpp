@@ -73,8 +73,8 @@ private:
         if (!forward || T_s > longest_gap_s_) fusion_.forget();
         // Cn repeats its last value until the converter has a new one. A force so constant that new ones equal the last
         // must count as well: after two windows.
-        const bool is_new = !has_last_ || input.r[Cn_] != last_Cn_ ||
-                            double(input.t_ns - last_new_t_ns_) * 1e-9 >= 2 * fusion_.window_s();
+        const bool is_new =
+            !has_last_ || input.r[Cn_] != last_Cn_ || double(input.t_ns - last_new_t_ns_) * 1e-9 >= 2 * fusion_.window_s();
         if (!forward || is_new) last_new_t_ns_ = input.t_ns;
         has_last_ = true;
         last_t_ns_ = input.t_ns;
@@ -105,8 +105,8 @@ std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::strin
     if (fault.empty()) fault = read_parameters(calibration, kParameters, value.data());
     if (fault.empty() && calibration.parameters.count("fusion_tau_s") == 0) value[6] = value[5];
     if (fault.empty() && value[6] > value[5])
-        fault = fmt::format("parameter fusion_tau_s = {} is above leak_tau_s = {}: it would amplify the film's offset", value[6],
-                            value[5]);
+        fault = fmt::format("parameter fusion_tau_s = {} is above leak_tau_s = {}: it would amplify the film's offset",
+                            value[6], value[5]);
     if (!fault.empty()) {
         options.problem("calibration", calibration.path + ": " + fault);
         return nullptr;

@@ -2,8 +2,8 @@
 //
 //     C_k = zero_k + active_k (v + (1 + v) dA_k(dx, dy)),    press(v) = N,    (dx, dy) = (fx, fy) / k_s(v)
 //
-// 14 unknowns: five zeros and active capacitances, K and q of the compression law, shear stiffness and its exponent p. A press
-// alone hardly tells the active part of a capacitance from the stiffness (the two differ at the third order of v), so
+// 14 unknowns: five zeros and active capacitances, K and q of the compression law, shear stiffness and its exponent p. A
+// press alone hardly tells the active part of a capacitance from the stiffness (the two differ at the third order of v), so
 // weak priors hold what data leave open: they cost at most one standard deviation of one reading.
 #include "decoupling/fit/capacitive_fit.hpp"
 
@@ -21,17 +21,30 @@ namespace {
 
 // The thesis gives 12 mm for the whole and about 80 degrees; the radii are assumed. Forces depend on them at the second
 // order of the shift only: at the first, the fitted shear stiffness takes up everything.
-constexpr ElectrodeGeometry kAssumed{5e-3, 3e-3, 6e-3, 1.3962634015954636, 3e-3};
+constexpr ElectrodeGeometry kAssumed{5e-3, 3e-3, 6e-3, 1.3962634015954636, 3e-3, 3e-3};
 
-enum Unknown { kZero = 0, kLogActive = 5, kLogStiffness = 10, kStiffening = 11, kLogShear = 12, kExponent = 13, kUnknowns = 14 };
+enum Unknown {
+    kZero = 0,
+    kLogActive = 5,
+    kLogStiffness = 10,
+    kStiffening = 11,
+    kLogShear = 12,
+    kExponent = 13,
+    kUnknowns = 14
+};
 
-// v at which the pad of that law carries N: monotone, so bisection in log u; 60 halvings.
-double compression(double press_N, double stiffness_N, double stiffening) {
-    const PadLaw law{stiffness_N, stiffening, 1, 0};
+// Press at v under a shear force.
+double press_at(const PadLaw& law, double v, double shear_N) {
+    const double shift = shear_N / law.shear_stiffness_at(v);
+    return law.press_N(v) + law.press_by_shift_N(v, shift * shift);
+}
+
+// v at which the pad of that law carries both: monotone where it matters, so bisection in log u; 60 halvings.
+double compression(double press_N, double shear_N, const PadLaw& law) {
     double low = std::log(kLeastCloseness), high = std::log(kMostCloseness);
     for (int i = 0; i < 60; ++i) {
         const double middle = 0.5 * (low + high);
-        (law.press_N(std::expm1(middle)) < press_N ? low : high) = middle;
+        (press_at(law, std::expm1(middle), shear_N) < press_N ? low : high) = middle;
     }
     return std::expm1(0.5 * (low + high));
 }
@@ -51,13 +64,18 @@ struct Model {
         using std::exp;
         using std::hypot;
         using std::log1p;
-        const double v0 = compression(-force[2], std::exp(number(p[kLogStiffness])), number(p[kStiffening]));
+        const double gap = geometry != nullptr ? geometry->gap_m / geometry->disc_radius_m : 0;
+        const PadLaw law{std::exp(number(p[kLogStiffness])), number(p[kStiffening]), std::exp(number(p[kLogShear])),
+                         number(p[kExponent]), gap};
+        const double shear_N = std::hypot(force[0], force[1]);
+        const double v0 = compression(-force[2], shear_N, law);
         // v as a function of the unknowns: one Newton step from the solution has the right derivative.
         const double h = 1e-6 * (1 + v0);
-        const PadLaw at{std::exp(number(p[kLogStiffness])), number(p[kStiffening]), 1, 0};
-        const double slope = (at.press_N(v0 + h) - at.press_N(v0 - h)) / (2 * h);
+        const double slope = (press_at(law, v0 + h, shear_N) - press_at(law, v0 - h, shear_N)) / (2 * h);
         const double u0 = 1 + v0;
-        const T press = exp(p[kLogStiffness] + p[kStiffening] * std::log(u0)) * (v0 * (u0 * u0 + u0 + 1) / (3 * u0));
+        T press = exp(p[kLogStiffness] + p[kStiffening] * std::log(u0)) * (v0 * (u0 * u0 + u0 + 1) / (3 * u0));
+        if (gap > 0)
+            press += p[kExponent] * exp(-p[kLogShear] - p[kExponent] * std::log(u0)) * (0.5 * u0 * shear_N * shear_N / gap);
         const T v = v0 - (press - number(press)) / slope;
         const T stiffness = exp(p[kLogShear] + p[kExponent] * log1p(v));
         T dx = force[0] / stiffness, dy = force[1] / stiffness;
@@ -67,7 +85,8 @@ struct Model {
             dy *= kLargestShift / shift;
         }
         for (std::size_t e = 0; e < kElectrodes; ++e) {
-            const T grown = geometry != nullptr ? exact(e, dx, dy) : double(kElectrode[e].along_x) * dx + double(kElectrode[e].along_y) * dy;
+            const T grown = geometry != nullptr ? exact(e, dx, dy)
+                                                : double(kElectrode[e].along_x) * dx + double(kElectrode[e].along_y) * dy;
             reading[e] = p[kZero + int(e)] + exp(p[kLogActive + int(e)]) * (v + (1.0 + v) * grown);
         }
     }
@@ -91,8 +110,7 @@ struct RowError {
     bool operator()(const T* p, T* error) const {
         T reading[kElectrodes];
         model(p, row->wrench_S, reading);
-        for (std::size_t e = 0; e < kElectrodes; ++e)
-            error[e] = (reading[e] - row->channel[std::size_t(wiring[e])]) / noise;
+        for (std::size_t e = 0; e < kElectrodes; ++e) error[e] = (reading[e] - row->channel[std::size_t(wiring[e])]) / noise;
         return true;
     }
 };
@@ -132,10 +150,13 @@ std::array<double, kUnknowns> first_guess(const Rows& rows, const Wiring& wiring
             throw Undetermined(fmt::format("{} falls by {:.3g} a N of press: it must rise (a press has fz < 0)",
                                            kElectrode[e].name, -slope[e][2]));
         if (e != kCentre && !(towards > 0))
-            throw Undetermined(fmt::format("{} falls by {:.3g} a N of force towards it; C1 lies on +x, C2 on -x, C3 on +y, C4 on "
-                                           "-y (the thesis numbers C1 and C2 the other way)", kElectrode[e].name, -towards));
+            throw Undetermined(
+                fmt::format("{} falls by {:.3g} a N of force towards it; C1 lies on +x, C2 on -x, C3 on +y, C4 on "
+                            "-y (the thesis numbers C1 and C2 the other way)",
+                            kElectrode[e].name, -towards));
     }
-    if (!(p[kZero + kCentre] > 0)) throw Undetermined("Cn at rest is not above 0: absolute capacitances are needed, not tared ones");
+    if (!(p[kZero + kCentre] > 0))
+        throw Undetermined("Cn at rest is not above 0: absolute capacitances are needed, not tared ones");
     noise = std::sqrt(squares / double(rows.size() * kElectrodes));
     const double stiffness = 0.5 * p[kZero + kCentre] / slope[kCentre][2];
     p[kLogStiffness] = std::log(stiffness);
@@ -143,8 +164,7 @@ std::array<double, kUnknowns> first_guess(const Rows& rows, const Wiring& wiring
     for (std::size_t e = 0; e < kElectrodes; ++e) {
         const double active = slope[e][2] * stiffness;
         p[kLogActive + e] = std::log(active);
-        if (e != kCentre)
-            log_shear += std::log(active * pair_gain / std::abs(slope[e][e / 2])) / kCentre;
+        if (e != kCentre) log_shear += std::log(active * pair_gain / std::abs(slope[e][e / 2])) / kCentre;
     }
     p[kLogShear] = log_shear;
     return p;
@@ -163,8 +183,13 @@ double condition_of(ceres::Problem& problem, const std::vector<ceres::ResidualBl
             a(i, sparse.cols[std::size_t(at)]) = sparse.values[std::size_t(at)];
     for (Eigen::Index k = 0; k < a.cols(); ++k)
         if (const double length = a.col(k).norm(); length > 0) a.col(k) /= length;
-    const Eigen::VectorXd s = a.colPivHouseholderQr().matrixR().topRows(a.cols()).triangularView<Eigen::Upper>()
-                                  .toDenseMatrix().jacobiSvd().singularValues();
+    const Eigen::VectorXd s = a.colPivHouseholderQr()
+                                  .matrixR()
+                                  .topRows(a.cols())
+                                  .triangularView<Eigen::Upper>()
+                                  .toDenseMatrix()
+                                  .jacobiSvd()
+                                  .singularValues();
     return s[s.size() - 1] > 0 ? s[0] / s[s.size() - 1] : std::numeric_limits<double>::infinity();
 }
 
@@ -202,9 +227,9 @@ Fitted solve(const Rows& rows, const Wiring& wiring, const Model& model, double 
         ceres::Problem problem;
         std::vector<ceres::ResidualBlockId> data;
         for (const auto* row : rows)
-            data.push_back(problem.AddResidualBlock(
-                new ceres::AutoDiffCostFunction<RowError, kElectrodes, kUnknowns>(new RowError{model, row, wiring, fitted.noise}),
-                new ceres::CauchyLoss(4), fitted.p.data()));
+            data.push_back(problem.AddResidualBlock(new ceres::AutoDiffCostFunction<RowError, kElectrodes, kUnknowns>(
+                                                        new RowError{model, row, wiring, fitted.noise}),
+                                                    new ceres::CauchyLoss(4), fitted.p.data()));
         problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Prior, 3, kUnknowns>(new Prior{log_active}), nullptr,
                                  fitted.p.data());
         if (!together) {
@@ -237,7 +262,7 @@ Fitted solve(const Rows& rows, const Wiring& wiring, const Model& model, double 
     return fitted;
 }
 
-// All five of the geometry's parameters, or none: the assumed one.
+// All of the geometry's parameters, or none: the assumed one.
 ElectrodeGeometry stated_geometry(const Calibration& calibration, std::vector<std::string>& warnings) {
     std::array<double, kGeometryParameters.size()> value{};
     std::string missing;
@@ -251,14 +276,16 @@ ElectrodeGeometry stated_geometry(const Calibration& calibration, std::vector<st
             value[i] = found->second, ++n;
     }
     if (n == 0) {
-        warnings.push_back(fmt::format(
-            "the electrodes' geometry is not stated: disc_radius_m {} inner_radius_m {} outer_radius_m {} opening_rad {:.4f} "
-            "centre_radius_m {} are assumed; forces far off the axis are worse for it",
-            kAssumed.disc_radius_m, kAssumed.inner_radius_m, kAssumed.outer_radius_m, kAssumed.opening_rad, kAssumed.centre_radius_m));
+        warnings.push_back(
+            fmt::format("the electrodes' geometry is not stated: disc_radius_m {} inner_radius_m {} outer_radius_m {} "
+                        "opening_rad {:.4f} "
+                        "centre_radius_m {} gap_m {} are assumed; forces far off the axis are worse for it",
+                        kAssumed.disc_radius_m, kAssumed.inner_radius_m, kAssumed.outer_radius_m, kAssumed.opening_rad,
+                        kAssumed.centre_radius_m, kAssumed.gap_m));
         return kAssumed;
     }
     if (!missing.empty()) throw Undetermined("the electrodes' geometry is stated in part; missing: " + missing);
-    const ElectrodeGeometry geometry{value[0], value[1], value[2], value[3], value[4]};
+    const ElectrodeGeometry geometry{value[0], value[1], value[2], value[3], value[4], value[5]};
     if (const std::string fault = geometry.fault(); !fault.empty()) throw Undetermined("the electrodes' geometry: " + fault);
     return geometry;
 }
@@ -269,7 +296,8 @@ void fit_pad(const Rows& rows, Calibration& calibration, std::vector<std::string
     std::string fault;
     const Wiring wiring = electrode_wiring(calibration, fault);
     for (std::size_t e = 0; e < kElectrodes; ++e)
-        if (fault.empty() && wiring[e] < 0) fault = fmt::format("channels lacks {}; needed are C1 C2 C3 C4 Cn", kElectrode[e].name);
+        if (fault.empty() && wiring[e] < 0)
+            fault = fmt::format("channels lacks {}; needed are C1 C2 C3 C4 Cn", kElectrode[e].name);
     if (!fault.empty()) throw Undetermined(fault);
     Rows whole;
     double most_press = 0, most_shear = 0;
@@ -281,13 +309,15 @@ void fit_pad(const Rows& rows, Calibration& calibration, std::vector<std::string
         most_shear = std::max(most_shear, std::hypot(force[0], force[1]));
     }
     if (whole.size() < kUnknowns)
-        throw Undetermined(fmt::format("{} rows have fx_N, fy_N and fz_N together; {} unknowns", whole.size(), int(kUnknowns)));
+        throw Undetermined(
+            fmt::format("{} rows have fx_N, fy_N and fz_N together; {} unknowns", whole.size(), int(kUnknowns)));
     const bool together = std::any_of(whole.begin(), whole.end(), [&](const LabelledRow* row) {
         return -row->wrench_S[2] > 0.2 * most_press && std::hypot(row->wrench_S[0], row->wrench_S[1]) > 0.2 * most_shear;
     });
     if (!together)
-        warnings.push_back("no row has press and shear together: how the shear stiffness changes under a press is assumed "
-                           "(shear_gap_exponent = 0)");
+        warnings.push_back(
+            "no row has press and shear together: how the shear stiffness changes under a press is assumed "
+            "(shear_gap_exponent = 0)");
     ElectrodeGeometry geometry{};
     double pair_gain = 1;
     if (exact) {
@@ -315,8 +345,8 @@ void fit_pad(const Rows& rows, Calibration& calibration, std::vector<std::string
     if (exact) {
         out["shear_stiffness_N_per_m"] = std::exp(fitted.p[kLogShear]) / geometry.disc_radius_m;
         out["noise"] = fitted.noise;
-        const double value[] = {geometry.disc_radius_m, geometry.inner_radius_m, geometry.outer_radius_m, geometry.opening_rad,
-                                geometry.centre_radius_m};
+        const double value[] = {geometry.disc_radius_m, geometry.inner_radius_m,  geometry.outer_radius_m,
+                                geometry.opening_rad,   geometry.centre_radius_m, geometry.gap_m};
         for (std::size_t i = 0; i < kGeometryParameters.size(); ++i) out[kGeometryParameters[i].name] = value[i];
     } else {
         out["shear_scale_N"] = std::exp(fitted.p[kLogShear]);

@@ -8,8 +8,8 @@ namespace tactiled {
 void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
 // Zero and active capacitance of each electrode, compression law, shear stiffness and its exponent: robust non-linear least
-// squares, readings from forces. overlap: geometry from calibration.parameters (all five or none: then an assumed one, with
-// a warning).
+// squares, readings from forces. overlap: geometry from calibration.parameters (all six or none: then an assumed one, with a
+// warning).
 void fit_capacitive_ratio(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 void fit_capacitive_overlap(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 

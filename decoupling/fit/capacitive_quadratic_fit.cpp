@@ -16,7 +16,8 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
     const auto sees = [&](const char* name) {
         return std::find(calibration.components.begin(), calibration.components.end(), name) != calibration.components.end();
     };
-    if (wiring[kCentre] < 0 || !sees("fz")) throw Undetermined("method \"quadratic\" needs the channel Cn and the label fz_N");
+    if (wiring[kCentre] < 0 || !sees("fz"))
+        throw Undetermined("method \"quadratic\" needs the channel Cn and the label fz_N");
     calibration.zero.assign(calibration.channels.size(), 0.0);
     calibration.matrix.clear();
     calibration.parameters.clear();
@@ -31,7 +32,8 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
             if (std::isfinite(row->wrench_S[2]) && (axis == 2 || std::isfinite(row->wrench_S[axis]))) whole.push_back(row);
         const Eigen::Index columns = axis == 2 ? 2 : 4;
         if (Eigen::Index(whole.size()) <= columns)
-            throw Undetermined(fmt::format("{} rows for the {} coefficients of {}", whole.size(), columns + 1, kElectrode[e].name));
+            throw Undetermined(
+                fmt::format("{} rows for the {} coefficients of {}", whole.size(), columns + 1, kElectrode[e].name));
         Eigen::MatrixXd x(Eigen::Index(whole.size()), columns);
         Eigen::VectorXd y(x.rows());
         for (Eigen::Index i = 0; i < x.rows(); ++i) {
@@ -50,8 +52,10 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
         }
         const Affine fitted = affine_fit(x, y);
         if (!fitted.slope.dependent.empty())
-            throw Undetermined(fmt::format("{}: its loads do not vary independently: press and, for C1 .. C4, shear both ways are "
-                                           "needed at three levels or more", kElectrode[e].name));
+            throw Undetermined(
+                fmt::format("{}: its loads do not vary independently: press and, for C1 .. C4, shear both ways are "
+                            "needed at three levels or more",
+                            kElectrode[e].name));
         calibration.zero[channel] = fitted.constant;
         calibration.condition = std::max(calibration.condition, fitted.slope.condition);
         return fitted.slope.coefficient;
@@ -69,8 +73,10 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
             if (wiring[e] < 0) throw Undetermined(fmt::format("channels lacks {}", kElectrode[e].name));
             const Eigen::VectorXd curve = fit_curve(e, e / 2);
             if (!(curve[0] > 0))
-                throw Undetermined(fmt::format("{} falls by {:.3g} a N of force towards it; C1 lies on +x, C2 on -x, C3 on +y, C4 on "
-                                               "-y (the thesis numbers C1 and C2 the other way)", kElectrode[e].name, -curve[0]));
+                throw Undetermined(
+                    fmt::format("{} falls by {:.3g} a N of force towards it; C1 lies on +x, C2 on -x, C3 on +y, C4 on "
+                                "-y (the thesis numbers C1 and C2 the other way)",
+                                kElectrode[e].name, -curve[0]));
             side[e].assign(curve.data(), curve.data() + 4);
         }
         calibration.tables["side"] = side;

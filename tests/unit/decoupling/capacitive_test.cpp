@@ -47,14 +47,27 @@ std::vector<double> thesis_reading(double fx, double fy, double press) {
 Calibration overlap_calibration() {
     Calibration calibration = capacitive_calibration("overlap");
     calibration.zero = {0.0562 + 0.3, 0.0562 + 0.31, 0.0562 + 0.29, 0.0562 + 0.3, 0.1038 + 0.4};
-    calibration.parameters = {{"stray_C1", 0.3}, {"stray_C2", 0.31}, {"stray_C3", 0.29}, {"stray_C4", 0.3}, {"stray_Cn", 0.4},
-                              {"normal_stiffness_N", 31}, {"stiffening", 0.1}, {"shear_stiffness_N_per_m", 1195},
-                              {"shear_gap_exponent", -0.4}, {"noise", 1e-5}, {"disc_radius_m", 4e-3}, {"inner_radius_m", 2.5e-3},
-                              {"outer_radius_m", 6e-3}, {"opening_rad", 80 * kPi / 180}, {"centre_radius_m", 2e-3}};
+    calibration.parameters = {{"stray_C1", 0.3},
+                              {"stray_C2", 0.31},
+                              {"stray_C3", 0.29},
+                              {"stray_C4", 0.3},
+                              {"stray_Cn", 0.4},
+                              {"normal_stiffness_N", 31},
+                              {"stiffening", 0.1},
+                              {"shear_stiffness_N_per_m", 1195},
+                              {"shear_gap_exponent", -0.4},
+                              {"noise", 1e-5},
+                              {"disc_radius_m", 4e-3},
+                              {"inner_radius_m", 2.5e-3},
+                              {"outer_radius_m", 6e-3},
+                              {"opening_rad", 80 * kPi / 180},
+                              {"centre_radius_m", 2e-3},
+                              {"gap_m", 3e-3}};
     return calibration;
 }
 
-// Area that a disc of radius R at (dx, dy) shares with a sector, by quadrature over the angle; knows the edge, no closed form.
+// Area that a disc of radius R at (dx, dy) shares with a sector, by quadrature over the angle; knows the edge, no closed
+// form.
 double sector_area_mm2(double R, double inner, double outer, double centre, double opening, double dx, double dy) {
     const int n = 400;
     const double d = std::hypot(dx, dy), phi = std::atan2(dy, dx);
@@ -85,36 +98,57 @@ struct Pad {
 };
 Pad pad_force(double u, double dx_mm, double dy_mm) {
     const double k = 1.195 * std::pow(u, -0.4);
-    return {k * dx_mm, k * dy_mm, -31.0 / 3 * (u * u - 1 / u) * std::pow(u, 0.1)};
+    const double lift = 0.5 * 0.4 * k * u * (dx_mm * dx_mm + dy_mm * dy_mm) / 3;  // half p k u shift^2 / gap
+    return {k * dx_mm, k * dy_mm, -31.0 / 3 * (u * u - 1 / u) * std::pow(u, 0.1) + lift};
 }
 
 // ---- quadratic
-TEST(Capacitive, QuadraticIsWithinTheThesisErrorsOnItsOwnCurves) {
+// Errors of the converter, pF. Its accuracy of 4 fF is no noise: an offset of a channel goes into its zero, one of the
+// converter is common to all channels. `each_pF`: independent of channel and sample.
+struct ThesisError {
+    double press_rms, press_worst, shear_rms, shear_worst;  // % of 10 N, of 1.2 N
+};
+ThesisError thesis_error(double common_pF, double each_pF) {
     const auto decoupler = make_decoupler(thesis_calibration());
     std::mt19937 random(1);
-    std::normal_distribution<double> noise(0, 0.004);  // pF: 4 fF, the converter's accuracy
+    std::normal_distribution<double> noise(0, 1);
     std::uniform_real_distribution<double> any(-1, 1);
-    double press_squares = 0, shear_squares = 0, press_worst = 0, shear_worst = 0;
+    ThesisError error{};
     const int n = 20000;
     for (int i = 0; i < n; ++i) {
         const double fx = 1.2 * any(random), fy = 1.2 * any(random), press = 5 + 5 * any(random);
         auto reading = thesis_reading(fx, fy, press);
-        // Of one sample of the converter all channels share a fixed error of 4 fF; what differs is its resolution and noise.
-        const double common = noise(random);
-        for (auto& pF : reading) pF += common + 0.1 * noise(random);
+        const double common = common_pF * any(random);
+        for (auto& pF : reading) pF += common + each_pF * noise(random);
         const Estimate estimate = decouple(*decoupler, reading);
-        const double press_error = -estimate.wrench_S[2] - press, shear_error = estimate.wrench_S[0] - fx;
-        press_squares += press_error * press_error;
-        shear_squares += shear_error * shear_error;
-        press_worst = std::max(press_worst, std::abs(press_error));
-        shear_worst = std::max(shear_worst, std::abs(shear_error));
+        const double press_error = 10 * std::abs(-estimate.wrench_S[2] - press);
+        const double shear_error = 100 / 1.2 * std::abs(estimate.wrench_S[0] - fx);
+        error.press_rms += press_error * press_error / n;
+        error.shear_rms += shear_error * shear_error / n;
+        error.press_worst = std::max(error.press_worst, press_error);
+        error.shear_worst = std::max(error.shear_worst, shear_error);
     }
-    std::printf("thesis' curves: press rms %.2f %% of 10 N, worst %.2f %%; shear rms %.2f %% of 1.2 N, worst %.2f %%\n",
-                100 * std::sqrt(press_squares / n) / 10, 10 * press_worst, 100 * std::sqrt(shear_squares / n) / 1.2,
-                100 * shear_worst / 1.2);
-    EXPECT_LT(press_worst, 0.046 * 10);
-    EXPECT_LT(shear_worst, 0.025 * 1.2 * 2);
-    EXPECT_LT(std::sqrt(shear_squares / n), 0.025 * 1.2);
+    error.press_rms = std::sqrt(error.press_rms);
+    error.shear_rms = std::sqrt(error.shear_rms);
+    std::printf(
+        "thesis' curves, %g fF common, %g fF each: press rms %.3f %% of 10 N, worst %.2f %%; shear rms %.3f %% of 1.2 N, "
+        "worst "
+        "%.2f %%\n",
+        1e3 * common_pF, 1e3 * each_pF, error.press_rms, error.press_worst, error.shear_rms, error.shear_worst);
+    return error;
+}
+
+TEST(Capacitive, QuadraticIsWithinTheThesisErrorsOnItsOwnCurves) {
+    const ThesisError resolution = thesis_error(0, 4e-5);  // ten times 4 aF
+    EXPECT_LT(resolution.press_worst, 0.05);
+    EXPECT_LT(resolution.shear_worst, 0.5);
+    const ThesisError accuracy = thesis_error(0.004, 0.0003);
+    EXPECT_LT(accuracy.press_worst, 4.6);
+    EXPECT_LT(accuracy.shear_worst, 2.5);
+    // Were 4 fF the noise of each reading, no method could keep 2.5 % of 1.2 N: a pair has 0.076 pF/N.
+    const ThesisError noise = thesis_error(0, 0.004);
+    EXPECT_LT(noise.press_worst, 4.6);
+    EXPECT_NEAR(noise.shear_rms, 100 / 1.2 * 0.004 * std::sqrt(2.0) / 0.076, 0.1);
 }
 
 TEST(Capacitive, QuadraticIsExactInsideAndStraightOutside) {
@@ -219,7 +253,7 @@ TEST(Capacitive, RatioDoesNotDependOnTheGap) {
     // sensitivity of C1 to a shift: 2 R sin(40 deg) / A
     const double per_mm = 2 * 4 * std::sin(40 * kPi / 180) / sector_area_mm2(4, 2.5, 6, 0, 80 * kPi / 180, 0, 0);
     for (const char* name : {"shear_stiffness_N_per_m", "noise", "disc_radius_m", "inner_radius_m", "outer_radius_m",
-                             "opening_rad", "centre_radius_m"})
+                             "opening_rad", "centre_radius_m", "gap_m"})
         calibration.parameters.erase(name);
     calibration.parameters["shear_scale_N"] = 1.195 / per_mm;
     const auto decoupler = make_decoupler(calibration);
@@ -228,7 +262,7 @@ TEST(Capacitive, RatioDoesNotDependOnTheGap) {
         const Pad force = pad_force(u, 0.2, 0.1);
         EXPECT_NEAR(estimate.wrench_S[0], force.fx, 0.002 * 0.25) << u;  // N; the third order of the shift
         EXPECT_NEAR(estimate.wrench_S[1], force.fy, 0.002 * 0.25) << u;
-        EXPECT_NEAR(estimate.wrench_S[2], force.fz, 1e-12) << u;
+        EXPECT_NEAR(estimate.wrench_S[2], force.fz, 0.006) << u;  // N: what a shift does to the press is not in it
     }
 }
 
@@ -237,7 +271,7 @@ TEST(Capacitive, IsFiniteOrBadForAnyBits) {
     Calibration ratio = overlap_calibration();
     ratio.method = "ratio";
     for (const char* name : {"shear_stiffness_N_per_m", "noise", "disc_radius_m", "inner_radius_m", "outer_radius_m",
-                             "opening_rad", "centre_radius_m"})
+                             "opening_rad", "centre_radius_m", "gap_m"})
         ratio.parameters.erase(name);
     ratio.parameters["shear_scale_N"] = 1.5;
     std::mt19937_64 random(20260304);
@@ -258,14 +292,15 @@ TEST(Capacitive, IsFiniteOrBadForAnyBits) {
                                                std::uint32_t(random() & random() & random()));
             for (std::size_t c = 0; c < 3; ++c)
                 ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality != TACTILED_BAD);
-            if (estimate.quality == TACTILED_BAD) ASSERT_NE(estimate.reasons, 0u);
+            ASSERT_TRUE(estimate.quality != TACTILED_BAD || estimate.reasons != 0u);
             if (estimate.quality == TACTILED_GOOD) {
                 for (std::size_t c = 0; c < 3; ++c) ASSERT_GE(estimate.sd[c], 0.0099);
             }
         }
         // The same reading gives the same bits whatever came before.
         const auto reading = pad_reading(overlap_calibration(), 1.2, 0.3, 0.1);
-        const Wrench after = decouple(*decoupler, reading).wrench_S, fresh = decouple(*make_decoupler(calibration), reading).wrench_S;
+        const Wrench after = decouple(*decoupler, reading).wrench_S,
+                     fresh = decouple(*make_decoupler(calibration), reading).wrench_S;
         for (std::size_t c = 0; c < 3; ++c) EXPECT_EQ(after[c], fresh[c]);
     }
 }
@@ -342,9 +377,12 @@ std::vector<std::vector<std::string>> cells_of(const std::string& name) {
         std::string cell;
         bool quoted = false;
         for (const char c : line) {
-            if (c == '"') quoted = !quoted;
-            else if (c == ',' && !quoted) cells.push_back(std::exchange(cell, ""));
-            else cell += c;
+            if (c == '"')
+                quoted = !quoted;
+            else if (c == ',' && !quoted)
+                cells.push_back(std::exchange(cell, ""));
+            else
+                cell += c;
         }
         cells.push_back(cell);
         rows.push_back(cells);
@@ -360,10 +398,11 @@ double interpolate(const std::map<double, double>& table, double at) {
     return std::lerp(below->second, above->second, (at - below->first) / (above->first - below->first));
 }
 
-// Press from cap_curves.csv (bonded, neo-Hookean), the force that a shift needs and its pull on the press from cap_shear.csv (two
-// levels of compression, linear in between and beyond), areas from cap_overlap.csv. Nothing of it knows a formula of the models.
+// Press from cap_curves.csv (bonded, neo-Hookean), the force that a shift needs and its pull on the press from cap_shear.csv
+// (two levels of compression, linear in between and beyond), areas from cap_overlap.csv. Nothing of it knows a formula of
+// the models.
 struct FiniteElements {
-    std::map<double, double> gap_change_mm, Cn_pF;  // by N
+    std::map<double, double> gap_change_mm, Cn_pF;           // by N
     std::map<double, double> shear_N[2], press_change_N[2];  // by mm of shift; free, and at 0.413 mm
     double compressed_mm = 0.4132776854622177;
     struct Area {
@@ -384,19 +423,22 @@ struct FiniteElements {
             fz[level][std::stod(row[1])] = std::stod(row[4]);
         }
         shear_N[1][0] = 0;
-        // Fz at no shift, from a parabola through the first and the last: the shear runs have a coarser mesh, 5.6 % stiffer, so that
-        // only the change is used.
+        // Fz at no shift, from a parabola through the first and the last: the shear runs have a coarser mesh, 5.6 % stiffer,
+        // so that only the change is used.
         const double at_rest = (16 * fz[1].at(0.25) - fz[1].at(1.0)) / 15;
         for (const auto& [mm, N] : fz[0]) press_change_N[0][mm] = -N;
         for (const auto& [mm, N] : fz[1]) press_change_N[1][mm] = at_rest - N;
         press_change_N[1][0] = 0;
         for (const auto& row : cells_of("cap_overlap.csv"))
-            areas.push_back({std::stod(row[0]), std::stod(row[1]), {std::stod(row[2]), std::stod(row[3]), std::stod(row[4]), std::stod(row[5])}});
+            areas.push_back({std::stod(row[0]),
+                             std::stod(row[1]),
+                             {std::stod(row[2]), std::stod(row[3]), std::stod(row[4]), std::stod(row[5])}});
     }
 
     // Quarter turns and the mirror bring 0, 22.5 and 45 degrees everywhere.
     [[nodiscard]] LabelledRow row(const Area& area, int quarter, bool mirrored, double press_N) const {
-        const double gap_mm = 3 - interpolate(gap_change_mm, press_N), share = interpolate(gap_change_mm, press_N) / compressed_mm;
+        const double gap_mm = 3 - interpolate(gap_change_mm, press_N),
+                     share = interpolate(gap_change_mm, press_N) / compressed_mm;
         const auto at_share = [&](const std::map<double, double>* table) {
             return std::lerp(interpolate(table[0], area.shift_mm), interpolate(table[1], area.shift_mm), share);
         };
@@ -408,7 +450,8 @@ struct FiniteElements {
         LabelledRow result{.line = 0, .channel = std::vector<double>(5)};
         const double rest_mm2 = 6.806784082778003, rest_pF = 0.056250641692087745;
         for (int k = 0; k < 4; ++k)
-            result.channel[std::size_t(counter_clockwise[(k + quarter) % 4])] = 0.35 + rest_pF * by_angle[std::size_t(k)] / rest_mm2 * 3 / gap_mm;
+            result.channel[std::size_t(counter_clockwise[(k + quarter) % 4])] =
+                0.35 + rest_pF * by_angle[std::size_t(k)] / rest_mm2 * 3 / gap_mm;
         result.channel[4] = 0.37 + interpolate(Cn_pF, press_N);
         result.wrench_S = {shear * std::cos(angle), shear * std::sin(angle), -press, kNaN, kNaN, kNaN};
         return result;
@@ -423,7 +466,9 @@ Rms rms_of(const Calibration& calibration, const Rows& rows) {
     Rms rms{0, 0};
     for (const auto* row : rows) {
         const Estimate estimate = decouple(*decoupler, row->channel);
-        rms.shear_N += (std::pow(estimate.wrench_S[0] - row->wrench_S[0], 2) + std::pow(estimate.wrench_S[1] - row->wrench_S[1], 2)) / 2;
+        rms.shear_N +=
+            (std::pow(estimate.wrench_S[0] - row->wrench_S[0], 2) + std::pow(estimate.wrench_S[1] - row->wrench_S[1], 2)) /
+            2;
         rms.press_N += std::pow(estimate.wrench_S[2] - row->wrench_S[2], 2);
     }
     return {std::sqrt(rms.shear_N / double(rows.size())), std::sqrt(rms.press_N / double(rows.size()))};
@@ -460,7 +505,7 @@ const std::pair<const char*, FitFunction> kFitOf[] = {
     {"quadratic", fit_capacitive_quadratic}, {"ratio", fit_capacitive_ratio}, {"overlap", fit_capacitive_overlap}};
 
 void state_geometry(Calibration& calibration) {
-    for (const char* name : {"disc_radius_m", "inner_radius_m", "outer_radius_m", "opening_rad", "centre_radius_m"})
+    for (const char* name : {"disc_radius_m", "inner_radius_m", "outer_radius_m", "opening_rad", "centre_radius_m", "gap_m"})
         calibration.parameters[name] = overlap_calibration().parameters.at(name);
 }
 
@@ -468,8 +513,10 @@ TEST(CapacitiveFit, OverlapIsBetterThanQuadraticOffTheAxisOnFiniteElements) {
     const double noise_pF = 4e-6 * 10;  // ten times the converter's resolution of 4 aF
     const auto on_axis = fem_rows(true, noise_pF, 1), off_axis = fem_rows(false, noise_pF, 2);
     std::map<std::string, Rms> on, off;
-    std::printf("finite elements, %zu rows on the axes, %zu off: rms %% of 1.2 N shear, of 10 N press\n"
-                "                 shear on    off   press on    off\n", on_axis.size(), off_axis.size());
+    std::printf(
+        "finite elements, %zu rows on the axes, %zu off: rms %% of 1.2 N shear, of 10 N press\n"
+        "                 shear on    off   press on    off\n",
+        on_axis.size(), off_axis.size());
     for (const auto& [name, fit] : kFitOf) {
         Calibration calibration = capacitive_calibration(name);
         if (calibration.method == "overlap") state_geometry(calibration);
@@ -478,15 +525,24 @@ TEST(CapacitiveFit, OverlapIsBetterThanQuadraticOffTheAxisOnFiniteElements) {
         for (const auto& warning : warnings) ADD_FAILURE() << warning;
         on[name] = rms_of(calibration, pointers_to(on_axis));
         off[name] = rms_of(calibration, pointers_to(off_axis));
-        std::printf("%-12s %10.3f %8.3f %8.3f %8.3f   condition %.3g\n", name, 100 * on[name].shear_N / 1.2, 100 * off[name].shear_N / 1.2,
-                    10 * on[name].press_N, 10 * off[name].press_N, calibration.condition);
-        if (calibration.method != "quadratic") {
-            for (const auto& [parameter, value] : calibration.parameters) std::printf("    %s %.6g\n", parameter.c_str(), value);
+        if (calibration.method == "overlap") {
+            const auto decoupler = make_decoupler(calibration);
+            for (const auto& row : off_axis) EXPECT_EQ(decouple(*decoupler, row.channel).quality, TACTILED_GOOD);
         }
+        std::printf("%-12s %10.3f %8.3f %8.3f %8.3f   condition %.3g\n", name, 100 * on[name].shear_N / 1.2,
+                    100 * off[name].shear_N / 1.2, 10 * on[name].press_N, 10 * off[name].press_N, calibration.condition);
     }
-    EXPECT_LT(3 * off["overlap"].shear_N, off["quadratic"].shear_N);
+    Calibration assumed = capacitive_calibration("overlap");
+    std::vector<std::string> warnings;
+    fit_capacitive_overlap(pointers_to(on_axis), assumed, warnings);
+    EXPECT_EQ(warnings.size(), 1u);
+    const Rms wrong = rms_of(assumed, pointers_to(off_axis));
+    std::printf("overlap, assumed geometry (wrong by 20 %%): off the axes %.3f shear, %.3f press\n",
+                100 * wrong.shear_N / 1.2, 10 * wrong.press_N);
+    EXPECT_LT(wrong.shear_N, off["quadratic"].shear_N);
+    EXPECT_LT(20 * off["overlap"].shear_N, off["quadratic"].shear_N);
     EXPECT_LT(off["overlap"].shear_N, 0.01 * 1.2);
-    EXPECT_LT(off["overlap"].press_N, 0.01 * 10);
+    EXPECT_LT(off["overlap"].press_N, 0.7 * off["quadratic"].press_N);
     EXPECT_LT(off["overlap"].shear_N, off["ratio"].shear_N);
 }
 
@@ -523,9 +579,7 @@ TEST(CapacitiveFit, RefusesWhatDataOrGeometryDoNotDetermine) {
         std::vector<std::string> warnings;
         try {
             fit(pointers_to(rows), calibration, warnings);
-        } catch (const Undetermined& what) {
-            return std::string(what.what());
-        }
+        } catch (const Undetermined& what) { return std::string(what.what()); }
         return std::string(warnings.empty() ? "accepted" : "warned: " + warnings.front());
     };
     auto rows = fem_rows(true, 4e-5, 3);
@@ -535,13 +589,16 @@ TEST(CapacitiveFit, RefusesWhatDataOrGeometryDoNotDetermine) {
     EXPECT_NE(refusal(fit_capacitive_overlap, rows, calibration).find("missing: inner_radius_m"), std::string::npos);
     state_geometry(calibration);
     calibration.channels = {"C2", "C1", "C3", "C4", "Cn"};
-    for (const auto& [name, fit] : kFitOf) EXPECT_NE(refusal(fit, rows, calibration).find("C1 lies on +x"), std::string::npos) << name;
+    for (const auto& [name, fit] : kFitOf)
+        EXPECT_NE(refusal(fit, rows, calibration).find("C1 lies on +x"), std::string::npos) << name;
     calibration.channels = kChannels;
     auto flipped = rows;
     for (auto& row : flipped) row.wrench_S[2] = -row.wrench_S[2];
-    for (const auto& [name, fit] : kFitOf) EXPECT_NE(refusal(fit, flipped, calibration).find("it must rise"), std::string::npos) << name;
+    for (const auto& [name, fit] : kFitOf)
+        EXPECT_NE(refusal(fit, flipped, calibration).find("it must rise"), std::string::npos) << name;
     for (auto& row : rows) row.wrench_S[1] = 0;
-    for (const auto& [name, fit] : kFitOf) EXPECT_NE(refusal(fit, rows, calibration).find("independently"), std::string::npos) << name;
+    for (const auto& [name, fit] : kFitOf)
+        EXPECT_NE(refusal(fit, rows, calibration).find("independently"), std::string::npos) << name;
     calibration.components = {"fz"};
     EXPECT_NE(refusal(fit_capacitive_ratio, rows, calibration).find("labels"), std::string::npos);
     EXPECT_EQ(refusal(fit_capacitive_quadratic, rows, calibration), "accepted");

@@ -53,7 +53,8 @@ TEST(Overlap, ChangeOfAPicometreIsExact) {
 
 TEST(Overlap, OfFourSectorsCancelsToTheSecondOrder) {
     double sum = 0;
-    for (const double centre : {0., 90., 180., 270.}) sum += overlap({3, 7, degrees(centre), degrees(40)}, 5, 1e-4, 2e-4).change;
+    for (const double centre : {0., 90., 180., 270.})
+        sum += overlap({3, 7, degrees(centre), degrees(40)}, 5, 1e-4, 2e-4).change;
     EXPECT_NEAR(sum, 0, 1e-14);  // mm^2; each alone 1e-3
 }
 
@@ -82,7 +83,8 @@ TEST(Overlap, ClipsAtBothRadiiForEveryShift) {
     for (int i = 0; i < 30; ++i) {
         const double R = 3 + 4 * any(random), shift = 0.95 * R * any(random), phi = 2 * kPi * any(random);
         const double inner = 4 * any(random), outer = inner + 0.5 + 4 * any(random);
-        const Sector sector{i % 5 == 0 ? 0 : inner, outer, 2 * kPi * any(random) - kPi, i % 5 == 0 ? kPi : 0.1 + 1.4 * any(random)};
+        const Sector sector{i % 5 == 0 ? 0 : inner, outer, 2 * kPi * any(random) - kPi,
+                            i % 5 == 0 ? kPi : 0.1 + 1.4 * any(random)};
         const double dx = shift * std::cos(phi), dy = shift * std::sin(phi);
         const double counted = area_by_counting(sector, R, dx, dy);
         EXPECT_NEAR(area(sector, R, dx, dy), counted, 2e-3 * outer * outer) << i;
@@ -106,9 +108,7 @@ TEST(Overlap, HasNoStepWhereClippingBegins) {
 
 // The thesis' eq. XXVI takes gamma a d instead of 2 a d sin(gamma / 2) at first order (errata 1.7).
 TEST(Overlap, ShowsTheErrorOfTheConcentricFormula) {
-    const auto ratio = [](double gamma) {
-        return gamma * 5 * 1e-6 / overlap({3, 7, 0, gamma / 2}, 5, 1e-6, 0).change;
-    };
+    const auto ratio = [](double gamma) { return gamma * 5 * 1e-6 / overlap({3, 7, 0, gamma / 2}, 5, 1e-6, 0).change; };
     EXPECT_NEAR(ratio(degrees(80)), 1.0861, 5e-5);
     EXPECT_NEAR(ratio(degrees(90)), 1.1107, 5e-5);
     const double sideways = overlap({3, 7, degrees(90), degrees(40)}, 5, 0.01, 0).change;
@@ -117,8 +117,8 @@ TEST(Overlap, ShowsTheErrorOfTheConcentricFormula) {
 
 // ---- curve.hpp
 TEST(Curve, InvertsWithoutCancellation) {
-    const Curve normal(0.0405, 0.0008, 0, 10);  // eq. XXXIII
-    EXPECT_NEAR(normal.inverse(1.303900001 - 1.3039).F / 2.469135457303791728427245e-8, 1, 1e-14);     // H02
+    const Curve normal(0.0405, 0.0008, 0, 10);                                                       // eq. XXXIII
+    EXPECT_NEAR(normal.inverse(1.303900001 - 1.3039).F / 2.469135457303791728427245e-8, 1, 1e-14);   // H02
     EXPECT_NEAR(Curve(0.0405, 1e-18, 0, 10).inverse(0.4).F / 9.876543209876541038232449, 1, 1e-15);  // H03
     EXPECT_EQ(Curve(0.0405, 0, 0, 10).inverse(0.4).F, 0.4 / 0.0405);
     EXPECT_EQ(discriminant(94906265.625, 189812534.0, -94906268.375), 7.5625);  // H05
@@ -141,9 +141,7 @@ TEST(Curve, GoesOnStraightAndStaysMonotone) {
             const double F = curve.inverse(y).F;
             ASSERT_GE(F, last);
             last = F;
-            if (curve.inverse(y).slope > 1e-4) {
-                ASSERT_NEAR(curve.y(F), y, 1e-12);
-            }
+            if (curve.inverse(y).slope > 1e-4) { ASSERT_NEAR(curve.y(F), y, 1e-12); }
         }
     }
     const Curve normal(0.0405, 0.0008, 0, 10);

@@ -105,22 +105,19 @@ Response response(double f, double tau_s, double tau_true) {
 double phase_deg(Complex z) { return std::arg(z) * 180 / kPi; }
 
 TEST(Piezo, FusedGainIsOneAndPhaseIsZeroFromATenthTo100Hz) {
-    std::printf("tau = 1 s, 1 kHz            capacitive          film               fused        fused, tau 20 %% off\n"
-                "    f_Hz                 gain  phase_deg     gain  phase_deg    gain   phase_deg    gain   phase_deg\n");
+    std::printf(
+        "tau = 1 s, 1 kHz            capacitive          film               fused        fused, tau 20 %% off\n"
+        "    f_Hz                 gain  phase_deg     gain  phase_deg    gain   phase_deg    gain   phase_deg\n");
     for (const double f : {0.1, 0.15, 0.25, 0.55, 1.05, 2.05, 4.05, 7.05, 15.05, 30.05, 60.05, 99.05}) {
         const Response exact = response(f, 1, 1), off = response(f, 1, 0.8);
-        std::printf("%8.2f              %7.4f %8.2f     %7.4f %8.2f   %7.4f %8.3f   %7.4f %8.3f\n", f, std::abs(exact.capacitive),
-                    phase_deg(exact.capacitive), std::abs(exact.film), phase_deg(exact.film), std::abs(exact.fused),
-                    phase_deg(exact.fused), std::abs(off.fused), phase_deg(off.fused));
+        std::printf("%8.2f              %7.4f %8.2f     %7.4f %8.2f   %7.4f %8.3f   %7.4f %8.3f\n", f,
+                    std::abs(exact.capacitive), phase_deg(exact.capacitive), std::abs(exact.film), phase_deg(exact.film),
+                    std::abs(exact.fused), phase_deg(exact.fused), std::abs(off.fused), phase_deg(off.fused));
         EXPECT_NEAR(std::abs(exact.fused), 1, 0.01) << f;
         EXPECT_NEAR(phase_deg(exact.fused), 0, 1) << f;
         EXPECT_NEAR(std::abs(off.fused), 1, 0.15) << f;
-        if (f > 3) {
-            EXPECT_LT(std::abs(exact.capacitive), 0.9) << f;
-        }
-        if (f < 0.2) {
-            EXPECT_LT(std::abs(exact.film), 0.8) << f;
-        }
+        if (f > 3) { EXPECT_LT(std::abs(exact.capacitive), 0.9) << f; }
+        if (f < 0.2) { EXPECT_LT(std::abs(exact.film), 0.8) << f; }
     }
 }
 
@@ -232,15 +229,15 @@ TEST(Piezo, IsFiniteOrBadForAnyBitsAndRecoversFromThem) {
             double any;
             static_assert(sizeof any == sizeof bits);
             std::memcpy(&any, &bits, sizeof any);
-            const std::vector<double> channel{i % 3 == 0 ? any : kinds[random() % 10], i % 5 == 0 ? any : kinds[random() % 10]};
-            const Estimate estimate = decoupler->decouple({.channel = channel,
-                                                           .missing = std::uint32_t(random() & random() & random()),
-                                                           .saturated = std::uint32_t(random() & random()),
-                                                           .t_ns = i % 7 == 0 ? random() : 1'000'000'000 + random() % 1'000'000'000});
+            const std::vector<double> channel{i % 3 == 0 ? any : kinds[random() % 10],
+                                              i % 5 == 0 ? any : kinds[random() % 10]};
+            const Estimate estimate =
+                decoupler->decouple({.channel = channel,
+                                     .missing = std::uint32_t(random() & random() & random()),
+                                     .saturated = std::uint32_t(random() & random()),
+                                     .t_ns = i % 7 == 0 ? random() : 1'000'000'000 + random() % 1'000'000'000});
             ASSERT_EQ(std::isfinite(estimate.wrench_S[2]), estimate.quality != TACTILED_BAD);
-            if (estimate.quality == TACTILED_GOOD) {
-                ASSERT_LT(std::abs(estimate.wrench_S[2]), 11);
-            }
+            if (estimate.quality == TACTILED_GOOD) { ASSERT_LT(std::abs(estimate.wrench_S[2]), 11); }
         }
         // Sound readings again: within 20 time constants all is as if nothing had been.
         t += 100;
