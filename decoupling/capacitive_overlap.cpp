@@ -17,9 +17,9 @@ namespace {
 
 // 3 steps reach rounding in the measured range, 5 at the largest shift; noise of 1 % takes no more.
 constexpr int kMostSteps = 8;
-constexpr double kConverged = 1e-11;  // of a disc radius, of u
-constexpr double kDoubtful = 6;       // residual in standard deviations, as in model "table"
-constexpr double kGainError = 0.01;   // electrodes that disagree by 1 % of their readings are sound
+constexpr double kConverged = 1e-8;  // of a disc radius, of u; the next step is 1e-14
+constexpr double kDoubtful = 6;      // residual in standard deviations, as in model "table"
+constexpr double kGainError = 0.01;  // electrodes that disagree by 1 % of their readings are sound
 constexpr double kWorstCondition = 1000;
 
 using Jacobian = Eigen::Matrix<double, kElectrodes, 3>;

@@ -53,6 +53,16 @@ double clip_angle(double a, double R, double d) noexcept {
 
 }  // namespace
 
+Sector::Sector(double inner_radius, double outer_radius, double centre_rad, double half_opening_rad) noexcept
+    : inner(inner_radius),
+      outer(outer_radius),
+      centre(centre_rad),
+      half_opening(half_opening_rad),
+      cos_from(std::cos(centre - half_opening)),
+      sin_from(std::sin(centre - half_opening)),
+      cos_to(std::cos(centre + half_opening)),
+      sin_to(std::sin(centre + half_opening)) {}
+
 double area_at_rest(const Sector& sector, double disc_radius) noexcept {
     const double edge = std::clamp(disc_radius, sector.inner, sector.outer);
     return (edge - sector.inner) * (edge + sector.inner) * sector.half_opening;
@@ -63,7 +73,7 @@ Overlap overlap(const Sector& sector, double R, double dx, double dy) noexcept {
     if (R - d >= sector.outer) return {};  // covered as before
     const double from = sector.centre - sector.half_opening, to = sector.centre + sector.half_opening;
     if (R - d >= sector.inner && R + d <= sector.outer && sector.half_opening < kPi / 2)
-        return free_edge({std::cos(from), std::sin(from), R, dx, dy}, {std::cos(to), std::sin(to), R, dx, dy}, R);
+        return free_edge({sector.cos_from, sector.sin_from, R, dx, dy}, {sector.cos_to, sector.sin_to, R, dx, dy}, R);
 
     // Cut where the edge crosses inner or outer; two turns of the circle cover every sector.
     const double towards = d > 0 ? std::atan2(dy, dx) : 0.0;

@@ -6,7 +6,11 @@ namespace tactiled {
 // inner <= rho <= outer, centre - half_opening <= theta <= centre + half_opening; any unit of length, radians.
 // inner = 0 and half_opening = pi is a disc. half_opening <= pi.
 struct Sector {
-    double inner, outer, centre, half_opening;
+    double inner = 0, outer = 1, centre = 0, half_opening = 1;
+    double cos_from = 1, sin_from = 0, cos_to = 1, sin_to = 0;  // of its two sides
+
+    Sector() = default;
+    Sector(double inner_radius, double outer_radius, double centre_rad, double half_opening_rad) noexcept;
 };
 
 struct Overlap {
