@@ -15,7 +15,7 @@
 namespace tactiled {
 namespace {
 
-// 3 steps reach rounding in the measured range, 5 at the largest shift; noise of 1 % takes no more.
+// Measured: 3 steps are enough up to a shift of 0.3 disc radii.
 constexpr int kMostSteps = 8;
 constexpr double kConverged = 1e-8;  // of a disc radius, of u; the next step is 1e-14
 constexpr double kDoubtful = 6;      // residual in standard deviations, as in model "table"

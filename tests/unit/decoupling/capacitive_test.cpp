@@ -89,7 +89,7 @@ std::vector<double> pad_reading(const Calibration& calibration, double u, double
         const double area = sector_area_mm2(4, 2.5, 6, centres[e], 80 * kPi / 180, dx, dy);
         reading.push_back(calibration.parameters.at("stray_" + kChannels[e]) + 0.0562 * u * area / rest);
     }
-    reading.push_back(0.4 + 0.1038 * u);
+    reading.push_back(0.4 + 0.1038 * u * sector_area_mm2(4, 0, 2, 0, 2 * kPi, dx, dy) / (4 * kPi));
     return reading;
 }
 
@@ -185,10 +185,11 @@ TEST(Capacitive, APairGoesOnWhereOneElectrodeEnds) {
 
 TEST(Capacitive, OneElectrodeOfAPairIsEnoughWithALargerDeviation) {
     Calibration calibration = thesis_calibration();
-    calibration.tables["side"] = {4, {0.038, 0.0071, 0.005, 0.0001}};
+    for (std::size_t e = 0; e < 4; ++e) calibration.tables["side"][e] = {0.038, 0.0071, 0.005 + 0.001 * double(e), 0.0001};
     const auto decoupler = make_decoupler(calibration);
     auto reading = thesis_reading(0.7, -0.4, 6);
-    for (std::size_t e = 0; e < 4; ++e) reading[e] += 0.005 * 6 + 0.0001 * 36;
+    for (std::size_t e = 0; e < 4; ++e) reading[e] += (0.005 + 0.001 * double(e)) * 6 + 0.0001 * 36;
+    EXPECT_NEAR(decouple(*decoupler, reading).wrench_S[0], 0.7, 1e-12);
     for (std::size_t missing = 0; missing < 4; ++missing) {
         const Estimate estimate = decouple(*decoupler, reading, 1u << missing);
         EXPECT_NEAR(estimate.wrench_S[0], 0.7, 1e-12);
@@ -217,6 +218,22 @@ TEST(Capacitive, OverlapSolvesGapAndShiftTogether) {
                 ASSERT_NEAR(estimate.wrench_S[2], force.fz, 1e-4);
                 ASSERT_EQ(estimate.quality, TACTILED_GOOD);
             }
+}
+
+// The disc's edge passes the sectors' inner and outer radius, and uncovers the centre.
+TEST(Capacitive, OverlapFollowsShiftsThatUncoverElectrodes) {
+    const Calibration calibration = overlap_calibration();
+    const auto decoupler = make_decoupler(calibration);
+    for (const double shift_mm : {1.8, 2.4, 3.0})
+        for (double azimuth = 0; azimuth < 2 * kPi; azimuth += 0.1) {
+            const double dx = shift_mm * std::cos(azimuth), dy = shift_mm * std::sin(azimuth);
+            const Estimate estimate = decouple(*decoupler, pad_reading(calibration, 1.2, dx, dy));
+            const Pad force = pad_force(1.2, dx, dy);
+            ASSERT_NEAR(estimate.wrench_S[0], force.fx, 0.005) << shift_mm << " " << azimuth;
+            ASSERT_NEAR(estimate.wrench_S[1], force.fy, 0.005) << shift_mm << " " << azimuth;
+            ASSERT_NEAR(estimate.wrench_S[2], force.fz, 0.03) << shift_mm << " " << azimuth;
+            ASSERT_EQ(estimate.reasons, 0u) << shift_mm << " " << azimuth;
+        }
 }
 
 TEST(Capacitive, OverlapGoesOnWithoutAnyOneElectrode) {
@@ -264,6 +281,21 @@ TEST(Capacitive, RatioDoesNotDependOnTheGap) {
         EXPECT_NEAR(estimate.wrench_S[1], force.fy, 0.002 * 0.25) << u;
         EXPECT_NEAR(estimate.wrench_S[2], force.fz, 0.006) << u;  // N: what a shift does to the press is not in it
     }
+}
+
+TEST(Capacitive, RatioKnowsElectrodesOfUnequalSize) {
+    Calibration calibration = capacitive_calibration("ratio");
+    calibration.zero = {0.36, 0.35, 0.36, 0.36, 0.5};  // pF, C1 and C2 are not of one size
+    calibration.parameters = {{"stray_C1", 0.3}, {"stray_C2", 0.3},          {"stray_C3", 0.3},     {"stray_C4", 0.3},
+                              {"stray_Cn", 0.4}, {"normal_stiffness_N", 30}, {"shear_scale_N", 1.5}};
+    const auto decoupler = make_decoupler(calibration);
+    const double u = 1.25, shift = 0.2;  // in lengths over which an electrode doubles
+    const std::vector<double> reading{0.3 + 0.06 * u * (1 + shift), 0.3 + 0.05 * u * (1 - shift), 0.3 + 0.06 * u,
+                                      0.3 + 0.06 * u, 0.4 + 0.1 * u};
+    const Estimate estimate = decouple(*decoupler, reading);
+    EXPECT_NEAR(estimate.wrench_S[0], 1.5 * shift, 1e-14);
+    EXPECT_NEAR(estimate.wrench_S[1], 0, 1e-14);
+    EXPECT_NEAR(estimate.wrench_S[2], -10 * (u * u - 1 / u), 1e-13);
 }
 
 // ---- what comes in

@@ -247,6 +247,17 @@ TEST(Piezo, IsFiniteOrBadForAnyBitsAndRecoversFromThem) {
     }
 }
 
+// No break, no BAD sample in between: what a running sum would never lose (hard case H21).
+TEST(Piezo, ASpikeOfOneSampleIsForgotten) {
+    for (const double spike : {1e17, -1e200}) {
+        const auto decoupler = make_decoupler(piezo_calibration(1.0));
+        double press = 0;
+        for (int i = 0; i < 30000; ++i)
+            press = press_of(*decoupler, i * 1e-3, i == 1000 ? spike : 0.0768, i == 2000 ? spike : centre_pF(4));
+        EXPECT_NEAR(press, 4, 1e-5);
+    }
+}
+
 TEST(Piezo, RefusesCalibrationsThatItCannotUse) {
     const auto refusal = [](const Calibration& calibration) {
         Problems problems;
