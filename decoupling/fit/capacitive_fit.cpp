@@ -1,10 +1,8 @@
 // Model "capacitive", methods "ratio" and "overlap": the same unknowns, with the overlap to first order or exact.
-//
-//     C_k = zero_k + active_k (v + (1 + v) dA_k(dx, dy)),    press(v) = N,    (dx, dy) = (fx, fy) / k_s(v)
-//
-// 14 unknowns: five zeros and active capacitances, K and q of the compression law, shear stiffness and its exponent p. A
-// press alone hardly tells the active part of a capacitance from the stiffness (the two differ at the third order of v), so
-// weak priors hold what data leave open: they cost at most one standard deviation of one reading.
+// capacitive_model.hpp has the equations. 14 unknowns: five zeros and active capacitances, K and q of the compression law,
+// shear stiffness and its exponent p. A press alone hardly tells the active part of a capacitance from the stiffness (the
+// two differ at the third order of v), so weak priors hold what data leave open: each weighs as much as
+// one reading.
 #include "decoupling/fit/capacitive_fit.hpp"
 
 #include <ceres/ceres.h>
@@ -14,7 +12,7 @@
 #include <cmath>
 
 #include "decoupling/capacitive_methods.hpp"
-#include "decoupling/pad.hpp"
+#include "decoupling/fit/capacitive_model.hpp"
 
 namespace tactiled {
 namespace {
@@ -23,86 +21,8 @@ namespace {
 // order of the shift only: at the first, the fitted shear stiffness takes up everything.
 constexpr ElectrodeGeometry kAssumed{5e-3, 3e-3, 6e-3, 1.3962634015954636, 3e-3, 3e-3};
 
-enum Unknown {
-    kZero = 0,
-    kLogActive = 5,
-    kLogStiffness = 10,
-    kStiffening = 11,
-    kLogShear = 12,
-    kExponent = 13,
-    kUnknowns = 14
-};
-
-// Press at v under a shear force.
-double press_at(const PadLaw& law, double v, double shear_N) {
-    const double shift = shear_N / law.shear_stiffness_at(v);
-    return law.press_N(v) + law.press_by_shift_N(v, shift * shift);
-}
-
-// v at which the pad of that law carries both: monotone where it matters, so bisection in log u; 60 halvings.
-double compression(double press_N, double shear_N, const PadLaw& law) {
-    double low = std::log(kLeastCloseness), high = std::log(kMostCloseness);
-    for (int i = 0; i < 60; ++i) {
-        const double middle = 0.5 * (low + high);
-        (press_at(law, std::expm1(middle), shear_N) < press_N ? low : high) = middle;
-    }
-    return std::expm1(0.5 * (low + high));
-}
-
-double number(double x) { return x; }
-template <typename T, int N>
-double number(const ceres::Jet<T, N>& x) {
-    return x.a;
-}
-
-struct Model {
-    const ElectrodeGeometry* geometry;  // nullptr: first order, shift in the length over which an electrode doubles
-
-    // The five capacitances at fx fy fz.
-    template <typename T>
-    void operator()(const T* p, const Wrench& force, T* reading) const {
-        using std::exp;
-        using std::hypot;
-        using std::log1p;
-        const double gap = geometry != nullptr ? geometry->gap_m / geometry->disc_radius_m : 0;
-        const PadLaw law{std::exp(number(p[kLogStiffness])), number(p[kStiffening]), std::exp(number(p[kLogShear])),
-                         number(p[kExponent]), gap};
-        const double shear_N = std::hypot(force[0], force[1]);
-        const double v0 = compression(-force[2], shear_N, law);
-        // v as a function of the unknowns: one Newton step from the solution has the right derivative.
-        const double h = 1e-6 * (1 + v0);
-        const double slope = (press_at(law, v0 + h, shear_N) - press_at(law, v0 - h, shear_N)) / (2 * h);
-        const double u0 = 1 + v0;
-        T press = exp(p[kLogStiffness] + p[kStiffening] * std::log(u0)) * (v0 * (u0 * u0 + u0 + 1) / (3 * u0));
-        if (gap > 0)
-            press += p[kExponent] * exp(-p[kLogShear] - p[kExponent] * std::log(u0)) * (0.5 * u0 * shear_N * shear_N / gap);
-        const T v = v0 - (press - number(press)) / slope;
-        const T stiffness = exp(p[kLogShear] + p[kExponent] * log1p(v));
-        T dx = force[0] / stiffness, dy = force[1] / stiffness;
-        const double shift = std::hypot(number(dx), number(dy));
-        if (geometry != nullptr && shift > kLargestShift) {
-            dx *= kLargestShift / shift;
-            dy *= kLargestShift / shift;
-        }
-        for (std::size_t e = 0; e < kElectrodes; ++e) {
-            const T grown = geometry != nullptr ? exact(e, dx, dy)
-                                                : double(kElectrode[e].along_x) * dx + double(kElectrode[e].along_y) * dy;
-            reading[e] = p[kZero + int(e)] + exp(p[kLogActive + int(e)]) * (v + (1.0 + v) * grown);
-        }
-    }
-
-    template <typename T>
-    T exact(std::size_t e, const T& dx, const T& dy) const {
-        Sector sector = geometry->sector(e);
-        sector.inner /= geometry->disc_radius_m;
-        sector.outer /= geometry->disc_radius_m;
-        const Overlap area = overlap(sector, 1, number(dx), number(dy));
-        return (area.change + area.d_dx * (dx - number(dx)) + area.d_dy * (dy - number(dy))) / area_at_rest(sector, 1);
-    }
-};
-
 struct RowError {
-    Model model;
+    CapacitiveModel model;
     const LabelledRow* row;
     Wiring wiring;
     double noise;
@@ -214,7 +134,7 @@ struct Fitted {
     double noise, condition;
 };
 
-Fitted solve(const Rows& rows, const Wiring& wiring, const Model& model, double pair_gain, bool together) {
+Fitted solve(const Rows& rows, const Wiring& wiring, const CapacitiveModel& model, double pair_gain, bool together) {
     Fitted fitted{};
     fitted.p = first_guess(rows, wiring, pair_gain, fitted.noise);
     const double log_active = fitted.p[kLogActive + kCentre];

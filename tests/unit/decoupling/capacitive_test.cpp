@@ -1,3 +1,4 @@
+#include <ceres/jet.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,6 +10,7 @@
 #include <sstream>
 
 #include "decoupling/fit/capacitive_fit.hpp"
+#include "decoupling/fit/capacitive_model.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {
@@ -604,6 +606,31 @@ TEST(CapacitiveFit, OverlapIsFittedThroughNoiseAndSwappedLabels) {
     const Rms rms = rms_of(calibration, pointers_to(fresh));
     EXPECT_LT(rms.shear_N, 0.002);
     EXPECT_LT(rms.press_N, 0.02);
+}
+
+TEST(CapacitiveFit, DerivativesOfTheModelAreThoseOfDifferences) {
+    const ElectrodeGeometry geometry{4e-3, 2.5e-3, 6e-3, 1.4, 2e-3, 3e-3};
+    const double at[kUnknowns] = {0.3, 0.31, 0.32, 0.33, 0.5, -2.9, -2.8, -2.9, -2.9, -2.3, 3.4, 0.1, 1.6, -0.4};
+    using Jet = ceres::Jet<double, kUnknowns>;
+    for (const bool exact : {false, true})
+        for (const Wrench force : {Wrench{0.6, -0.4, -5}, Wrench{-0.2, 0.9, -0.5}, Wrench{0, 0, -8}, Wrench{3, 1, 0}}) {
+            const CapacitiveModel model{exact ? &geometry : nullptr};
+            Jet p[kUnknowns], reading[kElectrodes];
+            for (int i = 0; i < kUnknowns; ++i) p[i] = Jet(at[i], i);
+            model(p, force, reading);
+            for (int i = 0; i < kUnknowns; ++i) {
+                double more[kUnknowns], less[kUnknowns], above[kElectrodes], below[kElectrodes];
+                std::copy(at, at + kUnknowns, more);
+                std::copy(at, at + kUnknowns, less);
+                more[i] += 1e-5;
+                less[i] -= 1e-5;
+                model(more, force, above);
+                model(less, force, below);
+                for (std::size_t e = 0; e < kElectrodes; ++e)
+                    EXPECT_NEAR(reading[e].v[i], (above[e] - below[e]) / 2e-5, 2e-8)
+                        << exact << " unknown " << i << " electrode " << e;
+            }
+        }
 }
 
 TEST(CapacitiveFit, RefusesWhatDataOrGeometryDoNotDetermine) {
