@@ -40,9 +40,8 @@ Labelled with_useful_channels(const Labelled& labelled, const FitMethod& method,
         const std::string& name = labelled.channels[k];
         if (method.knows_channel != nullptr && !method.knows_channel(name)) {
             const std::string_view what = method.channels;
-            const bool article = what.substr(0, 2) == "a ";
-            warnings.push_back(
-                fmt::format("channel {} is {} {}: left out", name, article ? "no" : "not", what.substr(article ? 2 : 0)));
+            const std::size_t article = what.find(' ') + 1;  // "a ", "an "
+            warnings.push_back(fmt::format("channel {} is no {}: left out", name, what.substr(article)));
             continue;
         }
         double least = std::numeric_limits<double>::infinity(), most = -least;

@@ -1,4 +1,6 @@
 // Which function fits which method. One line each.
+#include "decoupling/electrodes.hpp"
+#include "decoupling/fit/capacitive_fit.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/hair_fit.hpp"
 #include "decoupling/fit/table_more_fit.hpp"
@@ -10,6 +12,8 @@ namespace {
 
 bool is_gauge(std::string_view name) { return table_gauge(name).has_value(); }
 bool is_hair(std::string_view name) { return hair_index(name) < 4; }
+bool is_electrode(std::string_view name) { return electrode_index(name) < 5; }
+constexpr std::string_view kElectrodes = "an electrode of model \"capacitive\" (C1 .. C4, Cn)";
 constexpr std::string_view kGauge = "a gauge of model \"table\" (R1 .. R8)", kHair = "a hair of model \"hair\" (H1 .. H4)";
 
 constexpr FitMethod kMethods[] = {
@@ -24,6 +28,9 @@ constexpr FitMethod kMethods[] = {
     {"hair", "sum_diff", fit_hair_sum_diff, is_hair, kHair},
     {"hair", "matrix", fit_hair_matrix, is_hair, kHair},
     {"hair", "physics", fit_hair_physics, is_hair, kHair},
+    {"capacitive", "quadratic", fit_capacitive_quadratic, is_electrode, kElectrodes},
+    {"capacitive", "ratio", fit_capacitive_ratio, is_electrode, kElectrodes},
+    {"capacitive", "overlap", fit_capacitive_overlap, is_electrode, kElectrodes},
 };
 
 }  // namespace

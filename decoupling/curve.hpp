@@ -1,0 +1,65 @@
+// A quadratic curve y = b F + a F^2 and its inverse on the physical branch, the one through F = 0 with b > 0.
+#pragma once
+#include <algorithm>
+#include <cmath>
+
+namespace tactiled {
+
+// b^2 + 4 a y with one rounding error of the result, however nearly the two cancel (Kahan; hard case H05).
+// rt: wait-free
+inline double discriminant(double a, double b, double y) noexcept {
+    const double square = b * b, product = -4 * a * y, difference = square - product;
+    if (3 * std::abs(difference) >= square + std::abs(product)) return difference;
+    return difference + (std::fma(b, b, -square) - std::fma(-4 * a, y, -product));
+}
+
+// The F nearest to 0 with b F + a F^2 = y: no difference of nearly equal numbers, a = 0 needs no branch (H02, H03).
+// rt: wait-free
+inline double smaller_root(double a, double b, double y) noexcept {
+    return 2 * y / (b + std::sqrt(std::max(0.0, discriminant(a, b, y))));
+}
+
+// The curve as measured for least .. most (N), b > 0; beyond, the straight line from its end. Where the vertex -b/2a lies in
+// the range, the branch ends there.
+class Curve {
+public:
+    struct Force {
+        double F = 0;      // N
+        double slope = 0;  // dy/dF there; 0 = beyond the vertex, where any force within reach would read more
+    };
+
+    Curve() = default;
+    Curve(double b, double a, double least, double most) noexcept : b_(b), a_(a), least_(least), most_(most) {
+        if (2 * a * least + b < 0) least_ = -b / (2 * a);  // a > 0: least < 0 as b > 0
+        if (2 * a * most + b < 0) most_ = -b / (2 * a);
+    }
+    [[nodiscard]] double least() const noexcept { return least_; }
+    [[nodiscard]] double most() const noexcept { return most_; }
+    [[nodiscard]] double b() const noexcept { return b_; }
+
+    // rt: wait-free
+    [[nodiscard]] double y(double F) const noexcept {
+        const double inside = std::clamp(F, least_, most_);
+        return parabola(inside) + slope(inside) * (F - inside);
+    }
+    // Monotone and continuous in y. rt: wait-free
+    [[nodiscard]] Force inverse(double y) const noexcept {
+        for (const double end : {least_, most_}) {
+            const double beyond = y - parabola(end), slope_there = slope(end);
+            if (end == least_ ? beyond >= 0 : beyond <= 0) continue;
+            // At a vertex rounding leaves a slope of some 1e-17 b.
+            if (!(slope_there > 1e-12 * b_)) return {end, 0};
+            return {end + beyond / slope_there, slope_there};
+        }
+        const double F = std::clamp(smaller_root(a_, b_, y), least_, most_);
+        return {F, std::max(slope(F), 0.0)};
+    }
+
+private:
+    [[nodiscard]] double parabola(double F) const noexcept { return F * (b_ + a_ * F); }
+    [[nodiscard]] double slope(double F) const noexcept { return b_ + 2 * a_ * F; }
+
+    double b_ = 1, a_ = 0, least_ = 0, most_ = 0;
+};
+
+}  // namespace tactiled
