@@ -1,0 +1,184 @@
+// The methods of model "generic" beyond its matrix: they find what is bent, go on straight outside, and stay finite.
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <random>
+
+#include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/mlp_row.hpp"
+#include "made_by_hand.hpp"
+
+namespace tactiled {
+namespace {
+
+// Three channels that see fx and fz, bent: a bowl, a product and a wave.
+std::vector<double> bent(double fx, double fz) {
+    return {fx + 0.3 * fz * fz, fz + 0.2 * fx * fz, 0.5 * fx - fz + 0.3 * std::sin(3 * fx)};
+}
+
+Labelled bent_rows(int n, double noise_sd, unsigned seed = 1) {
+    Labelled labelled;
+    labelled.name = "bent.csv";
+    labelled.channels = {"A", "B", "C"};
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    std::normal_distribution<double> noise(0, noise_sd);
+    for (int i = 0; i < n; ++i) {
+        const double fx = uniform(random), fz = uniform(random);
+        LabelledRow row{.line = i + 2, .channel = bent(fx, fz), .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}};
+        for (double& channel : row.channel) channel += noise(random);
+        labelled.rows.push_back(row);
+    }
+    return labelled;
+}
+
+FitReport fitted(const std::string& method, const Labelled& rows) {
+    return fit(rows, {.model = "generic", .method = method, .serial = "", .date = "2026-03-01"});
+}
+
+TEST(Nonlinear, EachFindsWhatTheMatrixCannot) {
+    const Labelled rows = bent_rows(1000, 1e-3);
+    const double matrix = fitted("matrix", rows).components[0].held_out_rms;
+    EXPECT_GT(matrix, 0.05);                                                // N: the wave and the bowl
+    EXPECT_LT(fitted("quadratic", rows).components[0].held_out_rms, 0.08);  // the bowl, not the wave
+    EXPECT_LT(fitted("rbf", rows).components[0].held_out_rms, 0.006);       // noise alone: 0.001 to 0.003
+    EXPECT_LT(fitted("mlp", rows).components[0].held_out_rms, 0.03);
+}
+
+TEST(Nonlinear, GoesOnAsAStraightLineOutsideAndSaysSo) {
+    for (const char* method : {"quadratic", "rbf", "mlp"}) {
+        const FitReport report = fitted(method, bent_rows(600, 1e-3));
+        const auto decoupler = make_decoupler(report.calibration);
+        const std::vector<double> edge = bent(1, 1), out = bent(3, 3);
+        std::vector<double> far[3];
+        for (int step = 0; step < 3; ++step)
+            for (std::size_t k = 0; k < 3; ++k) far[step].push_back(out[k] + (step + 1) * (out[k] - edge[k]));
+        Estimate e[3];
+        for (int step = 0; step < 3; ++step) {
+            e[step] = decouple(*decoupler, far[step]);
+            EXPECT_EQ(e[step].quality, TACTILED_UNCERTAIN) << method;
+            EXPECT_TRUE((e[step].reasons & TACTILED_OUTSIDE_DOMAIN) != 0) << method;
+        }
+        for (const std::size_t c : {std::size_t(0), std::size_t(2)})
+            EXPECT_NEAR(e[2].wrench_S[c] - e[1].wrench_S[c], e[1].wrench_S[c] - e[0].wrench_S[c], 1e-9) << method;
+        EXPECT_LT(std::abs(e[2].wrench_S[2]), 30) << method;  // a square would be at hundreds
+    }
+}
+
+TEST(Nonlinear, IsFiniteOrBadForAnyBits) {
+    std::mt19937_64 random(4);
+    for (const char* method : {"quadratic", "rbf", "mlp"}) {
+        const auto decoupler = make_decoupler(fitted(method, bent_rows(600, 1e-3)).calibration);
+        for (int i = 0; i < 20000; ++i) {
+            std::vector<double> channel = bent(0.3, -0.4);
+            channel[std::size_t(i) % 3] = std::bit_cast<double>(random());
+            const Estimate e = decouple(*decoupler, channel);
+            if (e.quality == TACTILED_BAD)
+                EXPECT_TRUE(std::isnan(e.wrench_S[0]) && std::isnan(e.wrench_S[2]));
+            else
+                EXPECT_TRUE(std::isfinite(e.wrench_S[0]) && std::isfinite(e.wrench_S[2])) << method;
+        }
+        // Nothing of it is remembered.
+        EXPECT_NEAR(decouple(*decoupler, bent(0.3, -0.4)).wrench_S[2], -0.4, 0.1);
+    }
+}
+
+TEST(Nonlinear, ANetworksDerivativesAreThoseOfDifferences) {
+    std::mt19937_64 random(2);
+    std::normal_distribution<double> normal(0, 1);
+    const int n = 3, neurons = 4, components = 2;
+    const auto numbers = [&](int count) {
+        std::vector<double> v;
+        for (int i = 0; i < count; ++i) v.push_back(normal(random));
+        return v;
+    };
+    std::vector<double> hidden = numbers(neurons * (1 + n)), output = numbers(components * (1 + neurons));
+    const Eigen::VectorXd u = Eigen::Vector3d(0.3, -1.2, 0.7), y = Eigen::Vector2d(0.1, -0.2);
+    const MlpRow row(u, y, neurons);
+    const double* parameters[] = {hidden.data(), output.data()};
+    std::vector<double> by_hidden(hidden.size() * 2), by_output(output.size() * 2);
+    double* jacobians[] = {by_hidden.data(), by_output.data()};
+    double at[2], before[2], after[2];
+    ASSERT_TRUE(row.Evaluate(parameters, at, jacobians));
+    for (auto [values, derivative] : {std::pair(&hidden, &by_hidden), std::pair(&output, &by_output)})
+        for (std::size_t i = 0; i < values->size(); ++i) {
+            const double old = (*values)[i];
+            (*values)[i] = old - 1e-6;
+            (void)row.Evaluate(parameters, before, nullptr);
+            (*values)[i] = old + 1e-6;
+            (void)row.Evaluate(parameters, after, nullptr);
+            (*values)[i] = old;
+            for (std::size_t c = 0; c < 2; ++c)
+                EXPECT_NEAR((*derivative)[c * values->size() + i], (after[c] - before[c]) / 2e-6, 1e-8);
+        }
+}
+
+TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
+    const FitReport report = fitted("auto", bent_rows(1000, 1e-3));
+    EXPECT_EQ(report.methods.size(), 4u);
+    EXPECT_EQ(report.calibration.method, "rbf");
+    EXPECT_EQ(report.calibration.others.size(), 3u);
+    const ScratchFile file("");
+    save_calibration(report.calibration, file.path());
+    Problems problems;
+    const Calibration back = load_calibration(file.path(), problems);
+    problems.throw_if_any();
+    Options none = Options::parse_text("", "test", problems);
+    for (const char* method : {"matrix", "quadratic", "rbf", "mlp"}) {
+        const auto decoupler = make_decoupler(back, method, 0, none);
+        ASSERT_NE(decoupler, nullptr);
+        EXPECT_EQ(decoupler->method(), method);
+        // To the last bit what was fitted.
+        const auto direct = make_decoupler(report.calibration, method, 0, none);
+        EXPECT_EQ(decouple(*decoupler, bent(0.5, 0.5)).wrench_S[2], decouple(*direct, bent(0.5, 0.5)).wrench_S[2]);
+    }
+    // With time enough the most accurate, with none the fastest.
+    EXPECT_EQ(make_decoupler(back, "auto", 1e4, none)->method(), "rbf");
+    EXPECT_EQ(make_decoupler(back, "auto", 1e-6, none)->method(), "matrix");
+    EXPECT_EQ(make_decoupler(back, "", 0, none)->method(), "rbf");
+    problems.throw_if_any();
+    EXPECT_EQ(make_decoupler(back, "rbff", 0, none), nullptr);
+    EXPECT_FALSE(problems.empty());
+}
+
+TEST(Nonlinear, RefusesRowsThatAreTooFew) {
+    const Labelled few = bent_rows(29, 1e-3);
+    EXPECT_THROW((void)fitted("quadratic", few), Undetermined);  // 10 coefficients
+    EXPECT_NO_THROW((void)fitted("matrix", few));
+    // Many rows of few loads are few.
+    Labelled posed = bent_rows(29, 1e-3);
+    const auto poses = posed.rows;
+    posed.rows.clear();
+    for (const auto& pose : poses)
+        for (int i = 0; i < 100; ++i) posed.rows.push_back(pose);
+    EXPECT_THROW((void)fitted("quadratic", posed), Undetermined);
+    EXPECT_NE(fitted("matrix", posed).calibration.validation.find("leave poses out (29 poses"), std::string::npos);
+}
+
+TEST(Outliers, TwoSwappedLabelsAreNamedAndLeftOut) {
+    Labelled rows;
+    rows.name = "cell.csv";
+    rows.channels = {"A", "B"};
+    std::mt19937_64 random(7);
+    std::normal_distribution<double> noise(0, 1e-4);
+    for (int i = 0; i < 50; ++i) {
+        const double fz = -0.4 * i;
+        rows.rows.push_back({.line = i + 2,
+                             .channel = {fz + noise(random), 1 - 2 * fz + 0.1 * std::sin(i)},
+                             .wrench_S = {kNaN, kNaN, fz, kNaN, kNaN, kNaN}});
+    }
+    std::swap(rows.rows[10].wrench_S, rows.rows[17].wrench_S);
+    const FitReport report = fit(rows, {.model = "generic", .method = "", .serial = "", .date = "2026-03-01"});
+    EXPECT_EQ(report.calibration.rows, 48);
+    std::string said;
+    for (const auto& warning : report.warnings) said += warning + "\n";
+    EXPECT_NE(said.find("cell.csv:12"), std::string::npos) << said;
+    EXPECT_NE(said.find("cell.csv:19"), std::string::npos) << said;
+    EXPECT_LT(report.components[0].held_out_rms, 1e-3);
+    // A sensor that is bent has no outliers, however badly a straight line fits it.
+    EXPECT_EQ(fitted("matrix", bent_rows(500, 1e-3)).calibration.rows, 500);
+}
+
+}  // namespace
+}  // namespace tactiled
