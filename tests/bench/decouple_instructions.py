@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Instructions a sample of every decoupling method, counted by valgrind: two runs of different length, the difference divided.
+"""Instructions a sample of every decoupling method but mlp (whose fit takes an hour under valgrind), counted by cachegrind: two runs of
+different length, the difference divided.
 
     decouple_instructions.py [path of decouple_bench]
 """
@@ -9,8 +10,8 @@ import subprocess
 import sys
 
 BENCH = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build/release/bin/decouple_bench").resolve()
-METHODS = ("generic/matrix generic/quadratic generic/rbf generic/mlp table/linear table/matrix table/nonlinear table/map hair/sum_diff "
-           "hair/matrix hair/physics").split()
+METHODS = ("generic/matrix generic/quadratic generic/rbf table/linear table/matrix table/nonlinear table/map hair/sum_diff "
+           "hair/matrix hair/physics capacitive/quadratic capacitive/ratio capacitive/overlap piezo/fused").split()
 SHORT, LONG = 1024, 3072
 
 
