@@ -57,6 +57,7 @@ void EventFanOut::run() noexcept {
 void EventFanOut::follow(const Segment& segment, std::uint32_t* wake) noexcept {
     std::uint64_t looked_ns = 0;
     std::uint32_t told = tactiled_ring_head(segment.base(), &segment.header().node);
+    tell(1);  // a record may have come after the subscriber's look and before ours
     while (!stop_.load()) {
         const std::uint64_t now_ns = monotonic_ns();
         if (now_ns - looked_ns >= kLookNs) {

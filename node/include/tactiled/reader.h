@@ -190,8 +190,8 @@ static inline void tactiled_limit_socket(int s, uint64_t until_ns) {
 
 /* Asks the control socket for a descriptor: "wake" gives the page of struct tactiled_wake, "events" one that epoll can
  * watch for as long as *connection stays open. It does not block; each read() of 8 bytes gives a uint64_t, how many node
- * records were published since the one before, as an eventfd does, but read until EAGAIN. 0 bytes: the daemon has ended.
- * Returns the descriptor, or -1 when there is none to be had before `until_ns`. */
+ * records were published since the one before, as an eventfd does, but read until EAGAIN. The first may say one too many.
+ * 0 bytes: the daemon has ended. Returns the descriptor, or -1 when there is none to be had before `until_ns`. */
 static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment, const char* what, int* connection,
                                           uint64_t until_ns) {
     const struct tactiled_header* h = tactiled_header_of(segment);

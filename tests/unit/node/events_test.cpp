@@ -58,8 +58,8 @@ static int descriptors() {
 
 TEST_F(EventsTest, EveryRecordIsCounted) {
     const auto [connection, event] = subscribe();
-    for (int i = 0; i < 100 && told(event, 20) == 0; ++i) publish(1);  // until the thread sleeps
-    publish(10);                                                       // at once: one wake
+    for (int i = 0; i < 100 && told(event, 100) == 0; ++i) publish(1);  // until the thread sleeps
+    publish(10);                                                        // at once: one wake
     EXPECT_EQ(told(event, 300), 10u);
     ::close(connection);
     ::close(event);
@@ -67,7 +67,7 @@ TEST_F(EventsTest, EveryRecordIsCounted) {
 
 TEST_F(EventsTest, WhoDoesNotReadFindsTheTotal) {
     const auto [connection, event] = subscribe();
-    for (int i = 0; i < 100 && told(event, 20) == 0; ++i) publish(1);
+    for (int i = 0; i < 100 && told(event, 100) == 0; ++i) publish(1);
     for (int i = 0; i < 500; ++i) {
         publish(1);
         ::usleep(200);
@@ -78,6 +78,13 @@ TEST_F(EventsTest, WhoDoesNotReadFindsTheTotal) {
     for (; ::read(event, &news, sizeof news) == sizeof news; ++packets) sum += news;
     EXPECT_LT(packets, 20);
     EXPECT_EQ(sum + told(event, 300), 500u);
+    ::close(connection);
+    ::close(event);
+}
+
+TEST_F(EventsTest, ARecordFromBeforeItsThreadRanIsToldToo) {
+    const auto [connection, event] = subscribe();
+    EXPECT_GT(told(event, 300), 0u);
     ::close(connection);
     ::close(event);
 }
@@ -93,6 +100,7 @@ TEST_F(EventsTest, WhoIsGoneLeavesNoDescriptor) {
         ::usleep(20'000);
         (void)::poll(&p, 1, 0);
     }
+    while (::read(event, &news, sizeof news) == sizeof news) {}
     EXPECT_EQ(::read(event, &news, sizeof news), 0);
     ::close(event);
     EXPECT_EQ(descriptors(), before);
@@ -100,7 +108,7 @@ TEST_F(EventsTest, WhoIsGoneLeavesNoDescriptor) {
 
 TEST_F(EventsTest, NothingThatASubscriberDoesKeepsAnotherFromBeingTold) {
     const auto [hostile_connection, hostile] = subscribe();
-    for (int i = 0; i < 100 && told(hostile, 20) == 0; ++i) publish(1);
+    for (int i = 0; i < 100 && told(hostile, 100) == 0; ++i) publish(1);
     ASSERT_EQ(::fcntl(hostile, F_SETFL, ::fcntl(hostile, F_GETFL) & ~O_NONBLOCK), 0);
     const std::uint64_t full = ~std::uint64_t(0) - 1;
     (void)!::write(hostile, &full, sizeof full);  // an eventfd at its brim: the next to write it waits

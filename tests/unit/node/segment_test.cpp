@@ -696,8 +696,8 @@ TEST_F(SegmentTest, AControlSocketThatDoesNotAnswerDelaysNoWaitAndIsAskedAgain) 
         }
         tactiled_reader reader;
         tactiled_reader_init(&reader, name_.c_str(), "s0");
-        EXPECT_LT(took_ms(reader, 5), 15) << full;   // less than the longest sleep: not even that
-        EXPECT_LT(took_ms(reader, 50), 65) << full;  // and not again
+        EXPECT_LT(took_ms(reader, 5), 100) << full;   // 6 on an idle machine; it asked for a second
+        EXPECT_LT(took_ms(reader, 50), 150) << full;  // and does not ask again
         if (!full) {
             tactiled_reader_detach(&reader);
             continue;
