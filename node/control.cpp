@@ -128,7 +128,7 @@ void ControlSocket::take(int client) {
     } else if (node == node_name_ && verb == "events" && mask.empty()) {
         const int event = events_.subscribe(client);
         answer_with(client, event);
-        if (event >= 0) return;  // the connection is the subscription
+        if (event >= 0) ::close(event);
     } else if (node == node_name_ && (verb == "tare" || verb == "untare") && mask_good) {
         command.kind = verb == "tare" ? Command::Kind::tare : Command::Kind::untare;
         return begin(client, command);
@@ -172,6 +172,8 @@ void ControlSocket::follow() {
 std::string ask_daemon(const std::string& path, const std::string& request, int timeout_ms, std::string& why) {
     const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     const sockaddr_un address = address_of(path);
+    const timeval limit{timeout_ms / 1000, timeout_ms % 1000 * 1000L};  // of connect(): the queue of a hung daemon is full
+    ::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
     std::string reply;
     if (fd < 0 || ::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
         ::send(fd, request.data(), request.size(), MSG_NOSIGNAL) < 0) {

@@ -4,8 +4,8 @@
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
 //     answer    STATE RESULT          enum tactiled_command_state and _result, decimal; a tare answers when it is done
 //     request   NODE wake | NODE events
-//     answer    "ok" with a descriptor (SCM_RIGHTS): the page of struct tactiled_wake, or an eventfd that counts node
-//               records for as long as the connection stays open
+//     answer    "ok" with a descriptor (SCM_RIGHTS): the page of struct tactiled_wake, or one for epoll that counts
+//               node records for as long as the connection stays open (tactiled_ask_descriptor() in tactiled/reader.h)
 #pragma once
 #include <atomic>
 #include <string>

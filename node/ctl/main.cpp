@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 
 #include "config/options.hpp"
@@ -11,6 +12,14 @@
 namespace tactiled::ctl {
 
 volatile std::sig_atomic_t interrupted = 0;
+
+void catch_interrupt() {
+    struct sigaction action {};
+    action.sa_handler = [](int) { interrupted = 1; };
+    action.sa_flags = int(SA_RESETHAND);  // without SA_RESTART, which std::signal() sets
+    ::sigaction(SIGINT, &action, nullptr);
+    ::sigaction(SIGTERM, &action, nullptr);
+}
 
 void add_node_option(CLI::App* verb, std::string& node_name) {
     verb->add_option("--node", node_name, "name of the daemon, as [node] name says")->capture_default_str();
@@ -47,13 +56,13 @@ int main(int argc, char** argv) {
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? kGood : kUsage; }
+    int status = kUnhealthy;
     try {
-        return run();
+        status = run();
     } catch (const SetupError& error) {
         fmt::print(stderr, "tactilectl: {}\n", error.what());
-        return kUsage;
-    } catch (const std::exception& error) {
-        fmt::print(stderr, "tactilectl: {}\n", error.what());
-        return kUnhealthy;
-    }
+        status = kUsage;
+    } catch (const std::exception& error) { fmt::print(stderr, "tactilectl: {}\n", error.what()); }
+    if (interrupted != 0 && std::ferror(stdout) != 0) std::_Exit(status);  // exit() would wait for the full pipe once more
+    return status;
 }

@@ -112,9 +112,7 @@ private:
 };
 
 int play(const Wish& wish) {
-    const auto end = [](int) { interrupted = 1; };
-    std::signal(SIGINT, end);
-    std::signal(SIGTERM, end);
+    catch_interrupt();
     const std::vector<Row> rows = read_rows(wish);
     const AsciiFormat ascii{unsigned(rows.front().channel.size()), wish.checksum, wish.sequence, wish.time};
     const double length_s =

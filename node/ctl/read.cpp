@@ -58,8 +58,7 @@ std::string text_row(const tactiled_sample& s, bool raw) {
 }
 
 int read(const Wish& wish) {
-    std::signal(SIGINT, [](int) { interrupted = 1; });
-    std::signal(SIGTERM, [](int) { interrupted = 1; });
+    catch_interrupt();
     Reader reader(wish.node, wish.sensor);
     if (!reader.is_attached()) {
         fmt::print(stderr, "tactilectl: {}\n", reader.why_not());

@@ -113,8 +113,7 @@ struct Wish {
 };
 
 int show(const Wish& wish, bool live) {
-    std::signal(SIGINT, [](int) { interrupted = 1; });
-    std::signal(SIGTERM, [](int) { interrupted = 1; });
+    catch_interrupt();
     const bool redraw = live && !wish.json && ::isatty(STDOUT_FILENO) != 0;
     int exit_status = kGood;
     for (long n = 0; interrupted == 0; ++n) {

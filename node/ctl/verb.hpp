@@ -39,4 +39,8 @@ std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
 // Ends a verb that follows something: set by SIGINT and SIGTERM.
 extern volatile std::sig_atomic_t interrupted;
 
+// From now on the first SIGINT or SIGTERM sets `interrupted` and ends the system call that it meets, a write into a full
+// pipe too; the second kills.
+void catch_interrupt();
+
 }  // namespace tactiled::ctl

@@ -103,9 +103,8 @@ View view_of(const Segment& segment) noexcept {
         return view;
     }
     view.segment = &segment;
-    const std::uint64_t limit_ns = std::uint64_t(segment.header().watchdog_ms) * 1'000'000u;
-    const std::uint64_t published_ns = view.snapshot.node.t_ns;
-    view.alive = segment.is_current() && view.snapshot.taken_ns <= published_ns + limit_ns;
+    view.alive = segment.is_current() &&
+                 tactiled_is_fresh(view.snapshot.node.t_ns, view.snapshot.taken_ns, segment.header().watchdog_ms) != 0;
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         tactiled_sample& s = view.snapshot.sensor[i];
         if (!view.alive) s.reasons = 0;  // they were true once

@@ -35,6 +35,7 @@ import time
 
 MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 0
 MAX_SENSORS = MAX_LINKS = 16
+NAME_SIZE = 32  # with the terminating zero
 
 NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 
@@ -59,6 +60,7 @@ _TRIES = 16
 _ATTACH_NS = 10_000_000  # between two looks for a successor
 _LOOK_S = 0.02           # the longest sleep: a daemon that dies wakes nobody
 _NAP_S = 0.001
+_ASK_NS = 1_000_000_000  # between two requests for events that were refused or not answered
 
 
 class Error(Exception):
@@ -140,8 +142,13 @@ def _invalidated(sample, reason):
     return sample._replace(reasons=sample.reasons | reason, **_NO_FORCE)
 
 
+def _is_fresh(t_ns, now_ns, limit_ms):
+    """Later than the limit is as bad as older: then this clock is not the daemon's."""
+    return abs(now_ns - t_ns) <= limit_ms * 1_000_000
+
+
 def _judged(sample, stale_ms, now_ns):
-    return sample if now_ns - sample.t_ns <= stale_ms * 1_000_000 else _invalidated(sample, STALE)
+    return sample if _is_fresh(sample.t_ns, now_ns, stale_ms) else _invalidated(sample, STALE)
 
 
 class _Ring:
@@ -194,14 +201,18 @@ class _Segment:
     """One mapping of one segment, checked."""
 
     def __init__(self, name):
+        if not 0 < len(os.fsencode(name)) < NAME_SIZE:
+            raise Error(f'node "{name:.100}": a name has 1 to {NAME_SIZE - 1} characters')
         self.path = _path(name)
-        try:
-            fd = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        try:  # who put a FIFO there must not stop us
+            fd = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
         except OSError as e:
             hint = {errno.ENOENT: " (no daemon of that name runs)", errno.EACCES: " (join the segment's group)"}
             raise self._error(f"{e.strerror}{hint.get(e.errno, '')}") from None
         try:
             status = os.fstat(fd)
+            if not stat.S_ISREG(status.st_mode):
+                raise self._error("not a segment")
             if status.st_size < _HEADER.size:
                 raise self._error("too short to be a segment")
             if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
@@ -351,7 +362,7 @@ class Node(_Attached):
         info, ring = segment.sensors[sensor]
         record = ring.latest()
         if record is None:
-            return _invalidated(_NOTHING, READER_OVERRUN)
+            return _invalidated(_NOTHING, READER_OVERRUN if ring.head() else NO_DATA_YET)
         sample = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
         self._stale = sample.reasons & STALE != 0
         return sample if segment.is_current() else _invalidated(sample, DAEMON_STOPPED)
@@ -389,8 +400,8 @@ class Node(_Attached):
     def follow(self, sensor, timeout=None, wait="events", from_oldest=False):
         """An iterator of the samples of a sensor, in order: see Follower.
 
-        timeout: seconds without a sample after which it ends, None = never. wait: "events" sleeps until the daemon's
-        eventfd says that there is something, or as "sleep" where there is no control socket; "sleep" naps 1 ms;
+        timeout: seconds without a sample after which it ends, None = never. wait: "events" sleeps until the daemon says
+        that there is something, or as "sleep" where there is no control socket or no answer; "sleep" naps 1 ms;
         "poll" uses a whole CPU. from_oldest: begin with the oldest sample that is kept, not with the newest.
         """
         self._now()
@@ -399,17 +410,20 @@ class Node(_Attached):
 
 
 class _Events:
-    """An eventfd that counts node records, from the control socket, for as long as the connection is open."""
+    """What the control socket gives to poll: 8 bytes a read, how many node records, for as long as the connection is open.
+    OSError when there is none to be had within `seconds`."""
 
-    def __init__(self, header):
+    def __init__(self, header, seconds):
+        until = time.monotonic() + seconds
         self._connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            self._connection.settimeout(1.0)
+            self._connection.settimeout(seconds)  # does not wait for room in the queue of a hung daemon
             self._connection.connect(os.fsencode(header.control))
             self._connection.send(f"{header.name} events".encode("utf-8", "surrogateescape"))
+            self._connection.settimeout(max(until - time.monotonic(), 1e-6))
             _, fds, _, _ = socket.recv_fds(self._connection, 64, 1, socket.MSG_CMSG_CLOEXEC)
             if not fds:
-                raise OSError("the daemon gives no eventfd")
+                raise OSError("the daemon gives no events")
         except OSError:
             self._connection.close()
             raise
@@ -423,7 +437,9 @@ class _Events:
         for fd, _ in self._poll.poll(seconds * 1000):
             if fd == self._connection.fileno():
                 return False
-            self._event.read(8)
+            while (told := self._event.read(8)) is not None:  # all that it says: the ring is looked at afterwards
+                if not told:
+                    return False
         return True
 
     def close(self):
@@ -449,7 +465,8 @@ class Follower(_Attached):
         self._oldest = from_oldest  # where to begin
         self._broken = False        # the daemon has ended, hangs or is dead
         self._empty = 0             # looks that found nothing, since a sample
-        self._asked = self._closed = False
+        self._asked_ns = None       # when it asked for events
+        self._closed = False
         self._attach(sensor)
 
     def close(self):
@@ -475,9 +492,9 @@ class Follower(_Attached):
         if not super()._attach(sensor):
             return False
         self._drop_events()
-        self._asked = self._broken = False
-        self._oldest = self._oldest or self._last is not None
-        self._next = None
+        self._asked_ns = None
+        self._broken = False
+        self._next = None if self._last is None else 0  # what is overwritten already counts as lost
         return True
 
     def _take(self):
@@ -520,10 +537,11 @@ class Follower(_Attached):
         if not gone:
             ring = segment.sensors[self.sensor][1]
             if ring.slots < (ring.head() - self._next & _WORD) != _WORD:  # asleep for 2^30 records; one ahead is none
-                self._next = ring.oldest_number()
+                number, self._next = self._next, ring.oldest_number()
+                self.lost += self._next - number & _WORD
             record = segment.node.latest()
             gone = (record is None or not segment.is_current() or
-                    time.monotonic_ns() > _NODE.values(record)[1] + segment.header.watchdog_ms * 1_000_000)
+                    not _is_fresh(_NODE.values(record)[1], time.monotonic_ns(), segment.header.watchdog_ms))
         self._broken = gone
         if not gone or self._last is None or self._last.reasons & DAEMON_STOPPED:
             return None
@@ -533,12 +551,15 @@ class Follower(_Attached):
     def _sleep(self, left_s):
         if self._how == "poll":
             return
-        if self._how == "events" and not self._asked and self._segment is not None:
-            self._asked = True
+        now_ns = time.monotonic_ns()
+        if (self._how == "events" and self._events is None and self._segment is not None and not self._broken and
+                (self._asked_ns is None or now_ns - self._asked_ns >= _ASK_NS)):
+            self._asked_ns = now_ns
             try:
-                self._events = _Events(self._segment.header)
+                self._events = _Events(self._segment.header, min(left_s, _LOOK_S))
             except OSError:
                 pass
+            return  # it took its time
         if self._events is None or self._broken:
             time.sleep(min(left_s, _NAP_S))
         elif not self._events.wait(min(left_s, _LOOK_S)):

@@ -1,7 +1,8 @@
 #include "node/shm/events.hpp"
 
+#include <fcntl.h>
 #include <poll.h>
-#include <sys/eventfd.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -23,24 +24,40 @@ EventFanOut::~EventFanOut() {
 int EventFanOut::subscribe(int connection) {
     const std::lock_guard lock(mutex_);
     if (subscribers_.size() >= kMost) return -1;
-    const int event = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (event < 0) return -1;
-    subscribers_.push_back({connection, event});
+    int ends[2];
+    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends) != 0) return -1;
+    const int ours = ::fcntl(connection, F_DUPFD_CLOEXEC, 0);
+    if (ours < 0) {
+        ::close(ends[0]);
+        ::close(ends[1]);
+        return -1;
+    }
+    const int least = 1;  // the kernel's least: who does not read finds a few packets of the sum, not hundreds
+    ::setsockopt(ends[0], SOL_SOCKET, SO_SNDBUF, &least, sizeof least);
+    subscribers_.push_back({ours, ends[0], 0});
     if (!started_) {
         thread_.start("events", 0, -1, [this] { run(); });
         started_ = true;
     }
-    return event;
+    return ends[1];
 }
 
 void EventFanOut::run() noexcept {
-    std::string why;
-    const Segment segment = Segment::try_open(node_name_, why);
-    if (!segment.is_open()) return;
-    void* const wake = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, wake_page_, 0);
-    if (wake == MAP_FAILED) return;
+    while (!stop_.load()) {  // out of descriptors or memory: that passes
+        std::string why;
+        const Segment segment = Segment::try_open(node_name_, why);
+        void* const wake = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, wake_page_, 0);
+        if (segment.is_open() && wake != MAP_FAILED) follow(segment, static_cast<std::uint32_t*>(wake));
+        if (wake != MAP_FAILED) ::munmap(wake, sizeof(tactiled_wake));
+        if (!stop_.load()) sleep_until(monotonic_ns() + kLookNs);
+    }
+}
+
+// Until the end.
+void EventFanOut::follow(const Segment& segment, std::uint32_t* wake) noexcept {
     std::uint64_t looked_ns = 0;
     std::uint32_t told = tactiled_ring_head(segment.base(), &segment.header().node);
+    tell(1);  // a record may have come after the subscriber's look and before ours
     while (!stop_.load()) {
         const std::uint64_t now_ns = monotonic_ns();
         if (now_ns - looked_ns >= kLookNs) {
@@ -50,17 +67,20 @@ void EventFanOut::run() noexcept {
                 continue;
             }
         }
-        tactiled_sleep_on_node(segment.c(), static_cast<std::uint32_t*>(wake), told, now_ns, now_ns + kLookNs);
+        tactiled_sleep_on_node(segment.c(), wake, told, now_ns, now_ns + kLookNs);
         const std::uint32_t head = tactiled_ring_head(segment.base(), &segment.header().node);
-        const std::uint64_t news = head - told;
+        tell(head - told);
         told = head;
-        if (news == 0) continue;
-        const std::lock_guard lock(mutex_);
-        for (const auto& s : subscribers_) {
-            [[maybe_unused]] const auto written = ::write(s.event, &news, sizeof news);  // full only at 2^64 - 1
-        }
     }
-    ::munmap(wake, sizeof(tactiled_wake));
+}
+
+// Who has no room for it is told with the next: it has not read what says that there is something.
+void EventFanOut::tell(std::uint32_t news) noexcept {
+    const std::lock_guard lock(mutex_);
+    for (auto& s : subscribers_) {
+        s.news += news;
+        if (s.news != 0 && ::send(s.event, &s.news, sizeof s.news, MSG_DONTWAIT | MSG_NOSIGNAL) > 0) s.news = 0;
+    }
 }
 
 // False when nobody is left.

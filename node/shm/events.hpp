@@ -1,5 +1,9 @@
-// Tells programs that live on epoll when the daemon has published: each gets an eventfd that counts node records. A thread
-// of its own sleeps on the segment as any reader does and writes the eventfds, so the pipeline pays for one wake at most.
+// Tells programs that live on epoll when the daemon has published. A thread of its own sleeps on the segment as any reader
+// does and tells them, so the pipeline pays for one wake at most.
+//
+// Each gets one end of a socket pair and reads it as it would an eventfd: 8 bytes, how many node records. Not an eventfd:
+// whoever has one shares its file description with us and can make our next write() wait for ever (clear O_NONBLOCK, fill
+// the counter). The ends of a pair are two descriptions, and send() with MSG_DONTWAIT heeds no flag of either.
 #pragma once
 #include <atomic>
 #include <mutex>
@@ -20,15 +24,19 @@ public:
     EventFanOut(const EventFanOut&) = delete;
     EventFanOut& operator=(const EventFanOut&) = delete;
 
-    // The eventfd to hand out, -1 when there are too many or none is to be had. Takes over `connection` if it gives one:
-    // the subscription lasts until its other end is closed.
+    // The end to hand out, which the caller closes; -1 when there are too many or none is to be had. The subscription lasts
+    // until the other end of `connection` is closed; the caller keeps `connection`, this a duplicate of its own, so that
+    // neither closes a number under the other.
     int subscribe(int connection);
 
 private:
     struct Subscriber {
         int connection, event;
+        std::uint64_t news;  // node records that it was not told of yet
     };
     void run() noexcept;
+    void follow(const Segment& segment, std::uint32_t* wake) noexcept;
+    void tell(std::uint32_t news) noexcept;
     bool drop_gone() noexcept;
 
     std::string node_name_;

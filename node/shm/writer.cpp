@@ -22,6 +22,7 @@
 #include <utility>
 
 #include "node/shm/publish.hpp"
+#include "tactiled/reader.hpp"
 
 namespace tactiled {
 namespace {
@@ -78,6 +79,7 @@ bool lock(int fd) {
 }
 
 // Whether somebody holds such a lock. A reader can lock too, but only for reading: that says nothing, and stops nobody.
+// Asked, not tried: our own trial would look to another starter as if the dead writer lived.
 bool is_write_locked(int fd) {
     struct flock whole {};
     whole.l_type = F_RDLCK;
@@ -92,41 +94,73 @@ bool is_still_named(int fd, const std::string& path) {
            opened.st_dev == named.st_dev;
 }
 
+// Held from the look at the old file to the name of the new one: of several starters one goes at a time. A lock of the
+// segment cannot do that: a reader may hold a lock on it, so that nobody gets that of the writer. This file none but its
+// user can open, and so lock. It goes with the start; what a kill in between leaves, the next start takes over.
+class StartersTurn {
+public:
+    // setup: throws SetupError where the file belongs to another user, or another start does not come to its end
+    StartersTurn(const std::string& name, const std::string& segment)
+        : path_(fmt::format("{}/.tactiled.{}", kFolder, name)) {
+        for (const std::uint64_t until_ns = monotonic_ns() + kPatienceNs;;) {
+            fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
+            if (fd_ < 0)
+                throw SetupError(
+                    fmt::format("{}: {}: remove it, or choose another [node] name", path_, std::strerror(errno)));
+            struct stat status {};
+            if (::fstat(fd_, &status) != 0 || status.st_uid != ::geteuid() || !S_ISREG(status.st_mode)) {
+                ::close(fd_);
+                throw SetupError(fmt::format("{}: not ours: remove it, or choose another [node] name", path_));
+            }
+            if (lock(fd_) && is_still_named(fd_, path_)) return;
+            ::close(fd_);
+            if (monotonic_ns() > until_ns)
+                throw SetupError(fmt::format("{}: another daemon of this name is starting", segment));
+            ::usleep(1000);
+        }
+    }
+    ~StartersTurn() {
+        ::unlink(path_.c_str());  // while the lock is held: who waits for it finds it nameless, and opens anew
+        ::close(fd_);
+    }
+    StartersTurn(const StartersTurn&) = delete;
+    StartersTurn& operator=(const StartersTurn&) = delete;
+
+private:
+    static constexpr std::uint64_t kPatienceNs = 2'000'000'000;  // a start takes milliseconds
+    std::string path_;
+    int fd_ = -1;
+};
+
 // Tells the readers of a dead daemon's file that it will not change again, takes its name away, and returns its epoch.
 // nullopt when there is no file of that name.
 std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
-    for (;;) {
-        const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW);
-        if (fd < 0 && errno == ENOENT) return std::nullopt;
-        if (fd < 0)
-            throw SetupError(
-                fmt::format("{}: {}: not ours; remove it, or choose another [node] name", path, std::strerror(errno)));
-        struct stat status {};
-        ::fstat(fd, &status);
-        if (status.st_uid != ::geteuid()) {
-            ::close(fd);
-            throw SetupError(
-                fmt::format("{}: belongs to user {}: remove it, or choose another [node] name", path, status.st_uid));
-        }
-        tactiled_header old{};
-        const bool whole = ::pread(fd, &old, sizeof old, 0) == ssize_t(sizeof old) &&
-                           std::memcmp(old.magic, TACTILED_MAGIC, sizeof old.magic) == 0;
-        if (!lock(fd) && is_write_locked(fd)) {
-            ::close(fd);
-            throw SetupError(fmt::format("{}: another daemon of this name runs, pid {}", path, whole ? old.pid : 0));
-        }
-        if (!is_still_named(fd, path)) {  // its writer went away between our open and our lock
-            ::close(fd);
-            continue;
-        }
-        if (whole) {
-            const std::uint32_t replaced = TACTILED_REPLACED;
-            [[maybe_unused]] const auto written = ::pwrite(fd, &replaced, sizeof replaced, offsetof(tactiled_header, state));
-        }
-        ::unlink(path.c_str());  // while the lock is held: nobody else can have replaced it
+    const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (fd < 0 && errno == ENOENT) return std::nullopt;
+    if (fd < 0)
+        throw SetupError(
+            fmt::format("{}: {}: not ours; remove it, or choose another [node] name", path, std::strerror(errno)));
+    struct stat status {};
+    ::fstat(fd, &status);
+    if (status.st_uid != ::geteuid()) {
         ::close(fd);
-        return whole ? old.epoch : 0;
+        throw SetupError(
+            fmt::format("{}: belongs to user {}: remove it, or choose another [node] name", path, status.st_uid));
     }
+    tactiled_header old{};
+    const bool whole = ::pread(fd, &old, sizeof old, 0) == ssize_t(sizeof old) &&
+                       std::memcmp(old.magic, TACTILED_MAGIC, sizeof old.magic) == 0;
+    if (is_write_locked(fd)) {  // by the writer that `old` names: it locks before it names the file
+        ::close(fd);
+        throw SetupError(fmt::format("{}: another daemon of this name runs, pid {}", path, whole ? old.pid : 0));
+    }
+    if (whole) {
+        const std::uint32_t replaced = TACTILED_REPLACED;
+        [[maybe_unused]] const auto written = ::pwrite(fd, &replaced, sizeof replaced, offsetof(tactiled_header, state));
+    }
+    ::unlink(path.c_str());  // its writer is dead and it is our turn: nobody else can have replaced it
+    ::close(fd);
+    return whole ? old.epoch : 0;
 }
 
 }  // namespace
@@ -150,6 +184,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     timespec now{};
     ::clock_gettime(CLOCK_BOOTTIME, &now);
     auto epoch = std::uint32_t((std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec)) >> 24);
+    const StartersTurn turn(plan.name, path_);
     for (;;) {
         if (const auto old = retire_predecessor(path_)) epoch = std::max(epoch, *old);
         if (fd_ < 0) {
@@ -175,7 +210,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
         header().epoch = epoch + 1;
         const std::string nameless = fmt::format("/proc/self/fd/{}", fd_);
         if (::linkat(AT_FDCWD, nameless.c_str(), AT_FDCWD, path_.c_str(), AT_SYMLINK_FOLLOW) == 0) return;
-        if (errno != EEXIST) throw fail("cannot name");  // EEXIST: another daemon was quicker; its lock decides
+        if (errno != EEXIST) throw fail("cannot name");  // EEXIST: somebody put up something else meanwhile
     }
 }
 

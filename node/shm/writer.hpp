@@ -28,7 +28,7 @@ class SegmentWriter {
 public:
     // Makes the file nameless (O_TMPFILE), fills it, locks it, and only then gives it its name: no reader sees half a
     // segment and a kill at any moment leaves nothing to clean up. setup: throws SetupError where another daemon of that
-    // name runs (with its pid), the name belongs to another user, or there is no room
+    // name runs (with its pid) or is starting, the name belongs to another user, or there is no room
     explicit SegmentWriter(const SegmentPlan& plan);
     // Says "stopped" to the readers and removes the name.
     ~SegmentWriter();

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """The release daemon as its users meet it: start, faults of the link and of the configuration, tare, end."""
+import fcntl
 import json
 import os
 import pathlib
@@ -8,6 +9,7 @@ import socket
 import stat
 import subprocess
 import sys
+import termios
 import time
 import unittest
 
@@ -155,6 +157,27 @@ class TheDaemon(unittest.TestCase):
             refused = d.ctl("tare", "all")
             self.assertEqual(refused.returncode, 1)
             self.assertIn("no trustworthy value", refused.stderr)
+
+    def test_reading_into_a_full_pipe_ends_with_a_signal(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(lambda: d.ctl("read", "left").returncode == 0, 3, "a value")
+            reader = subprocess.Popen([BIN / "tactilectl", "read", "left", "--follow", "--json", "--node", d.name],
+                                      stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            self.addCleanup(reader.communicate)
+            self.addCleanup(reader.kill)
+            fcntl.fcntl(reader.stdout, fcntl.F_SETPIPE_SZ, 4096)
+
+            def waiting():  # bytes in the pipe; the rows come each 5 ms
+                return int.from_bytes(fcntl.ioctl(reader.stdout, termios.FIONREAD, bytes(4)), sys.byteorder)
+
+            def is_full():
+                before = waiting()
+                time.sleep(0.2)
+                return 0 < before == waiting()
+            wait_for(is_full, 5, "the full pipe")
+            reader.send_signal(signal.SIGTERM)
+            reader.wait(timeout=2)
 
     def test_a_second_daemon_names_the_first(self):
         with unit_daemon() as d:

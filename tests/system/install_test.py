@@ -29,6 +29,27 @@ set_target_properties(example_cxx PROPERTIES CXX_STANDARD 17)
 """
 
 
+SLEEPER = """
+#include <stdio.h>
+#include <sys/resource.h>
+#include <tactiled/reader.h>
+int main(int n, char **words) { /* waits for two seconds: size of time_t, whether it can be woken, samples, ms of CPU */
+    struct tactiled_reader reader;
+    struct tactiled_sample s;
+    struct rusage used;
+    const uint64_t until_ns = tactiled_now_ns() + 2000000000u;
+    int samples = 0;
+    tactiled_reader_init(&reader, words[n - 1], "table");
+    while (tactiled_now_ns() < until_ns) samples += tactiled_reader_wait(&reader, &s, 100, TACTILED_BLOCK);
+    getrusage(RUSAGE_SELF, &used);
+    printf("%d %d %d %ld\\n", (int)sizeof(time_t), reader.wake != NULL, samples,
+           (long)(used.ru_utime.tv_sec + used.ru_stime.tv_sec) * 1000 +
+               (long)(used.ru_utime.tv_usec + used.ru_stime.tv_usec) / 1000);
+    return 0;
+}
+"""
+
+
 class Installed(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -75,14 +96,28 @@ class Installed(unittest.TestCase):
         self.assertNotEqual(refused.returncode, 0)
         (self.folder / "CMakeLists.txt").write_text(CMAKE)
 
-    def test_a_32_bit_reader_sees_the_same(self):
+    def build_32_bit(self, source, *flags):
         program = self.folder / "c32"
-        built = subprocess.run(["cc", "-m32", "-std=gnu11", f"-I{self.prefix}/include", self.folder / "example.c", "-o", program],
-                               capture_output=True, text=True)
+        built = subprocess.run(["cc", "-m32", "-Wall", "-Wextra", "-std=gnu11", *flags, f"-I{self.prefix}/include",
+                                self.folder / source, "-o", program], capture_output=True, text=True)
         if "bits/libc-header-start.h" in built.stderr or "cannot find" in built.stderr:
             self.skipTest("no 32-bit C library here: apt install gcc-multilib")
-        self.assertEqual(built.returncode, 0, built.stderr)
-        self.assertEqual(len(self.lines_of(program)), 100)
+        self.assertEqual((built.returncode, built.stderr), (0, ""))
+        return program
+
+    def test_a_32_bit_reader_sees_the_same(self):
+        self.assertEqual(len(self.lines_of(self.build_32_bit("example.c"))), 100)
+
+    def test_a_32_bit_reader_sleeps_whatever_its_time_t(self):
+        (self.folder / "sleeper.c").write_text(SLEEPER)
+        for size, flags in ((4, ()), (8, ("-D_FILE_OFFSET_BITS=64", "-D_TIME_BITS=64"))):
+            with self.subTest(time_t=size):
+                program = self.build_32_bit("sleeper.c", *flags)
+                out = subprocess.run([program, self.daemon.name], capture_output=True, text=True, timeout=30, check=True).stdout
+                time_t, woken, samples, cpu_ms = map(int, out.split())
+                self.assertEqual((time_t, woken), (size, 1))
+                self.assertGreater(samples, 100)
+                self.assertLess(cpu_ms, 100)  # 4 to 9; 430 where the kernel misreads the limit as 0
 
     def test_the_python_module_is_found(self):
         environment = {**os.environ, "PYTHONPATH": str(self.prefix / "lib/python3/dist-packages")}

@@ -88,7 +88,8 @@ int be_a_victim(const char* node) {
     for (bool subscribed = false;;) {
         (void)reader.wait(s, 100, Wait::block);
         if (!subscribed && reader.is_attached())
-            subscribed = tactiled_ask_descriptor(reader.segment().c(), "events", &connection) >= 0;
+            subscribed =
+                tactiled_ask_descriptor(reader.segment().c(), "events", &connection, monotonic_ns() + 1'000'000'000u) >= 0;
     }
 }
 

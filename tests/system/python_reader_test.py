@@ -404,6 +404,25 @@ class TheEndOfADaemon(unittest.TestCase):
             samples = self.values(left)
             self.assertEqual([s.sequence - samples[0].sequence for s in samples], list(range(50)))
 
+    def test_a_daemon_that_hangs_delays_no_timeout_and_is_asked_again(self):
+        self.daemon.process.send_signal(signal.SIGSTOP)
+        with self.node.follow("left", 0.1) as left:
+            next(left)
+            began = time.monotonic()
+            self.assertIsNone(next(left, None))  # it is not known yet to hang: asked for events
+            self.assertLess(time.monotonic() - began, 0.15)
+            time.sleep(WATCHDOG_MS / 1000)
+            began = time.monotonic()
+            self.assertIn("stopped", next(left).reasons_text)
+            self.assertIsNone(next(left, None))
+            self.assertLess(time.monotonic() - began, 0.2)
+            self.daemon.process.send_signal(signal.SIGCONT)
+            left._timeout = 1
+            began = time.monotonic()
+            while left._events is None and time.monotonic() < began + 3:
+                next(left)
+            self.assertIsNotNone(left._events)
+
     def test_a_timeout_ends_the_loop_and_the_next_one_goes_on(self):
         with self.node.follow("left", 0.3) as left:
             last = self.values(left)[-1]
@@ -441,11 +460,26 @@ class a_copy:
         struct.pack_into("=" + code, self.data, at + LAYOUT.offset(struct_name, member), *values)
 
     def make_fresh(self):
-        """No sample is stale for the next hour."""
+        """No sample is stale for the next ten seconds."""
+        self.date_samples(time.monotonic_ns())
+        self.put("sensor", "stale_ms", 10_000, at=self.sensor_at())
+
+    def date_samples(self, t_ns):
         ring, _ = sensor_ring(self.data, 0)
         for slot in range(ring["slots"]):
-            self.put("sample", "t_ns", time.monotonic_ns() + 3600 * 10**9,
-                     at=ring["offset"] + slot * ring["slot_size"] + 8)
+            self.put("sample", "t_ns", t_ns, at=ring["offset"] + slot * ring["slot_size"] + 8)
+
+    def empty_rings(self, records=0):
+        """Nothing published, or so many samples that the ring has wrapped."""
+        header, ring = LAYOUT.decode("header", self.data), sensor_ring(self.data, 0)[0]
+        for offset, slot_size, slots, _, head_offset in (header["node"], ring.values()):
+            struct.pack_into("=I", self.data, head_offset, 0)
+            for slot in range(slots):
+                struct.pack_into("=I", self.data, offset + slot * slot_size, 1)
+        for number in range(records):
+            slot = ring["offset"] + number % ring["slots"] * ring["slot_size"]
+            struct.pack_into("=I", self.data, slot, 2 * number + 2)
+            struct.pack_into("=I", self.data, ring["head_offset"], number + 1)
 
     def sensor_at(self):
         return LAYOUT.decode("header", self.data)["sensor_offset"]
@@ -534,6 +568,17 @@ class AFile(unittest.TestCase):
             with self.assertRaisesRegex(tactiled.Error, str(copy.path)):
                 tactiled.open(copy.name)
 
+    def test_that_is_a_pipe_stops_nobody(self):
+        with a_copy(b"") as copy:
+            os.mkfifo(copy.path, 0o640)
+            with self.assertRaisesRegex(tactiled.Error, "not a segment"):
+                tactiled.open(copy.name)
+
+    def test_of_a_name_that_no_daemon_can_have_is_refused(self):
+        for name in ("a" * 32, ""):
+            with self.assertRaisesRegex(tactiled.Error, "1 to 31 characters"):
+                tactiled.open(name)
+
     def test_that_may_not_be_read_says_what_to_do(self):
         with a_copy(self.data) as copy:
             name = copy.write(0o600)
@@ -577,17 +622,46 @@ class AFile(unittest.TestCase):
             header = LAYOUT.decode("header", young.data)
             young.put("header", "epoch", header["epoch"] + 1)
             young.put("header", "state", tactiled.STARTING)
-            for numbers in (header["node"], sensor_ring(young.data, 0)[0].values()):
-                offset, slot_size, slots, _, head_offset = numbers
-                struct.pack_into("=I", young.data, head_offset, 0)
-                for slot in range(slots):
-                    struct.pack_into("=I", young.data, offset + slot * slot_size, 1)
+            young.empty_rings()
             with tactiled.open(old.write()) as node, node.follow("left", 0.3) as left:
                 self.assertEqual(["stopped" in s.reasons_text for s in itertools.islice(left, 10)], [False, True])
                 old.path.unlink()
                 young.write()
                 self.assertIsNone(next(left, None))
                 self.assertEqual(left._segment.header.epoch, header["epoch"] + 1)
+                self.assertEqual(self.latest_of(young).reasons_text, ["no-data-yet"])
+
+    def latest_of(self, copy):
+        with tactiled.open(copy.name) as node:
+            return node.latest("left")
+
+    def test_of_a_successor_that_has_lapped_its_ring_counts_what_is_lost(self):
+        with a_copy(self.data) as old, a_copy(self.data) as young:
+            young.name, young.path = old.name, old.path
+            young.put("header", "epoch", LAYOUT.decode("header", young.data)["epoch"] + 1)
+            slots = sensor_ring(young.data, 0)[0]["slots"]
+            young.empty_rings(2 * slots)
+            with tactiled.open(old.write()) as node, node.follow("left", 0.3) as left:
+                self.assertEqual(["stopped" in s.reasons_text for s in itertools.islice(left, 10)], [False, True])
+                old.path.unlink()
+                young.write()
+                kept = sum(1 for _ in left)  # one more is the end of this one
+                self.assertEqual(left.lost + kept - 1, 2 * slots)
+                self.assertGreater(left.lost, slots)
+
+    def test_whose_times_are_in_the_future_is_not_believed(self):
+        """A dead daemon's, read in a time namespace whose clock is behind."""
+        with a_copy(self.data) as copy:
+            later_ns = time.monotonic_ns() + 600 * 10**9
+            copy.date_samples(later_ns)
+            offset, slot_size, slots, *_ = LAYOUT.decode("header", copy.data)["node"]
+            for slot in range(slots):
+                copy.put("node", "t_ns", later_ns, at=offset + slot * slot_size + 8)
+            with tactiled.open(copy.write()) as node, node.follow("left", 0.3) as left:
+                for sample in (node.latest("left"), node.snapshot()[1]["left"], next(left)):
+                    self.assertIn("stale", sample.reasons_text)
+                    self.assertTrue(forces_are_nan(sample))
+                self.assertIn("stopped", next(left).reasons_text)
 
     def test_whose_writer_died_within_a_sample_gives_no_half_one(self):
         with a_copy(self.data) as copy:

@@ -9,7 +9,11 @@
  *
  * Every shared word that changes is 32 bits wide (a 32-bit reader cannot tear it); wider values lie inside slots and are
  * guarded by the slot's lock word. Alignment is fixed by hand: an i386 compiler would align a plain 64-bit member to 4.
- * A reader accepts any minor version of its own major: minor versions only append, the sizes are in the header. */
+ * A reader accepts any minor version of its own major: minor versions only append, the sizes are in the header.
+ *
+ * Readers do not check who owns the file, only that nobody but its owner may write it: the daemon commonly runs as a user
+ * of its own (tactiled) and its readers under others, so that no owner can be told from a wrong one. While no daemon runs,
+ * any local user can put up a file of this name; where local users are not trusted, let none of them write to /dev/shm. */
 #ifndef TACTILED_LAYOUT_H
 #define TACTILED_LAYOUT_H
 
@@ -44,7 +48,7 @@ enum tactiled_quality {
 /* Why a sample is not GOOD: bits of tactiled_sample.reasons. */
 enum tactiled_reason {
     TACTILED_NO_DATA_YET = 1 << 0,         /* the sensor has not delivered since the daemon started */
-    TACTILED_STALE = 1 << 1,               /* no frame for longer than stale_ms */
+    TACTILED_STALE = 1 << 1,               /* no frame for longer than stale_ms, or a time that the reader cannot date */
     TACTILED_DISCONNECTED = 1 << 2,        /* the link is closed and being reopened */
     TACTILED_MISSING_CHANNEL = 1 << 3,     /* a channel that the model needs is not in the frame */
     TACTILED_SATURATED = 1 << 4,           /* a channel is at its rail */
@@ -186,7 +190,7 @@ struct tactiled_sensor {
     char serial[TACTILED_NAME_SIZE]; /* of the calibrated sample */
     char link[TACTILED_NAME_SIZE];
     struct tactiled_ring ring;
-    uint32_t stale_ms; /* an older sample is BAD, whoever reads it */
+    uint32_t stale_ms; /* a sample older than this, or further in the future, is BAD, whoever reads it */
     uint32_t n_channels;
     uint32_t components; /* bit 0..5: fx fy fz mx my mz can be seen */
     float full_scale[6]; /* N and Nm, of the calibration; NaN = unknown */
@@ -371,10 +375,16 @@ static inline void tactiled_invalidate(struct tactiled_sample* sample, uint32_t 
     sample->state = 0;
 }
 
+/* Whether `t_ns` is within `limit_ms` of `now_ns`. Later than that is as bad as older: the reader's clock is not the
+ * daemon's (a time namespace), and what it cannot date it must not trust. */
+static inline int tactiled_is_fresh(uint64_t t_ns, uint64_t now_ns, uint32_t limit_ms) {
+    const uint64_t limit_ns = (uint64_t)limit_ms * 1000000u;
+    return now_ns - t_ns + limit_ns <= 2 * limit_ns; /* modulo 2^64: -limit .. limit */
+}
+
 /* What every reader must do with a sample that it is about to use at `now_ns` (CLOCK_MONOTONIC): BAD when too old. */
 static inline void tactiled_judge(struct tactiled_sample* sample, uint32_t stale_ms, uint64_t now_ns) {
-    if (now_ns > sample->t_ns && now_ns - sample->t_ns > (uint64_t)stale_ms * 1000000u)
-        tactiled_invalidate(sample, TACTILED_STALE);
+    if (!tactiled_is_fresh(sample->t_ns, now_ns, stale_ms)) tactiled_invalidate(sample, TACTILED_STALE);
 }
 
 #ifdef __cplusplus

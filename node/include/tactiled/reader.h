@@ -110,6 +110,14 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
+/* Whether a name can be one of the daemon's: a longer one must not be cut to that of another. */
+static inline int tactiled_check_name(struct tactiled_segment* segment, const char* of_what, const char* name) {
+    if (name[0] != 0 && strlen(name) < TACTILED_NAME_SIZE) return 1;
+    snprintf(segment->why, sizeof segment->why, "%s \"%.100s\": a name has 1 to %d characters", of_what, name,
+             TACTILED_NAME_SIZE - 1);
+    return 0;
+}
+
 /* Maps /dev/shm/tactiled.NAME read-only and checks it. Returns 1, or 0 with the reason in segment->why. */
 static inline int tactiled_open(struct tactiled_segment* segment, const char* node_name) {
     char path[64 + TACTILED_NAME_SIZE];
@@ -117,8 +125,9 @@ static inline int tactiled_open(struct tactiled_segment* segment, const char* no
     int fd;
     segment->base = NULL;
     segment->why[0] = 0;
+    if (!tactiled_check_name(segment, "node", node_name)) return 0;
     snprintf(path, sizeof path, "/dev/shm/tactiled.%s", node_name);
-    fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK); /* who put a FIFO there must not stop us */
     if (fd < 0) {
         snprintf(segment->why, sizeof segment->why, "%s: %s%s", path, strerror(errno),
                  errno == ENOENT   ? " (no daemon of that name runs)"
@@ -126,7 +135,9 @@ static inline int tactiled_open(struct tactiled_segment* segment, const char* no
                                    : "");
         return 0;
     }
-    if (fstat(fd, &status) != 0 || status.st_size < (off_t)sizeof(struct tactiled_header)) {
+    if (fstat(fd, &status) != 0 || !S_ISREG(status.st_mode)) {
+        snprintf(segment->why, sizeof segment->why, "%s: not a segment", path);
+    } else if (status.st_size < (off_t)sizeof(struct tactiled_header)) {
         snprintf(segment->why, sizeof segment->why, "%s: too short to be a segment", path);
     } else if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
         snprintf(segment->why, sizeof segment->why, "%s: others than its owner may write it: not a daemon's", path);
@@ -158,7 +169,8 @@ static inline int tactiled_latest(const struct tactiled_segment* segment, uint32
     const struct tactiled_sensor* sensor = tactiled_sensor_of(segment, index);
     if (!tactiled_ring_latest(segment->base, &sensor->ring, sample, sizeof *sample)) {
         memset(sample, 0, sizeof *sample);
-        tactiled_invalidate(sample, TACTILED_READER_OVERRUN);
+        tactiled_invalidate(
+            sample, tactiled_ring_head(segment->base, &sensor->ring) == 0 ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
         return 0;
     }
     tactiled_judge(sample, sensor->stale_ms, now_ns);
@@ -166,11 +178,23 @@ static inline int tactiled_latest(const struct tactiled_segment* segment, uint32
     return 1;
 }
 
-/* Asks the control socket for a descriptor: "wake" gives the page of struct tactiled_wake, "events" an eventfd that counts
- * node records for as long as *connection stays open. Returns the descriptor or -1. */
-static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment, const char* what, int* connection) {
+/* Lets no call on `s` wait beyond `until_ns`. */
+static inline void tactiled_limit_socket(int s, uint64_t until_ns) {
+    const uint64_t now_ns = tactiled_now_ns(), left_us = until_ns > now_ns ? (until_ns - now_ns) / 1000u : 0;
+    struct timeval limit;
+    limit.tv_sec = (time_t)(left_us / 1000000u);
+    limit.tv_usec = (suseconds_t)(left_us % 1000000u + (left_us == 0)); /* 0 would be for ever */
+    setsockopt(s, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit); /* also of connect(): a hung daemon's queue is full */
+    setsockopt(s, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+}
+
+/* Asks the control socket for a descriptor: "wake" gives the page of struct tactiled_wake, "events" one that epoll can
+ * watch for as long as *connection stays open. It does not block; each read() of 8 bytes gives a uint64_t, how many node
+ * records were published since the one before, as an eventfd does, but read until EAGAIN. The first may say one too many.
+ * 0 bytes: the daemon has ended. Returns the descriptor, or -1 when there is none to be had before `until_ns`. */
+static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment, const char* what, int* connection,
+                                          uint64_t until_ns) {
     const struct tactiled_header* h = tactiled_header_of(segment);
-    const struct timeval limit = {1, 0};
     struct sockaddr_un address;
     struct msghdr message;
     struct iovec part;
@@ -186,7 +210,7 @@ static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment
     address.sun_family = AF_UNIX;
     snprintf(address.sun_path, sizeof address.sun_path, "%.*s", (int)sizeof h->control - 1, h->control);
     snprintf(text, sizeof text, "%s %s", h->name, what);
-    setsockopt(s, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+    tactiled_limit_socket(s, until_ns);
     memset(&message, 0, sizeof message);
     memset(&control, 0, sizeof control);
     if (h->control[0] != 0 && s >= 0 && connect(s, (const struct sockaddr*)&address, sizeof address) == 0 &&
@@ -197,6 +221,7 @@ static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment
         message.msg_iovlen = 1;
         message.msg_control = &control;
         message.msg_controllen = sizeof control;
+        tactiled_limit_socket(s, until_ns);
         if (recvmsg(s, &message, MSG_CMSG_CLOEXEC) > 0 && (extra = CMSG_FIRSTHDR(&message)) != NULL &&
             extra->cmsg_level == SOL_SOCKET && extra->cmsg_type == SCM_RIGHTS)
             memcpy(&fd, CMSG_DATA(extra), sizeof fd);
@@ -249,19 +274,20 @@ struct tactiled_reader {
     struct tactiled_sample last;   /* what next() gave last */
     int begun;                     /* `last` holds something */
     int placed;                    /* the cursor stands where it belongs; else the next call begins with the newest */
+    int owed;                      /* latest() has left a daemon whose end next() has not given; then not placed */
     int broken;                    /* the last thing given was the end of a daemon */
     uint32_t empty;                /* calls that found nothing, since a sample */
     uint64_t tried_ns;             /* last attempt to attach */
     struct tactiled_rhythm rhythm; /* of publishing, for TACTILED_PREDICT */
     uint32_t* wake;                /* struct tactiled_wake, for TACTILED_BLOCK; NULL = not asked for or not to be had */
-    int wake_asked;
+    uint64_t asked_ns;             /* when it was asked for, 0 = never */
 };
 
 static inline void tactiled_reader_detach(struct tactiled_reader* r) {
     tactiled_close(&r->segment);
     if (r->wake != NULL) munmap(r->wake, sizeof(struct tactiled_wake));
     r->wake = NULL;
-    r->wake_asked = 0;
+    r->asked_ns = 0;
     r->index = -1;
 }
 
@@ -269,6 +295,7 @@ static inline void tactiled_reader_detach(struct tactiled_reader* r) {
 static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now_ns) {
     struct tactiled_segment fresh;
     int index;
+    if (r->node[0] == 0) return 0; /* init() has refused the names */
     r->tried_ns = now_ns;
     if (!tactiled_open(&fresh, r->node)) {
         memcpy(r->segment.why, fresh.why, sizeof fresh.why);
@@ -285,21 +312,33 @@ static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now
         tactiled_close(&fresh); /* the very same */
         return tactiled_is_current(&r->segment);
     }
+    if (r->index >= 0 && r->begun) { /* next() has taken all before it comes here, latest() leaves what it may */
+        const struct tactiled_ring* old = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
+        const uint32_t left = tactiled_ring_head(r->segment.base, old) - r->cursor.next;
+        if (left != UINT32_MAX) r->cursor.lost += left; /* it may be one ahead of the head, which is published last */
+        r->owed = (r->last.reasons & TACTILED_DAEMON_STOPPED) == 0;
+    }
     tactiled_reader_detach(r);
     r->segment = fresh;
     r->index = index;
     r->broken = 0;
-    tactiled_ring_seek(fresh.base, &tactiled_sensor_of(&fresh, (uint32_t)index)->ring, &r->cursor, 1);
-    r->placed = r->begun;
+    r->placed = (r->begun || r->placed) && !r->owed;
+    if (r->begun)
+        r->cursor.next = 0; /* what is overwritten already, the ring counts */
+    else
+        tactiled_ring_seek(fresh.base, &tactiled_sensor_of(&fresh, (uint32_t)index)->ring, &r->cursor, 1);
     return 1;
 }
 
-/* Attaches at once if it can; a daemon that is not there yet is waited for by the other functions. */
+/* Attaches at once if it can; a daemon that is not there yet is waited for by the other functions. A name that no daemon
+ * can have is refused for good: segment.why says so. */
 static inline void tactiled_reader_init(struct tactiled_reader* r, const char* node_name, const char* sensor_name) {
     memset(r, 0, sizeof *r);
     r->index = -1;
-    snprintf(r->node, sizeof r->node, "%s", node_name);
-    snprintf(r->sensor, sizeof r->sensor, "%s", sensor_name);
+    if (!tactiled_check_name(&r->segment, "node", node_name) || !tactiled_check_name(&r->segment, "sensor", sensor_name))
+        return;
+    memcpy(r->node, node_name, strlen(node_name));
+    memcpy(r->sensor, sensor_name, strlen(sensor_name));
     tactiled_reader_attach(r, tactiled_now_ns());
 }
 
@@ -307,7 +346,7 @@ static inline void tactiled_reader_init(struct tactiled_reader* r, const char* n
 static inline void tactiled_reader_rewind(struct tactiled_reader* r) {
     if (r->index < 0) return;
     tactiled_ring_seek(r->segment.base, &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring, &r->cursor, 1);
-    r->placed = 1;
+    r->placed = !r->owed;
 }
 
 /* Whether the segment may be read; attaches, at most each 10 ms. */
@@ -319,7 +358,8 @@ static inline int tactiled_reader_ready(struct tactiled_reader* r) {
     return r->index >= 0 && tactiled_is_current(&r->segment);
 }
 
-/* The newest sample; BAD with a reason when there is no good one. Never blocks. */
+/* The newest sample; BAD with a reason when there is no good one. Never blocks. Where it moves on to a daemon's successor
+ * before next() does, next() still gives the end; what it had not taken before that counts as lost. */
 static inline void tactiled_reader_latest(struct tactiled_reader* r, struct tactiled_sample* sample) {
     uint64_t now_ns;
     if (tactiled_reader_ready(r)) {
@@ -333,20 +373,33 @@ static inline void tactiled_reader_latest(struct tactiled_reader* r, struct tact
     tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
 }
 
+/* Gives the end of a daemon. */
+static inline int tactiled_reader_end(struct tactiled_reader* r, struct tactiled_sample* sample) {
+    *sample = r->last;
+    tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
+    r->last = *sample; /* one for this end, also where the successor has published nothing yet */
+    r->owed = 0;
+    r->placed = 1;
+    return 1;
+}
+
 /* Nothing new: has the daemon ended, is it dead? Then gives one BAD sample that says so, and returns 1. */
 static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactiled_sample* sample) {
     const struct tactiled_ring* ring;
     struct tactiled_node node;
-    uint32_t behind;
+    uint32_t number, behind;
     int gone = r->index < 0;
     if (!gone) {
         const struct tactiled_header* h = tactiled_header_of(&r->segment);
         ring = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
-        behind = tactiled_ring_head(r->segment.base, ring) - r->cursor.next;
-        if (behind > ring->slots && behind != UINT32_MAX) /* asleep for 2^30 records, or more; but it may be one ahead */
+        number = r->cursor.next;
+        behind = tactiled_ring_head(r->segment.base, ring) - number;
+        if (behind > ring->slots && behind != UINT32_MAX) { /* asleep for 2^30 records, or more; but it may be one ahead */
             tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1); /* of the head, which is published last */
+            r->cursor.lost += r->cursor.next - number;
+        }
         gone = !tactiled_is_current(&r->segment) || !tactiled_ring_latest(r->segment.base, &h->node, &node, sizeof node) ||
-               tactiled_now_ns() > node.t_ns + (uint64_t)h->watchdog_ms * 1000000u;
+               !tactiled_is_fresh(node.t_ns, tactiled_now_ns(), h->watchdog_ms);
     }
     if (!gone) {
         r->broken = 0; /* it hung, and lives again */
@@ -355,10 +408,7 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
     if (r->broken) return 0;
     r->broken = 1;
     if (!r->begun || (r->last.reasons & TACTILED_DAEMON_STOPPED) != 0) return 0; /* the daemon has said so itself */
-    *sample = r->last;
-    tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
-    r->last = *sample; /* one for this end, also where the successor has published nothing yet */
-    return 1;
+    return tactiled_reader_end(r, sample);
 }
 
 /* The sample after the last one that it gave, or 0 when there is none yet. The first call gives the newest. When the daemon
@@ -366,7 +416,10 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
 static inline int tactiled_reader_next(struct tactiled_reader* r, struct tactiled_sample* sample) {
     if (r->index >= 0) {
         const struct tactiled_sensor* sensor = tactiled_sensor_of(&r->segment, (uint32_t)r->index);
-        if (!r->placed) tactiled_ring_seek(r->segment.base, &sensor->ring, &r->cursor, 0);
+        if (!r->placed) {
+            if (r->owed) return tactiled_reader_end(r, sample);
+            tactiled_ring_seek(r->segment.base, &sensor->ring, &r->cursor, 0);
+        }
         if (tactiled_ring_next(r->segment.base, &sensor->ring, &r->cursor, sample, sizeof *sample)) {
             tactiled_judge(sample, sensor->stale_ms, tactiled_now_ns());
             if (r->begun && sample->epoch == r->last.epoch && sample->sequence == r->last.sequence + 1)
@@ -392,34 +445,50 @@ static inline void tactiled_sleep_until(uint64_t until_ns) {
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
 }
 
+/* What the system call takes as a timespec, which is not that of a 32-bit program with _TIME_BITS=64. The time is relative:
+ * the old call lasts beyond 2038, and is there on kernels before 5.1, too. */
+#ifdef SYS_futex
+#define TACTILED_SYS_FUTEX SYS_futex
+typedef __kernel_long_t tactiled_futex_word;
+#else /* a 32-bit architecture that never had a 32-bit time */
+#define TACTILED_SYS_FUTEX SYS_futex_time64
+typedef int64_t tactiled_futex_word;
+#endif
+struct tactiled_futex_limit {
+    tactiled_futex_word s, ns;
+};
+
 /* Sleeps until more than `seen` node records were published, but not beyond `until_ns`, asking to be woken in `wake`. */
 static inline void tactiled_sleep_on_node(const struct tactiled_segment* segment, uint32_t* wake, uint32_t seen,
                                           uint64_t now_ns, uint64_t until_ns) {
     const uint32_t* head = (const uint32_t*)(const void*)(segment->base + tactiled_header_of(segment)->node.head_offset);
-    struct timespec limit;
-    if ((int32_t)(__atomic_load_n(wake, __ATOMIC_RELAXED) - seen) < TACTILED_WAKE_RECORDS / 2) {
+    const uint32_t ahead = __atomic_load_n(wake, __ATOMIC_RELAXED) - seen;
+    struct tactiled_futex_limit limit;
+    if (ahead < TACTILED_WAKE_RECORDS / 2 || ahead > TACTILED_WAKE_RECORDS) { /* over soon, or what the daemon ignores */
         __atomic_store_n(wake, seen + TACTILED_WAKE_RECORDS, __ATOMIC_RELAXED);
         /* The wish before the look at the head, also as the daemon sees it, which pays no fence. Where the kernel refuses,
          * one wake may be missed: the next record's comes. */
         syscall(SYS_membarrier, MEMBARRIER_CMD_GLOBAL_EXPEDITED, 0, 0);
     }
-    limit.tv_sec = (time_t)((until_ns - now_ns) / 1000000000u);
-    limit.tv_nsec = (long)((until_ns - now_ns) % 1000000000u);
-    syscall(SYS_futex, head, FUTEX_WAIT, seen, &limit, NULL, 0);
+    limit.s = (tactiled_futex_word)((until_ns - now_ns) / 1000000000u);
+    limit.ns = (tactiled_futex_word)((until_ns - now_ns) % 1000000000u);
+    syscall(TACTILED_SYS_FUTEX, head, FUTEX_WAIT, seen, &limit, NULL, 0);
 }
 
-/* Sleeps until the next node record, but not beyond `until_ns`. Without a wake page (no control socket): 1 ms naps. */
+/* Sleeps until the next node record, but not beyond `until_ns`. Without a wake page (no control socket, or a daemon that
+ * does not answer; it is asked again each second): 1 ms naps. */
 static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now_ns, uint64_t until_ns) {
     const struct tactiled_ring *node, *ring;
     uint32_t seen;
     if (until_ns > now_ns + 20000000u) until_ns = now_ns + 20000000u; /* the daemon may die and wake nobody */
-    if (!r->wake_asked && r->index >= 0) {
-        const int fd = tactiled_ask_descriptor(&r->segment, "wake", NULL);
+    if (r->wake == NULL && r->index >= 0 && !r->broken && (r->asked_ns == 0 || now_ns - r->asked_ns >= 1000000000u)) {
+        const int fd = tactiled_ask_descriptor(&r->segment, "wake", NULL, until_ns);
         void* page =
             fd < 0 ? MAP_FAILED : mmap(NULL, sizeof(struct tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
         if (page != MAP_FAILED) r->wake = (uint32_t*)page;
         if (fd >= 0) close(fd);
-        r->wake_asked = 1;
+        r->asked_ns = now_ns;
+        return; /* it took its time */
     }
     if (r->wake == NULL || r->broken) {
         tactiled_sleep_until(now_ns + 1000000u < until_ns ? now_ns + 1000000u : until_ns);

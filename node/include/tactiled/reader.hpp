@@ -117,7 +117,8 @@ enum class Wait { poll = TACTILED_POLL, predict = TACTILED_PREDICT, block = TACT
 // Follows one sensor of one node, across restarts of the daemon.
 class Reader {
 public:
-    // Attaches at once if it can; a daemon that is not there yet is waited for by the other functions.
+    // Attaches at once if it can; a daemon that is not there yet is waited for by the other functions. A name of more than
+    // 31 characters is refused for good: why_not().
     Reader(const std::string& node_name, const std::string& sensor_name) {
         tactiled_reader_init(&c_, node_name.c_str(), sensor_name.c_str());
     }
@@ -129,7 +130,8 @@ public:
     std::string why_not() const { return c_.segment.why; }
     SegmentView segment() const noexcept { return SegmentView(&c_.segment); }
 
-    // The newest sample; BAD with a reason when there is no good one. Never blocks.
+    // The newest sample; BAD with a reason when there is no good one. Never blocks. Takes nothing from next() but, where a
+    // daemon has ended, what next() had not taken of it: that counts as lost.
     tactiled_sample latest() noexcept {
         tactiled_sample sample;
         tactiled_reader_latest(&c_, &sample);
