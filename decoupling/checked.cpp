@@ -40,11 +40,12 @@ Estimate CheckedModel::decouple(const Reading& reading) noexcept {
         return nothing;
     };
     if (reading.channel.size() != n_) return bad(TACTILED_WRONG_DEVICE);
-    std::array<double, kMostChannels> r;
+    double r[kMostChannels];
+    const double *const channel = reading.channel.data(), *const zero = zero_.data();
     std::uint32_t broken = 0, beyond = 0;  // without a branch: each channel by itself
     for (std::size_t k = 0; k < n_; ++k) {
-        const double value = reading.channel[k];
-        r[k] = value - zero_[k];
+        const double value = channel[k];
+        r[k] = value - zero[k];
         broken |= std::uint32_t(!(std::abs(r[k]) <= std::numeric_limits<double>::max())) << k;
         beyond |= std::uint32_t(domain_.is_beyond(k, value)) << k;
     }
@@ -56,8 +57,7 @@ Estimate CheckedModel::decouple(const Reading& reading) noexcept {
     if (saturated != 0) estimate.reasons |= TACTILED_SATURATED;
     if ((saturated & needed_) != 0) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
 
-    Input input{
-        .r = {r.data(), n_}, .usable = used_ & ~missing & ~(saturated & ~needed_), .outside = false, .t_ns = reading.t_ns};
+    Input input{.r = {r, n_}, .usable = used_ & ~missing & ~(saturated & ~needed_), .outside = false, .t_ns = reading.t_ns};
     if (input.usable != all_)
         for (std::size_t k = 0; k < n_; ++k)
             if ((input.usable >> k & 1u) == 0) r[k] = 0;  // else 0 * NaN of a channel that nobody needs

@@ -28,9 +28,9 @@ inline std::size_t component_index(std::string_view name) noexcept {
 class Domain {
 public:
     explicit Domain(const Calibration& calibration) {
-        least_.fill(-std::numeric_limits<double>::infinity());
-        most_.fill(std::numeric_limits<double>::infinity());
-        for (std::size_t k = 0; k < calibration.channel_least.size() && k < least_.size(); ++k) {
+        std::fill_n(least_, 32, -std::numeric_limits<double>::infinity());
+        std::fill_n(most_, 32, std::numeric_limits<double>::infinity());
+        for (std::size_t k = 0; k < calibration.channel_least.size() && k < 32; ++k) {
             const double margin = kDomainMargin * (calibration.channel_most[k] - calibration.channel_least[k]);
             least_[k] = calibration.channel_least[k] - margin;
             most_[k] = calibration.channel_most[k] + margin;
@@ -57,7 +57,7 @@ public:
     }
 
 private:
-    std::array<double, 32> least_, most_;
+    double least_[32], most_[32];  // plain arrays: read a channel at a time in the loop
 };
 
 // What is wrong with components, sd, full scale, domain or a number of the calibration; "" where nothing is. setup

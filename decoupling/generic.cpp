@@ -31,7 +31,7 @@ public:
           correction_(std::move(correction)) {
         for (std::size_t i = 0; i < calibration.components.size(); ++i) {
             component_[i] = component_index(calibration.components[i]);
-            for (std::size_t k = 0; k < n_channels(); ++k) matrix_[k][i] = calibration.matrix[i][k];
+            for (std::size_t k = 0; k < n_channels(); ++k) matrix_[6 * k + i] = calibration.matrix[i][k];
         }
         n_components_ = calibration.components.size();
         if (correction_ == nullptr) return;
@@ -49,8 +49,9 @@ private:
     void solve(Input& input, Estimate& estimate) noexcept override {
         // Each component's own sum runs from the first channel on; all components side by side.
         std::array<double, 6> value{};
-        for (std::size_t k = 0; k < n_channels(); ++k)
-            for (std::size_t i = 0; i < 6; ++i) value[i] += matrix_[k][i] * input.r[k];
+        const double *m = matrix_.data(), *const r = input.r.data();
+        for (std::size_t k = 0; k < n_channels(); ++k, m += 6)
+            for (std::size_t i = 0; i < 6; ++i) value[i] += m[i] * r[k];
         if (correction_ != nullptr) {
             std::array<double, kMostChannels> u;
             for (std::size_t k = 0; k < n_channels(); ++k)
@@ -64,7 +65,7 @@ private:
     std::unique_ptr<Correction> correction_;
     std::size_t n_components_ = 0;
     std::array<std::size_t, 6> component_{};
-    std::array<std::array<double, 6>, kMostChannels> matrix_{};  // a row a channel, 0 beyond the components
+    std::array<double, 6 * kMostChannels> matrix_{};  // a row a channel, 0 beyond the components
     std::array<double, kMostChannels> width_{}, zero_{};
 };
 

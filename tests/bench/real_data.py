@@ -75,7 +75,8 @@ def judge(name, method, tactilectl, folder):
             parts.append(f"{len(errors) - len(known)} rows BAD")
         rms = math.sqrt(sum(e * e for e, _ in known) / len(known))
         within = sum(abs(e) <= sd for e, sd in known) / len(known)
-        parts.append(f"{label[:2]} {100 * rms / full_scale:5.2f} % ({100 * within:3.0f} %)")
+        stated = any(math.isfinite(sd) for _, sd in known)  # forces.csv has none for moments
+        parts.append(f"{label[:2]} {100 * rms / full_scale:5.2f} %" + (f" ({100 * within:3.0f} %)" if stated else ""))
     print(f"{name:7} {method:10} {'  '.join(parts)}  [{took:.1f} s]", flush=True)
 
 
