@@ -171,9 +171,9 @@ std::string conditioning(const FitReport& report) {
     for (const auto& m : c.matrix) fits = fits && m.size() == c.channels.size();
     if (!fits) return text + "<p>This method has no matrix from channels to forces, so no noise is computed from it.</p>\n";
     const std::string unit = c.channel_unit.empty() || c.channel_unit == "unknown" ? "channel unit" : c.channel_unit;
-    std::string rows = row(
-        {"component", fmt::format("noise of the force at 1 {} of noise", html_text(unit)), "noise for 1 % of full scale"},
-        "th");
+    std::string rows = row({"component", fmt::format("its noise at 1 {} of noise in each channel", html_text(unit)),
+                            "noise for 1 % of full scale"},
+                           "th");
     for (std::size_t i = 0; i < c.matrix.size(); ++i) {
         double norm = 0;
         for (const double m : c.matrix[i]) norm = std::hypot(norm, m);
@@ -182,8 +182,8 @@ std::string conditioning(const FitReport& report) {
                      with_unit(0.01 * component.full_scale / norm, unit)});
     }
     text +=
-        "<p>If every channel has independent noise of the same sd, a force has that sd times the norm of its row of the "
-        "matrix: the middle column is the force's sd at one unit, the right one the channels' sd that costs 1 % of full "
+        "<p>If every channel has independent noise of the same sd, a component has that sd times the norm of its row of "
+        "the matrix: the middle column is its sd at one unit, the right one the channels' sd that costs 1 % of full "
         "scale.";
     if (!c.tables.empty()) text += " This is the linear part only; the method's correction adds to it.";
     return text + "</p>\n" + table(rows, "noise");

@@ -195,11 +195,13 @@ std::string html_component_plots(const FitReport& report, std::size_t i) {
 
 std::string html_coverage(const FitReport& report) {
     const std::vector<Wrench> all = loads(report);
+    std::vector<ComponentReport> known;
+    for (const auto& component : report.components)
+        if (component_index(component.name) < kComponentNames.size()) known.push_back(component);
     std::string plots;
-    if (report.components.size() == 1) plots = load_histogram(report.components[0], all);
-    for (std::size_t i = 0; i < report.components.size(); ++i)
-        for (std::size_t j = i + 1; j < report.components.size(); ++j)
-            plots += load_pair(report.components[i], report.components[j], all);
+    if (known.size() == 1) plots = load_histogram(known[0], all);
+    for (std::size_t i = 0; i < known.size(); ++i)
+        for (std::size_t j = i + 1; j < known.size(); ++j) plots += load_pair(known[i], known[j], all);
     return plots.empty() ? "<p>No labelled rows.</p>\n" : "<div class=\"plots\">\n" + plots + "</div>\n";
 }
 

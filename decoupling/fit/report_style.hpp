@@ -19,6 +19,7 @@ h1 { font-size: 1.6em; overflow-wrap: anywhere; } h2 { margin-top: 2em; border-b
 p, li { max-width: 48em; } td, li, dd { overflow-wrap: anywhere; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; margin: 0.8em 0; font-variant-numeric: tabular-nums; }
+td { white-space: nowrap; } td.text, .facts td { white-space: normal; }
 th, td { padding: 0.25em 0.7em; border-bottom: 1px solid var(--rule); text-align: right; vertical-align: top; }
 th { font-weight: 600; } th:first-child, td:first-child, td.text { text-align: left; }
 .facts th { text-align: left; color: var(--soft); font-weight: 400; } .facts td { text-align: left; }
@@ -27,7 +28,7 @@ th { font-weight: 600; } th:first-child, td:first-child, td.text { text-align: l
 figure { margin: 0; } figcaption { color: var(--soft); font-size: 0.87em; }
 svg { width: 100%; height: auto; max-width: 30rem; } svg text { font-size: 11px; fill: var(--ink); }
 .frame { fill: none; stroke: var(--rule); } .grid { fill: none; stroke: var(--grid); }
-.dots { fill: none; stroke: var(--dots); stroke-width: 2.4; stroke-linecap: round; stroke-opacity: 0.55; }
+.dots { fill: none; stroke: var(--dots); stroke-width: 2.4; stroke-linecap: round; stroke-opacity: 0.7; }
 .band { fill: var(--band); fill-opacity: 0.22; stroke: var(--band); stroke-opacity: 0.7; }
 .bar { fill: var(--dots); fill-opacity: 0.55; stroke: var(--paper); stroke-width: 0.5; }
 .ideal { fill: none; stroke: var(--line); stroke-dasharray: 5 3; }
