@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "decoupling/domain.hpp"
 #include "decoupling/fit/report.hpp"
@@ -59,7 +61,9 @@ std::string header(const FitReport& report) {
 std::string warnings(const FitReport& report) {
     if (report.warnings.empty()) return "";
     std::string items;
-    for (const auto& warning : report.warnings) items += "<li>" + html_text(warning) + "</li>\n";
+    std::set<std::string> said;  // several methods may say the same
+    for (const auto& warning : report.warnings)
+        if (said.insert(warning).second) items += "<li>" + html_text(warning) + "</li>\n";
     return "<h2>Warnings</h2>\n<ul class=\"note\" id=\"warnings\">\n" + items + "</ul>\n";
 }
 

@@ -156,12 +156,15 @@ struct ByHand {
 };
 
 TEST(Report, SaysWhatTheFitSays) {
-    const FitReport report = fit(two_axes(600), request("auto"));
+    FitReport report = fit(two_axes(600), request("auto"));
+    report.warnings = {"said twice", "said once", "said twice"};
     const std::string page = html_report(report, "Skin 7");
     check_page(page);
     EXPECT_NE(page.find("<h1>Skin 7</h1>"), page.npos);
     for (const auto& text : {"leave one session out (2 sessions)", "2026-03-01", "S1", "made.csv", "monday"})
         EXPECT_NE(page.find(text), page.npos) << text;
+    EXPECT_EQ(count(page, "<li>said twice</li>"), 1u);
+    EXPECT_EQ(count(page, "<li>said once</li>"), 1u);
     const auto components = table(page, "components");
     ASSERT_EQ(components.size(), 3u);
     for (std::size_t i = 0; i < 2; ++i) {
