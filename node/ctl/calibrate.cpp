@@ -9,8 +9,10 @@
 #include <nlohmann/json.hpp>
 
 #include "config/calibration.hpp"
+#include "config/text_file.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/hair_fit.hpp"
+#include "decoupling/fit/report.hpp"
 #include "decoupling/fit/table_more_fit.hpp"
 #include "node/ctl/verb.hpp"
 
@@ -18,15 +20,13 @@ namespace tactiled::ctl {
 namespace {
 
 struct Settings {
-    std::string in, out;
+    std::string in, out, report;
     Selection selection;
     FitRequest request;
     std::vector<std::string> set;  // "area_m2=3e-5"
     std::string influence, elastomer;
     bool json = false;
 };
-
-std::string unit_of(const ComponentReport& component) { return component.name[0] == 'f' ? "N" : "Nm"; }
 
 void print_report(const FitReport& report, const Settings& settings) {
     const Calibration& calibration = report.calibration;
@@ -86,7 +86,19 @@ void print_json(const FitReport& report, const Settings& settings) {
     fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
+// A mistyped --report must not cost the recording or the calibration.
+void check_report(const Settings& settings) {
+    namespace fs = std::filesystem;
+    for (const auto* other : {&settings.in, &settings.out}) {
+        std::error_code ignored;
+        if (fs::path(settings.report).lexically_normal() == fs::path(*other).lexically_normal() ||
+            fs::equivalent(settings.report, *other, ignored))
+            throw SetupError(fmt::format("--report {}: would replace this file; name another", in_quotes(settings.report)));
+    }
+}
+
 int calibrate(Settings settings) {
+    if (!settings.report.empty()) check_report(settings);
     if (settings.request.channel_unit.empty())
         settings.request.channel_unit =
             settings.request.model == "table" || settings.request.model == "hair" ? "dR/R0" : "unknown";
@@ -108,6 +120,9 @@ int calibrate(Settings settings) {
     if (!settings.elastomer.empty()) request.start["physics"].parameters = hair_parameters(settings.elastomer);
     const FitReport report = fit(read_labelled(settings.in, settings.selection), settings.request);
     save_calibration(report.calibration, settings.out);
+    if (!settings.report.empty())
+        replace_file(settings.report,
+                     html_report(report, "Calibration " + std::filesystem::path(settings.out).filename().string()));
     if (settings.json)
         print_json(report, settings);
     else
@@ -133,6 +148,7 @@ void add_calibrate(CLI::App& app, Run& run) {
     verb->add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
         ->required();
     verb->add_option("--out", settings->out, "the calibration file to write")->required();
+    verb->add_option("--report", settings->report, "also write a report with plots: one HTML file");
     verb->add_option("--session", settings->selection.sessions, "use only these sessions")->take_all();
     verb->add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")
         ->delimiter(',');
