@@ -50,7 +50,7 @@ class Sensor:
         return [self.load_of(1.0) for _ in range(self.rows)]
 
     def live_loads(self):
-        return [self.load_of(0.75) for _ in range(12)]
+        return [self.load_of(0.75) for _ in range(30)]
 
     def calibrate_words(self):
         return []
@@ -157,7 +157,8 @@ class Table(Sensor):
         if self.method == "matrix":
             load.update(mx=self.random.uniform(-3e-4, 3e-4) * share, my=self.random.uniform(-3e-4, 3e-4) * share)
         if self.method == "map":
-            x, y, load["node"] = self.random.choice(self.nodes)
+            near = [node for node in self.nodes if math.hypot(node[0], node[1]) < 0.6e-3 * share ** 2]
+            x, y, load["node"] = self.random.choice(near)
             if share < 1:
                 load["fz"] = -self.random.uniform(0.5, share)  # where a lesser press is, noise hides (decoupling/table.md)
             load.update(mx=y * load["fz"], my=-x * load["fz"])

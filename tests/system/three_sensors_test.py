@@ -168,8 +168,13 @@ class Bench:
         self.daemon.__exit__()
         shutil.rmtree(self.daemon.folder)
 
-    def apply(self, name, load):
-        self.feeder.load[name] = {**self.sensors[name].rest(), **load}
+    def apply(self, loads):
+        """Returns when shared memory shows frames of these loads."""
+        with self.feeder.lock:
+            self.feeder.load.update({name: {**self.sensors[name].rest(), **load} for name, load in loads.items()})
+            first = {name: self.feeder.sequence[name] for name in loads}
+        for name in loads:
+            wait_for(lambda: self.node.latest(name).device_sequence > first[name], 5, f"frames of {name}")
 
     def block(self, name):
         return self.plc.block(self.number[name])
@@ -291,21 +296,20 @@ class ThreeSensors(unittest.TestCase):
         loads = {name: bench.sensors[name].live_loads() for name in methods}
         for i in range(max(map(len, loads.values()))):
             now = {name: {**bench.sensors[name].rest(), **loads[name][i % len(loads[name])]} for name in methods}
-            for name, load in now.items():
-                bench.apply(name, load)
-            time.sleep(0.06)
-            for _ in range(6):
+            bench.apply(now)
+            for _ in range(4):
                 for name, load in now.items():
                     found, sample = self.errors(bench, name, load)
                     ratios[name] += found
                     flagged[name] += sample.quality != tactiled.GOOD
                 reads += 1
+                time.sleep(1 / RATE_HZ)
         for name, method in methods.items():
             within = sum(r <= 1 for r in ratios[name]) / len(ratios[name])
             print(f"\n  {name} {method}: {reads} reads, {100 * within:.0f} % within one sd, worst {max(ratios[name]):.1f} sd, {flagged[name]} not GOOD",
                   end="")
-            # 68 % of errors; what the model leaves is the same in all reads of one load, and there are twelve loads.
-            self.assertGreaterEqual(within, 0.4, f"{name} {method}")
+            # 68 % of errors; what the model leaves is the same in all reads of one load, and there are few loads.
+            self.assertGreaterEqual(within, 0.5, f"{name} {method}")
             self.assertEqual(flagged[name], 0, f"{name} {method}")
         for name in methods:
             self.assertEqual(bench.block(name)["lost"], 0, name)
@@ -352,8 +356,7 @@ class ThreeSensors(unittest.TestCase):
         bench = self.bench(**{**self.first_methods(), name: method})
         sensor = bench.sensors[name]
         load = {**sensor.rest(), **load}
-        bench.apply(name, load)
-        time.sleep(0.1)
+        bench.apply({name: load})
         before = self.errors(bench, name, load)[1]
         self.assertEqual(before.quality, tactiled.GOOD)
         witness = Witness(bench, [other for other in SENSORS if other != name])
@@ -413,9 +416,7 @@ class ThreeSensors(unittest.TestCase):
         noise_N = {"table": 6 * 0.002, "hair": 6 * 13.7 * 2.827e-5}  # 13.7 Pa is a hair's noise under a press
         with bench:
             loads = {name: sensor.load_of(0.75) for name, sensor in bench.sensors.items()}
-            for name, load in loads.items():
-                bench.apply(name, load)
-            time.sleep(0.1)
+            bench.apply(loads)
             for _ in range(50):
                 for name, load in loads.items():
                     block, floats, sample = bench.together(name)
