@@ -29,6 +29,9 @@ constexpr double kOther = 9;  // another minimum is as good: 3 sigma
 constexpr double kDefaultLocate = 5;
 constexpr int kFewestGauges = 6;  // five unknowns and something to compare
 constexpr int kWarmSteps = 6;
+// A point that moved farther than this between two samples has jumped: the minimum beside the last one may be another, and
+// explain the readings well enough with a pull instead of a press. A finger that slides at 100 mm/s moves as far in 1 ms.
+constexpr double kJump_m = 1e-4;
 constexpr unsigned kSearchEvery = 64;  // samples: a minimum that was followed may no longer be the best
 constexpr unsigned kDeadEvery = 16;    // samples with disagreement between looks for a dead gauge
 
@@ -103,11 +106,13 @@ private:
         dead_ = 0;
     }
 
-    // On from the last point where that still explains the readings; else a search over the plate.
+    // On from the last point where that still explains the readings, close by; else a search over the plate.
     PointContact locate(const Gauges& y, std::uint32_t usable, double variance) noexcept {
         if (has_point_ && ++since_search_ < kSearchEvery) {
             const PointContact contact = solver_.refine(y, usable, point_m_, kWarmSteps);
-            if (contact.converged && residual(contact, usable, variance) <= kPoor) return contact;
+            if (contact.converged && residual(contact, usable, variance) <= kPoor &&
+                (contact.point_m - point_m_).norm() <= kJump_m)
+                return contact;
         }
         since_search_ = 0;
         double other;

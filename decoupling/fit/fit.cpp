@@ -111,6 +111,15 @@ Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitMethod& meth
     fitted.validation = hold_out(labelled, rows, method.fit, calibration, report.warnings);
     calibration.validation = fitted.validation.how;
     set_uncertainty(fitted.validation.rows, calibration);
+    // A search may end worse on all rows than it did on parts of them (mlp, by up to 1.6): what is held out then speaks of
+    // other calibrations than this one.
+    const Wrench own = rms_error(calibration, rows);
+    for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
+        const std::size_t c = component_index(calibration.components[i]);
+        if (!(own[c] > fitted.validation.rms[c]) || !(fitted.validation.rms[c] > 0)) continue;
+        calibration.sd[i] *= own[c] / fitted.validation.rms[c];
+        if (!calibration.sd_slope.empty()) calibration.sd_slope[i] *= own[c] / fitted.validation.rms[c];
+    }
     for (const auto& component : report.components)
         fitted.about.held_out_rms.push_back(fitted.validation.rms[component_index(component.name)]);
     return fitted;

@@ -99,5 +99,27 @@ TEST(Shipped, TableDemoRestsPressesAndCircles) {
     });
 }
 
+// The paper's figures of the pairs: 7.1e-4 /kPa of SUM and 1.5e-3 /kPa of DIFF, printed to two digits.
+TEST(Shipped, HairDocumentsHaveThePapersSensitivities) {
+    const Calibration calibration = loaded("hair_documents.toml");
+    EXPECT_TRUE(calibration.sd.empty());  // nobody measured it under combined load
+    const auto decoupler = make_decoupler(calibration);
+    const double area_m2 = 2.827e-5;
+    const auto expect = [&](const std::vector<double>& hairs, double fx_Pa, double fy_Pa, double fz_Pa, double within_Pa) {
+        const Estimate estimate = decouple(*decoupler, hairs);
+        EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+        EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY});
+        EXPECT_NEAR(estimate.wrench_S[0] / area_m2, fx_Pa, within_Pa);
+        EXPECT_NEAR(estimate.wrench_S[1] / area_m2, fy_Pa, within_Pa);
+        EXPECT_NEAR(estimate.wrench_S[2] / area_m2, fz_Pa, within_Pa);
+    };
+    expect({0, 0, 0, 0}, 0, 0, 0, 1e-9);
+    expect({3.55e-4, 3.55e-4, 3.55e-4, 3.55e-4}, 0, 0, -1000, 60);  // 6 %: of a mean of hairs that differ
+    expect({-7.5e-4, 0, 7.5e-4, 0}, 1000, 0, 0, 60);
+    // 1.5 kPa of press, 0.8 kPa of shear at 150 degrees, by eq. 14
+    const double sigma = 3.74e-7 * 1500, tau = 7.91e-7 * 800, c = std::cos(2.6179938779915), s = std::sin(2.6179938779915);
+    expect({sigma - tau * c, sigma - tau * s, sigma + tau * c, sigma + tau * s}, 800 * c, 800 * s, -1500, 1e-6);
+}
+
 }  // namespace
 }  // namespace tactiled

@@ -1,0 +1,431 @@
+#!/usr/bin/env python3
+"""Every model and method from labelled rows to a PLC: three sensors of different kinds on three ptys, one daemon.
+
+The sensors are simulated by their documents' formulas (simulated_sensors.py), calibrated with `tactilectl calibrate`, and
+fed at 200 Hz. A PLC (pymodbus) must see the applied forces within the registers' resolution and the stated sd; shared memory
+(tactiled.py) must say the same. A new model needs a class in simulated_sensors.py, no line here.
+"""
+import math
+import os
+import pathlib
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+import unittest
+
+from pymodbus.client import ModbusTcpClient
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
+from simulated_sensors import NONE, SENSORS  # noqa: E402
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(ROOT / "node/python"))
+import tactiled  # noqa: E402
+
+RATE_HZ = 200
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+OK, STALE, UNCERTAIN, FAULT = 1 << 0, 1 << 6, 1 << 12, 1 << 15  # STATUS of a sensor block
+NONE_I16 = 0x8000
+# FAULT of a sensor block
+DISCONNECTED, MISSING, DISAGREEMENT, SD_UNKNOWN = 2, 7, 10, 12
+WORST_SD = 5  # of all the values read, about 7000: a normal error is beyond 5 sd once in 1.7 million
+
+
+class Feeder(threading.Thread):
+    """The devices: a pty for each sensor, a frame of each 200 times a second."""
+
+    def __init__(self, folder, sensors):
+        super().__init__(daemon=True)
+        self.folder, self.sensors = folder, sensors
+        self.load = {name: sensor.rest() for name, sensor in sensors.items()}
+        self.spoil = {}  # name -> what a dead wire makes of the channels
+        self.master, self.slave, self.sequence = {}, {}, dict.fromkeys(sensors, 0)
+        self.lock, self.ended = threading.Lock(), threading.Event()
+        self.failure = None
+        for name in sensors:
+            self.plug(name)
+
+    def plug(self, name):
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        link = self.folder / name
+        link.unlink(missing_ok=True)
+        link.symlink_to(os.ttyname(slave))
+        with self.lock:
+            self.master[name], self.slave[name] = master, slave
+
+    def unplug(self, name):
+        with self.lock:
+            os.close(self.master.pop(name))
+            os.close(self.slave.pop(name))
+
+    def run(self):
+        try:
+            due = time.monotonic()
+            while not self.ended.is_set():
+                with self.lock:
+                    for name, master in self.master.items():
+                        channels = self.sensors[name].read(self.load[name])
+                        channels = self.spoil.get(name, lambda same: same)(channels)
+                        try:
+                            os.write(master, self.sensors[name].frame(self.sequence[name], channels))
+                        except BlockingIOError:
+                            pass  # nobody reads yet
+                        self.sequence[name] += 1
+                due += 1 / RATE_HZ
+                time.sleep(max(0, due - time.monotonic()))
+        except Exception as failure:  # shown by close()
+            self.failure = failure
+
+    def close(self):
+        self.ended.set()
+        self.join()
+        for name in list(self.master):
+            self.unplug(name)
+        if self.failure is not None:
+            raise self.failure
+
+
+class Plc:
+    """Register map 1.0, as its page says."""
+
+    def __init__(self, port):
+        self.client = ModbusTcpClient("127.0.0.1", port=port)
+        assert self.client.connect()
+
+    def registers(self, address, count):
+        answer = self.client.read_input_registers(address, count, slave=1)
+        assert not answer.isError(), answer
+        assert answer.registers[0] == answer.registers[-1] or count < 25, "SEQ and SEQ_END differ"
+        return answer.registers
+
+    def ok_mask(self):
+        return self.registers(10, 1)[0]
+
+    def block(self, n):
+        r = self.registers(100 + 25 * n, 25)
+        return {"seq": r[0], "status": r[1], "fault": r[2], "i16": r[4:10], "cop": r[12:14], "lost": r[22], "raw": r[23]}
+
+    def floats(self, n):
+        r = self.registers(2100 + 25 * n, 25)
+        values = struct.unpack(">11f", struct.pack(">22H", *r[2:24]))
+        return {"seq": r[0], "status": r[1], "wrench": values[:6], "cop_mm": values[6:8]}
+
+    def close(self):
+        self.client.close()
+
+
+def f32(value):
+    return struct.unpack("f", struct.pack("f", value))[0]
+
+
+def i16_of(value, resolution):
+    return NONE_I16 if math.isnan(value) else max(-32767, min(32767, round(value / resolution))) & 0xFFFF
+
+
+class Bench:
+    """The daemon, its devices, the PLC and a reader of shared memory. A context manager."""
+
+    def __init__(self, methods, calibrations):
+        """methods: {sensor's name: method}; calibrations: folder with NAME-METHOD.toml."""
+        self.sensors, text = {}, ""
+        for name, method in methods.items():
+            sensor = self.sensors[name] = SENSORS[name]()
+            sensor.begin(method)
+            text += sensor.toml(name, method)
+        self.daemon = Daemon(text)
+        self.number = {name: n for n, name in enumerate(methods)}
+        for name, method in methods.items():
+            fitted = self.sensors[name].fitted_as.get(method, method)
+            shutil.copy(calibrations / f"{name}-{fitted}.toml", self.daemon.folder / f"{name}-{method}.toml")
+
+    def __enter__(self):
+        self.feeder = Feeder(self.daemon.folder, self.sensors)
+        self.feeder.start()
+        try:
+            self.daemon.start()
+            self.plc = Plc(self.daemon.port)
+            self.node = tactiled.open(self.daemon.name)
+            for name in self.sensors:
+                wait_for(lambda: self.node.latest(name).quality in (tactiled.GOOD, tactiled.UNCERTAIN), 5, f"{name}\n{self.daemon.log()}")
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_):
+        for part in ("plc", "node"):
+            if hasattr(self, part):
+                getattr(self, part).close()
+        self.feeder.close()
+        self.daemon.__exit__()
+        shutil.rmtree(self.daemon.folder)
+
+    def apply(self, loads):
+        """Returns when shared memory shows frames of these loads."""
+        with self.feeder.lock:
+            self.feeder.load.update({name: {**self.sensors[name].rest(), **load} for name, load in loads.items()})
+            first = {name: self.feeder.sequence[name] for name in loads}
+        for name in loads:
+            wait_for(lambda: self.node.latest(name).device_sequence > first[name], 5, f"frames of {name}")
+
+    def block(self, name):
+        return self.plc.block(self.number[name])
+
+    def together(self, name):
+        """(sensor block, floats, sample in shared memory), all of the same published frame."""
+        for _ in range(500):
+            block, floats = self.block(name), self.plc.floats(self.number[name])
+            node, samples = self.node.snapshot()
+            if block["seq"] == floats["seq"] == node.sequence & 0xFFFF:
+                return block, floats, samples[name]
+        raise AssertionError(f"{name}: no Modbus answer and snapshot of the same frame in 500 tries")
+
+
+class Witness:
+    """Follows sensors that nothing happens to."""
+
+    def __init__(self, bench, names):
+        self.samples = {name: [] for name in names}
+        self.ended = threading.Event()
+        self.threads = [threading.Thread(target=self.follow, args=(bench.daemon.name, name)) for name in names]
+        for thread in self.threads:
+            thread.start()
+
+    def follow(self, node_name, name):
+        with tactiled.open(node_name) as node:
+            for sample in node.follow(name, timeout=1):
+                self.samples[name].append(sample)
+                if self.ended.is_set():
+                    return
+
+    def check(self, test):
+        self.ended.set()
+        for thread in self.threads:
+            thread.join()
+        for name, samples in self.samples.items():
+            test.assertGreater(len(samples), 100, name)
+            test.assertEqual({s.quality for s in samples}, {tactiled.GOOD}, name)
+            test.assertEqual([s.sequence for s in samples], list(range(samples[0].sequence, samples[-1].sequence + 1)), name)
+            test.assertEqual(samples[0].lost, samples[-1].lost, name)
+
+
+def wrench_of(sample):
+    return (*sample.force_S_N, *sample.torque_S_Nm)
+
+
+def sd_of(sample):
+    return (*sample.sd_force_N, *sample.sd_torque_Nm)
+
+
+class ThreeSensors(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.calibrations = pathlib.Path(cls.temporary.name)
+        cls.tasks = {}
+        for name, kind in SENSORS.items():
+            for method in kind.methods:
+                if method in kind.fitted_as:
+                    continue
+                sensor = kind()
+                sensor.begin(method)
+                stem = cls.calibrations / f"{name}-{method}"
+                sensor.write_labelled(f"{stem}.csv")
+                done = subprocess.run([BIN / "tactilectl", "calibrate", "--model", sensor.model, "--method", method, "--channel-unit",
+                                       sensor.channel_unit, "--in", f"{stem}.csv", "--out", f"{stem}.toml", *sensor.calibrate_words()],
+                                      capture_output=True, text=True)
+                assert done.returncode == 0, f"{name} {method}: {done.stdout}{done.stderr}"
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.temporary.cleanup()
+
+    def bench(self, **methods):
+        return self.enterContext(Bench(methods, self.calibrations))
+
+    def check_same(self, block, floats, sample):
+        """The PLC's registers are those of the sample in shared memory."""
+        for i, value in enumerate(wrench_of(sample)):
+            self.assertEqual(block["i16"][i], i16_of(value, 0.01 if i < 3 else 0.001))
+            if math.isnan(value):
+                self.assertTrue(math.isnan(floats["wrench"][i]))
+            else:
+                self.assertEqual(floats["wrench"][i], f32(value))
+        status = {tactiled.GOOD: OK, tactiled.UNCERTAIN: UNCERTAIN, tactiled.BAD: FAULT}[sample.quality]
+        self.assertEqual(block["status"] & (OK | UNCERTAIN | FAULT), status)
+        self.assertEqual(floats["status"], block["status"])
+        self.assertEqual(block["raw"], sample.missing | sample.saturated)
+
+    def errors(self, bench, name, load):
+        """Reads a sensor once; returns [|error| / sd] of each component after checking it against the load."""
+        sensor = bench.sensors[name]
+        what = f"{name} {sensor.method} {load}"
+        block, floats, sample = bench.together(name)
+        self.check_same(block, floats, sample)
+        ratios = []
+        for i, component in enumerate(COMPONENTS):
+            value, sd = floats["wrench"][i], sd_of(sample)[i]
+            if component not in sensor.components:
+                self.assertEqual((block["i16"][i], math.isnan(value)), (NONE_I16, True), f"{what}: {component} is not seen")
+                continue
+            applied, resolution = load[component], 0.01 if i < 3 else 0.001
+            allowed = WORST_SD * sd + sensor.heavy_tails.get(sensor.method, 0) * sensor.full_scale  # NaN, no sd, fails
+            self.assertLessEqual(abs(value - applied), allowed, f"{what}: {component} = {value}, sd {sd}")
+            register = (block["i16"][i] ^ 0x8000) - 0x8000
+            self.assertLessEqual(abs(register * resolution - applied), resolution / 2 + allowed, f"{what}: {component}")
+            ratios.append(abs(value - applied) / sd)
+        if sensor.method in sensor.cop_methods:
+            for i, applied_m in enumerate((-load["my"] / load["fz"], load["mx"] / load["fz"])):
+                sd_m = math.hypot(sd_of(sample)[4 - i], applied_m * sd_of(sample)[2]) / abs(load["fz"])
+                self.assertLessEqual(abs(floats["cop_mm"][i] / 1e3 - applied_m), WORST_SD * sd_m, f"{what}: COP {floats['cop_mm']}")
+        return ratios, sample
+
+    def run_methods(self, **methods):
+        """Loads on all three at once; the PLC reads all three."""
+        bench = self.bench(**methods)
+        ratios = {name: [] for name in methods}
+        flagged, reads = dict.fromkeys(methods, 0), 0
+        loads = {name: bench.sensors[name].live_loads() for name in methods}
+        for i in range(max(map(len, loads.values()))):
+            now = {name: {**bench.sensors[name].rest(), **loads[name][i % len(loads[name])]} for name in methods}
+            bench.apply(now)
+            for _ in range(4):
+                for name, load in now.items():
+                    found, sample = self.errors(bench, name, load)
+                    ratios[name] += found
+                    flagged[name] += sample.quality != tactiled.GOOD
+                reads += 1
+                time.sleep(1 / RATE_HZ)
+        for name, method in methods.items():
+            within = sum(r <= 1 for r in ratios[name]) / len(ratios[name])
+            print(f"\n  {name} {method}: {reads} reads, {100 * within:.0f} % within one sd, worst {max(ratios[name]):.1f} sd, {flagged[name]} not GOOD",
+                  end="")
+            # 68 % of errors; what the model leaves is the same in all reads of one load, and there are few loads.
+            self.assertGreaterEqual(within, 0.5, f"{name} {method}")
+            self.assertEqual(flagged[name], 0, f"{name} {method}")
+        for name in methods:
+            self.assertEqual(bench.block(name)["lost"], 0, name)
+        self.assertEqual(bench.daemon.stop()[0], 0)
+
+    def test_each_method_from_labelled_rows_to_the_plc(self):
+        longest = max(len(kind.methods) for kind in SENSORS.values())
+        for turn in range(longest):
+            methods = {name: kind.methods[turn % len(kind.methods)] for name, kind in SENSORS.items()}
+            with self.subTest(**methods):
+                self.run_methods(**methods)
+
+    def first_methods(self):
+        return {name: kind.methods[0] for name, kind in SENSORS.items()}
+
+    def test_unplugged_sensor_goes_to_the_sentinel_and_the_others_do_not_notice(self):
+        bench = self.bench(**self.first_methods())
+        everyone = (1 << len(SENSORS)) - 1
+        for name, n in bench.number.items():
+            with self.subTest(name):
+                wait_for(lambda: bench.plc.ok_mask() == everyone, 5, "all to be GOOD")
+                witness = Witness(bench, [other for other in SENSORS if other != name])
+                time.sleep(0.1)
+                began = time.monotonic()
+                bench.feeder.unplug(name)
+                wait_for(lambda: bench.block(name)["status"] & FAULT, 1, "the fault")
+                took = time.monotonic() - began
+                for _ in range(60):
+                    block, floats, sample = bench.together(name)
+                    self.check_same(block, floats, sample)
+                    self.assertEqual(block["i16"] + block["cop"], [NONE_I16] * 8)
+                    self.assertTrue(all(map(math.isnan, floats["wrench"] + floats["cop_mm"])))
+                    self.assertEqual(block["fault"], DISCONNECTED)
+                    self.assertIn("disconnected", sample.reasons_text)  # and stale, when it is
+                    self.assertEqual(bench.plc.ok_mask(), everyone & ~(1 << n))
+                    time.sleep(0.01)
+                witness.check(self)
+                bench.feeder.plug(name)
+                wait_for(lambda: bench.plc.ok_mask() == everyone, 5, "the sensor to come back")
+                print(f"\n  {name}: sentinel after {1000 * took:.0f} ms", end="")
+
+    def dead(self, name, method, channel, value, fault, load, not_good=UNCERTAIN):
+        """A channel that is NONE (missing) or stuck at a value. Returns (sd before, sd after); the forces stay right."""
+        bench = self.bench(**{**self.first_methods(), name: method})
+        sensor = bench.sensors[name]
+        load = {**sensor.rest(), **load}
+        bench.apply({name: load})
+        before = self.errors(bench, name, load)[1]
+        self.assertEqual(before.quality, tactiled.GOOD)
+        witness = Witness(bench, [other for other in SENSORS if other != name])
+        k = sensor.channels.index(channel)
+        bench.feeder.spoil[name] = lambda channels: [*channels[:k], value, *channels[k + 1:]]
+        wait_for(lambda: bench.block(name)["status"] & not_good, 2, f"{channel} to be noticed")
+        time.sleep(0.05)
+        for _ in range(100):
+            block, floats, sample = bench.together(name)
+            self.check_same(block, floats, sample)
+            self.assertEqual(block["status"] & (OK | UNCERTAIN | FAULT), not_good)
+            self.assertEqual(block["fault"], fault)
+            self.assertEqual(block["raw"], 1 << k if math.isnan(value) else 0)
+            if not_good == UNCERTAIN and not math.isnan(sample.sd_force_N[0]):
+                self.errors(bench, name, load)
+            time.sleep(0.005)
+        witness.check(self)
+        bench.feeder.spoil.clear()
+        wait_for(lambda: bench.block(name)["status"] & OK, 2, "the channel to be believed again")
+        return before.sd_force_N, sample.sd_force_N
+
+    def assert_grew(self, before, after, factors):
+        for was, now, factor in zip(before, after, factors):
+            self.assertAlmostEqual(now / was, factor, delta=0.15)  # hairs differ, and the sd grows with the load
+
+    # Of the gauges' sums of squares: fx loses one of two inner, and both outer ones are left; of fz, 3 of 4 are left and
+    # share the loss with fx.
+    def test_missing_gauge(self):
+        before, after = self.dead("table", "linear", "R5", NONE, MISSING, {"fx": 0.2, "fy": -0.15, "fz": -0.6})
+        self.assertGreater(after[0] / before[0], 1.15)
+        self.assertGreater(after[2] / before[2], 1.1)
+
+    def test_stuck_gauge(self):
+        # It is found by the disagreement, and then treated as missing.
+        before, after = self.dead("table", "linear", "R5", 0.0, MISSING, {"fx": 0.2, "fy": -0.15, "fz": -0.6})
+        self.assertGreater(after[0] / before[0], 1.15)
+        self.assertGreater(after[2] / before[2], 1.1)
+
+    def test_missing_hair(self):
+        load = {"fx": 0.006, "fy": -0.004, "fz": -0.03}
+        self.assert_grew(*self.dead("hair", "sum_diff", "H2", NONE, MISSING, load), (1, 3 ** 0.5, 2 ** 0.5))
+
+    def test_stuck_hair(self):
+        _, after = self.dead("hair", "sum_diff", "H2", 0.0, DISAGREEMENT, {"fx": 0.006, "fy": -0.004, "fz": -0.03})
+        self.assertTrue(all(map(math.isnan, after)), "which hair is wrong cannot be told: no sd")
+
+    def test_missing_channel_of_a_skin(self):
+        self.dead("skin", "matrix", "B3", NONE, MISSING, {"fx": 1.0, "fy": -2.0, "fz": -5.0}, not_good=FAULT)
+
+    def test_the_documents_sensors_without_an_sd(self):
+        methods = {"table": "linear", "hair": "sum_diff"}
+        bench = Bench(methods, self.calibrations)
+        for name, method in methods.items():
+            shutil.copy(ROOT / f"config/calibration/{name}_documents.toml", bench.daemon.folder / f"{name}-{method}.toml")
+        bench.sensors["hair"].own_gain = [(1, 1)] * 4
+        bench.sensors["hair"].method = "physics"  # straight hairs
+        noise_N = {"table": 6 * 0.002, "hair": 6 * 13.7 * 2.827e-5}  # 13.7 Pa is a hair's noise under a press
+        with bench:
+            loads = {name: sensor.load_of(0.75) for name, sensor in bench.sensors.items()}
+            bench.apply(loads)
+            for _ in range(50):
+                for name, load in loads.items():
+                    block, floats, sample = bench.together(name)
+                    self.check_same(block, floats, sample)
+                    self.assertEqual(block["fault"], SD_UNKNOWN)
+                    self.assertTrue(all(map(math.isnan, sample.sd_force_N)))
+                    for i, component in enumerate(("fx", "fy", "fz")):
+                        self.assertAlmostEqual(floats["wrench"][i], load[component], delta=noise_N[name])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
