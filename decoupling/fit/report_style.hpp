@@ -33,7 +33,7 @@ svg { width: 100%; height: auto; max-width: 30rem; } svg text { font-size: 11px;
   --grid: #e4e4e4; --dots: #1f5fa8; --band: #d9822b; --line: #b3261e; --note: #fff4dc; --cell: 31, 95, 168; }
   body { font-size: 9.5pt; max-width: none; margin: 0; padding: 0; } figure, table, .note { break-inside: avoid; }
   h2, h3 { break-after: avoid; }
-  td { white-space: normal; } th, td { padding: 0.2em 0.4em; } .scroll { overflow: visible; } .plots { grid-template-columns: repeat(3, 1fr); } }
+  td { white-space: normal; } th, td { padding: 0.2em 0.4em; font-size: 8pt; overflow-wrap: break-word; } .scroll { overflow: visible; } .plots { grid-template-columns: repeat(3, 1fr); } }
 )";
 
 }  // namespace tactiled
