@@ -8,10 +8,6 @@ inline constexpr const char* kReportStyle = R"(
   --dots: #1f5fa8; --band: #d9822b; --line: #b3261e; --note: #fff4dc; --cell: 31, 95, 168; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6e8eb; --soft: #a3abb5; --paper: #14171b; --rule: #3a414a;
   --grid: #262c33; --dots: #7db4f5; --band: #d9a05b; --line: #ff8a80; --note: #3a2f16; --cell: 90, 150, 225; } }
-@media print { :root { color-scheme: light; --ink: #000000; --soft: #444444; --paper: #ffffff; --rule: #bbbbbb;
-  --grid: #e4e4e4; --dots: #1f5fa8; --band: #d9822b; --line: #b3261e; --note: #fff4dc; --cell: 31, 95, 168; }
-  body { font-size: 9.5pt; max-width: none; margin: 0; padding: 0; } figure, table, .note { break-inside: avoid; }
-  h2, h3 { break-after: avoid; } .plots { grid-template-columns: repeat(3, 1fr); } }
 * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 body { margin: 0 auto; padding: 1.5rem; max-width: 75rem; color: var(--ink); background: var(--paper);
   font: 15px/1.45 system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; }
@@ -33,6 +29,11 @@ svg { width: 100%; height: auto; max-width: 30rem; } svg text { font-size: 11px;
 .bar { fill: var(--dots); fill-opacity: 0.55; stroke: var(--paper); stroke-width: 0.5; }
 .ideal { fill: none; stroke: var(--line); stroke-dasharray: 5 3; }
 .curve { fill: none; stroke: var(--line); stroke-width: 1.5; }
+@media print { :root { color-scheme: light; --ink: #000000; --soft: #444444; --paper: #ffffff; --rule: #bbbbbb;
+  --grid: #e4e4e4; --dots: #1f5fa8; --band: #d9822b; --line: #b3261e; --note: #fff4dc; --cell: 31, 95, 168; }
+  body { font-size: 9.5pt; max-width: none; margin: 0; padding: 0; } figure, table, .note { break-inside: avoid; }
+  h2, h3 { break-after: avoid; }
+  td { white-space: normal; } th, td { padding: 0.2em 0.4em; font-size: 8pt; overflow-wrap: break-word; } .scroll { overflow: visible; } .plots { grid-template-columns: repeat(3, 1fr); } }
 )";
 
 }  // namespace tactiled

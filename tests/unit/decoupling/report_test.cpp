@@ -335,6 +335,8 @@ TEST(SvgPlot, PutsDotsWhereTheyBelong) {
     const Span axis = as_axis({-1, 4});
     EXPECT_DOUBLE_EQ(axis.least, -1.2);
     EXPECT_DOUBLE_EQ(axis.most, 4.2);
+    const Span narrow = as_axis({1e9, 1e9 + 1e-6});  // no ticks that can be told apart
+    EXPECT_GT(narrow.most - narrow.least, 1);
 }
 
 }  // namespace
