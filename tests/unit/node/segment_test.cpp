@@ -728,9 +728,7 @@ TEST_F(SegmentTest, OfManyStartersOneWinsThoughAReaderHoldsALock) {
         const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
         struct flock whole {};
         whole.l_type = F_RDLCK;
-        if (round % 2 == 0) {
-            ASSERT_EQ(::fcntl(fd, F_OFD_SETLK, &whole), 0);
-        }
+        if (round % 2 == 0) { ASSERT_EQ(::fcntl(fd, F_OFD_SETLK, &whole), 0); }
         int go[2], end[2], result[2];  // the first two are for waiting until they are closed
         ASSERT_TRUE(::pipe(go) == 0 && ::pipe(end) == 0 && ::pipe(result) == 0);
         std::vector<pid_t> starters;
