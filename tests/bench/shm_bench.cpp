@@ -91,6 +91,7 @@ struct Tactiled : b::Base {
         plan.name = "shm-bench-" + std::to_string(getpid());
         plan.sensors.resize(16);
         for (auto& s : plan.sensors) s.stale_ms = 10'000;
+        plan.sensors[0].name[0] = 's';
         tactiled::SegmentWriter writer(plan);
         writer.set_state(TACTILED_RUNNING);
         tactiled_sample s{};
@@ -112,7 +113,7 @@ struct Tactiled : b::Base {
             attach.push_back(std::uint32_t(b::tick() - a));
         }
         const auto segment = tactiled::Segment::open(plan.name);
-        tactiled::Reader reader(plan.name, "");
+        tactiled::Reader reader(plan.name, "s");
         tactiled_sample got{};
         tactiled_node node{};
         reader.next(got);
