@@ -1,0 +1,70 @@
+// Creep: under a constant load an elastomer goes on yielding, and comes back as slowly.
+#include <array>
+#include <cmath>
+
+#include "drivers/sim/effect.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// A Kelvin chain on each axis: y = u + sum of g_i x_i, x_i' = (u - x_i) / tau_i, exact for a load that is straight between
+// samples.
+class Creep final : public Effect {
+public:
+    explicit Creep(const Setting& s) : amount_{s.p[0] / 2, s.p[0] / 2} {
+        const std::array<double, kTimes> tau{s.p[1], 10 * s.p[1]};
+        for (std::size_t i = 0; i < kTimes; ++i) {
+            const double h = 1 / s.rate_Hz / tau[i];
+            keep_[i] = std::exp(-h);
+            now_[i] = 1 + std::expm1(-h) / h;  // weight of the newest load
+            before_[i] = -std::expm1(-h) - now_[i];
+        }
+    }
+
+    void apply(Block& block) noexcept override {
+        for (std::size_t axis = 0; axis < kAxes; ++axis)
+            for (std::size_t n = 0; n < block.n; ++n) {
+                const double u = block.drive[axis][n];
+                double y = u;
+                for (std::size_t i = 0; i < kTimes; ++i) {
+                    x_[i][axis] = keep_[i] * x_[i][axis] + before_[i] * last_[axis] + now_[i] * u;
+                    y += amount_[i] * x_[i][axis];
+                }
+                last_[axis] = u;
+                block.drive[axis][n] = y;
+            }
+    }
+
+private:
+    static constexpr std::size_t kTimes = 2;
+    std::array<double, kTimes> amount_, keep_{}, now_{}, before_{};
+    std::array<std::array<double, kAxes>, kTimes> x_{};
+    std::array<double, kAxes> last_{};
+};
+
+// |x_i| after T is at most the largest load times 1 - exp(-T / tau_i).
+Bound bound(const Setting& s) {
+    const double amount = s.p[0] / 2, T = s.extent.length_s;
+    const double part = amount * (-std::expm1(-T / s.p[1]) - std::expm1(-T / (10 * s.p[1])));
+    std::array<double, kAxes> change{};
+    for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = part * s.extent.most[axis];
+    return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.p[0]};
+}
+
+}  // namespace
+
+extern const EffectEntry creep;
+const EffectEntry creep{.name = "creep",
+                        .title = "creep and relaxation",
+                        .equation = "y = u + sum g_i x_i, x_i' = (u - x_i) / tau_i",
+                        .source = "Kelvin chain; load cells creep by 0.2 to 0.8 % in 200 to 400 s, elastomers by 1 to 10 %",
+                        .stage = Stage::material,
+                        .cost_class = "c1",
+                        .instructions = 60,
+                        .models = kAll,
+                        .parameters = {{"amount", "of the load, after a long time", 0.02, 0, 1},
+                                       {"time_s", "of the faster half; the slower takes ten times as long", 5, 1e-3, 1e6}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Creep>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,57 @@
+// White noise of the amplifier and the converter.
+#include <array>
+#include <cmath>
+
+#include "drivers/sim/effect.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// One standard deviation in the channel's unit. Cao et al. state 5.14e-6 for the hairs; load cells behind an HX711 show
+// 0.025 to 0.043 % of full scale.
+double deviation(const Setting& s, std::size_t channel) {
+    if (!std::isnan(s.p[0])) return s.p[0] * s.sensor.per_N[channel];
+    if (s.sensor.model == Model::hair) return 5.14e-6;
+    return 3e-4 * s.sensor.full_scale_N * s.sensor.per_N[channel];
+}
+
+class Noise final : public Effect {
+public:
+    explicit Noise(const Setting& s) : random_(s.random), channels_(s.sensor.n()) {
+        for (std::size_t k = 0; k < channels_; ++k) deviation_[k] = deviation(s, k);
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t k = 0; k < channels_; ++k)
+            for (std::size_t n = 0; n < block.n; ++n)
+                block.channel[k][n] += deviation_[k] * random_.noise(block.first + n, k);
+    }
+
+private:
+    Stream random_;
+    std::size_t channels_;
+    std::array<double, kMostChannels> deviation_{};
+};
+
+Bound bound(const Setting& s) {
+    std::array<double, kMostChannels> change{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMostNoise * deviation(s, k);
+    return {.change_N = s.sensor.largest_N(change)};
+}
+
+}  // namespace
+
+extern const EffectEntry noise;
+const EffectEntry noise{.name = "noise",
+                        .title = "white noise",
+                        .equation = "r = r + sigma n",
+                        .source = "Cao et al. 2023: 5.14e-6; recorded load cells: 0.025 to 0.043 % of full scale",
+                        .stage = Stage::converter,
+                        .cost_class = "c1",
+                        .instructions = 150,
+                        .models = kAll,
+                        .parameters = {{"deviation_N", "one standard deviation; by default by the sensor's model",
+                                        std::numeric_limits<double>::quiet_NaN(), 0, 100}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Noise>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,38 @@
+// A scene: what touches, where, when, how hard, and what the sensors shall read of it. It names no physics: choose.hpp does.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "config/options.hpp"
+#include "drivers/sim/effect.hpp"
+#include "drivers/sim/motion.hpp"
+#include "drivers/sim/sensor.hpp"
+
+namespace tactiled::sim {
+
+struct Scene {
+    std::string file, title;
+    std::uint64_t seed = 1;
+    double rate_Hz = 1000;
+    double wanted_accuracy_N = 0;  // 0 = half of each sensor's resolution
+    std::vector<Sensor> sensors;
+    Body body;
+    Motion motion;
+    std::uint64_t samples = 0;
+    // Of each effect, in the order of chain(): its parameters, and whether the scene itself sets one.
+    std::vector<std::vector<double>> parameters;
+
+    [[nodiscard]] double wanted_N(const Sensor& sensor) const {
+        return wanted_accuracy_N > 0 ? wanted_accuracy_N : sensor.resolution_N / 2;
+    }
+    // What an effect is told. `effect` is its number in chain(). Scene, sensor and extent must outlive it.
+    [[nodiscard]] Setting setting(std::size_t effect, const Sensor& sensor, const Extent& extent) const;
+};
+
+// setup: throws SetupError with all errors of the file, file:line: ...
+Scene read_scene(const std::string& path);
+Scene read_scene(Options options, Problems& problems);
+
+}  // namespace tactiled::sim

@@ -1,0 +1,81 @@
+// A sensor of a scene: what it is, where it sits, and its linear model. The finer models are effects.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/options.hpp"
+#include "drivers/sim/block.hpp"
+
+namespace tactiled::sim {
+
+enum class Model { table, hair, capacitive };
+
+// Strain gauges under a plate on four columns: Lee, Kim, Shikida, Sato.
+struct TableSample {
+    double gauge_factor_normal, gauge_factor_tangential;  // dR/R0 a strain, to a press and to the rest
+    double plate_radius_m = 935e-6;
+    // Strain per N of Fx, Fy, +Fz for R1 .. R8 at points of the plate, each row x_m, y_m, 24 strains; empty = not given.
+    std::vector<std::array<double, 26>> influence;
+};
+
+// Hairs in an elastomer: Cao et al. H1 .. H4 stand at 0, 90, 180, 270 degrees; a shear towards a hair lowers it.
+struct HairSample {
+    double area_m2, height_m;
+    double young_Pa, reference_young_Pa;  // gains hold at the reference and go with its inverse
+    double root_distance_m;               // of a hair from the centre
+};
+
+// Four sectors C1 (+x) C2 (-x) C3 (+y) C4 (-y), a disc Cn in the middle, and a film Vp, over a soft pad.
+struct CapacitiveSample {
+    double disc_radius_m, inner_radius_m, outer_radius_m, opening_rad, centre_radius_m, gap_m;
+    double young_Pa, poisson;
+    double sector_pF, centre_pF;  // of the overlap at rest, without what is stray
+    double stray_sector_pF, stray_centre_pF;
+    double strain_per_N;   // of the gap, at rest
+    double shift_per_N_m;  // of the upper electrode, at rest
+    double piezo_V_per_N;  // above the leak's corner; 0 = no film
+};
+
+struct Sensor {
+    std::string name;
+    Model model{};
+    std::vector<std::string> channels;                            // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"
+    std::string unit;                                             // "dR/R0" or "pF" ("Vp": V)
+    std::array<double, kMostChannels> zero{};                     // at no load
+    std::array<std::array<double, kAxes>, kMostChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
+    // How much of the channel's unit 1 N is: its response to the axis that it feels least, of those that it feels at all
+    // (a tenth of its best). So an error in N is rather named too large than too small.
+    std::array<double, kMostChannels> per_N{};
+    double resolution_N{}, full_scale_N{};
+    TableSample table{};
+    HairSample hair{};
+    CapacitiveSample capacitive{};
+
+    // Where it sits, how it is turned about z against the scene's directions, and which share of the forces it takes.
+    double x_m = 0, y_m = 0, turn_rad = 0, share = 1;
+    double half_width_m = 0;  // of its cell in an array, 0 = alone: then `share` goes with the contact's overlap
+    std::size_t array_row = 0, array_column = 0, rows = 1, columns = 1;
+    std::size_t every = 1;     // delivers each such sample of the scene
+    std::uint16_t device = 0;  // number of its frames
+
+    [[nodiscard]] std::size_t n() const { return channels.size(); }
+    [[nodiscard]] std::size_t find(std::string_view channel) const;  // n() where it has none
+
+    // The largest change of any channel, in N, when each component of the load changes by at most that much (N, Nm).
+    [[nodiscard]] double channel_N(const std::array<double, kAxes>& change) const;
+    // The largest of these changes of channels (unit), in N.
+    [[nodiscard]] double largest_N(const std::array<double, kMostChannels>& change) const;
+};
+
+// Reads a [[sensor]] table of a scene; an array gives one sensor a taxel. Errors go to the options' Problems. setup
+std::vector<Sensor> read_sensor(Options& options);
+
+// One file a model: sets channels, unit, zero, gain and the sample from the keys of the table. setup
+void read_table(Options& options, Sensor& sensor);
+void read_hair(Options& options, Sensor& sensor);
+void read_capacitive(Options& options, Sensor& sensor);
+
+}  // namespace tactiled::sim

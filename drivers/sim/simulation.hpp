@@ -1,0 +1,51 @@
+// A scene at work: for each sensor a line of steps, the chosen effects and the linear model between them, and nothing else.
+#pragma once
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "drivers/sim/choose.hpp"
+#include "drivers/sim/scene.hpp"
+
+namespace tactiled::sim {
+
+class Simulation {
+public:
+    // `effects`: as in choose(). `scene` must outlive it. setup: throws SetupError
+    Simulation(const Scene& scene, const std::string& effects, std::size_t block_size = Block::kSize);
+
+    // The next samples of a sensor; n = 0 at the scene's end. Same scene, effects and seed: the same bits, whatever the
+    // block size, the order of the sensors or the machine (IEEE 754 and the same libm). rt: wait-free; no allocation
+    const Block& advance(std::size_t sensor) noexcept;
+
+    [[nodiscard]] const Choice& choice(std::size_t sensor) const { return lines_[sensor].choice; }
+    [[nodiscard]] const Scene& scene() const { return scene_; }
+    // The largest change of a channel that each chosen effect made so far, N, in the order of choice().decisions; costs
+    // as much as the effects do, so it is off by default.
+    void measure_shares(bool on) { measures_shares_ = on; }
+    [[nodiscard]] const std::vector<double>& shares_N(std::size_t sensor) const { return lines_[sensor].shares_N; }
+
+private:
+    struct Step {
+        std::unique_ptr<Effect> effect;
+        Stage stage;
+        std::size_t decision;  // SIZE_MAX: of the linear model
+    };
+    struct Line {
+        const Sensor* sensor;
+        Extent extent;
+        Choice choice;
+        std::vector<Step> steps;
+        std::vector<double> shares_N;
+        std::unique_ptr<Block> block;
+        std::uint64_t next = 0;
+    };
+    void apply_and_measure(Line& line) noexcept;
+
+    const Scene& scene_;
+    std::size_t block_size_;
+    std::vector<Line> lines_;
+    bool measures_shares_ = false;
+};
+
+}  // namespace tactiled::sim
