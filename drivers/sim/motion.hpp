@@ -97,6 +97,10 @@ private:
     Body body_;
 };
 
+// Half the width of the contact before any effect changes it: the body's radius; a flat body covers the sensor. rt:
+// wait-free
+double contact_radius(const Body& body, const Sensor& sensor) noexcept;
+
 // Reads the [[motion]] tables of a scene. Errors go to the options' Problems. setup
 Motion read_motion(Options& scene, const Body& body, double rate_Hz);
 
