@@ -39,9 +39,12 @@ double overlap(double x, double a, double half) noexcept {
 }  // namespace
 
 double contact_radius(const Body& body, const Sensor& sensor) noexcept {
-    return body.shape == Body::Shape::flat || body.shape == Body::Shape::textured
-               ? (sensor.half_width_m > 0 ? 1.0 : sensor.table.plate_radius_m)  // 1 m: covers any array
-               : body.radius_m;
+    const bool flat = body.shape == Body::Shape::flat || body.shape == Body::Shape::textured;
+    return flat ? sensor.table.plate_radius_m : body.radius_m;
+}
+
+bool covers_array(const Body& body, const Sensor& sensor) noexcept {
+    return sensor.half_width_m > 0 && (body.shape == Body::Shape::flat || body.shape == Body::Shape::textured);
 }
 
 Motion::Motion(std::vector<Segment> segments, const Body& body) : segments_(std::move(segments)), body_(body) {
@@ -54,7 +57,7 @@ Motion::Motion(std::vector<Segment> segments, const Body& body) : segments_(std:
 
 void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
     const double radius = contact_radius(body_, sensor), half = sensor.half_width_m;
-    const bool covers = half > 0 && (body_.shape == Body::Shape::flat || body_.shape == Body::Shape::textured);
+    const bool covers = covers_array(body_, sensor);
     const double fair = sensor.share / (covers ? double(sensor.rows * sensor.columns) : 1);
     const double turn_cos = std::cos(sensor.turn_rad), turn_sin = std::sin(sensor.turn_rad);
     std::size_t at = 0;  // the segment, found anew in each block: times may go back a little

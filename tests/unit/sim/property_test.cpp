@@ -122,6 +122,38 @@ TEST(Effects, LeftOutOfAllKeepTheGuarantee) {
     }
 }
 
+TEST(Extent, HoldsEverySample) {
+    for (std::uint64_t seed = 1; seed <= 2000; ++seed) {
+        const std::string text = random_scene(seed);
+        const Scene scene = scene_of(text);
+        const Extent e = scene.motion.extent(scene.sensors[0]);
+        Simulation simulation(scene, "none");
+        std::array<double, kAxes> before{}, least{}, most{};
+        const double slack = 1 + 1e-9;
+        for (const Block* b = &simulation.advance(0); b->n > 0; b = &simulation.advance(0))
+            for (std::size_t n = 0; n < b->n; ++n) {
+                for (std::size_t axis = 0; axis < kAxes; ++axis) {
+                    const double load = b->load[axis][n];
+                    ASSERT_LE(std::abs(load), e.most[axis] * slack) << axis << " in scene " << seed << "\n" << text;
+                    ASSERT_LE(std::abs(load - before[axis]), e.change(Axis(axis), 1 / scene.rate_Hz) * slack + 1e-15)
+                        << axis << " at " << b->t_s[n] << " in scene " << seed << "\n"
+                        << text;
+                    before[axis] = load;
+                    least[axis] = std::min(least[axis], load);
+                    most[axis] = std::max(most[axis], load);
+                }
+                const double shear = std::hypot(b->load[kFx][n], b->load[kFy][n]);
+                ASSERT_LE(shear + scene.body.friction * b->load[kFz][n], e.shear_excess_N * slack + 1e-12) << seed << "\n"
+                                                                                                           << text;
+                ASSERT_LE(b->speed_m_s[n], e.speed_m_s);
+                ASSERT_LE(b->slide_m[n], e.slide_m * slack + 1e-15);
+                ASSERT_LE(std::abs(b->ambient_K[n]), e.ambient_K * slack);
+                ASSERT_LE(std::abs(b->body_K[n] - b->ambient_K[n]), e.body_K * slack + 1e-12);
+            }
+        for (std::size_t axis = 0; axis < kAxes; ++axis) ASSERT_LE(most[axis] - least[axis], e.span[axis] * slack);
+    }
+}
+
 TEST(Simulation, GivesTheSameBitsWhateverTheBlockSize) {
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
         const Scene scene = scene_of(random_scene(seed));
