@@ -10,6 +10,7 @@ namespace tactiled::sim {
 // One file each in effects/, here by stage.
 extern const EffectEntry adhesion;
 extern const EffectEntry anti_alias;
+extern const EffectEntry array_spread;
 extern const EffectEntry bit_errors;
 extern const EffectEntry cap_weight;
 extern const EffectEntry channel_skew;
@@ -50,6 +51,7 @@ constexpr std::array kChain{
     &texture,
     &adhesion,
     &hertz_contact,
+    &array_spread,
     &cap_weight,
     &misalignment,
     // ---- Stage::material ----
