@@ -8,20 +8,75 @@
 namespace tactiled::sim {
 
 // One file each in effects/, here by stage.
+extern const EffectEntry adhesion;
+extern const EffectEntry anti_alias;
+extern const EffectEntry array_spread;
+extern const EffectEntry bit_errors;
+extern const EffectEntry cap_weight;
+extern const EffectEntry channel_skew;
+extern const EffectEntry clock_drift;
+extern const EffectEntry converter_nonlinearity;
+extern const EffectEntry converter_window;
 extern const EffectEntry creep;
+extern const EffectEntry dead_channel;
+extern const EffectEntry excitation_drift;
+extern const EffectEntry flicker_noise;
+extern const EffectEntry friction_limit;
+extern const EffectEntry hertz_contact;
+extern const EffectEntry johnson_noise;
+extern const EffectEntry lead_wires;
+extern const EffectEntry lost_frames;
+extern const EffectEntry mains_hum;
+extern const EffectEntry misalignment;
 extern const EffectEntry noise;
+extern const EffectEntry partial_slip;
+extern const EffectEntry piezo_amplifier;
+extern const EffectEntry quantisation;
+extern const EffectEntry sampling_jitter;
+extern const EffectEntry saturation;
+extern const EffectEntry spikes;
+extern const EffectEntry stick_slip;
+extern const EffectEntry texture;
 
 namespace {
 
 constexpr std::array kChain{
     // ---- Stage::time ----
+    &clock_drift,
+    &sampling_jitter,
     // ---- Stage::contact ----
+    &friction_limit,
+    &partial_slip,
+    &stick_slip,
+    &texture,
+    &adhesion,
+    &hertz_contact,
+    &array_spread,
+    &cap_weight,
+    &misalignment,
     // ---- Stage::material ----
     &creep,
     // ---- Stage::transducer ----
     // ---- Stage::converter ----
+    &lead_wires,
+    &excitation_drift,
+    &piezo_amplifier,
+    &anti_alias,
+    &converter_window,
+    &channel_skew,
+    // What disturbs is stated as it is read, so it stands behind the filters.
+    &johnson_noise,
+    &flicker_noise,
     &noise,
+    &mains_hum,
+    &spikes,
+    &converter_nonlinearity,
+    &saturation,
+    &quantisation,
     // ---- Stage::link ----
+    &dead_channel,
+    &bit_errors,
+    &lost_frames,
 };
 
 }  // namespace
