@@ -116,7 +116,8 @@ LinkSettings read_link(Options table) {
     const std::string name = table.text("name");
     if (!name.empty()) check_name(table, name);
     const std::string driver = table.text("driver");
-    const bool simulated = table.flag("simulated", false);
+    const bool simulated = table.flag("simulated", driver == "sim");
+    if (driver == "sim" && !simulated) table.problem("simulated", "driver \"sim\" is always simulated");
     return {name, driver, simulated, 0, table};
 }
 

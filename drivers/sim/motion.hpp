@@ -58,6 +58,7 @@ struct Extent {
     std::array<double, kAxes> span{};  // largest less least, the 0 before the scene included
     std::array<double, kAxes> rate{};  // |d load / dt|, N/s, Nm/s, where it is no jump
     std::array<double, kAxes> jump{};  // largest change at once
+    double jump_every_s = 1e300;       // least time between two jumps that are not of one wave
     double press_least_N = 0;          // while a shear acts
     double shear_excess_N = 0;         // largest of shear - friction * press, >= 0
     double kinetic_excess_N = 0;       // the same with the kinetic friction
@@ -96,6 +97,12 @@ private:
     std::vector<Segment> segments_;
     Body body_;
 };
+
+// Half the width of the contact before any effect changes it: the body's radius; a flat body covers the sensor. rt:
+// wait-free
+double contact_radius(const Body& body, const Sensor& sensor) noexcept;
+// Whether the body lies on all taxels of the sensor's array alike. rt: wait-free
+bool covers_array(const Body& body, const Sensor& sensor) noexcept;
 
 // Reads the [[motion]] tables of a scene. Errors go to the options' Problems. setup
 Motion read_motion(Options& scene, const Body& body, double rate_Hz);

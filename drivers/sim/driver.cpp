@@ -1,0 +1,117 @@
+// Driver "sim": a scene instead of hardware. Each sensor of the scene is a device of the link, in the scene's order; a
+// frame's channels are in the sensor's own unit (counts_per_unit = 1).
+#include <fmt/format.h>
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+#include "drivers/driver.hpp"
+#include "drivers/sim/simulation.hpp"
+
+namespace tactiled {
+namespace {
+
+std::uint64_t now_ns() noexcept {
+    timespec now{};
+    ::clock_gettime(CLOCK_MONOTONIC, &now);
+    return std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec);
+}
+
+class SimDriver final : public Driver {
+public:
+    explicit SimDriver(Options& options) {
+        const std::string file = options.text("scene");
+        path_ = (std::filesystem::path(options.file()).parent_path() / file).string();  // an absolute path stays itself
+        effects_ = options.text("effects", "auto");
+        speed_ = options.number("speed", {0.001, 1000}, 1);
+        again_ = options.one_of("at_end", {"stop", "again"}, "stop") == "again";
+        try {
+            scene_ = sim::read_scene(path_);
+            sim::Simulation{scene_, effects_};
+        } catch (const SetupError& e) { options.problem("scene", e.what()); }
+    }
+
+    std::string open() override {
+        if (ended_ && !again_) return "the scene has ended; at_end = \"again\" plays it again";
+        simulation_ = std::make_unique<sim::Simulation>(scene_, effects_);
+        block_.assign(scene_.sensors.size(), nullptr);
+        sample_ = 0;
+        sensor_ = 0;
+        pending_lost_.assign(scene_.sensors.size(), 0);
+        began_ns_ = now_ns();
+        return "";
+    }
+
+    Status read(Frame& frame, int timeout_ms) noexcept override {
+        if (simulation_ == nullptr || sample_ >= scene_.samples) {
+            ended_ = true;
+            return Status::gone;
+        }
+        const std::uint64_t due_ns = began_ns_ + std::uint64_t(double(sample_) / scene_.rate_Hz / speed_ * 1e9);
+        const std::uint64_t until_ns = now_ns() + std::uint64_t(timeout_ms) * 1'000'000u;
+        const std::uint64_t wake_ns = std::min(due_ns, until_ns);
+        const timespec wake{time_t(wake_ns / 1'000'000'000u), long(wake_ns % 1'000'000'000u)};
+        while (now_ns() < wake_ns) ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
+        if (due_ns > until_ns) return Status::timeout;
+        return fill(frame) ? Status::frame : Status::timeout;
+    }
+
+    [[nodiscard]] bool has_more() const noexcept override { return sensor_ != 0; }
+
+    void close() noexcept override { simulation_.reset(); }
+
+private:
+    // The frame of the sensor whose turn it is; false where this sample has none of it.
+    bool fill(Frame& frame) noexcept {
+        const std::size_t i = sensor_;
+        const std::uint64_t sample = sample_;
+        if (sample % sim::Block::kSize == 0) block_[i] = &simulation_->advance(i);
+        const sim::Block& block = *block_[i];
+        const sim::Sensor& sensor = scene_.sensors[i];
+        const auto n = std::size_t(sample - block.first);
+        if (++sensor_ == scene_.sensors.size()) {
+            sensor_ = 0;
+            ++sample_;
+        }
+        if (sample % sensor.every != 0) return false;
+        pending_lost_[i] += block.lost[n];
+        if (block.dropped[n]) {
+            ++pending_lost_[i];
+            return false;
+        }
+        frame = Frame{};
+        frame.t_ns = now_ns();
+        frame.device_time_us = std::uint64_t(std::max(0.0, block.t_s[n]) * 1e6);
+        frame.sequence = std::uint32_t(sample / sensor.every);
+        frame.has_sequence = true;
+        frame.device = sensor.device;
+        frame.n_channels = std::uint8_t(sensor.n());
+        frame.missing = block.missing[n];
+        frame.lost = std::exchange(pending_lost_[i], 0u);
+        for (std::size_t k = 0; k < sensor.n(); ++k)
+            frame.channel[k] = frame.missing >> k & 1u ? std::numeric_limits<double>::quiet_NaN() : block.channel[k][n];
+        counts[TACTILED_LINK_LOST] += frame.lost;
+        ++counts[TACTILED_LINK_FRAMES];
+        return true;
+    }
+
+    std::string path_, effects_;
+    double speed_;
+    bool again_, ended_ = false;
+    sim::Scene scene_;
+    std::unique_ptr<sim::Simulation> simulation_;
+    std::vector<const sim::Block*> block_;
+    std::vector<std::uint32_t> pending_lost_;
+    std::uint64_t sample_ = 0, began_ns_ = 0;
+    std::size_t sensor_ = 0;
+};
+
+const DriverEntry entry{"sim",
+                        [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<SimDriver>(options); }};
+
+}  // namespace
+}  // namespace tactiled

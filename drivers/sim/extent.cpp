@@ -1,0 +1,220 @@
+// What a motion can reach, from its segments alone: nothing is run.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "drivers/sim/motion.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+struct Span {
+    double least = 0, most = 0;
+    void take(double v) {
+        least = std::min(least, v);
+        most = std::max(most, v);
+    }
+    [[nodiscard]] double size() const { return std::max(std::abs(least), std::abs(most)); }
+};
+
+// One quantity of a segment: where it lies, how fast it goes, how far it jumps.
+struct Reach {
+    Span span;
+    double rate = 0, jump = 0, end_jump = 0;  // at its begin or within it; at its end
+};
+
+Reach operator*(double factor, Reach r) {
+    const double a = factor * r.span.least, b = factor * r.span.most;
+    return {{std::min(a, b), std::max(a, b)},
+            std::abs(factor) * r.rate,
+            std::abs(factor) * r.jump,
+            std::abs(factor) * r.end_jump};
+}
+
+Reach reach_of(const Segment& s, double State::*quantity, double amplitude = 0) {
+    const double from = s.from.*quantity, to = s.to.*quantity, length = s.end_s - s.begin_s;
+    Reach r{{std::min(from, to), std::max(from, to)}};
+    if (s.course == Course::at_once)
+        r.jump = std::abs(to - from);
+    else
+        r.rate = std::abs(to - from) / length * (s.course == Course::smooth ? 1.5 : 1);
+    const double a = std::abs(amplitude), hz = std::max(s.from_Hz, s.to_Hz);
+    switch (a > 0 ? s.wave : Wave::none) {
+        case Wave::none: break;
+        case Wave::sine:
+            r.rate += 2 * std::numbers::pi * hz * a;
+            r.end_jump = a;  // it may end anywhere in its course
+            r.span = {r.span.least - a, r.span.most + a};
+            break;
+        case Wave::square:
+            r.jump += 2 * a;
+            r.end_jump = a;
+            r.span = {r.span.least - a, r.span.most + a};
+            break;
+        case Wave::pulse:
+            r.rate += std::numbers::pi * a / length;
+            r.span = {r.span.least + std::min(0.0, amplitude), r.span.most + std::max(0.0, amplitude)};
+            break;
+    }
+    return r;
+}
+
+// Where the contact's centre is, seen from the sensor, and which share of the load it gets.
+struct Place {
+    double arm_m[2] = {0, 0};               // |x|, |y|
+    double moves_m_s = 0, hops_m = 0;       // of the centre, on the sensor
+    double share_rate = 0, share_jump = 0;  // of its taxel's share
+};
+
+Place place_of(const Segment& s, const Sensor& sensor, double radius_m, bool covers) {
+    Place p;
+    if (covers) return p;
+    const double turn_cos = std::cos(sensor.turn_rad), turn_sin = std::sin(sensor.turn_rad);
+    for (const State* q : {&s.from, &s.to}) {
+        const double x = q->x_m - sensor.x_m, y = q->y_m - sensor.y_m;
+        p.arm_m[0] = std::max(p.arm_m[0], std::abs(turn_cos * x + turn_sin * y));
+        p.arm_m[1] = std::max(p.arm_m[1], std::abs(turn_cos * y - turn_sin * x));
+    }
+    const Reach x = reach_of(s, &State::x_m), y = reach_of(s, &State::y_m);
+    p.moves_m_s = std::hypot(x.rate, y.rate);
+    p.hops_m = std::hypot(x.jump, y.jump);
+    if (sensor.half_width_m > 0) {
+        p.share_rate = p.moves_m_s / radius_m;  // each side of the overlap loses at most 1 / 2a a metre
+        p.share_jump = std::min(1.0, p.hops_m / radius_m);
+        for (double& arm : p.arm_m) arm = std::min(arm, sensor.half_width_m);
+    }
+    return p;
+}
+
+// The components of the load during a segment.
+std::array<Reach, kAxes> loads_of(const Segment& s, const Sensor& sensor, const Place& place, double share) {
+    Reach press = reach_of(s, &State::press_N, s.wave_on_press ? s.amplitude_N : 0);
+    press.span = {std::max(0.0, press.span.least), std::max(0.0, press.span.most)};
+    const Reach shear = reach_of(s, &State::shear_N, s.wave_on_press ? 0 : s.amplitude_N);
+    const Reach turn = reach_of(s, &State::direction_rad);
+    const double T = shear.span.size(), N = press.span.most;
+    std::array<Reach, kAxes> load;
+    const double angle = s.from.direction_rad - sensor.turn_rad;
+    if (s.from.direction_rad == s.to.direction_rad) {
+        load[kFx] = share * std::cos(angle) * shear;
+        load[kFy] = share * std::sin(angle) * shear;
+    } else {
+        const Reach any{{-T, T}, shear.rate + T * turn.rate, shear.jump + T * std::min(2.0, turn.jump), shear.end_jump};
+        load[kFx] = load[kFy] = share * any;
+    }
+    load[kFz] = -share * press;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const double whole = share * (axis == kFz ? N : T);
+        load[axis].rate += whole * place.share_rate;
+        load[axis].jump += whole * place.share_jump;
+        if (sensor.half_width_m > 0) load[axis].span.take(0);  // the contact may be elsewhere
+    }
+    for (std::size_t m = 0; m < 2; ++m) {
+        const double arm = place.arm_m[1 - m], most = share * N;
+        load[kMx + m] = {{-arm * most, arm * most},
+                         arm * load[kFz].rate + most * place.moves_m_s,
+                         arm * load[kFz].jump + most * std::min(place.hops_m, 2 * arm),
+                         arm * load[kFz].end_jump};
+    }
+    return load;
+}
+
+// Shear and press follow the same course, so that their difference is largest at an end, waves aside.
+void take_friction(Extent& e, const Segment& s, const Body& body, double share, bool& known) {
+    const double wave = s.wave == Wave::none ? 0 : std::abs(s.amplitude_N);
+    for (const State* q : {&s.from, &s.to}) {
+        const double T = std::abs(q->shear_N) + (s.wave_on_press ? 0 : wave);
+        const double N = std::max(0.0, q->press_N - (s.wave_on_press ? wave : 0));
+        if (T == 0) continue;
+        e.press_least_N = known ? std::min(e.press_least_N, share * N) : share * N;
+        known = true;
+        e.shear_excess_N = std::max(e.shear_excess_N, share * (T - body.friction * N));
+        e.kinetic_excess_N = std::max(e.kinetic_excess_N, share * (T - body.kinetic_friction * N));
+    }
+}
+
+// Whether a component of the load ever comes back. `went`: -1, 0 or 1, in which direction each went last.
+bool reverses(const Segment& s, const Place& place, std::array<int, 3>& went) {
+    const auto of = [](const State& q) {
+        return std::array{q.shear_N * std::cos(q.direction_rad), q.shear_N * std::sin(q.direction_rad), -q.press_N};
+    };
+    const auto from = of(s.from), to = of(s.to);
+    bool back = (s.wave != Wave::none && s.amplitude_N != 0) || s.from.direction_rad != s.to.direction_rad ||
+                place.moves_m_s + place.hops_m > 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const int sign = to[axis] > from[axis] ? 1 : to[axis] < from[axis] ? -1 : 0;
+        back = back || sign * went[axis] < 0;
+        if (sign != 0) went[axis] = sign;
+    }
+    return back;
+}
+
+void take_surroundings(Extent& e, const Segment& s, const State& first) {
+    const double length = s.end_s - s.begin_s;
+    if (s.wave == Wave::sine || s.wave == Wave::square) e.frequency_Hz = std::max({e.frequency_Hz, s.from_Hz, s.to_Hz});
+    e.speed_m_s = std::max({e.speed_m_s, s.from.speed_m_s, s.to.speed_m_s});
+    e.slide_m = s.slid_m + std::max(s.from.speed_m_s, s.to.speed_m_s) * length;
+    for (const State* q : {&s.from, &s.to}) {
+        e.moved_m = std::max(e.moved_m, std::hypot(q->x_m - first.x_m, q->y_m - first.y_m));
+        e.ambient_K = std::max(e.ambient_K, std::abs(q->ambient_K));
+        e.body_K = std::max(e.body_K, std::abs(q->body_K - q->ambient_K));
+        e.acceleration_m_s2 = std::max(e.acceleration_m_s2, std::abs(q->acceleration_m_s2));
+    }
+    const Reach ambient = reach_of(s, &State::ambient_K);
+    e.ambient_rate_K_s = std::max(e.ambient_rate_K_s, ambient.jump > 0 ? ambient.jump / length : ambient.rate);
+}
+
+}  // namespace
+
+double Extent::change(Axis axis, double seconds) const {
+    const double jumps = 1 + std::floor(seconds / jump_every_s);
+    return std::min(span[axis], rate[axis] * seconds + jump[axis] * jumps);
+}
+
+std::array<double, kAxes> Extent::changes(double seconds) const {
+    std::array<double, kAxes> all{};
+    for (std::size_t axis = 0; axis < kAxes; ++axis) all[axis] = change(Axis(axis), seconds);
+    return all;
+}
+
+Extent Motion::extent(const Sensor& sensor, std::size_t upto) const {
+    Extent e;
+    std::array<Span, kAxes> span;
+    std::array<int, 3> went{};
+    std::array<double, kAxes> end_jump{};  // of the segment before
+    double jumped_s = -std::numeric_limits<double>::infinity();
+    bool friction_known = false;
+    const bool covers = covers_array(body_, sensor);
+    const double share = sensor.share / (covers ? double(sensor.rows * sensor.columns) : 1);
+    for (std::size_t i = 0; i < segments_.size() && i <= upto; ++i) {
+        const Segment& s = segments_[i];
+        const Place place = place_of(s, sensor, contact_radius(body_, sensor), covers);
+        const auto load = loads_of(s, sensor, place, share);
+        for (std::size_t axis = 0; axis < kAxes; ++axis) {
+            span[axis].take(load[axis].span.least);
+            span[axis].take(load[axis].span.most);
+            e.rate[axis] = std::max(e.rate[axis], load[axis].rate);
+            const double jump = end_jump[axis] + load[axis].jump;
+            if (jump > 0 && jumped_s != s.begin_s) {
+                e.jump_every_s = std::min(e.jump_every_s, s.begin_s - jumped_s);
+                jumped_s = s.begin_s;
+            }
+            e.jump[axis] = std::max({e.jump[axis], jump, load[axis].end_jump});
+            end_jump[axis] = load[axis].end_jump;
+        }
+        e.x_m = std::max(e.x_m, place.arm_m[0]);
+        e.y_m = std::max(e.y_m, place.arm_m[1]);
+        e.reverses |= reverses(s, place, went);
+        take_friction(e, s, body_, share, friction_known);
+        take_surroundings(e, s, segments_.front().from);
+        e.length_s = s.end_s;
+    }
+    for (std::size_t axis = 0; axis < kAxes; ++axis) {
+        e.most[axis] = span[axis].size();
+        e.span[axis] = span[axis].most - span[axis].least;
+    }
+    return e;
+}
+
+}  // namespace tactiled::sim

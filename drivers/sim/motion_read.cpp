@@ -1,0 +1,207 @@
+// The [[motion]] tables of a scene: what happens, one after the other. README.md has the list.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "drivers/sim/motion.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180, kGravity_m_s2 = 9.80665;
+constexpr std::size_t kMostSegments = 200'000;
+
+// Builds the list: each motion begins where the last one ended.
+struct Builder {
+    Options& scene;
+    const Body& body;
+    double rate_Hz;
+    std::vector<Segment> segments{};
+    std::vector<std::size_t> begins{};  // first segment of each motion
+    State state{};
+
+    Segment& add(const std::string& kind, double length_s, const State& to, Course course = Course::linear) {
+        Segment s;
+        s.begin_s = segments.empty() ? 0 : segments.back().end_s;
+        s.end_s = s.begin_s + std::max(length_s, 1 / rate_Hz);
+        s.from = state;
+        s.to = state = to;
+        s.course = course;
+        s.kind = kind;
+        return segments.emplace_back(std::move(s));
+    }
+};
+
+Course read_course(Options& m) {
+    const auto name = m.one_of("course", {"linear", "smooth", "at_once"}, "linear");
+    return name == "smooth" ? Course::smooth : name == "at_once" ? Course::at_once : Course::linear;
+}
+
+constexpr Range kForce_N{0, 1e4}, kSeconds{0, 1e7}, kDegrees{-36000, 36000};
+
+void press(Builder& b, Options& m) {
+    State to = b.state;
+    to.press_N = m.number("to_N", kForce_N);
+    b.add("press", m.number("in_s", kSeconds, 0.1), to, read_course(m));
+}
+
+// The direction counts at once: a shear begins in it.
+void shear(Builder& b, Options& m) {
+    State to = b.state;
+    to.shear_N = m.number("to_N", {-1e4, 1e4});
+    to.direction_rad = m.number("direction_deg", kDegrees, b.state.direction_rad / kDegree) * kDegree;
+    if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
+    b.add("shear", m.number("in_s", kSeconds, 0.1), to, read_course(m));
+}
+
+void rotate(Builder& b, Options& m) {
+    State to = b.state;
+    to.direction_rad += m.number("by_deg", kDegrees) * kDegree;
+    b.add("rotate", m.number("in_s", kSeconds, 0.1), to, read_course(m));
+}
+
+void hold(Builder& b, Options& m) { b.add("hold", m.number("for_s", kSeconds), b.state); }
+
+void move(Builder& b, Options& m) {
+    State to = b.state;
+    to.x_m = m.number("x_m", {-1, 1}, to.x_m);
+    to.y_m = m.number("y_m", {-1, 1}, to.y_m);
+    b.add("move", m.number("in_s", kSeconds, 0.1), to, read_course(m));
+}
+
+void slide(Builder& b, Options& m) {
+    State to = b.state;
+    to.speed_m_s = m.number("speed_m_s", {0, 100});
+    b.add("slide", m.number("in_s", kSeconds, 0.1), to, read_course(m));
+}
+
+void slip(Builder& b, Options& m) {
+    State to = b.state;
+    to.speed_m_s = m.number("speed_m_s", {0, 100}, 0.02);
+    to.shear_N = b.body.kinetic_friction * b.state.press_N;
+    const double length_s = m.number("for_s", kSeconds, 0.2);
+    b.add("slip", 0.005, to, Course::smooth);
+    b.add("slip", length_s, to);
+    to.speed_m_s = 0;
+    b.add("slip", 0.005, to, Course::smooth);
+}
+
+void tap(Builder& b, Options& m) {
+    const double peak_N = m.number("peak_N", kForce_N);
+    Segment& s = b.add("tap", m.number("for_s", kSeconds, 0.02), b.state);
+    s.wave = Wave::pulse;
+    s.amplitude_N = peak_N;
+}
+
+void wave(Builder& b, Options& m, const std::string& kind, Wave form) {
+    const double amplitude_N = m.number("amplitude_N", kForce_N), from_Hz = m.number("from_Hz", {0.001, 1e4});
+    const double to_Hz = form == Wave::sine ? m.number("to_Hz", {0.001, 1e4}, from_Hz) : from_Hz;
+    const bool on_press = m.one_of("on", {"press", "shear"}, "press") == "press";
+    Segment& s = b.add(kind, m.number("for_s", kSeconds), b.state);
+    s.wave = form;
+    s.amplitude_N = amplitude_N;
+    s.from_Hz = from_Hz;
+    s.to_Hz = to_Hz;
+    s.wave_on_press = on_press;
+}
+
+void warm(Builder& b, Options& m) {
+    State to = b.state;
+    to.ambient_K += m.number("ambient_by_K", {-200, 200}, 0);
+    to.body_K += m.number("body_by_K", {-200, 200}, 0);
+    b.add("warm", m.number("in_s", kSeconds), to, read_course(m));
+}
+
+// The sensors take the body's weight, then it goes up: faster, slower, still.
+void lift(Builder& b, Options& m) {
+    if (b.body.mass_kg <= 0) m.problem("do", "lift needs [body] mass_kg");
+    State to = b.state;
+    const double up_m_s2 = m.number("acceleration_m_s2", {0, 100}, 1), length_s = m.number("for_s", kSeconds, 0.8);
+    to.direction_rad = m.number("direction_deg", kDegrees, b.state.direction_rad / kDegree) * kDegree;
+    if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
+    to.shear_N = b.body.mass_kg * kGravity_m_s2;
+    b.add("lift", m.number("in_s", kSeconds, 0.2), to, Course::smooth);
+    for (const double acceleration : {up_m_s2, 0.0, -up_m_s2, 0.0}) {
+        to.acceleration_m_s2 = acceleration;
+        to.shear_N = b.body.mass_kg * (kGravity_m_s2 + acceleration);
+        b.add("lift", length_s / 4, to, Course::smooth);
+    }
+}
+
+void release(Builder& b, Options& m) {
+    State to = b.state;
+    to.press_N = to.shear_N = 0;
+    b.add("release", m.number("in_s", kSeconds, 0.1), to, read_course(m));
+}
+
+void drop(Builder& b, Options& m) {
+    State to = b.state;
+    to.press_N = to.shear_N = to.speed_m_s = 0;
+    b.add("drop", m.number("for_s", kSeconds, 0.1), to, Course::at_once);
+}
+
+// The last motions once more, and again.
+void repeat(Builder& b, Options& m) {
+    const auto last = std::size_t(m.integer("last", {1, 1000}, 1)), times = std::size_t(m.integer("times", {2, 1'000'000}));
+    if (last > b.begins.size())
+        return m.problem("last", fmt::format("there are only {} motions before it", b.begins.size()));
+    const std::size_t begin = b.begins[b.begins.size() - last], count = b.segments.size() - begin;
+    if (count * times > kMostSegments)
+        return m.problem("times", fmt::format("{} steps in all, at most {} are possible", count * times, kMostSegments));
+    const State& from = b.segments[begin].from;
+    if (from.press_N != b.state.press_N || from.shear_N != b.state.shear_N || from.x_m != b.state.x_m ||
+        from.y_m != b.state.y_m || from.speed_m_s != b.state.speed_m_s)
+        return m.problem("do", "what is repeated must end where it began");
+    const double begun_s = b.segments[begin].begin_s, period_s = b.segments.back().end_s - begun_s;
+    for (std::size_t k = 1; k < times; ++k)
+        for (std::size_t i = 0; i < count; ++i) {
+            Segment s = b.segments[begin + i];
+            s.begin_s += double(k) * period_s;
+            s.end_s = i + 1 == count ? begun_s + double(k + 1) * period_s : s.end_s + double(k) * period_s;
+            if (i > 0) s.begin_s = b.segments.back().end_s;
+            b.segments.push_back(std::move(s));
+        }
+}
+
+struct Kind {
+    std::string_view name;
+    void (*read)(Builder&, Options&);
+};
+constexpr Kind kKinds[] = {{"press", press},
+                           {"shear", shear},
+                           {"rotate", rotate},
+                           {"hold", hold},
+                           {"move", move},
+                           {"slide", slide},
+                           {"slip", slip},
+                           {"tap", tap},
+                           {"shake", [](Builder& b, Options& m) { wave(b, m, "shake", Wave::sine); }},
+                           {"square", [](Builder& b, Options& m) { wave(b, m, "square", Wave::square); }},
+                           {"warm", warm},
+                           {"lift", lift},
+                           {"release", release},
+                           {"drop", drop},
+                           {"repeat", repeat}};
+
+}  // namespace
+
+Motion read_motion(Options& scene, const Body& body, double rate_Hz) {
+    Builder builder{scene, body, rate_Hz};
+    builder.state.body_K = body.temperature_K;
+    std::vector<std::string> names;
+    for (const Kind& kind : kKinds) names.emplace_back(kind.name);
+    for (Options& motion : scene.tables("motion", 1000)) {
+        const std::string name = motion.one_of("do", names);
+        const std::size_t begin = builder.segments.size();
+        for (const Kind& kind : kKinds)
+            if (kind.name == name) kind.read(builder, motion);
+        builder.begins.push_back(begin);
+        if (builder.segments.size() > kMostSegments) motion.problem("do", "more than 200000 steps in all");
+    }
+    if (builder.segments.empty()) scene.problem("motion", "a scene has at least one [[motion]]");
+    return {std::move(builder.segments), body};
+}
+
+}  // namespace tactiled::sim

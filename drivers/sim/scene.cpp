@@ -1,0 +1,109 @@
+#include "drivers/sim/scene.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace tactiled::sim {
+namespace {
+
+constexpr double kMostSamples = 1e10;
+
+Body read_body(Options table, double ambient_C) {
+    Body body;
+    const std::string shape = table.one_of("shape", {"flat", "sphere", "edge", "textured"}, "flat");
+    body.shape = shape == "sphere"     ? Body::Shape::sphere
+                 : shape == "edge"     ? Body::Shape::edge
+                 : shape == "textured" ? Body::Shape::textured
+                                       : Body::Shape::flat;
+    body.radius_m = table.number("radius_m", {1e-6, 1}, body.radius_m);
+    body.stiffness_Pa = table.number("stiffness_Pa", {1e2, 1e13}, body.stiffness_Pa);
+    body.friction = table.number("friction", {0, 10}, body.friction);
+    body.kinetic_friction = table.number("kinetic_friction", {0, 10}, std::min(body.kinetic_friction, body.friction));
+    body.mass_kg = table.number("mass_kg", {0, 1000}, 0);
+    body.temperature_K = table.number("temperature_C", {-50, 200}, ambient_C) - ambient_C;
+    body.texture_pitch_m = table.number("texture_pitch_m", {1e-6, 0.1}, body.texture_pitch_m);
+    body.texture_height_m = table.number("texture_height_m", {0, 0.01}, body.shape == Body::Shape::textured ? 20e-6 : 0);
+    body.adhesion_J_m2 = table.number("adhesion_J_m2", {0, 100}, 0);
+    if (body.kinetic_friction > body.friction) table.problem("kinetic_friction", "is more than friction");
+    return body;
+}
+
+// [effects.NAME]: each parameter that the scene sets; the rest as usual.
+std::vector<std::vector<double>> read_parameters(Options table) {
+    std::vector<std::vector<double>> all;
+    std::vector<std::string> names;
+    for (const EffectEntry* effect : chain()) {
+        names.emplace_back(effect->name);
+        Options keys = table.table(effect->name);
+        auto& values = all.emplace_back();
+        for (const Parameter& p : effect->parameters) values.push_back(keys.number(p.name, {p.least, p.most}, p.usual));
+    }
+    return all;
+}
+
+// What the tests check and who reads a scene ought to know; the simulator does nothing with it.
+void read_expectations(Options& scene) {
+    for (Options& e : scene.tables("expect", 64)) {
+        e.text("sensor");
+        e.text("calibration");
+        e.text("method", "");
+        e.numbers("within_N", {0, 1e4}, {3, 3});
+        e.number("from_s", {0, 1e7}, 0);
+        e.number("to_s", {0, 1e7}, 1e7);
+        e.number("share", {0, 1}, 0.99);
+        e.one_of("quality", {"good", "uncertain", "any"}, "any");
+        e.flag("press_only", false);
+    }
+}
+
+}  // namespace
+
+Scene read_scene(Options options, Problems& problems) {
+    Scene scene;
+    scene.file = options.file();
+    options.integer("format", {1, 1});
+    scene.title = options.text("title");
+    scene.seed = std::uint64_t(options.integer("seed", {0, 9e15}, 1));
+    scene.rate_Hz = options.number("rate_Hz", {0.1, 1e5}, 1000);
+    scene.wanted_accuracy_N = options.number("wanted_accuracy_N", {0, 1e4}, 0);
+    const double ambient_C = options.table("surroundings").number("temperature_C", {-50, 150}, 23);
+    scene.body = read_body(options.table("body"), ambient_C);
+    for (Options& table : options.tables("sensor", 64))
+        for (Sensor& sensor : read_sensor(table)) {
+            const bool known = std::any_of(scene.sensors.begin(), scene.sensors.end(),
+                                           [&](const Sensor& other) { return other.name == sensor.name; });
+            if (known) table.problem("name", fmt::format("there are two sensors \"{}\"", sensor.name));
+            sensor.device = std::uint16_t(scene.sensors.size());
+            scene.sensors.push_back(std::move(sensor));
+        }
+    if (scene.sensors.empty()) options.problem("sensor", "a scene has at least one [[sensor]]");
+    scene.motion = read_motion(options, scene.body, scene.rate_Hz);
+    scene.parameters = read_parameters(options.table("effects"));
+    read_expectations(options);
+    const double length_s = options.number("length_s", {0, 1e9}, scene.motion.length_s());
+    if (length_s * scene.rate_Hz > kMostSamples) options.problem("length_s", "more than 1e10 samples");
+    scene.samples = std::uint64_t(std::llround(length_s * scene.rate_Hz));
+    options.finish();
+    problems.throw_if_any();
+    return scene;
+}
+
+Scene read_scene(const std::string& path) {
+    Problems problems;
+    return read_scene(Options::parse_file(path, problems), problems);
+}
+
+Setting Scene::setting(std::size_t effect, const Sensor& sensor, const Extent& extent) const {
+    const EffectEntry& entry = *chain()[effect];
+    return {sensor,
+            body,
+            extent,
+            rate_Hz,
+            samples,
+            Stream(seed, fmt::format("{}/{}", sensor.name, entry.name)),
+            parameters[effect]};
+}
+
+}  // namespace tactiled::sim

@@ -1,0 +1,97 @@
+#include "drivers/sim/sensor.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace tactiled::sim {
+namespace {
+
+struct Known {
+    std::string_view name;
+    Model model;
+    void (*read)(Options&, Sensor&);
+};
+constexpr Known kModels[] = {{"table", Model::table, read_table},
+                             {"hair", Model::hair, read_hair},
+                             {"capacitive", Model::capacitive, read_capacitive}};
+
+// 1 N in the channel's unit: see Sensor::per_N.
+double per_newton(const std::array<double, kAxes>& gain) {
+    const double most = std::max({std::abs(gain[kFx]), std::abs(gain[kFy]), std::abs(gain[kFz])});
+    double least = most;
+    for (const Axis axis : {kFx, kFy, kFz})
+        if (std::abs(gain[axis]) >= most / 10) least = std::min(least, std::abs(gain[axis]));
+    return least;
+}
+
+// One sensor a taxel, row by row from the corner of least x and y.
+std::vector<Sensor> as_array(const Sensor& one, std::size_t rows, std::size_t columns, double pitch_m) {
+    std::vector<Sensor> taxels;
+    for (std::size_t row = 0; row < rows; ++row)
+        for (std::size_t column = 0; column < columns; ++column) {
+            Sensor taxel = one;
+            taxel.name = fmt::format("{}_{}_{}", one.name, row, column);
+            taxel.x_m += (double(column) - double(columns - 1) / 2) * pitch_m;
+            taxel.y_m += (double(row) - double(rows - 1) / 2) * pitch_m;
+            taxel.half_width_m = pitch_m / 2;
+            taxel.array_row = row;
+            taxel.array_column = column;
+            taxel.rows = rows;
+            taxel.columns = columns;
+            taxels.push_back(std::move(taxel));
+        }
+    return taxels;
+}
+
+}  // namespace
+
+std::size_t Sensor::find(std::string_view channel) const {
+    return std::size_t(std::find(channels.begin(), channels.end(), channel) - channels.begin());
+}
+
+double Sensor::channel_N(const std::array<double, kAxes>& change) const {
+    std::array<double, kMostChannels> reads{};
+    for (std::size_t k = 0; k < n(); ++k)
+        for (std::size_t axis = 0; axis < kAxes; ++axis) reads[k] += std::abs(gain[k][axis]) * change[axis];
+    return largest_N(reads);
+}
+
+double Sensor::largest_N(const std::array<double, kMostChannels>& change) const {
+    double most = 0;
+    for (std::size_t k = 0; k < n(); ++k)
+        if (per_N[k] > 0) most = std::max(most, std::abs(change[k]) / per_N[k]);
+    return most;
+}
+
+std::vector<Sensor> read_sensor(Options& options) {
+    Sensor sensor;
+    sensor.name = options.text("name");
+    const std::vector<std::string> names{"table", "hair", "capacitive"};
+    const std::string model = options.one_of("model", names);
+    for (const Known& known : kModels)
+        if (known.name == model) {
+            sensor.model = known.model;
+            known.read(options, sensor);
+        }
+    for (std::size_t k = 0; k < sensor.n(); ++k) sensor.per_N[k] = per_newton(sensor.gain[k]);
+    sensor.resolution_N = options.number("resolution_N", {1e-9, 1e3}, sensor.resolution_N);
+    sensor.full_scale_N = options.number("full_scale_N", {1e-6, 1e5}, sensor.full_scale_N);
+    sensor.x_m = options.number("x_m", {-1, 1}, 0);
+    sensor.y_m = options.number("y_m", {-1, 1}, 0);
+    sensor.turn_rad = options.number("turn_deg", {-360, 360}, 0) * std::numbers::pi / 180;
+    sensor.share = options.number("share", {0, 1}, 1);
+    sensor.every = std::size_t(options.integer("every", {1, 100'000}, 1));
+    const auto array = options.numbers("array", {1, 4}, {0, 2});
+    const double pitch_m = options.number("pitch_m", {1e-4, 0.1}, 2e-3);
+    if (array.empty()) return {sensor};
+    if (array.size() != 2) {
+        options.problem("array", "array = [rows, columns]");
+        return {sensor};
+    }
+    return as_array(sensor, std::size_t(array[0]), std::size_t(array[1]), pitch_m);
+}
+
+}  // namespace tactiled::sim

@@ -1,0 +1,93 @@
+#include "drivers/sim/simulation.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "drivers/sim/linear.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// What stands before each stage.
+std::unique_ptr<Effect> before(Stage stage, const Scene& scene, const Sensor& sensor) {
+    switch (stage) {
+        case Stage::time: return make_clock(scene.rate_Hz);
+        case Stage::contact: return make_world(scene.motion, sensor);
+        case Stage::material: return make_drive();
+        case Stage::transducer: return make_gauges(sensor);
+        case Stage::converter:
+        case Stage::link: break;
+    }
+    return nullptr;
+}
+
+}  // namespace
+
+Simulation::Simulation(const Scene& scene, const std::string& effects, std::size_t block_size)
+    : scene_(scene), block_size_(block_size) {
+    assert(block_size >= 1 && block_size <= Block::kSize);
+    lines_.reserve(scene.sensors.size());  // effects may keep references into a line
+    for (const Sensor& sensor : scene.sensors) {
+        Line& line = lines_.emplace_back();
+        line.sensor = &sensor;
+        line.extent = scene.motion.extent(sensor);
+        line.choice = choose(scene, sensor, line.extent, effects);
+        line.shares_N.assign(line.choice.decisions.size(), 0);
+        line.block = std::make_unique<Block>();
+        for (const Stage stage :
+             {Stage::time, Stage::contact, Stage::material, Stage::transducer, Stage::converter, Stage::link}) {
+            if (auto step = before(stage, scene, sensor)) line.steps.push_back({std::move(step), stage, SIZE_MAX});
+            for (std::size_t d = 0; d < line.choice.decisions.size(); ++d) {
+                const Decision& decision = line.choice.decisions[d];
+                if (!decision.on || decision.effect->stage != stage) continue;
+                const auto number =
+                    std::size_t(std::find(chain().begin(), chain().end(), decision.effect) - chain().begin());
+                line.steps.push_back({decision.effect->make(scene.setting(number, sensor, line.extent)), stage, d});
+            }
+        }
+    }
+}
+
+const Block& Simulation::advance(std::size_t sensor) noexcept {
+    Line& line = lines_[sensor];
+    Block& block = *line.block;
+    block.first = line.next;
+    block.n = std::size_t(std::min<std::uint64_t>(block_size_, scene_.samples - line.next));
+    line.next += block.n;
+    if (block.n == 0) return block;
+    if (measures_shares_)
+        apply_and_measure(line);
+    else
+        for (const Step& step : line.steps) step.effect->apply(block);
+    return block;
+}
+
+// The change that an effect of stages contact .. converter makes to what it works on, as a change of channels.
+void Simulation::apply_and_measure(Line& line) noexcept {
+    Block& block = *line.block;
+    const Sensor& sensor = *line.sensor;
+    for (const Step& step : line.steps) {
+        if (step.decision == SIZE_MAX) {
+            step.effect->apply(block);
+            continue;
+        }
+        const Block was = block;
+        step.effect->apply(block);
+        double& most = line.shares_N[step.decision];
+        for (std::size_t n = 0; n < block.n; ++n) {
+            std::array<double, kMostChannels> change{};
+            const bool load = step.stage == Stage::contact, drive = step.stage == Stage::material;
+            for (std::size_t k = 0; k < sensor.n(); ++k) {
+                if (!load && !drive) change[k] = block.channel[k][n] - was.channel[k][n];
+                for (std::size_t axis = 0; (load || drive) && axis < kAxes; ++axis)
+                    change[k] += sensor.gain[k][axis] * (load ? block.load[axis][n] - was.load[axis][n]
+                                                              : block.drive[axis][n] - was.drive[axis][n]);
+            }
+            const double N = sensor.largest_N(change);
+            if (N > most) most = N;
+        }
+    }
+}
+
+}  // namespace tactiled::sim
