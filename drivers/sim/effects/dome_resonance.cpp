@@ -65,8 +65,8 @@ private:
     std::array<double, kAxes> u_{}, x_{}, v_{};
 };
 
-// |y - u| <= integral of |h(t)| change(t + delay) dt. The impulse response h has its sign for half a period; its integral over
-// half period i is (1 + q)(-q)^i, and within one the running integral is that of the step response.
+// |y - u| <= integral of |h(t)| change(t + delay) dt. The impulse response h has its sign for half a period; its integral
+// over half period i is (1 + q)(-q)^i, and within one the running integral is that of the step response.
 Bound bound(const Setting& s) {
     const double w = 2 * std::numbers::pi * resonance_Hz(s), z = s.p[1], root = std::sqrt((1 - z) * (1 + z));
     const double half_s = std::numbers::pi / (w * root), q = std::exp(-std::numbers::pi * z / root);

@@ -65,8 +65,8 @@ private:
     std::array<std::array<double, kPlays>, kAxes> r_{}, p_{};
 };
 
-// Both P lie within r of u, and within the range of u less r: they differ by at most min(2 r, span - r). Both follow u with a
-// slope of at most 1.
+// Both P lie within r of u, and within the range of u less r: they differ by at most min(2 r, span - r). Both follow u with
+// a slope of at most 1.
 Bound bound(const Setting& s) {
     const double weight = width(s) * unit_weight();
     std::array<double, kAxes> change{};

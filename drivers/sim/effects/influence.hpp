@@ -17,7 +17,7 @@ inline bool makes_patch(const Body& body) { return body.shape == Body::Shape::sp
 class InfluenceMap {
 public:
     static constexpr std::size_t kRings = 20, kAngles = 48, kPoints = 1 + kRings * kAngles;
-    using Strains = std::array<double, 24>;                         // per N of Fx, Fy, +Fz, of R1 .. R8
+    using Strains = std::array<double, 24>;                           // per N of Fx, Fy, +Fz, of R1 .. R8
     using Matrix = std::array<std::array<double, 3>, kMostChannels>;  // channel's unit per N of fx fy fz
 
     // setup. `sample` must outlive it. Points: the centre, then 20 rings of 48 points, ring after ring.
@@ -40,8 +40,8 @@ public:
         return matrix(mean(x_m, y_m, radius_m));
     }
 
-    // |excess| is at most that for a centre within |x|, |y| and a radius within 0 .. radius_m: a mean over a patch lies among
-    // the values at the corners of the cells that it touches. setup
+    // |excess| is at most that for a centre within |x|, |y| and a radius within 0 .. radius_m: a mean over a patch lies
+    // among the values at the corners of the cells that it touches. setup
     [[nodiscard]] Matrix largest_excess(double x_m, double y_m, double radius_m) const {
         const double cell = 3.5 / per_ring_;  // a ring apart, 1/48 of the outermost ring's length is 2.6
         const bool all = x_m + radius_m >= plate_m_ || y_m + radius_m >= plate_m_ || std::hypot(x_m, y_m) >= plate_m_;
@@ -53,7 +53,8 @@ public:
             std::copy(point.begin() + 2, point.end(), strains.begin());
             const Matrix here = matrix(strains);
             for (std::size_t k = 0; k < kMostChannels; ++k)
-                for (std::size_t axis = 0; axis < 3; ++axis) most[k][axis] = std::max(most[k][axis], std::abs(here[k][axis]));
+                for (std::size_t axis = 0; axis < 3; ++axis)
+                    most[k][axis] = std::max(most[k][axis], std::abs(here[k][axis]));
         }
         return most;
     }

@@ -6,7 +6,8 @@
 namespace tactiled::sim {
 namespace {
 
-// Strain, > 0 in compression, of a neo-Hookean pad under the load q = stress / modulus: with x = 1 / stretch, x^3 - 3 q x - 1 = 0.
+// Strain, > 0 in compression, of a neo-Hookean pad under the load q = stress / modulus: with x = 1 / stretch, x^3 - 3 q x -
+// 1 = 0.
 double strain(double q) {
     double x = std::max(1 + q, 0.0);
     for (int i = 0; i < 8; ++i) x -= (x * (x * x - 3 * q) - 1) / (3 * (x * x - q) + 1e-300);

@@ -1,7 +1,8 @@
-// Geometry of the capacitive sensor: what the press, the shift and the tilt of its upper electrode do to each of the lower ones.
+// Geometry of the capacitive sensor: what the press, the shift and the tilt of its upper electrode do to each of the lower
+// ones.
 //
-// The linear model gives channel = rest + active (1 + a + e), a and e the relative changes of area and gap to first order. On
-// top of it, in the order of the chain:
+// The linear model gives channel = rest + active (1 + a + e), a and e the relative changes of area and gap to first order.
+// On top of it, in the order of the chain:
 //     exact_overlap    a -> A(shift) / A(0) - 1
 //     load_moment      + the electrode's own strain by the tilt
 //     gap_gain         (what is not e) -> (what is not e) / (1 - e)
@@ -62,8 +63,8 @@ struct Pad {
             }
             ++n;
         }
-        // A bonded disc's apparent modulus is E (1 + 2 S^2) to a press (Gent, Lindley 1959) and E (1 + 2 S^2 / 3) to a tilt (the
-        // same lubrication argument, derived): tilt = moment * gap / (modulus * pi R^4 / 4).
+        // A bonded disc's apparent modulus is E (1 + 2 S^2) to a press (Gent, Lindley 1959) and E (1 + 2 S^2 / 3) to a tilt
+        // (the same lubrication argument, derived): tilt = moment * gap / (modulus * pi R^4 / 4).
         const double S2 = disc_m * disc_m / (4 * gap_m * gap_m);
         tilt_rad_per_Nm = strain_per_N * gap_m * 4 / (disc_m * disc_m) * (1 + 2 * S2) / (1 + 2 * S2 / 3);
     }
@@ -77,8 +78,8 @@ struct Pad {
     [[nodiscard]] double tilt_strain(std::size_t i, double x, double y) const noexcept {
         return tilt_rad_per_Nm / gap_m * (std::abs(x_m[i]) * x + std::abs(y_m[i]) * y);
     }
-    // |overlap_change| is at most that for a shift up to this: per metre of shift the area changes by the width of the moving
-    // edge within the sector, which is that of the sector where the edge is farthest out and what the edge leans by.
+    // |overlap_change| is at most that for a shift up to this: per metre of shift the area changes by the width of the
+    // moving edge within the sector, which is that of the sector where the edge is farthest out and what the edge leans by.
     [[nodiscard]] double largest_overlap(std::size_t i, double shift) const noexcept {
         const Electrode& e = electrode[i];
         const double s = std::min(shift, kMostShift * disc_m), rest = area_at_rest(e);
@@ -98,9 +99,9 @@ struct Pad {
         return e.opening_rad / 2 * (out - e.inner_m) * (out + e.inner_m);
     }
 
-    // Area that a disc shares with the electrode after its shift, less that before. With t from the shift's direction, u = delta
-    // sin t, S = sqrt((R - u)(R + u)) the edge is at rho = delta cos t + S, and 1/2 rho^2 has an integral; where the edge passes
-    // the electrode's own inner or outer one, that counts.
+    // Area that a disc shares with the electrode after its shift, less that before. With t from the shift's direction, u =
+    // delta sin t, S = sqrt((R - u)(R + u)) the edge is at rho = delta cos t + S, and 1/2 rho^2 has an integral; where the
+    // edge passes the electrode's own inner or outer one, that counts.
     static double area_change(const Electrode& e, double R, double dx, double dy) noexcept {
         double delta = std::hypot(dx, dy);
         if (!(delta > 0)) return 0;
@@ -134,7 +135,8 @@ struct Pad {
                 const double u1 = delta * std::sin(t1), S1 = std::sqrt((R - u1) * (R + u1));
                 const double u2 = delta * std::sin(t2), S2 = std::sqrt((R - u2) * (R + u2));
                 change += (delta * delta * std::cos(t1 + t2) * std::sin(t2 - t1) + u2 * S2 - u1 * S1 +
-                           R * R * (std::atan2(u2, S2) - std::atan2(u1, S1))) / 2;
+                           R * R * (std::atan2(u2, S2) - std::atan2(u1, S1))) /
+                          2;
             }
             change += (edge - before) * (edge + before) / 2 * (t2 - t1);
         }

@@ -25,8 +25,8 @@ inline double half_size_m(const Sensor& sensor) {
     return std::sqrt(sensor.hair.area_m2 / std::numbers::pi);
 }
 
-// An error of 1 N in the channels (Sensor::channel_N) that the load of one axis makes is at most so many N of that axis: what
-// an effect that looks at the load itself must expect of an error before it. N/N
+// An error of 1 N in the channels (Sensor::channel_N) that the load of one axis makes is at most so many N of that axis:
+// what an effect that looks at the load itself must expect of an error before it. N/N
 inline double load_of_error(const Sensor& sensor, Axis axis) {
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < sensor.n(); ++k)
@@ -34,8 +34,8 @@ inline double load_of_error(const Sensor& sensor, Axis axis) {
     return std::isfinite(least) ? least : 0;
 }
 
-// Stress of a round skin under an eccentric load is F/A (1 + 4 x x0 / R^2): how much more of the press hair k (at 0, 90, 180,
-// 270 degrees) feels for each metre of the load's centre along its own axis.
+// Stress of a round skin under an eccentric load is F/A (1 + 4 x x0 / R^2): how much more of the press hair k (at 0, 90,
+// 180, 270 degrees) feels for each metre of the load's centre along its own axis.
 inline double lever_1_m(const HairSample& hair) { return 4 * hair.root_distance_m * std::numbers::pi / hair.area_m2; }
 
 // |channel - zero| is at most that, all loads and what the transducer's geometry makes of them included; channel's unit.
@@ -44,8 +44,7 @@ inline std::array<double, kMostChannels> largest_swing(const Setting& s) {
     const double size = half_size_m(sensor), x_m = std::min(s.extent.x_m, size), y_m = std::min(s.extent.y_m, size);
     std::array<double, kMostChannels> swing{};
     for (std::size_t k = 0; k < sensor.n(); ++k)
-        for (std::size_t axis = 0; axis < kAxes; ++axis)
-            swing[k] += std::abs(sensor.gain[k][axis]) * most(s, Axis(axis));
+        for (std::size_t axis = 0; axis < kAxes; ++axis) swing[k] += std::abs(sensor.gain[k][axis]) * most(s, Axis(axis));
     if (sensor.model == Model::hair)
         for (std::size_t k = 0; k < sensor.n(); ++k)
             swing[k] += std::abs(sensor.gain[k][kFz]) * most(s, kFz) * lever_1_m(sensor.hair) * std::max(x_m, y_m);
@@ -60,12 +59,12 @@ inline std::array<double, kMostChannels> largest_swing(const Setting& s) {
         const double shift = pad.shift_per_N_m * std::hypot(most(s, kFx), most(s, kFy));
         for (std::size_t i = 0; i < pad.n; ++i) {
             const double tilt = pad.tilt_strain(i, x_m, y_m) * most(s, kFz);
-            const double moved = pad.active_pF[i] * ((1 + pad.largest_overlap(i, shift) + tilt) * Pad::closeness(strain) - 1);
+            const double moved =
+                pad.active_pF[i] * ((1 + pad.largest_overlap(i, shift) + tilt) * Pad::closeness(strain) - 1);
             swing[pad.channel[i]] = std::max(swing[pad.channel[i]] + tilt * pad.active_pF[i], moved);
         }
         const std::size_t film = sensor.find("Vp");  // behind its leak it swings over the whole span
-        if (film < sensor.n())
-            swing[film] *= std::max(1.0, s.extent.span[kFz] / std::max(s.extent.most[kFz], 1e-30));
+        if (film < sensor.n()) swing[film] *= std::max(1.0, s.extent.span[kFz] / std::max(s.extent.most[kFz], 1e-30));
     }
     return swing;
 }
