@@ -1,0 +1,171 @@
+// The forward models against finite elements of the documents' sensors (tests/data/fem/README.md), that is against numbers
+// that they were not made from: other loads, other directions, other materials. Each test prints its errors.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <sstream>
+
+#include "drivers/sim/simulation.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+using Row = std::map<std::string, std::string>;
+
+double number(const Row& row, const std::string& column) { return std::stod(row.at(column)); }
+
+std::vector<std::string> cells_of(const std::string& line) {
+    std::vector<std::string> cells(1);
+    bool quoted = false;
+    for (const char c : line) {
+        if (c == '"')
+            quoted = !quoted;
+        else if (c == ',' && !quoted)
+            cells.emplace_back();
+        else if (c != '\r')
+            cells.back() += c;
+    }
+    return cells;
+}
+
+std::vector<Row> rows_of(const std::string& name) {
+    std::ifstream file(TACTILED_SOURCE_DIR "/tests/data/fem/" + name);
+    std::string line;
+    std::getline(file, line);
+    const auto columns = cells_of(line);
+    std::vector<Row> rows;
+    while (std::getline(file, line)) {
+        const auto cells = cells_of(line);
+        Row& row = rows.emplace_back();
+        for (std::size_t i = 0; i < columns.size(); ++i) row[columns[i]] = cells.at(i);
+    }
+    EXPECT_FALSE(rows.empty()) << name;
+    return rows;
+}
+
+// The channels under one steady load, less their zeros.
+std::vector<double> channels_under(const std::string& sensor, double press_N, double shear_N, double direction_deg,
+                                   const std::string& effects = "none", double x_m = 0, double y_m = 0) {
+    Problems problems;
+    const Scene scene =
+        read_scene(Options::parse_text(fmt::format("format = 1\ntitle = \"steady\"\n[[sensor]]\nname = \"s\"\n{}\n"
+                                                   "[[motion]]\ndo = \"move\"\nx_m = {}\ny_m = {}\nin_s = 0.01\n"
+                                                   "[[motion]]\ndo = \"press\"\nto_N = {}\nin_s = 0.01\n"
+                                                   "[[motion]]\ndo = \"shear\"\nto_N = {}\ndirection_deg = {}\nin_s = 0.01\n"
+                                                   "[[motion]]\ndo = \"hold\"\nfor_s = 0.01\n",
+                                                   sensor, x_m, y_m, press_N, shear_N, direction_deg),
+                                       "steady.toml", problems),
+                   problems);
+    Simulation simulation(scene, effects);
+    std::vector<double> last;
+    for (const Block* b = &simulation.advance(0); b->n > 0; b = &simulation.advance(0)) {
+        last.clear();
+        for (std::size_t k = 0; k < scene.sensors[0].n(); ++k)
+            last.push_back(b->channel[k][b->n - 1] - scene.sensors[0].zero[k]);
+    }
+    return last;
+}
+
+struct Errors {
+    std::map<std::string, double> worst{};  // per gauge, % of the largest reading of its row
+    double all = 0;
+    void take(const std::string& gauge, double percent) {
+        worst[gauge] = std::max(worst[gauge], std::abs(percent));
+        all = std::max(all, std::abs(percent));
+    }
+    void print(const std::string& what) const {
+        std::string line = fmt::format("    {:45}", what);
+        for (const auto& [gauge, percent] : worst) line += fmt::format(" {} {:.2f}", gauge, percent);
+        fmt::print("{} % of the row's largest reading\n", line);
+    }
+};
+
+Errors table_errors(const std::string& kind) {
+    Errors errors;
+    for (const Row& row : rows_of("table_gauges_grid.csv")) {
+        if (row.at("case").rfind(kind, 0) != 0) continue;
+        const double shear = std::hypot(number(row, "Fx_N"), number(row, "Fy_N"));
+        const double direction = std::atan2(number(row, "Fy_N"), number(row, "Fx_N")) * 180 / 3.14159265358979323846;
+        const auto reads = channels_under("model = \"table\"\nsample = \"foil\"", -number(row, "Fz_N"), shear, direction);
+        double largest = 0;
+        std::array<double, 8> truth{};
+        for (std::size_t k = 0; k < 8; ++k) {
+            truth[k] = number(row, fmt::format("R{}_axial_ustrain", k + 1));
+            largest = std::max(largest, std::abs(truth[k]));
+        }
+        for (std::size_t k = 0; k < 8; ++k)
+            errors.take(fmt::format("R{}", k + 1), 100 * (reads[k] / 2 * 1e6 - truth[k]) / largest);
+    }
+    errors.print("table, " + kind);
+    return errors;
+}
+
+TEST(FiniteElements, TableUnderAPressAndUnderAForceInAnyDirection) {
+    EXPECT_LT(table_errors("N_uniform").all, 0.01);  // the gains are from the same run: this checks signs and units
+    EXPECT_LT(table_errors("T_top").all, 0.3);       // they know 0 and 90 degrees alone; the mesh has no symmetry
+}
+
+// A knife edge on the rim (as Lee measured) is another load than a traction on the top: no sensor model of one sensitivity
+// has both.
+TEST(FiniteElements, TableUnderAForceOnItsRimIsAnotherLoad) {
+    const double worst = table_errors("T_side").all;
+    EXPECT_GT(worst, 40);
+    EXPECT_LT(worst, 100);
+}
+
+TEST(FiniteElements, TableUnderAnEccentricPressIsAPressAndAMoment) {
+    std::map<std::string, Row> cases;
+    for (const Row& row : rows_of("table_gauges_grid.csv")) cases[row.at("case")] = row;
+    Errors errors;
+    // 1 N at x = -0.3 mm: My = -x fz = -0.3 N mm; at y = 0.3 mm: Mx = y fz = -0.3 N mm.
+    const auto reads = channels_under("model = \"table\"\nsample = \"foil\"", 1, 0, 0, "none", -0.3e-3, 0.3e-3);
+    for (std::size_t k = 0; k < 8; ++k) {
+        const std::string column = fmt::format("R{}_axial_ustrain", k + 1);
+        const double truth =
+            number(cases["N_uniform"], column) - 0.3 * number(cases["M_y"], column) - 0.3 * number(cases["M_x"], column);
+        errors.take(fmt::format("R{}", k + 1), 100 * (reads[k] / 2 * 1e6 - truth) / 600);
+    }
+    errors.print("table, a press at (-0.3, 0.3) mm");
+    EXPECT_LT(errors.all, 0.2);
+}
+
+// Two readings make the sample (1 kPa of press, 1 kPa of shear along 0 degrees, at 750 kPa); what is compared are the
+// others: 13 directions, combined and oblique stress, two other elastomers.
+TEST(FiniteElements, HairsInAnyDirectionUnderCombinedStressInThreeElastomers) {
+    const auto rows = rows_of("hair_strains.csv");
+    double normal = 0, shear = 0;
+    for (const Row& row : rows) {
+        if (number(row, "E_kPa") != 750) continue;
+        if (row.at("case") == "normal" && number(row, "normal_kPa") == 1) normal = number(row, "hair1_total_ustrain");
+        if (row.at("case") == "shear" && number(row, "shear_kPa") == 1) shear = number(row, "hair1_total_ustrain");
+    }
+    ASSERT_GT(normal, 0);
+    ASSERT_GT(shear, 0);
+    std::map<std::string, Errors> by_case;
+    for (const Row& row : rows) {
+        // 1 m2: N is Pa, so 1 kPa is 1000 N
+        const auto reads = channels_under(
+            fmt::format("model = \"hair\"\narea_m2 = 1\nnormal_per_Pa = {}\nshear_per_Pa = {}\nyoung_Pa = {}", normal * 1e-9,
+                        shear * 1e-9, number(row, "E_kPa") * 1000),
+            number(row, "normal_kPa") * 1000, number(row, "shear_kPa") * 1000, number(row, "shear_angle_deg") + 180);
+        double largest = 1e-9;
+        for (std::size_t k = 0; k < 4; ++k)
+            largest = std::max(largest, std::abs(number(row, fmt::format("hair{}_total_ustrain", k + 1))));
+        if (largest < 1) continue;  // the unloaded rows
+        for (std::size_t k = 0; k < 4; ++k)
+            by_case[row.at("case")].take(
+                fmt::format("H{}", k + 1),
+                100 * (reads[k] * 1e6 - number(row, fmt::format("hair{}_total_ustrain", k + 1))) / largest);
+    }
+    for (const auto& [name, errors] : by_case) {
+        errors.print("hair, " + name);
+        EXPECT_LT(errors.all, 1) << name;
+    }
+    EXPECT_GE(by_case.size(), 5u);
+}
+
+}  // namespace
+}  // namespace tactiled::sim
