@@ -142,6 +142,20 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     EXPECT_FALSE(problems.empty());
 }
 
+// The matrix of a fit of "quadratic" errs ten times more than the quadratic: its standard deviation would be a lie.
+TEST(Auto, AMethodThatWasNotFittedHasNoStandardDeviation) {
+    const Calibration quadratic = fitted("quadratic", bent_rows(500, 1e-3)).calibration;
+    Problems problems;
+    Options none = Options::parse_text("", "test", problems);
+    const Estimate own = decouple(*make_decoupler(quadratic, "", 0, none), bent(0.5, 0.5));
+    EXPECT_EQ(own.quality, TACTILED_GOOD);
+    const Estimate other = decouple(*make_decoupler(quadratic, "matrix", 0, none), bent(0.5, 0.5));
+    EXPECT_EQ(other.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(other.reasons, std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY));
+    EXPECT_TRUE(std::isnan(other.sd[2]));
+    problems.throw_if_any();
+}
+
 TEST(Nonlinear, RefusesRowsThatAreTooFew) {
     const Labelled few = bent_rows(29, 1e-3);
     EXPECT_THROW((void)fitted("quadratic", few), Undetermined);  // 10 coefficients
