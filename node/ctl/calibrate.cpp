@@ -86,19 +86,22 @@ void print_json(const FitReport& report, const Settings& settings) {
     fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
-// A mistyped --report must not cost the recording or the calibration.
-void check_report(const Settings& settings) {
+// A mistyped --out or --report must not cost the recording or the calibration.
+void check_outputs(const Settings& settings) {
     namespace fs = std::filesystem;
-    for (const auto* other : {&settings.in, &settings.out}) {
+    const auto check = [](const char* option, const std::string& path, const std::string& other) {
         std::error_code ignored;
-        if (fs::path(settings.report).lexically_normal() == fs::path(*other).lexically_normal() ||
-            fs::equivalent(settings.report, *other, ignored))
-            throw SetupError(fmt::format("--report {}: would replace this file; name another", in_quotes(settings.report)));
-    }
+        if (fs::path(path).lexically_normal() == fs::path(other).lexically_normal() || fs::equivalent(path, other, ignored))
+            throw SetupError(fmt::format("{} {}: would replace this file; name another", option, in_quotes(path)));
+    };
+    check("--out", settings.out, settings.in);
+    if (settings.report.empty()) return;
+    check("--report", settings.report, settings.in);
+    check("--report", settings.report, settings.out);
 }
 
 int calibrate(Settings settings) {
-    if (!settings.report.empty()) check_report(settings);
+    check_outputs(settings);
     if (settings.request.channel_unit.empty())
         settings.request.channel_unit =
             settings.request.model == "table" || settings.request.model == "hair" ? "dR/R0" : "unknown";
