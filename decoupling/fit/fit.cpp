@@ -156,11 +156,24 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
 
     std::vector<Fitted> all_fitted;
     for (const FitMethod& method : methods) {
+        // Of several methods each says which one it is, and what another has said is not said again.
+        const std::vector<std::string> before = std::exchange(report.warnings, {});
+        const auto keep_warnings = [&] {
+            std::vector<std::string> all = before;
+            for (const std::string& warning : report.warnings) {
+                const auto ends_so = [&](const std::string& other) { return other.ends_with(warning); };
+                if (std::none_of(all.begin(), all.end(), ends_so))
+                    all.push_back(methods.size() == 1 ? warning : fmt::format("method {}: {}", method.method, warning));
+            }
+            report.warnings = std::move(all);
+        };
         try {
             all_fitted.push_back(fit_one(*labelled, rows, method, request, report));
+            keep_warnings();
             report.methods.push_back(all_fitted.back().about);
         } catch (const Undetermined& error) {
             if (methods.size() == 1) throw;
+            keep_warnings();
             report.methods.push_back({.method = std::string(method.method), .held_out_rms = {}, .refused = error.what()});
         }
     }

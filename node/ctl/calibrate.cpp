@@ -49,9 +49,11 @@ void print_report(const FitReport& report, const Settings& settings) {
         for (const auto& method : report.methods) {
             fmt::print("method {:10}", method.method);
             if (!method.refused.empty()) fmt::print(" refused: {}", method.refused);
-            for (std::size_t i = 0; i < method.held_out_rms.size(); ++i)
-                fmt::print(" {} {:.2f} %", report.components[i].name,
-                           100 * method.held_out_rms[i] / report.components[i].full_scale);
+            for (std::size_t i = 0; i < method.held_out_rms.size(); ++i) {
+                const double percent = 100 * method.held_out_rms[i] / report.components[i].full_scale;
+                fmt::print(" {} {}", report.components[i].name,
+                           std::isfinite(percent) ? fmt::format("{:.2f} %", percent) : "unknown");
+            }
             fmt::print("\n");
         }
     for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);

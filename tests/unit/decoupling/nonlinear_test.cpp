@@ -119,6 +119,9 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     EXPECT_EQ(report.methods.size(), 4u);
     EXPECT_EQ(report.calibration.method, "rbf");
     EXPECT_EQ(report.calibration.others.size(), 3u);
+    int one_session = 0;
+    for (const auto& warning : report.warnings) one_session += warning.find("one session only") != warning.npos ? 1 : 0;
+    EXPECT_EQ(one_session, 1);
     const ScratchFile file("");
     save_calibration(report.calibration, file.path());
     Problems problems;
