@@ -159,13 +159,13 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         // Of several methods each says which one it is, and what another has said is not said again.
         const std::vector<std::string> before = std::exchange(report.warnings, {});
         const auto keep_warnings = [&] {
-            std::vector<std::string> all = before;
+            std::vector<std::string> said = before;
             for (const std::string& warning : report.warnings) {
                 const auto ends_so = [&](const std::string& other) { return other.ends_with(warning); };
-                if (std::none_of(all.begin(), all.end(), ends_so))
-                    all.push_back(methods.size() == 1 ? warning : fmt::format("method {}: {}", method.method, warning));
+                if (std::none_of(said.begin(), said.end(), ends_so))
+                    said.push_back(methods.size() == 1 ? warning : fmt::format("method {}: {}", method.method, warning));
             }
-            report.warnings = std::move(all);
+            report.warnings = std::move(said);
         };
         try {
             all_fitted.push_back(fit_one(*labelled, rows, method, request, report));
@@ -203,8 +203,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
                             component.name, component.held_out_rms, component.spread, component.name));
     }
     for (const auto& [name, value] : request.parameters)
-        if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name](const Fitted& fitted) {
-                return fitted.calibration.parameters.count(key) != 0 && fitted.calibration.parameters.at(key) == value;
+        if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name](const Fitted& one) {
+                return one.calibration.parameters.count(key) != 0 && one.calibration.parameters.at(key) == value;
             }))
             report.warnings.push_back(fmt::format(
                 "parameter {} = {} was not used: the fit has none of that name or finds it itself", name, value));

@@ -247,6 +247,15 @@ TEST(Fit, ALabelThatIsLeftOutSetsNoFullScale) {
     EXPECT_EQ(decouple(*make_decoupler(report.calibration), {4, 0, 4}).quality, TACTILED_UNCERTAIN);
 }
 
+// More than a few: they stay, and are named.
+TEST(Fit, SaysWhichRowsDisagreeButStay) {
+    auto labelled = random_rows(200, 3, [](const std::vector<double>& r) { return only_fz(r[0] + r[2]); });
+    for (const std::size_t i : {20u, 60u, 100u, 140u}) labelled.rows[i].wrench_S[2] += i == 60u ? 6 : 4;
+    const FitReport report = fit(labelled, generic());
+    EXPECT_EQ(report.calibration.rows, 200);
+    EXPECT_TRUE(warns(report, "4 of 200 rows disagree with the calibration in fz_N (worst made.csv:62"));
+}
+
 TEST(Fit, SaysWhenAChannelIsTheLabel) {
     std::mt19937_64 random(8);
     std::normal_distribution<double> noise(0, 1e-4);
