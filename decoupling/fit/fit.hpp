@@ -67,7 +67,8 @@ FitReport fit(const Labelled& labelled, const FitRequest& request);
 
 // ---- one function a method: a calibration from `rows`, which have every channel and at least one label of `components`
 // each. Fills matrix, parameters, tables, zero and condition of `calibration`, whose model, method, channels, components and
-// domain are set; a parameter that it would have to search for and finds there it keeps. May say something in `warnings`.
+// domain are set; what is held out is not among `rows`, so nothing found with it may be kept. May say something in
+// `warnings`.
 // setup: throws Undetermined
 using Rows = std::vector<const LabelledRow*>;
 using FitModel = void (*)(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);

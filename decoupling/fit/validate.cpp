@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <utility>
 
 #include "decoupling/domain.hpp"
@@ -73,7 +74,13 @@ Groups groups_of(const Labelled& labelled, const Rows& rows) {
     if (sessions < 2) {
         if (Groups groups = groups_of_poses(rows); !groups.names.empty()) return groups;
         Groups groups;
-        for (std::size_t i = 0; i < rows.size(); ++i) groups.of_row.push_back(i * kStretches / rows.size());
+        // By their times, where the file has some: rows that were shuffled would be rows drawn at random.
+        std::vector<std::size_t> by_time(rows.size());
+        std::iota(by_time.begin(), by_time.end(), std::size_t{0});
+        std::stable_sort(by_time.begin(), by_time.end(),
+                         [&](std::size_t a, std::size_t b) { return rows[a]->t_ns < rows[b]->t_ns; });
+        groups.of_row.resize(rows.size());
+        for (std::size_t i = 0; i < rows.size(); ++i) groups.of_row[by_time[i]] = i * kStretches / rows.size();
         for (std::size_t i = 0; i < kStretches; ++i)
             groups.names.push_back(fmt::format("the stretch of time number {} of {}", i + 1, kStretches));
         groups.validation = fmt::format("leave one of {} stretches of time out", kStretches);
