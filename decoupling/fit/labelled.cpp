@@ -68,7 +68,7 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
     while (csv.next()) {
         LabelledRow row{.line = csv.line(), .channel = {}, .wrench_S = kUnseen, .session = 0, .t_ns = 0};
         if (time)
-            if (const double t_s = csv.number(*time); t_s > 0) row.t_ns = std::uint64_t(std::min(t_s, 1e9) * 1e9);
+            if (const double t_s = csv.number(*time); t_s > 0) row.t_ns = std::uint64_t(std::min(t_s, 1e10) * 1e9);
         if (session) {
             const std::string name(csv.text(*session));
             if (name.empty()) csv.refuse("column session is empty; which session is this row of?");

@@ -269,11 +269,11 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
     const double passed = film.passed(tau_s);
     // "not below": NaN
     if (!(sure.gain < kSureEnough) || !(passed > kLeastPassed))
-        throw Undetermined(
-            fmt::format("the press has no fast changes that Vp would show: of its spread, {:.1f} % pass a leak of {:.3g} s, "
-                        "and the gain would be known to {:.2g} %; press and let go within less than the leak, at "
-                        "three levels or more",
-                        100 * passed, tau_s, 100 * sure.gain));
+        throw Undetermined(fmt::format(
+            "Vp does not follow fast changes of the press: of its spread, {:.1f} % pass a leak of {:.3g} s, and "
+            "the gain would be known to {:.2g} %. Where there are none, press and let go within less than the leak, "
+            "at three levels or more; where there are, is the film connected, and one film all the time?",
+            100 * passed, tau_s, 100 * sure.gain));
     if (!(solved.coefficient[1] > 0))
         throw Undetermined(fmt::format(
             "Vp falls by {:.3g} a N of sudden press: it must rise (a press has fz < 0); exchange the film's leads",

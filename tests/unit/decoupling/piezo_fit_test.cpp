@@ -190,12 +190,45 @@ TEST(PiezoFit, SessionsAndBreaksAreNoSteps) {
     Labelled labelled = nothing_yet();
     labelled.sessions = {"monday", "tuesday"};
     sensor.record(labelled, steps(31), 30, 0, 1);
-    sensor.record(labelled, steps(32), 30, 0, 100);  // a break, and the film has another past after it
-    sensor.record(labelled, steps(33), 30, 1, 1);    // the clock begins anew
+    sensor.record(labelled, steps(32), 30, 0, 31.3);  // a break, and the film has another past after it
+    sensor.record(labelled, steps(33), 30, 1, 1);     // the clock begins anew
     const FitReport report = fitted(labelled);
     EXPECT_EQ(report.calibration.validation, "leave one session out (2 sessions)");
     expect_the_sensor(report.calibration, sensor, 0.005);
-    EXPECT_LT(report.components[0].held_out_rms, 0.1);  // N
+    EXPECT_LT(report.components[0].held_out_rms, 0.3);  // N; the loop cannot know that the film lost its charge in a break
+}
+
+// What the other session says of the leak is not in the error.
+TEST(PiezoFit, TheLeakIsFoundAnewWithoutThePart) {
+    Labelled whole = nothing_yet(), part[2] = {nothing_yet(), nothing_yet()};
+    whole.sessions = {"monday", "tuesday"};
+    for (std::size_t session = 0; session < 2; ++session) {
+        FilmSensor sensor{.tau_s = session == 0 ? 0.7 : 0.9};
+        sensor.record(whole, steps(35 + unsigned(session)), 30, session);
+        sensor = FilmSensor{.tau_s = session == 0 ? 0.7 : 0.9};
+        sensor.record(part[session], steps(35 + unsigned(session)), 30);
+    }
+    double squares = 0;
+    for (std::size_t session = 0; session < 2; ++session) {
+        const auto decoupler = make_decoupler(fitted(part[1 - session]).calibration);
+        for (const auto& row : part[session].rows)
+            squares +=
+                std::pow(decoupler->decouple({.channel = row.channel, .t_ns = row.t_ns}).wrench_S[2] - row.wrench_S[2], 2);
+    }
+    const double expected_N = std::sqrt(squares / double(whole.rows.size()));
+    EXPECT_GT(expected_N, 0.05);
+    EXPECT_NEAR(fitted(whole).components[0].held_out_rms, expected_N, 1e-3 * expected_N);
+}
+
+// Cn lags for a window after each step: far from an affine map of the channels, in few rows, and just those that matter.
+TEST(PiezoFit, RareStepsAreNoOutliers) {
+    FilmSensor sensor;
+    Labelled labelled = nothing_yet();
+    sensor.record(
+        labelled, [](double t) { return std::fmod(3 * std::floor(t / 12), 10.0); }, 180);
+    const FitReport report = fitted(labelled);
+    for (const auto& warning : report.warnings) EXPECT_EQ(warning.find("left out"), std::string::npos) << warning;
+    expect_the_sensor(report.calibration, sensor, 0.02);
 }
 
 TEST(PiezoFit, SpikesAndMissingRowsDoNotBendIt) {
@@ -238,7 +271,7 @@ TEST(PiezoFit, SlowChangesDoNotDetermineTheGain) {
         sensor.record(
             labelled, [](double t) { return 5 - 5 * std::cos(2 * 3.14159265358979 * t / 200); }, 200);
         const std::string why = refusal(labelled);
-        EXPECT_NE(why.find("no fast changes"), std::string::npos) << why;
+        EXPECT_NE(why.find("does not follow fast changes"), std::string::npos) << why;
     }
 }
 
