@@ -326,7 +326,7 @@ class Piezo(Sensor):
     channel_unit = "V, pF"
     components = ("fz",)
     methods = ("fused",)
-    heavy_tails = {"fused": 0.05}  # a frame that the machine delays by 10 ms as the press jumps moves it in the converter's window
+    heavy_tails = {"fused": 0.02}  # a frame that the machine delays by 10 ms as the press jumps moves it in the converter's window
     least_within = 0      # errors of one leak's time are alike: a few seconds hold a handful. See PiezoFit.ReadsWhat...
     full_scale = 10.0
     TAU_S, WINDOW_S = 1.0, 0.1003
