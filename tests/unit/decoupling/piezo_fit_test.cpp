@@ -292,6 +292,12 @@ TEST(PiezoFit, ALeakLongerThanTheRecordingIsNotDetermined) {
     EXPECT_NEAR(fitted(labelled, {{"leak_tau_s", 3000}}).calibration.parameters.at("gain_b"), sensor.b, 0.005);
 }
 
+TEST(PiezoFit, UnixTimeIsTime) {
+    const ScratchFile file("t_s,Vp,Cn,fz_N\n1700000000.25,1,2,0\n1700000000.5,1,2,0\n");
+    const Labelled labelled = read_labelled(file.path(), {});
+    EXPECT_NEAR(double(labelled.rows[1].t_ns - labelled.rows[0].t_ns), 0.25e9, 1000);  // ns
+}
+
 TEST(PiezoFit, SaysWhatIsWrongWithTheRows) {
     FilmSensor sensor;
     Labelled good = nothing_yet();
