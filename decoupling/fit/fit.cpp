@@ -106,11 +106,13 @@ Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitMethod& meth
     calibration.method = method.method;
     fitted.about.method = method.method;
     set_domain(rows, calibration);
+    const Calibration start = calibration;
     method.fit(rows, calibration, report.warnings);
     if (calibration.condition > kIllConditioned)
         report.warnings.push_back(fmt::format(
             "condition number {:.2g}: the channels nearly repeat each other, noise is amplified", calibration.condition));
-    fitted.validation = hold_out(labelled, rows, method.fit, calibration, report.warnings);
+    // A search's result may serve the parts too, where it is a mere width; a time constant is to be found again.
+    fitted.validation = hold_out(labelled, rows, method, method.remembers ? start : calibration, report.warnings);
     calibration.validation = fitted.validation.how;
     set_uncertainty(fitted.validation.rows, calibration);
     // A search may end worse on all rows than it did on parts of them (mlp, by up to 1.6): what is held out then speaks of
@@ -145,7 +147,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     Rows rows = usable_rows(*labelled, report);
     check_labels(rows, report);
     check_number(rows, report);
-    if (Rows kept = without_outliers(*labelled, rows, report); kept.size() < rows.size()) {
+    if (Rows kept = methods.front().remembers ? rows : without_outliers(*labelled, rows, report);
+        kept.size() < rows.size()) {
         // A label that is left out sets no full scale, and is no reason to believe that an axis was loaded.
         rows = std::move(kept);
         check_labels(rows, report);

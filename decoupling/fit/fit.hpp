@@ -78,6 +78,9 @@ struct FitMethod {
     FitModel fit;
     bool (*knows_channel)(std::string_view) = nullptr;  // nullptr: any channel
     std::string_view channels = "";                     // said of the channels that it knows
+    // What it makes of a row depends on the rows before, as fit() must then respect: nothing is taken out of their midst,
+    // neither a row that looks odd nor a pose, and what is held out is read with its past.
+    bool remembers = false;
 };
 // All of them; of a model, the one that is taken without being named comes first. fit/methods.cpp
 std::span<const FitMethod> fit_methods();
