@@ -1,6 +1,8 @@
 // The methods of model "generic" beyond its matrix: they find what is bent, go on straight outside, and stay finite.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include <bit>
 #include <cmath>
 #include <random>
@@ -116,6 +118,9 @@ TEST(Nonlinear, ANetworksDerivativesAreThoseOfDifferences) {
 
 TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     const FitReport report = fitted("auto", bent_rows(1000, 1e-3));
+    EXPECT_FALSE(report.warnings.empty());  // one session: each method says so
+    for (const auto& warning : report.warnings)
+        EXPECT_EQ(std::count(report.warnings.begin(), report.warnings.end(), warning), 1) << warning;
     EXPECT_EQ(report.methods.size(), 4u);
     EXPECT_EQ(report.calibration.method, "rbf");
     EXPECT_EQ(report.calibration.others.size(), 3u);
