@@ -74,7 +74,7 @@ Bound bound(const Setting& s) {
         for (std::size_t axis = 0; axis < kAxes; ++axis)
             for (std::size_t i = 0; i < kPlays; ++i) {
                 const double r = half_width(i) * full_scale(s.sensor, axis);
-                change[axis] += weight * std::clamp(kMargin * s.extent.span[axis] - r, 0.0, 2 * r);
+                change[axis] += weight * std::clamp(span(s, Axis(axis)) - r, 0.0, 2 * r);
             }
     return {.change_N = s.sensor.channel_N(change), .gain = 1 + 2 * weight * double(kPlays)};
 }

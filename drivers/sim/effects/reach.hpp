@@ -11,7 +11,29 @@
 
 namespace tactiled::sim {
 
-inline double most(const Setting& s, Axis axis) { return kMargin * s.extent.most[axis]; }
+// What effects of the contact may add to a load of which the scene states little: the weight of the cap, pad or plate, and
+// the twentieth part of the other forces by a sensor that stands askew.
+inline double added(const Setting& s, Axis axis) {
+    const CapacitiveSample& pad = s.sensor.capacitive;
+    const double plate = s.sensor.table.plate_radius_m;
+    const double mass_kg = s.sensor.model == Model::hair ? 1100 * s.sensor.hair.area_m2 * s.sensor.hair.height_m
+                           : s.sensor.model == Model::capacitive
+                               ? 1100 * std::numbers::pi * pad.disc_radius_m * pad.disc_radius_m * pad.gap_m
+                               : 1200 * std::numbers::pi * plate * plate * 60e-6;
+    const double weight_N = axis == kFz ? 1.01 * mass_kg * (9.81 + s.extent.acceleration_m_s2) : 0;
+    const auto& m = s.extent.most;
+    return weight_N + 0.05 * (axis < kMx ? std::hypot(m[kFx], m[kFy], m[kFz]) : std::hypot(m[kMx], m[kMy]));
+}
+inline double most(const Setting& s, Axis axis) { return kMargin * s.extent.most[axis] + added(s, axis); }
+inline double span(const Setting& s, Axis axis) { return kMargin * s.extent.span[axis] + 2 * added(s, axis); }
+// The weight is there from the first sample on, and a sensor that stands askew sees a part of the other axes' changes.
+inline double change(const Setting& s, Axis axis, double seconds) {
+    const auto c = s.extent.changes(seconds);
+    const double askew = 0.05 * (axis < kMx ? std::hypot(c[kFx], c[kFy], c[kFz]) : std::hypot(c[kMx], c[kMy]));
+    const double all = 0.05 * (axis < kMx ? std::hypot(s.extent.most[kFx], s.extent.most[kFy], s.extent.most[kFz])
+                                          : std::hypot(s.extent.most[kMx], s.extent.most[kMy]));
+    return kMargin * c[axis] + askew + added(s, axis) - all;
+}
 
 // The body comes back, or shakes while it slides: what hangs on reversals can occur.
 inline bool may_reverse(const Setting& s) {
