@@ -104,7 +104,7 @@ Setting Scene::setting(std::size_t effect, const Sensor& sensor, const Extent& e
             samples,
             Stream(seed, fmt::format("{}/{}", sensor.name, entry.name)),
             parameters[effect],
-            &motion};
+            this};
 }
 
 }  // namespace tactiled::sim
