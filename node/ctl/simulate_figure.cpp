@@ -21,6 +21,8 @@ public:
     explicit Drawing(const Timeline& t) : t_(t) {
         rows_ = kTitle + kMotion + kLane * double(t.lanes.size()) + 6;
         foot_ = rows_ + kRow * double(t.rows.size()) + 4;
+        const auto on = std::count_if(t.rows.begin(), t.rows.end(), [](const auto& row) { return !row.on_s.empty(); });
+        bars_foot_ = rows_ + kRow * double(on);
     }
 
     std::string text(const std::string& title) {
@@ -57,13 +59,13 @@ private:
             kWidth - kRight + 8, rows_ - 20, kWidth - kRight + 8, rows_ - 7);
     }
 
-    // Where a motion begins, down through all rows; its name where there is room, upright where that is enough.
+    // Where a motion begins, down through all bars; its name where there is room, upright where that is enough.
     void motions() {
         std::string borders;
         const double y = kTitle + kMotion;
         for (const auto& m : t_.motions) {
             const double left = x(m.begin_s), width = x(m.end_s) - left, middle = left + width / 2;
-            if (width > 3) borders += fmt::format("M{:.1f} {:.0f}V{:.0f}", left, kTitle + 4, foot_);
+            if (width > 3) borders += fmt::format("M{:.1f} {:.0f}V{:.0f}", left, kTitle + 4, bars_foot_);
             if (width > kLetter * double(m.kind.size()) + 2)
                 put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">{}</text>\n", middle, y - 6, html_text(m.kind));
             else if (width > 11)
@@ -106,7 +108,7 @@ private:
     }
 
     const Timeline& t_;
-    double rows_, foot_;
+    double rows_, bars_foot_, foot_;
     std::string svg_;
 };
 
