@@ -96,10 +96,10 @@ constexpr const char* kHowToRead = R"(<h2>How to read the numbers</h2>
 those that it feels at all. So an error is rather named too large than too small.</li>
 <li>Bound: the largest change that the effect can make to any channel in any scene that states the same. Effects are left out
 in the order of bound over instructions, as long as the guaranteed error stays within the wanted accuracy.</li>
-<li>Measured share: the largest change that the effect made to a channel, in a run of the whole scene with all effects. Of what
-moves the instant of a sample it is not measured (–).</li>
-<li>Instructions: a sample of the sensor with all its channels, counted once and for all; the choice hangs on them alone, so that
-it is the same on every machine.</li>
+<li>Measured share: the largest change that the effect made to a channel, in a run of the whole scene with all effects. Of
+what moves the instant of a sample it is not measured (–).</li>
+<li>Instructions: a sample of the sensor with all its channels, counted once and for all; the choice hangs on them alone, so
+that it is the same on every machine.</li>
 <li>Measured ns: a sample of the sensor, by reading the clock after each step of a block of 64 samples in a run with all
 effects; the median over pieces of 1024 samples, the clock's own time taken off. It is of this machine and this run.</li>
 <li>What a sample costs: the median of pieces of whole runs, without, with the chosen and with all effects in turn.</li>

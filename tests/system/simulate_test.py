@@ -77,10 +77,15 @@ stale_ms = 2000
 
 
 def simulate(*words, check=True, **more):
-    done = subprocess.run([BIN / "tactilectl", "simulate", *map(str, words)], capture_output=True, text=True, timeout=120, **more)
+    command = [BIN / "tactilectl", "simulate", *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, **more)
     if check:
         assert done.returncode == 0, done.stderr
     return done
+
+
+def double_of(word):
+    return struct.unpack("<d", int(word, 16).to_bytes(8, "little"))[0]
 
 
 def table(path):
@@ -126,7 +131,8 @@ class Files(unittest.TestCase):
         simulate("--scene", scene, "--effects", "none", "--out", out, "--truth", truth)
         signals, true = table(out), table(truth)
         self.assertEqual(list(signals[0]), ["t_s", *(f"R{k}" for k in range(1, 9))])
-        self.assertEqual(list(true[0]), ["t_s", "fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm", "cop_x_m", "cop_y_m", "effects"])
+        self.assertEqual(list(true[0]), ["t_s", "fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm", "cop_x_m", "cop_y_m",
+                                         "effects"])
         self.assertEqual([row["t_s"] for row in signals], [repr(k / 500) if k else "0" for k in range(250)])
         self.assertEqual([row["t_s"] for row in true], [row["t_s"] for row in signals])
         self.assertEqual(true[0]["cop_x_m"], "", "a centre of contact without a contact")
@@ -157,8 +163,9 @@ class Files(unittest.TestCase):
         out = self.folder / "s.csv"
         simulate("--scene", PRESS, "--out", out)
         self.assertEqual(simulate("--scene", PRESS, "--out", "-").stdout.encode(), out.read_bytes())
-        forces = subprocess.run([BIN / "tactilectl", "decouple", "--calibration", ROOT / "config/calibration/table_documents.toml",
-                                 "--in", out], capture_output=True, text=True)
+        calibration = ROOT / "config/calibration/table_documents.toml"
+        forces = subprocess.run([BIN / "tactilectl", "decouple", "--calibration", calibration, "--in", out],
+                                capture_output=True, text=True)
         self.assertEqual(forces.returncode, 0, forces.stderr)
         self.assertEqual(len(forces.stdout.splitlines()), len(out.read_text().splitlines()))
 
@@ -195,7 +202,8 @@ class Files(unittest.TestCase):
         figure = self.folder / "f.svg"
         simulate("--scene", SPEEDING_UP, "--figure", figure)
         self.assertEqual(figure.read_bytes(), (ROOT / "drivers/sim/effects.svg").read_bytes(),
-                         "write it anew: tactilectl simulate --scene config/scenes/speeding_up.toml --figure drivers/sim/effects.svg")
+                         "write it anew: tactilectl simulate --scene config/scenes/speeding_up.toml "
+                         "--figure drivers/sim/effects.svg")
         self.assertLess(figure.stat().st_size, 60_000)
         root = xml.etree.ElementTree.parse(figure).getroot()
         bars = [e.get("d") for e in root.iter("{http://www.w3.org/2000/svg}path") if e.get("class") == "bar"]
@@ -214,10 +222,12 @@ class Files(unittest.TestCase):
         self.refuses(says="--scene")
         self.refuses("--scene", self.folder / "none.toml", says="none.toml")
         self.refuses("--scene", scene, "--effects", "crep", says='no effect "crep"; did you mean "creep"')
-        self.refuses("--scene", scene, "--effects", "creep,noyse", "--out", self.folder / "s.csv", says='did you mean "noise"')
-        self.refuses("--scene", self.scene(ONE.replace("to_N = 0.5", "to_M = 0.5"), "bad.toml"), says=r"bad\.toml:\d+: .*to_N")
+        out = self.folder / "a.csv"
+        self.refuses("--scene", scene, "--effects", "creep,noyse", "--out", out, says='did you mean "noise"')
+        bad = self.scene(ONE.replace("to_N = 0.5", "to_M = 0.5"), "bad.toml")
+        self.refuses("--scene", bad, says=r"bad\.toml:\d+: .*to_N")
         self.refuses("--scene", scene, "--sensor", "lef", "--json", says='did you mean "left"')
-        self.refuses("--scene", scene, "--out", self.folder / "a.csv", "--truth", self.folder / "." / "a.csv", says="--out too")
+        self.refuses("--scene", scene, "--out", out, "--truth", self.folder / "." / "a.csv", says="--out too")
         self.refuses("--scene", scene, "--out", scene, says="--scene too")
         self.refuses("--scene", scene, "--json", "--out", "-", says="standard output")
         self.refuses("--scene", scene, "--out", self.folder / "nowhere" / "a.csv", says="nowhere")
@@ -226,6 +236,7 @@ class Files(unittest.TestCase):
         self.refuses("--scene", scene, "--pty", self.folder / "p", "--pty", self.folder / "q", says="2 times for 1 sensor")
         self.refuses("--scene", scene, "--format", "morse", says="morse")
         self.assertEqual(scene.read_text(), ONE)
+        self.assertFalse(out.exists(), "a file was begun although the words were wrong")
 
 
 class Ptys(unittest.TestCase):
@@ -292,10 +303,11 @@ matrix = {rows}
         for line in lines:
             words = line.split()
             if len(words) >= 10 and int(words[5]) != 3:
-                arrived[int(words[1])] = [struct.unpack("<d", int(word, 16).to_bytes(8, "little"))[0] for word in words[7:10]]
+                arrived[int(words[1])] = [double_of(word) for word in words[7:10]]
         self.assertEqual(sorted(arrived), list(range(len(rows))), f"frames of {sensor} lost")
         for k, row in enumerate(rows):
-            self.assertEqual(arrived[k], [as_sent(float(row[f"{sensor}.{column}"])) for column in columns], f"{sensor} row {k}")
+            sent = [as_sent(float(row[f"{sensor}.{column}"])) for column in columns]
+            self.assertEqual(arrived[k], sent, f"{sensor} row {k}")
 
     def test_text_lines_one_pty_a_sensor(self):
         link = 'format = "lines"\nchannels = %d\nsequence = true\nchecksum = true\n'
