@@ -35,11 +35,12 @@ struct Parameter {
 struct Setting {
     const Sensor& sensor;
     const Body& body;
-    const Extent& extent;       // what the scene states for this sensor, worst case
-    double rate_Hz;             // of the scene
-    std::uint64_t samples;      // of the scene
-    Stream random;              // its own
-    std::span<const double> p;  // parameters, in the order of its entry
+    const Extent& extent;            // what the scene states for this sensor, worst case
+    double rate_Hz;                  // of the scene
+    std::uint64_t samples;           // of the scene
+    Stream random;                   // its own
+    std::span<const double> p;       // parameters, in the order of its entry
+    const Motion* motion = nullptr;  // of the scene: what happens to a neighbour
 };
 
 // What an effect can do to any channel, in N (Sensor::per_N), on any input that keeps within the extent.

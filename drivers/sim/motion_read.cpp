@@ -261,7 +261,7 @@ Motion read_motion(Options& scene, const Body& body, double rate_Hz) {
         builder.begins.push_back(begin);
         if (builder.segments.size() > kMostSegments) motion.problem("do", "more than 200000 steps in all");
     }
-    if (builder.segments.empty()) scene.problem("motion", "a scene has at least one [[motion]]");
+    if (builder.begins.empty()) scene.problem("motion", "a scene has at least one [[motion]]");
     return {std::move(builder.segments), body};
 }
 

@@ -111,7 +111,8 @@ Setting Scene::setting(std::size_t effect, const Sensor& sensor, const Extent& e
             rate_Hz,
             samples,
             Stream(seed, fmt::format("{}/{}", sensor.name, entry.name)),
-            parameters[effect]};
+            parameters[effect],
+            &motion};
 }
 
 }  // namespace tactiled::sim

@@ -1,0 +1,59 @@
+// Adhesion: a round body that leaves the skin pulls at it before it comes off.
+#include <algorithm>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+double pull_off_N(const Setting& s) {
+    if (s.body.shape != Body::Shape::sphere) return 0;
+    return 1.5 * 3.141592653589793 * std::max(s.body.adhesion_J_m2 * s.body.radius_m, 0.0) * std::min(s.sensor.share, 1.0);
+}
+
+// From the instant at which the press has come to an end the pull grows evenly to the pull-off force, then it is gone.
+class Adhesion final : public Effect {
+public:
+    explicit Adhesion(const Setting& s) : pull_N_(pull_off_N(s)), step_(1 / (s.p[0] * s.rate_Hz)) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            double& fz = block.load[kFz][n];
+            if (fz < 0) {
+                place_ = 0;
+            } else if (place_ < 1) {
+                place_ = std::min(place_ + step_, 1.0);
+                if (place_ < 1) fz += pull_N_ * place_;
+            }
+        }
+    }
+
+private:
+    double pull_N_, step_;
+    double place_ = 1;  // on the way from the end of the press, 0, to where it comes off, 1
+};
+
+// Nothing comes off that only ever presses more.
+Bound bound(const Setting& s) {
+    if (!s.extent.reverses || s.extent.most[kFz] <= 0) return {};
+    const double pull_N = pull_off_N(s);
+    const double change_N = s.sensor.channel_N({0, 0, pull_N, 0, 0});
+    return {.change_N = change_N, .jump_N = change_N};
+}
+
+}  // namespace
+
+extern const EffectEntry adhesion;
+const EffectEntry adhesion{
+    .name = "adhesion",
+    .title = "adhesion of a round body",
+    .equation = "pull-off force 3/2 pi w R",
+    .source = "Johnson, Kendall, Roberts 1971",
+    .stage = Stage::contact,
+    .cost_class = "c0",
+    .instructions = 10,
+    .models = kAll,
+    .parameters = {{"separation_s", "from the end of the press until it comes off", 0.01, 1e-6, 10}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Adhesion>(s); }};
+
+}  // namespace tactiled::sim

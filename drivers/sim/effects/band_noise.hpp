@@ -1,0 +1,44 @@
+// Noise below a frequency: random values at even distances, straight lines between.
+#pragma once
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effect.hpp"
+
+namespace tactiled::sim {
+
+class BandNoise {
+public:
+    // Two values a period of the frequency, but no more than one a sample. setup
+    BandNoise(const Stream& random, double rate_Hz, double frequency_Hz)
+        : random_(random), every_(std::uint64_t(std::clamp(std::round(rate_Hz / (2 * frequency_Hz)), 1.0, 1e15))) {}
+
+    // Samples must not go back further than to the last value. rt: wait-free
+    [[nodiscard]] double at(std::uint64_t sample, std::size_t lane) noexcept {
+        const std::uint64_t i = sample / every_;
+        if (i != at_[lane]) {
+            from_[lane] = i == at_[lane] + 1 ? to_[lane] : random_.noise(i, lane);
+            to_[lane] = random_.noise(i + 1, lane);
+            at_[lane] = i;
+        }
+        return from_[lane] + (to_[lane] - from_[lane]) * (double(sample % every_) / double(every_));
+    }
+
+    // |at| is at most that: looked up for short scenes. setup
+    [[nodiscard]] double most(std::uint64_t samples, std::size_t lane) const {
+        const std::uint64_t values = samples / every_ + 2;
+        if (values > 2000) return kMostNoise;
+        double most = 0;
+        for (std::uint64_t i = 0; i < values; ++i) most = std::max(most, std::abs(random_.noise(i, lane)));
+        return most;
+    }
+
+private:
+    Stream random_;
+    std::uint64_t every_;
+    std::array<double, kMostChannels> from_{}, to_{};
+    std::array<std::uint64_t, kMostChannels> at_{~0ull - 1, ~0ull - 1, ~0ull - 1, ~0ull - 1,
+                                                 ~0ull - 1, ~0ull - 1, ~0ull - 1, ~0ull - 1};
+};
+
+}  // namespace tactiled::sim

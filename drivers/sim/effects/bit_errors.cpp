@@ -1,0 +1,90 @@
+// Bit errors: on a link without a checksum a bit of a value arrives turned over.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/quantisation.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// The values on the link, counted through; which ones are hit hangs on the stream alone.
+class Hits {
+public:
+    explicit Hits(const Setting& s) : random_(s.random), per_value_(s.p[0] * std::floor(s.p[1])), bits_(std::floor(s.p[1])) {
+        draw();
+    }
+    [[nodiscard]] double value() const { return value_; }
+    [[nodiscard]] int bit() const { return int(random_.uniform(event_, 1) * bits_); }
+    void draw() noexcept {
+        if (per_value_ <= 0)
+            value_ = HUGE_VAL;
+        else
+            value_ += 1 + std::floor(-std::log1p(-random_.uniform(++event_)) / per_value_);
+    }
+
+private:
+    Stream random_;
+    double per_value_, bits_;
+    std::uint64_t event_ = 0;
+    double value_ = -1;
+};
+
+// Two's complement, in steps of the converter: the bit counts its weight, up where it was 0, down where it was 1.
+class BitErrors final : public Effect {
+public:
+    explicit BitErrors(const Setting& s) : channels_(s.sensor.n()), top_bit_(int(s.p[1]) - 1), hits_(s) {
+        for (std::size_t k = 0; k < channels_; ++k) step_[k] = converter_step(s.sensor, k);
+    }
+    void apply(Block& block) noexcept override {
+        const double begin = double(block.first) * double(channels_);
+        for (; hits_.value() < begin + double(block.n * channels_); hits_.draw()) {
+            const auto place = std::size_t(hits_.value() - begin);
+            const std::size_t k = place % channels_;
+            if (step_[k] <= 0) continue;
+            double& value = block.channel[k][place / channels_];
+            const double steps = std::clamp(std::floor(value / step_[k] + 0.5), -9e15, 9e15);
+            const bool set = (std::int64_t(steps) >> hits_.bit() & 1) != 0;
+            const double weight = std::ldexp(step_[k], hits_.bit());
+            value += set == (hits_.bit() == top_bit_) ? weight : -weight;
+        }
+    }
+
+private:
+    std::size_t channels_;
+    int top_bit_;
+    Hits hits_;
+    Channels step_{};
+};
+
+// The largest that the scene really meets; beyond 10,000 the largest that there can be.
+Bound bound(const Setting& s) {
+    Channels change{};
+    const double values = double(s.samples) * double(s.sensor.n());
+    Hits hits(s);
+    for (int i = 0; hits.value() < values && i < 10000; ++i, hits.draw()) {
+        const auto k = std::size_t(std::fmod(hits.value(), double(s.sensor.n())));
+        change[k] = std::max(change[k], std::ldexp(converter_step(s.sensor, k), hits.bit()));
+    }
+    if (hits.value() < values)
+        for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = std::ldexp(converter_step(s.sensor, k), int(s.p[1]) - 1);
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .jump_N = 2 * change_N};
+}
+
+}  // namespace
+
+extern const EffectEntry bit_errors;
+const EffectEntry bit_errors{
+    .name = "bit_errors",
+    .title = "bit errors of the link",
+    .equation = "value = value +- 2^bit step",
+    .source = "derived; for links without a checksum",
+    .stage = Stage::link,
+    .cost_class = "c0",
+    .instructions = 2,
+    .models = kAll,
+    .parameters = {{"probability", "of a bit", 1e-12, 0, 0.01}, {"bits", "of a value, with its sign", 16, 1, 32}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BitErrors>(s); }};
+
+}  // namespace tactiled::sim

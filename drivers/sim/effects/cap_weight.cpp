@@ -1,0 +1,59 @@
+// Weight and inertia of what lies on the sensing element: cap, pad or plate.
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Density times volume: PDMS cap, silicone pad, SU-8 plate of 60 um.
+double mass_kg(const Setting& s) {
+    if (!std::isnan(s.p[0])) return s.p[0];
+    constexpr double kPi = 3.141592653589793;
+    const CapacitiveSample& pad = s.sensor.capacitive;
+    if (s.sensor.model == Model::hair) return 1030 * s.sensor.hair.area_m2 * s.sensor.hair.height_m;
+    if (s.sensor.model == Model::capacitive) return 1070 * kPi * pad.disc_radius_m * pad.disc_radius_m * pad.gap_m;
+    return 1200 * kPi * s.sensor.table.plate_radius_m * s.sensor.table.plate_radius_m * 60e-6;
+}
+
+class CapWeight final : public Effect {
+public:
+    explicit CapWeight(const Setting& s)
+        : mass_kg_(mass_kg(s)), gravity_m_s2_(s.p[1]), along_x_(std::sin(s.p[2])), along_z_(-std::cos(s.p[2])) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double weight_N = mass_kg_ * (gravity_m_s2_ + block.acceleration_m_s2[n]);
+            block.load[kFx][n] += along_x_ * weight_N;
+            block.load[kFz][n] += along_z_ * weight_N;
+        }
+    }
+
+private:
+    double mass_kg_, gravity_m_s2_, along_x_, along_z_;
+};
+
+Bound bound(const Setting& s) {
+    const double most_N = mass_kg(s) * (std::abs(s.p[1]) + s.extent.acceleration_m_s2);
+    return {.change_N =
+                s.sensor.channel_N({std::abs(std::sin(s.p[2])) * most_N, 0, std::abs(std::cos(s.p[2])) * most_N, 0, 0})};
+}
+
+}  // namespace
+
+extern const EffectEntry cap_weight;
+const EffectEntry cap_weight{
+    .name = "cap_weight",
+    .title = "weight and inertia of the cap",
+    .equation = "F = F + m (g + a)",
+    .source = "derived; Cao et al.'s cap of 1 mm weighs 10 Pa, above its threshold of 7.2 Pa",
+    .stage = Stage::contact,
+    .cost_class = "c0",
+    .instructions = 6,
+    .models = kAll,
+    .parameters = {{"mass_kg", "by default density times volume", kByModel, 0, 1},
+                   {"gravity_m_s2", "against the attitude in which the zero was taken", 9.80665, -20, 20},
+                   {"tilt_rad", "of the weight, from -z towards +x", 0, -6.3, 6.3}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CapWeight>(s); }};
+
+}  // namespace tactiled::sim

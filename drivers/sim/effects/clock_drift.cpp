@@ -1,0 +1,41 @@
+// Clock drift: the sensor's clock runs fast or slow against the world's.
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class ClockDrift final : public Effect {
+public:
+    explicit ClockDrift(const Setting& s) : error_(s.p[0] * 1e-6) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) block.t_s[n] += error_ * block.t_s[n];
+    }
+
+private:
+    double error_;
+};
+
+Bound bound(const Setting& s) {
+    const double length_s = std::max(s.extent.length_s, double(s.samples) / s.rate_Hz);
+    return {.change_N = shift_N(s, std::abs(s.p[0]) * 1e-6 * length_s)};
+}
+
+}  // namespace
+
+extern const EffectEntry clock_drift;
+const EffectEntry clock_drift{
+    .name = "clock_drift",
+    .title = "drift of the sampling clock",
+    .equation = "t = t (1 + ppm 1e-6)",
+    .source = "quartz: 20 to 100 ppm",
+    .stage = Stage::time,
+    .cost_class = "c0",
+    .instructions = 2,
+    .models = kAll,
+    .parameters = {{"drift_ppm", "> 0: samples come late", 50, -1e4, 1e4}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ClockDrift>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,64 @@
+// Heat of contact: a warm or cold body changes the skin's temperature, and its gauges read a load that is none.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+#include "drivers/sim/effects/warmth.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// The slowest mode of diffusion to the depth of the gauges: T' = (share * touch * (body - ambient) - T) / tau.
+class ContactHeat final : public Effect {
+public:
+    explicit ContactHeat(const Setting& s)
+        : channels_(s.sensor.n()),
+          share_(s.p[0]),
+          approach_(-std::expm1(-1 / (s.rate_Hz * diffusion_s(s.sensor)))),
+          scale_N_(touch_scale_N(s.sensor)) {
+        for (std::size_t k = 0; k < channels_; ++k) per_K_[k] = drift_per_K(s, s.p[1], s.p[2], k);
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double surface_K = share_ * touch(-block.load[kFz][n], scale_N_) * (block.body_K[n] - block.ambient_K[n]);
+            warmer_K_ += approach_ * (surface_K - warmer_K_);
+            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += per_K_[k] * warmer_K_;
+        }
+    }
+
+private:
+    std::size_t channels_;
+    double share_, approach_, scale_N_, warmer_K_ = 0;
+    std::array<double, kMostChannels> per_K_{};
+};
+
+// T is at most the largest of the surface times 1 - exp(-length / tau); by the load it changes through touch, whose slope is
+// at most 1 / scale.
+Bound bound(const Setting& s) {
+    const double reached = -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * diffusion_s(s.sensor)));
+    const double body_K = s.p[0] * s.extent.body_K * reached, scale_N = touch_scale_N(s.sensor);
+    std::array<double, kMostChannels> per_touch{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) per_touch[k] = drift_per_K(s, s.p[1], s.p[2], k) * body_K;
+    const double whole = s.sensor.largest_N(per_touch);
+    return {.change_N = whole * touch(most(s, kFz), scale_N), .gain = 1 + whole / scale_N * load_of_error(s.sensor, kFz)};
+}
+
+}  // namespace
+
+extern const EffectEntry contact_heat;
+const EffectEntry contact_heat{
+    .name = "contact_heat",
+    .title = "heat of contact",
+    .equation = "r = r + alpha_k T, T' = (share N / (N + N0) (body - ambient) - T) / tau, tau = L^2 / (pi^2 a)",
+    .source = "Fourier's slowest mode, derived: 0.92 s for 1 mm, 8.3 s for 3 mm",
+    .stage = Stage::transducer,
+    .cost_class = "c1",
+    .instructions = 50,
+    .models = kAll,
+    .parameters = {{"share", "of the body's temperature that reaches the surface in full contact", 0.5, 0, 1},
+                   {"per_K", "of R0 or C0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1,
+                    0.1},
+                   {"mismatch", "deviation between channels, relative", 0.01, 0, 1}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactHeat>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,66 @@
+// Crosstalk: a channel takes up a little of each other one.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Of channel `from` in channel `to`, in their units. The piezo film has an amplifier of its own.
+double share(const Setting& s, std::size_t to, std::size_t from) {
+    if (to == from || s.sensor.channels[to] == "Vp" || s.sensor.channels[from] == "Vp") return 0;
+    return s.p[0] * s.random.noise(0, to * kMostChannels + from) * s.sensor.per_N[to] / s.sensor.per_N[from];
+}
+
+class Crosstalk final : public Effect {
+public:
+    explicit Crosstalk(const Setting& s) : channels_(s.sensor.n()), zero_(s.sensor.zero) {
+        for (std::size_t to = 0; to < channels_; ++to)
+            for (std::size_t from = 0; from < channels_; ++from) share_[to][from] = share(s, to, from);
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            std::array<double, kMostChannels> signal;
+            for (std::size_t k = 0; k < channels_; ++k) signal[k] = block.channel[k][n] - zero_[k];
+            for (std::size_t to = 0; to < channels_; ++to) {
+                double sum = 0;
+                for (std::size_t from = 0; from < channels_; ++from) sum += share_[to][from] * signal[from];
+                block.channel[to][n] += sum;
+            }
+        }
+    }
+
+private:
+    std::size_t channels_;
+    std::array<double, kMostChannels> zero_;
+    std::array<std::array<double, kMostChannels>, kMostChannels> share_{};
+};
+
+Bound bound(const Setting& s) {
+    const auto swing = largest_swing(s);
+    std::array<double, kMostChannels> change{}, of_error{};
+    for (std::size_t to = 0; to < s.sensor.n(); ++to)
+        for (std::size_t from = 0; from < s.sensor.n(); ++from) {
+            change[to] += std::abs(share(s, to, from)) * swing[from];
+            of_error[to] += std::abs(share(s, to, from)) * s.sensor.per_N[from];
+        }
+    return {.change_N = s.sensor.largest_N(change), .gain = 1 + s.sensor.largest_N(of_error)};
+}
+
+}  // namespace
+
+extern const EffectEntry crosstalk;
+const EffectEntry crosstalk{
+    .name = "crosstalk",
+    .title = "crosstalk between channels",
+    .equation = "r_k = r_k + sum c_kj (r_j - zero_j)",
+    .source = "recorded three-axis cells: 2.2 to 2.7 % before calibration",
+    .stage = Stage::transducer,
+    .cost_class = "c1",
+    .instructions = 150,
+    .models = kAll,
+    .parameters = {{"deviation", "of the share of one channel in another, in N", 0.01, 0, 0.2}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Crosstalk>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,74 @@
+// Exact overlap: the area that a round electrode shares with a sector is no straight line in its shift.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// What the area does beyond the linear model, pF.
+double more_pF(const Sensor& sensor, const Pad& pad, std::size_t i, double fx, double fy) {
+    const auto& gain = sensor.gain[pad.channel[i]];
+    return pad.active_pF[i] * pad.overlap_change(i, pad.shift_per_N_m * fx, pad.shift_per_N_m * fy) -
+           (gain[kFx] * fx + gain[kFy] * fy);
+}
+
+class ExactOverlap final : public Effect {
+public:
+    explicit ExactOverlap(const Setting& s) : sensor_(s.sensor), pad_(s.sensor) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t i = 0; i < pad_.n; ++i)
+            for (std::size_t n = 0; n < block.n; ++n)
+                block.channel[pad_.channel[i]][n] += more_pF(sensor_, pad_, i, block.drive[kFx][n], block.drive[kFy][n]);
+    }
+
+private:
+    const Sensor& sensor_;
+    Pad pad_;
+};
+
+// The largest over a grid of shears that has the corners of what the extent allows, and its steepest slope on it; a tenth
+// more for what lies between: the function is nearly quadratic.
+Bound bound(const Setting& s) {
+    const Pad pad(s.sensor);
+    const double X = most(s, kFx), Y = most(s, kFy);
+    if (X + Y == 0) return {};
+    constexpr int kSteps = 12;
+    std::array<double, kMostChannels> change{}, of_error{};
+    for (std::size_t i = 0; i < pad.n; ++i) {
+        double steepest_x = 0, steepest_y = 0;
+        for (int a = -kSteps; a <= kSteps; ++a) {
+            double before_x = 0, before_y = 0;
+            for (int b = -kSteps; b <= kSteps; ++b) {
+                const double along_x = more_pF(s.sensor, pad, i, X * b / kSteps, Y * a / kSteps);
+                const double along_y = more_pF(s.sensor, pad, i, X * a / kSteps, Y * b / kSteps);
+                change[pad.channel[i]] = std::max(change[pad.channel[i]], 1.1 * std::abs(along_x));
+                if (b > -kSteps && X > 0) steepest_x = std::max(steepest_x, std::abs(along_x - before_x) * kSteps / X);
+                if (b > -kSteps && Y > 0) steepest_y = std::max(steepest_y, std::abs(along_y - before_y) * kSteps / Y);
+                before_x = along_x;
+                before_y = along_y;
+            }
+        }
+        of_error[pad.channel[i]] =
+            1.1 * (steepest_x * load_of_error(s.sensor, kFx) + steepest_y * load_of_error(s.sensor, kFy));
+    }
+    return {.change_N = s.sensor.largest_N(change), .gain = 1 + s.sensor.largest_N(of_error)};
+}
+
+}  // namespace
+
+extern const EffectEntry exact_overlap;
+const EffectEntry exact_overlap{
+    .name = "exact_overlap",
+    .title = "exact overlap of the electrodes",
+    .equation = "A = 1/2 integral over the sector of clip(rho)^2 - inner^2, rho = d cos t + (R^2 - d^2 sin^2 t)^(1/2)",
+    .source = "derived",
+    .stage = Stage::transducer,
+    .cost_class = "c2",
+    .instructions = 2500,
+    .models = kCapacitive,
+    .parameters = {},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExactOverlap>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,52 @@
+// Drift of the bridge's excitation while it warms up and with the surroundings; a ratiometric converter has none.
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class ExcitationDrift final : public Effect {
+public:
+    explicit ExcitationDrift(const Setting& s)
+        : channels_(s.sensor.n()), amount_(s.p[0]), per_sample_(1 / (s.p[1] * s.rate_Hz)), ppm_K_(s.p[2]) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double warm = -std::expm1(-per_sample_ * double(block.first + n));
+            const double gain = 1 + amount_ * warm + ppm_K_ * 1e-6 * block.ambient_K[n];
+            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] *= gain;
+        }
+    }
+
+private:
+    std::size_t channels_;
+    double amount_, per_sample_, ppm_K_;
+};
+
+Bound bound(const Setting& s) {
+    const double length_s = double(s.samples) / s.rate_Hz;
+    const double drift = std::abs(s.p[0]) * -std::expm1(-length_s / s.p[1]) + std::abs(s.p[2]) * 1e-6 * s.extent.ambient_K;
+    Channels change = swings(s);
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = drift * (change[k] + std::abs(s.sensor.zero[k]));
+    return {.change_N = s.sensor.largest_N(change), .gain = 1 + drift};
+}
+
+}  // namespace
+
+extern const EffectEntry excitation_drift;
+const EffectEntry excitation_drift{
+    .name = "excitation_drift",
+    .title = "drift of the excitation",
+    .equation = "r = r (1 + d (1 - exp(-t / tau)) + c dT)",
+    .source = "derived; references drift by 10 to 50 ppm a K",
+    .stage = Stage::converter,
+    .cost_class = "c1",
+    .instructions = 60,
+    .models = kTable | kHair,
+    .parameters = {{"amount", "once it is warm", 3e-4, -0.5, 0.5},
+                   {"time_s", "of warming up", 300, 1e-3, 1e6},
+                   {"ppm_K", "with the surroundings", 25, -1e4, 1e4}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExcitationDrift>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,60 @@
+// Friction limit: a skin takes no more shear than friction holds.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// The shear is shortened to mu * press, kinetic while the body slides; its direction stays. Without a press there is none.
+class FrictionLimit final : public Effect {
+public:
+    explicit FrictionLimit(const Setting& s) : friction_(s.body.friction), kinetic_(s.body.kinetic_friction) {}
+    void apply(Block& block) noexcept override {
+        auto& [fx, fy, fz, mx, my] = block.load;
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double limit = (block.speed_m_s[n] > 0 ? kinetic_ : friction_) * std::max(-fz[n], 0.0);
+            const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
+            if (shear <= limit) continue;
+            fx[n] *= limit / shear;
+            fy[n] *= limit / shear;
+        }
+    }
+
+private:
+    double friction_, kinetic_;
+};
+
+// Exact: what is cut off is what the scene asks for beyond friction. With an error before it: a projection on a disc whose
+// radius goes with the press, so |change of the shear| <= |change of the shear before| + mu |change of the press|.
+Bound bound(const Setting& s) {
+    double excess = s.extent.shear_excess_N;
+    if (s.extent.speed_m_s > 0) excess = std::max(excess, s.extent.kinetic_excess_N);
+    if (excess <= 0) return {};
+    std::array<double, kAxes> change{}, more{};
+    const std::array<double, kAxes> error = felt(s.sensor);
+    for (const Axis axis : {kFx, kFy}) {
+        change[axis] = std::min(excess, s.extent.most[axis]);
+        more[axis] = std::hypot(error[kFx], error[kFy]) + std::max(s.body.friction, s.body.kinetic_friction) * error[kFz];
+    }
+    return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.sensor.channel_N(more)};
+}
+
+}  // namespace
+
+extern const EffectEntry friction_limit;
+const EffectEntry friction_limit{
+    .name = "friction_limit",
+    .title = "friction limit",
+    .equation = "|T| <= mu N",
+    .source = "Coulomb",
+    .stage = Stage::contact,
+    .cost_class = "c0",
+    .instructions = 20,
+    .models = kAll,
+    .parameters = {},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FrictionLimit>(s); }};
+
+}  // namespace tactiled::sim

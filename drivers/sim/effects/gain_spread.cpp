@@ -1,0 +1,68 @@
+// Spread of the channels: no gauge or electrode is quite like the next.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Relative deviation of a channel's gain. The thesis' two samples differ by 1.85 % in capacitance and 5.3 % in the film.
+double deviation(const Setting& s, std::size_t channel) {
+    double spread = s.p[0];
+    if (std::isnan(spread))
+        spread = s.sensor.model != Model::capacitive ? 0.02 : s.sensor.channels[channel] == "Vp" ? 0.053 : 0.0185;
+    return spread * s.random.noise(0, channel);
+}
+double offset(const Setting& s, std::size_t channel) {
+    return s.p[1] * s.sensor.per_N[channel] * s.random.noise(1, channel);
+}
+
+class GainSpread final : public Effect {
+public:
+    explicit GainSpread(const Setting& s) : channels_(s.sensor.n()) {
+        for (std::size_t k = 0; k < channels_; ++k) {
+            deviation_[k] = deviation(s, k);
+            offset_[k] = offset(s, k) - s.sensor.zero[k] * deviation_[k];
+        }
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t k = 0; k < channels_; ++k)
+            for (std::size_t n = 0; n < block.n; ++n)
+                block.channel[k][n] += deviation_[k] * block.channel[k][n] + offset_[k];
+    }
+
+private:
+    std::size_t channels_;
+    std::array<double, kMostChannels> deviation_{}, offset_{};
+};
+
+Bound bound(const Setting& s) {
+    const auto swing = largest_swing(s);
+    std::array<double, kMostChannels> change{};
+    double most_deviation = 0;
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) {
+        change[k] = std::abs(deviation(s, k)) * swing[k] + std::abs(offset(s, k));
+        most_deviation = std::max(most_deviation, std::abs(deviation(s, k)));
+    }
+    return {.change_N = s.sensor.largest_N(change), .gain = 1 + most_deviation};
+}
+
+}  // namespace
+
+extern const EffectEntry gain_spread;
+const EffectEntry gain_spread{
+    .name = "gain_spread",
+    .title = "spread of gains and zeros",
+    .equation = "r = zero + (1 + e_k) (r - zero) + o_k",
+    .source = "thesis: 1.85 % and 5.3 % between samples",
+    .stage = Stage::transducer,
+    .cost_class = "c0",
+    .instructions = 12,
+    .models = kAll,
+    .parameters = {{"deviation", "of the gains, relative; by default by the sensor's model",
+                    std::numeric_limits<double>::quiet_NaN(), 0, 0.2},
+                   {"offset_N", "deviation of the zeros", 0, 0, 100}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GainSpread>(s); }};
+
+}  // namespace tactiled::sim

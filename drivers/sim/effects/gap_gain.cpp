@@ -1,0 +1,63 @@
+// Gap gain: a capacitance goes with the inverse of the gap, and so does what a shear makes of it.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class GapGain final : public Effect {
+public:
+    explicit GapGain(const Setting& s) : sensor_(s.sensor), pad_(s.sensor) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double fz = block.drive[kFz][n], closeness = Pad::closeness(pad_.strain(fz));
+            for (std::size_t i = 0; i < pad_.n; ++i) {
+                const std::size_t k = pad_.channel[i];
+                const double unpressed = block.channel[k][n] - pad_.rest_pF[i] - sensor_.gain[k][kFz] * fz;
+                block.channel[k][n] = pad_.rest_pF[i] + unpressed * closeness;
+            }
+        }
+    }
+
+private:
+    const Sensor& sensor_;
+    Pad pad_;
+};
+
+// With the strain e, c = 1 / (1 - e) and m the relative change by shift and tilt: (c - 1 - e) + m (c - 1), times the active
+// part. Its slope by e is (1 + m) c^2, by m it is c.
+Bound bound(const Setting& s) {
+    const Pad pad(s.sensor);
+    const double strain = pad.strain_per_N * most(s, kFz), c = Pad::closeness(strain);
+    const double shift = pad.shift_per_N_m * std::hypot(most(s, kFx), most(s, kFy));
+    std::array<double, kMostChannels> change{};
+    double gain = 1;
+    for (std::size_t i = 0; i < pad.n; ++i) {
+        const auto& per_N = s.sensor.gain[pad.channel[i]];
+        const double linear = (std::abs(per_N[kFx]) * most(s, kFx) + std::abs(per_N[kFy]) * most(s, kFy)) / pad.active_pF[i];
+        const double tilt = pad.tilt_strain(i, std::min(s.extent.x_m, pad.disc_m), std::min(s.extent.y_m, pad.disc_m));
+        const double moved = std::max(linear, pad.largest_overlap(i, shift)) + tilt * most(s, kFz);
+        const double straight = std::max(std::min(strain, Pad::kMostStrain) * (c - 1), std::abs(c - 1 - strain));
+        change[pad.channel[i]] = pad.active_pF[i] * (straight + moved * (c - 1));
+        gain = std::max(gain, (1 + moved) * c * c);
+    }
+    return {.change_N = s.sensor.largest_N(change), .gain = gain};
+}
+
+}  // namespace
+
+extern const EffectEntry gap_gain;
+const EffectEntry gap_gain{.name = "gap_gain",
+                           .title = "inverse of the gap",
+                           .equation = "C = stray + eps A / d, d = d0 (1 - strain)",
+                           .source = "thesis, eq. XVII; its shear gain with 1/d: derived",
+                           .stage = Stage::transducer,
+                           .cost_class = "c1",
+                           .instructions = 50,
+                           .models = kCapacitive,
+                           .parameters = {},
+                           .bound = bound,
+                           .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GapGain>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,68 @@
+// Hertz contact: the contact of a round body grows with the press.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+#include "drivers/sim/effects/skin.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class HertzContact final : public Effect {
+public:
+    explicit HertzContact(const Setting& s)
+        : round_(s.body.shape == Body::Shape::sphere && s.body.radius_m > 0),
+          radius_m_(s.body.radius_m),
+          modulus_Pa_(contact_modulus_Pa(skin(s.sensor), s.body)) {}
+    void apply(Block& block) noexcept override {
+        if (!round_) return;
+        for (std::size_t n = 0; n < block.n; ++n)
+            block.radius_m[n] = hertz_radius_m(-block.load[kFz][n], radius_m_, modulus_Pa_);
+    }
+
+private:
+    bool round_;
+    double radius_m_, modulus_Pa_;
+};
+
+// Only a table's map of influence asks for the radius. Two means over parts of the map lie between its least and its
+// largest.
+Bound bound(const Setting& s) {
+    if (s.sensor.table.influence.empty() || s.body.shape != Body::Shape::sphere || s.body.radius_m <= 0) return {};
+    const double press = kMargin * s.extent.most[kFz];
+    const double modulus_Pa = contact_modulus_Pa(skin(s.sensor), s.body);
+    const double reach = std::hypot(s.extent.x_m, s.extent.y_m) +
+                         std::max(s.body.radius_m, hertz_radius_m(press, s.body.radius_m, modulus_Pa));
+    const double factor[3] = {s.sensor.table.gauge_factor_tangential, s.sensor.table.gauge_factor_tangential,
+                              s.sensor.table.gauge_factor_normal};
+    Channels change{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k)
+        for (std::size_t axis = kFx; axis <= kFz; ++axis) {
+            double least = 0, most = 0;  // 0 beyond the plate
+            for (const auto& row : s.sensor.table.influence) {
+                if (std::hypot(row[0], row[1]) > reach) continue;
+                least = std::min(least, row[2 + 3 * k + axis]);
+                most = std::max(most, row[2 + 3 * k + axis]);
+            }
+            change[k] += std::abs(factor[axis]) * (most - least) * kMargin * s.extent.most[axis];
+        }
+    return {.change_N = s.sensor.largest_N(change)};
+}
+
+}  // namespace
+
+extern const EffectEntry hertz_contact;
+const EffectEntry hertz_contact{
+    .name = "hertz_contact",
+    .title = "contact of a round body",
+    .equation = "a^3 = 3 F R / (4 E*)",
+    .source = "Hertz 1882",
+    .stage = Stage::contact,
+    .cost_class = "c1",
+    .instructions = 50,
+    .models = kTable,
+    .parameters = {},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<HertzContact>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,99 @@
+// Hysteresis: on the way back a skin reads more than it did on the way there, however slow.
+#include <array>
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+constexpr std::size_t kPlays = 6;
+
+// Of full scale, the largest difference between loading and unloading over a cycle from 0 to full scale and back.
+double width(const Setting& s) {
+    if (!std::isnan(s.p[0])) return s.p[0];
+    return s.sensor.model == Model::table ? 0.0484 : 0.02;
+}
+
+// Play of half width r is what is left of u when the first r of each way back is lost: a pin in a slot.
+double play(double p, double u, double r) { return std::clamp(p, u - r, u + r); }
+double from_rest(double u, double r) { return u - std::clamp(u, -r, r); }
+
+// Of full scale: half widths, so that a way back from full scale passes the last at 0.
+constexpr double half_width(std::size_t i) { return double(i + 1) / double(2 * kPlays); }
+
+// Weight of each play that gives a loop of width 1.
+double unit_weight() {
+    double widest = 0;
+    for (int step = 0; step <= 1000; ++step) {
+        const double u = step * 1e-3;
+        double sum = 0;
+        for (std::size_t i = 0; i < kPlays; ++i)
+            sum += play(from_rest(1, half_width(i)), u, half_width(i)) - from_rest(u, half_width(i));
+        widest = std::max(widest, sum);
+    }
+    return 1 / widest;
+}
+
+// What full scale is on an axis: of a moment, the force at half the radius.
+double full_scale(const Sensor& sensor, std::size_t axis) {
+    return sensor.full_scale_N * (axis < kMx ? 1 : half_size_m(sensor) / 2);
+}
+
+// y = u + w sum of (P_i[u] - P_i[u from rest]): 0 as long as the load only rises, as a calibration by rising loads has it.
+class Hysteresis final : public Effect {
+public:
+    explicit Hysteresis(const Setting& s) : weight_(width(s) * unit_weight()) {
+        for (std::size_t axis = 0; axis < kAxes; ++axis)
+            for (std::size_t i = 0; i < kPlays; ++i) r_[axis][i] = half_width(i) * full_scale(s.sensor, axis);
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t axis = 0; axis < kAxes; ++axis)
+            for (std::size_t n = 0; n < block.n; ++n) {
+                const double u = block.drive[axis][n];
+                double sum = 0;
+                for (std::size_t i = 0; i < kPlays; ++i) {
+                    p_[axis][i] = play(p_[axis][i], u, r_[axis][i]);
+                    sum += p_[axis][i] - from_rest(u, r_[axis][i]);
+                }
+                block.drive[axis][n] = u + weight_ * sum;
+            }
+    }
+
+private:
+    double weight_;
+    std::array<std::array<double, kPlays>, kAxes> r_{}, p_{};
+};
+
+// Both P lie within r of u, and within the range of u less r: they differ by at most min(2 r, span - r). Both follow u with
+// a slope of at most 1.
+Bound bound(const Setting& s) {
+    const double weight = width(s) * unit_weight();
+    std::array<double, kAxes> change{};
+    if (may_reverse(s))
+        for (std::size_t axis = 0; axis < kAxes; ++axis)
+            for (std::size_t i = 0; i < kPlays; ++i) {
+                const double r = half_width(i) * full_scale(s.sensor, axis);
+                change[axis] += weight * std::clamp(kMargin * s.extent.span[axis] - r, 0.0, 2 * r);
+            }
+    return {.change_N = s.sensor.channel_N(change), .gain = 1 + 2 * weight * double(kPlays)};
+}
+
+}  // namespace
+
+extern const EffectEntry hysteresis;
+const EffectEntry hysteresis{
+    .name = "hysteresis",
+    .title = "hysteresis",
+    .equation = "y = u + w sum (P_i[u] - P_i[u from rest]), |P_i - u| <= r_i",
+    .source = "Prandtl, Ishlinskii; table 4.84 %: Lee, thesis",
+    .stage = Stage::material,
+    .cost_class = "c2",
+    .instructions = 300,
+    .models = kAll,
+    .parameters = {{"width", "of full scale, the loop from 0 to full scale; by default by the sensor's model",
+                    std::numeric_limits<double>::quiet_NaN(), 0, 0.5}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Hysteresis>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,51 @@
+// Johnson noise of the gauges' resistance, the least noise that a bridge can have.
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Of dR/R0: voltage (4 k T R B)^(1/2) over a quarter bridge's V/4.
+double deviation(const Setting& s) {
+    const double band_Hz = s.rate_Hz / 2;
+    return std::sqrt(4 * 1.380649e-23 * 298.15 * s.p[0] * band_Hz) / (s.p[1] / 4);
+}
+
+class JohnsonNoise final : public Effect {
+public:
+    explicit JohnsonNoise(const Setting& s) : random_(s.random), channels_(s.sensor.n()), deviation_(deviation(s)) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t k = 0; k < channels_; ++k)
+            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += deviation_ * random_.noise(block.first + n, k);
+    }
+
+private:
+    Stream random_;
+    std::size_t channels_;
+    double deviation_;
+};
+
+Bound bound(const Setting& s) {
+    Channels change{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMostNoise * deviation(s);
+    return {.change_N = s.sensor.largest_N(change)};
+}
+
+}  // namespace
+
+extern const EffectEntry johnson_noise;
+const EffectEntry johnson_noise{
+    .name = "johnson_noise",
+    .title = "Johnson noise of the gauges",
+    .equation = "sigma_V^2 = 4 k T R B, sigma_r = 4 sigma_V / V",
+    .source = "Johnson 1928, Nyquist 1928; 0.13 uV of 1 kOhm over 1 kHz",
+    .stage = Stage::converter,
+    .cost_class = "c1",
+    .instructions = 150,
+    .models = kTable | kHair,
+    .parameters = {{"resistance_ohm", "of a gauge", 1000, 0, 1e9}, {"excitation_V", "of the bridge", 3.3, 1e-3, 100}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<JohnsonNoise>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,49 @@
+// Lead wires: their resistance lies in series with the gauge, and it changes with temperature.
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+constexpr double kCopper_1_K = 3.9e-3;  // of its resistance a K
+
+// Of dR/R0. The constant part of the offset is balanced out.
+class LeadWires final : public Effect {
+public:
+    explicit LeadWires(const Setting& s)
+        : channels_(s.sensor.n()), gain_(1 / (1 + s.p[0])), offset_1_K_(s.p[0] * kCopper_1_K / (1 + s.p[0])) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t k = 0; k < channels_; ++k)
+            for (std::size_t n = 0; n < block.n; ++n)
+                block.channel[k][n] = gain_ * block.channel[k][n] + offset_1_K_ * block.ambient_K[n];
+    }
+
+private:
+    std::size_t channels_;
+    double gain_, offset_1_K_;
+};
+
+Bound bound(const Setting& s) {
+    Channels change = swings(s);
+    for (std::size_t k = 0; k < s.sensor.n(); ++k)
+        change[k] =
+            s.p[0] / (1 + s.p[0]) * (change[k] + std::abs(s.sensor.zero[k])) + s.p[0] * kCopper_1_K * s.extent.ambient_K;
+    return {.change_N = s.sensor.largest_N(change)};
+}
+
+}  // namespace
+
+extern const EffectEntry lead_wires;
+const EffectEntry lead_wires{
+    .name = "lead_wires",
+    .title = "resistance of the lead wires",
+    .equation = "r = (r + w 3.9e-3/K dT) / (1 + w), w = r_wire / R",
+    .source = "derived; copper 3.9e-3 / K",
+    .stage = Stage::converter,
+    .cost_class = "c0",
+    .instructions = 24,
+    .models = kTable | kHair,
+    .parameters = {{"share", "of the gauge's resistance", 1e-4, 0, 1}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LeadWires>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,72 @@
+// Load moment: a press beside the centre tilts a soft skin, and presses more on the sensing elements near to it.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Unit of channel k by 1 N of drive along fz, per metre of the load's centre along x and along y.
+struct Lever {
+    double x, y;
+};
+
+Lever lever(const Sensor& sensor, std::size_t k) {
+    if (sensor.model == Model::hair) {
+        constexpr double kAt[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
+        const double of = sensor.gain[k][kFz] * lever_1_m(sensor.hair);
+        return {of * kAt[k][0], of * kAt[k][1]};
+    }
+    const Pad pad(sensor);
+    for (std::size_t i = 0; i < pad.n; ++i)
+        if (pad.channel[i] == k)
+            return {-pad.active_pF[i] * pad.tilt_rad_per_Nm / pad.gap_m * pad.x_m[i],
+                    -pad.active_pF[i] * pad.tilt_rad_per_Nm / pad.gap_m * pad.y_m[i]};
+    return {0, 0};
+}
+
+class LoadMoment final : public Effect {
+public:
+    explicit LoadMoment(const Setting& s) : channels_(s.sensor.n()), size_m_(half_size_m(s.sensor)) {
+        for (std::size_t k = 0; k < channels_; ++k) lever_[k] = lever(s.sensor, k);
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double x = std::clamp(block.x_m[n], -size_m_, size_m_), y = std::clamp(block.y_m[n], -size_m_, size_m_);
+            const double fz = block.drive[kFz][n];
+            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += (lever_[k].x * x + lever_[k].y * y) * fz;
+        }
+    }
+
+private:
+    std::size_t channels_;
+    double size_m_;
+    std::array<Lever, kMostChannels> lever_{};
+};
+
+Bound bound(const Setting& s) {
+    const double x = std::min(s.extent.x_m, half_size_m(s.sensor)), y = std::min(s.extent.y_m, half_size_m(s.sensor));
+    std::array<double, kMostChannels> per_N{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k)
+        per_N[k] = std::abs(lever(s.sensor, k).x) * x + std::abs(lever(s.sensor, k).y) * y;
+    const double most_N = s.sensor.largest_N(per_N);
+    return {.change_N = most_N * most(s, kFz), .gain = 1 + most_N * load_of_error(s.sensor, kFz)};
+}
+
+}  // namespace
+
+extern const EffectEntry load_moment;
+const EffectEntry load_moment{
+    .name = "load_moment",
+    .title = "tilt by an eccentric load",
+    .equation = "hair: sigma = F/A (1 + 4 x x0 / R^2); pad: strain + x x0 F / (gap tilt stiffness)",
+    .source = "derived; a bonded disc's tilt stiffness from the lubrication theory of its press stiffness",
+    .stage = Stage::transducer,
+    .cost_class = "c1",
+    .instructions = 40,
+    .models = kHair | kCapacitive,
+    .parameters = {},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LoadMoment>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,91 @@
+// Lost frames: a link fails for one frame or for several in a row.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Gilbert and Elliott: good frames arrive, bad ones do not; a burst ends after `most` frames at the latest.
+class Link {
+public:
+    explicit Link(const Setting& s) : random_(s.random), begins_(s.p[0]), ends_(s.p[1]), most_(std::uint32_t(s.p[2])) {}
+    // Does this one arrive?
+    bool arrives(std::uint64_t frame) noexcept {
+        const double u = random_.uniform(frame);
+        if (burst_ == 0 ? u < begins_ : u >= ends_ && burst_ < most_)
+            ++burst_;
+        else
+            burst_ = 0;
+        return burst_ == 0;
+    }
+    [[nodiscard]] std::uint32_t burst() const { return burst_; }
+
+private:
+    Stream random_;
+    double begins_, ends_;
+    std::uint32_t most_, burst_ = 0;
+};
+
+// A sensor that delivers each so-manyeth sample has a frame there.
+class LostFrames final : public Effect {
+public:
+    explicit LostFrames(const Setting& s) : every_(std::max<std::size_t>(s.sensor.every, 1)), link_(s) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            if ((block.first + n) % every_ != 0) continue;
+            if (link_.arrives((block.first + n) / every_)) {
+                block.lost[n] += lost_;
+                lost_ = 0;
+            } else {
+                block.dropped[n] = true;
+                ++lost_;
+            }
+        }
+    }
+
+private:
+    std::size_t every_;
+    Link link_;
+    std::uint32_t lost_ = 0;
+};
+
+// While none arrives the last one stands: the change over the longest gap that the scene really meets, over the longest
+// that there can be where it has too many frames to look at.
+Bound bound(const Setting& s) {
+    const std::uint64_t frames = s.samples / std::max<std::size_t>(s.sensor.every, 1) + 1;
+    double longest = 0;
+    if (s.p[0] <= 0) return {};
+    if (frames > 1'000'000) {
+        longest = s.p[2];
+    } else {
+        Link link(s);
+        for (std::uint64_t frame = 0; frame < frames; ++frame)
+            if (!link.arrives(frame)) longest = std::max(longest, double(link.burst()));
+    }
+    if (longest <= 0) return {};
+    const double gap_s = longest * double(std::max<std::size_t>(s.sensor.every, 1)) / s.rate_Hz;
+    return {.change_N =
+                kMargin * s.sensor.channel_N(s.extent.changes(gap_s)) + thermal_N(s.sensor, warming_K_s(s.extent) * gap_s)};
+}
+
+}  // namespace
+
+extern const EffectEntry lost_frames;
+const EffectEntry lost_frames{
+    .name = "lost_frames",
+    .title = "lost frames",
+    .equation = "P(bad | good) = p, P(good | bad) = q",
+    .source = "Gilbert 1960, Elliott 1963",
+    .stage = Stage::link,
+    .cost_class = "c0",
+    .instructions = 20,
+    .models = kAll,
+    .parameters = {{"begins", "probability that a frame begins a burst", 1e-5, 0, 1},
+                   {"ends", "probability that a frame ends it", 0.5, 0, 1},
+                   {"most", "frames of a burst", 20, 1, 10000}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LostFrames>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,59 @@
+// Mains hum: the mains' frequency, its third and its fifth harmonic, folded as the rate has it.
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+constexpr double kThird = 0.3, kFifth = 0.1;
+
+double amplitude_N(const Setting& s) { return std::isnan(s.p[0]) ? 2e-4 * s.sensor.full_scale_N : s.p[0]; }
+
+// Its phase goes with the number of the sample: against the mains' own drift a converter's clock is right.
+class MainsHum final : public Effect {
+public:
+    explicit MainsHum(const Setting& s) : channels_(s.sensor.n()), turns_(s.p[1] / s.rate_Hz), start_(s.random.uniform(0)) {
+        for (std::size_t k = 0; k < channels_; ++k) amplitude_[k] = amplitude_N(s) * s.sensor.per_N[k];
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double turns = start_ + turns_ * double(block.first + n);
+            const double one = std::sin(6.283185307179586 * (turns - std::floor(turns))), square = one * one;
+            const double third = one * (3 - 4 * square), fifth = one * (5 - square * (20 - 16 * square));
+            const double wave = one + kThird * third + kFifth * fifth;
+            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += amplitude_[k] * wave;
+        }
+    }
+
+private:
+    std::size_t channels_;
+    double turns_, start_;
+    Channels amplitude_{};
+};
+
+// x + 0.3 (3 x - 4 x^3) + 0.1 (5 x - 20 x^3 + 16 x^5) is largest at x^2 = 0.355: 0.8733.
+Bound bound(const Setting& s) {
+    Channels change{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = 0.8734 * amplitude_N(s) * s.sensor.per_N[k];
+    return {.change_N = s.sensor.largest_N(change)};
+}
+
+}  // namespace
+
+extern const EffectEntry mains_hum;
+const EffectEntry mains_hum{
+    .name = "mains_hum",
+    .title = "mains hum",
+    .equation = "r = r + A (sin p + 0.3 sin 3 p + 0.1 sin 5 p), p = 2 pi f n / rate",
+    .source = "derived",
+    .stage = Stage::converter,
+    .cost_class = "c1",
+    .instructions = 60,
+    .models = kAll,
+    .parameters = {{"amplitude_N", "by default 0.02 % of full scale", kByModel, 0, 100},
+                   {"frequency_Hz", "of the mains", 50, 0, 1e4}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MainsHum>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,78 @@
+// Misalignment: the sensing element sits turned in its mount, so that it sees the load in a turned frame.
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+using Rotation = std::array<std::array<double, 3>, 3>;
+
+// What a frame turned about x, then y, then z sees: the transpose of Rz Ry Rx.
+Rotation rotation(const Setting& s) {
+    constexpr double kDegree = 3.141592653589793 / 180;
+    const double cx = std::cos(s.p[0] * kDegree), sx = std::sin(s.p[0] * kDegree);
+    const double cy = std::cos(s.p[1] * kDegree), sy = std::sin(s.p[1] * kDegree);
+    const double cz = std::cos(s.p[2] * kDegree), sz = std::sin(s.p[2] * kDegree);
+    return {{{cz * cy, sz * cy, -sy},
+             {cz * sy * sx - sz * cx, sz * sy * sx + cz * cx, cy * sx},
+             {cz * sy * cx + sz * sx, sz * sy * cx - cz * sx, cy * cx}}};
+}
+
+// The moment about z, which no sensor here feels, counts as 0.
+class Misalignment final : public Effect {
+public:
+    explicit Misalignment(const Setting& s) : r_(rotation(s)) {}
+    void apply(Block& block) noexcept override {
+        auto& [fx, fy, fz, mx, my] = block.load;
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double x = fx[n], y = fy[n], z = fz[n], about_x = mx[n], about_y = my[n];
+            fx[n] = r_[0][0] * x + r_[0][1] * y + r_[0][2] * z;
+            fy[n] = r_[1][0] * x + r_[1][1] * y + r_[1][2] * z;
+            fz[n] = r_[2][0] * x + r_[2][1] * y + r_[2][2] * z;
+            mx[n] = r_[0][0] * about_x + r_[0][1] * about_y;
+            my[n] = r_[1][0] * about_x + r_[1][1] * about_y;
+        }
+    }
+
+private:
+    Rotation r_;
+};
+
+// |R - 1| times the largest of each component.
+std::array<double, kAxes> change(const Setting& s, const std::array<double, kAxes>& most) {
+    const Rotation r = rotation(s);
+    std::array<double, kAxes> result{};
+    for (std::size_t row = 0; row < 3; ++row)
+        for (std::size_t column = 0; column < 3; ++column) {
+            const double part = std::abs(r[row][column] - (row == column ? 1 : 0));
+            result[row] += part * most[column];
+            if (row < 2 && column < 2) result[kMx + row] += part * most[kMx + column];
+        }
+    return result;
+}
+
+Bound bound(const Setting& s) {
+    return {.change_N = kMargin * s.sensor.channel_N(change(s, s.extent.most)),
+            .gain = 1 + s.sensor.channel_N(change(s, felt(s.sensor)))};
+}
+
+}  // namespace
+
+extern const EffectEntry misalignment;
+const EffectEntry misalignment{
+    .name = "misalignment",
+    .title = "misalignment of the mount",
+    .equation = "F = R^T F, M = R^T M, R = Rz Ry Rx",
+    .source = "derived",
+    .stage = Stage::contact,
+    .cost_class = "c0",
+    .instructions = 20,
+    .models = kAll,
+    .parameters = {{"about_x_deg", "turn of the sensing element", 0.5, -180, 180},
+                   {"about_y_deg", "turn of the sensing element", -0.3, -180, 180},
+                   {"about_z_deg", "turn of the sensing element", 1, -180, 180}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Misalignment>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,76 @@
+// Partial slip: before a round body slides its rim does, and its middle gives way with the shear.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+#include "drivers/sim/effects/skin.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Of (2 - nu) / G of the skin and of the body, 3 / 16 of the sum.
+double compliance(const Setting& s) {
+    const Skin skin_ = skin(s.sensor);
+    const auto one = [](double young_Pa, double poisson) {
+        return (2 - poisson) * 2 * (1 + poisson) / std::max(young_Pa, 1.0);
+    };
+    return 3.0 / 16 * (one(skin_.young_Pa, skin_.poisson) + one(s.body.stiffness_Pa, kBodyPoisson));
+}
+
+// The press moves with the body, so its moment about the sensor's origin changes by press * displacement.
+class PartialSlip final : public Effect {
+public:
+    explicit PartialSlip(const Setting& s)
+        : friction_(s.body.friction),
+          radius_m_(s.body.shape == Body::Shape::sphere ? s.body.radius_m : 0),
+          modulus_Pa_(contact_modulus_Pa(skin(s.sensor), s.body)),
+          compliance_(compliance(s)) {}
+
+    void apply(Block& block) noexcept override {
+        auto& [fx, fy, fz, mx, my] = block.load;
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double press = -fz[n], shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
+            const double a = hertz_radius_m(press, radius_m_, modulus_Pa_);
+            if (a <= 0 || shear <= 0) continue;
+            const double stuck = std::cbrt(std::max(1 - shear / (friction_ * press), 0.0));  // its radius over a
+            const double moved_m = friction_ * press / a * compliance_ * (1 - stuck * stuck);
+            mx[n] -= press * moved_m * fy[n] / shear;
+            my[n] += press * moved_m * fx[n] / shear;
+        }
+    }
+
+private:
+    double friction_, radius_m_, modulus_Pa_, compliance_;
+};
+
+// 1 - (1 - t)^(2/3) <= t, so displacement <= compliance * shear / a; times the press it grows with both.
+Bound bound(const Setting& s) {
+    if (s.body.shape != Body::Shape::sphere || s.body.radius_m <= 0 || s.body.friction <= 0) return {};
+    const double press = s.extent.most[kFz];
+    const double a = hertz_radius_m(press, s.body.radius_m, contact_modulus_Pa(skin(s.sensor), s.body));
+    if (a <= 0) return {};
+    std::array<double, kAxes> change{};
+    const double limit = s.body.friction * press, per_shear = compliance(s) / a * press;
+    change[kMx] = per_shear * std::min(s.extent.most[kFy], limit);
+    change[kMy] = per_shear * std::min(s.extent.most[kFx], limit);
+    const double change_N = s.sensor.channel_N(change);
+    return {.change_N = change_N, .jump_N = 2 * change_N};
+}
+
+}  // namespace
+
+extern const EffectEntry partial_slip;
+const EffectEntry partial_slip{
+    .name = "partial_slip",
+    .title = "partial slip under a round body",
+    .equation = "d = 3 mu N / (16 a) ((2-nu1)/G1 + (2-nu2)/G2) (1 - (1 - T/(mu N))^(2/3)); M = M + N d",
+    .source = "Cattaneo 1938, Mindlin 1949; Johnson, Contact Mechanics, 7.2",
+    .stage = Stage::contact,
+    .cost_class = "c2",
+    .instructions = 120,
+    .models = kAll,
+    .parameters = {},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PartialSlip>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,66 @@
+// The film's amplifier: a low pass of its series resistance and capacitance, and rails.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+double keep(const Setting& s) { return std::exp(-6.283185307179586 * s.p[0] / s.rate_Hz); }
+
+class PiezoAmplifier final : public Effect {
+public:
+    explicit PiezoAmplifier(const Setting& s)
+        : channel_(s.sensor.find("Vp")),
+          keep_(keep(s)),
+          rail_V_(s.p[1]),
+          zero_V_(channel_ < s.sensor.n() ? s.sensor.zero[channel_] : 0) {}
+    void apply(Block& block) noexcept override {
+        if (channel_ >= kMostChannels) return;
+        for (std::size_t n = 0; n < block.n; ++n) {
+            double& v = block.channel[channel_][n];
+            if (!started_) state_V_ = v;
+            started_ = true;
+            state_V_ += (1 - keep_) * (v - state_V_);
+            v = std::clamp(state_V_, zero_V_ - rail_V_, zero_V_ + rail_V_);
+        }
+    }
+
+private:
+    std::size_t channel_;
+    double keep_, rail_V_, zero_V_;
+    double state_V_ = 0;
+    bool started_ = false;
+};
+
+// What is j samples old counts (1 - a) a^j; what goes beyond the rail is lost. Its leak can double a swing.
+Bound bound(const Setting& s) {
+    const std::size_t channel = s.sensor.find("Vp");
+    if (channel >= s.sensor.n()) return {};
+    const double a = keep(s), step_s = 1 / s.rate_Hz;
+    const auto older = [&](double age_s) { return std::pow(a, std::floor(age_s / step_s + 1e-9) + 1); };
+    const double time_s = 1 / (6.283185307179586 * s.p[0]);
+    const double low_pass_N = lag_N(s, 16 * time_s + 4 * step_s, time_s, older, [&](std::size_t k) { return k == channel; });
+    Channels beyond{};
+    beyond[channel] = std::max(2 * swings(s)[channel] - s.p[1], 0.0);
+    return {.change_N = low_pass_N + s.sensor.largest_N(beyond)};
+}
+
+}  // namespace
+
+extern const EffectEntry piezo_amplifier;
+const EffectEntry piezo_amplifier{
+    .name = "piezo_amplifier",
+    .title = "amplifier of the piezo film",
+    .equation = "v' = 2 pi f_c (u - v), clipped at the rails",
+    .source = "charge amplifier: 1 / (1 + s R_s C_p)",
+    .stage = Stage::converter,
+    .cost_class = "c1",
+    .instructions = 10,
+    .models = kCapacitive,
+    .parameters = {{"corner_Hz", "of the low pass", 1000, 1e-3, 1e7}, {"rail_V", "on both sides of the zero", 5, 1e-3, 100}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PiezoAmplifier>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,85 @@
+// Pyroelectric charge: a piezo film answers to a change of its temperature as to a force.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+#include "drivers/sim/effects/warmth.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// N that 1 K looks like: 27 uC/(m^2 K) times the area, over 25 pC/N.
+double per_K(const Setting& s) {
+    if (!std::isnan(s.p[0])) return s.p[0];
+    const double radius_m = s.sensor.capacitive.disc_radius_m;
+    return 27e-6 * std::numbers::pi * radius_m * radius_m / 25e-12;
+}
+
+// The film's temperature follows room and body through the pad; its charge runs off: v' = per_K T' - v / tau.
+class Pyroelectric final : public Effect {
+public:
+    explicit Pyroelectric(const Setting& s)
+        : film_(s.sensor.find("Vp")),
+          has_film_(film_ < s.sensor.n()),
+          V_per_K_(has_film_ ? per_K(s) * s.sensor.per_N[film_] : 0),
+          share_(s.p[1]),
+          approach_(-std::expm1(-1 / (s.rate_Hz * diffusion_s(s.sensor)))),
+          scale_N_(touch_scale_N(s.sensor)) {
+        const double h = 1 / (s.rate_Hz * s.p[2]);
+        keep_ = std::exp(-h);
+        new_ = -std::expm1(-h) / h;
+    }
+    void apply(Block& block) noexcept override {
+        if (!has_film_) return;
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double outside_K =
+                block.ambient_K[n] + share_ * touch(-block.load[kFz][n], scale_N_) * (block.body_K[n] - block.ambient_K[n]);
+            const double rise_K = approach_ * (outside_K - film_K_);
+            film_K_ += rise_K;
+            value_ = keep_ * value_ + new_ * V_per_K_ * rise_K;
+            block.channel[film_][n] += value_;
+        }
+    }
+
+private:
+    std::size_t film_;
+    bool has_film_;
+    double V_per_K_, share_, approach_, scale_N_, keep_ = 0, new_ = 0, film_K_ = 0, value_ = 0;
+};
+
+// What is left of a voltage whose charge comes at a rate is at most rate * tau (1 - exp(-length / tau)). The film warms no
+// faster than the room does, and than (outside - film) / diffusion time; what touching adds lies within +- share * body.
+Bound bound(const Setting& s) {
+    if (s.sensor.find("Vp") >= s.sensor.n()) return {};
+    const double through_s = diffusion_s(s.sensor), leak_s = s.p[2], length_s = (double(s.samples) + 1) / s.rate_Hz;
+    const double kept_s = leak_s * -std::expm1(-length_s / leak_s), N_per_K = per_K(s);
+    // Of a film that follows an outside within +- most_K for the scene's length.
+    const auto N_of = [&](double most_K, double rate_K_s) {
+        const double reached_K = most_K * -std::expm1(-length_s / through_s);
+        return N_per_K * std::min(2 * reached_K, std::min((most_K + reached_K) / through_s, rate_K_s) * kept_s);
+    };
+    const double any = std::numeric_limits<double>::infinity();
+    const double body_K = s.p[1] * s.extent.body_K, scale_N = touch_scale_N(s.sensor);
+    return {.change_N = N_of(s.extent.ambient_K, any) + N_of(body_K * touch(most(s, kFz), scale_N), any),
+            .gain = 1 + N_of(body_K / scale_N * load_of_error(s.sensor, kFz), any)};
+}
+
+}  // namespace
+
+extern const EffectEntry pyroelectric;
+const EffectEntry pyroelectric{
+    .name = "pyroelectric",
+    .title = "pyroelectric charge",
+    .equation = "i = p A dT/dt, v' = i / C - v / tau",
+    .source = "PVDF: 27 uC/(m^2 K) against 25 pC/N, so 0.1 K on 1 cm^2 reads 10.8 N",
+    .stage = Stage::transducer,
+    .cost_class = "c1",
+    .instructions = 30,
+    .models = kCapacitive,
+    .parameters = {{"N_per_K", "what 1 K looks like; by default PVDF of the disc's area",
+                    std::numeric_limits<double>::quiet_NaN(), 0, 1e5},
+                   {"share", "of the body's temperature that reaches the surface in full contact", 0.5, 0, 1},
+                   {"leak_s", "tau of the film", 0.1, 1e-5, 1e6}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Pyroelectric>(s); }};
+
+}  // namespace tactiled::sim

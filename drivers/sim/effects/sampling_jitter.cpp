@@ -1,0 +1,40 @@
+// Sampling jitter: a sample is taken a little before or after its time.
+#include <algorithm>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class SamplingJitter final : public Effect {
+public:
+    explicit SamplingJitter(const Setting& s) : random_(s.random), deviation_s_(s.p[0]), most_s_(0.49 / s.rate_Hz) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n)
+            block.t_s[n] += std::clamp(deviation_s_ * random_.noise(block.first + n), -most_s_, most_s_);
+    }
+
+private:
+    Stream random_;
+    double deviation_s_, most_s_;  // two samples never change places
+};
+
+Bound bound(const Setting& s) { return {.change_N = shift_N(s, std::min(kMostNoise * s.p[0], 0.49 / s.rate_Hz))}; }
+
+}  // namespace
+
+extern const EffectEntry sampling_jitter;
+const EffectEntry sampling_jitter{
+    .name = "sampling_jitter",
+    .title = "jitter of the sampling clock",
+    .equation = "t = t + sigma n",
+    .source = "derived: error = rate of change * sigma",
+    .stage = Stage::time,
+    .cost_class = "c0",
+    .instructions = 30,
+    .models = kAll,
+    .parameters = {{"deviation_s", "one standard deviation", 1e-6, 0, 1e-2}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<SamplingJitter>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,54 @@
+// Saturation: a reading ends at the rails of its converter.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class Saturation final : public Effect {
+public:
+    explicit Saturation(const Setting& s) : channels_(s.sensor.n()) {
+        for (std::size_t k = 0; k < channels_; ++k) {
+            const double rail = s.p[0] * half_range(s.sensor, k);
+            least_[k] = s.sensor.zero[k] - rail;
+            most_[k] = s.sensor.zero[k] + rail;
+        }
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t k = 0; k < channels_; ++k)
+            for (std::size_t n = 0; n < block.n; ++n)
+                block.channel[k][n] = std::clamp(block.channel[k][n], least_[k], most_[k]);
+    }
+
+private:
+    std::size_t channels_;
+    Channels least_{}, most_{};
+};
+
+// What goes beyond; 0 where the load cannot reach a rail. A film's leak can double its swing.
+Bound bound(const Setting& s) {
+    Channels change = swings(s);
+    for (std::size_t k = 0; k < s.sensor.n(); ++k)
+        change[k] = std::max((is_piezo(s.sensor, k) ? 2 : 1) * change[k] - s.p[0] * half_range(s.sensor, k), 0.0);
+    return {.change_N = s.sensor.largest_N(change)};
+}
+
+}  // namespace
+
+extern const EffectEntry saturation;
+const EffectEntry saturation{
+    .name = "saturation",
+    .title = "rails of the converter",
+    .equation = "r = min(max(r, zero - rail), zero + rail)",
+    .source = "full scales: 10 N of the capacitive sensor, 2 kPa of the hairs, 1 N of the table",
+    .stage = Stage::converter,
+    .cost_class = "c0",
+    .instructions = 32,
+    .models = kAll,
+    .parameters = {{"rail", "of the reading with each force at full scale", 1.25, 0.01, 1e3}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Saturation>(s); }};
+
+}  // namespace tactiled::sim

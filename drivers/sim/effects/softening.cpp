@@ -1,0 +1,51 @@
+// Softening (Mullins): below the largest load so far an elastomer yields more than when it was loaded for the first time.
+#include <array>
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class Softening final : public Effect {
+public:
+    explicit Softening(const Setting& s) : amount_(s.p[0]) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t axis = 0; axis < kAxes; ++axis)
+            for (std::size_t n = 0; n < block.n; ++n) {
+                const double u = block.drive[axis][n];
+                largest_[axis] = std::max(largest_[axis], std::abs(u));
+                if (largest_[axis] > 0) block.drive[axis][n] = u * (1 + amount_ * (1 - std::abs(u) / largest_[axis]));
+            }
+    }
+
+private:
+    double amount_;
+    std::array<double, kAxes> largest_{};
+};
+
+// |u| (1 - |u| / m) is at most m / 4, and 0 as long as the load only rises. By u it changes by at most 1, by m by at most 1.
+Bound bound(const Setting& s) {
+    std::array<double, kAxes> change{};
+    if (may_reverse(s))
+        for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = s.p[0] * most(s, Axis(axis)) / 4;
+    return {.change_N = s.sensor.channel_N(change), .gain = 1 + 2 * s.p[0]};
+}
+
+}  // namespace
+
+extern const EffectEntry softening;
+const EffectEntry softening{
+    .name = "softening",
+    .title = "softening by the first cycles",
+    .equation = "y = u (1 + d (1 - |u| / max |u| so far))",
+    .source = "Mullins 1969; Ogden, Roxburgh 1999, linear in the load",
+    .stage = Stage::material,
+    .cost_class = "c1",
+    .instructions = 60,
+    .models = kHair | kCapacitive,
+    .parameters = {{"amount", "d, of the load", 0.05, 0, 1}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Softening>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,78 @@
+// Stick-slip: a slowly sliding body drags the skin along until static friction gives way, again and again.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+#include "drivers/sim/effects/skin.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// While it sticks the shear rises by stiffness * speed; at the static friction it falls at once as far below the kinetic one
+// as it stood above (no damping). So the shear swings about the kinetic friction as a saw, whose place in its period is
+// exact at any step. The swing dies out with speed as Stribeck's curve does.
+class StickSlip final : public Effect {
+public:
+    explicit StickSlip(const Setting& s)
+        : kinetic_(s.body.kinetic_friction),
+          drop_(std::max(s.body.friction - s.body.kinetic_friction, 0.0)),
+          speed_m_s_(s.p[0]),
+          rise_(s.p[1] * skin(s.sensor).shear_N_m / s.rate_Hz) {}
+
+    void apply(Block& block) noexcept override {
+        auto& [fx, fy, fz, mx, my] = block.load;
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double press = -fz[n], speed = block.speed_m_s[n];
+            const double relative = speed / speed_m_s_, swing = drop_ * std::exp(-relative * relative) * press;
+            if (speed <= 0 || press <= 0 || swing <= 0) {
+                place_ = 0.5;
+                continue;
+            }
+            place_ += std::min(rise_ * speed / (2 * swing), 1e6);
+            place_ -= std::floor(place_);
+            const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]), sliding = std::max(shear, kinetic_ * press);
+            if (sliding <= 0) continue;
+            // Scene and friction may disagree on how large the shear is: then the same part of it.
+            const double scale = std::max(1 + (2 * place_ - 1) * swing / sliding, 0.0);
+            fx[n] *= scale;
+            fy[n] *= scale;
+        }
+    }
+
+private:
+    double kinetic_, drop_, speed_m_s_, rise_;
+    double place_ = 0.5;  // 0 = just slipped, 1 = about to; at one half it changes nothing
+};
+
+// |T| swing / max(|T|, mu_k N) is no more than swing, nor than |T| swing / (mu_k N).
+Bound bound(const Setting& s) {
+    const double drop = s.body.friction - s.body.kinetic_friction;
+    if (s.extent.speed_m_s <= 0 || drop <= 0) return {};
+    std::array<double, kAxes> change{};
+    for (const Axis axis : {kFx, kFy}) {
+        change[axis] = std::min(drop * s.extent.most[kFz], s.extent.most[axis]);
+        if (s.body.kinetic_friction > 0)
+            change[axis] = std::min(change[axis], s.extent.most[axis] * drop / s.body.kinetic_friction);
+    }
+    const double change_N = s.sensor.channel_N(change);
+    return {.change_N = change_N, .jump_N = 2 * change_N};  // another press: another place in the period
+}
+
+}  // namespace
+
+extern const EffectEntry stick_slip;
+const EffectEntry stick_slip{
+    .name = "stick_slip",
+    .title = "stick-slip",
+    .equation = "T' = k v up to mu_s N, then falls to (2 mu_k - mu_s) N; mu_s - mu_k -> (mu_s - mu_k) exp(-(v / v_s)^2)",
+    .source = "slider on a spring; Stribeck's curve as in Canudas de Wit et al. 1995",
+    .stage = Stage::contact,
+    .cost_class = "c2",
+    .instructions = 90,
+    .models = kAll,
+    .parameters = {{"stribeck_m_s", "speed at which static friction has gone to a third", 0.1, 1e-6, 100},
+                   {"stiffness", "against shear, in that of the skin alone", 0.5, 1e-6, 1e3}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<StickSlip>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,50 @@
+// Stray capacitance: a cable that moves changes what is in parallel with each electrode.
+#include <cmath>
+
+#include "drivers/sim/effects/band_noise.hpp"
+#include "drivers/sim/effects/pad.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class StrayCapacitance final : public Effect {
+public:
+    explicit StrayCapacitance(const Setting& s)
+        : pad_(s.sensor), deviation_pF_(s.p[0]), noise_(s.random, s.rate_Hz, s.p[1]) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t i = 0; i < pad_.n; ++i)
+            for (std::size_t n = 0; n < block.n; ++n)
+                block.channel[pad_.channel[i]][n] += deviation_pF_ * noise_.at(block.first + n, i);
+    }
+
+private:
+    Pad pad_;
+    double deviation_pF_;
+    BandNoise noise_;
+};
+
+Bound bound(const Setting& s) {
+    const Pad pad(s.sensor);
+    const BandNoise noise(s.random, s.rate_Hz, s.p[1]);
+    std::array<double, kMostChannels> change{};
+    for (std::size_t i = 0; i < pad.n; ++i) change[pad.channel[i]] = s.p[0] * noise.most(s.samples, i);
+    return {.change_N = s.sensor.largest_N(change)};
+}
+
+}  // namespace
+
+extern const EffectEntry stray_capacitance;
+const EffectEntry stray_capacitance{
+    .name = "stray_capacitance",
+    .title = "stray capacitance of a moving cable",
+    .equation = "C = C + sigma n(t), n below a frequency",
+    .source = "derived: at least 0.37 pF of the thesis' capacitance is stray",
+    .stage = Stage::transducer,
+    .cost_class = "c1",
+    .instructions = 60,
+    .models = kCapacitive,
+    .parameters = {{"deviation_pF", "one standard deviation", 1e-3, 0, 10}, {"frequency_Hz", "highest", 2, 1e-3, 1e5}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<StrayCapacitance>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,49 @@
+// Zero by temperature: gauges and pads change at rest when the room does.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+#include "drivers/sim/effects/warmth.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+class TemperatureZero final : public Effect {
+public:
+    explicit TemperatureZero(const Setting& s) : channels_(s.sensor.n()) {
+        for (std::size_t k = 0; k < channels_; ++k) per_K_[k] = drift_per_K(s, s.p[0], s.p[1], k);
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t k = 0; k < channels_; ++k)
+            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += per_K_[k] * block.ambient_K[n];
+    }
+
+private:
+    std::size_t channels_;
+    std::array<double, kMostChannels> per_K_{};
+};
+
+Bound bound(const Setting& s) {
+    std::array<double, kMostChannels> change{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = drift_per_K(s, s.p[0], s.p[1], k) * s.extent.ambient_K;
+    return {.change_N = s.sensor.largest_N(change)};
+}
+
+}  // namespace
+
+extern const EffectEntry temperature_zero;
+const EffectEntry temperature_zero{
+    .name = "temperature_zero",
+    .title = "zero by temperature",
+    .equation = "r = r + alpha_k dT",
+    .source = "handbook values of Ni-Cr, platinum, silicone",
+    .stage = Stage::transducer,
+    .cost_class = "c0",
+    .instructions = 12,
+    .models = kAll,
+    .parameters = {{"per_K", "of R0 or C0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1,
+                    0.1},
+                   {"mismatch", "deviation between channels, relative", 0.01, 0, 1}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureZero>(s); }};
+
+}  // namespace tactiled::sim

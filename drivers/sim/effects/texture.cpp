@@ -1,0 +1,80 @@
+// Texture: the ridges of a sliding body press more and less as they pass.
+#include <algorithm>
+#include <cmath>
+
+#include "drivers/sim/effects/bounds.hpp"
+#include "drivers/sim/effects/skin.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Press of half a ridge's height, as the contact of a ridge, 2 a wide, averages it: sin(x) / x, x = 2 pi a / pitch.
+double amplitude_N(const Setting& s) {
+    const double x = 6.283185307179586 * s.p[0] / std::max(s.body.texture_pitch_m, 1e-9);
+    const double kept = x < 1e-6 ? 1 : std::abs(std::sin(x) / x);
+    return s.p[1] * skin(s.sensor).press_N_m * std::max(s.body.texture_height_m, 0.0) / 2 * kept * s.sensor.share;
+}
+
+// press + min(A, press) sin(2 pi slide / pitch), at the centre of contact; the shear goes along with kinetic friction.
+class Texture final : public Effect {
+public:
+    explicit Texture(const Setting& s)
+        : amplitude_N_(amplitude_N(s)),
+          kinetic_(s.body.kinetic_friction),
+          ridges_m_(1 / std::max(s.body.texture_pitch_m, 1e-9)) {}
+
+    void apply(Block& block) noexcept override {
+        auto& [fx, fy, fz, mx, my] = block.load;
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double press = -fz[n], ridge = block.slide_m[n] * ridges_m_;
+            if (block.speed_m_s[n] <= 0 || press <= 0) continue;
+            const double wave = std::sin(6.283185307179586 * (ridge - std::floor(ridge)));
+            const double more = std::min(amplitude_N_, press);
+            const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
+            fz[n] -= more * wave;
+            mx[n] -= block.y_m[n] * more * wave;
+            my[n] += block.x_m[n] * more * wave;
+            if (shear <= 0) continue;
+            const double scale = std::min(kinetic_ * more, shear) / shear * wave;
+            fx[n] += fx[n] * scale;
+            fy[n] += fy[n] * scale;
+        }
+    }
+
+private:
+    double amplitude_N_, kinetic_, ridges_m_;
+};
+
+// An error before it changes min(A, press) and min(mu A, shear) by no more than itself.
+Bound bound(const Setting& s) {
+    const double amplitude = std::min(amplitude_N(s), s.extent.most[kFz]);
+    if (amplitude <= 0 || s.extent.speed_m_s <= 0) return {};
+    const double shear = s.body.kinetic_friction * amplitude;
+    std::array<double, kAxes> change{std::min(shear, kMargin * s.extent.most[kFx]),
+                                     std::min(shear, kMargin * s.extent.most[kFy]), amplitude, s.extent.y_m * amplitude,
+                                     s.extent.x_m * amplitude};
+    const std::array<double, kAxes> error = felt(s.sensor);
+    const double shear_error = 2 * std::hypot(error[kFx], error[kFy]) + s.body.kinetic_friction * error[kFz];
+    const std::array<double, kAxes> more{shear_error, shear_error, error[kFz], s.extent.y_m * error[kFz],
+                                         s.extent.x_m * error[kFz]};
+    return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.sensor.channel_N(more)};
+}
+
+}  // namespace
+
+extern const EffectEntry texture;
+const EffectEntry texture{
+    .name = "texture",
+    .title = "ridges of a sliding body",
+    .equation = "N = N + min(k h/2 |sinc(2 a / pitch)|, N) sin(2 pi slide / pitch), T likewise with mu_k",
+    .source = "derived: f = v / pitch, a contact 2 a wide averages",
+    .stage = Stage::contact,
+    .cost_class = "c2",
+    .instructions = 70,
+    .models = kAll,
+    .parameters = {{"contact_m", "half width of the contact of a ridge", 2e-4, 0, 1},
+                   {"stiffness", "against a press, in that of the skin alone", 0.5, 0, 1e3}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Texture>(s); }};
+
+}  // namespace tactiled::sim

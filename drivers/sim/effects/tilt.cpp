@@ -1,0 +1,82 @@
+// Tilt: the mean of 1/d over a tilted electrode is more than 1 over the mean gap.
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+constexpr double kMostTilt = 0.95;  // of the tilt at which the rim touches
+
+// Of a disc, k = radius * tilt / gap: 2 (1 - (1 - k^2)^(1/2)) / k^2 without its cancellation.
+double factor(double k) { return 2 / (1 + std::sqrt(1 - std::min(k, kMostTilt) * std::min(k, kMostTilt))); }
+
+// The upper electrode stands askew by some angle from the start, towards +x, and tilts further under an eccentric press.
+class Tilt final : public Effect {
+public:
+    explicit Tilt(const Setting& s) : pad_(s.sensor), mounted_rad_(s.p[0]) {
+        for (std::size_t i = 0; i < pad_.n; ++i) at_rest_[i] = factor(pad_.radius_m[i] * mounted_rad_ / pad_.gap_m);
+    }
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const double N = -block.drive[kFz][n], tilt = pad_.tilt_rad_per_Nm * N;
+            const double x = std::clamp(block.x_m[n], -pad_.disc_m, pad_.disc_m);
+            const double y = std::clamp(block.y_m[n], -pad_.disc_m, pad_.disc_m);
+            const double angle = std::hypot(mounted_rad_ + tilt * x, tilt * y);
+            const double per_gap = Pad::closeness(pad_.strain_per_N * N) / pad_.gap_m;
+            for (std::size_t i = 0; i < pad_.n; ++i) {
+                double& value = block.channel[pad_.channel[i]][n];
+                value =
+                    pad_.rest_pF[i] + (value - pad_.rest_pF[i]) * (factor(pad_.radius_m[i] * angle * per_gap) / at_rest_[i]);
+            }
+        }
+    }
+
+private:
+    Pad pad_;
+    double mounted_rad_;
+    std::array<double, Pad::kMost> at_rest_{};
+};
+
+// The factor lies between that of the least angle at the largest gap and that of the largest angle at the least gap.
+Bound bound(const Setting& s) {
+    const Pad pad(s.sensor);
+    const double N = most(s, kFz), mounted = s.p[0];
+    const double reach = std::hypot(std::min(s.extent.x_m, pad.disc_m), std::min(s.extent.y_m, pad.disc_m));
+    const double turn = pad.tilt_rad_per_Nm * N * reach, c = Pad::closeness(pad.strain_per_N * N);
+    const auto swing = largest_swing(s);
+    std::array<double, kMostChannels> change{};
+    double gain = 1;
+    for (std::size_t i = 0; i < pad.n; ++i) {
+        const std::size_t k = pad.channel[i];
+        const double per_rad = pad.radius_m[i] / pad.gap_m, rest = factor(per_rad * mounted);
+        const double steepest = std::min(per_rad * (mounted + turn) * c, kMostTilt),
+                     root = std::sqrt(1 - steepest * steepest);
+        const double most_factor = factor(steepest) / rest;
+        const double least_factor =
+            factor(per_rad * std::max(0.0, mounted - turn) * Pad::closeness(-pad.strain_per_N * N)) / rest;
+        const double active = pad.active_pF[i] + swing[k];
+        change[k] = active * std::max(most_factor - 1, 1 - least_factor);
+        const double by_k = 2 * steepest / (root * (1 + root) * (1 + root)) / rest;
+        const double k_by_N = per_rad * c * (pad.tilt_rad_per_Nm * reach + (mounted + turn) * pad.strain_per_N * c);
+        gain = std::max(gain, most_factor + active * by_k * k_by_N * load_of_error(s.sensor, kFz) / s.sensor.per_N[k]);
+    }
+    return {.change_N = s.sensor.largest_N(change), .gain = gain};
+}
+
+}  // namespace
+
+extern const EffectEntry tilt;
+const EffectEntry tilt{.name = "tilt",
+                       .title = "tilted electrode",
+                       .equation = "C -> C 2 (1 - (1 - k^2)^(1/2)) / k^2, k = radius * tilt / gap",
+                       .source = "derived",
+                       .stage = Stage::transducer,
+                       .cost_class = "c2",
+                       .instructions = 200,
+                       .models = kCapacitive,
+                       .parameters = {{"mounted_rad", "tilt at rest", 0.01, 0, 0.2}},
+                       .bound = bound,
+                       .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Tilt>(s); }};
+
+}  // namespace tactiled::sim

@@ -1,0 +1,99 @@
+// Walk of the zero: it goes nowhere in particular, ever further.
+#include <array>
+#include <cmath>
+
+#include "drivers/sim/effects/reach.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+// Levy's construction of a Brownian path: the end, then the middle of each half, of each quarter ... From bounded numbers,
+// so that the path is bounded, and each point hangs on its place alone. Straight between knots of 64 samples.
+class Walk {
+public:
+    static constexpr std::uint64_t kEvery = 64;
+    explicit Walk(const Setting& s) : random_(s.random) {
+        while ((kEvery << levels_) < s.samples + 1 && levels_ < 40) ++levels_;
+        scale_ =
+            (std::isnan(s.p[0]) ? 1e-5 * s.sensor.full_scale_N : s.p[0]) * std::sqrt(double(kEvery << levels_) / s.rate_Hz);
+    }
+
+    // N at knot i <= 2^levels, from the first `levels` of them.
+    [[nodiscard]] double at(std::uint64_t i, std::size_t channel, unsigned levels) const noexcept {
+        double sum = random_.noise(0, channel) * std::ldexp(double(i), -int(levels_)), height = 0.5;
+        for (unsigned level = 0; level < levels; ++level, height *= std::numbers::sqrt2 / 2) {
+            const unsigned shift = levels_ - level;
+            const double u = std::ldexp(double(i & ((1ull << shift) - 1)), 1 - int(shift));  // 0 .. 2 over an interval
+            if (u > 0) sum += height * std::min(u, 2 - u) * random_.noise((1ull << level) + (i >> shift), channel);
+        }
+        return scale_ * sum;
+    }
+
+    // |at| up to that sample: the first eight levels as they are, of the others what they can add.
+    [[nodiscard]] double most(std::uint64_t samples, std::size_t channel) const {
+        const unsigned looked_at = std::min(levels_, 8u);
+        const std::uint64_t step = 1ull << (levels_ - looked_at);
+        double most = 0;
+        for (std::uint64_t i = 0; i < samples / kEvery + 1 + step && i <= 1ull << levels_; i += step)
+            most = std::max(most, std::abs(at(i, channel, looked_at)));
+        double beyond = 0;
+        for (unsigned level = looked_at; level < levels_; ++level) beyond += std::exp2(-0.5 * level - 1);
+        return most + scale_ * kMostNoise * beyond;
+    }
+    [[nodiscard]] double at(std::uint64_t i, std::size_t channel) const noexcept { return at(i, channel, levels_); }
+
+private:
+    Stream random_;
+    unsigned levels_ = 0;
+    double scale_;
+};
+
+class ZeroWalk final : public Effect {
+public:
+    explicit ZeroWalk(const Setting& s) : walk_(s), channels_(s.sensor.n()), per_N_(s.sensor.per_N) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            const std::uint64_t sample = block.first + n, i = sample / Walk::kEvery;
+            if (i != at_)
+                for (std::size_t k = 0; k < channels_; ++k) {
+                    from_[k] = i == at_ + 1 ? to_[k] : per_N_[k] * walk_.at(i, k);
+                    to_[k] = per_N_[k] * walk_.at(i + 1, k);
+                }
+            at_ = i;
+            const double part = double(sample % Walk::kEvery) / double(Walk::kEvery);
+            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += from_[k] + part * (to_[k] - from_[k]);
+        }
+    }
+
+private:
+    Walk walk_;
+    std::size_t channels_;
+    std::array<double, kMostChannels> per_N_, from_{}, to_{};
+    std::uint64_t at_ = ~0ull - 1;
+};
+
+Bound bound(const Setting& s) {
+    const Walk walk(s);
+    double most = 0;
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) most = std::max(most, walk.most(s.samples, k));
+    return {.change_N = most};
+}
+
+}  // namespace
+
+extern const EffectEntry zero_walk;
+const EffectEntry zero_walk{
+    .name = "zero_walk",
+    .title = "walk of the zero",
+    .equation = "r = r + B(t), B a Brownian path",
+    .source = "Levy's construction",
+    .stage = Stage::transducer,
+    .cost_class = "c1",
+    .instructions = 60,
+    .models = kAll,
+    .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale",
+                    std::numeric_limits<double>::quiet_NaN(), 0, 100}},
+    .bound = bound,
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ZeroWalk>(s); }};
+
+}  // namespace tactiled::sim

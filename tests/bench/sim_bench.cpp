@@ -1,0 +1,183 @@
+// What the simulator costs and what it keeps of its promise, scene by scene: ns a sample of one sensor with no effect, with
+// those that the scene calls for, and with all; the largest difference between the last two beside the wanted accuracy.
+//   sim_bench SCENE.toml ...              the table
+//   sim_bench --effects SCENE.toml        each effect of the scene: bound, share, ns
+//   sim_bench --run EFFECTS N SCENE.toml  N samples of each sensor, nothing else (for valgrind)
+//   sim_bench --memory SCENE.toml         10^8 samples: resident memory at each tenth
+// Times are the least of 7 runs, each over whole blocks; on a shared machine compare them within one run alone.
+#include <fmt/format.h>
+
+#include <unistd.h>
+#include <chrono>
+#include <cstring>
+#include <fstream>
+#include <string>
+
+#include "drivers/sim/simulation.hpp"
+
+using namespace tactiled;
+using namespace tactiled::sim;
+
+namespace {
+
+double seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+// ns a sample of one sensor, the least of several runs.
+double cost_ns(const Scene& scene, const std::string& effects, std::uint64_t most = 20'000) {
+    double least = 1e300;
+    for (int run = 0; run < 7; ++run) {
+        Simulation simulation(scene, effects);
+        std::uint64_t done = 0;
+        const double begun = seconds();
+        for (bool any = true; any && done < most * scene.sensors.size();) {
+            any = false;
+            for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
+                const std::size_t n = simulation.advance(i).n;
+                any |= n > 0;
+                done += n;
+            }
+        }
+        least = std::min(least, (seconds() - begun) / double(done) * 1e9);
+    }
+    return least;
+}
+
+// The largest difference of any channel at any sample that both have, N.
+double difference_N(const Scene& scene, const std::string& a, const std::string& b) {
+    Simulation one(scene, a), other(scene, b);
+    double most = 0;
+    for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
+        const Sensor& sensor = scene.sensors[i];
+        for (;;) {
+            const Block& x = one.advance(i);
+            const Block& y = other.advance(i);
+            if (x.n == 0) break;
+            for (std::size_t n = 0; n < x.n; ++n) {
+                if (x.dropped[n] || y.dropped[n]) continue;
+                std::array<double, kMostChannels> change{};
+                for (std::size_t k = 0; k < sensor.n(); ++k)
+                    if (((x.missing[n] | y.missing[n]) >> k & 1u) == 0) change[k] = x.channel[k][n] - y.channel[k][n];
+                most = std::max(most, sensor.largest_N(change));
+            }
+        }
+    }
+    return most;
+}
+
+struct Row {
+    std::size_t on = 0, of = 0;
+    double wanted = 0, guaranteed = 0, parts_ns = 0;
+};
+
+// Over all sensors: the strictest wish, the largest guarantee, and what the chosen effects cost one by one on top of the
+// rest.
+Row row_of(const Scene& scene, double none_ns) {
+    Row row;
+    row.wanted = 1e300;
+    const Simulation simulation(scene, "auto");
+    double parts = 0;
+    for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
+        const Choice& choice = simulation.choice(i);
+        row.wanted = std::min(row.wanted, choice.wanted_N);
+        row.guaranteed = std::max(row.guaranteed, choice.guaranteed_N);
+        row.on = row.of = 0;
+        parts = none_ns;
+        for (const Decision& d : choice.decisions) {
+            ++row.of;
+            if (!d.on) continue;
+            ++row.on;
+            parts += std::max(0.0, cost_ns(scene, std::string(d.effect->name)) - none_ns);
+        }
+    }
+    row.parts_ns = parts;
+    return row;
+}
+
+void print_scenes(int n, char** files) {
+    fmt::print(
+        "| scene | sensors | effects on | ns none | auto | all | all / auto | auto / its parts | auto - all, mN | "
+        "guaranteed | "
+        "wanted | |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+    for (int i = 0; i < n; ++i) {
+        const Scene scene = read_scene(files[i]);
+        const double none = cost_ns(scene, "none"), automatic = cost_ns(scene, "auto"), all = cost_ns(scene, "all");
+        const Row row = row_of(scene, none);
+        const double difference = difference_N(scene, "auto", "all");
+        const std::string path = files[i], name = path.substr(path.rfind('/') + 1);
+        fmt::print("| {} | {} | {} of {} | {:.0f} | {:.0f} | {:.0f} | {:.1f} | {:.2f} | {:.3g} | {:.3g} | {:.3g} | {} |\n",
+                   name.substr(0, name.size() - 5), scene.sensors.size(), row.on, row.of, none, automatic, all,
+                   all / automatic, automatic / row.parts_ns, difference * 1e3, row.guaranteed * 1e3, row.wanted * 1e3,
+                   difference <= row.wanted ? "kept" : "**BROKEN**");
+        std::fflush(stdout);
+    }
+}
+
+void print_effects(const char* file) {
+    const Scene scene = read_scene(file);
+    Simulation all(scene, "all");
+    all.measure_shares(true);
+    for (std::size_t i = 0; i < scene.sensors.size(); ++i)
+        while (all.advance(i).n > 0) {}
+    const Simulation automatic(scene, "auto");
+    const double none = cost_ns(scene, "none");
+    fmt::print(
+        "| effect | class | bound, mN | largest change, mN | instructions (declared) | ns alone | auto "
+        "|\n|---|---|---|---|---|---|---|\n");
+    for (std::size_t d = 0; d < all.choice(0).decisions.size(); ++d) {
+        const Decision& decision = all.choice(0).decisions[d];
+        fmt::print("| {} | {} | {:.4g} | {:.4g} | {} | {:.1f} | {} |\n", decision.effect->name, decision.effect->cost_class,
+                   decision.bound.change_N * 1e3, all.shares_N(0)[d] * 1e3, decision.effect->instructions,
+                   cost_ns(scene, std::string(decision.effect->name)) - none,
+                   automatic.choice(0).decisions[d].on ? "on" : automatic.choice(0).decisions[d].why);
+    }
+}
+
+long resident_kB() {
+    std::ifstream file("/proc/self/statm");
+    long whole = 0, resident = 0;
+    file >> whole >> resident;
+    return resident * (::sysconf(_SC_PAGESIZE) / 1024);
+}
+
+void print_memory(const char* file) {
+    Scene scene = read_scene(file);
+    scene.samples = 100'000'000;
+    Simulation simulation(scene, "auto");
+    const double begun = seconds();
+    for (std::uint64_t done = 0, next = 0;;) {
+        if (done >= next) {
+            fmt::print("{:>11} samples {:6.1f} s {:>7} kB\n", done, seconds() - begun, resident_kB());
+            std::fflush(stdout);
+            next += 10'000'000;
+        }
+        const std::size_t n = simulation.advance(0).n;
+        if (n == 0) break;
+        done += n;
+    }
+}
+
+void run(const std::string& effects, std::uint64_t samples, const char* file) {
+    Scene scene = read_scene(file);
+    scene.samples = samples;
+    Simulation simulation(scene, effects);
+    for (std::size_t i = 0; i < scene.sensors.size(); ++i)
+        while (simulation.advance(i).n > 0) {}
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    try {
+        const std::string first = argc > 1 ? argv[1] : "";
+        if (first == "--effects" && argc == 3)
+            print_effects(argv[2]);
+        else if (first == "--memory" && argc == 3)
+            print_memory(argv[2]);
+        else if (first == "--run" && argc == 5)
+            run(argv[2], std::stoull(argv[3]), argv[4]);
+        else if (argc > 1)
+            print_scenes(argc - 1, argv + 1);
+        else
+            return fmt::print(stderr, "usage: sim_bench [--effects | --memory | --run EFFECTS N] SCENE.toml ...\n"), 2;
+    } catch (const std::exception& e) { return fmt::print(stderr, "{}\n", e.what()), 1; }
+}

@@ -1,0 +1,156 @@
+#include "drivers/sim/scene.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "drivers/sim/simulation.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+const std::string kHead =
+    "format = 1\ntitle = \"t\"\n[body]\nmass_kg = 0.05\nfriction = 0.8\nkinetic_friction = 0.5\n[[sensor]]\nname = "
+    "\"left\"\nmodel = \"table\"\n";
+
+Scene scene_of(const std::string& text) {
+    Problems problems;
+    return read_scene(Options::parse_text(text, "scene.toml", problems), problems);
+}
+
+std::string refused(const std::string& text) {
+    try {
+        scene_of(text);
+    } catch (const SetupError& e) { return e.what(); }
+    return "";
+}
+
+// The world at each sample of the first sensor.
+struct World {
+    std::vector<double> t_s, fx, fy, fz, speed, slide, acceleration;
+};
+
+World world_of(const std::string& motions, const std::string& head = kHead) {
+    const Scene scene = scene_of(head + motions);
+    Simulation simulation(scene, "none");
+    World w;
+    for (const Block* b = &simulation.advance(0); b->n > 0; b = &simulation.advance(0))
+        for (std::size_t n = 0; n < b->n; ++n) {
+            w.t_s.push_back(b->t_s[n]);
+            w.fx.push_back(b->load[kFx][n]);
+            w.fy.push_back(b->load[kFy][n]);
+            w.fz.push_back(b->load[kFz][n]);
+            w.speed.push_back(b->speed_m_s[n]);
+            w.slide.push_back(b->slide_m[n]);
+            w.acceleration.push_back(b->acceleration_m_s2[n]);
+        }
+    return w;
+}
+
+TEST(Scene, APressGoesStraightToItsForceAndStays) {
+    const World w = world_of("[[motion]]\ndo = \"press\"\nto_N = 0.5\nin_s = 0.1\n[[motion]]\ndo = \"hold\"\nfor_s = 0.1\n");
+    ASSERT_EQ(w.fz.size(), 200u);
+    EXPECT_EQ(w.fz[0], 0);
+    EXPECT_NEAR(w.fz[50], -0.25, 1e-12);
+    EXPECT_NEAR(w.fz[100], -0.5, 1e-12);
+    EXPECT_NEAR(w.fz[199], -0.5, 1e-12);
+}
+
+TEST(Scene, AShearActsInItsDirectionAndTurns) {
+    const World w = world_of(
+        "[[motion]]\ndo = \"shear\"\nto_N = 1\ndirection_deg = 30\nin_s = 0.1\n"
+        "[[motion]]\ndo = \"rotate\"\nby_deg = 60\nin_s = 0.1\n[[motion]]\ndo = \"hold\"\nfor_s = 0.01\n");
+    EXPECT_NEAR(w.fx[50], 0.5 * std::cos(M_PI / 6), 1e-12);
+    EXPECT_NEAR(w.fy[50], 0.5 * std::sin(M_PI / 6), 1e-12);
+    EXPECT_NEAR(w.fx[150], std::cos(M_PI / 3), 1e-9);
+    EXPECT_NEAR(w.fx[205], 0, 1e-12);
+    EXPECT_NEAR(w.fy[205], 1, 1e-12);
+}
+
+TEST(Scene, ALiftTakesTheWeightThenTheAcceleration) {
+    const World w = world_of(
+        "[[motion]]\ndo = \"lift\"\nacceleration_m_s2 = 2\ndirection_deg = 180\nin_s = 0.2\nfor_s = 0.8\n"
+        "[[motion]]\ndo = \"hold\"\nfor_s = 0.01\n");
+    EXPECT_NEAR(w.fx[200], -0.05 * 9.80665, 1e-9);
+    EXPECT_NEAR(w.fx[400], -0.05 * (9.80665 + 2), 1e-9);
+    EXPECT_NEAR(w.acceleration[400], 2, 1e-9);
+    EXPECT_NEAR(w.fx[800], -0.05 * (9.80665 - 2), 1e-9);
+    EXPECT_NEAR(w.fx[1005], -0.05 * 9.80665, 1e-9);
+}
+
+TEST(Scene, ASlideAddsUpItsPath) {
+    const World w =
+        world_of("[[motion]]\ndo = \"slide\"\nspeed_m_s = 0.1\nin_s = 0.1\n[[motion]]\ndo = \"hold\"\nfor_s = 0.1\n");
+    EXPECT_NEAR(w.slide[100], 0.1 * 0.1 / 2, 1e-12);
+    EXPECT_NEAR(w.slide[199], 0.005 + 0.1 * 0.099, 1e-12);
+}
+
+TEST(Scene, ASlipPullsWithTheKineticFriction) {
+    const World w = world_of(
+        "[[motion]]\ndo = \"press\"\nto_N = 0.4\nin_s = 0.1\n[[motion]]\ndo = \"slip\"\nspeed_m_s = 0.02\nfor_s = 0.1\n");
+    EXPECT_NEAR(w.fx[150], 0.2, 1e-9);
+    EXPECT_NEAR(w.speed[150], 0.02, 1e-12);
+    EXPECT_LT(w.speed.back(), 0.003);
+}
+
+TEST(Scene, AShakeNeverPulls) {
+    const World w = world_of(
+        "[[motion]]\ndo = \"press\"\nto_N = 0.1\nin_s = 0.1\n[[motion]]\ndo = \"shake\"\namplitude_N = 0.3\nfrom_Hz = "
+        "5\nfor_s = 0.2\n");
+    EXPECT_NEAR(*std::min_element(w.fz.begin(), w.fz.end()), -0.4, 1e-9);
+    EXPECT_EQ(*std::max_element(w.fz.begin(), w.fz.end()), 0);
+}
+
+TEST(Scene, ARepetitionIsTheSameAgain) {
+    const std::string cycle =
+        "[[motion]]\ndo = \"press\"\nto_N = 0.5\nin_s = 0.05\n[[motion]]\ndo = \"press\"\nto_N = 0\nin_s = 0.05\n";
+    const World w = world_of(cycle + "[[motion]]\ndo = \"repeat\"\nlast = 2\ntimes = 50\n");
+    ASSERT_EQ(w.fz.size(), 5000u);
+    for (std::size_t i = 0; i < w.fz.size(); ++i) ASSERT_NEAR(w.fz[i], w.fz[i % 100], 1e-9) << i;
+    EXPECT_NE(refused(kHead + "[[motion]]\ndo = \"press\"\nto_N = 1\n[[motion]]\ndo = \"repeat\"\ntimes = 2\n")
+                  .find("scene.toml:"),
+              std::string::npos);
+}
+
+TEST(Scene, AnArraySharesAPressAmongItsTaxels) {
+    const std::string array =
+        "format = 1\ntitle = \"t\"\n[body]\nshape = \"{}\"\nradius_m = 0.0015\n[[sensor]]\nname = \"skin\"\nmodel = "
+        "\"table\"\narray = [4, 4]\npitch_m = 0.002\n";
+    for (const std::string shape : {"flat", "sphere"}) {
+        const Scene scene =
+            scene_of(fmt::format(fmt::runtime(array), shape) +
+                     "[[motion]]\ndo = \"move\"\nx_m = 0.0004\ny_m = -0.0003\nin_s = 0.1\n"
+                     "[[motion]]\ndo = \"press\"\nto_N = 1\nin_s = 0.1\n[[motion]]\ndo = \"hold\"\nfor_s = 0.1\n");
+        ASSERT_EQ(scene.sensors.size(), 16u);
+        Simulation simulation(scene, "none");
+        double sum = 0;
+        int loaded = 0;
+        for (std::size_t i = 0; i < 16; ++i) {
+            double last = 0;
+            for (const Block* b = &simulation.advance(i); b->n > 0; b = &simulation.advance(i))
+                last = b->load[kFz][b->n - 1];
+            sum += last;
+            loaded += last < 0;
+        }
+        EXPECT_NEAR(sum, -1, 1e-12) << shape;
+        EXPECT_EQ(loaded, shape == "flat" ? 16 : 4) << shape;
+    }
+}
+
+TEST(Scene, SaysWhatIsWrongAndWhere) {
+    EXPECT_EQ(refused(kHead + "[[motion]]\ndo = \"pres\"\n").find("scene.toml:11: "), 0u)
+        << refused(kHead + "[[motion]]\ndo = \"pres\"\n");
+    const std::string hold = "[[motion]]\ndo = \"hold\"\nfor_s = 1\n";
+    EXPECT_NE(refused("format = 2\ntitle = \"t\"\n" + hold).find("format"), std::string::npos);
+    EXPECT_NE(refused(kHead).find("[[motion]]"), std::string::npos);
+    EXPECT_NE(refused("format = 1\ntitle = \"t\"\n" + hold).find("[[sensor]]"), std::string::npos);
+    EXPECT_NE(refused(kHead + hold + "[effects.creeep]\namount = 1\n").find("creep"), std::string::npos);
+    EXPECT_NE(refused(kHead + hold + "[effects.creep]\namount = 7\n").find("amount"), std::string::npos);
+    EXPECT_NE(refused(kHead + hold + "[[sensor]]\nname = \"left\"\nmodel = \"hair\"\n").find("two sensors"),
+              std::string::npos);
+    EXPECT_EQ(refused(kHead + hold), "");
+}
+
+}  // namespace
+}  // namespace tactiled::sim
