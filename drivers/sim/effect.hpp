@@ -38,7 +38,8 @@ struct Setting {
     const Extent& extent;            // what the scene states for this sensor, worst case
     double rate_Hz;                  // of the scene
     std::uint64_t samples;           // of the scene
-    Stream random;                   // its own
+    Stream random;                   // its own, of this scene
+    Stream sample;                   // its own, of this sample of the sensor: the same in all scenes that name its serial
     std::span<const double> p;       // parameters, in the order of its entry
     const Motion* motion = nullptr;  // of the scene: what happens to a neighbour
 };

@@ -111,6 +111,7 @@ Setting Scene::setting(std::size_t effect, const Sensor& sensor, const Extent& e
             rate_Hz,
             samples,
             Stream(seed, fmt::format("{}/{}", sensor.name, entry.name)),
+            Stream(sensor.serial, entry.name),
             parameters[effect],
             &motion};
 }
