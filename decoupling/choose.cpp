@@ -13,6 +13,20 @@ namespace {
 
 constexpr int kTrials = 51, kCallsPerTrial = 20;
 
+// The calibration as `method` runs it. A standard deviation speaks of the method whose errors it was taken from; "signs" is
+// "linear" in steps, and adds those to it.
+Calibration fit_for(const Calibration& calibration, const std::string& method) {
+    Calibration one = calibration.with_method(method);
+    const bool fitted = calibration.method.empty() || calibration.method == method ||
+                        std::any_of(calibration.others.begin(), calibration.others.end(),
+                                    [&](const Fit& other) { return other.method == method; });
+    if (!fitted && !(calibration.method == "linear" && method == "signs")) {
+        one.sd.clear();
+        one.sd_slope.clear();
+    }
+    return one;
+}
+
 // Held-out standard deviation in full scales, mean over the components; infinite where it is not known.
 double inaccuracy(const Calibration& calibration) {
     const std::size_t n = calibration.components.size();
@@ -97,7 +111,7 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
     if (!has(method))
         return refuse("method", fmt::format("method = \"{}\": model \"{}\" has {} (or auto)", method, calibration.model,
                                             fmt::join(entry->methods, " ")));
-    return entry->make(calibration.with_method(method), method, options);
+    return entry->make(fit_for(calibration, method), method, options);
 }
 
 }  // namespace tactiled

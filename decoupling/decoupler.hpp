@@ -69,7 +69,8 @@ std::vector<std::string> decoupler_names();
 
 // The decoupler of a calibration. `method`: "" = the one that it was fitted for; "auto" = of the methods that it has a fit
 // and a standard deviation of, the most accurate that needs at most `budget_us` a sample on this machine now (the fastest
-// where none is fast enough). nullptr where that cannot be; errors go to the options' Problems. setup
+// where none is fast enough). Another method than those that were fitted has no standard deviation. nullptr where that
+// cannot be; errors go to the options' Problems. setup
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us,
                                           Options& options);
 

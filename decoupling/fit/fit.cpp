@@ -17,6 +17,8 @@ namespace {
 
 constexpr double kIllConditioned = 1000;  // 0.1 % of noise in a channel becomes 100 % of a coefficient
 
+constexpr double kTooGood = 1e-6;  // of full scale: six digits are what a reference may have
+
 // The methods that were asked for, at least one.
 std::vector<FitMethod> methods_of(const FitRequest& request) {
     std::vector<FitMethod> of_model, chosen;
@@ -104,11 +106,13 @@ Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitMethod& meth
     calibration.method = method.method;
     fitted.about.method = method.method;
     set_domain(rows, calibration);
+    const Calibration start = calibration;
     method.fit(rows, calibration, report.warnings);
     if (calibration.condition > kIllConditioned)
         report.warnings.push_back(fmt::format(
             "condition number {:.2g}: the channels nearly repeat each other, noise is amplified", calibration.condition));
-    fitted.validation = hold_out(labelled, rows, method.fit, calibration, report.warnings);
+    // A search's result may serve the parts too, where it is a mere width; a time constant is to be found again.
+    fitted.validation = hold_out(labelled, rows, method, method.remembers ? start : calibration, report.warnings);
     calibration.validation = fitted.validation.how;
     set_uncertainty(fitted.validation.rows, calibration);
     // A search may end worse on all rows than it did on parts of them (mlp, by up to 1.6): what is held out then speaks of
@@ -143,17 +147,36 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     Rows rows = usable_rows(*labelled, report);
     check_labels(rows, report);
     check_number(rows, report);
-    rows = without_outliers(*labelled, rows, report);
+    if (Rows kept = methods.front().remembers ? rows : without_outliers(*labelled, rows, report);
+        kept.size() < rows.size()) {
+        // A label that is left out sets no full scale, and is no reason to believe that an axis was loaded.
+        rows = std::move(kept);
+        check_labels(rows, report);
+        check_number(rows, report);
+    }
     calibration.rows = int(rows.size());
     for (const auto& component : report.components) calibration.full_scale.push_back(component.full_scale);
 
     std::vector<Fitted> all_fitted;
     for (const FitMethod& method : methods) {
+        // Of several methods each says which one it is, and what another has said is not said again.
+        const std::vector<std::string> before = std::exchange(report.warnings, {});
+        const auto keep_warnings = [&] {
+            std::vector<std::string> said = before;
+            for (const std::string& warning : report.warnings) {
+                const auto ends_so = [&](const std::string& other) { return other.ends_with(warning); };
+                if (std::none_of(said.begin(), said.end(), ends_so))
+                    said.push_back(methods.size() == 1 ? warning : fmt::format("method {}: {}", method.method, warning));
+            }
+            report.warnings = std::move(said);
+        };
         try {
             all_fitted.push_back(fit_one(*labelled, rows, method, request, report));
+            keep_warnings();
             report.methods.push_back(all_fitted.back().about);
         } catch (const Undetermined& error) {
             if (methods.size() == 1) throw;
+            keep_warnings();
             report.methods.push_back({.method = std::string(method.method), .held_out_rms = {}, .refused = error.what()});
         }
     }
@@ -171,12 +194,23 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         const std::size_t c = component_index(component.name);
         component.fitted_rms = fitted[c];
         component.held_out_rms = validation.rms[c];
+        if (component.held_out_rms < kTooGood * component.full_scale)
+            report.warnings.push_back(
+                fmt::format("{}: no sensor is as good as that: is a channel a copy of the label? "
+                            "Choose with --channels",
+                            component.name));
         if (component.held_out_rms >= component.spread)
             report.warnings.push_back(
                 fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these "
                             "channels do not tell {}, or a part that was left out alone loads this axis",
                             component.name, component.held_out_rms, component.spread, component.name));
     }
+    for (const auto& [name, value] : request.parameters)
+        if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name](const Fitted& one) {
+                return one.calibration.parameters.count(key) != 0 && one.calibration.parameters.at(key) == value;
+            }))
+            report.warnings.push_back(fmt::format(
+                "parameter {} = {} was not used: the fit has none of that name or finds it itself", name, value));
     report_disagreement(*labelled, rows, report);
     return report;
 }

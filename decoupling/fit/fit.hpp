@@ -67,7 +67,8 @@ FitReport fit(const Labelled& labelled, const FitRequest& request);
 
 // ---- one function a method: a calibration from `rows`, which have every channel and at least one label of `components`
 // each. Fills matrix, parameters, tables, zero and condition of `calibration`, whose model, method, channels, components and
-// domain are set; a parameter that it would have to search for and finds there it keeps. May say something in `warnings`.
+// domain are set; what is held out is not among `rows`, so nothing found with it may be kept. May say something in
+// `warnings`.
 // setup: throws Undetermined
 using Rows = std::vector<const LabelledRow*>;
 using FitModel = void (*)(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
@@ -77,6 +78,9 @@ struct FitMethod {
     FitModel fit;
     bool (*knows_channel)(std::string_view) = nullptr;  // nullptr: any channel
     std::string_view channels = "";                     // said of the channels that it knows
+    // What it makes of a row depends on the rows before, as fit() must then respect: nothing is taken out of their midst,
+    // neither a row that looks odd nor a pose, and what is held out is read with its past.
+    bool remembers = false;
 };
 // All of them; of a model, the one that is taken without being named comes first. fit/methods.cpp
 std::span<const FitMethod> fit_methods();

@@ -56,6 +56,10 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
     for (const auto& name : selection.channels) {
         const auto column = csv.find(name);
         if (!column) csv.refuse(fmt::format("has no channel \"{}\"; its columns are {}", name, list(csv.columns())));
+        if (column == time || column == session || std::find(label.begin(), label.end(), column) != label.end())
+            csv.refuse(fmt::format("column \"{}\" is no channel: it is a time, a session or a label", name));
+        if (std::find(channel.begin(), channel.end(), *column) != channel.end())
+            csv.refuse(fmt::format("channel \"{}\" was chosen twice", name));
         labelled.channels.push_back(name);
         channel.push_back(*column);
     }
@@ -68,7 +72,7 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
     while (csv.next()) {
         LabelledRow row{.line = csv.line(), .channel = {}, .wrench_S = kUnseen, .session = 0, .t_ns = 0};
         if (time)
-            if (const double t_s = csv.number(*time); t_s > 0) row.t_ns = std::uint64_t(std::min(t_s, 1e9) * 1e9);
+            if (const double t_s = csv.number(*time); t_s > 0) row.t_ns = std::uint64_t(std::min(t_s, 1.8e10) * 1e9);
         if (session) {
             const std::string name(csv.text(*session));
             if (name.empty()) csv.refuse("column session is empty; which session is this row of?");

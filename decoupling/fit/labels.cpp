@@ -68,6 +68,7 @@ Labelled with_useful_channels(const Labelled& labelled, const FitMethod& method,
 void check_labels(const Rows& rows, FitReport& report) {
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
+        component = {.name = component.name};
         double sum = 0, squares = 0, least = std::numeric_limits<double>::infinity(), most = -least;
         for (const auto* row : rows) {
             const double label = row->wrench_S[c];
@@ -113,8 +114,10 @@ void check_labels(const Rows& rows, FitReport& report) {
     if (ratio < kNotIndependent)
         throw Undetermined(
             fmt::format("the labels of {} follow from each other: load the axes independently, or leave one out", together));
-    report.warnings.push_back(
-        fmt::format("the labels of {} hardly vary independently of each other: they are told apart badly", together));
+    const std::string warning =
+        fmt::format("the labels of {} hardly vary independently of each other: they are told apart badly", together);
+    if (std::find(report.warnings.begin(), report.warnings.end(), warning) == report.warnings.end())
+        report.warnings.push_back(warning);
 }
 
 std::size_t independent_rows(const Rows& rows, std::size_t c) {

@@ -3,6 +3,7 @@
 #include "decoupling/fit/capacitive_fit.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/hair_fit.hpp"
+#include "decoupling/fit/piezo_fit.hpp"
 #include "decoupling/fit/table_more_fit.hpp"
 #include "decoupling/hair_stages.hpp"
 #include "decoupling/table_signs.hpp"
@@ -13,6 +14,8 @@ namespace {
 bool is_gauge(std::string_view name) { return table_gauge(name).has_value(); }
 bool is_hair(std::string_view name) { return hair_index(name) < 4; }
 bool is_electrode(std::string_view name) { return electrode_index(name) < 5; }
+bool is_film_or_centre(std::string_view name) { return name == "Vp" || name == "Cn"; }
+constexpr std::string_view kFilm = "a channel of model \"piezo\" (Vp, Cn)";
 constexpr std::string_view kElectrodes = "an electrode of model \"capacitive\" (C1 .. C4, Cn)";
 constexpr std::string_view kGauge = "a gauge of model \"table\" (R1 .. R8)", kHair = "a hair of model \"hair\" (H1 .. H4)";
 
@@ -31,6 +34,7 @@ constexpr FitMethod kMethods[] = {
     {"capacitive", "quadratic", fit_capacitive_quadratic, is_electrode, kElectrodes},
     {"capacitive", "ratio", fit_capacitive_ratio, is_electrode, kElectrodes},
     {"capacitive", "overlap", fit_capacitive_overlap, is_electrode, kElectrodes},
+    {"piezo", "fused", fit_piezo, is_film_or_centre, kFilm, true},
 };
 
 }  // namespace

@@ -72,7 +72,11 @@ Rows without_outliers(const Labelled& labelled, const Rows& rows, FitReport& rep
         }
         const Eigen::VectorXd error = robust_errors(x, y);
         const std::vector<double> sizes = sizes_of(error);
-        const double limit = std::max(kFarOff * kRobustSd * median(sizes), kOfFullScale * component.full_scale);
+        const double far_off = kFarOff * kRobustSd * median(sizes);
+        double full_scale = 0;  // without those in doubt: a label with its decimal point lost would hide all others
+        for (std::size_t i = 0; i < sizes.size(); ++i)
+            if (sizes[i] <= far_off) full_scale = std::max(full_scale, std::abs(y[Eigen::Index(i)]));
+        const double limit = std::max(far_off, kOfFullScale * full_scale);
         std::vector<std::pair<double, const LabelledRow*>> far;
         for (std::size_t i = 0; i < sizes.size(); ++i)
             if (sizes[i] > limit) far.emplace_back(sizes[i], with_label[i]);

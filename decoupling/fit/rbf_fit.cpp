@@ -101,12 +101,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
         throw Undetermined(fmt::format("{} independent rows for method rbf; at least {} are needed", independent, needed));
     const Eigen::MatrixXd centres = k_means(scaled.u, n_centres);
     double spread = 0, ridge = 0;
-    if (calibration.parameters.count("spread") != 0 && calibration.parameters.count("ridge") != 0) {
-        spread = calibration.parameters["spread"];  // found before, on all rows
-        ridge = calibration.parameters["ridge"];
-    } else {
-        search(scaled, centres, spread, ridge);
-    }
+    search(scaled, centres, spread, ridge);
     calibration.parameters = {{"spread", spread}, {"ridge", ridge}};
     auto &weights = calibration.tables["weights"], &quadratic = calibration.tables["quadratic"];
     weights.clear();

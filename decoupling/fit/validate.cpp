@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <utility>
 
 #include "decoupling/domain.hpp"
@@ -29,6 +30,20 @@ Wrench rms_of(const std::vector<HeldOut>& rows) {
     for (std::size_t c = 0; c < 6; ++c)
         if (count[c] > 0) rms[c] = std::sqrt(squares[c] / count[c]);
     return rms;
+}
+
+// `seen_too`: rows that the loop reads as well, all of them in the order of the file; a session begins with no past.
+std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows, const std::vector<LabelledRow>& seen_too) {
+    std::map<std::size_t, std::unique_ptr<Decoupler>> of_session;
+    std::vector<HeldOut> result;
+    for (const LabelledRow& row : seen_too) {
+        if (result.size() == rows.size()) break;
+        auto& decoupler = of_session[row.session];
+        if (decoupler == nullptr) decoupler = decoupler_of(calibration);
+        const Estimate estimate = decoupler->decouple({.channel = row.channel, .t_ns = row.t_ns});
+        if (&row == rows[result.size()]) result.push_back({&row, estimate.wrench_S});
+    }
+    return result;
 }
 
 std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows) {
@@ -66,14 +81,21 @@ Groups groups_of_poses(const Rows& rows) {
     return groups;
 }
 
-Groups groups_of(const Labelled& labelled, const Rows& rows) {
+Groups groups_of(const Labelled& labelled, const Rows& rows, bool remembers) {
     std::vector<bool> occurs(std::max<std::size_t>(labelled.sessions.size(), 1));
     for (const auto* row : rows) occurs[row->session] = true;
     const auto sessions = std::count(occurs.begin(), occurs.end(), true);
     if (sessions < 2) {
-        if (Groups groups = groups_of_poses(rows); !groups.names.empty()) return groups;
+        if (!remembers)
+            if (Groups groups = groups_of_poses(rows); !groups.names.empty()) return groups;
         Groups groups;
-        for (std::size_t i = 0; i < rows.size(); ++i) groups.of_row.push_back(i * kStretches / rows.size());
+        // By their times, where the file has some: rows that were shuffled would be rows drawn at random.
+        std::vector<std::size_t> by_time(rows.size());
+        std::iota(by_time.begin(), by_time.end(), std::size_t{0});
+        std::stable_sort(by_time.begin(), by_time.end(),
+                         [&](std::size_t a, std::size_t b) { return rows[a]->t_ns < rows[b]->t_ns; });
+        groups.of_row.resize(rows.size());
+        for (std::size_t i = 0; i < rows.size(); ++i) groups.of_row[by_time[i]] = i * kStretches / rows.size();
         for (std::size_t i = 0; i < kStretches; ++i)
             groups.names.push_back(fmt::format("the stretch of time number {} of {}", i + 1, kStretches));
         groups.validation = fmt::format("leave one of {} stretches of time out", kStretches);
@@ -117,9 +139,9 @@ void set_domain(const Rows& rows, Calibration& calibration) {
         }
 }
 
-Validation hold_out(const Labelled& labelled, const Rows& rows, FitModel fit_model, const Calibration& whole,
+Validation hold_out(const Labelled& labelled, const Rows& rows, const FitMethod& method, const Calibration& whole,
                     std::vector<std::string>& warnings) {
-    const Groups groups = groups_of(labelled, rows);
+    const Groups groups = groups_of(labelled, rows, method.remembers);
     Validation validation;
     for (std::size_t group = 0; group < groups.names.size(); ++group) {
         Rows seen, unseen;
@@ -129,7 +151,7 @@ Validation hold_out(const Labelled& labelled, const Rows& rows, FitModel fit_mod
         std::vector<std::string> of_this_part;  // said about a part only: not worth repeating
         try {
             set_domain(seen, calibration);
-            fit_model(seen, calibration, of_this_part);
+            method.fit(seen, calibration, of_this_part);
         } catch (const Undetermined& error) {
             warnings.push_back(
                 fmt::format("not validated, so no standard deviation: without {} the rest does not determine "
@@ -137,7 +159,8 @@ Validation hold_out(const Labelled& labelled, const Rows& rows, FitModel fit_mod
                             groups.names[group], error.what()));
             return {};
         }
-        const auto estimated = estimates(calibration, unseen);
+        const auto estimated =
+            method.remembers ? estimates(calibration, unseen, labelled.rows) : estimates(calibration, unseen);
         validation.rows.insert(validation.rows.end(), estimated.begin(), estimated.end());
     }
     validation.how = groups.validation;

@@ -26,8 +26,10 @@ struct Validation {
     Wrench rms = kUnseen;
 };
 // Leaves each session out in turn and fits the rest; with one session, each pose (rows of the same labels) where the rows
-// repeat poses, else each of five stretches of time.
-Validation hold_out(const Labelled& labelled, const Rows& rows, FitModel fit_model, const Calibration& calibration,
+// repeat poses, else each of five stretches of time. A method that remembers is not held out by poses, and its loop reads
+// the whole recording in order, each session from its start: to what is held out it comes with the past that it would
+// have had, of which it has seen no label.
+Validation hold_out(const Labelled& labelled, const Rows& rows, const FitMethod& method, const Calibration& calibration,
                     std::vector<std::string>& warnings);
 
 // sd and sd_slope such that 68.27 % of the held-out errors of each component are within one standard deviation; none

@@ -49,9 +49,11 @@ void print_report(const FitReport& report, const Settings& settings) {
         for (const auto& method : report.methods) {
             fmt::print("method {:10}", method.method);
             if (!method.refused.empty()) fmt::print(" refused: {}", method.refused);
-            for (std::size_t i = 0; i < method.held_out_rms.size(); ++i)
-                fmt::print(" {} {:.2f} %", report.components[i].name,
-                           100 * method.held_out_rms[i] / report.components[i].full_scale);
+            for (std::size_t i = 0; i < method.held_out_rms.size(); ++i) {
+                const double percent = 100 * method.held_out_rms[i] / report.components[i].full_scale;
+                fmt::print(" {} {}", report.components[i].name,
+                           std::isfinite(percent) ? fmt::format("{:.2f} %", percent) : "unknown");
+            }
             fmt::print("\n");
         }
     for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);
@@ -86,19 +88,22 @@ void print_json(const FitReport& report, const Settings& settings) {
     fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
-// A mistyped --report must not cost the recording or the calibration.
-void check_report(const Settings& settings) {
+// A mistyped --out or --report must not cost the recording or the calibration.
+void check_outputs(const Settings& settings) {
     namespace fs = std::filesystem;
-    for (const auto* other : {&settings.in, &settings.out}) {
+    const auto check = [](const char* option, const std::string& path, const std::string& other) {
         std::error_code ignored;
-        if (fs::path(settings.report).lexically_normal() == fs::path(*other).lexically_normal() ||
-            fs::equivalent(settings.report, *other, ignored))
-            throw SetupError(fmt::format("--report {}: would replace this file; name another", in_quotes(settings.report)));
-    }
+        if (fs::path(path).lexically_normal() == fs::path(other).lexically_normal() || fs::equivalent(path, other, ignored))
+            throw SetupError(fmt::format("{} {}: would replace this file; name another", option, in_quotes(path)));
+    };
+    check("--out", settings.out, settings.in);
+    if (settings.report.empty()) return;
+    check("--report", settings.report, settings.in);
+    check("--report", settings.report, settings.out);
 }
 
 int calibrate(Settings settings) {
-    if (!settings.report.empty()) check_report(settings);
+    check_outputs(settings);
     if (settings.request.channel_unit.empty())
         settings.request.channel_unit =
             settings.request.model == "table" || settings.request.model == "hair" ? "dR/R0" : "unknown";

@@ -16,6 +16,8 @@
 namespace tactiled::ctl {
 namespace {
 
+constexpr double kLatest_s = 1.8e10;  // in nanoseconds just below 2^64
+
 struct Settings {
     std::string calibration, method, in = "-", out = "-";
     double budget_us = 10;  // of method auto
@@ -65,6 +67,7 @@ int decouple(const Settings& settings) {
     while (csv.next()) {
         const double t_s = csv.number(*time);
         if (std::isnan(t_s)) csv.refuse("column t_s is empty; when was this row read?");
+        if (t_s > kLatest_s) csv.refuse(fmt::format("column t_s: {} s is more than 500 years; t_s is in seconds", t_s));
         const auto t_ns = std::uint64_t(std::max(0.0, std::round(t_s * 1e9)));
         Reading reading{.channel = channel, .missing = 0, .saturated = 0, .t_ns = t_ns};
         for (std::size_t k = 0; k < columns.size(); ++k) {

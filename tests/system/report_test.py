@@ -74,6 +74,23 @@ class Report(unittest.TestCase):
         self.assertEqual(labelled.read_bytes(), LABELLED.read_bytes())
         self.assertFalse((self.folder / "skin.toml").exists())
 
+    def test_a_calibration_never_replaces_the_recording(self):
+        labelled = self.folder / "skin.toml"
+        labelled.write_bytes(LABELLED.read_bytes())
+        done = self.calibrate(labelled, self.folder / "skin.html")
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("would replace this file", done.stderr)
+        self.assertEqual(labelled.read_bytes(), LABELLED.read_bytes())
+
+    def test_times_that_are_no_seconds_are_refused(self):
+        (self.folder / "now.csv").write_text("t_s,B1\n1.76e18,1\n")
+        (self.folder / "one.toml").write_text('format = 1\nmodel = "generic"\nchannels = ["B1"]\nzero = [0]\n'
+                                              'components = ["fz"]\nmatrix = [[1]]\n')
+        done = subprocess.run([BIN / "tactilectl", "decouple", "--calibration", self.folder / "one.toml", "--in",
+                               self.folder / "now.csv"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("now.csv:2: column t_s", done.stderr)
+
     def test_a_report_that_cannot_be_written_is_an_error_and_the_calibration_stands(self):
         done = self.calibrate(LABELLED, self.folder / "nowhere" / "skin.html")
         self.assertEqual(done.returncode, 2, done.stderr)

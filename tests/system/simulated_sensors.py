@@ -8,6 +8,7 @@ import math
 import pathlib
 import random
 import struct
+import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 NONE = float("nan")
@@ -27,6 +28,7 @@ class Sensor:
     counts_per_unit = 1.0
     rows = 600            # of the calibration
     cop_methods = ()      # methods that tell the centre of pressure
+    least_within = 0.5    # of the errors, within one sd: 68 %, but what a model leaves is alike in all reads of one load
     heavy_tails = {}      # methods whose errors are not normal: share of full scale that an error may reach beyond the sd
 
     def __init__(self):
@@ -252,4 +254,124 @@ class Skin(Sensor):
         return values
 
 
-SENSORS = {"table": Table, "hair": Hair, "skin": Skin}
+class Capacitive(Sensor):
+    """The piezo-capacitive thesis: its curves for `quadratic`; for the others a soft pad over electrodes with strays.
+
+    The pad: N = K/3 (u^2 - 1/u), shift = shear / k, C = stray + active u (overlap / overlap at rest). `ratio` has the overlap
+    to first order, `overlap` that of a disc with sectors, by quadrature.
+    """
+    model = "capacitive"
+    channels = ("C1", "C2", "C3", "C4", "Cn")
+    channel_unit = "pF"
+    noise = 0.3e-3
+    methods = ("quadratic", "ratio", "overlap")
+    full_scale = 10.0
+    rows = 300
+    SHEAR_N = 1.2
+    TOWARDS = (0, math.pi, math.pi / 2, -math.pi / 2)  # the sectors C1 .. C4 lie on +x -x +y -y
+    STRAY, ACTIVE, K_N, SHIFT_N = (0.90, 0.91, 0.89, 0.90, 0.40), (0.33, 0.32, 0.34, 0.33, 0.90), 31.0, 5.0
+    DISC, INNER, OUTER, OPENING, CENTRE, GAP = 4e-3, 2.5e-3, 6e-3, 1.4, 2e-3, 3e-3  # m, rad
+
+    def begin(self, method):
+        super().begin(method)
+        self.known = (None, None)  # load, channels: a frame's load is mostly that of the last
+
+    def load_of(self, share):
+        r, shear = self.random, self.SHEAR_N * share
+        return {"fx": r.uniform(-shear, shear), "fy": r.uniform(-shear, shear), "fz": -r.uniform(0.05, self.full_scale) * share}
+
+    def exact(self, load):
+        key = (load["fx"], load["fy"], load["fz"])
+        if self.known[0] != key:
+            self.known = (key, self.curves(*key) if self.method == "quadratic" else self.pad(*key))
+        return self.known[1]
+
+    def curves(self, fx, fy, fz):
+        side = [0.0071 * f * f + 0.038 * f + 1.2285 for f in (fx, -fx, fy, -fy)]  # eq. XXXIV
+        return side + [0.0008 * fz * fz - 0.0405 * fz + 1.3039]                   # eq. XXXIII
+
+    def pad(self, fx, fy, fz):
+        low, high = 0.3, 4.0
+        for _ in range(50):
+            u = (low + high) / 2
+            low, high = (u, high) if self.K_N / 3 * (u * u - 1 / u) < -fz else (low, u)
+        shift, towards = math.hypot(fx, fy) / self.SHIFT_N, math.atan2(fy, fx)  # in DISC, or in what doubles a sector
+        if self.method == "ratio":
+            share = [1 + shift * math.cos(towards - angle) for angle in self.TOWARDS] + [1]
+        else:
+            share = [self.area(shift, towards - angle) / self.area(0, 0) for angle in self.TOWARDS] + [1]
+        return [stray + active * u * part for stray, active, part in zip(self.STRAY, self.ACTIVE, share)]
+
+    def area(self, shift, towards):
+        """Of the disc, shifted by this share of its radius, with a sector whose middle is at angle 0; in DISC^2."""
+        inner, outer, n, total = self.INNER / self.DISC, self.OUTER / self.DISC, 100, 0.0
+        for i in range(n):
+            angle = self.OPENING * ((i + 0.5) / n - 0.5) - towards
+            edge = shift * math.cos(angle) + math.sqrt(1 - (shift * math.sin(angle)) ** 2)
+            total += (min(max(edge, inner), outer) ** 2 - inner ** 2) / 2 * self.OPENING / n
+        return total
+
+    def calibrate_words(self):
+        if self.method != "overlap":
+            return []
+        known = {"disc_radius_m": self.DISC, "inner_radius_m": self.INNER, "outer_radius_m": self.OUTER, "opening_rad": self.OPENING,
+                 "centre_radius_m": self.CENTRE, "gap_m": self.GAP}
+        return [word for name, value in known.items() for word in ("--set", f"{name}={value}")]
+
+
+class Piezo(Sensor):
+    """The thesis' film and centre electrode (eq. XXXV, XXXIII): the film leaks, the converter takes means and runs freely."""
+    model = "piezo"
+    channels = ("Vp", "Cn")
+    channel_unit = "V, pF"
+    components = ("fz",)
+    methods = ("fused",)
+    heavy_tails = {"fused": 0.02}  # a frame that the machine delays by 10 ms as the press jumps moves it in the converter's window
+    least_within = 0      # errors of one leak's time are alike: a few seconds hold a handful. See PiezoFit.ReadsWhat...
+    full_scale = 10.0
+    TAU_S, WINDOW_S = 1.0, 0.1003
+
+    def begin(self, method):
+        super().begin(method)
+        self.clock = time.monotonic
+        self.last_s = None
+
+    def load_of(self, share):
+        return {"fz": -self.random.uniform(0.05, 1) * self.full_scale * share}
+
+    def read(self, load):
+        """Once a frame: time has passed."""
+        N, now_s = -load["fz"], self.clock()
+        drive, centre = 0.0092 * N * N + 0.2917 * N, 0.0008 * N * N + 0.0405 * N
+        if self.last_s is None:
+            self.V, self.held, self.sum, self.begun_s = 0.0, centre, 0.0, now_s
+            self.drive, self.centre, self.last_s = drive, centre, now_s
+        # The press jumped somewhere since the last frame: in the middle.
+        T = now_s - self.last_s
+        self.V = self.V * math.exp(-T / self.TAU_S) + (drive - self.drive) * math.exp(-T / 2 / self.TAU_S)
+        while now_s >= self.begun_s + self.WINDOW_S:  # a conversion ended since
+            self.begun_s += self.WINDOW_S
+            self.sum += self.centre * (self.begun_s - self.last_s)
+            self.held = self.sum / self.WINDOW_S + self.noise_random.gauss(0, 0.3e-3)
+            self.sum, self.last_s = 0.0, self.begun_s
+        self.sum += (self.centre + centre) / 2 * (now_s - self.last_s)
+        self.drive, self.centre, self.last_s = drive, centre, now_s
+        return [self.V + 0.0768 + self.noise_random.gauss(0, 1.4e-3), self.held + 1.3039]
+
+    def write_labelled(self, path):
+        """Steps to any press, most as short as the live ones, one in 40 held for longer; a row a frame."""
+        with open(path, "w") as file:
+            writer = csv.writer(file)
+            writer.writerow(["t_s", *self.channels, "fz_N"])
+            self.begin(self.method)
+            self.clock = lambda: t_s
+            t_s, change_s, load = 0.0, 1.0, self.rest()
+            for i in range(30 * 200):
+                t_s = 0.005 * i
+                if t_s >= change_s:
+                    hold_s = self.random.uniform(0.5, 2) if self.random.random() < 1 / 40 else self.random.uniform(0.02, 0.08)
+                    load, change_s = self.load_of(1.0), t_s + hold_s
+                writer.writerow([t_s, *map(repr, self.read(load)), load["fz"]])
+
+
+SENSORS = {"table": Table, "hair": Hair, "capacitive": Capacitive, "piezo": Piezo, "skin": Skin}

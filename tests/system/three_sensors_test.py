@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Every model and method from labelled rows to a PLC: three sensors of different kinds on three ptys, one daemon.
+"""Every model and method from labelled rows to a PLC: five sensors of different kinds on five ptys, one daemon.
 
 The sensors are simulated by their documents' formulas (simulated_sensors.py), calibrated with `tactilectl calibrate`, and
 fed at 200 Hz. A PLC (pymodbus) must see the applied forces within the registers' resolution and the stated sd; shared memory
 (tactiled.py) must say the same. A new model needs a class in simulated_sensors.py, no line here.
 """
+import concurrent.futures
 import math
 import os
 import pathlib
@@ -168,6 +169,10 @@ class Bench:
         self.daemon.__exit__()
         shutil.rmtree(self.daemon.folder)
 
+    def wait_all_good(self):
+        """piezo knows its past after a window only."""
+        wait_for(lambda: self.plc.ok_mask() == (1 << len(self.number)) - 1, 5, "all to be GOOD")
+
     def apply(self, loads):
         """Returns when shared memory shows frames of these loads."""
         with self.feeder.lock:
@@ -230,19 +235,21 @@ class ThreeSensors(unittest.TestCase):
     def setUpClass(cls):
         cls.temporary = tempfile.TemporaryDirectory()
         cls.calibrations = pathlib.Path(cls.temporary.name)
-        cls.tasks = {}
-        for name, kind in SENSORS.items():
-            for method in kind.methods:
-                if method in kind.fitted_as:
-                    continue
-                sensor = kind()
-                sensor.begin(method)
-                stem = cls.calibrations / f"{name}-{method}"
-                sensor.write_labelled(f"{stem}.csv")
-                done = subprocess.run([BIN / "tactilectl", "calibrate", "--model", sensor.model, "--method", method, "--channel-unit",
-                                       sensor.channel_unit, "--in", f"{stem}.csv", "--out", f"{stem}.toml", *sensor.calibrate_words()],
-                                      capture_output=True, text=True)
-                assert done.returncode == 0, f"{name} {method}: {done.stdout}{done.stderr}"
+        wanted = [(name, method) for name, kind in SENSORS.items() for method in kind.methods if method not in kind.fitted_as]
+        wanted.reverse()  # the longest come last in the list
+        with concurrent.futures.ThreadPoolExecutor(2) as two_at_once:
+            for what, done in zip(wanted, two_at_once.map(cls.calibrate, *zip(*wanted))):
+                assert done.returncode == 0, f"{what}: {done.stdout}{done.stderr}"
+
+    @classmethod
+    def calibrate(cls, name, method):
+        sensor = SENSORS[name]()
+        sensor.begin(method)
+        stem = cls.calibrations / f"{name}-{method}"
+        sensor.write_labelled(f"{stem}.csv")
+        return subprocess.run([BIN / "tactilectl", "calibrate", "--model", sensor.model, "--method", method, "--channel-unit",
+                               sensor.channel_unit, "--in", f"{stem}.csv", "--out", f"{stem}.toml", *sensor.calibrate_words()],
+                              capture_output=True, text=True)
 
     @classmethod
     def tearDownClass(cls):
@@ -289,10 +296,11 @@ class ThreeSensors(unittest.TestCase):
         return ratios, sample
 
     def run_methods(self, **methods):
-        """Loads on all three at once; the PLC reads all three."""
+        """Loads on all at once; the PLC reads all."""
         bench = self.bench(**methods)
         ratios = {name: [] for name in methods}
         flagged, reads = dict.fromkeys(methods, 0), 0
+        bench.wait_all_good()
         loads = {name: bench.sensors[name].live_loads() for name in methods}
         for i in range(max(map(len, loads.values()))):
             now = {name: {**bench.sensors[name].rest(), **loads[name][i % len(loads[name])]} for name in methods}
@@ -308,8 +316,7 @@ class ThreeSensors(unittest.TestCase):
             within = sum(r <= 1 for r in ratios[name]) / len(ratios[name])
             print(f"\n  {name} {method}: {reads} reads, {100 * within:.0f} % within one sd, worst {max(ratios[name]):.1f} sd, {flagged[name]} not GOOD",
                   end="")
-            # 68 % of errors; what the model leaves is the same in all reads of one load, and there are few loads.
-            self.assertGreaterEqual(within, 0.5, f"{name} {method}")
+            self.assertGreaterEqual(within, bench.sensors[name].least_within, f"{name} {method}")
             self.assertEqual(flagged[name], 0, f"{name} {method}")
         for name in methods:
             self.assertEqual(bench.block(name)["lost"], 0, name)
@@ -330,7 +337,7 @@ class ThreeSensors(unittest.TestCase):
         everyone = (1 << len(SENSORS)) - 1
         for name, n in bench.number.items():
             with self.subTest(name):
-                wait_for(lambda: bench.plc.ok_mask() == everyone, 5, "all to be GOOD")
+                bench.wait_all_good()
                 witness = Witness(bench, [other for other in SENSORS if other != name])
                 time.sleep(0.1)
                 began = time.monotonic()
@@ -354,6 +361,7 @@ class ThreeSensors(unittest.TestCase):
     def dead(self, name, method, channel, value, fault, load, not_good=UNCERTAIN):
         """A channel that is NONE (missing) or stuck at a value. Returns (sd before, sd after); the forces stay right."""
         bench = self.bench(**{**self.first_methods(), name: method})
+        bench.wait_all_good()
         sensor = bench.sensors[name]
         load = {**sensor.rest(), **load}
         bench.apply({name: load})
@@ -406,14 +414,29 @@ class ThreeSensors(unittest.TestCase):
     def test_missing_channel_of_a_skin(self):
         self.dead("skin", "matrix", "B3", NONE, MISSING, {"fx": 1.0, "fy": -2.0, "fz": -5.0}, not_good=FAULT)
 
+    def test_missing_electrode(self):
+        # Noise of one over its slope 0.038 + 2 * 0.0071 * 0.5, for noise of two over the pair's 0.076 pF/N.
+        before, after = self.dead("capacitive", "quadratic", "C2", NONE, MISSING, {"fx": 0.5, "fy": -0.3, "fz": -4.0})
+        self.assertAlmostEqual(after[0] / before[0], 0.076 / 0.0451 / 2 ** 0.5, delta=0.15)
+        self.assertAlmostEqual(after[1] / before[1], 1, delta=0.15)
+
+    def test_missing_film(self):
+        _, after = self.dead("piezo", "fused", "Vp", NONE, MISSING, {"fz": -4.0})
+        self.assertTrue(math.isnan(after[2]), "Cn alone lags by what the press does: no sd")
+
+    def test_missing_centre_of_a_film(self):
+        self.dead("piezo", "fused", "Cn", NONE, MISSING, {"fz": -4.0}, not_good=FAULT)
+
     def test_the_documents_sensors_without_an_sd(self):
-        methods = {"table": "linear", "hair": "sum_diff"}
+        methods = {"table": "linear", "hair": "sum_diff", "capacitive": "quadratic", "piezo": "fused"}
         bench = Bench(methods, self.calibrations)
         for name, method in methods.items():
             shutil.copy(ROOT / f"config/calibration/{name}_documents.toml", bench.daemon.folder / f"{name}-{method}.toml")
         bench.sensors["hair"].own_gain = [(1, 1)] * 4
         bench.sensors["hair"].method = "physics"  # straight hairs
-        noise_N = {"table": 6 * 0.002, "hair": 6 * 13.7 * 2.827e-5}  # 13.7 Pa is a hair's noise under a press
+        bench.sensors["piezo"].TAU_S, bench.sensors["piezo"].WINDOW_S = 0.1, 0.1
+        # 13.7 Pa is a hair's noise under a press; 0.3 fF of 0.0405 pF/N at rest; 2 % of 10 N: press jumps between conversions
+        noise_N = {"table": 6 * 0.002, "hair": 6 * 13.7 * 2.827e-5, "capacitive": 6 * 0.0074, "piezo": 0.2}
         with bench:
             loads = {name: sensor.load_of(0.75) for name, sensor in bench.sensors.items()}
             bench.apply(loads)
@@ -423,7 +446,9 @@ class ThreeSensors(unittest.TestCase):
                     self.check_same(block, floats, sample)
                     self.assertEqual(block["fault"], SD_UNKNOWN)
                     self.assertTrue(all(map(math.isnan, sample.sd_force_N)))
-                    for i, component in enumerate(("fx", "fy", "fz")):
+                    for i, component in enumerate(COMPONENTS[:3]):
+                        if component not in load:
+                            continue
                         self.assertAlmostEqual(floats["wrench"][i], load[component], delta=noise_N[name])
 
 

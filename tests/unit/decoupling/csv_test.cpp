@@ -161,6 +161,16 @@ TEST(Labelled, ChoosesSessionsAndChannels) {
               std::string::npos);
 }
 
+TEST(Labelled, RefusesToTakeALabelForAChannelEvenWhenAsked) {
+    for (const std::string name : {"fz_N", "t_s", "session"})
+        EXPECT_NE(labelled_complaint("t_s,B1,fz_N,session\n0,1,2,a\n", {.sessions = {}, .channels = {"B1", name}})
+                      .find("\"" + name + "\" is no channel"),
+                  std::string::npos)
+            << name;
+    EXPECT_NE(labelled_complaint("t_s,B1,fz_N\n0,1,2\n", {.sessions = {}, .channels = {"B1", "B1"}}).find("chosen twice"),
+              std::string::npos);
+}
+
 // A label taken for a channel would predict itself.
 TEST(Labelled, RefusesAMisspeltLabel) {
     for (const std::string name : {"fz", "Fz", "Fz_mN", "FZ_N", "mx_Nmm", "fx (N)", "fy_n"})

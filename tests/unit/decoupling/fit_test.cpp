@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <random>
@@ -165,6 +166,11 @@ TEST(Fit, HoldsOutStretchesOfTimeNotRowsAtRandom) {
     const FitReport report = fit(labelled, generic());
     EXPECT_EQ(report.calibration.validation, "leave one of 5 stretches of time out");
     EXPECT_TRUE(warns(report, "one session only"));
+    // In whatever order the file has them.
+    for (std::size_t i = 0; i < 1000; ++i) labelled.rows[i].t_ns = 1'000'000 * (i + 1);
+    auto shuffled = labelled;
+    std::shuffle(shuffled.rows.begin(), shuffled.rows.end(), random);
+    EXPECT_NEAR(fit(shuffled, generic()).components[0].held_out_rms, report.components[0].held_out_rms, 1e-9);
     // Every fifth row left out in turn, which is what a random split amounts to.
     labelled.sessions = {"0", "1", "2", "3", "4"};
     for (std::size_t i = 0; i < 1000; ++i) labelled.rows[i].session = i % 5;
@@ -225,6 +231,46 @@ TEST(Fit, NamesALabelThatCannotBeRight) {
     labelled.rows[150].channel = {0.9, 0, 0.9};
     const FitReport report = fit(labelled, generic());
     EXPECT_TRUE(warns(report, "1 of 200 rows disagree with the rest in fz_N (worst made.csv:152"));
+}
+
+// A label that lost its decimal point would make every error a small part of full scale, and hide other outliers.
+TEST(Fit, ALabelThatIsLeftOutSetsNoFullScale) {
+    auto labelled = random_rows(200, 3, [](const std::vector<double>& r) { return only_fz(r[0] + r[2]); });
+    labelled.rows[50].wrench_S[2] = 1000;
+    labelled.rows[150].wrench_S[2] *= -1;
+    labelled.rows[150].wrench_S[2] += 1;
+    const FitReport report = fit(labelled, generic());
+    EXPECT_EQ(report.calibration.rows, 198);
+    EXPECT_EQ(report.components[0].rows, 198);
+    EXPECT_LT(report.calibration.full_scale[0], 2);  // N
+    EXPECT_LT(report.components[0].spread, 2);
+    EXPECT_EQ(decouple(*make_decoupler(report.calibration), {4, 0, 4}).quality, TACTILED_UNCERTAIN);
+}
+
+// More than a few: they stay, and are named.
+TEST(Fit, SaysWhichRowsDisagreeButStay) {
+    auto labelled = random_rows(200, 3, [](const std::vector<double>& r) { return only_fz(r[0] + r[2]); });
+    for (const std::size_t i : {20u, 60u, 100u, 140u}) labelled.rows[i].wrench_S[2] += i == 60u ? 6 : 4;
+    const FitReport report = fit(labelled, generic());
+    EXPECT_EQ(report.calibration.rows, 200);
+    EXPECT_TRUE(warns(report, "4 of 200 rows disagree with the calibration in fz_N (worst made.csv:62"));
+}
+
+TEST(Fit, SaysWhenAChannelIsTheLabel) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> noise(0, 1e-4);
+    auto labelled = random_rows(200, 3, [&](const std::vector<double>& r) { return only_fz(r[0] + r[2] + noise(random)); });
+    EXPECT_FALSE(warns(fit(labelled, generic()), "copy of the label"));
+    for (auto& row : labelled.rows) row.channel[1] = 1000 * row.wrench_S[2];
+    EXPECT_TRUE(warns(fit(labelled, generic()), "copy of the label"));
+}
+
+TEST(Fit, SaysWhichParameterWasNotUsed) {
+    const auto labelled = random_rows(60, 3, [](const std::vector<double>& r) { return only_fz(r[0]); });
+    FitRequest request = generic();
+    request.parameters["area_m2"] = 3e-5;
+    EXPECT_TRUE(warns(fit(labelled, request), "parameter area_m2 = 3e-05 was not used"));
+    EXPECT_FALSE(warns(fit(labelled, generic()), "was not used"));
 }
 
 TEST(Fit, RefusesUnknownModels) {

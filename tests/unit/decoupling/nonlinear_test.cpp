@@ -1,6 +1,7 @@
 // The methods of model "generic" beyond its matrix: they find what is bent, go on straight outside, and stay finite.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <random>
@@ -119,6 +120,9 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     EXPECT_EQ(report.methods.size(), 4u);
     EXPECT_EQ(report.calibration.method, "rbf");
     EXPECT_EQ(report.calibration.others.size(), 3u);
+    int one_session = 0;
+    for (const auto& warning : report.warnings) one_session += warning.find("one session only") != warning.npos ? 1 : 0;
+    EXPECT_EQ(one_session, 1);
     const ScratchFile file("");
     save_calibration(report.calibration, file.path());
     Problems problems;
@@ -142,6 +146,69 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     EXPECT_FALSE(problems.empty());
 }
 
+// 1 Nm is little beside 100 N and much beside 2 Nm.
+TEST(Auto, WeighsEachComponentByItsFullScaleAndItsSlope) {
+    Calibration calibration = fitted("auto", bent_rows(500, 1e-3)).calibration;
+    calibration.full_scale = {100, 2};
+    const auto chosen = [&] {
+        Problems problems;
+        Options none = Options::parse_text("", "test", problems);
+        return std::string(make_decoupler(calibration, "auto", 1e6, none)->method());
+    };
+    const auto state = [&](const std::vector<double>& sd_of_rbf, double slope_of_rbf) {
+        const auto set = [&](Fit& fit) {
+            fit.sd = fit.method == "rbf"      ? sd_of_rbf
+                     : fit.method == "matrix" ? std::vector{1.0, 0.1}
+                                              : std::vector{90.0, 2.0};
+            fit.sd_slope = {0, fit.method == "rbf" ? slope_of_rbf : 0.0};
+        };
+        set(calibration);
+        for (Fit& other : calibration.others) set(other);
+    };
+    state({0.1, 0.5}, 0);  // 0.6 in all, but 25 % of 2
+    EXPECT_EQ(chosen(), "matrix");
+    state({2, 0.05}, 0);
+    EXPECT_EQ(chosen(), "rbf");
+    state({2, 0.05}, 0.5);
+    EXPECT_EQ(chosen(), "matrix");
+}
+
+// The matrix of a fit of "quadratic" errs ten times more than the quadratic: its standard deviation would be a lie.
+TEST(Auto, AMethodThatWasNotFittedHasNoStandardDeviation) {
+    const Calibration quadratic = fitted("quadratic", bent_rows(500, 1e-3)).calibration;
+    Problems problems;
+    Options none = Options::parse_text("", "test", problems);
+    const Estimate own = decouple(*make_decoupler(quadratic, "", 0, none), bent(0.5, 0.5));
+    EXPECT_EQ(own.quality, TACTILED_GOOD);
+    const Estimate other = decouple(*make_decoupler(quadratic, "matrix", 0, none), bent(0.5, 0.5));
+    EXPECT_EQ(other.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(other.reasons, std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY));
+    EXPECT_TRUE(std::isnan(other.sd[2]));
+    problems.throw_if_any();
+}
+
+// Nothing of a session is known to the calibration that it judges, not even how far its channels went.
+TEST(Nonlinear, HeldOutRowsAreJudgedByACalibrationThatNeverSawThem) {
+    for (const char* method : {"matrix", "quadratic", "rbf"}) {
+        Labelled both = bent_rows(1000, 1e-3), first = both;
+        both.sessions = first.sessions = {"narrow", "wide"};
+        first.rows.clear();
+        for (auto& row : both.rows) {
+            row.session = std::abs(row.wrench_S[0]) + std::abs(row.wrench_S[2]) < 0.9 ? 0 : 1;
+            if (row.session == 0) first.rows.push_back(row);
+        }
+        const FitReport report = fitted(method, both);
+        const auto narrow = make_decoupler(fitted(method, first).calibration);
+        int wide = 0;
+        for (const auto& [row, estimated] : report.held_out) {
+            if (row->session != 1) continue;
+            ++wide;
+            EXPECT_EQ(estimated[2], decouple(*narrow, row->channel).wrench_S[2]) << method << row->line;
+        }
+        EXPECT_GT(wide, 400);
+    }
+}
+
 TEST(Nonlinear, RefusesRowsThatAreTooFew) {
     const Labelled few = bent_rows(29, 1e-3);
     EXPECT_THROW((void)fitted("quadratic", few), Undetermined);  // 10 coefficients
@@ -153,7 +220,11 @@ TEST(Nonlinear, RefusesRowsThatAreTooFew) {
     for (const auto& pose : poses)
         for (int i = 0; i < 100; ++i) posed.rows.push_back(pose);
     EXPECT_THROW((void)fitted("quadratic", posed), Undetermined);
-    EXPECT_NE(fitted("matrix", posed).calibration.validation.find("leave poses out (29 poses"), std::string::npos);
+    const FitReport report = fitted("matrix", posed);
+    EXPECT_NE(report.calibration.validation.find("leave poses out (29 poses"), std::string::npos);
+    // Neighbours go together: one pose alone between two others is hardly unseen.
+    EXPECT_TRUE(std::is_sorted(report.held_out.begin(), report.held_out.end(),
+                               [](const HeldOut& a, const HeldOut& b) { return a.row->line < b.row->line; }));
 }
 
 TEST(Outliers, TwoSwappedLabelsAreNamedAndLeftOut) {

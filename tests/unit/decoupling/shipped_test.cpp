@@ -1,6 +1,7 @@
 // The calibrations and recordings that ship with the project are what their comments say.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "decoupling/fit/csv.hpp"
@@ -119,6 +120,51 @@ TEST(Shipped, HairDocumentsHaveThePapersSensitivities) {
     // 1.5 kPa of press, 0.8 kPa of shear at 150 degrees, by eq. 14
     const double sigma = 3.74e-7 * 1500, tau = 7.91e-7 * 800, c = std::cos(2.6179938779915), s = std::sin(2.6179938779915);
     expect({sigma - tau * c, sigma - tau * s, sigma + tau * c, sigma + tau * s}, 800 * c, 800 * s, -1500, 1e-6);
+}
+
+TEST(Shipped, CapacitiveDocumentsHaveTheThesisCurves) {
+    const Calibration calibration = loaded("capacitive_documents.toml");
+    EXPECT_TRUE(calibration.sd.empty());  // nobody measured it under combined load
+    const auto decoupler = make_decoupler(calibration);
+    const auto side = [](double F) { return 0.0071 * F * F + 0.038 * F + 1.2285; };  // eq. XXXIV
+    for (const double N : {0.0, 0.4, 5.0, 10.0})
+        for (const double fx : {-1.2, 0.0, 0.3})
+            for (const double fy : {-0.7, 0.0, 1.2}) {
+                const double Cn = 0.0008 * N * N + 0.0405 * N + 1.3039;  // eq. XXXIII
+                const Estimate estimate = decouple(*decoupler, {side(fx), side(-fx), side(fy), side(-fy), Cn});
+                EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY});
+                EXPECT_NEAR(estimate.wrench_S[0], fx, 1e-9);
+                EXPECT_NEAR(estimate.wrench_S[1], fy, 1e-9);
+                EXPECT_NEAR(estimate.wrench_S[2], -N, 1e-9);
+            }
+    // At the curve's end no more than the header says: its mean slopes.
+    EXPECT_NEAR(decouple(*decoupler, {1.2285, 1.2285, 1.2285, 1.2285, 1.3039 + 0.485}).wrench_S[2], -10, 1e-9);
+}
+
+// The thesis' square wave of 1.66 Hz to 10 N: Cn holds it, Vp shows its edges only, and both together the force at once.
+TEST(Shipped, PiezoDocumentsHaveTheThesisCurves) {
+    const Calibration calibration = loaded("piezo_documents.toml");
+    EXPECT_TRUE(calibration.sd.empty());
+    const auto decoupler = make_decoupler(calibration);
+    double V = 0, drive = 0, sum = 0, held = 1.3039, worst = 0, least_V = 1;
+    for (int i = 0; i < 10000; ++i) {  // 1 kHz
+        const double N = i < 1000 || std::fmod(i * 1.66e-3, 1.0) < 0.5 ? 0 : 10;
+        const double q = 0.0092 * N * N + 0.2917 * N;                           // eq. XXXV
+        V = V * std::exp(-1e-3 / 0.1) + (q - drive) * std::exp(-0.5e-3 / 0.1);  // between two frames
+        if (q < drive) least_V = std::min(least_V, std::abs(V + drive));        // what was left of the edge before
+        drive = q;
+        sum += 0.0008 * N * N + 0.0405 * N;
+        if (i % 100 == 99) {
+            held = 1.3039 + sum / 100;
+            sum = 0;
+        }
+        const std::vector<double> channel{V + 0.0768, held};
+        const Estimate estimate = decoupler->decouple({.channel = channel, .t_ns = std::uint64_t(1e9 + i * 1e6)});
+        ASSERT_NE(estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
+        if (i >= 1000) worst = std::max(worst, std::abs(estimate.wrench_S[2] + N));
+    }
+    EXPECT_LT(worst, 0.2);     // N: 2 % of 10 N
+    EXPECT_LT(least_V, 0.25);  // V, of 3.8: Vp returns to 0 in half a period, as the thesis draws it
 }
 
 }  // namespace

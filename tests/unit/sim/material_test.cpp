@@ -95,7 +95,8 @@ TEST(DomeResonance, AnswersASineLikeASecondOrderSystem) {
         const double x = f / f0, size = 1 / std::hypot(1 - x * x, 2 * z * x);
         const double phase = -std::atan2(2 * z * x, 1 - x * x) - w * delay;
         for (std::size_t n = samples - 2000; n < samples; ++n)
-            EXPECT_NEAR(-r[n].drive[kFz], size * std::sin(w * double(n) / rate + phase), 2e-3 * size) << f;
+            EXPECT_NEAR(-r[n].drive[kFz], size * std::sin(w * double(n) / rate + phase), 4e-3 * size)
+                << f;  // straight between samples
     }
 }
 

@@ -1,0 +1,375 @@
+// Model "piezo", method "fused". Of the film, for a given leak, everything else is linear:
+//
+//     Vp = zero + b v(N) + a v(N^2) + c_run exp(-t/tau),     v = film_response()
+//
+// c_run is what the film still held when a run began; it is projected out, run by run. tau is searched along one line.
+#include "decoupling/fit/piezo_fit.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "decoupling/capacitive_methods.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kLeastTau_s = 1e-3, kMostTau_s = 1e4;  // what the model accepts
+constexpr double kRobustSd = 1.4826;                    // of the median of |error|
+constexpr double kCauchy = 4;                           // robust standard deviations; little else than spikes weighs less
+constexpr int kRounds = 3;                              // of weights
+// Gain and leak must be known to this share, one standard deviation: a leak 20 % off is 9 % of gain at 0.1 Hz.
+constexpr double kSureEnough = 0.05;
+// Of the spread that a film without a leak would show. Below, what the model leaves out is as great as the film's signal,
+// however little noise there is: 2 % of full scale (the thesis' error of its film).
+constexpr double kLeastPassed = 0.03;
+// Of a press in ranges: rms distance of its square from a straight line. All presses alike often: 0.075; a third level
+// half-way in one of a hundred rows: 0.025.
+constexpr double kLeastBend = 0.03;
+
+double robust_sd(const Eigen::VectorXd& errors) {
+    std::vector<double> sizes;
+    for (const double error : errors) sizes.push_back(std::abs(error));
+    const auto middle = sizes.begin() + std::ptrdiff_t(sizes.size() / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
+    return kRobustSd * *middle;
+}
+
+// Square roots of the weights of Cauchy's loss.
+Eigen::VectorXd root_weights(const Eigen::VectorXd& errors) {
+    const double sd = robust_sd(errors);
+    if (!(sd > 0)) return Eigen::VectorXd::Ones(errors.size());
+    return (1 + (errors.array() / (kCauchy * sd)).square()).rsqrt();
+}
+
+// By how much errors that resemble their neighbours make everything less sure than as many that do not.
+double neighbours_factor(const Eigen::VectorXd& errors) {
+    const Eigen::Index n = errors.size() - 1;
+    const double rho = errors.head(n).dot(errors.tail(n)) / std::max(errors.squaredNorm(), 1e-300);
+    return std::sqrt((1 + std::clamp(rho, 0.0, 0.999)) / (1 - std::clamp(rho, 0.0, 0.999)));
+}
+
+double sd_of_rows(const Eigen::VectorXd& errors, const Eigen::VectorXd& y) {
+    return std::max(robust_sd(errors), 1e-9 * y.cwiseAbs().maxCoeff()) * neighbours_factor(errors);
+}
+
+// Standard deviations of what a fit with the columns of `x` found.
+class Sds {
+public:
+    Sds(const Eigen::MatrixXd& x, double sd_of_rows) : length_(x.colwise().norm()), sd_(sd_of_rows) {
+        // The singular values of the small R are those of the tall matrix.
+        const Eigen::HouseholderQR<Eigen::MatrixXd> qr(Eigen::MatrixXd(x.array().rowwise() / length_.array()));
+        const Eigen::MatrixXd r = qr.matrixQR().topRows(x.cols()).triangularView<Eigen::Upper>();
+        svd_.compute(r, Eigen::ComputeFullV);
+    }
+    // Of a linear function of the coefficients.
+    [[nodiscard]] double of(const Eigen::RowVectorXd& function) const {
+        const Eigen::RowVectorXd scaled = function.array() / length_.array();
+        return sd_ * (scaled * svd_.matrixV()).cwiseQuotient(svd_.singularValues().transpose()).norm();
+    }
+    // Of a curve with the coefficients 1 (b) and 2 (a): of its mean slope over 0 .. range, or of how far its middle hangs
+    // below the straight line, a range^2 / 4, over the range; the greater.
+    [[nodiscard]] double of_curve(double range, bool has_curvature) const {
+        Eigen::RowVectorXd slope = Eigen::RowVectorXd::Unit(length_.size(), 1);
+        if (!has_curvature) return of(slope);
+        slope[2] = range;
+        return std::max(of(slope), of(Eigen::RowVectorXd::Unit(length_.size(), 2) * (range / 4)));
+    }
+    [[nodiscard]] double condition() const {
+        return svd_.singularValues()[0] / svd_.singularValues()[svd_.singularValues().size() - 1];
+    }
+
+private:
+    Eigen::RowVectorXd length_;
+    double sd_;
+    Eigen::JacobiSVD<Eigen::MatrixXd> svd_;
+};
+
+// The film at one tau. Columns of x: 1, v(N), v(N^2) (only with a curvature) and, where asked for, dVp/dlog tau.
+class Film {
+public:
+    explicit Film(const std::vector<PiezoRun>& runs) : runs_(runs) {
+        for (const PiezoRun& run : runs) n_ += Eigen::Index(run.t_s.size());
+        weight_.setOnes(n_);
+    }
+
+    struct Solved {
+        Eigen::VectorXd coefficient;  // zero b a; empty where the columns depend on each other
+        Eigen::VectorXd errors;       // V, without weights
+        double cost = std::numeric_limits<double>::infinity();
+        std::vector<std::size_t> dependent;
+    };
+    [[nodiscard]] Solved solve(double tau_s) const {
+        const auto [x, y, decay] = columns(tau_s);
+        Solved solved;
+        const LeastSquares fitted = least_squares(without_past(x, decay), without_past(y, decay));
+        solved.dependent = fitted.dependent;
+        if (!fitted.dependent.empty()) return solved;
+        solved.coefficient = fitted.coefficient;
+        const Eigen::VectorXd weighted = without_past(y - x * fitted.coefficient, decay);
+        solved.errors = weighted.cwiseQuotient(weight_);
+        solved.cost = weighted.squaredNorm();
+        return solved;
+    }
+
+    // The tau with the least cost between two. Coarse first: there may be more than one valley.
+    [[nodiscard]] double search(double low_s, double high_s) const {
+        constexpr int kCoarse = 6;  // a decade
+        const int n = 2 + int(std::ceil(kCoarse * std::log10(high_s / low_s)));
+        const double step = std::log(high_s / low_s) / (n - 1);
+        const auto cost = [&](double at) { return solve(low_s * std::exp(at)).cost; };
+        double best = 0, least = cost(0);
+        for (int i = 1; i < n; ++i)
+            if (const double here = cost(i * step); here < least) least = here, best = i * step;
+        double a = std::max(0.0, best - step), b = std::min((n - 1) * step, best + step);
+        constexpr double kGolden = 0.6180339887498949;
+        double c = b - kGolden * (b - a), d = a + kGolden * (b - a), at_c = cost(c), at_d = cost(d);
+        while (b - a > 1e-5) {
+            if (at_c < at_d)
+                b = d, d = c, at_d = at_c, c = b - kGolden * (b - a), at_c = cost(c);
+            else
+                a = c, c = d, at_c = at_d, d = a + kGolden * (b - a), at_d = cost(d);
+        }
+        return low_s * std::exp((a + b) / 2);
+    }
+
+    // One standard deviation of the gain's mean slope over 0 .. range and of tau, both as shares, and the condition.
+    struct Sureness {
+        double gain, tau, condition;
+    };
+    [[nodiscard]] Sureness sureness(double tau_s, const Solved& solved, double range_N, bool tau_is_stated) const {
+        const auto [x, y, decay] = columns(tau_s);
+        Eigen::MatrixXd all = x;
+        if (!tau_is_stated) {
+            all.conservativeResize(Eigen::NoChange, x.cols() + 1);
+            all.rightCols(1) = dVp_dlog_tau(tau_s, solved.coefficient, y - x * solved.coefficient, decay);
+        }
+        all = without_past(all, decay);
+        const Sds sds(all, sd_of_rows(solved.errors, y));
+        const double a = has_curvature ? solved.coefficient[2] : 0;
+        return {sds.of_curve(range_N, has_curvature) / std::abs(solved.coefficient[1] + range_N * a),
+                tau_is_stated ? 0 : sds.of(Eigen::RowVectorXd::Unit(all.cols(), all.cols() - 1)), sds.condition()};
+    }
+
+    void weigh(const Eigen::VectorXd& errors) { weight_ = root_weights(errors); }
+
+    // Standard deviation of what the film shows, as a share of what it would show without a leak.
+    [[nodiscard]] double passed(double tau_s) const {
+        double shown = 0, there = 0;
+        for (const PiezoRun& run : runs_) {
+            const auto n = Eigen::Index(run.t_s.size());
+            const auto v = film_response(run.t_s, run.press_N, tau_s).v;
+            const auto spread = [n](const std::vector<double>& values) {
+                const Eigen::Map<const Eigen::ArrayXd> all(values.data(), n);
+                return (all - all.mean()).square().sum();
+            };
+            shown += spread(v);
+            there += spread(run.press_N);
+        }
+        return std::sqrt(shown / there);
+    }
+
+    bool has_curvature = true;
+
+private:
+    struct Columns {
+        Eigen::MatrixXd x;
+        Eigen::VectorXd y, decay;  // exp(-t/tau) since the run began
+    };
+    [[nodiscard]] Columns columns(double tau_s) const {
+        Columns all{Eigen::MatrixXd(n_, has_curvature ? 3 : 2), Eigen::VectorXd(n_), Eigen::VectorXd(n_)};
+        Eigen::Index at = 0;
+        for (const PiezoRun& run : runs_) {
+            const auto n = Eigen::Index(run.t_s.size());
+            const auto put = [&](const std::vector<double>& q, Eigen::Index column) {
+                all.x.col(column).segment(at, n) =
+                    Eigen::Map<const Eigen::VectorXd>(film_response(run.t_s, q, tau_s).v.data(), n);
+            };
+            all.x.col(0).segment(at, n).setOnes();
+            put(run.press_N, 1);
+            if (has_curvature) put(squares(run.press_N), 2);
+            all.y.segment(at, n) = Eigen::Map<const Eigen::VectorXd>(run.Vp.data(), n);
+            all.decay.segment(at, n) = (Eigen::Map<const Eigen::ArrayXd>(run.t_s.data(), n) / -tau_s).exp();
+            at += n;
+        }
+        return all;
+    }
+
+    // `errors` still contain what the film held at first: c_run exp(-t/tau), with the derivative c_run exp(-t/tau) t/tau.
+    [[nodiscard]] Eigen::VectorXd dVp_dlog_tau(double tau_s, const Eigen::VectorXd& coefficient,
+                                               const Eigen::VectorXd& errors, const Eigen::VectorXd& decay) const {
+        Eigen::VectorXd result(n_);
+        Eigen::Index at = 0;
+        for (const PiezoRun& run : runs_) {
+            const auto n = Eigen::Index(run.t_s.size());
+            std::vector<double> q(run.press_N);
+            for (double& N : q) N = N * (coefficient[1] + (has_curvature ? coefficient[2] * N : 0));
+            const Eigen::VectorXd w = weight_.segment(at, n).cwiseProduct(decay.segment(at, n));
+            const double held = w.dot(weight_.segment(at, n).cwiseProduct(errors.segment(at, n))) / w.squaredNorm();
+            result.segment(at, n) =
+                Eigen::Map<const Eigen::ArrayXd>(film_response(run.t_s, q, tau_s).dv_dlog_tau.data(), n) +
+                held * decay.segment(at, n).array() * Eigen::Map<const Eigen::ArrayXd>(run.t_s.data(), n) / tau_s;
+            at += n;
+        }
+        return result;
+    }
+
+    static std::vector<double> squares(std::vector<double> values) {
+        for (double& value : values) value *= value;
+        return values;
+    }
+
+    // Weighted, and of each run the part along its weighted decay taken off: what is left knows no past.
+    [[nodiscard]] Eigen::MatrixXd without_past(const Eigen::MatrixXd& columns, const Eigen::VectorXd& decay) const {
+        Eigen::MatrixXd rest = weight_.asDiagonal() * columns;
+        Eigen::Index at = 0;
+        for (const PiezoRun& run : runs_) {
+            const auto n = Eigen::Index(run.t_s.size());
+            const Eigen::VectorXd along = weight_.segment(at, n).cwiseProduct(decay.segment(at, n)).normalized();
+            const Eigen::RowVectorXd amount = along.transpose() * rest.middleRows(at, n);
+            rest.middleRows(at, n) -= along * amount;
+            at += n;
+        }
+        return rest;
+    }
+
+    const std::vector<PiezoRun>& runs_;
+    Eigen::Index n_ = 0;
+    Eigen::VectorXd weight_;  // square roots
+};
+
+void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp, Calibration& calibration,
+              std::vector<std::string>& warnings) {
+    double longest_s = 0;
+    for (const PiezoRun& run : runs) longest_s = std::max(longest_s, run.t_s.back());
+    const auto stated = calibration.parameters.find("leak_tau_s");
+    const bool tau_is_stated = stated != calibration.parameters.end();
+    const double low_s = kLeastTau_s, high_s = std::clamp(10 * longest_s, 10 * kLeastTau_s, kMostTau_s);
+    Film film(runs);
+    double tau_s = tau_is_stated ? stated->second : film.search(low_s, high_s);
+    Film::Solved solved = film.solve(tau_s);
+    for (int round = 0; round < kRounds && solved.dependent.empty(); ++round) {
+        film.weigh(solved.errors);
+        if (!tau_is_stated) tau_s = film.search(std::max(low_s, tau_s / 2), std::min(high_s, tau_s * 2));
+        solved = film.solve(tau_s);
+    }
+    if (solved.dependent.empty() && solved.coefficient[2] < 0) {
+        // The model knows none that flattens; where it is no more than noise, none is lost.
+        film.has_curvature = false;
+        if (solved.coefficient[1] > 0 && -solved.coefficient[2] * range_N > kSureEnough * solved.coefficient[1])
+            warnings.emplace_back("Vp rises less and less with the press; its curve is taken as a straight line");
+        if (!tau_is_stated) tau_s = film.search(low_s, high_s);
+        solved = film.solve(tau_s);
+    }
+    if (!solved.dependent.empty())
+        throw Undetermined("Vp does not tell its gain: the press must take three levels or more, and change fast");
+    const auto sure = film.sureness(tau_s, solved, range_N, tau_is_stated);
+    const double passed = film.passed(tau_s);
+    // "not below": NaN
+    if (!(sure.gain < kSureEnough) || !(passed > kLeastPassed))
+        throw Undetermined(fmt::format(
+            "Vp does not follow fast changes of the press: of its spread, {:.1f} % pass a leak of {:.3g} s, and "
+            "the gain would be known to {:.2g} %. Where there are none, press and let go within less than the leak, "
+            "at three levels or more; where there are, is the film connected, and one film all the time?",
+            100 * passed, tau_s, 100 * sure.gain));
+    if (!(solved.coefficient[1] > 0))
+        throw Undetermined(fmt::format(
+            "Vp falls by {:.3g} a N of sudden press: it must rise (a press has fz < 0); exchange the film's leads",
+            -solved.coefficient[1]));
+    if (!(sure.tau < kSureEnough) || (!tau_is_stated && (tau_s > high_s / 1.1 || tau_s < low_s * 1.1)))
+        throw Undetermined(
+            fmt::format("the leak of Vp is known to {:.2g} % only: after a sudden press, hold it until Vp has fallen to "
+                        "a third (longest stretch without a break: {:.3g} s), or state it: --set leak_tau_s=SECONDS",
+                        100 * sure.tau, longest_s));
+    calibration.zero[Vp] = solved.coefficient[0];
+    calibration.parameters["gain_b"] = solved.coefficient[1];
+    calibration.parameters["gain_a"] = film.has_curvature ? solved.coefficient[2] : 0;
+    calibration.parameters["leak_tau_s"] = tau_s;
+    calibration.condition = std::max(calibration.condition, sure.condition);
+}
+
+void fit_centre(const std::vector<PiezoRun>& runs, double range_N, std::size_t Cn, Calibration& calibration) {
+    const auto stated = calibration.parameters.find("window_s");
+    const double window_s =
+        stated != calibration.parameters.end() ? stated->second : std::clamp(conversion_interval_s(runs), 1e-4, 10.0);
+    const std::vector<CentreReading> readings = centre_readings(runs, window_s);
+    const auto n = Eigen::Index(readings.size());
+    if (readings.size() < 3 * kRowsPerCoefficient)
+        throw Undetermined(
+            fmt::format("{} new values of Cn for 3 coefficients; at least {} are needed", n, 3 * kRowsPerCoefficient));
+    Eigen::MatrixXd x(n, 3);
+    Eigen::VectorXd y(n), weight = Eigen::VectorXd::Ones(n), errors;
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const CentreReading& reading = readings[std::size_t(i)];
+        x.row(i) << 1, reading.mean_N, reading.mean_square_N2;
+        y[i] = reading.Cn;
+    }
+    LeastSquares fitted;
+    for (int round = 0; round <= kRounds; ++round) {
+        fitted = least_squares(weight.asDiagonal() * x, weight.asDiagonal() * y);
+        if (!fitted.dependent.empty())
+            throw Undetermined("Cn: the press must take three levels or more, each for some windows of its converter");
+        errors = y - x * fitted.coefficient;
+        weight = root_weights(errors);
+    }
+    const double slope = fitted.coefficient[1], mean_slope = slope + range_N * fitted.coefficient[2];
+    const Sds sds(weight.asDiagonal() * x, sd_of_rows(errors, y));
+    if (!(sds.of_curve(range_N, true) < kSureEnough * std::abs(mean_slope)))
+        throw Undetermined(fmt::format(
+            "the curve of Cn would be known to {:.2g} % only: the press must take three levels or more, each for some "
+            "windows of its converter ({:.3g} s)",
+            100 * sds.of_curve(range_N, true) / std::abs(mean_slope), window_s));
+    if (!(slope > 0))
+        throw Undetermined(fmt::format("Cn falls by {:.3g} a N of press: it must rise (a press has fz < 0)", -slope));
+    calibration.zero[Cn] = fitted.coefficient[0];
+    calibration.parameters["normal_b"] = slope;
+    calibration.parameters["normal_a"] = fitted.coefficient[2];
+    calibration.parameters["normal_range_N"] = range_N;
+    calibration.parameters["window_s"] = window_s;
+    calibration.condition = std::max(calibration.condition, fitted.condition);
+}
+
+// A curve needs three levels. Of two, windows in which the press jumped would feign a third.
+void check_levels(const std::vector<PiezoRun>& runs, double range_N) {
+    std::vector<double> press_N;
+    for (const PiezoRun& run : runs) press_N.insert(press_N.end(), run.press_N.begin(), run.press_N.end());
+    const Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(press_N.data(), Eigen::Index(press_N.size())) / range_N;
+    const Eigen::VectorXd y = x.cwiseAbs2();
+    const Affine line = affine_fit(x, y);
+    if (line.slope.dependent.empty()) {
+        const Eigen::ArrayXd left = y.array() - line.constant - line.slope.coefficient[0] * x.array();
+        if (left.matrix().norm() > kLeastBend * std::sqrt(double(y.size()))) return;
+    }
+    throw Undetermined("the press must take three levels or more, far from each other: nearly all rows are of two");
+}
+
+}  // namespace
+
+void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
+    if (calibration.components != std::vector<std::string>{"fz"})
+        throw Undetermined("model \"piezo\" sees fz and nothing else: leave the other labels' columns out");
+    const auto channel = [&](const char* name) {
+        const auto at = std::find(calibration.channels.begin(), calibration.channels.end(), name);
+        if (at == calibration.channels.end()) throw Undetermined(fmt::format("channels lacks {}; needed are Vp Cn", name));
+        return std::size_t(at - calibration.channels.begin());
+    };
+    const std::size_t Vp = channel("Vp"), Cn = channel("Cn");
+    const std::vector<PiezoRun> runs = piezo_runs(rows, Vp, Cn);
+    double range_N = 0;
+    for (const PiezoRun& run : runs) range_N = std::max(range_N, *std::max_element(run.press_N.begin(), run.press_N.end()));
+    if (!(range_N > 0)) throw Undetermined("no row has a press (fz_N < 0)");
+    std::erase_if(calibration.parameters, [](const auto& parameter) {
+        return parameter.first != "leak_tau_s" && parameter.first != "fusion_tau_s" && parameter.first != "window_s";
+    });
+    calibration.zero.assign(calibration.channels.size(), 0.0);
+    calibration.matrix.clear();
+    calibration.tables.clear();
+    calibration.condition = 0;
+    check_levels(runs, range_N);
+    fit_centre(runs, range_N, Cn, calibration);
+    fit_film(runs, range_N, Vp, calibration, warnings);
+}
+
+}  // namespace tactiled

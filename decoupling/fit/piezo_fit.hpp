@@ -1,0 +1,38 @@
+// Fit of model "piezo", method "fused". See capacitive.md for what is fitted and what a recording must contain.
+#pragma once
+#include <span>
+#include <vector>
+
+#include "decoupling/fit/fit.hpp"
+
+namespace tactiled {
+
+// Curve, zero and leak of the film Vp: simulated from the applied press and compared with what was read, so that noise of
+// a reading never becomes an input. Curve and zero of Cn: against the mean press of each of its windows. Keeps leak_tau_s,
+// fusion_tau_s and window_s where they are stated.
+// setup: throws Undetermined, also where the press never changes fast or is never held: gain and leak are one number then
+void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
+
+// What a film shows of a drive q at times t_s (not falling), 0 before: charge.hpp, a step at a time; and how that changes
+// with the logarithm of the leak's time constant.
+struct FilmResponse {
+    std::vector<double> v, dv_dlog_tau;
+};
+FilmResponse film_response(std::span<const double> t_s, std::span<const double> q, double tau_s);
+
+// Rows that follow each other in time without a break.
+struct PiezoRun {
+    std::vector<double> t_s, press_N, Vp, Cn;
+};
+// Cn where the converter had a new value, with the mean over the window that ended there of the press and of its square.
+struct CentreReading {
+    double mean_N, mean_square_N2, Cn;
+};
+// s between the new values of a reading that repeats its last one in between. setup: throws Undetermined
+double conversion_interval_s(const std::vector<PiezoRun>& runs);
+std::vector<CentreReading> centre_readings(const std::vector<PiezoRun>& runs, double window_s);
+
+// Splits at another session, at a clock that goes back and at a break. setup: throws Undetermined
+std::vector<PiezoRun> piezo_runs(const Rows& rows, std::size_t Vp, std::size_t Cn);
+
+}  // namespace tactiled
