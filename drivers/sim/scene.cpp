@@ -63,6 +63,8 @@ void read_expectations(Options& scene) {
     calibrate.texts("channels", {1, 32});
     calibrate.texts("set", {1, 64});
     calibrate.text("model", "");
+    calibrate.number("settle_s", {0, 1e3}, 0.05);
+    calibrate.number("from_s", {0, 1e7}, 0);
     calibrate.text("influence", "");
 }
 
