@@ -32,7 +32,8 @@ import tactiled  # noqa: E402
 SPEED, SPEED_WITH_MEMORY = 4, 1
 TARE_MS = 20
 MOST_SENSORS = 16  # of a daemon
-NOT_NOW = 2        # enum tactiled_command_result: nothing to tare yet
+NOT_JUDGED_N = 1e4
+NOT_NOW = 4        # enum tactiled_command_result: nothing to tare yet
 QUALITY = {tactiled.GOOD: "good", tactiled.UNCERTAIN: "uncertain", tactiled.BAD: "bad"}
 
 
@@ -190,7 +191,7 @@ def play(scene, effects, speed, calibrations, truths):
     text, last, uses, links = "", [], {}, set()
     for i, ((name, expect), calibration) in enumerate(zip(scene.expectations, calibrations)):
         device, table = scene.sensors[name]
-        # Two sensors of a daemon cannot read the same channels: who asks for a second method plays the scene on a second link.
+        # Two sensors of a daemon cannot read the same channels: a second method has the scene on a second link.
         link = uses[name] = uses.get(name, -1) + 1
         if link not in links:
             links.add(link)
@@ -301,10 +302,12 @@ def run_calibration(job):
 
 
 def print_row(row):
-    worst = " ".join(f"{1e3 * row['worst'][a]:7.1f}" if a in row["axes"] else "      -" for a in range(3))
-    within = " ".join(f"{1e3 * row['within'][a]:6.4g}" if a in row["axes"] else "     -" for a in range(3))
-    print(f"{'ok  ' if row['passed'] else 'FAIL'} {row['scene']:24} {row['sensor']:10} {row['method']:34} {row['samples']:6} "
-          f"{100 * row['share']:6.2f} {worst}  ({within})  {row['quality']}{'  reader lost ' + str(row['lost']) if row['lost'] else ''}")
+    judged = [a in row["axes"] and row["within"][a] < NOT_JUDGED_N for a in range(3)]
+    worst = " ".join(f"{1e3 * row['worst'][a]:7.1f}" if judged[a] else "      -" for a in range(3))
+    within = " ".join(f"{1e3 * row['within'][a]:6.4g}" if judged[a] else "     -" for a in range(3))
+    lost = f"  reader lost {row['lost']}" if row["lost"] else ""
+    print(f"{'ok  ' if row['passed'] else 'FAIL'} {row['scene']:24} {row['sensor']:10} {row['method']:34} "
+          f"{row['samples']:6} {100 * row['share']:6.2f} {worst}  ({within})  {row['quality']}{lost}")
 
 
 def main():
@@ -343,7 +346,8 @@ def main():
                 results[effects].append((name, rows))
         for effects in wishes:
             print(f"\neffects {effects}: worst error in mN (allowed), of the samples between from_s and to_s")
-            print(f"     {'scene':24} {'sensor':10} {'calibration, method':34} {'rows':>6} {'% in':>6} {'fx':>7} {'fy':>7} {'fz':>7}")
+            print(f"     {'scene':24} {'sensor':10} {'calibration, method':34} {'rows':>6} {'% in':>6} "
+                  f"{'fx':>7} {'fy':>7} {'fz':>7}")
             for name, rows in sorted(results[effects]):
                 if isinstance(rows, str):
                     failed += 1
