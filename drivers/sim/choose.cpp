@@ -42,18 +42,61 @@ std::vector<std::size_t> in_order_of_use(const std::vector<Decision>& decisions)
     return order;
 }
 
+// Until nothing more can go: what is left out later may lower the gain of what an earlier one had to pass.
 void choose_automatically(Choice& choice) {
-    for (const std::size_t i : in_order_of_use(choice.decisions)) {
-        Decision& d = choice.decisions[i];
-        d.on = false;
-        d.why = d.bound.change_N == 0 ? "cannot occur here" : "within the wanted accuracy";
-        if (d.bound.change_N == 0 || guaranteed_error_N(choice.decisions) <= choice.wanted_N) continue;
-        d.on = true;
-        d.why = "needed";
+    const auto order = in_order_of_use(choice.decisions);
+    for (bool again = true; again;) {
+        again = false;
+        for (const std::size_t i : order) {
+            Decision& d = choice.decisions[i];
+            if (!d.on) continue;
+            d.on = false;
+            d.why = d.bound.change_N == 0 ? "cannot occur here" : "within the wanted accuracy";
+            again = d.bound.change_N == 0 || guaranteed_error_N(choice.decisions) <= choice.wanted_N || again;
+            if (d.bound.change_N == 0 || guaranteed_error_N(choice.decisions) <= choice.wanted_N) continue;
+            d.on = true;
+            d.why = "needed";
+        }
     }
 }
 
+// What an effect may have made of the load, for those that come after it.
+void widen(Extent& extent, const Bound& bound) {
+    const Extent was = extent;
+    for (std::size_t axis = 0; axis < kAxes; ++axis) {
+        extent.most[axis] += bound.load[axis];
+        extent.span[axis] += 2 * bound.load[axis];
+        extent.rate[axis] *= bound.load_gain;
+        extent.jump[axis] *= bound.load_gain;
+        extent.added[axis] *= bound.load_gain;
+        for (std::size_t other = axis < kMx ? kFx : kMx; other < (axis < kMx ? kMx : kAxes); ++other) {
+            if (other == axis) continue;
+            extent.rate[axis] += bound.coupling * was.rate[other];
+            extent.jump[axis] += bound.coupling * was.jump[other];
+            extent.added[axis] += bound.coupling * was.added[other];
+        }
+        if (bound.coupling > 0) extent.back[axis] += 2 * bound.load[axis];
+        if (bound.own_N > 0) extent.added[axis] += bound.load[axis];
+    }
+    extent.reverses |= bound.own_N > 0;
+}
+
+void add(Before& before, const Bound& bound) {
+    before.most_N += bound.change_N;
+    // What moves by itself as far as it changes anything at all is counted so; the rest moves with its input.
+    const double gain = bound.own_N < bound.change_N ? bound.gain : 1;
+    before.gain *= gain;
+    for (auto& own : before.own) own = {own.most_N * gain, own.rate_N_s * gain};
+    if (bound.own_N > 0) before.own.push_back({bound.own_N, bound.own_rate_N_s});
+}
+
 }  // namespace
+
+double Before::change_N(const Setting& s, double seconds) const {
+    double sum = gain * s.sensor.channel_N(s.extent.changes(seconds));
+    for (const Own& part : own) sum += std::min(2 * part.most_N, part.rate_N_s * seconds);
+    return sum;
+}
 
 double guaranteed_error_N(const std::vector<Decision>& decisions) {
     double error = 0;
@@ -71,12 +114,23 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
     const bool list = wish != "auto" && wish != "all" && wish != "none";
     const auto names = list ? names_in(wish) : std::vector<std::string>{};
     require_known(names);
+    Extent reach = extent;
+    Before before;
     for (std::size_t i = 0; i < chain().size(); ++i) {
         const EffectEntry& effect = *chain()[i];
         if ((effect.models >> unsigned(sensor.model) & 1u) == 0) continue;
         const bool asked = std::find(names.begin(), names.end(), effect.name) != names.end();
         const bool on = wish == "all" || wish == "auto" || asked;
-        choice.decisions.push_back({&effect, effect.bound(scene.setting(i, sensor, extent)), on,
+        Setting setting = scene.setting(i, sensor, reach);
+        setting.before = before;
+        const Bound bound = effect.bound(setting);
+        if (effect.stage == Stage::contact || effect.stage == Stage::material) {
+            widen(reach, bound);
+            for (std::size_t axis = 0; axis < kAxes; ++axis) before.load[axis] += bound.load[axis];
+        } else if (effect.stage != Stage::time) {
+            add(before, bound);
+        }
+        choice.decisions.push_back({&effect, bound, on,
                                     list            ? (asked ? "asked for" : "not asked for")
                                     : wish == "all" ? "all"
                                                     : "none"});

@@ -1,6 +1,8 @@
 // An effect: one thing that a real sensor does and an ideal one does not. One file each in effects/, listed in chain.cpp.
 #pragma once
+#include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string_view>
@@ -32,17 +34,34 @@ struct Parameter {
 };
 
 struct Scene;
+struct Setting;
+
+// What the effects before one may have made of the channels, beyond the linear model of the extent's loads; N as in Bound.
+struct Before {
+    std::array<double, kAxes> load{};  // of contact and material: the sum of what they may have changed
+    double most_N = 0;                 // of transducer and converter: the sum of their bounds
+    double gain = 1;                   // the product of their gains
+    struct Own {
+        double most_N, rate_N_s;
+    };
+    std::vector<Own> own{};  // what hangs on no load
+
+    // The largest change of any channel within some seconds.
+    [[nodiscard]] double change_N(const Setting& s, double seconds) const;
+};
 
 // What an effect is told when its bound is asked and when it is made.
 struct Setting {
     const Sensor& sensor;
     const Body& body;
-    const Extent& extent;          // what the scene states for this sensor, worst case
+    const Extent& extent;          // the worst case of the scene and of the effects before this one, for this sensor
     double rate_Hz;                // of the scene
     std::uint64_t samples;         // of the scene
-    Stream random;                 // its own
+    Stream random;                 // its own, of this scene
+    Stream sample;                 // its own, of this sample of the sensor: the same in all scenes that name its serial
     std::span<const double> p;     // parameters, in the order of its entry
-    const Scene* scene = nullptr;  // of the others and of a neighbour; nullptr: none are known
+    const Scene* scene = nullptr;  // for what happens to a neighbour, and for effects of time
+    Before before{};
 };
 
 // What an effect can do to any channel, in N (Sensor::per_N), on any input that keeps within the extent.
@@ -52,6 +71,13 @@ struct Bound {
     // of its impulse response's magnitudes; a rounding jumps by a step.
     double gain = 1;
     double jump_N = 0;
+    // How its output moves, for those that come after. A filter or a curve moves with its input, at most `gain` times as
+    // much; what moves by itself (heat, noise, ridges that pass) says how far, and how fast if not at once.
+    double own_N = 0, own_rate_N_s = std::numeric_limits<double>::infinity();
+    // Of contact and material: by how much each component of the load may change (N, Nm); how much faster it may move; and
+    // what of the movement of one force may come to another.
+    std::array<double, kAxes> load{};
+    double load_gain = 1, coupling = 0;
 };
 
 // A chosen effect at work on one sensor, with its state. The simulator runs a vector of these and nothing else.
@@ -76,9 +102,6 @@ struct EffectEntry {
     Bound (*bound)(const Setting&);                   // setup
     std::unique_ptr<Effect> (*make)(const Setting&);  // setup
 };
-
-// What stands before an effect may make its input larger than the extent says, by at most this factor.
-inline constexpr double kMargin = 1.25;
 
 inline constexpr unsigned kTable = 1u << int(Model::table), kHair = 1u << int(Model::hair),
                           kCapacitive = 1u << int(Model::capacitive), kAll = kTable | kHair | kCapacitive;

@@ -162,14 +162,14 @@ void take_surroundings(Extent& e, const Segment& s, const State& first) {
         e.acceleration_m_s2 = std::max(e.acceleration_m_s2, std::abs(q->acceleration_m_s2));
     }
     const Reach ambient = reach_of(s, &State::ambient_K);
-    e.ambient_rate_K_s = std::max(e.ambient_rate_K_s, ambient.jump > 0 ? ambient.jump / length : ambient.rate);
+    e.ambient_rate_K_s = std::max(e.ambient_rate_K_s, ambient.jump > 0 ? 1e30 : ambient.rate);
 }
 
 }  // namespace
 
 double Extent::change(Axis axis, double seconds) const {
     const double jumps = 1 + std::floor(seconds / jump_every_s);
-    return std::min(span[axis], rate[axis] * seconds + jump[axis] * jumps);
+    return std::min(span[axis], rate[axis] * seconds + jump[axis] * jumps + 2 * added[axis]);
 }
 
 std::array<double, kAxes> Extent::changes(double seconds) const {

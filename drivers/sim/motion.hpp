@@ -54,16 +54,18 @@ struct Segment {
 
 // Largest values over a scene (or its beginning) at one sensor, its share and turn included: what bounds are made of.
 struct Extent {
-    std::array<double, kAxes> most{};  // |load|: N, Nm
-    std::array<double, kAxes> span{};  // largest less least, the 0 before the scene included
-    std::array<double, kAxes> rate{};  // |d load / dt|, N/s, Nm/s, where it is no jump
-    std::array<double, kAxes> jump{};  // largest change at once
-    double jump_every_s = 1e300;       // least time between two jumps that are not of one wave
-    double press_least_N = 0;          // while a shear acts
-    double shear_excess_N = 0;         // largest of shear - friction * press, >= 0
-    double kinetic_excess_N = 0;       // the same with the kinetic friction
-    bool reverses = false;             // some component of the load ever comes back
-    double frequency_Hz = 0;           // highest of a sine, 0 where there is none
+    std::array<double, kAxes> most{};   // |load|: N, Nm
+    std::array<double, kAxes> span{};   // largest less least, the 0 before the scene included
+    std::array<double, kAxes> rate{};   // |d load / dt|, N/s, Nm/s, where it is no jump
+    std::array<double, kAxes> jump{};   // largest change at once
+    std::array<double, kAxes> added{};  // by effects of the contact, at any instant and in any order
+    std::array<double, kAxes> back{};   // how far a load may come back through them, where the scene's own never does
+    double jump_every_s = 1e300;        // least time between two jumps that are not of one wave
+    double press_least_N = 0;           // while a shear acts
+    double shear_excess_N = 0;          // largest of shear - friction * press, >= 0
+    double kinetic_excess_N = 0;        // the same with the kinetic friction
+    bool reverses = false;              // some component of the load ever comes back
+    double frequency_Hz = 0;            // highest of a sine, 0 where there is none
     double speed_m_s = 0, slide_m = 0;
     double x_m = 0, y_m = 0;           // |centre of contact| in the sensor's frame
     double moved_m = 0;                // largest distance of the centre of contact from its first place

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "drivers/sim/motion.hpp"
+#include "drivers/sim/random.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -47,12 +48,16 @@ void press(Builder& b, Options& m) {
     b.add("press", m.number("in_s", kSeconds, 0.1), to, read_course(m));
 }
 
-// The direction counts at once: a shear begins in it.
+// Where a shear goes. It counts at once where there was none: a shear begins in it.
+void take_direction(Builder& b, Options& m, State& to) {
+    to.direction_rad = m.number("direction_deg", kDegrees, b.state.direction_rad / kDegree) * kDegree;
+    if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
+}
+
 void shear(Builder& b, Options& m) {
     State to = b.state;
     to.shear_N = m.number("to_N", {-1e4, 1e4});
-    to.direction_rad = m.number("direction_deg", kDegrees, b.state.direction_rad / kDegree) * kDegree;
-    if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
+    take_direction(b, m, to);
     b.add("shear", m.number("in_s", kSeconds, 0.1), to, read_course(m));
 }
 
@@ -60,6 +65,57 @@ void rotate(Builder& b, Options& m) {
     State to = b.state;
     to.direction_rad += m.number("by_deg", kDegrees) * kDegree;
     b.add("rotate", m.number("in_s", kSeconds, 0.1), to, read_course(m));
+}
+
+// In `count` equal steps, each reached in `in_s` and held for `hold_s`.
+void steps(Builder& b, Options& m) {
+    const std::string on = m.one_of("on", {"press", "shear", "direction"}, "press");
+    const auto count = std::size_t(m.integer("count", {1, 1000}));
+    const double in_s = m.number("in_s", kSeconds, 0.05), hold_s = m.number("hold_s", kSeconds, 0.2);
+    double State::*const quantity = on == "press"   ? &State::press_N
+                                    : on == "shear" ? &State::shear_N
+                                                    : &State::direction_rad;
+    State to = b.state;
+    if (on == "direction") {
+        to.direction_rad += m.number("by_deg", kDegrees) * kDegree;
+    } else {
+        to.*quantity = m.number("to_N", on == "press" ? kForce_N : Range{-1e4, 1e4});
+    }
+    if (on == "shear") take_direction(b, m, to);
+    const double from = b.state.*quantity, end = to.*quantity;
+    const Course course = read_course(m);
+    for (std::size_t i = 1; i <= count; ++i) {
+        to.*quantity = i == count ? end : from + (end - from) * double(i) / double(count);
+        b.add("steps", in_s, to, course);
+        b.add("steps", hold_s, to);
+    }
+}
+
+// From one random load to the next, each held: what a calibration needs. Evenly distributed: the press, the shear in any
+// direction up to a part of its most, the place on a disc.
+void wander(Builder& b, Options& m) {
+    const auto count = std::size_t(m.integer("count", {1, 10'000}));
+    const Stream random(std::uint64_t(m.integer("seed", {0, 9e15}, 1)), "wander");
+    const double least_N = m.number("press_from_N", kForce_N, 0), most_N = m.number("press_to_N", kForce_N);
+    const double shear_N = m.number("shear_to_N", kForce_N, 0), within_m = m.number("within_m", {0, 1}, 0);
+    const double in_s = m.number("in_s", kSeconds, 0.05), hold_s = m.number("hold_s", kSeconds, 0.2);
+    if (least_N > most_N) m.problem("press_from_N", "press_from_N is more than press_to_N");
+    const Course course = read_course(m);
+    State to = b.state;
+    for (std::size_t i = 0; i < count; ++i) {
+        to.press_N = least_N + (most_N - least_N) * random.uniform(i, 0);
+        to.shear_N = shear_N * std::sqrt(random.uniform(i, 1));
+        to.direction_rad = 2 * std::numbers::pi * random.uniform(i, 2);
+        if (within_m > 0) {
+            const double away_m = within_m * std::sqrt(random.uniform(i, 3)),
+                         angle = 2 * std::numbers::pi * random.uniform(i, 4);
+            to.x_m = away_m * std::cos(angle);
+            to.y_m = away_m * std::sin(angle);
+        }
+        if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
+        b.add("wander", in_s, to, course);
+        b.add("wander", hold_s, to);
+    }
 }
 
 void hold(Builder& b, Options& m) { b.add("hold", m.number("for_s", kSeconds), b.state); }
@@ -119,8 +175,7 @@ void lift(Builder& b, Options& m) {
     if (b.body.mass_kg <= 0) m.problem("do", "lift needs [body] mass_kg");
     State to = b.state;
     const double up_m_s2 = m.number("acceleration_m_s2", {0, 100}, 1), length_s = m.number("for_s", kSeconds, 0.8);
-    to.direction_rad = m.number("direction_deg", kDegrees, b.state.direction_rad / kDegree) * kDegree;
-    if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
+    take_direction(b, m, to);
     to.shear_N = b.body.mass_kg * kGravity_m_s2;
     b.add("lift", m.number("in_s", kSeconds, 0.2), to, Course::smooth);
     for (const double acceleration : {up_m_s2, 0.0, -up_m_s2, 0.0}) {
@@ -151,8 +206,12 @@ void repeat(Builder& b, Options& m) {
     if (count * times > kMostSegments)
         return m.problem("times", fmt::format("{} steps in all, at most {} are possible", count * times, kMostSegments));
     const State& from = b.segments[begin].from;
+    // Whole turns are no difference; nor is any where nothing is sheared.
+    const double turns = (b.state.direction_rad - from.direction_rad) / (2 * std::numbers::pi);
+    const bool same_direction = (from.shear_N == 0 && b.state.shear_N == 0) || std::abs(turns - std::round(turns)) < 1e-9;
     if (from.press_N != b.state.press_N || from.shear_N != b.state.shear_N || from.x_m != b.state.x_m ||
-        from.y_m != b.state.y_m || from.speed_m_s != b.state.speed_m_s)
+        from.y_m != b.state.y_m || from.speed_m_s != b.state.speed_m_s || from.ambient_K != b.state.ambient_K ||
+        from.body_K != b.state.body_K || from.acceleration_m_s2 != b.state.acceleration_m_s2 || !same_direction)
         return m.problem("do", "what is repeated must end where it began");
     const double begun_s = b.segments[begin].begin_s, period_s = b.segments.back().end_s - begun_s;
     for (std::size_t k = 1; k < times; ++k)
@@ -172,6 +231,8 @@ struct Kind {
 constexpr Kind kKinds[] = {{"press", press},
                            {"shear", shear},
                            {"rotate", rotate},
+                           {"steps", steps},
+                           {"wander", wander},
                            {"hold", hold},
                            {"move", move},
                            {"slide", slide},

@@ -43,7 +43,7 @@ std::vector<std::vector<double>> read_parameters(Options table) {
     return all;
 }
 
-// What the tests check and who reads a scene ought to know; the simulator does nothing with it.
+// What tests/scenes checks and calibrates, and who reads a scene ought to know; the simulator does nothing with it.
 void read_expectations(Options& scene) {
     for (Options& e : scene.tables("expect", 64)) {
         e.text("sensor");
@@ -55,7 +55,17 @@ void read_expectations(Options& scene) {
         e.number("share", {0, 1}, 0.99);
         e.one_of("quality", {"good", "uncertain", "any"}, "any");
         e.flag("press_only", false);
+        e.flag("tare", true);
+        e.numbers("reads_N", {-1e4, 1e4}, {3, 3});
     }
+    Options calibrate = scene.table("calibrate");
+    calibrate.texts("components", {1, 6});
+    calibrate.texts("channels", {1, 32});
+    calibrate.texts("set", {1, 64});
+    calibrate.text("model", "");
+    calibrate.number("settle_s", {0, 1e3}, 0.05);
+    calibrate.number("from_s", {0, 1e7}, 0);
+    calibrate.text("influence", "");
 }
 
 }  // namespace
@@ -103,6 +113,7 @@ Setting Scene::setting(std::size_t effect, const Sensor& sensor, const Extent& e
             rate_Hz,
             samples,
             Stream(seed, fmt::format("{}/{}", sensor.name, entry.name)),
+            Stream(sensor.serial, entry.name),
             parameters[effect],
             this};
 }

@@ -36,6 +36,7 @@ std::vector<Sensor> as_array(const Sensor& one, std::size_t rows, std::size_t co
             taxel.name = fmt::format("{}_{}_{}", one.name, row, column);
             taxel.x_m += (double(column) - double(columns - 1) / 2) * pitch_m;
             taxel.y_m += (double(row) - double(rows - 1) / 2) * pitch_m;
+            taxel.serial += row * columns + column;
             taxel.half_width_m = pitch_m / 2;
             taxel.array_row = row;
             taxel.array_column = column;
@@ -79,6 +80,7 @@ std::vector<Sensor> read_sensor(Options& options) {
     for (std::size_t k = 0; k < sensor.n(); ++k) sensor.per_N[k] = per_newton(sensor.gain[k]);
     sensor.resolution_N = options.number("resolution_N", {1e-9, 1e3}, sensor.resolution_N);
     sensor.full_scale_N = options.number("full_scale_N", {1e-6, 1e5}, sensor.full_scale_N);
+    sensor.serial = std::uint64_t(options.integer("serial", {0, 9e15}, 1));
     sensor.x_m = options.number("x_m", {-1, 1}, 0);
     sensor.y_m = options.number("y_m", {-1, 1}, 0);
     sensor.turn_rad = options.number("turn_deg", {-360, 360}, 0) * std::numbers::pi / 180;

@@ -2,6 +2,7 @@
 #pragma once
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -50,6 +51,7 @@ struct Sensor {
     // (a tenth of its best). So an error in N is rather named too large than too small.
     std::array<double, kMostChannels> per_N{};
     double resolution_N{}, full_scale_N{};
+    std::uint64_t serial = 1;  // which sample it is: what differs from one to the next is drawn from it
     TableSample table{};
     HairSample hair{};
     CapacitiveSample capacitive{};

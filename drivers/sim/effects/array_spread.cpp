@@ -56,16 +56,11 @@ private:
 Bound bound(const Setting& s) {
     const double count = double(neighbours(s.sensor).size());
     if (count == 0 || s.scene == nullptr) return {};
-    if (covers_array(s.body, s.sensor)) {
-        const double others = others_N(s, s.extent, [](const EffectEntry& e) {
-            return e.stage == Stage::contact && e.name != "array_spread" && e.name != "misalignment" &&
-                   e.name != "cap_weight";
-        });
-        return {.change_N = s.p[0] * count * others + kLastBits_N};
-    }
+    const auto& felt_load = covers_array(s.body, s.sensor) ? s.before.load : s.extent.most;
     std::array<double, kAxes> change{};
-    for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = s.p[0] * count * kMargin * s.extent.most[axis];
-    return {.change_N = s.sensor.channel_N(change)};
+    for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = s.p[0] * count * felt_load[axis];
+    const double change_N = s.sensor.channel_N(change);
+    return {.change_N = change_N + kLastBits_N, .own_N = change_N, .load = change};
 }
 
 }  // namespace

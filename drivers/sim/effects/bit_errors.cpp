@@ -68,7 +68,7 @@ Bound bound(const Setting& s) {
     if (hits.value() < values)
         for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = std::ldexp(converter_step(s.sensor, k), int(s.p[1]) - 1);
     const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .jump_N = 2 * change_N};
+    return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N};
 }
 
 }  // namespace

@@ -38,7 +38,8 @@ private:
 // N (1 - c^-p) grows with N and more slowly than N.
 Bound bound(const Setting& s) {
     const double z = most(s, kFz);
-    return {.change_N = s.sensor.channel_N({0, 0, z - softer(z, s.sensor.capacitive.strain_per_N, s.p[0]), 0, 0})};
+    const std::array<double, kAxes> change{0, 0, z - softer(z, s.sensor.capacitive.strain_per_N, s.p[0]), 0, 0};
+    return {.change_N = s.sensor.channel_N(change), .load = change};
 }
 
 }  // namespace

@@ -36,22 +36,17 @@ inline bool is_piezo(const Sensor& sensor, std::size_t channel) {
     return sensor.model == Model::capacitive && sensor.channels[channel] == "Vp";
 }
 
-// What the effects of contact, material and transducer that `counts` picks can change within an extent, N.
-template <class Counts>
-double others_N(const Setting& s, const Extent& extent, Counts counts) {
+// What some effects can do by their own bounds, within the scene alone: for effects of time, which come before all others.
+inline double others_N(const Setting& s, const Extent& extent, std::initializer_list<std::string_view> names) {
     if (s.scene == nullptr) return 0;
     double sum = 0;
     for (std::size_t i = 0; i < chain().size(); ++i) {
         const EffectEntry& other = *chain()[i];
-        if ((other.models >> unsigned(s.sensor.model) & 1u) == 0 || !counts(other)) continue;
-        if (other.stage == Stage::contact || other.stage == Stage::material || other.stage == Stage::transducer)
+        if ((other.models >> unsigned(s.sensor.model) & 1u) == 0) continue;
+        if (std::find(names.begin(), names.end(), other.name) != names.end())
             sum += other.bound(s.scene->setting(i, s.sensor, extent)).change_N;
     }
     return sum;
-}
-inline double others_N(const Setting& s, const Extent& extent, std::initializer_list<std::string_view> names) {
-    return others_N(s, extent,
-                    [&](const EffectEntry& e) { return std::find(names.begin(), names.end(), e.name) != names.end(); });
 }
 
 // By how much what temperature does to a reading can change within so many seconds, N. A body's warmth comes through the
@@ -76,49 +71,25 @@ inline double warming_N(const Setting& s, double seconds) {
     return sum;
 }
 
-// What a filter meets beside the load: what is fast, at most from one end to the other, and what is slow.
-inline double beside_N(const Setting& s, double mean_s) {
-    const double fast =
-        others_N(s, s.extent, {"texture", "stick_slip", "adhesion", "dome_resonance", "triboelectric", "zero_walk"});
-    return 2 * fast + warming_N(s, mean_s);
-}
-
-// Of a channel, by what goes up to `load` and by what all others before the converter add to it.
-inline Channels with_others(const Setting& s, const std::array<double, kAxes>& load) {
-    Channels result = channel_changes(s.sensor, load);
-    const double more_N = 0.005 * s.sensor.full_scale_N + others_N(s, s.extent, [](const EffectEntry&) { return true; });
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) result[k] += more_N * s.sensor.per_N[k];
+// Largest |reading - zero|, all that came before included.
+inline Channels swings(const Setting& s) {
+    Channels result = channel_changes(s.sensor, s.extent.most);
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) result[k] += s.before.most_N * s.sensor.per_N[k];
     return result;
 }
-inline Channels swings(const Setting& s) { return with_others(s, s.extent.most); }  // largest |reading - zero|
 
-// Largest difference between the load now and a weighted mean of the load before. `older(s)` = share of the weights of what
-// is more than s seconds old, `horizon_s` = where it has become small.
+// Largest difference between a reading now and a weighted mean of its past. `older(t)` = share of the weights of what is
+// more than t seconds old, `horizon_s` = where it has become small.
 template <class Older>
-std::array<double, kAxes> lag_changes(const Extent& extent, double horizon_s, Older older) {
+double lag_N(const Setting& s, double horizon_s, Older older) {
     constexpr int kSteps = 48;
-    std::array<double, kAxes> sum{};
-    double share = older(0.0);
+    double sum = 0, share = older(0.0);
     for (int i = 1; i <= kSteps; ++i) {
         const double age = horizon_s * i * i / (kSteps * kSteps), left = older(age);
-        const std::array<double, kAxes> change = extent.changes(age);
-        for (std::size_t axis = 0; axis < kAxes; ++axis) sum[axis] += (share - left) * change[axis];
+        sum += (share - left) * s.before.change_N(s, age);
         share = left;
     }
-    for (std::size_t axis = 0; axis < kAxes; ++axis) sum[axis] += share * extent.span[axis];
-    return sum;
-}
-
-// Of a filter on the channels that `filtered` names: such a mean of their past, over `mean_s` seconds on average.
-template <class Older, class Filtered>
-double lag_N(const Setting& s, double horizon_s, double mean_s, Older older, Filtered filtered) {
-    Channels change = channel_changes(s.sensor, lag_changes(s.extent, horizon_s, older));
-    bool any = false;
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) {
-        change[k] = filtered(k) ? kMargin * change[k] : 0;
-        any = any || filtered(k);
-    }
-    return any ? s.sensor.largest_N(change) + beside_N(s, mean_s) + kLastBits_N : 0;
+    return sum + share * s.before.change_N(s, s.extent.length_s + horizon_s) + kLastBits_N;
 }
 
 // By how much a sample can differ that is taken so many seconds off.

@@ -52,17 +52,12 @@ private:
 
 // Straight between the two samples about its instant.
 Bound bound(const Setting& s) {
-    Channels change{};
     double longest_s = 0;
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) {
-        const double delay_s_ = delay_s(s, k), whole = std::floor(delay_s_ * s.rate_Hz);
-        const double part = delay_s_ * s.rate_Hz - whole;
-        const Channels after = channel_changes(s.sensor, s.extent.changes(whole / s.rate_Hz));
-        const Channels before = channel_changes(s.sensor, s.extent.changes((whole + 1) / s.rate_Hz));
-        if (delay_s_ > 0) change[k] = kMargin * ((whole > 0 ? (1 - part) * after[k] : 0) + part * before[k]);
-        longest_s = std::max(longest_s, delay_s_);
-    }
-    return {.change_N = longest_s > 0 ? s.sensor.largest_N(change) + beside_N(s, longest_s) : 0};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) longest_s = std::max(longest_s, delay_s(s, k));
+    if (longest_s <= 0) return {};
+    const double whole = std::floor(longest_s * s.rate_Hz), part = longest_s * s.rate_Hz - whole;
+    const double after_N = whole > 0 ? s.before.change_N(s, whole / s.rate_Hz) : 0;
+    return {.change_N = (1 - part) * after_N + part * s.before.change_N(s, (whole + 1) / s.rate_Hz) + kLastBits_N};
 }
 
 }  // namespace

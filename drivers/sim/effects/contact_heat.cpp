@@ -39,7 +39,8 @@ Bound bound(const Setting& s) {
     std::array<double, kMostChannels> per_touch{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) per_touch[k] = drift_per_K(s, s.p[1], s.p[2], k) * body_K;
     const double whole = s.sensor.largest_N(per_touch);
-    return {.change_N = whole * touch(most(s, kFz), scale_N), .gain = 1 + whole / scale_N * load_of_error(s.sensor, kFz)};
+    const double change_N = whole * touch(most(s, kFz), scale_N);
+    return {.change_N = change_N, .gain = 1 + whole / scale_N * load_of_error(s.sensor, kFz), .own_N = change_N};
 }
 
 }  // namespace

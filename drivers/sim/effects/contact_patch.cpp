@@ -52,7 +52,8 @@ Bound bound(const Setting& s) {
             of_error[k] += more[k][axis] * load_of_error(s.sensor, axis);
         }
     }
-    return {.change_N = s.sensor.largest_N(change), .gain = 1 + s.sensor.largest_N(of_error)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .gain = 1 + s.sensor.largest_N(of_error), .own_N = change_N};  // the place moves, too
 }
 
 }  // namespace

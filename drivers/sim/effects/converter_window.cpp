@@ -73,8 +73,7 @@ Bound bound(const Setting& s) {
         const double j = std::floor(age_s * s.rate_Hz + 1e-9);
         return j > whole ? 0 : (j < whole ? length - j - 0.5 : part * part / 2) / length;
     };
-    return {.change_N = lag_N(s, (whole + 1.01) / s.rate_Hz, window_s(s), older,
-                              [&](std::size_t k) { return !is_piezo(s.sensor, k); })};
+    return {.change_N = lag_N(s, (whole + 1.01) / s.rate_Hz, older)};
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ double death(const Setting& s, std::size_t channel) {
     return std::ceil(-std::log1p(-s.random.uniform(0, channel)) / (s.p[0] / 3600) * s.rate_Hz);
 }
 
-double rail(const Setting& s, std::size_t channel) { return kMargin * half_range(s.sensor, channel); }
+double rail(const Setting& s, std::size_t channel) { return 1.25 * half_range(s.sensor, channel); }
 
 class DeadChannel final : public Effect {
 public:
@@ -56,7 +56,8 @@ Bound bound(const Setting& s) {
     const Channels swing = swings(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         if (death(s, k) < double(s.samples)) change[k] = way(s) == kRail ? swing[k] + rail(s, k) : 2 * swing[k];
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .own_N = change_N};
 }
 
 }  // namespace

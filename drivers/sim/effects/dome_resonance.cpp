@@ -84,7 +84,8 @@ Bound bound(const Setting& s) {
             for (std::size_t axis = 0; axis < kAxes; ++axis) moved[axis] += weight * change(s, Axis(axis), seconds);
         }
     for (std::size_t axis = 0; axis < kAxes; ++axis) moved[axis] += scale / (1 - q) * 2 * span(s, Axis(axis));
-    return {.change_N = s.sensor.channel_N(moved), .gain = (1 + q) / (1 - q)};
+    const double gain = (1 + q) / (1 - q);
+    return {.change_N = s.sensor.channel_N(moved), .gain = gain, .load = moved, .load_gain = gain};
 }
 
 }  // namespace

@@ -64,7 +64,8 @@ Bound bound(const Setting& s) {
         sum += std::min(kMostDeviations, kMostStep * std::sqrt(1 - a * a) * std::min(double(s.samples), 1 / (1 - a)));
     Channels change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = sum * deviation(s, k);
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .own_N = change_N};
 }
 
 }  // namespace

@@ -16,7 +16,7 @@ public:
         for (std::size_t n = 0; n < block.n; ++n) {
             const double limit = (block.speed_m_s[n] > 0 ? kinetic_ : friction_) * std::max(-fz[n], 0.0);
             const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
-            if (shear <= limit) continue;
+            if (shear <= limit * (1 + 1e-12)) continue;  // a scene may ask for exactly the limit
             fx[n] *= limit / shear;
             fy[n] *= limit / shear;
         }
@@ -38,7 +38,10 @@ Bound bound(const Setting& s) {
         change[axis] = std::min(excess, s.extent.most[axis]);
         more[axis] = std::hypot(error[kFx], error[kFy]) + std::max(s.body.friction, s.body.kinetic_friction) * error[kFz];
     }
-    return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.sensor.channel_N(more)};
+    return {.change_N = s.sensor.channel_N(change),
+            .gain = 1 + s.sensor.channel_N(more),
+            .load = change,
+            .coupling = std::max({s.body.friction, s.body.kinetic_friction, 1.0})};
 }
 
 }  // namespace

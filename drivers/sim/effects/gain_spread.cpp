@@ -11,10 +11,10 @@ double deviation(const Setting& s, std::size_t channel) {
     double spread = s.p[0];
     if (std::isnan(spread))
         spread = s.sensor.model != Model::capacitive ? 0.02 : s.sensor.channels[channel] == "Vp" ? 0.053 : 0.0185;
-    return spread * s.random.noise(0, channel);
+    return spread * s.sample.noise(0, channel);
 }
 double offset(const Setting& s, std::size_t channel) {
-    return s.p[1] * s.sensor.per_N[channel] * s.random.noise(1, channel);
+    return s.p[1] * s.sensor.per_N[channel] * s.sample.noise(1, channel);
 }
 
 class GainSpread final : public Effect {

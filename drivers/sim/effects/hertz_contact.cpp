@@ -29,7 +29,7 @@ private:
 // largest.
 Bound bound(const Setting& s) {
     if (s.sensor.table.influence.empty() || s.body.shape != Body::Shape::sphere || s.body.radius_m <= 0) return {};
-    const double press = kMargin * s.extent.most[kFz];
+    const double press = s.extent.most[kFz];
     const double modulus_Pa = contact_modulus_Pa(skin(s.sensor), s.body);
     const double reach = std::hypot(s.extent.x_m, s.extent.y_m) +
                          std::max(s.body.radius_m, hertz_radius_m(press, s.body.radius_m, modulus_Pa));
@@ -44,9 +44,10 @@ Bound bound(const Setting& s) {
                 least = std::min(least, row[2 + 3 * k + axis]);
                 most = std::max(most, row[2 + 3 * k + axis]);
             }
-            change[k] += std::abs(factor[axis]) * (most - least) * kMargin * s.extent.most[axis];
+            change[k] += std::abs(factor[axis]) * (most - least) * s.extent.most[axis];
         }
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .jump_N = change_N};  // another press: another radius, and no two differ by more
 }
 
 }  // namespace

@@ -76,7 +76,8 @@ Bound bound(const Setting& s) {
             const double r = half_width(i) * full_scale(s.sensor, axis), back = comes_back(s, Axis(axis));
             change[axis] += weight * std::clamp(std::min(span(s, Axis(axis)) - r, back), 0.0, 2 * r);
         }
-    return {.change_N = s.sensor.channel_N(change), .gain = 1 + 2 * weight * double(kPlays)};
+    const double gain = 1 + 2 * weight * double(kPlays);
+    return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 
 }  // namespace

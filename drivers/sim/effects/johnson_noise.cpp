@@ -29,7 +29,8 @@ private:
 Bound bound(const Setting& s) {
     Channels change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMostNoise * deviation(s);
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .own_N = change_N};
 }
 
 }  // namespace

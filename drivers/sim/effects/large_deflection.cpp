@@ -42,9 +42,14 @@ private:
 Bound bound(const Setting& s) {
     const double z = most(s, kFz), per_N = strain_per_N(s.sensor);
     if (z == 0) return {};
-    if (per_N == 0) return {.change_N = s.sensor.channel_N({0, 0, z - plate(z, s.p[0]), 0, 0})};
+    if (per_N == 0) {
+        const std::array<double, kAxes> change{0, 0, z - plate(z, s.p[0]), 0, 0};
+        return {.change_N = s.sensor.channel_N(change), .load = change};
+    }
     const double q = per_N * z, press = q - strain(q), pull = -q - strain(-q), x = 1 / (1 - strain(-q));
-    return {.change_N = s.sensor.channel_N({0, 0, std::max(press, pull) / per_N, 0, 0}), .gain = 1 / (x * (x * x + q))};
+    const std::array<double, kAxes> change{0, 0, std::max(press, pull) / per_N, 0, 0};
+    const double gain = 1 / (x * (x * x + q));
+    return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 
 }  // namespace

@@ -27,7 +27,8 @@ Bound bound(const Setting& s) {
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         change[k] =
             s.p[0] / (1 + s.p[0]) * (change[k] + std::abs(s.sensor.zero[k])) + s.p[0] * kCopper_1_K * s.extent.ambient_K;
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .own_N = s.extent.ambient_K > 0 ? change_N : 0};
 }
 
 }  // namespace

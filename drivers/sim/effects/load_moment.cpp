@@ -50,7 +50,10 @@ Bound bound(const Setting& s) {
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         per_N[k] = std::abs(lever(s.sensor, k).x) * x + std::abs(lever(s.sensor, k).y) * y;
     const double most_N = s.sensor.largest_N(per_N);
-    return {.change_N = most_N * most(s, kFz), .gain = 1 + most_N * load_of_error(s.sensor, kFz)};
+    const double change_N = most_N * most(s, kFz);
+    return {.change_N = change_N,
+            .gain = 1 + most_N * load_of_error(s.sensor, kFz),
+            .own_N = s.extent.moved_m > 0 ? change_N : 0};
 }
 
 }  // namespace

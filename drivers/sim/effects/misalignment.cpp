@@ -54,11 +54,16 @@ std::array<double, kAxes> change(const Setting& s, const std::array<double, kAxe
 
 Bound bound(const Setting& s) {
     const std::array<double, kAxes> error = felt(s.sensor);
-    const double before_N =
-        others_N(s, s.extent, [](const EffectEntry& e) { return e.stage == Stage::contact && e.name != "misalignment"; });
-    std::array<double, kAxes> most{};
-    for (std::size_t axis = 0; axis < kAxes; ++axis) most[axis] = kMargin * s.extent.most[axis] + before_N * error[axis];
-    return {.change_N = s.sensor.channel_N(change(s, most)), .gain = 1 + s.sensor.channel_N(change(s, error))};
+    const std::array<double, kAxes> turned = change(s, s.extent.most);
+    const Rotation r = rotation(s);
+    double across = 0;
+    for (std::size_t row = 0; row < 3; ++row)
+        for (std::size_t column = 0; column < 3; ++column)
+            if (row != column) across = std::max(across, std::abs(r[row][column]));
+    return {.change_N = s.sensor.channel_N(turned),
+            .gain = 1 + s.sensor.channel_N(change(s, error)),
+            .load = turned,
+            .coupling = across};
 }
 
 }  // namespace

@@ -35,7 +35,8 @@ private:
 Bound bound(const Setting& s) {
     std::array<double, kMostChannels> change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMostNoise * deviation(s, k);
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .own_N = change_N};
 }
 
 }  // namespace

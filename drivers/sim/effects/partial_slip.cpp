@@ -54,7 +54,7 @@ Bound bound(const Setting& s) {
     change[kMx] = per_shear * std::min(s.extent.most[kFy], limit);
     change[kMy] = per_shear * std::min(s.extent.most[kFx], limit);
     const double change_N = s.sensor.channel_N(change);
-    return {.change_N = change_N, .jump_N = 2 * change_N};
+    return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N, .load = change};
 }
 
 }  // namespace

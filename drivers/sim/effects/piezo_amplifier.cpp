@@ -41,9 +41,7 @@ Bound bound(const Setting& s) {
     const double a = keep(s), step_s = 1 / s.rate_Hz;
     const auto older = [&](double age_s) { return std::pow(a, std::floor(age_s / step_s + 1e-9) + 1); };
     const double time_s = 1 / (6.283185307179586 * s.p[0]);
-    const double leaked_N = others_N(s, s.extent, {"piezo_leak"}) * std::min(2.0, 20 * time_s);
-    const double low_pass_N =
-        leaked_N + lag_N(s, 16 * time_s + 4 * step_s, time_s, older, [&](std::size_t k) { return k == channel; });
+    const double low_pass_N = lag_N(s, 16 * time_s + 4 * step_s, older);
     Channels beyond{};
     beyond[channel] = std::max(swings(s)[channel] - s.p[1], 0.0);
     return {.change_N = low_pass_N + s.sensor.largest_N(beyond)};

@@ -59,8 +59,8 @@ Bound bound(const Setting& s) {
     };
     const double any = std::numeric_limits<double>::infinity();
     const double body_K = s.p[1] * s.extent.body_K, scale_N = touch_scale_N(s.sensor);
-    return {.change_N = N_of(s.extent.ambient_K, any) + N_of(body_K * touch(most(s, kFz), scale_N), any),
-            .gain = 1 + N_of(body_K / scale_N * load_of_error(s.sensor, kFz), any)};
+    const double change_N = N_of(s.extent.ambient_K, any) + N_of(body_K * touch(most(s, kFz), scale_N), any);
+    return {.change_N = change_N, .gain = 1 + N_of(body_K / scale_N * load_of_error(s.sensor, kFz), any), .own_N = change_N};
 }
 
 }  // namespace

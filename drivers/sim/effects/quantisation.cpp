@@ -32,7 +32,7 @@ Bound bound(const Setting& s) {
     Channels change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = step(s, k) / 2;
     const double half_N = s.sensor.largest_N(change) * 1.000001;  // the rounding of the division
-    return {.change_N = half_N, .jump_N = 2 * half_N};
+    return {.change_N = half_N, .jump_N = 2 * half_N, .own_N = half_N};
 }
 
 }  // namespace

@@ -9,7 +9,7 @@ namespace tactiled::sim {
 inline double converter_step(const Sensor& sensor, std::size_t channel) {
     if (is_piezo(sensor, channel)) return 5.0 / 1024;
     if (sensor.model == Model::capacitive) return 4e-6;  // pF
-    return 2 * kMargin * half_range(sensor, channel) / (sensor.model == Model::table ? 4096 : 65536);
+    return 2.5 * half_range(sensor, channel) / (sensor.model == Model::table ? 4096 : 65536);
 }
 
 }  // namespace tactiled::sim

@@ -28,10 +28,11 @@ private:
 };
 
 Bound bound(const Setting& s) {
-    const double warmer_K = s.p[0] * -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * s.p[1]));
+    const double reached = -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * s.p[1])), warmer_K = s.p[0] * reached;
     std::array<double, kMostChannels> change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = drift_per_K(s, s.p[2], s.p[3], k) * warmer_K;
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .own_N = change_N, .own_rate_N_s = change_N / reached / s.p[1]};
 }
 
 }  // namespace

@@ -76,7 +76,8 @@ Bound bound(const Setting& s) {
     }
     Channels change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = most * 1.000001 * amplitude_N(s) * s.sensor.per_N[k];
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .own_N = change_N};
 }
 
 }  // namespace

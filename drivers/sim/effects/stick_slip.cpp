@@ -50,12 +50,13 @@ Bound bound(const Setting& s) {
     if (s.extent.speed_m_s <= 0 || drop <= 0) return {};
     std::array<double, kAxes> change{};
     for (const Axis axis : {kFx, kFy}) {
-        change[axis] = std::min(drop * s.extent.most[kFz], s.extent.most[axis]);
+        change[axis] = drop * s.extent.most[kFz];
         if (s.body.kinetic_friction > 0)
             change[axis] = std::min(change[axis], s.extent.most[axis] * drop / s.body.kinetic_friction);
     }
     const double change_N = s.sensor.channel_N(change);
-    return {.change_N = change_N, .jump_N = 2 * change_N};  // another press: another place in the period
+    // Another press: another place in the period.
+    return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N, .load = change};
 }
 
 }  // namespace

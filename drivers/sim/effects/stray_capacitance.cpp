@@ -28,7 +28,8 @@ Bound bound(const Setting& s) {
     const BandNoise noise(s.random, s.rate_Hz, s.p[1]);
     std::array<double, kMostChannels> change{};
     for (std::size_t i = 0; i < pad.n; ++i) change[pad.channel[i]] = s.p[0] * noise.most(s.samples, i);
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .own_N = change_N};
 }
 
 }  // namespace

@@ -30,7 +30,8 @@ Bound bound(const Setting& s) {
     const double part = std::abs(per_K(s)) * s.extent.ambient_K;
     std::array<double, kMostChannels> change = largest_swing(s);
     for (double& c : change) c *= part;
-    return {.change_N = s.sensor.largest_N(change), .gain = 1 + part};
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .gain = 1 + part, .own_N = change_N};
 }
 
 }  // namespace

@@ -25,7 +25,9 @@ private:
 Bound bound(const Setting& s) {
     std::array<double, kMostChannels> change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = drift_per_K(s, s.p[0], s.p[1], k) * s.extent.ambient_K;
-    return {.change_N = s.sensor.largest_N(change)};
+    const double change_N = s.sensor.largest_N(change);
+    const double rate_N_s = s.extent.ambient_K > 0 ? change_N / s.extent.ambient_K * s.extent.ambient_rate_K_s : 0;
+    return {.change_N = change_N, .own_N = change_N, .own_rate_N_s = rate_N_s};
 }
 
 }  // namespace

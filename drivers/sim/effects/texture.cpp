@@ -50,14 +50,14 @@ Bound bound(const Setting& s) {
     const double amplitude = std::min(amplitude_N(s), s.extent.most[kFz]);
     if (amplitude <= 0 || s.extent.speed_m_s <= 0) return {};
     const double shear = s.body.kinetic_friction * amplitude;
-    std::array<double, kAxes> change{std::min(shear, kMargin * s.extent.most[kFx]),
-                                     std::min(shear, kMargin * s.extent.most[kFy]), amplitude, s.extent.y_m * amplitude,
-                                     s.extent.x_m * amplitude};
+    std::array<double, kAxes> change{std::min(shear, s.extent.most[kFx]), std::min(shear, s.extent.most[kFy]), amplitude,
+                                     s.extent.y_m * amplitude, s.extent.x_m * amplitude};
     const std::array<double, kAxes> error = felt(s.sensor);
     const double shear_error = 2 * std::hypot(error[kFx], error[kFy]) + s.body.kinetic_friction * error[kFz];
     const std::array<double, kAxes> more{shear_error, shear_error, error[kFz], s.extent.y_m * error[kFz],
                                          s.extent.x_m * error[kFz]};
-    return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.sensor.channel_N(more)};
+    const double change_N = s.sensor.channel_N(change);
+    return {.change_N = change_N, .gain = 1 + s.sensor.channel_N(more), .own_N = change_N, .load = change};
 }
 
 }  // namespace

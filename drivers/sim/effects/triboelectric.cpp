@@ -51,8 +51,8 @@ Bound bound(const Setting& s) {
         by_error += 2 * load_of_error(s.sensor, axis);
     }
     const double most_N = s.p[0] * BandNoise(s.random, s.rate_Hz, s.p[1]).most(s.samples, 0);
-    return {.change_N = most_N * std::min(moved / scale_N(s.sensor), 1.0),
-            .gain = 1 + most_N * by_error / scale_N(s.sensor)};
+    const double change_N = most_N * std::min(moved / scale_N(s.sensor), 1.0);
+    return {.change_N = change_N, .gain = 1 + most_N * by_error / scale_N(s.sensor), .own_N = change_N};
 }
 
 }  // namespace

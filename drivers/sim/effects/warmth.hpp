@@ -15,7 +15,7 @@ inline double drift_per_K(const Setting& s, double relative_per_K, double mismat
     if (s.sensor.channels[channel] == "Vp") return 0;  // see pyroelectric
     if (std::isnan(relative_per_K))
         relative_per_K = s.sensor.model == Model::table ? 1e-4 + 32e-6 * 2 : s.sensor.model == Model::hair ? 3e-3 : 5e-4;
-    const double alike = 1 + mismatch * s.random.noise(0, channel);
+    const double alike = 1 + mismatch * s.sample.noise(0, channel);
     return relative_per_K * alike * (s.sensor.model == Model::capacitive ? s.sensor.zero[channel] : 1);
 }
 

@@ -76,7 +76,7 @@ Bound bound(const Setting& s) {
     const Walk walk(s);
     double most = 0;
     for (std::size_t k = 0; k < s.sensor.n(); ++k) most = std::max(most, walk.most(s.samples, k));
-    return {.change_N = most};
+    return {.change_N = most, .own_N = most};
 }
 
 }  // namespace

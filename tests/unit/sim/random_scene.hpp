@@ -33,13 +33,26 @@ inline double between(double a, double b) { return a + (b - a) * *rc::gen::inRan
 
 inline std::string random_motion(double full_N) {
     const auto course = [] { return *rc::gen::element<std::string>("linear", "smooth", "at_once"); };
-    switch (*rc::gen::inRange(0, 14)) {
+    switch (*rc::gen::inRange(0, 16)) {
         case 0:
             return fmt::format("do = \"press\"\nto_N = {}\nin_s = {}\ncourse = \"{}\"\n", between(0, full_N),
                                between(0.01, 0.5), course());
         case 1:
             return fmt::format("do = \"shear\"\nto_N = {}\ndirection_deg = {}\nin_s = {}\ncourse = \"{}\"\n",
                                between(0, full_N / 2), between(0, 360), between(0.01, 0.5), course());
+        case 14: {
+            const auto on = *rc::gen::element<std::string>("press", "shear", "direction");
+            return fmt::format(
+                "do = \"steps\"\non = \"{}\"\n{} = {}\ncount = {}\nin_s = {}\nhold_s = 0.02\ncourse = \"{}\"\n", on,
+                on == "direction" ? "by_deg" : "to_N", between(0, on == "direction" ? 720 : full_N / 2),
+                *rc::gen::inRange(1, 6), between(0, 0.1), course());
+        }
+        case 15:
+            return fmt::format(
+                "do = \"wander\"\ncount = {}\nseed = {}\npress_to_N = {}\nshear_to_N = {}\nwithin_m = {}\n"
+                "in_s = {}\nhold_s = 0.02\ncourse = \"{}\"\n",
+                *rc::gen::inRange(1, 6), *rc::gen::inRange(0, 100), between(0, full_N), between(0, full_N / 2),
+                between(0, 6e-4), between(0.01, 0.1), course());
         case 2: return fmt::format("do = \"rotate\"\nby_deg = {}\nin_s = {}\n", between(-360, 360), between(0.05, 0.5));
         case 3: return fmt::format("do = \"hold\"\nfor_s = {}\n", between(0.01, 0.5));
         case 4:
