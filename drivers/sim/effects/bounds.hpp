@@ -99,7 +99,13 @@ inline double shift_N(const Setting& s, double seconds) {
         const double turn = 6.283185307179586 * s.extent.speed_m_s * seconds / s.body.texture_pitch_m;
         for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] += std::min(2.0, turn) * s.extent.most[axis];
     }
-    return s.sensor.channel_N(change) + warming_N(s, seconds);
+    // What hangs on the place, the speed or the acceleration may be anywhere else in its range.
+    double other_N = warming_N(s, seconds);
+    if (s.extent.moved_m > 0)
+        other_N += 2 * others_N(s, s.extent, {"load_moment", "contact_patch", "hertz_contact", "tilt", "partial_slip"});
+    if (s.extent.speed_m_s > 0) other_N += 2 * others_N(s, s.extent, {"stick_slip"});
+    if (s.extent.acceleration_m_s2 > 0) other_N += 2 * others_N(s, s.extent, {"cap_weight"});
+    return s.sensor.channel_N(change) + other_N;
 }
 
 // The largest change of each component of the load alone when no channel changes by more than 1 N; 0 where none feels it.

@@ -105,7 +105,8 @@ TEST(GainSpread, IsOneFactorAChannel) {
 TEST(GainSpread, HasItsDeviationOverManySensors) {
     double sum = 0;
     for (int seed = 1; seed <= 500; ++seed) {
-        AtWork table("table", {"gain_spread"}, "", "[effects.gain_spread]\ndeviation = 0.02\n", 1000, seed);
+        AtWork table("table", {"gain_spread"}, "serial = " + std::to_string(seed),
+                     "[effects.gain_spread]\ndeviation = 0.02\n");
         const double e = table(press(1)).channel[0] / -table.sensor().gain[0][kFz] - 1;
         sum += e * e;
     }
