@@ -21,10 +21,11 @@ public:
 protected:
     // What solve() gets and gives.
     struct Input {
-        std::span<const double> r;  // the channels less their zeros; 0 where not usable
-        std::uint32_t usable;       // bit k: channel k is there and not at its rail
-        bool outside;               // of the domain of the calibration
-        std::uint64_t t_ns;         // of the frame
+        // The channels less their zeros; 0 where not usable. Up to 8 of them may be read whatever the size: 0, too.
+        std::span<const double> r;
+        std::uint32_t usable;  // bit k: channel k is there and not at its rail
+        bool outside;          // of the domain of the calibration
+        std::uint64_t t_ns;    // of the frame
         // sd of each component as a multiple of the calibration's: how much worse the usable channels determine it.
         std::array<double, 6> sd_factor{1, 1, 1, 1, 1, 1};
     };
@@ -45,15 +46,22 @@ protected:
     [[nodiscard]] const Domain& domain() const noexcept { return domain_; }
 
 private:
+    bool subtract_zeros(const double* channel, double* r) const noexcept;
+    bool look_at_each(const Reading& reading, double* r, Input& input, Estimate& estimate) const noexcept;
     bool is_finite(const Wrench& wrench) const noexcept;
+    void finish(const Input& input, Estimate& estimate) const noexcept;
 
     std::size_t n_;
     std::uint32_t used_, needed_, all_;
-    std::array<double, kMostChannels> zero_{};
     std::array<bool, 6> seen_{};
-    Wrench sd_ = kUnseen, sd_slope_{}, full_scale_{};
     bool sd_known_;
     Domain domain_;
+    // Plain arrays, read in pairs. A channel within plain_ is in the domain, and less its zero it is finite: all in
+    // one comparison. The same of a component within plain_most_.
+    double zero_[kMostChannels]{}, plain_channel_least_[kMostChannels]{}, plain_channel_most_[kMostChannels]{};
+    double plain_most_[6]{}, full_scale_[6]{}, sd_[6], sd_slope_[6]{};
+    std::int64_t seen_mask_[6]{};  // -1 where seen, else 0
+    double unseen_nan_[6];         // NaN where not seen, else 0
 };
 
 // What is wrong with the parts that a CheckedModel uses, "" where nothing is. setup

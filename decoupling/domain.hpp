@@ -56,6 +56,9 @@ public:
         return std::clamp(value, least_[k], most_[k]);
     }
 
+    [[nodiscard]] double least(std::size_t k) const noexcept { return least_[k]; }
+    [[nodiscard]] double most(std::size_t k) const noexcept { return most_[k]; }
+
 private:
     double least_[32], most_[32];  // plain arrays: read a channel at a time in the loop
 };

@@ -10,9 +10,8 @@ namespace {
 
 constexpr double kLinear_m = 1e-6;  // a step below this is the last, and the force goes along with it linearly
 constexpr double kLargest_m = 1.5e-4;
-constexpr int kSteps = 12, kMinima = 10;
-constexpr double kApart_m = 0.7e-4;
-constexpr double kRank = 1e-9;  // a column whose new part is shorter than this part of it is dependent
+constexpr double kAlong_sd = 3;  // how far along the worst direction a contact is asked again
+constexpr double kRank = 1e-9;   // a column whose new part is shorter than this part of it is dependent
 
 // Gram-Schmidt, twice is enough (Giraud, Langou and Rozloznik 2005): q orthonormal, r upper triangular, a = q r. A
 // dependent column becomes zero in q.
@@ -59,27 +58,25 @@ void keep(Matrix& rows, std::uint32_t usable) noexcept {
 
 }  // namespace
 
-PointSolver::PointSolver(InfluenceMap map) : map_(std::move(map)) {
-    const int rings = std::max(1, int(std::lround(map_.radius_m() / map_.spacing_m())));
-    for (int i = 0; i <= rings; ++i)
-        for (int j = 0; j < (i == 0 ? 1 : 48); ++j) {
-            const double r = map_.radius_m() * i / rings, angle = 2 * std::numbers::pi * j / 48;
-            InfluenceMap::At at;
-            map_.at(r * std::cos(angle), r * std::sin(angle), at);
-            starts_.push_back({{r * std::cos(angle), r * std::sin(angle)}, at.value, Orthogonal<3>(at.value).q});
-        }
+PointSolver::PointSolver(InfluenceMap map) : map_(std::move(map)) {}
+
+Influence PointSolver::basis(const Eigen::Vector2d& point_m) const noexcept {
+    InfluenceMap::At at;
+    map_.at(point_m.x(), point_m.y(), at);
+    return Orthogonal<3>(at.value).q;
 }
 
-PointContact PointSolver::refine(const Gauges& y, std::uint32_t usable, const Eigen::Vector2d& start,
+PointContact PointSolver::refine(const Gauges& y, std::uint32_t usable, const PointContact& start,
                                  int steps) const noexcept {
     PointContact best;
     best.squares = std::numeric_limits<double>::infinity();
     const double radius = map_.radius_m();
-    Eigen::Vector2d p = start, step = Eigen::Vector2d::Zero();
+    Eigen::Vector2d p = start.point_m, step = Eigen::Vector2d::Zero();
     Eigen::Matrix<double, 8, 2> slope;      // of the projected residual by the point, at `best`
     Gauges rest;                            // at `best`
     Orthogonal<3> base{Influence::Zero()};  // at `best`
-    double damping = 1e-4;
+    double& damping = best.damping;
+    damping = std::min(start.damping, 1.0);
     bool fresh = false;
     for (int i = 0; i < steps; ++i) {
         InfluenceMap::At at;
@@ -133,57 +130,10 @@ PointContact PointSolver::refine(const Gauges& y, std::uint32_t usable, const Ei
     return best;
 }
 
-PointContact PointSolver::search(const Gauges& y, std::uint32_t usable, double& other_squares) const noexcept {
-    // The best points of the grid, each far from the better ones.
-    struct Candidate {
-        double squares = std::numeric_limits<double>::infinity();
-        Eigen::Vector2d point_m = Eigen::Vector2d::Zero();
-    };
-    std::array<Candidate, kMinima> best;
-    Gauges live = y;
-    keep(live, usable);
-    const double all = live.squaredNorm();
-    for (const Start& start : starts_) {
-        double squares;
-        if (usable == 0xFFu) {
-            squares = all - (start.q.transpose() * live).squaredNorm();
-        } else {
-            Influence a = start.value;
-            keep(a, usable);
-            squares = all - (Orthogonal<3>(a).q.transpose() * live).squaredNorm();
-        }
-        std::size_t place = kMinima;
-        for (std::size_t i = kMinima; i-- > 0 && squares < best[i].squares;) place = i;
-        if (place == kMinima) continue;
-        std::size_t near = kMinima - 1;  // the one that leaves
-        bool worse = false;
-        for (std::size_t i = 0; i < kMinima; ++i)
-            if (std::isfinite(best[i].squares) && (best[i].point_m - start.point_m).norm() < kApart_m) {
-                worse = worse || i < place;
-                near = i;
-                break;
-            }
-        if (worse) continue;
-        for (std::size_t i = near; i > place; --i) best[i] = best[i - 1];
-        best[place] = {squares, start.point_m};
-    }
-    std::array<PointContact, kMinima> found;
-    std::size_t chosen = 0;
-    for (std::size_t i = 0; i < kMinima; ++i) {
-        found[i].squares = std::numeric_limits<double>::infinity();
-        if (std::isfinite(best[i].squares)) found[i] = refine(live, usable, best[i].point_m, kSteps);
-        if (found[i].squares < found[chosen].squares) chosen = i;
-    }
-    other_squares = std::numeric_limits<double>::infinity();
-    for (const auto& one : found)
-        if ((one.point_m - found[chosen].point_m).norm() > kApart_m) other_squares = std::min(other_squares, one.squares);
-    return found[chosen];
-}
-
-void PointSolver::deviations(std::uint32_t usable, PointContact& contact) const noexcept {
+void PointSolver::deviations(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) const noexcept {
     InfluenceMap::At at;
     map_.at(contact.point_m.x(), contact.point_m.y(), at);
-    Eigen::Matrix<double, 8, 5> a;  // of Fx Fy Fz, then x and y in the length over which the force matters
+    Eigen::Matrix<double, 8, 5> a;  // of Fx Fy Fz, then x and y
     a << at.value, at.dx * contact.force_N, at.dy * contact.force_N;
     keep(a, usable);
     const Orthogonal<5> orthogonal(a);
@@ -195,10 +145,35 @@ void PointSolver::deviations(std::uint32_t usable, PointContact& contact) const 
             for (int k = i + 1; k <= j; ++k) sum -= orthogonal.r(i, k) * inverse(k, j);
             inverse(i, j) = orthogonal.r(i, i) > 0 ? sum / orthogonal.r(i, i) : std::numeric_limits<double>::infinity();
         }
-    for (int i = 0; i < 3; ++i) contact.sd[std::size_t(i)] = inverse.row(i).norm();
+    contact.worst.setZero();
+    const double sigma = std::sqrt(variance);
+    for (int i = 0; i < 3; ++i) contact.sd[std::size_t(i)] = sigma * inverse.row(i).norm();
+    contact.force_sd_N = std::hypot(contact.sd[0], contact.sd[1], contact.sd[2]);
     // mx = y Fz, my = -x Fz
-    contact.sd[3] = (contact.force_N.z() * inverse.row(4) + contact.point_m.y() * inverse.row(2)).norm();
-    contact.sd[4] = (contact.force_N.z() * inverse.row(3) + contact.point_m.x() * inverse.row(2)).norm();
+    const Eigen::Vector2d p = contact.point_m;
+    const Eigen::Vector3d f = contact.force_N;
+    contact.sd[3] = sigma * (f.z() * inverse.row(4) + p.y() * inverse.row(2)).norm();
+    contact.sd[4] = sigma * (f.z() * inverse.row(3) + p.x() * inverse.row(2)).norm();
+
+    // The longer axis of the point's covariance.
+    const double xx = inverse.row(3).squaredNorm(), yy = inverse.row(4).squaredNorm(),
+                 xy = inverse.row(3).dot(inverse.row(4));
+    const double axis2 = (xx + yy) / 2 + std::hypot((xx - yy) / 2, xy), turn = std::atan2(2 * xy, xx - yy) / 2;
+    const double axis_m = sigma * std::sqrt(axis2), along_m = std::min(kAlong_sd * axis_m, kLargest_m);
+    if (!std::isfinite(axis_m) || !std::isfinite(turn)) return;
+    contact.worst = {std::cos(turn), std::sin(turn)};
+    if (!(along_m > kLinear_m)) return;
+    for (const double sign : {-1.0, 1.0}) {
+        const Eigen::Vector2d there = p + sign * along_m * contact.worst;
+        if (there.norm() > map_.radius_m()) continue;
+        map_.at(there.x(), there.y(), at);
+        keep(at.value, usable);
+        const Eigen::Vector3d g = Orthogonal<3>(at.value).solve(y);
+        const double share = axis_m / along_m;
+        const double change[5] = {g.x() - f.x(), g.y() - f.y(), g.z() - f.z(), there.y() * g.z() - p.y() * f.z(),
+                                  there.x() * g.z() - p.x() * f.z()};
+        for (std::size_t i = 0; i < 5; ++i) contact.sd[i] = std::max(contact.sd[i], share * std::abs(change[i]));
+    }
 }
 
 }  // namespace tactiled

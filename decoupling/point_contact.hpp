@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
-#include <vector>
 
 #include "decoupling/influence_map.hpp"
 
@@ -18,33 +17,39 @@ struct PointContact {
     double squares = 0;      // of what it leaves unexplained, reading units squared
     bool at_rim = false;     // held there: the readings would have it further out
     bool converged = false;  // the last step was below 1 um
-    // One standard deviation for readings of one: force (N), moments mx my (Nm). Filled by deviations().
+    double damping = 1e-4;   // of the next step
+    // One standard deviation: force (N), moments mx my (Nm). Filled by deviations().
     std::array<double, 5> sd{};
+    double force_sd_N = 0;                            // of the force's vector, from the slope alone
+    Eigen::Vector2d worst = Eigen::Vector2d::Zero();  // the direction in which the gauges tell the point worst, likewise
 };
+
+inline PointContact contact_at(const Eigen::Vector2d& point_m) noexcept {
+    PointContact contact;
+    contact.point_m = point_m;
+    return contact;
+}
 
 class PointSolver {
 public:
     explicit PointSolver(InfluenceMap map);  // setup
 
-    // From `start` downhill, at most `steps` evaluations of the map. Rows of `y` outside of `usable` are ignored.
+    // From the point and the damping of `start` downhill, at most `steps` evaluations of the map. Rows of `y` outside of
+    // `usable` are ignored.
     // rt: bounded by steps
-    [[nodiscard]] PointContact refine(const Gauges& y, std::uint32_t usable, const Eigen::Vector2d& start,
+    [[nodiscard]] PointContact refine(const Gauges& y, std::uint32_t usable, const PointContact& start,
                                       int steps) const noexcept;
-    // From the best points of a grid over the plate. `other_squares`: of the best minimum elsewhere, infinite where there is
-    // none. rt: bounded by the grid, some 50 us
-    [[nodiscard]] PointContact search(const Gauges& y, std::uint32_t usable, double& other_squares) const noexcept;
-    // Fills `contact.sd`; infinite where the gauges do not tell. rt: wait-free
-    void deviations(std::uint32_t usable, PointContact& contact) const noexcept;
+    // Fills `contact.sd` for readings of this variance; infinite where the gauges do not tell. Where the force bends along
+    // the direction that the gauges tell worst, what it changes by over two standard deviations counts, not only its slope.
+    // rt: wait-free
+    void deviations(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) const noexcept;
+    // Orthonormal basis of what forces at a point make the gauges read. setup
+    [[nodiscard]] Influence basis(const Eigen::Vector2d& point_m) const noexcept;
 
     [[nodiscard]] const InfluenceMap& map() const noexcept { return map_; }
 
 private:
-    struct Start {
-        Eigen::Vector2d point_m;
-        Influence value, q;  // q: an orthonormal basis of value's columns
-    };
     InfluenceMap map_;
-    std::vector<Start> starts_;
 };
 
 }  // namespace tactiled

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "decoupling/checked.hpp"
+#include "decoupling/pairs.hpp"
 #include "decoupling/table_methods.hpp"
 #include "decoupling/table_signs.hpp"
 
@@ -42,7 +43,7 @@ struct Solution {
     std::array<std::array<double, 4>, 8> inverse{};
     std::array<double, 3> noise_gain{};  // sd of Fx Fy N at 1 sd of independent noise a gauge
     std::array<double, 8> used{};        // 1 for a gauge that is, else 0
-    std::array<double, 3> sd_factor{};   // noise_gain over that of all gauges
+    std::array<double, 4> sd_factor{};   // noise_gain over that of all gauges, and nothing
     int gauges = 0;
     double per_gauge = 0, per_freedom = 0;  // 1 / gauges, 1 / (gauges - 3)
     bool solvable = false;
@@ -112,44 +113,57 @@ private:
 
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        if (!solutions_[input.usable].solvable) return;  // BAD
-        Gauges r{};
-        std::copy(input.r.begin(), input.r.end(), r.begin());
         const Solution* solution = &solutions_[input.usable];
+        if (!solution->solvable) return;  // BAD
+        Gauges r;
+        for (std::size_t k = 0; k < 8; k += 2) store(r.data() + k, load(input.r.data() + k));
         Force force = forces(*solution, r);
         estimate.residual = residual(*solution, force, r);
-        if (is_doubtful(*solution, estimate.residual)) {
-            estimate.reasons |= TACTILED_DISAGREEMENT;
-            const std::uint32_t usable = drop_dead_gauge(r, input.usable);
-            // Which gauge is wrong is not known, so neither is how wrong the forces are.
-            if (usable == input.usable) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-            if (usable != input.usable) {
-                estimate.reasons |= TACTILED_MISSING_CHANNEL;
-                solution = &solutions_[usable];
-                force = forces(*solution, r);
-                Gauges channel{};
-                for (std::size_t k = 0; k < 8; ++k) channel[k] = r[k] + zero_[k];
-                input.outside = domain().outside({channel.data(), n_channels()}, usable);
-            }
-        }
-        estimate.wrench_S = {force[0], force[1], 0.0 - force[2], kNaN, kNaN, kNaN};  // fz = -N, and 0 rather than -0 at rest
-        std::copy(solution->sd_factor.begin(), solution->sd_factor.end(), input.sd_factor.begin());
+        if (is_doubtful(*solution, estimate.residual)) solution = doubt(r, *solution, input, estimate, force);
+        // In pairs, as they are read again: a load that spans two stores waits for both. fz = -N, and 0 rather than -0 at
+        // rest.
+        store(estimate.wrench_S.data(), Pair{force[0], force[1]});
+        store(estimate.wrench_S.data() + 2, Pair{0.0 - force[2], kNaN});
+        store(estimate.wrench_S.data() + 4, both(kNaN));
+        store(input.sd_factor.data(), load(solution->sd_factor.data()));
+        store(input.sd_factor.data() + 2, load(solution->sd_factor.data() + 2));
     }
 
-    // The products and sums in the order of the channels, four side by side; a gauge that is not used has r = 0 or inverse
-    // 0.
+    // Without the gauge that is dead, where that is known. Its own function: the good reading does not pay for it.
+    [[gnu::noinline]] const Solution* doubt(const Gauges& r, const Solution& all, Input& input, Estimate& estimate,
+                                            Force& force) const noexcept {
+        estimate.reasons |= TACTILED_DISAGREEMENT;
+        const std::uint32_t usable = drop_dead_gauge(r, input.usable);
+        if (usable == input.usable) {  // which gauge is wrong is not known, so neither is how wrong the forces are
+            estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+            return &all;
+        }
+        estimate.reasons |= TACTILED_MISSING_CHANNEL;
+        const Solution& rest = solutions_[usable];
+        force = forces(rest, r);
+        Gauges channel{};
+        for (std::size_t k = 0; k < 8; ++k) channel[k] = r[k] + zero_[k];
+        input.outside = domain().outside({channel.data(), n_channels()}, usable);
+        return &rest;
+    }
+
+    // The products and sums in the order of the channels, the forces side by side; a gauge that is not used has r = 0 or
+    // inverse 0.
     static Force forces(const Solution& solution, const Gauges& r) noexcept {
-        Force force{};
-        for (std::size_t k = 0; k < 8; ++k)
-            for (std::size_t j = 0; j < 4; ++j) force[j] += solution.inverse[k][j] * r[k];
-        return force;
+        Pair tangential = both(0), normal = both(0);
+        for (std::size_t k = 0; k < 8; ++k) {
+            tangential += load(solution.inverse[k].data()) * both(r[k]);
+            normal += load(solution.inverse[k].data() + 2) * both(r[k]);
+        }
+        return {tangential[0], tangential[1], normal[0], normal[1]};
     }
 
     // What the gauges would read, the unused ones too.
     [[nodiscard]] Gauges predicted(const Force& force) const noexcept {
         Gauges p;
-        for (std::size_t k = 0; k < 8; ++k)
-            p[k] = gains_[0][k] * force[0] + gains_[1][k] * force[1] + gains_[2][k] * force[2];
+        for (std::size_t k = 0; k < 8; k += 2)
+            store(p.data() + k, load(gains_[0].data() + k) * both(force[0]) + load(gains_[1].data() + k) * both(force[1]) +
+                                    load(gains_[2].data() + k) * both(force[2]));
         return p;
     }
 
@@ -160,10 +174,12 @@ private:
         if (solution.gauges <= 3) return kNaN;
         const Gauges p = predicted(force);
         double unexplained = 0, reading = 0;
-        for (std::size_t k = 0; k < 8; ++k) {
-            const double rest = solution.used[k] * (r[k] - p[k]);
-            unexplained += rest * rest;
-            reading += solution.used[k] * r[k] * r[k];
+        for (std::size_t k = 0; k < 8; k += 2) {  // pairs of products, summed one by one
+            const Pair used = load(solution.used.data() + k), read = load(r.data() + k);
+            const Pair rest = used * (read - load(p.data() + k));
+            const Pair rest2 = rest * rest, read2 = used * read * read;
+            unexplained = unexplained + rest2[0] + rest2[1];
+            reading = reading + read2[0] + read2[1];
         }
         const double variance = noise_ * noise_ + kGainError * kGainError * reading * solution.per_gauge;
         if (!std::isfinite(variance)) return std::numeric_limits<double>::infinity();  // readings of 1e154 and more

@@ -15,7 +15,7 @@
 #include "decoupling/checked.hpp"
 #include "decoupling/gauge_solver.hpp"
 #include "decoupling/generic_methods.hpp"
-#include "decoupling/point_contact.hpp"
+#include "decoupling/point_search.hpp"
 #include "decoupling/table_methods.hpp"
 #include "decoupling/table_signs.hpp"
 
@@ -23,17 +23,23 @@ namespace tactiled {
 namespace {
 
 constexpr double kDoubtful = 6, kGainError = 0.01;  // as method "linear"
-constexpr double kRest = 3;   // nothing touches: the readings are within 3 sigma of noise, root mean square
-constexpr double kPoor = 3;   // from this residual on the last point is no longer believed
-constexpr double kOther = 9;  // another minimum is as good: 3 sigma
+constexpr double kRest = 3;  // nothing touches: the readings are within 3 sigma of noise, root mean square
+constexpr double kPoor = 3;  // from this residual on a point is not believed
 constexpr double kDefaultLocate = 5;
+// Shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has a small press or
+// a pull, and what cannot be pushed so is not believed.
+constexpr double kDefaultFriction = 1.5;
+// A search that ends above this may have missed the right minimum, which is found above it once in 150 times.
+constexpr double kSurely = 2;
 constexpr int kFewestGauges = 6;  // five unknowns and something to compare
 constexpr int kWarmSteps = 6;
 // A point that moved farther than this between two samples has jumped: the minimum beside the last one may be another, and
 // explain the readings well enough with a pull instead of a press. A finger that slides at 100 mm/s moves as far in 1 ms.
 constexpr double kJump_m = 1e-4;
-constexpr unsigned kSearchEvery = 64;  // samples: a minimum that was followed may no longer be the best
-constexpr unsigned kDeadEvery = 16;    // samples with disagreement between looks for a dead gauge
+constexpr unsigned kSearchEvery = 256;  // samples: a minimum that was followed may no longer be the best
+constexpr double kSame = 0.1;           // of the readings: they are those that no point explained a moment ago
+constexpr unsigned kPoorEvery = 16;     // samples between searches while they are
+constexpr unsigned kDeadEvery = 16;     // samples with disagreement between looks for a dead gauge
 
 class TableMap final : public CheckedModel {
 public:
@@ -42,7 +48,9 @@ public:
           zero_(calibration.zero),
           noise_(noise),
           locate_(parameter_or(calibration, "locate", kDefaultLocate)),
+          friction_(parameter_or(calibration, "friction", kDefaultFriction)),
           solver_(std::move(map)),
+          search_(solver_),
           spread_(std::move(spread)),
           point_(point) {
         sd_slope_.fill(0);
@@ -81,9 +89,8 @@ private:
         if (dead_ != 0) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
         const double unexplained = residual(contact, usable, variance);
         if (unexplained <= kDoubtful) disagreements_ = 0;
-        solver_.deviations(usable, contact);
-        const double sigma = std::sqrt(variance);
-        const double force_sd = noise_ * std::hypot(contact.sd[0], contact.sd[1], contact.sd[2]);
+        solver_.deviations(y, usable, variance, contact);
+        const double force_sd = noise_ / std::sqrt(variance) * contact.force_sd_N;
         if (!(unexplained <= kDoubtful) || !(contact.force_N.norm() > locate_ * force_sd)) {
             if (!(unexplained <= kDoubtful)) estimate.reasons |= TACTILED_DISAGREEMENT;
             has_point_ = false;
@@ -91,34 +98,68 @@ private:
         }
         has_point_ = true;
         point_m_ = contact.point_m;
-        if (contact.at_rim) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-        if (ambiguous_) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         const auto& f = contact.force_N;
+        if (!(std::hypot(f.x(), f.y()) <= -friction_ * f.z()))
+            estimate.reasons |= TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY;
+        if (contact.at_rim) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        // The readings that a wrong minimum explains, it explains poorly: 3 sigma is once in 100,000 samples of the right
+        // one.
+        if (ambiguous_ || unexplained > kPoor) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         estimate.wrench_S = {f.x(), f.y(), f.z(), contact.point_m.y() * f.z(), -contact.point_m.x() * f.z(), kNaN};
         estimate.cop_S_m = {contact.point_m.x(), contact.point_m.y()};
-        for (std::size_t c = 0; c < 5; ++c) add_sd(input, estimate, c, sigma * contact.sd[c]);
+        for (std::size_t c = 0; c < 5; ++c) add_sd(input, estimate, c, contact.sd[c]);
     }
 
     void forget() noexcept override { lose_point(); }
     void lose_point() noexcept {
         has_point_ = ambiguous_ = false;
         since_search_ = disagreements_ = 0;
+        poor_ = false;
+        search_.stop();
         dead_ = 0;
     }
 
     // On from the last point where that still explains the readings, close by; else a search over the plate.
     PointContact locate(const Gauges& y, std::uint32_t usable, double variance) noexcept {
-        if (has_point_ && ++since_search_ < kSearchEvery) {
-            const PointContact contact = solver_.refine(y, usable, point_m_, kWarmSteps);
-            if (contact.converged && residual(contact, usable, variance) <= kPoor &&
-                (contact.point_m - point_m_).norm() <= kJump_m)
-                return contact;
+        PointContact near = unexplained_;
+        near.squares *= y.squaredNorm() / poor_y_.squaredNorm();
+        bool jumped = false;
+        if (has_point_) {
+            near = solver_.refine(y, usable, contact_at(point_m_), kWarmSteps);
+            const bool explains = residual(near, usable, variance) <= kPoor;
+            jumped = explains && (near.point_m - point_m_).norm() > kJump_m;
+            if (explains && !jumped && near.converged) return look_elsewhere(y, usable, variance, near);
         }
+        // Two fingers: no point explains these readings, nor those that are nearly the same.
+        if (poor_ && !jumped && usable == poor_usable_ && (y - poor_y_).norm() <= kSame * y.norm() &&
+            ++since_search_ < kPoorEvery)
+            return near;
         since_search_ = 0;
-        double other;
-        const PointContact contact = solver_.search(y, usable, other);
-        ambiguous_ = other - contact.squares < kOther * variance;
-        return contact;
+        search_.run(y, usable, variance);
+        const PointContact& found = search_.found();
+        ambiguous_ = search_.is_ambiguous() || residual(found, usable, variance) > kSurely;
+        poor_ = !(residual(found, usable, variance) <= kPoor);
+        if (poor_) unexplained_ = found, poor_y_ = y, poor_usable_ = usable;
+        return found;
+    }
+
+    // A minimum that was followed may no longer be the best one: a search of the whole plate goes on beside the samples, a
+    // piece each.
+    PointContact look_elsewhere(const Gauges& y, std::uint32_t usable, double variance, const PointContact& near) noexcept {
+        poor_ = false;
+        if (!search_.is_running()) {
+            if (++since_search_ < kSearchEvery) return near;
+            since_search_ = 0;
+            search_.begin(y, usable, variance);
+        }
+        if (!search_.step()) return near;
+        if ((search_.found().point_m - near.point_m).norm() <= kJump_m) {
+            ambiguous_ = search_.is_ambiguous();
+            return near;
+        }
+        const PointContact other = solver_.refine(y, usable, contact_at(search_.found().point_m), kWarmSteps);
+        ambiguous_ = std::abs(other.squares - near.squares) < PointSearch::kOther * variance;
+        return other.squares < near.squares ? other : near;
     }
 
     [[nodiscard]] static double residual(const PointContact& contact, std::uint32_t usable, double variance) noexcept {
@@ -136,14 +177,14 @@ private:
             const std::uint32_t rest = usable & ~(1u << k);
             if (rest == usable || !(std::abs(input.r[k] + zero_[k]) <= 3 * noise_) || std::popcount(rest) < kFewestGauges)
                 continue;
-            double other;
-            const PointContact one = solver_.search(y, rest, other);
+            search_.run(y, rest, variance);
+            const PointContact one = search_.found();
             const double unexplained = residual(one, rest, variance);
             if (!(unexplained < best_residual)) continue;
             best_residual = unexplained;
             best = one;
             found = 1u << k;
-            ambiguous_ = other - one.squares < kOther * variance;
+            ambiguous_ = search_.is_ambiguous();
         }
         if (found == 0) return;
         dead_ = found;
@@ -185,8 +226,9 @@ private:
     }
 
     std::vector<double> zero_;
-    double noise_, locate_;
+    double noise_, locate_, friction_;
     PointSolver solver_;
+    PointSearch search_;
     GaugeSolver spread_;
     bool point_;
     Wrench sd_ = kUnseen, sd_slope_{};
@@ -194,6 +236,11 @@ private:
     bool has_point_ = false, ambiguous_ = false;
     Eigen::Vector2d point_m_ = Eigen::Vector2d::Zero();
     unsigned since_search_ = 0, disagreements_ = 0;
+    // The last search found nothing that explains the readings: what it found, of which readings.
+    bool poor_ = false;
+    PointContact unexplained_;
+    Gauges poor_y_ = Gauges::Ones();
+    std::uint32_t poor_usable_ = 0;
     std::uint32_t dead_ = 0;
 };
 
@@ -230,7 +277,7 @@ std::optional<InfluenceMap> influence_of(const Calibration& calibration, std::st
 }
 
 std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, std::string& fault) {
-    const TableNeeds needs{{"gauge_factor", "noise", "contact", "locate"},
+    const TableNeeds needs{{"gauge_factor", "noise", "contact", "locate", "friction"},
                            {"influence", "gauge_scale", "rigid"},
                            {"fx", "fy", "fz", "mx", "my"},
                            true};

@@ -181,6 +181,11 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         }
     }
     if (all_fitted.empty()) throw Undetermined(report.methods.front().refused);
+    // Each method looks at the same rows and says the same of them: once is enough.
+    std::vector<std::string> once;
+    for (std::string& warning : report.warnings)
+        if (std::find(once.begin(), once.end(), warning) == once.end()) once.push_back(std::move(warning));
+    report.warnings = std::move(once);
     std::stable_sort(all_fitted.begin(), all_fitted.end(), [&](const Fitted& a, const Fitted& b) {
         return mean_held_out(a.about, report) < mean_held_out(b.about, report);
     });

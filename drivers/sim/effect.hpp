@@ -31,17 +31,19 @@ struct Parameter {
     double least, most;
 };
 
+struct Scene;
+
 // What an effect is told when its bound is asked and when it is made.
 struct Setting {
     const Sensor& sensor;
     const Body& body;
-    const Extent& extent;            // what the scene states for this sensor, worst case
-    double rate_Hz;                  // of the scene
-    std::uint64_t samples;           // of the scene
-    Stream random;                   // its own, of this scene
-    Stream sample;                   // its own, of this sample of the sensor: the same in all scenes that name its serial
-    std::span<const double> p;       // parameters, in the order of its entry
-    const Motion* motion = nullptr;  // of the scene: what happens to a neighbour
+    const Extent& extent;          // what the scene states for this sensor, worst case
+    double rate_Hz;                // of the scene
+    std::uint64_t samples;         // of the scene
+    Stream random;                 // its own, of this scene
+    Stream sample;                 // its own, of this sample of the sensor: the same in all scenes that name its serial
+    std::span<const double> p;     // parameters, in the order of its entry
+    const Scene* scene = nullptr;  // of the others and of a neighbour; nullptr: none are known
 };
 
 // What an effect can do to any channel, in N (Sensor::per_N), on any input that keeps within the extent.

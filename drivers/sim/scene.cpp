@@ -115,7 +115,7 @@ Setting Scene::setting(std::size_t effect, const Sensor& sensor, const Extent& e
             Stream(seed, fmt::format("{}/{}", sensor.name, entry.name)),
             Stream(sensor.serial, entry.name),
             parameters[effect],
-            &motion};
+            this};
 }
 
 }  // namespace tactiled::sim

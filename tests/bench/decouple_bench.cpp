@@ -46,14 +46,15 @@ struct Case {
     std::vector<double> ns;  // a sample, a block each
 };
 
-// fx fy fz that wander: what a finger does within a second.
-std::vector<Wrench> finger(std::size_t n) {
+// fx fy fz that wander: what a finger does within a second. `wanders`: its point, too; else there are no moments.
+std::vector<Wrench> finger(std::size_t n, bool wanders = true) {
     std::vector<Wrench> loads;
     for (std::size_t i = 0; i < n; ++i) {
         const double t = double(i) / 100;
         const double fz = -0.5 - 0.45 * std::sin(t);
-        loads.push_back({0.25 * std::sin(1.7 * t), 0.25 * std::cos(2.3 * t), fz, 3e-4 * std::sin(0.7 * t) * fz,
-                         3e-4 * std::cos(0.9 * t) * fz, kNaN});
+        const double arm_m = wanders ? 3e-4 : 0;
+        loads.push_back({0.25 * std::sin(1.7 * t), 0.25 * std::cos(2.3 * t), fz, arm_m * std::sin(0.7 * t) * fz,
+                         arm_m * std::cos(0.9 * t) * fz, kNaN});
     }
     return loads;
 }
@@ -136,7 +137,9 @@ Case fitted(const std::string& model, const std::string& method, const Labelled&
     Case result{.name = model + "/" + method, .decoupler = nullptr, .readings = {}, .ns = {}};
     result.decoupler = make_decoupler(fit(rows, request).calibration, method, 0, none);
     problems.throw_if_any();
-    for (const Wrench& load : finger(kReadings)) result.readings.push_back(forward(load));
+    // Methods that know one contact see none that moves: its readings would be doubted, and that is not the usual way.
+    const bool one_contact = method == "linear" || method == "nonlinear";
+    for (const Wrench& load : finger(kReadings, !one_contact)) result.readings.push_back(forward(load));
     return result;
 }
 

@@ -41,7 +41,9 @@ Bound bound(const Setting& s) {
         return std::pow(a, j) * (1 + j * (1 - a));
     };
     const double time_s = 1 / (6.283185307179586 * corner_Hz(s));
-    return {.change_N = lag_N(s, 16 * time_s + 4 / s.rate_Hz, 2 * time_s, older, [](std::size_t) { return true; })};
+    const double leaked_N = others_N(s, s.extent, {"piezo_leak"}) * std::min(2.0, 40 * time_s);
+    return {.change_N =
+                leaked_N + lag_N(s, 16 * time_s + 4 / s.rate_Hz, 2 * time_s, older, [](std::size_t) { return true; })};
 }
 
 }  // namespace

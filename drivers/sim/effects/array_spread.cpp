@@ -27,7 +27,8 @@ std::vector<Sensor> neighbours(const Sensor& sensor) {
 // load + k sum of (the neighbour's load - load): what one loses another gets. What has spread lies evenly: no moment.
 class ArraySpread final : public Effect {
 public:
-    explicit ArraySpread(const Setting& s) : motion_(s.motion), neighbours_(neighbours(s.sensor)), share_(s.p[0]) {}
+    explicit ArraySpread(const Setting& s)
+        : motion_(s.scene == nullptr ? nullptr : &s.scene->motion), neighbours_(neighbours(s.sensor)), share_(s.p[0]) {}
     void apply(Block& block) noexcept override {
         if (motion_ == nullptr || neighbours_.empty()) return;
         const double kept = 1 - share_ * double(neighbours_.size());
@@ -50,10 +51,18 @@ private:
     std::unique_ptr<Block> there_ = std::make_unique<Block>();
 };
 
-// It loses at most k n of its own, or gets k of what all neighbours together carry, at most the whole.
+// It loses at most k n of its own, or gets k of what all neighbours together carry, at most the whole. Under a body that
+// covers them all alike only what other effects have made of its own load stays.
 Bound bound(const Setting& s) {
     const double count = double(neighbours(s.sensor).size());
-    if (count == 0 || s.motion == nullptr) return {};
+    if (count == 0 || s.scene == nullptr) return {};
+    if (covers_array(s.body, s.sensor)) {
+        const double others = others_N(s, s.extent, [](const EffectEntry& e) {
+            return e.stage == Stage::contact && e.name != "array_spread" && e.name != "misalignment" &&
+                   e.name != "cap_weight";
+        });
+        return {.change_N = s.p[0] * count * others};
+    }
     std::array<double, kAxes> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = s.p[0] * count * kMargin * s.extent.most[axis];
     return {.change_N = s.sensor.channel_N(change)};

@@ -2,9 +2,11 @@
 #pragma once
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 
-#include "drivers/sim/effect.hpp"
+#include "drivers/sim/effects/warmth.hpp"
+#include "drivers/sim/scene.hpp"
 
 namespace tactiled::sim {
 
@@ -31,25 +33,61 @@ inline bool is_piezo(const Sensor& sensor, std::size_t channel) {
     return sensor.model == Model::capacitive && sensor.channels[channel] == "Vp";
 }
 
-// What temperature does to a reading, at most, N a K: platinum on hairs reads 8 kPa a K, four times its full scale; a warm
-// film gives charge as 10 N would; Ni-Cr on a plate 5 mN.
-inline double thermal_N(const Sensor& sensor, double change_K) {
-    const double full_scales = sensor.model == Model::hair ? 4 : sensor.model == Model::capacitive ? 12 : 0.05;
-    return full_scales * sensor.full_scale_N * change_K;
+// What the effects of contact, material and transducer that `counts` picks can change within an extent, N.
+template <class Counts>
+double others_N(const Setting& s, const Extent& extent, Counts counts) {
+    if (s.scene == nullptr) return 0;
+    double sum = 0;
+    for (std::size_t i = 0; i < chain().size(); ++i) {
+        const EffectEntry& other = *chain()[i];
+        if ((other.models >> unsigned(s.sensor.model) & 1u) == 0 || !counts(other)) continue;
+        if (other.stage == Stage::contact || other.stage == Stage::material || other.stage == Stage::transducer)
+            sum += other.bound(s.scene->setting(i, s.sensor, extent)).change_N;
+    }
+    return sum;
+}
+inline double others_N(const Setting& s, const Extent& extent, std::initializer_list<std::string_view> names) {
+    return others_N(s, extent,
+                    [&](const EffectEntry& e) { return std::find(names.begin(), names.end(), e.name) != names.end(); });
 }
 
-// Of the sensor, at most: with its surroundings, or at the touch of a body through its skin.
-inline double warming_K_s(const Extent& extent) { return extent.ambient_rate_K_s + 2 * extent.body_K; }
+// By how much what temperature does to a reading can change within so many seconds, N. A body's warmth comes through the
+// skin within a time constant, or within the scene if that is shorter; a warm film's charge leaks as fast as any.
+inline double warming_N(const Setting& s, double seconds) {
+    Extent alone = s.extent;
+    alone.body_K = 0;
+    const double length_s = std::max(double(s.samples) / s.rate_Hz, 1e-9);
+    const double through_1_s = 1 / length_s + 1 / diffusion_s(s.sensor), film_1_s = 2 * through_1_s + 20;
+    double sum = 0;
+    if (s.extent.ambient_K > 0) {
+        const double rate_1_s = s.extent.ambient_rate_K_s / s.extent.ambient_K;
+        sum += std::min(2.0, rate_1_s * seconds) * others_N(s, alone, {"temperature_zero", "temperature_gain"});
+        sum += std::min(2.0, film_1_s * seconds) * others_N(s, alone, {"pyroelectric"});
+    }
+    alone = s.extent;
+    alone.ambient_K = alone.ambient_rate_K_s = 0;
+    if (s.extent.body_K > 0) {
+        sum += std::min(2.0, through_1_s * seconds) * others_N(s, alone, {"contact_heat"});
+        sum += std::min(2.0, film_1_s * seconds) * others_N(s, alone, {"pyroelectric"});
+    }
+    return sum;
+}
 
-// Of a channel, by what goes up to `load` and by what adds to it: noise, temperature, what stands before an effect.
-inline Channels with_margin(const Setting& s, const std::array<double, kAxes>& load) {
+// What a filter meets beside the load: what is fast, at most from one end to the other, and what is slow.
+inline double beside_N(const Setting& s, double mean_s) {
+    const double fast =
+        others_N(s, s.extent, {"texture", "stick_slip", "adhesion", "dome_resonance", "triboelectric", "zero_walk"});
+    return 2 * fast + warming_N(s, mean_s);
+}
+
+// Of a channel, by what goes up to `load` and by what all others before the converter add to it.
+inline Channels with_others(const Setting& s, const std::array<double, kAxes>& load) {
     Channels result = channel_changes(s.sensor, load);
-    const double more_N = 0.02 * s.sensor.full_scale_N + thermal_N(s.sensor, s.extent.ambient_K + s.extent.body_K);
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) result[k] = kMargin * result[k] + more_N * s.sensor.per_N[k];
+    const double more_N = 0.005 * s.sensor.full_scale_N + others_N(s, s.extent, [](const EffectEntry&) { return true; });
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) result[k] += more_N * s.sensor.per_N[k];
     return result;
 }
-inline Channels swings(const Setting& s) { return with_margin(s, s.extent.most); }  // largest |reading - zero|
-inline Channels spans(const Setting& s) { return with_margin(s, s.extent.span); }   // largest reading less least
+inline Channels swings(const Setting& s) { return with_others(s, s.extent.most); }  // largest |reading - zero|
 
 // Largest difference between the load now and a weighted mean of the load before. `older(s)` = share of the weights of what
 // is more than s seconds old, `horizon_s` = where it has become small.
@@ -77,7 +115,7 @@ double lag_N(const Setting& s, double horizon_s, double mean_s, Older older, Fil
         change[k] = filtered(k) ? kMargin * change[k] : 0;
         any = any || filtered(k);
     }
-    return any ? s.sensor.largest_N(change) + thermal_N(s.sensor, warming_K_s(s.extent) * mean_s) : 0;
+    return any ? s.sensor.largest_N(change) + beside_N(s, mean_s) : 0;
 }
 
 // By how much a sample can differ that is taken so many seconds off.
@@ -87,7 +125,7 @@ inline double shift_N(const Setting& s, double seconds) {
         const double turn = 6.283185307179586 * s.extent.speed_m_s * seconds / s.body.texture_pitch_m;
         for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] += std::min(2.0, turn) * s.extent.most[axis];
     }
-    return s.sensor.channel_N(change) + thermal_N(s.sensor, warming_K_s(s.extent) * seconds);
+    return s.sensor.channel_N(change) + warming_N(s, seconds);
 }
 
 // The largest change of each component of the load alone when no channel changes by more than 1 N; 0 where none feels it.

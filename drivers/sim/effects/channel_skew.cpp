@@ -62,7 +62,7 @@ Bound bound(const Setting& s) {
         if (delay_s_ > 0) change[k] = kMargin * ((whole > 0 ? (1 - part) * after[k] : 0) + part * before[k]);
         longest_s = std::max(longest_s, delay_s_);
     }
-    return {.change_N = s.sensor.largest_N(change) + thermal_N(s.sensor, warming_K_s(s.extent) * longest_s)};
+    return {.change_N = longest_s > 0 ? s.sensor.largest_N(change) + beside_N(s, longest_s) : 0};
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 #include <array>
 #include <cmath>
 
-#include "drivers/sim/effect.hpp"
+#include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -47,7 +47,7 @@ Bound bound(const Setting& s) {
     const double amount = s.p[0] / 2, T = s.extent.length_s;
     const double part = amount * (-std::expm1(-T / s.p[1]) - std::expm1(-T / (10 * s.p[1])));
     std::array<double, kAxes> change{};
-    for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = part * s.extent.most[axis];
+    for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = part * most(s, Axis(axis));
     return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.p[0]};
 }
 

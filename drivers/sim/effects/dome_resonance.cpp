@@ -75,17 +75,16 @@ Bound bound(const Setting& s) {
         return 1 - std::exp(-z / root * a) * (std::cos(a) + z / root * std::sin(a));
     };
     constexpr int kParts = 8;
-    std::array<double, kAxes> change{};
+    std::array<double, kAxes> moved{};
     double scale = 1;
     for (int i = 0; scale > 1e-9 && i < 2000; ++i, scale *= q)
         for (int part = 1; part <= kParts; ++part) {
             const double weight = scale * (step(double(part) / kParts) - step(double(part - 1) / kParts));
             const double seconds = (i + double(part) / kParts) * half_s + delay_s(s);
-            for (std::size_t axis = 0; axis < kAxes; ++axis)
-                change[axis] += kMargin * weight * s.extent.change(Axis(axis), seconds);
+            for (std::size_t axis = 0; axis < kAxes; ++axis) moved[axis] += weight * change(s, Axis(axis), seconds);
         }
-    for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] += kMargin * scale / (1 - q) * 2 * s.extent.span[axis];
-    return {.change_N = s.sensor.channel_N(change), .gain = (1 + q) / (1 - q)};
+    for (std::size_t axis = 0; axis < kAxes; ++axis) moved[axis] += scale / (1 - q) * 2 * span(s, Axis(axis));
+    return {.change_N = s.sensor.channel_N(moved), .gain = (1 + q) / (1 - q)};
 }
 
 }  // namespace

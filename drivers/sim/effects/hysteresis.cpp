@@ -65,17 +65,17 @@ private:
     std::array<std::array<double, kPlays>, kAxes> r_{}, p_{};
 };
 
-// Both P lie within r of u, and within the range of u less r: they differ by at most min(2 r, span - r). Both follow u with
+// Both P lie within r of u, and within the range of u less r: they differ by at most min(2 r, span - r), and
+// by no more than u ever came back. Both follow u with
 // a slope of at most 1.
 Bound bound(const Setting& s) {
     const double weight = width(s) * unit_weight();
     std::array<double, kAxes> change{};
-    if (may_reverse(s))
-        for (std::size_t axis = 0; axis < kAxes; ++axis)
-            for (std::size_t i = 0; i < kPlays; ++i) {
-                const double r = half_width(i) * full_scale(s.sensor, axis);
-                change[axis] += weight * std::clamp(kMargin * s.extent.span[axis] - r, 0.0, 2 * r);
-            }
+    for (std::size_t axis = 0; axis < kAxes; ++axis)
+        for (std::size_t i = 0; i < kPlays; ++i) {
+            const double r = half_width(i) * full_scale(s.sensor, axis), back = comes_back(s, Axis(axis));
+            change[axis] += weight * std::clamp(std::min(span(s, Axis(axis)) - r, back), 0.0, 2 * r);
+        }
     return {.change_N = s.sensor.channel_N(change), .gain = 1 + 2 * weight * double(kPlays)};
 }
 

@@ -66,8 +66,7 @@ Bound bound(const Setting& s) {
     }
     if (longest <= 0) return {};
     const double gap_s = longest * double(std::max<std::size_t>(s.sensor.every, 1)) / s.rate_Hz;
-    return {.change_N =
-                kMargin * s.sensor.channel_N(s.extent.changes(gap_s)) + thermal_N(s.sensor, warming_K_s(s.extent) * gap_s)};
+    return {.change_N = kMargin * s.sensor.channel_N(s.extent.changes(gap_s)) + beside_N(s, gap_s)};
 }
 
 }  // namespace

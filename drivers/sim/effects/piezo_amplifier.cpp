@@ -34,16 +34,18 @@ private:
     bool started_ = false;
 };
 
-// What is j samples old counts (1 - a) a^j; what goes beyond the rail is lost. Its leak can double a swing.
+// What is j samples old counts (1 - a) a^j; what goes beyond the rail is lost. The film's own leak is slower by far.
 Bound bound(const Setting& s) {
     const std::size_t channel = s.sensor.find("Vp");
     if (channel >= s.sensor.n()) return {};
     const double a = keep(s), step_s = 1 / s.rate_Hz;
     const auto older = [&](double age_s) { return std::pow(a, std::floor(age_s / step_s + 1e-9) + 1); };
     const double time_s = 1 / (6.283185307179586 * s.p[0]);
-    const double low_pass_N = lag_N(s, 16 * time_s + 4 * step_s, time_s, older, [&](std::size_t k) { return k == channel; });
+    const double leaked_N = others_N(s, s.extent, {"piezo_leak"}) * std::min(2.0, 20 * time_s);
+    const double low_pass_N =
+        leaked_N + lag_N(s, 16 * time_s + 4 * step_s, time_s, older, [&](std::size_t k) { return k == channel; });
     Channels beyond{};
-    beyond[channel] = std::max(2 * swings(s)[channel] - s.p[1], 0.0);
+    beyond[channel] = std::max(swings(s)[channel] - s.p[1], 0.0);
     return {.change_N = low_pass_N + s.sensor.largest_N(beyond)};
 }
 

@@ -11,11 +11,59 @@
 
 namespace tactiled::sim {
 
-inline double most(const Setting& s, Axis axis) { return kMargin * s.extent.most[axis]; }
+// What effects of the contact may add to the load of a scene: the ridges of a texture as much as there is, stick-slip what
+// the friction at rest is above that in motion, adhesion its pull-off force; and the weight of the cap, pad or plate from
+// the first sample on. All of it is seen a twentieth part on the other axes by a sensor that stands askew.
+struct Added {
+    std::array<double, kAxes> waves{}, steady{}, askew{};
 
-// The body comes back, or shakes while it slides: what hangs on reversals can occur.
-inline bool may_reverse(const Setting& s) {
-    return s.extent.reverses || s.extent.speed_m_s > 0 || s.extent.acceleration_m_s2 > 0;
+    explicit Added(const Setting& s) {
+        const auto& most = s.extent.most;
+        const bool slides = s.extent.speed_m_s > 0;
+        const double drop = std::max(0.0, s.body.friction - s.body.kinetic_friction);
+        for (std::size_t axis = 0; axis < kAxes; ++axis) {
+            if (slides && s.body.texture_height_m > 0) waves[axis] = most[axis];
+            if (slides && axis < kFz)
+                waves[axis] += std::min(2 * drop * most[kFz], most[axis] * drop / std::max(s.body.kinetic_friction, 1e-9));
+        }
+        waves[kFz] += 1.5 * std::numbers::pi * std::max(s.body.adhesion_J_m2, 0.0) * s.body.radius_m;
+        const CapacitiveSample& pad = s.sensor.capacitive;
+        const double plate = s.sensor.table.plate_radius_m, R = pad.disc_radius_m;
+        const double mass_kg = s.sensor.model == Model::hair         ? 1100 * s.sensor.hair.area_m2 * s.sensor.hair.height_m
+                               : s.sensor.model == Model::capacitive ? 1100 * std::numbers::pi * R * R * pad.gap_m
+                                                                     : 1200 * std::numbers::pi * plate * plate * 60e-6;
+        steady[kFz] = 1.01 * mass_kg * (9.81 + s.extent.acceleration_m_s2);
+        askew = across(most);
+    }
+    // Of loads as large as that.
+    [[nodiscard]] std::array<double, kAxes> across(const std::array<double, kAxes>& load) const {
+        std::array<double, kAxes> all{};
+        for (std::size_t axis = 0; axis < kAxes; ++axis) all[axis] = load[axis] + 2 * waves[axis] + steady[axis];
+        const double force = 0.05 * std::hypot(all[kFx], all[kFy], all[kFz]), moment = 0.05 * std::hypot(all[kMx], all[kMy]);
+        return {force, force, force, moment, moment};
+    }
+};
+
+// The largest load that an effect may meet, its largest less its least, and its change within some seconds.
+inline double most(const Setting& s, Axis axis) {
+    const Added added(s);
+    return kMargin * s.extent.most[axis] + added.waves[axis] + added.steady[axis] + added.askew[axis];
+}
+inline double span(const Setting& s, Axis axis) {
+    const Added added(s);
+    return kMargin * s.extent.span[axis] + 2 * (added.waves[axis] + added.askew[axis]) + added.steady[axis];
+}
+inline double change(const Setting& s, Axis axis, double seconds) {
+    const Added added(s);
+    const auto changes = s.extent.changes(seconds);
+    return kMargin * changes[axis] + 2 * added.waves[axis] + added.steady[axis] + added.across(changes)[axis];
+}
+
+// How far a component of the load may come back. Where none does in the scene, a sensor that stands askew may still see one.
+inline double comes_back(const Setting& s, Axis axis) {
+    const bool may = s.extent.reverses || s.extent.speed_m_s > 0 || s.extent.acceleration_m_s2 > 0;
+    const Added added(s);
+    return may ? span(s, axis) : 2 * added.askew[axis] + added.steady[axis];
 }
 
 // Of the surface, from its centre.

@@ -27,11 +27,10 @@ private:
     Channels least_{}, most_{};
 };
 
-// What goes beyond; 0 where the load cannot reach a rail. A film's leak can double its swing.
+// What goes beyond; 0 where the load cannot reach a rail.
 Bound bound(const Setting& s) {
     Channels change = swings(s);
-    for (std::size_t k = 0; k < s.sensor.n(); ++k)
-        change[k] = std::max((is_piezo(s.sensor, k) ? 2 : 1) * change[k] - s.p[0] * half_range(s.sensor, k), 0.0);
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = std::max(change[k] - s.p[0] * half_range(s.sensor, k), 0.0);
     return {.change_N = s.sensor.largest_N(change)};
 }
 

@@ -24,11 +24,11 @@ private:
     std::array<double, kAxes> largest_{};
 };
 
-// |u| (1 - |u| / m) is at most m / 4, and 0 as long as the load only rises. By u it changes by at most 1, by m by at most 1.
+// |u| (1 - |u| / m) is at most m / 4, and m - |u|. By u it changes by at most 1, by m by at most 1.
 Bound bound(const Setting& s) {
     std::array<double, kAxes> change{};
-    if (may_reverse(s))
-        for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = s.p[0] * most(s, Axis(axis)) / 4;
+    for (std::size_t axis = 0; axis < kAxes; ++axis)
+        change[axis] = s.p[0] * std::min(most(s, Axis(axis)) / 4, comes_back(s, Axis(axis)));
     return {.change_N = s.sensor.channel_N(change), .gain = 1 + 2 * s.p[0]};
 }
 

@@ -47,8 +47,7 @@ Bound bound(const Setting& s) {
     double moved = 0, by_error = 0;
     for (const Axis axis : {kFx, kFy, kFz}) {
         for (int i = 0; i < 40; ++i)
-            moved +=
-                kMargin * (std::exp(-i) - std::exp(-i - 1)) * s.extent.change(axis, (i + 1) * kMemory_s + 1 / s.rate_Hz);
+            moved += (std::exp(-i) - std::exp(-i - 1)) * change(s, axis, (i + 1) * kMemory_s + 1 / s.rate_Hz);
         by_error += 2 * load_of_error(s.sensor, axis);
     }
     const double most_N = s.p[0] * BandNoise(s.random, s.rate_Hz, s.p[1]).most(s.samples, 0);

@@ -117,6 +117,9 @@ TEST(Nonlinear, ANetworksDerivativesAreThoseOfDifferences) {
 
 TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     const FitReport report = fitted("auto", bent_rows(1000, 1e-3));
+    EXPECT_FALSE(report.warnings.empty());  // one session: each method says so
+    for (const auto& warning : report.warnings)
+        EXPECT_EQ(std::count(report.warnings.begin(), report.warnings.end(), warning), 1) << warning;
     EXPECT_EQ(report.methods.size(), 4u);
     EXPECT_EQ(report.calibration.method, "rbf");
     EXPECT_EQ(report.calibration.others.size(), 3u);

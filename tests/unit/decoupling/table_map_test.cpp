@@ -2,6 +2,7 @@
 // another interpolation (four-point Lagrange along rings and radii, not a spline), or from nodes that the map does not have.
 #include <gtest/gtest.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -162,10 +163,105 @@ TEST(TableMap, FindsPointAndForceAnywhereBetweenTheNodes) {
         EXPECT_LT(Percentiles(points).p90, of_the_mean ? 60e-6 : 20e-6);  // m
         EXPECT_LT(Percentiles(forces).p50, of_the_mean ? 0.035 : 0.025);
         EXPECT_GT(Percentiles(linear_forces).p50, 0.5);
-        EXPECT_GT(good, 0.8 * samples);
+        EXPECT_GT(good, 0.78 * samples);
         EXPECT_LT(Percentiles(good_points).p99, 50e-6);  // m
         EXPECT_GT(within_sd, 0.66 * good);
     }
+}
+
+// First touches, each searched for over the whole plate: a wrong minimum is not marked GOOD.
+TEST(TableMap, NoFirstTouchIsGoodAndFarOff) {
+    const auto map = make_decoupler(map_calibration());
+    for (const Noise noise : {Noise::kNone, Noise::kOfEach, Noise::kOfTheMean}) {
+        std::mt19937_64 random(20260312);
+        int good = 0, far = 0;
+        const int touches = 6000;
+        for (int i = 0; i < touches; ++i) {
+            const Contact truth = i % 2 == 0 ? random_contact(random, 0.9e-3) : random_contact(random, 0.6e-3, 0.6, 0.35);
+            const auto reading = noisy(strains(truth), noise, random);
+            (void)map->decouple({.channel = {}});
+            const Estimate estimate = decouple(*map, reading);
+            if (estimate.quality != TACTILED_GOOD) continue;
+            const auto& f = truth.force_N;
+            const std::array<double, 5> right{f[0], f[1], f[2], truth.y_m * f[2], -truth.x_m * f[2]};
+            bool is_far = false;
+            for (std::size_t c = 0; c < 5; ++c)
+                is_far = is_far || !(std::abs(estimate.wrench_S[c] - right[c]) <= 5 * estimate.sd[c]);
+            ++good;
+            far += is_far ? 1 : 0;
+            if (is_far)
+                std::printf(
+                    "  at (%.0f, %.0f) um, force (%.2f, %.2f, %.2f) N: (%.0f, %.0f) um, (%.2f, %.2f, %.2f) N, sd of fz "
+                    "%.3f\n",
+                    1e6 * truth.x_m, 1e6 * truth.y_m, f[0], f[1], f[2], 1e6 * estimate.cop_S_m[0], 1e6 * estimate.cop_S_m[1],
+                    estimate.wrench_S[0], estimate.wrench_S[1], estimate.wrench_S[2], estimate.sd[2]);
+        }
+        std::printf("  first touches, noise %s: %d of %d GOOD, %d of them farther off than 5 sd\n",
+                    noise == Noise::kNone     ? "none"
+                    : noise == Noise::kOfEach ? "1 % of each reading"
+                                              : "1 % of the rms",
+                    good, touches, far);
+        EXPECT_GT(good, 0.8 * touches);
+        // Noise in all readings as large as the gain error that is allowed for: where the force bends within a few sd.
+        EXPECT_LE(far, noise == Noise::kOfTheMean ? 3 : 0);
+    }
+}
+
+// Noise: each reading by itself off by 1 % of its value, normally distributed, and 1e-6 of strain. The bound is Cramer and
+// Rao's: no estimator of five unknowns that is right on average has a smaller covariance than (J' W J)^-1.
+TEST(TableMap, TheForceIsAsGoodAsTheNoiseAllows) {
+    std::string fault;
+    const auto influence_map = influence_of(map_calibration(), fault);
+    ASSERT_TRUE(influence_map) << fault;
+    const auto map = make_decoupler(map_calibration());
+    std::mt19937_64 random(9);
+    std::normal_distribution<double> one(0, 1);
+    std::vector<double> bounds, ratios;
+    double errors2 = 0, bounds2 = 0;
+    int beyond = 0, within = 0, at_the_bound = 0, good = 0;
+    const int samples = 4000;
+    for (int i = 0; i < samples; ++i) {
+        const Contact truth = random_contact(random, 0.9e-3);
+        const auto clean = strains(truth);
+        const Eigen::Vector3d force(truth.force_N[0], truth.force_N[1], truth.force_N[2]);
+        InfluenceMap::At at;
+        influence_map->at(truth.x_m, truth.y_m, at);
+        Eigen::Matrix<double, 8, 5> j;  // per N, and per 0.1 mm
+        j << at.value, 1e-4 * at.dx * force, 1e-4 * at.dy * force;
+        auto reading = clean;
+        for (int k = 0; k < 8; ++k) {
+            const double sd = std::hypot(1e-6, 0.01 * clean[std::size_t(k)]);
+            j.row(k) /= sd;
+            reading[std::size_t(k)] += sd * one(random);
+        }
+        // Of the weighted J: inverse * inverse' is the bound.
+        const Eigen::Matrix<double, 5, 8> inverse = j.colPivHouseholderQr().solve(Eigen::Matrix<double, 8, 8>::Identity());
+        const double bound = inverse.topRows<3>().norm() / force.norm();
+        Eigen::Matrix<double, 8, 1> e;
+        for (int k = 0; k < 8; ++k) e[k] = one(random);
+        (void)map->decouple({.channel = {}});
+        const Estimate estimate = decouple(*map, reading);
+        const double error = error_of(estimate, truth).force;
+        bounds.push_back(bound);
+        beyond += bound > 0.03 ? 1 : 0;
+        within += error < 0.03 ? 1 : 0;
+        at_the_bound += (inverse.topRows<3>() * e).norm() < 0.03 * force.norm() ? 1 : 0;
+        if (estimate.quality != TACTILED_GOOD) continue;
+        ++good;
+        ratios.push_back(error / bound);
+        errors2 += error * error;
+        bounds2 += bound * bound;
+    }
+    const double ratio = rms(ratios);
+    std::printf("  bound of the force, rms:  50 %% %.2f   90 %% %.2f %%; above 3 %% at %.1f %% of the contacts\n",
+                100 * Percentiles(bounds).p50, 100 * Percentiles(bounds).p90, 100.0 * beyond / samples);
+    std::printf(
+        "  within 3 %%: %.1f %%, at the bound %.1f %%; GOOD samples (%.1f %%): rms of error / bound %.2f, pooled %.2f\n",
+        100.0 * within / samples, 100.0 * at_the_bound / samples, 100.0 * good / samples, ratio,
+        std::sqrt(errors2 / bounds2));
+    EXPECT_GT(beyond, 0.3 * samples);
+    EXPECT_GT(within, 0.88 * at_the_bound);
+    EXPECT_LT(ratio, 1.35);
 }
 
 // The map has every second ring and angle only; the readings are those of finite elements at nodes in between.
@@ -421,9 +517,9 @@ TEST(TableMap, AJumpIsSearchedAnew) {
         }
     }
     EXPECT_GT(good, 7000);
-    // The search itself takes the wrong minimum at 4 of the 2000; on from the last point alone it would be 40 samples.
-    EXPECT_LE(pulls, 24);
-    EXPECT_LE(cold_pulls, 20);
+    // On from the last point alone it would be 40 samples.
+    EXPECT_EQ(pulls, 0);
+    EXPECT_EQ(cold_pulls, 0);
     std::printf("  jumps: %d samples, %d read as a pull; %d if searched anew each time\n", 4 * 2000, pulls, cold_pulls);
 }
 
