@@ -104,8 +104,9 @@ TEST(GainSpread, IsOneFactorAChannel) {
 
 TEST(GainSpread, HasItsDeviationOverManySensors) {
     double sum = 0;
-    for (int seed = 1; seed <= 500; ++seed) {
-        AtWork table("table", {"gain_spread"}, "", "[effects.gain_spread]\ndeviation = 0.02\n", 1000, seed);
+    for (int serial = 1; serial <= 500; ++serial) {
+        AtWork table("table", {"gain_spread"}, fmt::format("serial = {}\n", serial),
+                     "[effects.gain_spread]\ndeviation = 0.02\n");
         const double e = table(press(1)).channel[0] / -table.sensor().gain[0][kFz] - 1;
         sum += e * e;
     }
