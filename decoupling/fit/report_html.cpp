@@ -7,55 +7,39 @@
 #include <set>
 
 #include "decoupling/domain.hpp"
+#include "decoupling/fit/html.hpp"
 #include "decoupling/fit/report.hpp"
-#include "decoupling/fit/report_style.hpp"
 #include "decoupling/fit/svg.hpp"
 
 namespace tactiled {
 namespace {
 
-// All digits for whoever copies it, few to read.
-std::string number(double value, int digits = 4) {
-    if (!std::isfinite(value)) return "unknown";
-    return fmt::format("<data value=\"{}\">{:.{}g}</data>", value, value, digits);
-}
 std::string with_unit(double value, const std::string& unit) {
-    return std::isfinite(value) ? number(value) + " " + html_text(unit) : "unknown";
+    return std::isfinite(value) ? html_number(value) + " " + html_text(unit) : "unknown";
 }
 std::string percent(double share) { return with_unit(100 * share, "%"); }
 
-std::string row(const std::vector<std::string>& cells_html, const char* cell = "td") {
-    std::string result = "<tr>";
-    for (const auto& html : cells_html) result += fmt::format("<{0}>{1}</{0}>", cell, html);
-    return result + "</tr>\n";
-}
-std::string table(const std::string& rows_html, const char* id) {
-    return fmt::format("<div class=\"scroll\"><table id=\"{}\">\n{}</table></div>\n", id, rows_html);
-}
-std::string fact(const char* name, const std::string& html) {
-    return fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", name, html);
-}
 std::string or_unknown(const std::string& text) { return text.empty() ? "unknown" : html_text(text); }
 
 std::string header(const FitReport& report) {
     const Calibration& c = report.calibration;
     const int disagree = report.rows_read - report.rows_without_label - report.rows_missing_channel - c.rows;
-    std::string rows = fact("model, method", html_text(c.model) + ", " + html_text(c.method));
-    rows += fact("serial", or_unknown(c.serial)) + fact("date", or_unknown(c.date));
+    std::string rows = html_fact("model, method", html_text(c.model) + ", " + html_text(c.method));
+    rows += html_fact("serial", or_unknown(c.serial)) + html_fact("date", or_unknown(c.date));
     if (report.labelled != nullptr) {
-        rows += fact("recording", or_unknown(report.labelled->name));
+        rows += html_fact("recording", or_unknown(report.labelled->name));
         if (!report.labelled->sessions.empty())
-            rows += fact("sessions", html_text(fmt::format("{}", fmt::join(report.labelled->sessions, ", "))));
+            rows += html_fact("sessions", html_text(fmt::format("{}", fmt::join(report.labelled->sessions, ", "))));
     }
-    rows += fact("contact model", or_unknown(c.contact_model));
-    rows += fact("channels", fmt::format("{}, unit: {}", c.channels.size(), or_unknown(c.channel_unit)));
-    rows += fact("rows used", fmt::format("{} of {}", number(c.rows, 9), number(report.rows_read, 9)));
-    rows +=
-        fact("rows left out",
-             fmt::format("{} without a label, {} with a missing channel, {} whose label disagrees with the rest",
-                         number(report.rows_without_label, 9), number(report.rows_missing_channel, 9), number(disagree, 9)));
-    rows += fact("validated by", c.validation.empty() ? "not validated" : html_text(c.validation));
-    return fmt::format("<table class=\"facts\" id=\"facts\">\n{}</table>\n", rows);
+    rows += html_fact("contact model", or_unknown(c.contact_model));
+    rows += html_fact("channels", fmt::format("{}, unit: {}", c.channels.size(), or_unknown(c.channel_unit)));
+    rows += html_fact("rows used", fmt::format("{} of {}", html_number(c.rows, 9), html_number(report.rows_read, 9)));
+    rows += html_fact("rows left out",
+                      fmt::format("{} without a label, {} with a missing channel, {} whose label disagrees with the rest",
+                                  html_number(report.rows_without_label, 9), html_number(report.rows_missing_channel, 9),
+                                  html_number(disagree, 9)));
+    rows += html_fact("validated by", c.validation.empty() ? "not validated" : html_text(c.validation));
+    return html_facts(rows);
 }
 
 std::string warnings(const FitReport& report) {
@@ -68,9 +52,10 @@ std::string warnings(const FitReport& report) {
 }
 
 std::string components(const FitReport& report) {
-    std::string rows = row({"component", "rows", "full scale", "fitted rms", "held-out rms", "held-out rms, % of full scale",
-                            "sd", "held-out errors within one sd", "held-out rows without estimate"},
-                           "th");
+    std::string rows =
+        html_row({"component", "rows", "full scale", "fitted rms", "held-out rms", "held-out rms, % of full scale", "sd",
+                  "held-out errors within one sd", "held-out rows without estimate"},
+                 "th");
     for (std::size_t i = 0; i < report.components.size(); ++i) {
         const ComponentReport& c = report.components[i];
         const ComponentErrors errors = component_errors(report, i);
@@ -79,20 +64,21 @@ std::string components(const FitReport& report) {
         if (errors.sd_known) {
             sd = with_unit(report.calibration.sd[i], unit);
             if (i < report.calibration.sd_slope.size() && report.calibration.sd_slope[i] != 0)
-                sd = fmt::format("hypot({}, {} × |{}|)", sd, number(report.calibration.sd_slope[i]), html_text(c.name));
+                sd = fmt::format("hypot({}, {} × |{}|)", sd, html_number(report.calibration.sd_slope[i]), html_text(c.name));
         }
-        rows += row({html_text(c.name), number(c.rows, 9), with_unit(c.full_scale, unit), with_unit(c.fitted_rms, unit),
-                     with_unit(c.held_out_rms, unit), percent(c.held_out_rms / c.full_scale), sd, percent(errors.within(1)),
-                     number(double(errors.without_estimate), 9)});
+        rows +=
+            html_row({html_text(c.name), html_number(c.rows, 9), with_unit(c.full_scale, unit),
+                      with_unit(c.fitted_rms, unit), with_unit(c.held_out_rms, unit), percent(c.held_out_rms / c.full_scale),
+                      sd, percent(errors.within(1)), html_number(double(errors.without_estimate), 9)});
     }
-    return table(rows, "components");
+    return html_table(rows, "components");
 }
 
 std::string methods(const FitReport& report) {
     std::vector<std::string> head{"method"};
     for (const auto& c : report.components)
         head.push_back(fmt::format("held-out rms {}, % of full scale", html_text(c.name)));
-    std::string rows = row(head, "th");
+    std::string rows = html_row(head, "th");
     for (const auto& method : report.methods) {
         std::vector<std::string> cells{html_text(method.method)};
         for (std::size_t i = 0; method.refused.empty() && i < report.components.size(); ++i)
@@ -100,12 +86,12 @@ std::string methods(const FitReport& report) {
                                 ? percent(method.held_out_rms[i] / report.components[i].full_scale)
                                 : "unknown");
         if (method.refused.empty())
-            rows += row(cells);
+            rows += html_row(cells);
         else
             rows += fmt::format("<tr><td>{}</td><td class=\"text\" colspan=\"{}\">refused: {}</td></tr>\n", cells[0],
                                 std::max<std::size_t>(1, report.components.size()), html_text(method.refused));
     }
-    std::string text = "<h2>Methods tried</h2>\n" + table(rows, "methods");
+    std::string text = "<h2>Methods tried</h2>\n" + html_table(rows, "methods");
     if (report.methods.size() > 1)
         text +=
             "<p>The calibration is the one with the least sum of these errors. It was chosen by the same rows that it is "
@@ -116,7 +102,7 @@ std::string methods(const FitReport& report) {
 // What a session adds: its mean error is mostly mounting, temperature and drift.
 std::string sessions(const FitReport& report) {
     if (report.labelled == nullptr || report.labelled->sessions.size() < 2 || report.held_out.empty()) return "";
-    std::string rows = row({"session", "component", "rows", "mean error", "rms error"}, "th");
+    std::string rows = html_row({"session", "component", "rows", "mean error", "rms error"}, "th");
     for (std::size_t s = 0; s < report.labelled->sessions.size(); ++s)
         for (std::size_t i = 0; i < report.components.size(); ++i) {
             const ComponentErrors errors = component_errors(report, i);
@@ -129,19 +115,19 @@ std::string sessions(const FitReport& report) {
             }
             if (n == 0) continue;
             const std::string unit = unit_of(report.components[i]);
-            rows += row({html_text(report.labelled->sessions[s]), html_text(report.components[i].name), number(n, 9),
-                         with_unit(sum / n, unit), with_unit(std::sqrt(squares / n), unit)});
+            rows += html_row({html_text(report.labelled->sessions[s]), html_text(report.components[i].name),
+                              html_number(n, 9), with_unit(sum / n, unit), with_unit(std::sqrt(squares / n), unit)});
         }
     return "<h2>Errors by session</h2>\n<p>Held-out rows. A mean error that differs from session to session is an offset, "
            "for "
            "instance of mounting or temperature; a tare removes the part that is there at no load.</p>\n" +
-           table(rows, "sessions");
+           html_table(rows, "sessions");
 }
 
 std::string crosstalk(const FitReport& report) {
     std::vector<std::string> head{"estimated \\ applied"};
     for (const auto& c : report.components) head.push_back(html_text(c.name));
-    std::string rows = row(head, "th");
+    std::string rows = html_row(head, "th");
     for (const auto& estimated : report.components) {
         const std::size_t i = component_index(estimated.name);
         rows += "<tr><th>" + html_text(estimated.name) + "</th>";
@@ -161,7 +147,7 @@ std::string crosstalk(const FitReport& report) {
            "squares over all applied components of the held-out rows. Perfect: 100 % on the diagonal, 0 % elsewhere. Below "
            "100 % on the diagonal: the load is underestimated. The colour is the distance from perfect, full at 20 "
            "%.</p>\n" +
-           table(rows, "crosstalk");
+           html_table(rows, "crosstalk");
 }
 
 std::string conditioning(const FitReport& report) {
@@ -170,47 +156,47 @@ std::string conditioning(const FitReport& report) {
         "<h2>Conditioning and noise</h2>\n<p>Condition number: <span id=\"condition\">{}</span>. It "
         "says how much the solved problem can amplify an error of a channel in the worst case: "
         "1 is best, above 1000 the channels nearly repeat each other.</p>\n",
-        c.condition > 0 ? number(c.condition) : "unknown");
+        c.condition > 0 ? html_number(c.condition) : "unknown");
     bool fits = !c.matrix.empty() && c.matrix.size() == report.components.size();
     for (const auto& m : c.matrix) fits = fits && m.size() == c.channels.size();
     if (!fits) return text + "<p>This method has no matrix from channels to forces, so no noise is computed from it.</p>\n";
     const std::string unit = c.channel_unit.empty() || c.channel_unit == "unknown" ? "channel unit" : c.channel_unit;
-    std::string rows = row({"component", fmt::format("its noise at 1 {} of noise in each channel", html_text(unit)),
-                            "noise for 1 % of full scale"},
-                           "th");
+    std::string rows = html_row({"component", fmt::format("its noise at 1 {} of noise in each channel", html_text(unit)),
+                                 "noise for 1 % of full scale"},
+                                "th");
     for (std::size_t i = 0; i < c.matrix.size(); ++i) {
         double norm = 0;
         for (const double m : c.matrix[i]) norm = std::hypot(norm, m);
         const ComponentReport& component = report.components[i];
-        rows += row({html_text(component.name), with_unit(norm, unit_of(component)),
-                     with_unit(0.01 * component.full_scale / norm, unit)});
+        rows += html_row({html_text(component.name), with_unit(norm, unit_of(component)),
+                          with_unit(0.01 * component.full_scale / norm, unit)});
     }
     text +=
         "<p>If every channel has independent noise of the same sd, a component has that sd times the norm of its row of "
         "the matrix: the middle column is its sd at one unit, the right one the channels' sd that costs 1 % of full "
         "scale.";
     if (!c.tables.empty()) text += " This is the linear part only; the method's correction adds to it.";
-    return text + "</p>\n" + table(rows, "noise");
+    return text + "</p>\n" + html_table(rows, "noise");
 }
 
 std::string domain(const FitReport& report) {
     const Calibration& c = report.calibration;
-    std::string rows = row({"channel", "zero", "least", "greatest"}, "th");
+    std::string rows = html_row({"channel", "zero", "least", "greatest"}, "th");
     for (std::size_t k = 0; k < c.channels.size(); ++k)
-        rows += row({html_text(c.channels[k]), k < c.zero.size() ? number(c.zero[k], 6) : "unknown",
-                     k < c.channel_least.size() ? number(c.channel_least[k], 6) : "unknown",
-                     k < c.channel_most.size() ? number(c.channel_most[k], 6) : "unknown"});
+        rows += html_row({html_text(c.channels[k]), k < c.zero.size() ? html_number(c.zero[k], 6) : "unknown",
+                          k < c.channel_least.size() ? html_number(c.channel_least[k], 6) : "unknown",
+                          k < c.channel_most.size() ? html_number(c.channel_most[k], 6) : "unknown"});
     std::string text = fmt::format(
                            "<h2>Channels</h2>\n<p>In {}. Zero: what the calibration takes as no load. A reading more "
                            "than {:g} % of the width beyond least or greatest is marked as outside of the "
                            "domain.</p>\n",
                            or_unknown(c.channel_unit) == "unknown" ? "the unit of the recording" : html_text(c.channel_unit),
                            100 * kDomainMargin) +
-                       table(rows, "channels");
+                       html_table(rows, "channels");
     if (c.parameters.empty()) return text;
-    rows = row({"parameter", "value"}, "th");
-    for (const auto& [name, value] : c.parameters) rows += row({html_text(name), number(value, 6)});
-    return text + "<h2>Parameters</h2>\n" + table(rows, "parameters");
+    rows = html_row({"parameter", "value"}, "th");
+    for (const auto& [name, value] : c.parameters) rows += html_row({html_text(name), html_number(value, 6)});
+    return text + "<h2>Parameters</h2>\n" + html_table(rows, "parameters");
 }
 
 constexpr const char* kHowToRead = R"(<h2>How to read the numbers</h2>
@@ -232,19 +218,14 @@ hold on other data. Histogram bars beyond 2 or 3 sd show whether the errors are 
 }  // namespace
 
 std::string html_report(const FitReport& report, const std::string& title) {
-    std::string page = fmt::format(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" "
-        "content=\"width=device-width, initial-scale=1\">\n<title>{0}</title>\n<style>{1}</style>\n</head>\n<body>\n"
-        "<h1>{0}</h1>\n",
-        html_text(title), kReportStyle);
-    page += header(report) + warnings(report);
+    std::string page = header(report) + warnings(report);
     page += "<h2>Components</h2>\n" + components(report) + methods(report);
     for (std::size_t i = 0; i < report.components.size(); ++i)
         page += "<h2>" + html_text(report.components[i].name) + "</h2>\n" + html_component_plots(report, i);
     page += sessions(report) + crosstalk(report);
     page += "<h2>Coverage of the loads</h2>\n<p>The loads of the labelled rows that have all channels.</p>\n" +
             html_coverage(report);
-    return page + conditioning(report) + domain(report) + kHowToRead + "</body>\n</html>\n";
+    return html_page(title, page + conditioning(report) + domain(report) + kHowToRead);
 }
 
 }  // namespace tactiled

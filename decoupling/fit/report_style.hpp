@@ -22,7 +22,7 @@ th { font-weight: 600; } th:first-child, td:first-child, td.text { text-align: l
 .note { background: var(--note); padding: 0.6em 1em 0.6em 2em; }
 .plots { display: grid; grid-template-columns: repeat(auto-fill, minmax(20rem, 1fr)); gap: 1em; }
 figure { margin: 0; } figcaption { color: var(--soft); font-size: 0.87em; }
-svg { width: 100%; height: auto; max-width: 30rem; } svg text { font-size: 11px; fill: var(--ink); }
+svg { width: 100%; height: auto; max-width: 30rem; } svg.wide { max-width: none; } svg text { font-size: 11px; fill: var(--ink); }
 .frame { fill: none; stroke: var(--rule); } .grid { fill: none; stroke: var(--grid); }
 .dots { fill: none; stroke: var(--dots); stroke-width: 2.4; stroke-linecap: round; stroke-opacity: 0.7; }
 .band { fill: var(--band); fill-opacity: 0.22; stroke: var(--band); stroke-opacity: 0.7; }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <vector>
 
 namespace tactiled {
 namespace {
@@ -21,31 +20,6 @@ bool finite(Dot dot) { return std::isfinite(dot.x) && std::isfinite(dot.y); }
 double share(double value, Span axis) {
     value = std::clamp(value, axis.least, axis.most);
     return (value - axis.least) / (axis.most - axis.least);
-}
-
-struct Tick {
-    double at;
-    std::string text;
-};
-
-// Multiples of 1, 2 or 5 times a power of ten.
-std::vector<Tick> ticks(Span axis) {
-    const double width = axis.most - axis.least;
-    const double power = std::pow(10, std::floor(std::log10(width / kTicks)));
-    double step = 10 * power;
-    for (const double factor : {5.0, 2.0, 1.0})
-        if (width / (factor * power) <= 1.5 * kTicks) step = factor * power;
-    std::vector<Tick> result;
-    if (!(step > 0) || !std::isfinite(step)) return result;
-    const double greatest = std::max(std::abs(axis.least), std::abs(axis.most));
-    const int digits = std::clamp(int(std::ceil(std::log10(greatest / step))) + 2, 3, 15);  // so that neighbours differ
-    const double first = std::ceil(axis.least / step);
-    for (int i = 0; i < 3 * kTicks; ++i) {
-        const double multiple = first + i, at = multiple * step;
-        if (at > axis.most) break;
-        result.push_back({at, multiple == 0 ? "0" : fmt::format("{:.{}g}", at, digits)});
-    }
-    return result;
 }
 
 // Length of the UTF-8 sequence that `text` starts with; 0 where it starts with none.
@@ -112,6 +86,25 @@ Span as_axis(Span span, double margin) {
     return {span.least - more, span.most + more};
 }
 
+std::vector<Tick> axis_ticks(Span axis) {
+    const double width = axis.most - axis.least;
+    const double power = std::pow(10, std::floor(std::log10(width / kTicks)));
+    double step = 10 * power;
+    for (const double factor : {5.0, 2.0, 1.0})
+        if (width / (factor * power) <= 1.5 * kTicks) step = factor * power;
+    std::vector<Tick> result;
+    if (!(step > 0) || !std::isfinite(step)) return result;
+    const double greatest = std::max(std::abs(axis.least), std::abs(axis.most));
+    const int digits = std::clamp(int(std::ceil(std::log10(greatest / step))) + 2, 3, 15);  // so that neighbours differ
+    const double first = std::ceil(axis.least / step);
+    for (int i = 0; i < 3 * kTicks; ++i) {
+        const double multiple = first + i, at = multiple * step;
+        if (at > axis.most) break;
+        result.push_back({at, multiple == 0 ? "0" : fmt::format("{:.{}g}", at, digits)});
+    }
+    return result;
+}
+
 SvgPlot::SvgPlot(std::string_view about, std::string_view x_label, Span x, std::string_view y_label, Span y)
     : x_(as_axis(x, 0)), y_(as_axis(y, 0)) {
     auto out = std::back_inserter(frame_);
@@ -119,13 +112,13 @@ SvgPlot::SvgPlot(std::string_view about, std::string_view x_label, Span x, std::
     fmt::format_to(out, "<rect class=\"frame\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\"/>\n", kLeft, kTop,
                    kWidth - kLeft - kRight, kHeight - kTop - kFoot);
     std::string grid, numbers;
-    for (const auto& [value, text] : ticks(x_)) {
+    for (const auto& [value, text] : axis_ticks(x_)) {
         const double px = kLeft + share(value, x_) * (kWidth - kLeft - kRight);
         grid += fmt::format("M{:.1f} {}V{}", px, kTop, kHeight - kFoot);
         numbers +=
             fmt::format("<text x=\"{:.1f}\" y=\"{}\" text-anchor=\"middle\">{}</text>\n", px, kHeight - kFoot + 15, text);
     }
-    for (const auto& [value, text] : ticks(y_)) {
+    for (const auto& [value, text] : axis_ticks(y_)) {
         const double py = kHeight - kFoot - share(value, y_) * (kHeight - kTop - kFoot);
         grid += fmt::format("M{} {:.1f}H{}", kLeft, py, kWidth - kRight);
         numbers += fmt::format("<text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\">{}</text>\n", kLeft - 5, py + 4, text);

@@ -4,6 +4,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace tactiled {
 
@@ -18,6 +19,13 @@ struct Span {  // of numbers
 Span span_of(std::span<const double> values);
 // Made usable as an axis: finite, least < most, `margin` x its width wider on both sides.
 Span as_axis(Span span, double margin = 0.04);
+
+struct Tick {
+    double at;
+    std::string text;
+};
+// About five for an axis: multiples of 1, 2 or 5 times a power of ten.
+std::vector<Tick> axis_ticks(Span axis);
 
 struct Dot {
     double x, y;

@@ -77,7 +77,6 @@ constexpr std::array kChain{
     &adhesion,
     &hertz_contact,
     &array_spread,
-    &cap_weight,
     &misalignment,
     // ---- Stage::material ----
     &bonded_layer,
@@ -107,6 +106,7 @@ constexpr std::array kChain{
     &mounting_curvature,
     &stray_capacitance,
     &zero_walk,
+    &cap_weight,
     // ---- Stage::converter ----
     &lead_wires,
     &excitation_drift,

@@ -1,5 +1,7 @@
 #include "drivers/sim/simulation.hpp"
 
+#include <time.h>
+
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -33,11 +35,13 @@ Simulation::Simulation(const Scene& scene, const std::string& effects, std::size
         line.sensor = &sensor;
         line.extent = scene.motion.extent(sensor);
         line.choice = choose(scene, sensor, line.extent, effects);
-        line.shares_N.assign(line.choice.decisions.size(), 0);
+        const std::size_t linear = line.choice.decisions.size();
+        line.shares_N.assign(linear, 0);
+        line.times_ns.assign(linear + 1, 0);
         line.block = std::make_unique<Block>();
         for (const Stage stage :
              {Stage::time, Stage::contact, Stage::material, Stage::transducer, Stage::converter, Stage::link}) {
-            if (auto step = before(stage, scene, sensor)) line.steps.push_back({std::move(step), stage, SIZE_MAX});
+            if (auto step = before(stage, scene, sensor)) line.steps.push_back({std::move(step), stage, linear});
             for (std::size_t d = 0; d < line.choice.decisions.size(); ++d) {
                 const Decision& decision = line.choice.decisions[d];
                 if (!decision.on || decision.effect->stage != stage) continue;
@@ -58,6 +62,8 @@ const Block& Simulation::advance(std::size_t sensor) noexcept {
     if (block.n == 0) return block;
     if (measures_shares_)
         apply_and_measure(line);
+    else if (measures_times_)
+        apply_and_time(line);
     else
         for (const Step& step : line.steps) step.effect->apply(block);
     return block;
@@ -68,7 +74,7 @@ void Simulation::apply_and_measure(Line& line) noexcept {
     Block& block = *line.block;
     const Sensor& sensor = *line.sensor;
     for (const Step& step : line.steps) {
-        if (step.decision == SIZE_MAX) {
+        if (step.decision == line.shares_N.size()) {
             step.effect->apply(block);
             continue;
         }
@@ -87,6 +93,21 @@ void Simulation::apply_and_measure(Line& line) noexcept {
             const double N = sensor.largest_N(change);
             if (N > most) most = N;
         }
+    }
+}
+
+void Simulation::apply_and_time(Line& line) noexcept {
+    const auto now_ns = [] {
+        timespec now{};
+        ::clock_gettime(CLOCK_MONOTONIC, &now);
+        return std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec);
+    };
+    std::uint64_t before_ns = now_ns();
+    for (const Step& step : line.steps) {
+        step.effect->apply(*line.block);
+        const std::uint64_t after_ns = now_ns();
+        line.times_ns[step.decision] += after_ns - before_ns;
+        before_ns = after_ns;
     }
 }
 

@@ -25,11 +25,16 @@ public:
     void measure_shares(bool on) { measures_shares_ = on; }
     [[nodiscard]] const std::vector<double>& shares_N(std::size_t sensor) const { return lines_[sensor].shares_N; }
 
+    // ns that each chosen effect has taken so far, in the order of choice().decisions, and last what the linear model took.
+    // One reading of the clock lies within each step of a block; off by default, and shares_N are not measured with it.
+    void measure_times(bool on) { measures_times_ = on; }
+    [[nodiscard]] const std::vector<std::uint64_t>& times_ns(std::size_t sensor) const { return lines_[sensor].times_ns; }
+
 private:
     struct Step {
         std::unique_ptr<Effect> effect;
         Stage stage;
-        std::size_t decision;  // SIZE_MAX: of the linear model
+        std::size_t decision;  // one beyond the last: of the linear model
     };
     struct Line {
         const Sensor* sensor;
@@ -37,15 +42,17 @@ private:
         Choice choice;
         std::vector<Step> steps;
         std::vector<double> shares_N;
+        std::vector<std::uint64_t> times_ns;
         std::unique_ptr<Block> block;
         std::uint64_t next = 0;
     };
     void apply_and_measure(Line& line) noexcept;
+    void apply_and_time(Line& line) noexcept;
 
     const Scene& scene_;
     std::size_t block_size_;
     std::vector<Line> lines_;
-    bool measures_shares_ = false;
+    bool measures_shares_ = false, measures_times_ = false;
 };
 
 }  // namespace tactiled::sim

@@ -27,6 +27,7 @@ void add_check(CLI::App& app, Run& run);
 void add_calibrate(CLI::App& app, Run& run);
 void add_decouple(CLI::App& app, Run& run);
 void add_play(CLI::App& app, Run& run);
+void add_simulate(CLI::App& app, Run& run);
 
 // ---- what several verbs share ----
 

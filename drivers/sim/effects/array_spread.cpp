@@ -61,7 +61,7 @@ Bound bound(const Setting& s) {
             return e.stage == Stage::contact && e.name != "array_spread" && e.name != "misalignment" &&
                    e.name != "cap_weight";
         });
-        return {.change_N = s.p[0] * count * others};
+        return {.change_N = s.p[0] * count * others + kLastBits_N};
     }
     std::array<double, kAxes> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = s.p[0] * count * kMargin * s.extent.most[axis];

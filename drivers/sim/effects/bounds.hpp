@@ -12,6 +12,9 @@ namespace tactiled::sim {
 
 inline constexpr double kByModel = std::numeric_limits<double>::quiet_NaN();  // default of a parameter
 
+// What arithmetic alone changes: nothing, unless a rounding to steps comes after it.
+inline constexpr double kLastBits_N = 1e-12;
+
 using Channels = std::array<double, kMostChannels>;
 
 // The largest change of each channel, in its unit, when each component of the load changes by at most that much.
@@ -115,7 +118,7 @@ double lag_N(const Setting& s, double horizon_s, double mean_s, Older older, Fil
         change[k] = filtered(k) ? kMargin * change[k] : 0;
         any = any || filtered(k);
     }
-    return any ? s.sensor.largest_N(change) + beside_N(s, mean_s) : 0;
+    return any ? s.sensor.largest_N(change) + beside_N(s, mean_s) + kLastBits_N : 0;
 }
 
 // By how much a sample can differ that is taken so many seconds off.

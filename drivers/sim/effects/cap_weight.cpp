@@ -16,20 +16,23 @@ double mass_kg(const Setting& s) {
     return 1200 * kPi * s.sensor.table.plate_radius_m * s.sensor.table.plate_radius_m * 60e-6;
 }
 
+// Straight into the channels, to first order: it is small, and so it adds to no other effect's load.
 class CapWeight final : public Effect {
 public:
-    explicit CapWeight(const Setting& s)
-        : mass_kg_(mass_kg(s)), gravity_m_s2_(s.p[1]), along_x_(std::sin(s.p[2])), along_z_(-std::cos(s.p[2])) {}
+    explicit CapWeight(const Setting& s) : channels_(s.sensor.n()), mass_kg_(mass_kg(s)), gravity_m_s2_(s.p[1]) {
+        for (std::size_t k = 0; k < channels_; ++k)
+            per_N_[k] = std::sin(s.p[2]) * s.sensor.gain[k][kFx] - std::cos(s.p[2]) * s.sensor.gain[k][kFz];
+    }
     void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double weight_N = mass_kg_ * (gravity_m_s2_ + block.acceleration_m_s2[n]);
-            block.load[kFx][n] += along_x_ * weight_N;
-            block.load[kFz][n] += along_z_ * weight_N;
-        }
+        for (std::size_t k = 0; k < channels_; ++k)
+            for (std::size_t n = 0; n < block.n; ++n)
+                block.channel[k][n] += per_N_[k] * mass_kg_ * (gravity_m_s2_ + block.acceleration_m_s2[n]);
     }
 
 private:
-    double mass_kg_, gravity_m_s2_, along_x_, along_z_;
+    std::size_t channels_;
+    double mass_kg_, gravity_m_s2_;
+    Channels per_N_{};
 };
 
 Bound bound(const Setting& s) {
@@ -44,9 +47,9 @@ extern const EffectEntry cap_weight;
 const EffectEntry cap_weight{
     .name = "cap_weight",
     .title = "weight and inertia of the cap",
-    .equation = "F = F + m (g + a)",
+    .equation = "r = r + G m (g + a)",
     .source = "derived; Cao et al.'s cap of 1 mm weighs 10 Pa, above its threshold of 7.2 Pa",
-    .stage = Stage::contact,
+    .stage = Stage::transducer,
     .cost_class = "c0",
     .instructions = 6,
     .models = kAll,

@@ -53,8 +53,12 @@ std::array<double, kAxes> change(const Setting& s, const std::array<double, kAxe
 }
 
 Bound bound(const Setting& s) {
-    return {.change_N = kMargin * s.sensor.channel_N(change(s, s.extent.most)),
-            .gain = 1 + s.sensor.channel_N(change(s, felt(s.sensor)))};
+    const std::array<double, kAxes> error = felt(s.sensor);
+    const double before_N =
+        others_N(s, s.extent, [](const EffectEntry& e) { return e.stage == Stage::contact && e.name != "misalignment"; });
+    std::array<double, kAxes> most{};
+    for (std::size_t axis = 0; axis < kAxes; ++axis) most[axis] = kMargin * s.extent.most[axis] + before_N * error[axis];
+    return {.change_N = s.sensor.channel_N(change(s, most)), .gain = 1 + s.sensor.channel_N(change(s, error))};
 }
 
 }  // namespace

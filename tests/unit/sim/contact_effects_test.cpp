@@ -53,7 +53,8 @@ TEST(Adhesion, PullsWithThreeHalvesPiWR) {
 // Cao et al.'s cap of 1 mm: 10 Pa.
 TEST(CapWeight, OfAHairSensorIsTenPascal) {
     const Scene scene = scene_with("hair", press(0.01, 0.1));
-    EXPECT_NEAR(-run(scene, "cap_weight").load[kFz][0] / scene.sensors[0].hair.area_m2, 10.1, 0.01);
+    const Sensor& sensor = scene.sensors[0];
+    EXPECT_NEAR(-run(scene, "cap_weight").channel[0][0] / sensor.gain[0][kFz] / sensor.hair.area_m2, 10.1, 0.01);
 }
 
 TEST(Misalignment, ByAQuarterTurnSeesXAsMinusY) {

@@ -1,0 +1,50 @@
+// A device's end of a pty, so that the daemon opens it as it opens a serial port. What `play` and `simulate --pty` share.
+#pragma once
+#include <CLI/CLI.hpp>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "drivers/frame.hpp"
+
+namespace tactiled::ctl {
+
+// Reachable as `link`, a symbolic link that goes with it.
+class Port {
+public:
+    // setup: throws SetupError where there is no pty, or `link` is in the way
+    explicit Port(const std::string& link);
+    ~Port();
+    Port(const Port&) = delete;
+    Port& operator=(const Port&) = delete;
+
+    // True while somebody has the other end open.
+    [[nodiscard]] bool has_reader() const;
+    // As a UART: what does not fit is gone. False then.
+    [[nodiscard]] bool send(const void* bytes, std::size_t size) const;
+
+private:
+    std::string link_;
+    int master_ = -1;
+};
+
+// How frames are written, with the options of a verb that say so.
+struct Wire {
+    std::string format = "lines";  // or "cobs"
+    int bits = 24;
+    double counts_per_unit = 1;
+    bool checksum = false, sequence = false, time = false;
+
+    void add_options(CLI::App* verb);
+    // Writes a frame whose channels are in their units; without a value: NaN. False where nobody took it all.
+    [[nodiscard]] bool send(const Port& port, Frame frame) const;
+};
+
+// Blocks until the port was opened and its opener has set it up, or until interrupted.
+void wait_for_reader(const Port& port);
+// Blocks until that moment of CLOCK_MONOTONIC, or until interrupted.
+void sleep_until(std::uint64_t due_ns);
+// What the reader has not taken goes with the port: gives it time to.
+void let_reader_finish();
+
+}  // namespace tactiled::ctl
