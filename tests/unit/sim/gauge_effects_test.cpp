@@ -1,4 +1,5 @@
 // What place, electronics and surroundings make of gauges, against closed forms and figures of the documents.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -113,6 +113,63 @@ TEST(Scene, ARepetitionIsTheSameAgain) {
               std::string::npos);
 }
 
+TEST(Scene, StepsAreEvenAndEachIsHeld) {
+    const World up = world_of("[[motion]]\ndo = \"steps\"\nto_N = 1\ncount = 4\nin_s = 0.01\nhold_s = 0.09\n");
+    ASSERT_EQ(up.fz.size(), 400u);
+    for (std::size_t step = 1; step <= 4; ++step)
+        for (const std::size_t held : {10u, 99u}) EXPECT_NEAR(up.fz[100 * (step - 1) + held], -0.25 * double(step), 1e-12);
+    const World around = world_of(
+        "[[motion]]\ndo = \"shear\"\nto_N = 1\ndirection_deg = 0\nin_s = 0.1\n[[motion]]\ndo = \"steps\"\non = "
+        "\"direction\"\nby_deg = 360\ncount = 16\nin_s = 0.01\nhold_s = 0.09\n");
+    EXPECT_NEAR(around.fx[150], std::cos(M_PI / 8), 1e-12);
+    EXPECT_NEAR(around.fy[450], std::sin(M_PI / 2), 1e-12);
+    EXPECT_NEAR(around.fx[1650], 1, 1e-12);
+}
+
+TEST(Scene, AWanderStaysWithinItsLoadsAndHangsOnItsSeed) {
+    const auto wander = [](int seed) {
+        return world_of(
+            fmt::format("[[motion]]\ndo = \"wander\"\ncount = 50\nseed = {}\npress_from_N = 0.2\npress_to_N = "
+                        "1\nshear_to_N = 0.5\nin_s = 0.01\nhold_s = 0.01\n",
+                        seed));
+    };
+    const World w = wander(1);
+    double least = 1, most = 0, shear = 0;
+    for (std::size_t i = 10; i < w.fz.size(); ++i) {
+        least = std::min(least, -w.fz[i]);
+        most = std::max(most, -w.fz[i]);
+        shear = std::max(shear, std::hypot(w.fx[i], w.fy[i]));
+    }
+    EXPECT_GE(least, 0.2);
+    EXPECT_LE(most, 1);
+    EXPECT_GT(most - least, 0.7);
+    EXPECT_LE(shear, 0.5);
+    EXPECT_GT(shear, 0.45);
+    EXPECT_EQ(w.fz, wander(1).fz);
+    EXPECT_NE(w.fz, wander(2).fz);
+}
+
+TEST(Scene, ARepetitionOfATurnGoesAllTheWayRound) {
+    const std::string pull = "[[motion]]\ndo = \"shear\"\nto_N = 0.5\nin_s = 0.1\n[[motion]]\ndo = \"rotate\"\nby_deg = ";
+    const std::string again = "\nin_s = 0.1\n[[motion]]\ndo = \"repeat\"\ntimes = 3\n";
+    EXPECT_EQ(refused(kHead + pull + "360" + again), "");
+    EXPECT_NE(refused(kHead + pull + "22.5" + again).find("must end where it began"), std::string::npos);
+}
+
+// Of gauges 2 % unlike: two samples differ, two scenes with one sample do not.
+TEST(Scene, ASampleOfASensorIsTheSameInEveryScene) {
+    const auto reads = [](int seed, int serial) {
+        const Scene scene = scene_of(
+            fmt::format("format = 1\ntitle = \"t\"\nseed = {}\n[[sensor]]\nname = \"a\"\nmodel = \"table\"\nserial = {}\n"
+                        "[[motion]]\ndo = \"press\"\nto_N = 1\nin_s = 0.001\n[[motion]]\ndo = \"hold\"\nfor_s = 0.01\n",
+                        seed, serial));
+        Simulation simulation(scene, "gain_spread,crosstalk");
+        return simulation.advance(0).channel[0][5];
+    };
+    EXPECT_EQ(reads(1, 7), reads(2, 7));
+    EXPECT_NE(reads(1, 7), reads(1, 8));
+}
+
 TEST(Scene, AnArraySharesAPressAmongItsTaxels) {
     const std::string array =
         "format = 1\ntitle = \"t\"\n[body]\nshape = \"{}\"\nradius_m = 0.0015\n[[sensor]]\nname = \"skin\"\nmodel = "
