@@ -69,25 +69,31 @@ struct Row {
     double wanted = 0, guaranteed = 0, parts_ns = 0;
 };
 
-// Over all sensors: the strictest wish, the largest guarantee, and what the chosen effects cost one by one on top of the
-// rest.
-Row row_of(const Scene& scene, double none_ns) {
+// The effects that are on but for one, as a list.
+std::string without(const Choice& choice, const EffectEntry* left_out) {
+    std::string list;
+    for (const Decision& d : choice.decisions)
+        if (d.on && d.effect != left_out) list += (list.empty() ? "" : ",") + std::string(d.effect->name);
+    return list.empty() ? "none" : list;
+}
+
+// Over all sensors: the strictest wish, the largest guarantee; of the first sensor, what its effects cost, each as the
+// difference that leaving it out alone makes, on top of none.
+Row row_of(const Scene& scene, double none_ns, double auto_ns) {
     Row row;
     row.wanted = 1e300;
     const Simulation simulation(scene, "auto");
-    double parts = 0;
     for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
-        const Choice& choice = simulation.choice(i);
-        row.wanted = std::min(row.wanted, choice.wanted_N);
-        row.guaranteed = std::max(row.guaranteed, choice.guaranteed_N);
-        row.on = row.of = 0;
-        parts = none_ns;
-        for (const Decision& d : choice.decisions) {
-            ++row.of;
-            if (!d.on) continue;
-            ++row.on;
-            parts += std::max(0.0, cost_ns(scene, std::string(d.effect->name)) - none_ns);
-        }
+        row.wanted = std::min(row.wanted, simulation.choice(i).wanted_N);
+        row.guaranteed = std::max(row.guaranteed, simulation.choice(i).guaranteed_N);
+    }
+    const Choice& choice = simulation.choice(0);
+    double parts = none_ns;
+    for (const Decision& d : choice.decisions) {
+        ++row.of;
+        if (!d.on) continue;
+        ++row.on;
+        parts += std::max(0.0, auto_ns - cost_ns(scene, without(choice, d.effect)));
     }
     row.parts_ns = parts;
     return row;
@@ -101,7 +107,7 @@ void print_scenes(int n, char** files) {
     for (int i = 0; i < n; ++i) {
         const Scene scene = read_scene(files[i]);
         const double none = cost_ns(scene, "none"), automatic = cost_ns(scene, "auto"), all = cost_ns(scene, "all");
-        const Row row = row_of(scene, none);
+        const Row row = row_of(scene, none, automatic);
         const double difference = difference_N(scene, "auto", "all");
         const std::string path = files[i], name = path.substr(path.rfind('/') + 1);
         fmt::print("| {} | {} | {} of {} | {:.0f} | {:.0f} | {:.0f} | {:.1f} | {:.2f} | {:.3g} | {:.3g} | {:.3g} | {} |\n",
