@@ -50,7 +50,7 @@ const EffectEntry adhesion{
     .source = "Johnson, Kendall, Roberts 1971",
     .stage = Stage::contact,
     .cost_class = "c0",
-    .instructions = 10,
+    .instructions = 8,
     .models = kAll,
     .parameters = {{"separation_s", "from the end of the press until it comes off", 0.01, 1e-6, 10}},
     .bound = bound,

@@ -54,7 +54,7 @@ const EffectEntry anti_alias{
     .source = "derived: second order, critically damped",
     .stage = Stage::converter,
     .cost_class = "c1",
-    .instructions = 56,
+    .instructions = 150,
     .models = kAll,
     .parameters = {{"corner_Hz", "of each of two poles; by default a quarter of the rate", kByModel, 1e-3, 1e7}},
     .bound = bound,

@@ -73,7 +73,7 @@ const EffectEntry array_spread{
     .source = "derived: point spread of a common skin",
     .stage = Stage::contact,
     .cost_class = "c2",
-    .instructions = 700,
+    .instructions = 1000,
     .models = kAll,
     .parameters = {{"share", "that each of up to four neighbours gets", 0.05, 0, 0.25}},
     .bound = bound,

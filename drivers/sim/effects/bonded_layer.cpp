@@ -52,7 +52,7 @@ const EffectEntry bonded_layer{
     .source = "Gent, Lindley 1959: E (1 + 2 S^2); its rise under a press by own finite elements",
     .stage = Stage::material,
     .cost_class = "c2",
-    .instructions = 450,
+    .instructions = 680,
     .models = kCapacitive,
     .parameters = {{"power", "p; 0.14 where the pad is four times as wide as thick", 0.14, 0, 1}},
     .bound = bound,

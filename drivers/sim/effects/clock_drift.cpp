@@ -32,7 +32,7 @@ const EffectEntry clock_drift{
     .source = "quartz: 20 to 100 ppm",
     .stage = Stage::time,
     .cost_class = "c0",
-    .instructions = 2,
+    .instructions = 11,
     .models = kAll,
     .parameters = {{"drift_ppm", "> 0: samples come late", 50, -1e4, 1e4}},
     .bound = bound,

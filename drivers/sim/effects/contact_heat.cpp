@@ -53,7 +53,7 @@ const EffectEntry contact_heat{
     .source = "Fourier's slowest mode, derived: 0.92 s for 1 mm, 8.3 s for 3 mm",
     .stage = Stage::transducer,
     .cost_class = "c1",
-    .instructions = 50,
+    .instructions = 100,
     .models = kAll,
     .parameters = {{"share", "of the body's temperature that reaches the surface in full contact", 0.5, 0, 1},
                    {"per_K", "of R0 or C0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1,

@@ -86,7 +86,7 @@ const EffectEntry converter_window{
     .source = "boxcar, sinc(f T_c); AD7746 at 10 Hz",
     .stage = Stage::converter,
     .cost_class = "c1",
-    .instructions = 80,
+    .instructions = 230,
     .models = kAll,
     .parameters = {{"window_s", "by default 0.1 s of capacitances, else 0", kByModel, 0, 2}},
     .bound = bound,

@@ -57,7 +57,7 @@ const EffectEntry crosstalk{
     .source = "recorded three-axis cells: 2.2 to 2.7 % before calibration",
     .stage = Stage::transducer,
     .cost_class = "c1",
-    .instructions = 150,
+    .instructions = 530,
     .models = kAll,
     .parameters = {{"deviation", "of the share of one channel in another, in N", 0.01, 0, 0.2}},
     .bound = bound,

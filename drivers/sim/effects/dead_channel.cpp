@@ -70,7 +70,7 @@ const EffectEntry dead_channel{
     .source = "derived",
     .stage = Stage::link,
     .cost_class = "c0",
-    .instructions = 2,
+    .instructions = 3,
     .models = kAll,
     .parameters = {{"rate_1_h", "deaths of a channel an hour", 1e-5, 0, 1e6},
                    {"way", "0 it sticks, 1 it goes to its rail, 2 it is missing", 0, 0, 2}},

@@ -98,7 +98,7 @@ const EffectEntry dome_resonance{
     .source = "derived: 1.1 kHz and 0.54 ms for 3 mm of Ecoflex; damping by tan delta = 2 z",
     .stage = Stage::material,
     .cost_class = "c1",
-    .instructions = 180,
+    .instructions = 290,
     .models = kHair | kCapacitive,
     .parameters = {{"resonance_Hz", "by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), 1, 1e6},
                    {"damping", "z, of the critical one", 0.25, 0.02, 0.98},

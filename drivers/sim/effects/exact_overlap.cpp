@@ -65,7 +65,7 @@ const EffectEntry exact_overlap{
     .source = "derived",
     .stage = Stage::transducer,
     .cost_class = "c2",
-    .instructions = 2500,
+    .instructions = 6400,
     .models = kCapacitive,
     .parameters = {},
     .bound = bound,

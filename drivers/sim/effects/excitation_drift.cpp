@@ -47,7 +47,7 @@ const EffectEntry excitation_drift{
     .source = "derived; references drift by 10 to 50 ppm a K",
     .stage = Stage::converter,
     .cost_class = "c1",
-    .instructions = 60,
+    .instructions = 140,
     .models = kTable | kHair,
     .parameters = {{"amount", "once it is warm", 3e-4, -0.5, 0.5},
                    {"time_s", "of warming up", 300, 1e-3, 1e6},

@@ -78,7 +78,7 @@ const EffectEntry flicker_noise{
     .source = "Hooge 1969; first-order processes a decade apart",
     .stage = Stage::converter,
     .cost_class = "c2",
-    .instructions = 350,
+    .instructions = 1200,
     .models = kAll,
     .parameters = {{"deviation_N", "one standard deviation of each decade; by default by the sensor's model", kByModel, 0,
                     100}},

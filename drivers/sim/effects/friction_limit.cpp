@@ -54,7 +54,7 @@ const EffectEntry friction_limit{
     .source = "Coulomb",
     .stage = Stage::contact,
     .cost_class = "c0",
-    .instructions = 20,
+    .instructions = 30,
     .models = kAll,
     .parameters = {},
     .bound = bound,

@@ -57,7 +57,7 @@ const EffectEntry gain_spread{
     .source = "thesis: 1.85 % and 5.3 % between samples",
     .stage = Stage::transducer,
     .cost_class = "c0",
-    .instructions = 12,
+    .instructions = 90,
     .models = kAll,
     .parameters = {{"deviation", "of the gains, relative; by default by the sensor's model",
                     std::numeric_limits<double>::quiet_NaN(), 0, 0.2},

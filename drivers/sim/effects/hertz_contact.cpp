@@ -60,7 +60,7 @@ const EffectEntry hertz_contact{
     .source = "Hertz 1882",
     .stage = Stage::contact,
     .cost_class = "c1",
-    .instructions = 50,
+    .instructions = 150,
     .models = kTable,
     .parameters = {},
     .bound = bound,

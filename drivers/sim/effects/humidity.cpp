@@ -52,7 +52,7 @@ const EffectEntry humidity{
     .source = "polyimide: hygroscopic expansion of 9 ppm per percent",
     .stage = Stage::transducer,
     .cost_class = "c1",
-    .instructions = 25,
+    .instructions = 90,
     .models = kTable | kCapacitive,
     .parameters = {{"change_percent", "of the relative humidity, at the scene's beginning", 2, -100, 100},
                    {"time_s", "tau, in which the skin takes it up", 300, 0.1, 1e6},

@@ -90,7 +90,7 @@ const EffectEntry hysteresis{
     .source = "Prandtl, Ishlinskii; table 4.84 %: Lee, thesis",
     .stage = Stage::material,
     .cost_class = "c2",
-    .instructions = 300,
+    .instructions = 1100,
     .models = kAll,
     .parameters = {{"width", "of full scale, the loop from 0 to full scale; by default by the sensor's model",
                     std::numeric_limits<double>::quiet_NaN(), 0, 0.5}},

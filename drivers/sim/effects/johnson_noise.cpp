@@ -43,7 +43,7 @@ const EffectEntry johnson_noise{
     .source = "Johnson 1928, Nyquist 1928; 0.13 uV of 1 kOhm over 1 kHz",
     .stage = Stage::converter,
     .cost_class = "c1",
-    .instructions = 150,
+    .instructions = 390,
     .models = kTable | kHair,
     .parameters = {{"resistance_ohm", "of a gauge", 1000, 0, 1e9}, {"excitation_V", "of the bridge", 3.3, 1e-3, 100}},
     .bound = bound,

@@ -41,7 +41,7 @@ const EffectEntry lead_wires{
     .source = "derived; copper 3.9e-3 / K",
     .stage = Stage::converter,
     .cost_class = "c0",
-    .instructions = 24,
+    .instructions = 90,
     .models = kTable | kHair,
     .parameters = {{"share", "of the gauge's resistance", 1e-4, 0, 1}},
     .bound = bound,

@@ -66,7 +66,7 @@ const EffectEntry load_moment{
     .source = "derived; a bonded disc's tilt stiffness from the lubrication theory of its press stiffness",
     .stage = Stage::transducer,
     .cost_class = "c1",
-    .instructions = 40,
+    .instructions = 120,
     .models = kHair | kCapacitive,
     .parameters = {},
     .bound = bound,

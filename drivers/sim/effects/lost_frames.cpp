@@ -79,7 +79,7 @@ const EffectEntry lost_frames{
     .source = "Gilbert 1960, Elliott 1963",
     .stage = Stage::link,
     .cost_class = "c0",
-    .instructions = 20,
+    .instructions = 50,
     .models = kAll,
     .parameters = {{"begins", "probability that a frame begins a burst", 1e-5, 0, 1},
                    {"ends", "probability that a frame ends it", 0.5, 0, 1},

@@ -50,7 +50,7 @@ const EffectEntry mains_hum{
     .source = "derived",
     .stage = Stage::converter,
     .cost_class = "c1",
-    .instructions = 60,
+    .instructions = 220,
     .models = kAll,
     .parameters = {{"amplitude_N", "by default 0.02 % of full scale", kByModel, 0, 100},
                    {"frequency_Hz", "of the mains", 50, 0, 1e4}},

@@ -76,7 +76,7 @@ const EffectEntry misalignment{
     .source = "derived",
     .stage = Stage::contact,
     .cost_class = "c0",
-    .instructions = 20,
+    .instructions = 40,
     .models = kAll,
     .parameters = {{"about_x_deg", "turn of the sensing element", 0.5, -180, 180},
                    {"about_y_deg", "turn of the sensing element", -0.3, -180, 180},

@@ -45,7 +45,7 @@ const EffectEntry mounting_curvature{
     .source = "derived: 1.56 % at 8 mm, 26 times the strain of 1 N",
     .stage = Stage::transducer,
     .cost_class = "c0",
-    .instructions = 8,
+    .instructions = 60,
     .models = kTable,
     .parameters = {{"curvature_1_m", "of the surface; 0 where the zero was taken after mounting", 0, -1000, 1000},
                    {"thickness_m", "of the sensor", 250e-6, 1e-6, 0.01},

@@ -53,7 +53,7 @@ const EffectEntry piezo_leak{
     .source = "derived; tau below 0.1 s follows from the thesis' square wave of 1.66 Hz",
     .stage = Stage::transducer,
     .cost_class = "c1",
-    .instructions = 10,
+    .instructions = 19,
     .models = kCapacitive,
     .parameters = {{"time_s", "tau = R C, in which the voltage falls to 37 %", 0.1, 1e-5, 1e6}},
     .bound = bound,

@@ -31,7 +31,7 @@ const EffectEntry sampling_jitter{
     .source = "derived: error = rate of change * sigma",
     .stage = Stage::time,
     .cost_class = "c0",
-    .instructions = 30,
+    .instructions = 60,
     .models = kAll,
     .parameters = {{"deviation_s", "one standard deviation", 1e-6, 0, 1e-2}},
     .bound = bound,

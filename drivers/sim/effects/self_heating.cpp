@@ -45,7 +45,7 @@ const EffectEntry self_heating{
     .source = "Joule's heat through one thermal resistance",
     .stage = Stage::transducer,
     .cost_class = "c1",
-    .instructions = 25,
+    .instructions = 90,
     .models = kTable | kHair,
     .parameters = {{"rise_K", "in the end: V^2 / R times the thermal resistance", 0.1, 0, 100},
                    {"time_s", "tau", 20, 1e-3, 1e5},

@@ -43,7 +43,7 @@ const EffectEntry softening{
     .source = "Mullins 1969; Ogden, Roxburgh 1999, linear in the load",
     .stage = Stage::material,
     .cost_class = "c1",
-    .instructions = 60,
+    .instructions = 90,
     .models = kHair | kCapacitive,
     .parameters = {{"amount", "d, of the load", 0.05, 0, 1}},
     .bound = bound,

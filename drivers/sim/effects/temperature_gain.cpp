@@ -44,7 +44,7 @@ const EffectEntry temperature_gain{
     .source = "handbook values; rubber's modulus goes with the absolute temperature",
     .stage = Stage::transducer,
     .cost_class = "c0",
-    .instructions = 20,
+    .instructions = 100,
     .models = kAll,
     .parameters = {{"per_K", "relative; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.05,
                     0.05}},

@@ -40,7 +40,7 @@ const EffectEntry temperature_zero{
     .source = "handbook values of Ni-Cr, platinum, silicone",
     .stage = Stage::transducer,
     .cost_class = "c0",
-    .instructions = 12,
+    .instructions = 70,
     .models = kAll,
     .parameters = {{"per_K", "of R0 or C0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1,
                     0.1},

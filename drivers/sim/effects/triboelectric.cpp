@@ -65,7 +65,7 @@ const EffectEntry triboelectric{
     .source = "charge by rubbing cables; magnitude assumed",
     .stage = Stage::transducer,
     .cost_class = "c1",
-    .instructions = 50,
+    .instructions = 70,
     .models = kCapacitive,
     .parameters = {{"deviation_N", "one standard deviation while the load moves", 0.02, 0, 10},
                    {"frequency_Hz", "highest", 20, 1e-3, 1e5}},

@@ -89,7 +89,7 @@ const EffectEntry zero_walk{
     .source = "Levy's construction",
     .stage = Stage::transducer,
     .cost_class = "c1",
-    .instructions = 60,
+    .instructions = 290,
     .models = kAll,
     .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale",
                     std::numeric_limits<double>::quiet_NaN(), 0, 100}},
