@@ -167,5 +167,40 @@ TEST(FiniteElements, HairsInAnyDirectionUnderCombinedStressInThreeElastomers) {
     EXPECT_GE(by_case.size(), 5u);
 }
 
+// The sample: geometry, capacitances at rest, stroke at 0.5 N, displacement at the first step of shear. What is compared:
+// the rest of both curves, 20 N of press and all steps of shear, all five electrodes.
+TEST(FiniteElements, PadUnderAPressAndUnderAShear) {
+    const std::string sensor =
+        "model = \"capacitive\"\ndisc_radius_m = 0.004\ninner_radius_m = 0.0025\nouter_radius_m = 0.0055\nopening_deg = 80\n"
+        "centre_radius_m = 0.002\ngap_m = 0.003\npiezo_V_per_N = 0\ncentre_pF = 0.1038474\nsector_pF = 0.0562600\n"
+        "strain_per_N = 0.0326\nshift_per_N_m = 0.83784e-3\npress_pF_per_N = 0.0033854\nshear_pF_per_N = 0.035603\n";
+    const std::vector<std::pair<std::string, std::string>> columns{
+        {"C1", "C1_pF(+x)"}, {"C2", "C2_pF(-x)"}, {"C3", "C3_pF(+y)"}, {"C4", "C4_pF(-y)"}, {"Cn", "Cn_pF"}};
+    std::map<std::string, Errors> by_load;
+    for (const std::string effects :
+         {"large_deflection,exact_overlap,gap_gain", "bonded_layer,large_deflection,exact_overlap,gap_gain"})
+        for (const Row& row : rows_of("cap_curves.csv")) {
+            if (row.at("model") != "bonded" && row.at("model").rfind("guided", 0) != 0) continue;
+            const double press = number(row, "Fn_N"), shear = number(row, "Fs_N");
+            if (press + shear == 0) continue;
+            const auto reads = channels_under(sensor, press, shear, 0, effects);
+            double largest = 0;
+            for (const auto& [name, column] : columns)
+                largest = std::max(largest, std::abs(number(row, column) - (name == "Cn" ? 0.1038473385 : 0.0562506417)));
+            for (std::size_t k = 0; k < columns.size(); ++k) {
+                const double rest = k == 4 ? 0.1038473385 : 0.0562506417;
+                by_load[row.at("load") + (effects[0] == 'b' ? "" : ", without bonded_layer") +
+                        (press > 10  ? ", 10 .. 20 N"
+                         : press > 0 ? ", to 10 N"
+                                     : "")]
+                    .take(columns[k].first, 100 * (reads[k] - (number(row, columns[k].second) - rest)) / largest);
+            }
+        }
+    for (const auto& [name, errors] : by_load) errors.print("capacitive, " + name);
+    EXPECT_LT(by_load.at("normal, to 10 N").all, 2.5);
+    EXPECT_LT(by_load.at("normal, without bonded_layer, to 10 N").all, 3.5);
+    EXPECT_LT(by_load.at("shear +x").all, 0.5);
+}
+
 }  // namespace
 }  // namespace tactiled::sim
