@@ -25,6 +25,9 @@ constexpr double kSureEnough = 0.05;
 // Of the spread that a film without a leak would show. Below, what the model leaves out is as great as the film's signal,
 // however little noise there is: 2 % of full scale (the thesis' error of its film).
 constexpr double kLeastPassed = 0.03;
+// A longer window than one row must leave this part of what that leaves: noise alone favours none.
+constexpr double kSurelyLess = 0.95, kLongestWindow_s = 1;
+constexpr int kWindowSteps = 48;  // four an octave
 // Of a press in ranges: rms distance of its square from a straight line. All presses alike often: 0.075; a third level
 // half-way in one of a hundred rows: 0.025.
 constexpr double kLeastBend = 0.03;
@@ -290,10 +293,40 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
     calibration.condition = std::max(calibration.condition, sure.condition);
 }
 
+// rms of what the curve of Cn leaves with that window.
+double left_with(const std::vector<PiezoRun>& runs, double window_s) {
+    const std::vector<CentreReading> readings = centre_readings(runs, window_s);
+    if (readings.size() < 3 * kRowsPerCoefficient) return std::numeric_limits<double>::infinity();
+    Eigen::MatrixXd x(Eigen::Index(readings.size()), 3);
+    Eigen::VectorXd y(x.rows());
+    for (Eigen::Index i = 0; i < x.rows(); ++i) {
+        const CentreReading& reading = readings[std::size_t(i)];
+        x.row(i) << 1, reading.mean_N, reading.mean_square_N2;
+        y[i] = reading.Cn;
+    }
+    return (y - x * least_squares(x, y).coefficient).norm() / std::sqrt(double(x.rows()));
+}
+
+// The time between new values of Cn; but behind noise, or a running mean, each row has a new one, and then it is the window
+// with which the curve leaves least.
+double window_of(const std::vector<PiezoRun>& runs) {
+    const double interval_s = std::clamp(conversion_interval_s(runs), 1e-4, 10.0);
+    if (interval_s > 1.5 * row_interval_s(runs)) return interval_s;
+    double best_s = interval_s, least = kSurelyLess * left_with(runs, interval_s);
+    for (int step = 1; step <= kWindowSteps; ++step) {
+        const double window_s = interval_s * std::exp2(step / 4.0);
+        if (window_s > kLongestWindow_s) break;
+        if (const double left = left_with(runs, window_s); left < least) {
+            least = left;
+            best_s = window_s;
+        }
+    }
+    return best_s;
+}
+
 void fit_centre(const std::vector<PiezoRun>& runs, double range_N, std::size_t Cn, Calibration& calibration) {
     const auto stated = calibration.parameters.find("window_s");
-    const double window_s =
-        stated != calibration.parameters.end() ? stated->second : std::clamp(conversion_interval_s(runs), 1e-4, 10.0);
+    const double window_s = stated != calibration.parameters.end() ? stated->second : window_of(runs);
     const std::vector<CentreReading> readings = centre_readings(runs, window_s);
     const auto n = Eigen::Index(readings.size());
     if (readings.size() < 3 * kRowsPerCoefficient)

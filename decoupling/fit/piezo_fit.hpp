@@ -28,6 +28,8 @@ struct PiezoRun {
 struct CentreReading {
     double mean_N, mean_square_N2, Cn;
 };
+// s between rows, on average. setup
+double row_interval_s(const std::vector<PiezoRun>& runs);
 // s between the new values of a reading that repeats its last one in between. setup: throws Undetermined
 double conversion_interval_s(const std::vector<PiezoRun>& runs);
 std::vector<CentreReading> centre_readings(const std::vector<PiezoRun>& runs, double window_s);

@@ -90,6 +90,16 @@ double conversion_interval_s(const std::vector<PiezoRun>& runs) {
     return sum_s / double(n);
 }
 
+double row_interval_s(const std::vector<PiezoRun>& runs) {
+    double length_s = 0;
+    std::size_t rows = 0;
+    for (const PiezoRun& run : runs) {
+        length_s += run.t_s.back() - run.t_s.front();
+        rows += run.t_s.size() - 1;
+    }
+    return length_s / double(std::max<std::size_t>(rows, 1));
+}
+
 std::vector<CentreReading> centre_readings(const std::vector<PiezoRun>& runs, double window_s) {
     std::vector<CentreReading> readings;
     for (const PiezoRun& run : runs) {

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <deque>
 #include <functional>
+#include <numeric>
 #include <random>
 
 #include "decoupling/fit/piezo_fit.hpp"
@@ -18,6 +20,7 @@ struct FilmSensor {
     double tau_s = 0.8, window_s = 0.1003, noise_V = 1.4e-3, noise_pF = 3e-4, rate_Hz = 200;
     double b = 0.2917, a = 0.0092;  // of the film
     bool holds = true;              // Cn keeps its value until the next conversion; else one that is new in each row
+    bool slides = false;            // Cn is the mean of the last window_s at each row, with noise of its own
     unsigned seed = 1;
 
     [[nodiscard]] double film_V(double N) const { return b * N + a * N * N; }
@@ -31,18 +34,24 @@ struct FilmSensor {
         constexpr double kStep_s = 1e-4;
         const int per_row = int(std::lround(1 / (rate_Hz * kStep_s))), per_window = int(std::lround(window_s / kStep_s));
         double q = film_V(press(0)), V = 0.3, sum = 0, held = centre_pF(press(0));  // V: the film's past
+        std::deque<double> past;
         for (int i = 0; i * kStep_s < duration_s; ++i) {
             const double N = press(i * kStep_s);
             V += film_V(N) - q - V * kStep_s / tau_s;
             q = film_V(N);
             sum += centre_pF(N);
+            past.push_back(centre_pF(N));
+            if (int(past.size()) > per_window) past.pop_front();
             if (i % per_window == per_window - 1) {
                 held = sum / per_window + noise_pF * noise(random);
                 sum = 0;
             }
             if (i % per_row != 0) continue;
             LabelledRow row{.line = std::int64_t(labelled.rows.size()) + 2, .channel = {}};
-            const double Cn = holds ? held : centre_pF(N) + noise_pF * noise(random);
+            const double mean = std::accumulate(past.begin(), past.end(), 0.0) / double(past.size());
+            const double Cn = slides  ? mean + noise_pF * noise(random)
+                              : holds ? held
+                                      : centre_pF(N) + noise_pF * noise(random);
             row.channel = {V + 0.0768 + noise_V * noise(random), Cn};
             row.wrench_S[2] = -N;
             row.session = session;
@@ -249,6 +258,15 @@ TEST(PiezoFit, AConverterThatIsNewInEachRowHasAWindowOfOneRow) {
     const FitReport report = fitted(labelled);
     EXPECT_NEAR(report.calibration.parameters.at("window_s"), 1 / sensor.rate_Hz, 1e-6);
     expect_the_sensor(report.calibration, sensor, 0.005);
+}
+
+// No value repeats, so how often a new one comes says nothing: what the curve leaves does.
+TEST(PiezoFit, FindsTheWindowOfARunningMeanBehindNoise) {
+    FilmSensor sensor{.slides = true};
+    Labelled labelled = nothing_yet();
+    sensor.record(labelled, steps(52), 60);
+    const FitReport report = fitted(labelled);
+    EXPECT_NEAR(report.calibration.parameters.at("window_s"), sensor.window_s, 0.1 * sensor.window_s);  // steps of 2^(1/4)
 }
 
 TEST(PiezoFit, KeepsWhatIsStated) {
