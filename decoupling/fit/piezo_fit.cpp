@@ -12,83 +12,18 @@
 #include <limits>
 
 #include "decoupling/capacitive_methods.hpp"
+#include "decoupling/fit/piezo_statistics.hpp"
 
 namespace tactiled {
 namespace {
 
 constexpr double kLeastTau_s = 1e-3, kMostTau_s = 1e4;  // what the model accepts
-constexpr double kRobustSd = 1.4826;                    // of the median of |error|
-constexpr double kCauchy = 4;                           // robust standard deviations; little else than spikes weighs less
-constexpr int kRounds = 3;                              // of weights
-// Gain and leak must be known to this share, one standard deviation: a leak 20 % off is 9 % of gain at 0.1 Hz.
-constexpr double kSureEnough = 0.05;
 // Of the spread that a film without a leak would show. Below, what the model leaves out is as great as the film's signal,
 // however little noise there is: 2 % of full scale (the thesis' error of its film).
 constexpr double kLeastPassed = 0.03;
-// A longer window than one row must leave this part of what that leaves: noise alone favours none.
-constexpr double kSurelyLess = 0.95, kLongestWindow_s = 1;
-constexpr int kWindowSteps = 48;  // four an octave
 // Of a press in ranges: rms distance of its square from a straight line. All presses alike often: 0.075; a third level
 // half-way in one of a hundred rows: 0.025.
 constexpr double kLeastBend = 0.03;
-
-double robust_sd(const Eigen::VectorXd& errors) {
-    std::vector<double> sizes;
-    for (const double error : errors) sizes.push_back(std::abs(error));
-    const auto middle = sizes.begin() + std::ptrdiff_t(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
-    return kRobustSd * *middle;
-}
-
-// Square roots of the weights of Cauchy's loss.
-Eigen::VectorXd root_weights(const Eigen::VectorXd& errors) {
-    const double sd = robust_sd(errors);
-    if (!(sd > 0)) return Eigen::VectorXd::Ones(errors.size());
-    return (1 + (errors.array() / (kCauchy * sd)).square()).rsqrt();
-}
-
-// By how much errors that resemble their neighbours make everything less sure than as many that do not.
-double neighbours_factor(const Eigen::VectorXd& errors) {
-    const Eigen::Index n = errors.size() - 1;
-    const double rho = errors.head(n).dot(errors.tail(n)) / std::max(errors.squaredNorm(), 1e-300);
-    return std::sqrt((1 + std::clamp(rho, 0.0, 0.999)) / (1 - std::clamp(rho, 0.0, 0.999)));
-}
-
-double sd_of_rows(const Eigen::VectorXd& errors, const Eigen::VectorXd& y) {
-    return std::max(robust_sd(errors), 1e-9 * y.cwiseAbs().maxCoeff()) * neighbours_factor(errors);
-}
-
-// Standard deviations of what a fit with the columns of `x` found.
-class Sds {
-public:
-    Sds(const Eigen::MatrixXd& x, double sd_of_rows) : length_(x.colwise().norm()), sd_(sd_of_rows) {
-        // The singular values of the small R are those of the tall matrix.
-        const Eigen::HouseholderQR<Eigen::MatrixXd> qr(Eigen::MatrixXd(x.array().rowwise() / length_.array()));
-        const Eigen::MatrixXd r = qr.matrixQR().topRows(x.cols()).triangularView<Eigen::Upper>();
-        svd_.compute(r, Eigen::ComputeFullV);
-    }
-    // Of a linear function of the coefficients.
-    [[nodiscard]] double of(const Eigen::RowVectorXd& function) const {
-        const Eigen::RowVectorXd scaled = function.array() / length_.array();
-        return sd_ * (scaled * svd_.matrixV()).cwiseQuotient(svd_.singularValues().transpose()).norm();
-    }
-    // Of a curve with the coefficients 1 (b) and 2 (a): of its mean slope over 0 .. range, or of how far its middle hangs
-    // below the straight line, a range^2 / 4, over the range; the greater.
-    [[nodiscard]] double of_curve(double range, bool has_curvature) const {
-        Eigen::RowVectorXd slope = Eigen::RowVectorXd::Unit(length_.size(), 1);
-        if (!has_curvature) return of(slope);
-        slope[2] = range;
-        return std::max(of(slope), of(Eigen::RowVectorXd::Unit(length_.size(), 2) * (range / 4)));
-    }
-    [[nodiscard]] double condition() const {
-        return svd_.singularValues()[0] / svd_.singularValues()[svd_.singularValues().size() - 1];
-    }
-
-private:
-    Eigen::RowVectorXd length_;
-    double sd_;
-    Eigen::JacobiSVD<Eigen::MatrixXd> svd_;
-};
 
 // The film at one tau. Columns of x: 1, v(N), v(N^2) (only with a curvature) and, where asked for, dVp/dlog tau.
 class Film {
@@ -291,77 +226,6 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
     calibration.parameters["gain_a"] = film.has_curvature ? solved.coefficient[2] : 0;
     calibration.parameters["leak_tau_s"] = tau_s;
     calibration.condition = std::max(calibration.condition, sure.condition);
-}
-
-// rms of what the curve of Cn leaves with that window.
-double left_with(const std::vector<PiezoRun>& runs, double window_s) {
-    const std::vector<CentreReading> readings = centre_readings(runs, window_s);
-    if (readings.size() < 3 * kRowsPerCoefficient) return std::numeric_limits<double>::infinity();
-    Eigen::MatrixXd x(Eigen::Index(readings.size()), 3);
-    Eigen::VectorXd y(x.rows());
-    for (Eigen::Index i = 0; i < x.rows(); ++i) {
-        const CentreReading& reading = readings[std::size_t(i)];
-        x.row(i) << 1, reading.mean_N, reading.mean_square_N2;
-        y[i] = reading.Cn;
-    }
-    return (y - x * least_squares(x, y).coefficient).norm() / std::sqrt(double(x.rows()));
-}
-
-// The time between new values of Cn; but behind noise, or a running mean, each row has a new one, and then it is the window
-// with which the curve leaves least.
-double window_of(const std::vector<PiezoRun>& runs) {
-    const double interval_s = std::clamp(conversion_interval_s(runs), 1e-4, 10.0);
-    if (interval_s > 1.5 * row_interval_s(runs)) return interval_s;
-    double best_s = interval_s, least = kSurelyLess * left_with(runs, interval_s);
-    for (int step = 1; step <= kWindowSteps; ++step) {
-        const double window_s = interval_s * std::exp2(step / 4.0);
-        if (window_s > kLongestWindow_s) break;
-        if (const double left = left_with(runs, window_s); left < least) {
-            least = left;
-            best_s = window_s;
-        }
-    }
-    return best_s;
-}
-
-void fit_centre(const std::vector<PiezoRun>& runs, double range_N, std::size_t Cn, Calibration& calibration) {
-    const auto stated = calibration.parameters.find("window_s");
-    const double window_s = stated != calibration.parameters.end() ? stated->second : window_of(runs);
-    const std::vector<CentreReading> readings = centre_readings(runs, window_s);
-    const auto n = Eigen::Index(readings.size());
-    if (readings.size() < 3 * kRowsPerCoefficient)
-        throw Undetermined(
-            fmt::format("{} new values of Cn for 3 coefficients; at least {} are needed", n, 3 * kRowsPerCoefficient));
-    Eigen::MatrixXd x(n, 3);
-    Eigen::VectorXd y(n), weight = Eigen::VectorXd::Ones(n), errors;
-    for (Eigen::Index i = 0; i < n; ++i) {
-        const CentreReading& reading = readings[std::size_t(i)];
-        x.row(i) << 1, reading.mean_N, reading.mean_square_N2;
-        y[i] = reading.Cn;
-    }
-    LeastSquares fitted;
-    for (int round = 0; round <= kRounds; ++round) {
-        fitted = least_squares(weight.asDiagonal() * x, weight.asDiagonal() * y);
-        if (!fitted.dependent.empty())
-            throw Undetermined("Cn: the press must take three levels or more, each for some windows of its converter");
-        errors = y - x * fitted.coefficient;
-        weight = root_weights(errors);
-    }
-    const double slope = fitted.coefficient[1], mean_slope = slope + range_N * fitted.coefficient[2];
-    const Sds sds(weight.asDiagonal() * x, sd_of_rows(errors, y));
-    if (!(sds.of_curve(range_N, true) < kSureEnough * std::abs(mean_slope)))
-        throw Undetermined(fmt::format(
-            "the curve of Cn would be known to {:.2g} % only: the press must take three levels or more, each for some "
-            "windows of its converter ({:.3g} s)",
-            100 * sds.of_curve(range_N, true) / std::abs(mean_slope), window_s));
-    if (!(slope > 0))
-        throw Undetermined(fmt::format("Cn falls by {:.3g} a N of press: it must rise (a press has fz < 0)", -slope));
-    calibration.zero[Cn] = fitted.coefficient[0];
-    calibration.parameters["normal_b"] = slope;
-    calibration.parameters["normal_a"] = fitted.coefficient[2];
-    calibration.parameters["normal_range_N"] = range_N;
-    calibration.parameters["window_s"] = window_s;
-    calibration.condition = std::max(calibration.condition, fitted.condition);
 }
 
 // A curve needs three levels. Of two, windows in which the press jumped would feign a third.

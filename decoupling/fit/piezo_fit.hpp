@@ -34,6 +34,9 @@ double row_interval_s(const std::vector<PiezoRun>& runs);
 double conversion_interval_s(const std::vector<PiezoRun>& runs);
 std::vector<CentreReading> centre_readings(const std::vector<PiezoRun>& runs, double window_s);
 
+// Zero, curve and window of Cn, into the calibration. setup: throws Undetermined
+void fit_centre(const std::vector<PiezoRun>& runs, double range_N, std::size_t Cn, Calibration& calibration);
+
 // Splits at another session, at a clock that goes back and at a break. setup: throws Undetermined
 std::vector<PiezoRun> piezo_runs(const Rows& rows, std::size_t Vp, std::size_t Cn);
 

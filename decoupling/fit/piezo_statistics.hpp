@@ -1,0 +1,75 @@
+// What the fits of the film and of the centre electrode have in common: weights against spikes, and how sure a fit is.
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "decoupling/fit/least_squares.hpp"
+
+namespace tactiled {
+
+inline constexpr double kRobustSd = 1.4826;  // of the median of |error|
+inline constexpr double kCauchy = 4;         // robust standard deviations; little else than spikes weighs less
+inline constexpr int kRounds = 3;            // of weights
+// Gain and leak must be known to this share, one standard deviation: a leak 20 % off is 9 % of gain at 0.1 Hz.
+inline constexpr double kSureEnough = 0.05;
+
+inline double robust_sd(const Eigen::VectorXd& errors) {
+    std::vector<double> sizes;
+    for (const double error : errors) sizes.push_back(std::abs(error));
+    const auto middle = sizes.begin() + std::ptrdiff_t(sizes.size() / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
+    return kRobustSd * *middle;
+}
+
+// Square roots of the weights of Cauchy's loss.
+inline Eigen::VectorXd root_weights(const Eigen::VectorXd& errors) {
+    const double sd = robust_sd(errors);
+    if (!(sd > 0)) return Eigen::VectorXd::Ones(errors.size());
+    return (1 + (errors.array() / (kCauchy * sd)).square()).rsqrt();
+}
+
+// By how much errors that resemble their neighbours make everything less sure than as many that do not.
+inline double neighbours_factor(const Eigen::VectorXd& errors) {
+    const Eigen::Index n = errors.size() - 1;
+    const double rho = errors.head(n).dot(errors.tail(n)) / std::max(errors.squaredNorm(), 1e-300);
+    return std::sqrt((1 + std::clamp(rho, 0.0, 0.999)) / (1 - std::clamp(rho, 0.0, 0.999)));
+}
+
+inline double sd_of_rows(const Eigen::VectorXd& errors, const Eigen::VectorXd& y) {
+    return std::max(robust_sd(errors), 1e-9 * y.cwiseAbs().maxCoeff()) * neighbours_factor(errors);
+}
+
+// Standard deviations of what a fit with the columns of `x` found.
+class Sds {
+public:
+    Sds(const Eigen::MatrixXd& x, double sd_of_rows) : length_(x.colwise().norm()), sd_(sd_of_rows) {
+        // The singular values of the small R are those of the tall matrix.
+        const Eigen::HouseholderQR<Eigen::MatrixXd> qr(Eigen::MatrixXd(x.array().rowwise() / length_.array()));
+        const Eigen::MatrixXd r = qr.matrixQR().topRows(x.cols()).triangularView<Eigen::Upper>();
+        svd_.compute(r, Eigen::ComputeFullV);
+    }
+    // Of a linear function of the coefficients.
+    [[nodiscard]] double of(const Eigen::RowVectorXd& function) const {
+        const Eigen::RowVectorXd scaled = function.array() / length_.array();
+        return sd_ * (scaled * svd_.matrixV()).cwiseQuotient(svd_.singularValues().transpose()).norm();
+    }
+    // Of a curve with the coefficients 1 (b) and 2 (a): of its mean slope over 0 .. range, or of how far its middle hangs
+    // below the straight line, a range^2 / 4, over the range; the greater.
+    [[nodiscard]] double of_curve(double range, bool has_curvature) const {
+        Eigen::RowVectorXd slope = Eigen::RowVectorXd::Unit(length_.size(), 1);
+        if (!has_curvature) return of(slope);
+        slope[2] = range;
+        return std::max(of(slope), of(Eigen::RowVectorXd::Unit(length_.size(), 2) * (range / 4)));
+    }
+    [[nodiscard]] double condition() const {
+        return svd_.singularValues()[0] / svd_.singularValues()[svd_.singularValues().size() - 1];
+    }
+
+private:
+    Eigen::RowVectorXd length_;
+    double sd_;
+    Eigen::JacobiSVD<Eigen::MatrixXd> svd_;
+};
+
+}  // namespace tactiled
