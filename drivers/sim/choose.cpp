@@ -94,7 +94,7 @@ void add(Before& before, const Bound& bound) {
 
 double Before::change_N(const Setting& s, double seconds) const {
     double sum = gain * s.sensor.channel_N(s.extent.changes(seconds));
-    for (const Own& part : own) sum += std::min(2 * part.most_N, part.rate_N_s * seconds);
+    for (const Own& part : own) sum += std::min(2 * part.most_N, part.rate_N_s * s.extent.apart_s(seconds));
     return sum;
 }
 
@@ -127,7 +127,10 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
         if (effect.stage == Stage::contact || effect.stage == Stage::material) {
             widen(reach, bound);
             for (std::size_t axis = 0; axis < kAxes; ++axis) before.load[axis] += bound.load[axis];
-        } else if (effect.stage != Stage::time) {
+        } else if (effect.stage == Stage::time) {
+            reach.stretch *= bound.stretch;
+            reach.slack_s += bound.slack_s;
+        } else {
             add(before, bound);
         }
         choice.decisions.push_back({&effect, bound, on,

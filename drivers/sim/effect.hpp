@@ -78,6 +78,8 @@ struct Bound {
     // what of the movement of one force may come to another.
     std::array<double, kAxes> load{};
     double load_gain = 1, coupling = 0;
+    // Of time: how much further apart two samples may be taken than they should be.
+    double stretch = 1, slack_s = 0;
 };
 
 // A chosen effect at work on one sensor, with its state. The simulator runs a vector of these and nothing else.

@@ -59,7 +59,8 @@ inline double warming_N(const Setting& s, double seconds) {
     double sum = 0;
     if (s.extent.ambient_K > 0) {
         const double rate_1_s = s.extent.ambient_rate_K_s / s.extent.ambient_K;
-        sum += std::min(2.0, rate_1_s * seconds) * others_N(s, alone, {"temperature_zero", "temperature_gain"});
+        sum += std::min(2.0, rate_1_s * seconds) *
+               others_N(s, alone, {"temperature_zero", "temperature_gain", "lead_wires", "excitation_drift"});
         sum += std::min(2.0, film_1_s * seconds) * others_N(s, alone, {"pyroelectric"});
     }
     alone = s.extent;
@@ -103,7 +104,11 @@ inline double shift_N(const Setting& s, double seconds) {
     double other_N = warming_N(s, seconds);
     if (s.extent.moved_m > 0)
         other_N += 2 * others_N(s, s.extent, {"load_moment", "contact_patch", "hertz_contact", "tilt", "partial_slip"});
-    if (s.extent.speed_m_s > 0) other_N += 2 * others_N(s, s.extent, {"stick_slip"});
+    if (s.extent.speed_m_s > 0) {
+        other_N += 2 * others_N(s, s.extent, {"stick_slip"});
+        // One may slide already where the other still stands: another friction, and ridges or none.
+        other_N += others_N(s, s.extent, {"friction_limit", "texture"});
+    }
     if (s.extent.acceleration_m_s2 > 0) other_N += 2 * others_N(s, s.extent, {"cap_weight"});
     return s.sensor.channel_N(change) + other_N;
 }
