@@ -62,6 +62,9 @@ struct Setting {
     std::span<const double> p;     // parameters, in the order of its entry
     const Scene* scene = nullptr;  // for what happens to a neighbour, and for effects of time
     Before before{};
+    // Of effects of time, whose bound is asked once more at the end: the bounds of all, in the order of chain(). Before that
+    // it is empty, and they state only how far apart they take two samples.
+    std::span<const double> stated_N{};
 };
 
 // What an effect can do to any channel, in N (Sensor::per_N), on any input that keeps within the extent.

@@ -21,7 +21,7 @@ void expect_kept(const std::string& model, const std::string& rest, const std::s
             for (std::size_t n = 0; n < a->n; ++n) {
                 std::array<double, kMostChannels> change{};
                 for (std::size_t k = 0; k < sensor.n(); ++k) change[k] = a->channel[k][n] - b.channel[k][n];
-                ASSERT_TRUE(std::isfinite(sensor.largest_N(change)));
+                for (std::size_t k = 0; k < sensor.n(); ++k) ASSERT_TRUE(std::isfinite(change[k]));
                 if (!a->dropped[n] && !b.dropped[n]) most_N = std::max(most_N, sensor.largest_N(change));
             }
         }
@@ -32,6 +32,8 @@ void expect_kept(const std::string& model, const std::string& rest, const std::s
                 << decisions[d].effect->name;
     }
 }
+
+TEST(Guarantee, ADeafHairReadsNumbers) { expect_kept("hair", "normal_per_Pa = 0\nshear_per_Pa = 0\n" + press(0.02, 0.1)); }
 
 TEST(Guarantee, HoldsAfterTheLastMotion) {
     expect_kept("hair", press(0.02, 0.02), "length_s = 2");
@@ -48,6 +50,14 @@ TEST(Guarantee, CountsThatTheOtherClockMayReadAnotherTemperature) {
                              "[effects.temperature_zero]\nper_K = 0\n[effects.temperature_gain]\nper_K = 0\n"
                              "[effects.lead_wires]\nshare = 1\n[effects.clock_drift]\ndrift_ppm = -1000\n"
                              "[[motion]]\ndo = \"warm\"\nambient_by_K = -100\nin_s = 1\n");
+}
+
+// A zero that is far off makes of a gain's temperature more than the scene's load does.
+TEST(Guarantee, AsksForTheOthersBoundsAsTheyAreInTheChain) {
+    expect_kept("table", "[[motion]]\ndo = \"warm\"\nambient_by_K = 10\nin_s = 1\ncourse = \"at_once\"\n" + hold(0.2) +
+                             "[[motion]]\ndo = \"warm\"\nambient_by_K = -10\nin_s = 1\ncourse = \"at_once\"\n"
+                             "[effects.gain_spread]\noffset_N = 10\n[effects.temperature_gain]\nper_K = 0.05\n"
+                             "[effects.saturation]\nrail = 1000\n[effects.clock_drift]\ndrift_ppm = -1000\n");
 }
 
 TEST(Guarantee, CountsThatOneClockMayFindTheBodyAtRestAndTheOtherSliding) {
