@@ -90,11 +90,26 @@ void add(Before& before, const Bound& bound) {
     if (bound.own_N > 0) before.own.push_back({bound.own_N, bound.own_rate_N_s});
 }
 
+// Another time finds all that follows elsewhere, so effects of time are asked when the bounds of all are known.
+void bound_time(const Scene& scene, const Sensor& sensor, const Extent& extent, Choice& choice) {
+    std::vector<double> stated_N(chain().size(), 0);
+    const auto number = [](const Decision& d) {
+        return std::size_t(std::find(chain().begin(), chain().end(), d.effect) - chain().begin());
+    };
+    for (const Decision& d : choice.decisions) stated_N[number(d)] = d.bound.change_N;
+    for (Decision& d : choice.decisions) {
+        if (d.effect->stage != Stage::time) continue;
+        Setting setting = scene.setting(number(d), sensor, extent);
+        setting.stated_N = stated_N;
+        d.bound = d.effect->bound(setting);
+    }
+}
+
 }  // namespace
 
 double Before::change_N(const Setting& s, double seconds) const {
     double sum = gain * s.sensor.channel_N(s.extent.changes(seconds));
-    for (const Own& part : own) sum += std::min(2 * part.most_N, part.rate_N_s * seconds);
+    for (const Own& part : own) sum += std::min(2 * part.most_N, part.rate_N_s * s.extent.apart_s(seconds));
     return sum;
 }
 
@@ -127,7 +142,10 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
         if (effect.stage == Stage::contact || effect.stage == Stage::material) {
             widen(reach, bound);
             for (std::size_t axis = 0; axis < kAxes; ++axis) before.load[axis] += bound.load[axis];
-        } else if (effect.stage != Stage::time) {
+        } else if (effect.stage == Stage::time) {
+            reach.stretch *= bound.stretch;
+            reach.slack_s += bound.slack_s;
+        } else {
             add(before, bound);
         }
         choice.decisions.push_back({&effect, bound, on,
@@ -135,6 +153,7 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
                                     : wish == "all" ? "all"
                                                     : "none"});
     }
+    bound_time(scene, sensor, extent, choice);
     if (wish == "auto") choose_automatically(choice);
     choice.guaranteed_N = guaranteed_error_N(choice.decisions);
     return choice;

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
-#include <utility>
 
 #include "drivers/driver.hpp"
 #include "drivers/sim/simulation.hpp"
@@ -41,7 +40,6 @@ public:
         block_.assign(scene_.sensors.size(), nullptr);
         sample_ = 0;
         sensor_ = 0;
-        pending_lost_.assign(scene_.sensors.size(), 0);
         began_ns_ = now_ns();
         return "";
     }
@@ -78,11 +76,7 @@ private:
             ++sample_;
         }
         if (sample % sensor.every != 0) return false;
-        pending_lost_[i] += block.lost[n];
-        if (block.dropped[n]) {
-            ++pending_lost_[i];
-            return false;
-        }
+        if (block.dropped[n]) return false;  // counted in the next that arrives
         frame = Frame{};
         frame.t_ns = now_ns();
         frame.device_time_us = std::uint64_t(std::max(0.0, block.t_s[n]) * 1e6);
@@ -91,7 +85,7 @@ private:
         frame.device = sensor.device;
         frame.n_channels = std::uint8_t(sensor.n());
         frame.missing = block.missing[n];
-        frame.lost = std::exchange(pending_lost_[i], 0u);
+        frame.lost = block.lost[n];
         for (std::size_t k = 0; k < sensor.n(); ++k)
             frame.channel[k] = frame.missing >> k & 1u ? std::numeric_limits<double>::quiet_NaN() : block.channel[k][n];
         counts[TACTILED_LINK_LOST] += frame.lost;
@@ -105,7 +99,6 @@ private:
     sim::Scene scene_;
     std::unique_ptr<sim::Simulation> simulation_;
     std::vector<const sim::Block*> block_;
-    std::vector<std::uint32_t> pending_lost_;
     std::uint64_t sample_ = 0, began_ns_ = 0;
     std::size_t sensor_ = 0;
 };

@@ -62,6 +62,9 @@ struct Setting {
     std::span<const double> p;     // parameters, in the order of its entry
     const Scene* scene = nullptr;  // for what happens to a neighbour, and for effects of time
     Before before{};
+    // Of effects of time, whose bound is asked once more at the end: the bounds of all, in the order of chain(). Before that
+    // it is empty, and they state only how far apart they take two samples.
+    std::span<const double> stated_N{};
 };
 
 // What an effect can do to any channel, in N (Sensor::per_N), on any input that keeps within the extent.
@@ -78,6 +81,8 @@ struct Bound {
     // what of the movement of one force may come to another.
     std::array<double, kAxes> load{};
     double load_gain = 1, coupling = 0;
+    // Of time: how much further apart two samples may be taken than they should be.
+    double stretch = 1, slack_s = 0;
 };
 
 // A chosen effect at work on one sensor, with its state. The simulator runs a vector of these and nothing else.

@@ -168,8 +168,8 @@ void take_surroundings(Extent& e, const Segment& s, const State& first) {
 }  // namespace
 
 double Extent::change(Axis axis, double seconds) const {
-    const double jumps = 1 + std::floor(seconds / jump_every_s);
-    return std::min(span[axis], rate[axis] * seconds + jump[axis] * jumps + 2 * added[axis]);
+    const double apart = apart_s(seconds), jumps = 1 + std::floor(apart / jump_every_s);
+    return std::min(span[axis], rate[axis] * apart + jump[axis] * jumps + 2 * added[axis]);
 }
 
 std::array<double, kAxes> Extent::changes(double seconds) const {

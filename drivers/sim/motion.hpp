@@ -73,7 +73,9 @@ struct Extent {
     double ambient_rate_K_s = 0;
     double acceleration_m_s2 = 0;
     double length_s = 0;
+    double stretch = 1, slack_s = 0;  // by effects of time: what lies t apart may be taken stretch * t + slack_s apart
 
+    [[nodiscard]] double apart_s(double seconds) const { return stretch * seconds + slack_s; }
     // The largest change of a component of the load within so many seconds.
     [[nodiscard]] double change(Axis axis, double seconds) const;
     [[nodiscard]] std::array<double, kAxes> changes(double seconds) const;  // of each

@@ -34,15 +34,13 @@ void check(const sim::Scene& scene, const std::vector<std::string>& ptys, const 
     }
 }
 
-// One sensor's frames as they come: what was lost shows as a gap in the counter.
+// One sensor's frames as they come: what was dropped shows as a gap in the counter, which goes with the samples.
 struct Device {
     const Port* port;
-    std::uint64_t lost = 0;
 
     Frame frame(const sim::Sensor& sensor, const sim::Block& block, std::size_t n, bool shares_port) {
         Frame frame;
-        lost += block.lost[n];
-        frame.sequence = std::uint32_t((block.first + n) / sensor.every + lost);
+        frame.sequence = std::uint32_t((block.first + n) / sensor.every);
         frame.device_time_us = std::uint64_t(std::max(0.0, block.t_s[n]) * 1e6 + kClockOffset_us);
         frame.device = shares_port ? sensor.device : std::uint16_t(0);
         frame.n_channels = std::uint8_t(sensor.n());

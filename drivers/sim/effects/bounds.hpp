@@ -36,38 +36,24 @@ inline bool is_piezo(const Sensor& sensor, std::size_t channel) {
     return sensor.model == Model::capacitive && sensor.channels[channel] == "Vp";
 }
 
-// What some effects can do by their own bounds, within the scene alone: for effects of time, which come before all others.
-inline double others_N(const Setting& s, const Extent& extent, std::initializer_list<std::string_view> names) {
-    if (s.scene == nullptr) return 0;
+// What some effects can do by their bounds: for effects of time, which come before all others.
+inline double others_N(const Setting& s, std::initializer_list<std::string_view> names) {
     double sum = 0;
-    for (std::size_t i = 0; i < chain().size(); ++i) {
-        const EffectEntry& other = *chain()[i];
-        if ((other.models >> unsigned(s.sensor.model) & 1u) == 0) continue;
-        if (std::find(names.begin(), names.end(), other.name) != names.end())
-            sum += other.bound(s.scene->setting(i, s.sensor, extent)).change_N;
-    }
+    for (std::size_t i = 0; i < s.stated_N.size(); ++i)
+        if (std::find(names.begin(), names.end(), chain()[i]->name) != names.end()) sum += s.stated_N[i];
     return sum;
 }
 
 // By how much what temperature does to a reading can change within so many seconds, N. A body's warmth comes through the
 // skin within a time constant, or within the scene if that is shorter; a warm film's charge leaks as fast as any.
 inline double warming_N(const Setting& s, double seconds) {
-    Extent alone = s.extent;
-    alone.body_K = 0;
     const double length_s = std::max(double(s.samples) / s.rate_Hz, 1e-9);
     const double through_1_s = 1 / length_s + 1 / diffusion_s(s.sensor), film_1_s = 2 * through_1_s + 20;
-    double sum = 0;
-    if (s.extent.ambient_K > 0) {
-        const double rate_1_s = s.extent.ambient_rate_K_s / s.extent.ambient_K;
-        sum += std::min(2.0, rate_1_s * seconds) * others_N(s, alone, {"temperature_zero", "temperature_gain"});
-        sum += std::min(2.0, film_1_s * seconds) * others_N(s, alone, {"pyroelectric"});
-    }
-    alone = s.extent;
-    alone.ambient_K = alone.ambient_rate_K_s = 0;
-    if (s.extent.body_K > 0) {
-        sum += std::min(2.0, through_1_s * seconds) * others_N(s, alone, {"contact_heat"});
-        sum += std::min(2.0, film_1_s * seconds) * others_N(s, alone, {"pyroelectric"});
-    }
+    double sum = std::min(2.0, through_1_s * seconds) * others_N(s, {"contact_heat"}) +
+                 std::min(2.0, film_1_s * seconds) * others_N(s, {"pyroelectric"});
+    if (s.extent.ambient_K > 0)
+        sum += std::min(2.0, s.extent.ambient_rate_K_s / s.extent.ambient_K * seconds) *
+               others_N(s, {"temperature_zero", "temperature_gain", "lead_wires", "excitation_drift"});
     return sum;
 }
 
@@ -102,9 +88,13 @@ inline double shift_N(const Setting& s, double seconds) {
     // What hangs on the place, the speed or the acceleration may be anywhere else in its range.
     double other_N = warming_N(s, seconds);
     if (s.extent.moved_m > 0)
-        other_N += 2 * others_N(s, s.extent, {"load_moment", "contact_patch", "hertz_contact", "tilt", "partial_slip"});
-    if (s.extent.speed_m_s > 0) other_N += 2 * others_N(s, s.extent, {"stick_slip"});
-    if (s.extent.acceleration_m_s2 > 0) other_N += 2 * others_N(s, s.extent, {"cap_weight"});
+        other_N += 2 * others_N(s, {"load_moment", "contact_patch", "hertz_contact", "tilt", "partial_slip"});
+    if (s.extent.speed_m_s > 0) {
+        other_N += 2 * others_N(s, {"stick_slip"});
+        // One may slide already where the other still stands: another friction, and ridges or none.
+        other_N += others_N(s, {"friction_limit", "texture"});
+    }
+    if (s.extent.acceleration_m_s2 > 0) other_N += 2 * others_N(s, {"cap_weight"});
     return s.sensor.channel_N(change) + other_N;
 }
 

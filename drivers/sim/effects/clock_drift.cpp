@@ -19,7 +19,8 @@ private:
 
 Bound bound(const Setting& s) {
     const double length_s = std::max(s.extent.length_s, double(s.samples) / s.rate_Hz);
-    return {.change_N = shift_N(s, std::abs(s.p[0]) * 1e-6 * length_s)};
+    const double drift = std::abs(s.p[0]) * 1e-6;
+    return {.change_N = shift_N(s, drift * length_s), .stretch = 1 + drift};
 }
 
 }  // namespace

@@ -42,9 +42,9 @@ private:
     std::array<double, kAxes> last_{};
 };
 
-// |x_i| after T is at most the largest load times 1 - exp(-T / tau_i).
+// |x_i| after T is at most the largest load times 1 - exp(-T / tau_i). T is of the scene: it may go on after its motions.
 Bound bound(const Setting& s) {
-    const double amount = s.p[0] / 2, T = s.extent.length_s;
+    const double amount = s.p[0] / 2, T = double(s.samples) / s.rate_Hz;
     const double part = amount * (-std::expm1(-T / s.p[1]) - std::expm1(-T / (10 * s.p[1])));
     std::array<double, kAxes> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = part * most(s, Axis(axis));

@@ -9,6 +9,7 @@ namespace {
 // Of channel `from` in channel `to`, in their units. The piezo film has an amplifier of its own.
 double share(const Setting& s, std::size_t to, std::size_t from) {
     if (to == from || s.sensor.channels[to] == "Vp" || s.sensor.channels[from] == "Vp") return 0;
+    if (s.sensor.per_N[from] == 0) return 0;  // a hair that a scene made deaf
     return s.p[0] * s.sample.noise(0, to * kMostChannels + from) * s.sensor.per_N[to] / s.sensor.per_N[from];
 }
 

@@ -19,7 +19,10 @@ private:
     double deviation_s_, most_s_;  // two samples never change places
 };
 
-Bound bound(const Setting& s) { return {.change_N = shift_N(s, std::min(kMostNoise * s.p[0], 0.49 / s.rate_Hz))}; }
+Bound bound(const Setting& s) {
+    const double late_s = std::min(kMostNoise * s.p[0], 0.49 / s.rate_Hz);
+    return {.change_N = shift_N(s, late_s), .slack_s = 2 * late_s};  // one early, the other late
+}
 
 }  // namespace
 

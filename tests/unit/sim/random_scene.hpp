@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <rapidcheck.h>
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -12,13 +14,13 @@
 namespace tactiled::sim {
 
 struct RandomScene {
-    std::string model, head;
+    std::string model, head, tail;
     std::vector<std::string> motions;
 
     [[nodiscard]] std::string text() const {
         std::string all = head;
         for (const auto& motion : motions) all += "[[motion]]\n" + motion;
-        return all;
+        return all + tail;
     }
     [[nodiscard]] Scene scene() const {
         Problems problems;
@@ -79,23 +81,46 @@ inline std::string random_motion(double full_N) {
     }
 }
 
+// Few scenes set parameters of effects, and those of few effects: anywhere in their ranges, by orders of magnitude.
+inline std::string random_parameters() {
+    if (*rc::gen::inRange(0, 3) != 0) return "";
+    std::string tables;
+    for (const EffectEntry* effect : chain()) {
+        if (effect->parameters.empty() || *rc::gen::inRange(0, 8) != 0) continue;
+        tables += fmt::format("[effects.{}]\n", effect->name);
+        for (const Parameter& p : effect->parameters) {
+            const double reach = between(0, 1);
+            const double value = *rc::gen::inRange(0, 4) == 0 ? p.least + (p.most - p.least) * reach
+                                 : p.least > 0                ? p.least * std::pow(p.most / p.least, reach)
+                                                              : p.most * std::pow(10.0, -6 * reach);
+            tables += fmt::format("{} = {:e}\n", p.name, std::clamp(value, p.least, p.most));
+        }
+    }
+    return tables;
+}
+
 inline RandomScene random_scene() {
     RandomScene s;
     s.model = *rc::gen::element<std::string>("table", "hair", "capacitive");
     const double full_N = s.model == "table" ? 1 : s.model == "hair" ? 0.05 : 8;
     const auto shape = *rc::gen::element<std::string>("flat", "sphere", "textured", "edge");
     s.head = fmt::format(
-        "format = 1\ntitle = \"random\"\nseed = {}\nrate_Hz = {}\n[body]\nshape = \"{}\"\nradius_m = {}\nfriction = {}\n"
+        "format = 1\ntitle = \"random\"\nseed = {}\nrate_Hz = {}\n{}[body]\nshape = \"{}\"\nradius_m = {}\nfriction = {}\n"
         "kinetic_friction = 0.2\nmass_kg = {}\nadhesion_J_m2 = {}\ntemperature_C = {}\n[[sensor]]\nname = \"s\"\nmodel = "
         "\"{}\"\n"
         "turn_deg = {}\nshare = {}\n",
-        *rc::gen::inRange(0, 1'000'000), *rc::gen::element(10, 50, 100, 500, 1000), shape, between(1e-4, 5e-3),
+        *rc::gen::inRange(0, 1'000'000), *rc::gen::element(10, 50, 100, 500, 1000),
+        *rc::gen::inRange(0, 5) == 0 ? fmt::format("length_s = {}\n", between(0, 3)) : "", shape, between(1e-4, 5e-3),
         between(0.2, 1.2), between(0.001, 0.05) * full_N, between(0, 0.1), between(18, 35), s.model, between(-180, 180),
         between(0.3, 1));
+    if (*rc::gen::inRange(0, 5) == 0)
+        s.head += fmt::format("array = [{}, {}]\npitch_m = {}\n", *rc::gen::inRange(1, 3), *rc::gen::inRange(1, 3),
+                              between(3e-4, 3e-3));
     if (s.model == "table" && *rc::gen::inRange(0, 50) == 0)  // reading the map takes longer than running the scene
         s.head += "influence = \"" TACTILED_SOURCE_DIR "/config/calibration/table_influence.toml\"\n";
     s.motions.push_back(fmt::format("do = \"press\"\nto_N = {}\nin_s = {}\n", between(0, full_N), between(0.01, 0.5)));
     for (int n = *rc::gen::inRange(0, 6); n > 0; --n) s.motions.push_back(random_motion(full_N));
+    s.tail = random_parameters();
     return s;
 }
 
