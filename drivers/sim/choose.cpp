@@ -42,54 +42,6 @@ std::vector<std::size_t> in_order_of_use(const std::vector<Decision>& decisions)
     return order;
 }
 
-// Until nothing more can go: what is left out later may lower the gain of what an earlier one had to pass.
-void choose_automatically(Choice& choice) {
-    const auto order = in_order_of_use(choice.decisions);
-    for (bool again = true; again;) {
-        again = false;
-        for (const std::size_t i : order) {
-            Decision& d = choice.decisions[i];
-            if (!d.on) continue;
-            d.on = false;
-            d.why = d.bound.change_N == 0 ? "cannot occur here" : "within the wanted accuracy";
-            again = d.bound.change_N == 0 || guaranteed_error_N(choice.decisions) <= choice.wanted_N || again;
-            if (d.bound.change_N == 0 || guaranteed_error_N(choice.decisions) <= choice.wanted_N) continue;
-            d.on = true;
-            d.why = "needed";
-        }
-    }
-}
-
-// What an effect may have made of the load, for those that come after it.
-void widen(Extent& extent, const Bound& bound) {
-    const Extent was = extent;
-    for (std::size_t axis = 0; axis < kAxes; ++axis) {
-        extent.most[axis] += bound.load[axis];
-        extent.span[axis] += 2 * bound.load[axis];
-        extent.rate[axis] *= bound.load_gain;
-        extent.jump[axis] *= bound.load_gain;
-        extent.added[axis] *= bound.load_gain;
-        for (std::size_t other = axis < kMx ? kFx : kMx; other < (axis < kMx ? kMx : kAxes); ++other) {
-            if (other == axis) continue;
-            extent.rate[axis] += bound.coupling * was.rate[other];
-            extent.jump[axis] += bound.coupling * was.jump[other];
-            extent.added[axis] += bound.coupling * was.added[other];
-        }
-        if (bound.coupling > 0) extent.back[axis] += 2 * bound.load[axis];
-        if (bound.own_N > 0) extent.added[axis] += bound.load[axis];
-    }
-    extent.reverses |= bound.own_N > 0;
-}
-
-void add(Before& before, const Bound& bound) {
-    before.most_N += bound.change_N;
-    // What moves by itself as far as it changes anything at all is counted so; the rest moves with its input.
-    const double gain = bound.own_N < bound.change_N ? bound.gain : 1;
-    before.gain *= gain;
-    for (auto& own : before.own) own = {own.most_N * gain, own.rate_N_s * gain};
-    if (bound.own_N > 0) before.own.push_back({bound.own_N, bound.own_rate_N_s});
-}
-
 // Another time finds all that follows elsewhere, so effects of time are asked when the bounds of all are known.
 void bound_time(const Scene& scene, const Sensor& sensor, const Extent& extent, Choice& choice) {
     std::vector<double> stated_N(chain().size(), 0);
@@ -107,12 +59,6 @@ void bound_time(const Scene& scene, const Sensor& sensor, const Extent& extent, 
 
 }  // namespace
 
-double Before::change_N(const Setting& s, double seconds) const {
-    double sum = gain * s.sensor.channel_N(s.extent.changes(seconds));
-    for (const Own& part : own) sum += std::min(2 * part.most_N, part.rate_N_s * s.extent.apart_s(seconds));
-    return sum;
-}
-
 double guaranteed_error_N(const std::vector<Decision>& decisions) {
     double error = 0;
     for (const Decision& d : decisions) {
@@ -122,6 +68,22 @@ double guaranteed_error_N(const std::vector<Decision>& decisions) {
             error = error * d.bound.gain + d.bound.jump_N;
     }
     return error;
+}
+
+void leave_out(std::vector<Decision>& decisions, double wanted_N) {
+    const auto order = in_order_of_use(decisions);
+    for (bool again = true; again;) {
+        again = false;
+        for (const std::size_t i : order) {
+            Decision& d = decisions[i];
+            if (!d.on) continue;
+            d.on = false;
+            const bool fits = d.bound.change_N == 0 || guaranteed_error_N(decisions) <= wanted_N;
+            d.on = !fits;
+            d.why = !fits ? "needed" : d.bound.change_N == 0 ? "cannot occur here" : "within the wanted accuracy";
+            again |= fits;
+        }
+    }
 }
 
 Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, const std::string& wish) {
@@ -139,22 +101,14 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
         Setting setting = scene.setting(i, sensor, reach);
         setting.before = before;
         const Bound bound = effect.bound(setting);
-        if (effect.stage == Stage::contact || effect.stage == Stage::material) {
-            widen(reach, bound);
-            for (std::size_t axis = 0; axis < kAxes; ++axis) before.load[axis] += bound.load[axis];
-        } else if (effect.stage == Stage::time) {
-            reach.stretch *= bound.stretch;
-            reach.slack_s += bound.slack_s;
-        } else {
-            add(before, bound);
-        }
+        pass_on(bound, effect.stage, reach, before);
         choice.decisions.push_back({&effect, bound, on,
                                     list            ? (asked ? "asked for" : "not asked for")
                                     : wish == "all" ? "all"
                                                     : "none"});
     }
     bound_time(scene, sensor, extent, choice);
-    if (wish == "auto") choose_automatically(choice);
+    if (wish == "auto") leave_out(choice.decisions, choice.wanted_N);
     choice.guaranteed_N = guaranteed_error_N(choice.decisions);
     return choice;
 }

@@ -28,4 +28,8 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
 // adds its bound, each that is on hands on what was there before it by its gain and its jump.
 double guaranteed_error_N(const std::vector<Decision>& decisions);
 
+// Leaves out what it can, by bound over instructions, the least first, until nothing more can go: what is left out later may
+// lower the gain of what an earlier one had to pass.
+void leave_out(std::vector<Decision>& decisions, double wanted_N);
+
 }  // namespace tactiled::sim

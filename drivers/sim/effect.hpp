@@ -85,6 +85,9 @@ struct Bound {
     double stretch = 1, slack_s = 0;
 };
 
+// Tells those that come after an effect what it may make of the loads (`reach`) and of the channels (`before`). setup
+void pass_on(const Bound& bound, Stage stage, Extent& reach, Before& before);
+
 // A chosen effect at work on one sensor, with its state. The simulator runs a vector of these and nothing else.
 class Effect {
 public:

@@ -36,6 +36,67 @@ TEST(GuaranteedError, JumpsAtARoundingOnlyWhereSomethingWasLeftOutBefore) {
     EXPECT_DOUBLE_EQ(guaranteed_error_N({decision(0.025, true, 1, 0.05), decision(0.001, false)}), 0.001);
 }
 
+TEST(PassOn, AMaterialReachesFurtherAndMovesFaster) {
+    Extent reach;
+    reach.most = reach.span = {0, 0, 1, 0, 0};
+    reach.rate = {0, 0, 2, 0, 0};
+    reach.jump = {0, 0, 0.5, 0, 0};
+    Before before;
+    pass_on({.change_N = 0.1, .load = {0, 0, 0.1, 0, 0}, .load_gain = 1.5}, Stage::material, reach, before);
+    EXPECT_DOUBLE_EQ(reach.most[kFz], 1.1);
+    EXPECT_DOUBLE_EQ(reach.span[kFz], 1.2);
+    EXPECT_DOUBLE_EQ(reach.rate[kFz], 3);
+    EXPECT_DOUBLE_EQ(reach.jump[kFz], 0.75);
+    EXPECT_DOUBLE_EQ(before.load[kFz], 0.1);
+    EXPECT_EQ(before.most_N, 0);
+    EXPECT_FALSE(reach.reverses);
+}
+
+TEST(PassOn, ATurnedSensorSeesOneForceMoveInAnother) {
+    Extent reach;
+    reach.rate = {0, 0, 2, 0, 3};
+    reach.jump = {0, 0, 0.5, 0, 0};
+    Before before;
+    pass_on({.change_N = 0.1, .load = {0.1, 0, 0, 0, 0}, .coupling = 0.1}, Stage::contact, reach, before);
+    EXPECT_DOUBLE_EQ(reach.rate[kFx], 0.2);
+    EXPECT_DOUBLE_EQ(reach.jump[kFx], 0.05);
+    EXPECT_DOUBLE_EQ(reach.rate[kMx], 0.3);  // of a moment comes a moment
+    EXPECT_DOUBLE_EQ(reach.back[kFx], 0.2);
+}
+
+TEST(PassOn, WhatMovesByItselfMayComeAtOnceAndGo) {
+    Extent reach;
+    Before before;
+    pass_on({.change_N = 0.1, .own_N = 0.1, .load = {0, 0, 0.1, 0, 0}}, Stage::contact, reach, before);
+    EXPECT_TRUE(reach.reverses);
+    EXPECT_DOUBLE_EQ(reach.added[kFz], 0.1);
+    EXPECT_DOUBLE_EQ(reach.change(kFz, 0), 0.2);
+}
+
+TEST(PassOn, ChannelsMoveWithTheirLoadByTheGainsAndBesidesByWhatMovesByItself) {
+    const Scene scene = scene_of(kStill);
+    const Extent still;
+    Setting setting = scene.setting(0, scene.sensors[0], still);
+    Extent reach;
+    pass_on({.change_N = 0.1, .own_N = 0.1, .own_rate_N_s = 0.5}, Stage::transducer, reach, setting.before);
+    pass_on({.change_N = 0.2, .gain = 2}, Stage::transducer, reach, setting.before);
+    EXPECT_DOUBLE_EQ(setting.before.most_N, 0.3);
+    EXPECT_DOUBLE_EQ(setting.before.gain, 2);
+    EXPECT_DOUBLE_EQ(setting.before.change_N(setting, 0.1), 2 * 0.05);
+    EXPECT_DOUBLE_EQ(setting.before.change_N(setting, 100), 2 * 0.2);
+}
+
+// Two effects of one bound: the dear one goes.
+TEST(LeaveOut, WhatCostsMostForTheLeastErrorGoesFirst) {
+    EffectEntry dear = *find_effect("creep"), cheap = dear;
+    dear.instructions = 1000;
+    cheap.instructions = 10;
+    std::vector<Decision> decisions{{&cheap, {.change_N = 0.01}, true, ""}, {&dear, {.change_N = 0.01}, true, ""}};
+    leave_out(decisions, 0.015);
+    EXPECT_TRUE(decisions[0].on);
+    EXPECT_FALSE(decisions[1].on);
+}
+
 TEST(Choose, AutoKeepsTheWantedAccuracyAndLeavesOutNothingThatItDoesNotState) {
     const Scene scene = scene_of(kStill);
     const Extent extent = scene.motion.extent(scene.sensors[0]);

@@ -122,7 +122,7 @@ RC_GTEST_PROP(Extent, HoldsEverySample, ()) {
             }
             const double shear = std::hypot(b->load[kFx][n], b->load[kFy][n]), press = -b->load[kFz][n];
             holds &= shear - scene.body.friction * press <= e.shear_excess_N * kRounding + kNothing_N;
-            holds &= b->speed_m_s[n] <= e.speed_m_s && b->slide_m[n] <= e.slide_m * kRounding + 1e-15;
+            holds &= b->speed_m_s[n] <= e.speed_m_s * kRounding && b->slide_m[n] <= e.slide_m * kRounding + 1e-15;
             holds &= std::abs(b->x_m[n]) <= e.x_m * kRounding && std::abs(b->y_m[n]) <= e.y_m * kRounding;
             holds &= std::abs(b->ambient_K[n]) <= e.ambient_K * kRounding;
             holds &= std::abs(b->body_K[n] - b->ambient_K[n]) <= e.body_K * kRounding + 1e-12;
