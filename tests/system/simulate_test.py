@@ -123,7 +123,7 @@ class Files(unittest.TestCase):
         for asked, same in ((",".join(names), "auto"), (",".join(reversed(names)), "auto"), (",".join(everything), "all")):
             self.assertEqual(self.bytes_of(PRESS, asked), self.bytes_of(PRESS, same))
         self.assertNotEqual(self.bytes_of(PRESS, "all")[0], self.bytes_of(PRESS, "none")[0])
-        another = self.scene(PRESS.read_text().replace("seed = 1", "seed = 2"))
+        another = self.scene(PRESS.read_text().replace("format = 1\n", "format = 1\nseed = 2\n", 1))
         self.assertNotEqual(self.bytes_of(PRESS, "noise")[0], self.bytes_of(another, "noise")[0])
 
     def test_one_sensor_has_plain_columns_and_a_row_a_frame(self):
