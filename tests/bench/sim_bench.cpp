@@ -66,7 +66,7 @@ double difference_N(const Scene& scene, const std::string& a, const std::string&
 
 struct Row {
     std::size_t on = 0, of = 0;
-    double wanted = 0, guaranteed = 0, parts_ns = 0;
+    double wanted = 0, guaranteed = 0, over_parts = 0;
 };
 
 // The effects that are on but for one, as a list.
@@ -79,7 +79,7 @@ std::string without(const Choice& choice, const EffectEntry* left_out) {
 
 // Over all sensors: the strictest wish, the largest guarantee; of the first sensor, what its effects cost, each as the
 // difference that leaving it out alone makes, on top of none.
-Row row_of(const Scene& scene, double none_ns, double auto_ns) {
+Row row_of(const Scene& scene) {
     Row row;
     row.wanted = 1e300;
     const Simulation simulation(scene, "auto");
@@ -88,14 +88,17 @@ Row row_of(const Scene& scene, double none_ns, double auto_ns) {
         row.guaranteed = std::max(row.guaranteed, simulation.choice(i).guaranteed_N);
     }
     const Choice& choice = simulation.choice(0);
+    Scene first = scene;  // the others may have been given other effects
+    first.sensors.resize(1);
+    const double none_ns = cost_ns(first, "none"), auto_ns = cost_ns(first, "auto");
     double parts = none_ns;
     for (const Decision& d : choice.decisions) {
         ++row.of;
         if (!d.on) continue;
         ++row.on;
-        parts += std::max(0.0, auto_ns - cost_ns(scene, without(choice, d.effect)));
+        parts += std::max(0.0, auto_ns - cost_ns(first, without(choice, d.effect)));
     }
-    row.parts_ns = parts;
+    row.over_parts = auto_ns / parts;
     return row;
 }
 
@@ -107,12 +110,12 @@ void print_scenes(int n, char** files) {
     for (int i = 0; i < n; ++i) {
         const Scene scene = read_scene(files[i]);
         const double none = cost_ns(scene, "none"), automatic = cost_ns(scene, "auto"), all = cost_ns(scene, "all");
-        const Row row = row_of(scene, none, automatic);
+        const Row row = row_of(scene);
         const double difference = difference_N(scene, "auto", "all");
         const std::string path = files[i], name = path.substr(path.rfind('/') + 1);
         fmt::print("| {} | {} | {} of {} | {:.0f} | {:.0f} | {:.0f} | {:.1f} | {:.2f} | {:.3g} | {:.3g} | {:.3g} | {} |\n",
                    name.substr(0, name.size() - 5), scene.sensors.size(), row.on, row.of, none, automatic, all,
-                   all / automatic, automatic / row.parts_ns, difference * 1e3, row.guaranteed * 1e3, row.wanted * 1e3,
+                   all / automatic, row.over_parts, difference * 1e3, row.guaranteed * 1e3, row.wanted * 1e3,
                    difference <= row.wanted ? "kept" : "**BROKEN**");
         std::fflush(stdout);
     }
