@@ -85,13 +85,13 @@ class Installed(unittest.TestCase):
 
     def test_find_package_builds_both_examples(self):
         build = self.folder / "build"
-        subprocess.run(["cmake", "-S", self.folder, "-B", build, f"-DCMAKE_PREFIX_PATH={self.prefix}"], check=True,
+        subprocess.run(["cmake", "-G", "Ninja", "-S", self.folder, "-B", build, f"-DCMAKE_PREFIX_PATH={self.prefix}"], check=True,
                        capture_output=True)
         subprocess.run(["cmake", "--build", build], check=True, capture_output=True)
         for program in ("example_c", "example_cxx"):
             self.assertEqual(len(self.lines_of(build / program)), 100, program)
         (self.folder / "CMakeLists.txt").write_text(CMAKE.replace("tactiled 0.1", "tactiled 9.0"))
-        refused = subprocess.run(["cmake", "-S", self.folder, "-B", self.folder / "other",
+        refused = subprocess.run(["cmake", "-G", "Ninja", "-S", self.folder, "-B", self.folder / "other",
                                   f"-DCMAKE_PREFIX_PATH={self.prefix}"], capture_output=True, text=True)
         self.assertNotEqual(refused.returncode, 0)
         (self.folder / "CMakeLists.txt").write_text(CMAKE)
