@@ -2,12 +2,12 @@
 // device is gone, and the node opens it again.
 #include <fmt/format.h>
 #include <poll.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
 
+#include "drivers/clock.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/tty.hpp"
 #include "drivers/wire/ascii_line.hpp"
@@ -15,12 +15,6 @@
 
 namespace tactiled {
 namespace {
-
-std::uint64_t now_ns() noexcept {
-    timespec t{};
-    ::clock_gettime(CLOCK_MONOTONIC, &t);
-    return std::uint64_t(t.tv_sec) * 1'000'000'000u + std::uint64_t(t.tv_nsec);
-}
 
 class Uart final : public Driver {
 public:

@@ -8,17 +8,12 @@
 #include <filesystem>
 #include <limits>
 
+#include "drivers/clock.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/sim/simulation.hpp"
 
 namespace tactiled {
 namespace {
-
-std::uint64_t now_ns() noexcept {
-    timespec now{};
-    ::clock_gettime(CLOCK_MONOTONIC, &now);
-    return std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec);
-}
 
 class SimDriver final : public Driver {
 public:

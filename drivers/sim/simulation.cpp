@@ -1,11 +1,10 @@
 #include "drivers/sim/simulation.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 
+#include "drivers/clock.hpp"
 #include "drivers/sim/linear.hpp"
 
 namespace tactiled::sim {
@@ -97,11 +96,6 @@ void Simulation::apply_and_measure(Line& line) noexcept {
 }
 
 void Simulation::apply_and_time(Line& line) noexcept {
-    const auto now_ns = [] {
-        timespec now{};
-        ::clock_gettime(CLOCK_MONOTONIC, &now);
-        return std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec);
-    };
     std::uint64_t before_ns = now_ns();
     for (const Step& step : line.steps) {
         step.effect->apply(*line.block);
