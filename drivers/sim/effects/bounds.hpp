@@ -5,6 +5,7 @@
 #include <initializer_list>
 #include <limits>
 
+#include "drivers/sim/effects/reach.hpp"
 #include "drivers/sim/effects/warmth.hpp"
 #include "drivers/sim/scene.hpp"
 
@@ -57,13 +58,6 @@ inline double warming_N(const Setting& s, double seconds) {
     return sum;
 }
 
-// Largest |reading - zero|, all that came before included.
-inline Channels swings(const Setting& s) {
-    Channels result = channel_changes(s.sensor, s.extent.most);
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) result[k] += s.before.most_N * s.sensor.per_N[k];
-    return result;
-}
-
 // Largest difference between a reading now and a weighted mean of its past. `older(t)` = share of the weights of what is
 // more than t seconds old, `horizon_s` = where it has become small.
 template <class Older>
@@ -101,12 +95,7 @@ inline double shift_N(const Setting& s, double seconds) {
 // The largest change of each component of the load alone when no channel changes by more than 1 N; 0 where none feels it.
 inline std::array<double, kAxes> felt(const Sensor& sensor) {
     std::array<double, kAxes> result{};
-    for (std::size_t axis = 0; axis < kAxes; ++axis) {
-        std::array<double, kAxes> unit{};
-        unit[axis] = 1;
-        const double channel_N = sensor.channel_N(unit);
-        if (channel_N > 0) result[axis] = 1 / channel_N;
-    }
+    for (std::size_t axis = 0; axis < kAxes; ++axis) result[axis] = load_of_error(sensor, Axis(axis));
     return result;
 }
 

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <optional>
 
+#include "drivers/sim/effects/influence.hpp"
 #include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {

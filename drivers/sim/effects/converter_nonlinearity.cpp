@@ -35,7 +35,7 @@ private:
 
 // Its slope is within 1 - 2 c INL and 1 + c INL.
 Bound bound(const Setting& s) {
-    Channels change = swings(s);
+    Channels change = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {
         const double inl = std::abs(s.p[0]) * half_range(s.sensor, k);
         change[k] = std::min(std::abs(s.p[0]) * kToOne * change[k], inl);

@@ -53,7 +53,7 @@ private:
 // From its last reading, or from the rail, to the farthest that the others reach; 0 where all live on.
 Bound bound(const Setting& s) {
     Channels change{};
-    const Channels swing = swings(s);
+    const Channels swing = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         if (death(s, k) < double(s.samples)) change[k] = way(s) == kRail ? swing[k] + rail(s, k) : 2 * swing[k];
     const double change_N = s.sensor.largest_N(change);

@@ -1,6 +1,7 @@
 // Exact overlap: the area that a round electrode shares with a sector is no straight line in its shift.
 #include <cmath>
 
+#include "drivers/sim/effects/pad.hpp"
 #include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {

@@ -28,7 +28,7 @@ Bound bound(const Setting& s) {
     const double drift = std::abs(s.p[0]) * -std::expm1(-length_s / s.p[1]) + std::abs(s.p[2]) * 1e-6 * s.extent.ambient_K;
     const double relative_1_s =
         std::abs(s.p[0]) / s.p[1] + (s.extent.ambient_K > 0 ? std::abs(s.p[2]) * 1e-6 * s.extent.ambient_rate_K_s : 0);
-    Channels change = swings(s);
+    Channels change = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = drift * (change[k] + std::abs(s.sensor.zero[k]));
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N,

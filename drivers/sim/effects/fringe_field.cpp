@@ -1,6 +1,7 @@
 // Fringe field: the rim's part of a capacitance falls more slowly with the gap than the plate's.
 #include <cmath>
 
+#include "drivers/sim/effects/pad.hpp"
 #include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {

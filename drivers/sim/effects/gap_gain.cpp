@@ -1,6 +1,7 @@
 // Gap gain: a capacitance goes with the inverse of the gap, and so does what a shear makes of it.
 #include <cmath>
 
+#include "drivers/sim/effects/pad.hpp"
 #include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {

@@ -23,7 +23,7 @@ private:
 };
 
 Bound bound(const Setting& s) {
-    Channels change = swings(s);
+    Channels change = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         change[k] =
             s.p[0] / (1 + s.p[0]) * (change[k] + std::abs(s.sensor.zero[k])) + s.p[0] * kCopper_1_K * s.extent.ambient_K;

@@ -1,6 +1,7 @@
 // Load moment: a press beside the centre tilts a soft skin, and presses more on the sensing elements near to it.
 #include <cmath>
 
+#include "drivers/sim/effects/pad.hpp"
 #include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {

@@ -43,7 +43,7 @@ Bound bound(const Setting& s) {
     const double time_s = 1 / (6.283185307179586 * s.p[0]);
     const double low_pass_N = lag_N(s, 16 * time_s + 4 * step_s, older);
     Channels beyond{};
-    beyond[channel] = std::max(swings(s)[channel] - s.p[1], 0.0);
+    beyond[channel] = std::max(largest_swing(s)[channel] - s.p[1], 0.0);
     return {.change_N = low_pass_N + s.sensor.largest_N(beyond)};
 }
 

@@ -3,11 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "drivers/sim/effect.hpp"
-#include "drivers/sim/effects/influence.hpp"
-#include "drivers/sim/effects/pad.hpp"
 
 namespace tactiled::sim {
 

@@ -29,7 +29,7 @@ private:
 
 // What goes beyond; 0 where the load cannot reach a rail.
 Bound bound(const Setting& s) {
-    Channels change = swings(s);
+    Channels change = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = std::max(change[k] - s.p[0] * half_range(s.sensor, k), 0.0);
     return {.change_N = s.sensor.largest_N(change)};
 }

@@ -1,6 +1,7 @@
 // Tilt: the mean of 1/d over a tilted electrode is more than 1 over the mean gap.
 #include <cmath>
 
+#include "drivers/sim/effects/pad.hpp"
 #include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {
