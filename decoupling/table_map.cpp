@@ -195,7 +195,7 @@ private:
     // The forces of a load spread over the plate; moments 0, for its middle is the plate's. `true_here`: that is the
     // contact, or nothing touches.
     void spread_evenly(Input& input, Estimate& estimate, bool true_here) noexcept {
-        const auto solved = spread_.solve(input.r, zero_, input.usable & ~dead_);
+        const auto solved = spread_.solve(input.r.data(), zero_, input.usable & ~dead_);
         if (solved.used == 0) return;  // BAD
         if (true_here && !point_) {
             estimate.residual = solved.residual;

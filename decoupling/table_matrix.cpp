@@ -28,7 +28,7 @@ public:
 private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        const auto solved = solver_.solve(input.r, zero_, input.usable);
+        const auto solved = solver_.solve(input.r.data(), zero_, input.usable);
         if (solved.used == 0) return;  // BAD: the gauges that are left do not determine the loads
         estimate.residual = solved.residual;
         if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
