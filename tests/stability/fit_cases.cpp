@@ -179,7 +179,7 @@ void add_labels(Cases& cases) {
     });
     const auto misread = bench(50, 1, [](std::size_t i, LabelledRow& row) {
         row.channel[0] = 2 * load_of(i);
-        row.wrench_S[1] = load_of(i) * (i == 22 ? 1.3 : 1);
+        row.wrench_S[1] = load_of(i) * (i == 2 ? 1.3 : 1);
     });
     const struct {
         const char *id, *what;
@@ -229,7 +229,7 @@ void add_refusals(Cases& cases) {
     refuse("H37b", "kernels from 200 rows of three loads", 1, bench(200, 1, [](std::size_t i, LabelledRow& row) {
                row.wrench_S[2] = double(i / 70);
                row.channel[0] = row.wrench_S[2] + 1e-3 * load_of(i);
-           }), "rbf", "3 for 2 coefficients");
+           }), "rbf", "3 loads");
 }
 
 }  // namespace

@@ -105,9 +105,9 @@ void add_offsets_and_sizes(Cases& cases) {
     cases.value("T6", "readings of 1e-309",
                 {tiny[2] / norm * norm / kTangential, estimate_of(inner_four(), tiny).wrench_S[0], reference, 1, 16,
                  64 * 4.94e-324 / std::abs(tiny[2])});
-    const std::vector<double> huge = four(1e155, 0, 2e155);  // their squares are infinite
+    const std::vector<double> huge = four(1e160, 0, 2e160);  // their squares are infinite
     const Estimate estimate = estimate_of(inner_four(), huge);
-    cases.marked("T7", "readings of 1e153, whose squares overflow",
+    cases.marked("T7", "readings of 1e158, whose squares overflow",
                  {as_good(textbook_fx(huge)), published(estimate, 0), TACTILED_DISAGREEMENT | TACTILED_OUTSIDE_DOMAIN});
     // At rest every gauge shows noise; an angle of it would jump about. 0 = no direction.
     Calibration signs = inner_four("signs");
@@ -149,10 +149,10 @@ std::vector<double> plate_reading(const InfluenceMap& map, const PlateCase& cont
     return r;
 }
 
-// Gauss-Newton from the middle of the plate, without a step's bound: fz.
-double newton_from_the_middle(const InfluenceMap& map, const std::vector<double>& r) {
+// Gauss-Newton from wherever the last contact was, here near the opposite edge, without a bound on its steps: fz.
+double newton(const InfluenceMap& map, const std::vector<double>& r) {
     const Eigen::Map<const Gauges> y(r.data());
-    Eigen::Vector2d p(1e-6, 0);
+    Eigen::Vector2d p(-7e-4, 3e-4);
     Eigen::Vector3d force = Eigen::Vector3d::Zero();
     for (int i = 0; i < 30; ++i) {
         InfluenceMap::At at;
@@ -191,16 +191,16 @@ void add_plate(Cases& cases) {
         // the readings at most, and kappa makes an error of the force of it.
         const double slack = kappa * std::pow(1e-6 / map.spacing_m(), 2);
         cases.value(one.id, one.what,
-                    {newton_from_the_middle(map, r), estimate_of(c, r).wrench_S[2], one.at.force[2], kappa, 64, slack});
+                    {newton(map, r), estimate_of(c, r).wrench_S[2], one.at.force[2], kappa, 64, slack});
     }
     const auto rim = plate_reading(map, {9.6e-4, 0, {0.1, 0, -1}});
     cases.marked("T13", "a point beyond the plate's edge",
-                 {as_good(newton_from_the_middle(map, rim)), published(estimate_of(c, rim), 2), TACTILED_OUTSIDE_DOMAIN});
+                 {as_good(newton(map, rim)), published(estimate_of(c, rim), 2), TACTILED_OUTSIDE_DOMAIN});
     auto both = plate_reading(map, {6e-4, 1e-4, {0, 0, -0.5}});
     const auto other = plate_reading(map, {-5e-4, -2e-4, {0, 0.1, -0.6}});
     for (std::size_t k = 0; k < 8; ++k) both[k] += other[k];
     cases.marked("T14", "two points at once: no point explains it",
-                 {as_good(newton_from_the_middle(map, both)), published(estimate_of(c, both), 2),
+                 {as_good(newton(map, both)), published(estimate_of(c, both), 2),
                   TACTILED_UNKNOWN_UNCERTAINTY});
     // Nothing touches: the centre of pressure is 0/0.
     const std::vector<double> rest(8, 1e-7);
