@@ -7,11 +7,11 @@ namespace tactiled::sim {
 namespace {
 
 // Strain, > 0 in compression, of a neo-Hookean pad under the load q = stress / modulus: with x = 1 / stretch, x^3 - 3 q x -
-// 1 = 0.
+// 1 = 0. Newton's method for e = x - 1: so a load of 1e-12 keeps its digits, as x itself would not.
 double strain(double q) {
-    double x = std::max(1 + q, 0.0);
-    for (int i = 0; i < 8; ++i) x -= (x * (x * x - 3 * q) - 1) / (3 * (x * x - q) + 1e-300);
-    return (x - 1) / x;
+    double e = std::max(q, -1.0);
+    for (int i = 0; i < 8; ++i) e -= (e * (e * (e + 3) + 3 * (1 - q)) - 3 * q) / (3 * (e * (e + 2) + (1 - q)) + 1e-300);
+    return e / (1 + e);
 }
 
 // Strain by 1 N in the linear model of an elastomer; 0 for the table.

@@ -1,0 +1,83 @@
+// A numerically hard case: what the textbook's code makes of it, what this product's own code makes of it, what is true, and
+// how far off a result may be. The families of cases are in the *_cases.cpp beside this file.
+#pragma once
+#include <boost/multiprecision/cpp_bin_float.hpp>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "decoupling/decoupler.hpp"
+
+namespace tactiled::stability {
+
+// 100 decimal digits: what a reference is computed in, from the very doubles that the code under test gets.
+using Real = boost::multiprecision::cpp_bin_float_100;
+
+// A number that has to be right. The error is relative to the reference, absolute where that is 0.
+struct Value {
+    double naive, ours;
+    Real reference;
+    // Condition number of the problem: relative change of the result a relative change of its input. 1 where the inputs are
+    // exact and no step of a stable way to the result cancels.
+    double kappa = 1;
+    // The bound is times * kappa * 2^-52 (+ slack): times counts the roundings on the stable way, each 2^-53 at most.
+    double times = 8;
+    // What no arithmetic can help: where an iteration stops, the grid of denormal numbers, or of a register.
+    double slack = 0;
+};
+
+// What a reader gets to see of one component.
+struct Published {
+    double value;
+    tactiled_quality quality;
+    std::uint32_t reasons;
+};
+Published published(const Estimate& estimate, std::size_t component);
+Published as_good(double value);  // what code publishes that knows no quality
+
+// A result that nobody can give, or not whole: it must say so. BAD with NaN; or a finite number that is UNCERTAIN with all of
+// `reasons`.
+struct Marked {
+    Published naive, ours;
+    std::uint32_t reasons = 0;
+    // Where the number is to be right all the same (not BAD then): relative.
+    double truth = kNaN, within = 0;
+};
+
+struct Result {
+    std::string id, what;
+    std::string kappa, naive, ours, bound;  // for the table
+    bool naive_holds, ours_holds;
+};
+
+class Cases {
+public:
+    void value(const std::string& id, const std::string& what, const Value& value);
+    void marked(const std::string& id, const std::string& what, const Marked& marked);
+    // A set-up that must be refused, with `because` in what is said; `said` = "" where it was not. `naive`: what the textbook
+    // would have computed with it.
+    void refused(const std::string& id, const std::string& what, double naive, const std::string& said,
+                 const std::string& because);
+    [[nodiscard]] const std::vector<Result>& results() const { return results_; }
+
+private:
+    std::vector<Result> results_;
+};
+
+void add_table_cases(Cases& cases);
+void add_hair_cases(Cases& cases);
+void add_capacitive_cases(Cases& cases);
+void add_piezo_cases(Cases& cases);
+void add_generic_cases(Cases& cases);
+void add_fit_cases(Cases& cases);
+void add_number_cases(Cases& cases);
+void add_simulator_cases(Cases& cases);
+
+// What the loop would publish of a reading; t_ns does not matter to methods that remember nothing.
+Estimate estimate_of(const Calibration& calibration, const std::vector<double>& channel, std::uint32_t missing = 0,
+                     std::uint32_t saturated = 0);
+// What is said when a calibration is refused, "" where it is not.
+std::string refusal_of(const Calibration& calibration);
+
+}  // namespace tactiled::stability
