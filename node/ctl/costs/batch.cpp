@@ -116,7 +116,7 @@ Cost measure(const CostSetup& setup) {
         const std::size_t order[] = {1, 0, 2, 3};
         for (std::size_t i = 0; i < 4; ++i)
             series[i].points.push_back(
-                {n, at[order[i]] / n, b + 1 == std::size(kBatches) ? fmt::format("{:.3g} ns", at[order[i]] / n) : ""});
+                {n, at[order[i]] / n, b + 1 == std::size(kBatches) ? fmt::format("{:.0f} ns", at[order[i]] / n) : ""});
     }
     cost.figure = {"Array: time a taxel against the number of taxels",
                    {"taxels that are asked in one turn (4 x 4 = 16)", true},

@@ -131,6 +131,7 @@ Cost measure(const CostSetup& setup) {
         cost.rows.push_back(
             {fmt::format("{} points", points[i]),
              {double(points[i]), half, most, share(errors[i].point_um, 0.5), share(errors[i].point_um, 0.9), ns[i]}});
+        if (!judged) continue;
         median.points.push_back(
             {double(points[i]), 100 * half, fmt::format("{} points, {:.2f} us", points[i], ns[i] / 1000)});
         ninety.points.push_back({double(points[i]), 100 * most, ""});
@@ -138,7 +139,7 @@ Cost measure(const CostSetup& setup) {
     }
     enough.points = {{double(points.back()), 100 * kEnough, ""}, {double(points[1]), 100 * kEnough, ""}};
     cost.figure = {"Method map: error of the force against the map's density",
-                   {"points of finite elements in the map; asked are others", true},
+                   {"points of finite elements in the map (it is asked at others)", true},
                    {"error of the force, % of it", true},
                    {median, ninety, enough}};
     const auto &least = cost.rows[chosen].values, &all = cost.rows.front().values;

@@ -79,6 +79,6 @@ Cost measure(const CostSetup& setup) {
 
 extern const CostEntry register_cost;
 const CostEntry register_cost{"register", "int16 against float32 in registers: error against words",
-                              "node/modbus/costs_register.svg", measure};
+                              "node/costs_register.svg", measure};
 
 }  // namespace tactiled::ctl
