@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 
 namespace tactiled::ctl {
 namespace {
@@ -10,7 +11,7 @@ namespace {
 constexpr double kGap = 3;      // between symbol and label
 constexpr double kStep = 6;     // of the rings that are searched
 constexpr int kDirections = 8;  // in the first ring; more further out
-constexpr double kTurn = 2 * 3.14159265358979323846;
+constexpr double kTurn = 2 * std::numbers::pi;
 
 // The box of a label whose nearest point to the symbol lies in this direction, `distance` off it.
 Box beside(const LabelWish& wish, double cos, double sin, double distance) {

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numbers>
 #include <random>
 
 #include "node/ctl/costs/cost.hpp"
@@ -50,7 +51,7 @@ double delay_ms(double cutoff_Hz) {
 double theory_noise(double b) { return std::pow(1 - b, 2) * std::sqrt((1 + b * b) / std::pow(1 - b * b, 3)); }
 double theory_delay_ms(double b) { return 2 * b / (1 - b) * kStep_s * 1e3; }
 double pole(double cutoff_Hz) {
-    return std::exp(-2 * 3.14159265358979323846 * cutoff_Hz * kStep_s / std::sqrt(std::sqrt(2.0) - 1));
+    return std::exp(-2 * std::numbers::pi * cutoff_Hz * kStep_s / std::sqrt(std::sqrt(2.0) - 1));
 }
 
 Cost measure(const CostSetup& setup) {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numbers>
 #include <random>
 
 #include "decoupling/overlap_solver.hpp"
@@ -16,7 +17,7 @@ namespace tactiled::ctl {
 namespace {
 
 constexpr std::size_t kCases = 256;
-constexpr double kTurn = 2 * 3.14159265358979323846;
+constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kMove_m = 2e-5;        // between two samples: a finger that slides at 20 mm/s, 1 kHz
 constexpr double kMoveOfRadius = 4e-3;  // the same of the pad's upper disc, 5 mm
 constexpr std::uint32_t kAllGauges = 0xFF;
