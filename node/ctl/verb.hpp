@@ -28,6 +28,7 @@ void add_calibrate(CLI::App& app, Run& run);
 void add_decouple(CLI::App& app, Run& run);
 void add_play(CLI::App& app, Run& run);
 void add_simulate(CLI::App& app, Run& run);
+void add_tradeoff(CLI::App& app, Run& run);
 
 // ---- what several verbs share ----
 
