@@ -38,8 +38,6 @@ protected:
     // number among the calibration's components, where the estimate has no reason for it, makes it BAD.
     // rt: wait-free, no allocation
     virtual void solve(Input& input, Estimate& estimate) noexcept = 0;
-    // A reading of which nothing can be said came, or none that fits: what was remembered no longer holds. rt: wait-free
-    virtual void forget() noexcept {}
 
     [[nodiscard]] std::size_t n_channels() const noexcept { return n_; }
     [[nodiscard]] const std::array<bool, 6>& seen() const noexcept { return seen_; }

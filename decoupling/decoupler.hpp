@@ -48,6 +48,9 @@ public:
     // rt: wait-free
     [[nodiscard]] virtual Estimate decouple(const Reading& reading) noexcept = 0;
 
+    // Readings were missed, or one came of which nothing can be said: what was remembered no longer holds. rt: wait-free
+    virtual void forget() noexcept {}
+
     [[nodiscard]] virtual std::string_view method() const noexcept = 0;
 };
 
@@ -67,10 +70,9 @@ struct DecouplerEntry {
 const DecouplerEntry* find_decoupler(std::string_view name) noexcept;
 std::vector<std::string> decoupler_names();
 
-// The decoupler of a calibration. `method`: "" = the one that it was fitted for; "auto" = of the methods that it has a fit
-// and a standard deviation of, the most accurate that needs at most `budget_us` a sample on this machine now (the fastest
-// where none is fast enough). Another method than those that were fitted has no standard deviation. nullptr where that
-// cannot be; errors go to the options' Problems. setup
+// The decoupler of a calibration. `method`: "" = the one that it was fitted for; "auto" = auto_method.hpp, within
+// `budget_us` a sample. Another method than those that were fitted has no standard deviation. nullptr where that cannot be;
+// errors go to the options' Problems. setup
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us,
                                           Options& options);
 

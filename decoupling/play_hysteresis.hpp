@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <string>
 
@@ -58,13 +59,26 @@ public:
             state_[i] = std::max(value - plays.threshold[i], std::min(value + plays.threshold[i], state_[i]));
             sum += plays.weight[i] * state_[i];
         }
+        if (!settled_ && plays.n > 0) {
+            least_ = std::min(least_, value);
+            most_ = std::max(most_, value);
+            settled_ = most_ - least_ >= 2 * plays.threshold[plays.n - 1];
+        }
         return sum;
     }
-    // As a sensor that was never loaded. rt: wait-free
-    void forget() noexcept { state_.fill(0); }
+    // What happened meanwhile is not known: as a sensor that was never loaded, and not settled. rt: wait-free
+    void forget() noexcept {
+        *this = {};
+        settled_ = false;
+    }
+    // Whether the values are those of the true past: always so from the start, of a sensor that was never loaded; after a
+    // forget() from where the input has swung by twice the widest play, for whatever the plays were, they are the same then.
+    [[nodiscard]] bool is_settled() const noexcept { return settled_; }
 
 private:
     std::array<double, Plays::kMost> state_{};
+    bool settled_ = true;
+    double least_ = std::numeric_limits<double>::infinity(), most_ = -least_;
 };
 
 }  // namespace tactiled

@@ -41,6 +41,7 @@ private:
         std::array<double, 3> load{};  // Fx Fy N
         for (std::size_t c = 0; c < 3; ++c) {
             load[c] = undo_[c].n == 0 ? solved.load[c] : state_[c].next(undo_[c], solved.load[c]);
+            if (undo_[c].n != 0 && !state_[c].is_settled()) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
             input.sd_factor[c] = solver_.sd_factor(c, solved.used);
         }
         if (has_curve_) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <utility>
 
+#include "decoupling/accuracy.hpp"
 #include "decoupling/domain.hpp"
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/outliers.hpp"
@@ -81,13 +82,6 @@ void check_number(const Rows& rows, const FitReport& report) {
                         independent == std::size_t(component.rows) ? "rows" : "loads (rows of one load count once)",
                         component.name, coefficients, kRowsPerCoefficient * coefficients));
     }
-}
-
-double mean_held_out(const MethodReport& method, const FitReport& report) {
-    double sum = 0;
-    for (std::size_t i = 0; i < report.components.size(); ++i)
-        sum += method.held_out_rms[i] / report.components[i].full_scale;
-    return std::isnan(sum) ? std::numeric_limits<double>::infinity() : sum;
 }
 
 struct Fitted {
@@ -187,7 +181,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         if (std::find(once.begin(), once.end(), warning) == once.end()) once.push_back(std::move(warning));
     report.warnings = std::move(once);
     std::stable_sort(all_fitted.begin(), all_fitted.end(), [&](const Fitted& a, const Fitted& b) {
-        return mean_held_out(a.about, report) < mean_held_out(b.about, report);
+        return inaccuracy(a.calibration) < inaccuracy(b.calibration);
     });
     calibration = all_fitted.front().calibration;
     for (std::size_t i = 1; i < all_fitted.size(); ++i) calibration.others.push_back(all_fitted[i].calibration);

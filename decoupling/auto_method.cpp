@@ -1,0 +1,125 @@
+#include "decoupling/auto_method.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <thread>
+
+#include "decoupling/accuracy.hpp"
+
+namespace tactiled {
+namespace {
+
+// 48 samples of each of five methods with their pauses: 40 ms where a pause ends 60 us late.
+constexpr int kSamples = 48, kWarmUp = 4;
+constexpr std::chrono::microseconds kPause{100};
+// A step down that saves less than that is not worth its accuracy.
+constexpr double kWorth = MethodChoice::kRoom;
+
+std::vector<double> costs_of(const std::vector<FrontMethod>& methods) {
+    std::vector<double> us;
+    for (const auto& each : methods) us.push_back(each.cost.us);
+    return us;
+}
+
+// Readings spread over the calibration's domain; its zero where it knows none.
+std::vector<double> reading_number(const Calibration& calibration, int number) {
+    std::vector<double> channel = calibration.zero;
+    if (calibration.channel_least.empty()) return channel;
+    for (std::size_t k = 0; k < channel.size(); ++k) {
+        const double share = double((number * 7 + int(k) * 3) % kSamples) / kSamples;
+        channel[k] = std::lerp(calibration.channel_least[k], calibration.channel_most[k], share);
+    }
+    return channel;
+}
+
+// Without their costs; none where one is wrong: that is said, not skipped.
+std::vector<FrontMethod> fitted_methods(const Calibration& calibration, Options& options) {
+    std::vector<std::string> fitted{calibration.method};
+    for (const Fit& other : calibration.others) fitted.push_back(other.method);
+    std::vector<FrontMethod> methods;
+    for (const auto& method : fitted) {
+        const Calibration one = calibration.with_method(method);
+        auto decoupler = make_decoupler(one, method, 0, options);
+        if (decoupler == nullptr) return {};
+        const std::string name{decoupler->method()};
+        methods.push_back({{name, 0}, inaccuracy(one), std::move(decoupler)});
+    }
+    return methods;
+}
+
+// As the loop runs them: one sample after a pause in which caches and clock go cold, the methods in turn, so that what
+// disturbs one disturbs all. What is judged in the loop is measured here: the time that 7 in 8 samples keep to.
+void measure(std::vector<FrontMethod>& methods, const Calibration& calibration) {
+    using Clock = std::chrono::steady_clock;
+    std::vector<std::vector<double>> us(methods.size());
+    for (int number = -kWarmUp; number < kSamples; ++number) {
+        const std::vector<double> channel = reading_number(calibration, number + kWarmUp);
+        for (std::size_t m = 0; m < methods.size(); ++m) {
+            std::this_thread::sleep_for(kPause);
+            const Reading reading{.channel = channel, .t_ns = std::uint64_t(number + kWarmUp + 1) * 1'000'000};
+            const auto begun = Clock::now();
+            (void)methods[m].decoupler->decouple(reading);
+            const auto ended = Clock::now();
+            if (number >= 0) us[m].push_back(std::chrono::duration<double, std::micro>(ended - begun).count());
+        }
+    }
+    for (std::size_t m = 0; m < methods.size(); ++m) {
+        const auto at = us[m].begin() + kSamples * 7 / 8 - 1;
+        std::nth_element(us[m].begin(), at, us[m].end());
+        methods[m].cost.us = std::max(*at, 1e-3);  // a clock may tick more slowly than that
+    }
+}
+
+// False where one of them is not known.
+bool take_known(std::vector<FrontMethod>& methods, const std::vector<MethodCost>& costs) {
+    for (auto& each : methods) {
+        const auto known = std::find_if(costs.begin(), costs.end(),
+                                        [&](const MethodCost& cost) { return cost.method == each.cost.method; });
+        if (known == costs.end() || !(known->us > 0) || !std::isfinite(known->us)) return false;
+        each.cost.us = known->us;
+    }
+    return true;
+}
+
+// Most accurate first, and then each that costs enough less than the one before it.
+std::vector<FrontMethod> front_of(std::vector<FrontMethod> methods) {
+    const bool any_known =
+        std::any_of(methods.begin(), methods.end(), [](const FrontMethod& each) { return std::isfinite(each.inaccuracy); });
+    if (any_known) std::erase_if(methods, [](const FrontMethod& each) { return !std::isfinite(each.inaccuracy); });
+    std::stable_sort(methods.begin(), methods.end(), [](const FrontMethod& a, const FrontMethod& b) {
+        return a.inaccuracy != b.inaccuracy ? a.inaccuracy < b.inaccuracy : a.cost.us < b.cost.us;
+    });
+    std::vector<FrontMethod> front;
+    for (auto& each : methods)
+        if (front.empty() || (front.size() < MethodChoice::kMost && each.cost.us <= kWorth * front.back().cost.us))
+            front.push_back(std::move(each));
+    return front;
+}
+
+}  // namespace
+
+AutoMethod::AutoMethod(std::vector<FrontMethod> front, double budget_us)
+    : front_(std::move(front)), choice_(costs_of(front_), budget_us) {}
+
+void AutoMethod::took(std::uint64_t ns, std::uint64_t t_ns) noexcept {
+    const std::size_t before = choice_.now();
+    choice_.took(ns, t_ns);
+    if (choice_.now() != before) front_[choice_.now()].decoupler->forget();
+}
+
+std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, double budget_us, Options& options,
+                                             std::vector<MethodCost>& costs) {
+    auto methods = fitted_methods(calibration, options);
+    if (methods.empty()) return nullptr;
+    if (!take_known(methods, costs)) {
+        measure(methods, calibration);
+        costs.clear();
+        for (const auto& each : methods) costs.push_back(each.cost);
+        methods = fitted_methods(calibration, options);  // anew: these have seen loads that never were
+        (void)take_known(methods, costs);
+    }
+    return std::make_unique<AutoMethod>(front_of(std::move(methods)), budget_us);
+}
+
+}  // namespace tactiled
