@@ -161,7 +161,7 @@ void ControlSocket::take(int client) {
     } else if (node == node_name_ && verb == "load-objects" && mask.empty()) {
         return load_objects(client);
     } else if (node == node_name_ && verb == "objects-file" && mask.empty()) {
-        answer(client, objects_path_);
+        answer(client, objects_path_.empty() ? "-" : objects_path_);
     } else if (size > 0) {
         answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
     }

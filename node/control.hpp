@@ -7,7 +7,7 @@
 //     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of load-objects perhaps with a reason
 //                                     after them; a tare answers when it is done
 //     request   NODE objects-file
-//     answer    its path, "" = no [grasp]
+//     answer    its path, "-" = no [grasp]
 //     request   NODE wake | NODE events
 //     answer    "ok" with a descriptor (SCM_RIGHTS): the page of struct tactiled_wake, or one for epoll that counts
 //               node records for as long as the connection stays open (tactiled_ask_descriptor() in tactiled/reader.h)
