@@ -30,6 +30,7 @@ struct Setup {
     unsigned jaws_of_gripper = 0;       // with and without a sensor; 0: as many as `jaws`
     Vector gravity_G{0, 0, 0};          // m/s^2, until a command says otherwise; all 0: not known, no weight
     double friction = 0;                // to begin with; 0: not known until a slip shows it
+    double share_sd = 0.01;             // of a jaw's share from grasp to grasp, once a known weight was shown; before, 0.1
     double margin = 1.5;                // recommended grip / least grip
     double weigh_window_ms = 100;       // the weight is a mean over so long
     double lift_acceleration_m_s2 = 2;  // the most that the arm uses where nobody tells its acceleration, and for how
@@ -75,7 +76,7 @@ public:
     // Commands; false: not now. rt: wait-free
     bool start_weighing() noexcept;  // from now on, whatever the state machine thinks of a lift
     bool stop_weighing() noexcept;
-    bool zero_weight() noexcept;                 // what hangs now is no object: tare
+    bool zero_weight() noexcept;                 // what hangs now is no object: tare; while nothing hangs: no tare any more
     bool known_weight(double mass_kg) noexcept;  // what hangs now, stable, weighs this: sets the scale of the shares
     void clear_slips(std::uint32_t sensor_mask) noexcept;
     void slip_sensitivity(double zero_to_one) noexcept;
