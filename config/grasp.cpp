@@ -100,8 +100,9 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
                                                     "and [0, 0, 0] where its direction is not known",
                                                     pull));
     g.friction = table.number("friction", {0, 5}, 0);
+    g.share_sd = table.number("share_sd", {1e-6, 1}, 0.01);
     g.margin = table.number("margin", {1, 10}, 1.5);
-    g.weigh_window_ms = table.number("weigh_window_ms", {10, 10000}, 100);
+    g.weigh_window_ms = table.number("weigh_window_ms", {10, 1000}, 100);
     g.slip_sensitivity = table.number("slip_sensitivity", {0, 100}, 50) / 100;
     g.lift_acceleration_m_s2 = table.number("lift_acceleration_m_s2", {0, 50}, 2);
     g.lift_accelerates_ms = table.number("lift_accelerates_ms", {0, 5000}, 150);

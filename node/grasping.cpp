@@ -7,6 +7,11 @@
 #include "tactiled/reader.h"
 
 namespace tactiled {
+namespace {
+
+constexpr double kMostWindow_ms = 1000;  // that the estimator remembers; the register takes up to 10 s
+
+}  // namespace
 
 Grasping::Grasping(const std::optional<Setup>& setup) {
     jaw_of_sensor_.fill(-1);
@@ -62,7 +67,7 @@ void Grasping::set(const GraspSettable& wish) noexcept {
     if (!estimator_) return;
     const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
     estimator_->slip_sensitivity(or_configured(wish.slip_sensitivity, configured_.slip_sensitivity));
-    estimator_->weigh_window(or_configured(wish.weigh_window_ms, configured_.weigh_window_ms));
+    estimator_->weigh_window(std::min(or_configured(wish.weigh_window_ms, configured_.weigh_window_ms), kMostWindow_ms));
 }
 
 tactiled_grasp Grasping::state() const noexcept {

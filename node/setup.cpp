@@ -132,6 +132,7 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPl
     setup.estimator.jaws_of_gripper = unsigned(settings.jaws_of_gripper);
     setup.estimator.gravity_G = settings.gravity_G_m_s2;
     setup.estimator.friction = settings.friction;
+    setup.estimator.share_sd = settings.share_sd;
     setup.estimator.margin = settings.margin;
     setup.estimator.weigh_window_ms = settings.weigh_window_ms;
     setup.estimator.lift_acceleration_m_s2 = settings.lift_acceleration_m_s2;

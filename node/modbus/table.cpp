@@ -167,7 +167,7 @@ constexpr Register kControl[] = {
      "magnitude above which the sensor is overloaded, 0 = never",
      {0, 65534, true}},
     {kSlipSensitivity, "SLIP_SENSITIVITY", Type::u16, "", "100 sees the smallest slips, and others", {0, 100, true}},
-    {kWeighWindow, "WEIGH_WINDOW", Type::u16, "ms", "WEIGHT is a mean over so long", {10, 10000, true}},
+    {kWeighWindow, "WEIGH_WINDOW", Type::u16, "ms", "WEIGHT is a mean over so long; more than 1000 is 1000", {10, 10000, true}},
     {kGravityX, "GRAVITY_X", Type::i16, "0.001 m/s2",
      "gravity in the gripper's frame G; all three count when Z is written, and must be 9.7 .. 9.9 m/s2 together", kAny},
     {kGravityX + 1, "GRAVITY_Y", Type::i16, "0.001 m/s2", "", kAny},
