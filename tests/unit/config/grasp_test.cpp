@@ -81,7 +81,7 @@ TEST(GraspConfig, AJawIsTurnedAsItsAxesSay) {
     };
     EXPECT_EQ(in_S(0, 0, -9.81), (std::array<double, 3>{-9.81, 0, 0}));  // gravity, while the palm looks up
     EXPECT_EQ(in_S(1, 0, 0), (std::array<double, 3>{0, 0, -1}));         // out of the palm's x is into the skin
-    EXPECT_EQ(in_S(0, 1, 0), (std::array<double, 3>{0, -1, 0}));         // right-handed: y = z x x
+    EXPECT_EQ(in_S(0, 1, 0), (std::array<double, 3>{0, 1, 0}));         // right-handed: y is z x x
     EXPECT_EQ(loaded.config.grasp->objects, loaded.folder / "o.toml");
 }
 

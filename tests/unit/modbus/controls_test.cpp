@@ -110,7 +110,7 @@ TEST_F(ControlsTest, SettingsThatFindNoRoomAreSentLater) {
     commands_.commit();
     EXPECT_EQ(put(kFilterHz, 20), kNone);
     while (commands_.front() != nullptr) commands_.pop();
-    controls_->tick();
+    controls_->tick(kSecond);
     EXPECT_EQ(sent().settable.filter_Hz, 20);
 }
 
