@@ -10,6 +10,7 @@
 
 #include "config/names.hpp"
 #include "config/network_address.hpp"
+#include "config/tables.hpp"
 
 namespace tactiled {
 namespace {
@@ -97,7 +98,7 @@ ModbusSettings read_modbus(Options table, const std::string& node_name) {
                             "connect, for example allow = [\"192.168.0.10/32\"]",
                             in_quotes(listen)));
     }
-    return {listen, allow, plc, max_clients, max_requests_per_s, commands, command_allow, scratch, settings, rtu};
+    return {listen, allow, plc, max_clients, max_requests_per_s, commands, command_allow, scratch, settings, rtu, ""};
 }
 
 ShmSettings read_shm(Options table) {
@@ -249,8 +250,10 @@ Config load_config(const std::string& path, Problems& problems) {
     check_unique(sensors, "sensor");
     bind_links(links, sensors);
     check_shared_frames(sensors);
-    return {path,           std::move(node),  realtime,           std::move(modbus),
-            std::move(shm), std::move(links), std::move(sensors), std::move(root)};
+    auto grasp = read_grasp(root, node.name, sensors, folder.string());
+    if (grasp) modbus.objects = grasp->objects;
+    return {path,           std::move(node),    realtime,         std::move(modbus), std::move(shm), std::move(links),
+            std::move(sensors), std::move(grasp), std::move(root)};
 }
 
 }  // namespace tactiled

@@ -1,6 +1,8 @@
 // What a user may set, as plain structures. The keys, units and defaults: config/tactiled.toml.
 #pragma once
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -69,6 +71,7 @@ struct ModbusSettings {
     bool scratch;
     std::string settings;  // where SAVE stores
     RtuSettings rtu;
+    std::string objects;  // of [grasp], where TEACH stores; "" = there is no [grasp], and nothing to weigh
 
     [[nodiscard]] bool enabled() const { return !listen.empty() || !rtu.device.empty(); }
 };
@@ -76,6 +79,26 @@ struct ModbusSettings {
 struct ShmSettings {
     std::string group;  // "" = the daemon's own
     int history;        // samples kept a sensor, a power of two; 0 = as many as keep the segment within 1 MB
+};
+
+struct JawSettings {
+    std::string sensor;
+    std::array<std::array<double, 3>, 3> S_from_G;  // rows: the axes of the skin's frame S, seen in the gripper's frame G
+    double share;                                   // of the object's weight, 0 = all jaws alike
+    Options options;
+};
+
+struct GraspSettings {
+    std::vector<JawSettings> jaws;
+    int jaws_of_gripper;                    // with and without a sensor
+    std::array<double, 3> gravity_G_m_s2;   // all 0: not known
+    double friction;                        // 0: not known
+    double share_sd;                        // of a jaw's share from grasp to grasp, once a known weight was shown
+    double margin;                          // recommended grip / least grip
+    double weigh_window_ms;
+    double slip_sensitivity;                // 0 .. 1
+    double lift_acceleration_m_s2, lift_accelerates_ms;
+    std::string objects;                    // path of the file of taught objects
 };
 
 struct Config {
@@ -86,6 +109,7 @@ struct Config {
     ShmSettings shm;
     std::vector<LinkSettings> links;
     std::vector<SensorSettings> sensors;
+    std::optional<GraspSettings> grasp;
     Options root;  // finish() it once drivers and models have read theirs
 };
 

@@ -10,11 +10,14 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 #include <sstream>
 
 #include "node/log.hpp"
+#include "node/objects.hpp"
 
 namespace tactiled {
 namespace {
@@ -37,6 +40,24 @@ bool wait_readable(int fd, int timeout_ms) {
 void answer(int client, std::uint32_t state, std::uint32_t result) {
     const std::string text = fmt::format("{} {}", state, result);
     [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
+}
+
+void answer(int client, std::string_view text) {
+    [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
+}
+
+// What NODE weigh asks for, by its word.
+std::optional<Command> weigh_command(const std::string& word) {
+    Command command;
+    char* end = nullptr;
+    command.mass_kg = std::strtod(word.c_str(), &end);
+    command.kind = word == "start"  ? Command::Kind::start_weighing
+                   : word == "stop" ? Command::Kind::stop_weighing
+                   : word == "zero" ? Command::Kind::zero_weight
+                                    : Command::Kind::known_weight;
+    const bool mass = !word.empty() && *end == 0 && std::isfinite(command.mass_kg) && command.mass_kg > 0;
+    if (command.kind == Command::Kind::known_weight && !mass) return std::nullopt;
+    return command;
 }
 
 // "ok" and the descriptor, or "none" where it is -1.
@@ -64,8 +85,8 @@ void answer_with(int client, int descriptor) {
 }  // namespace
 
 ControlSocket::ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
-                             const SegmentWriter& segment, Ring<Command>& commands)
-    : path_(path), node_name_(node_name), writer_(segment), commands_(commands), events_(node_name, segment.wake_page()) {
+                             const SegmentWriter& segment, const std::string& objects_path, Ring<Command>& commands)
+    : path_(path), node_name_(node_name), objects_path_(objects_path), writer_(segment), commands_(commands), events_(node_name, segment.wake_page()) {
     std::error_code ignored;
     std::filesystem::create_directories(std::filesystem::path(path).parent_path(), ignored);
     std::string unused;
@@ -135,10 +156,37 @@ void ControlSocket::take(int client) {
     } else if (node == node_name_ && verb == "clear" && mask.empty()) {
         command.kind = Command::Kind::clear_latches;
         return begin(client, command);
+    } else if (node == node_name_ && verb == "weigh" && more.empty() && weigh_command(mask)) {
+        return begin(client, *weigh_command(mask));
+    } else if (node == node_name_ && verb == "load-objects" && mask.empty()) {
+        return load_objects(client);
+    } else if (node == node_name_ && verb == "objects-file" && mask.empty()) {
+        answer(client, objects_path_.empty() ? "-" : objects_path_);
     } else if (size > 0) {
         answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
     }
     ::close(client);
+}
+
+void ControlSocket::load_objects(int client) {
+    tactiled_node node{};
+    const bool lent = objects_number_ != 0 && segment_.latest_node(node) &&
+                      std::int32_t(node.command[TACTILED_FROM_SOCKET].acknowledged - objects_number_) < 0;
+    Problems problems;
+    const auto taught = tactiled::load_objects(objects_path_, problems);
+    const auto reject = [&](tactiled_command_result result, const std::string& why) {
+        answer(client, fmt::format("{} {} {}", int(TACTILED_COMMAND_REJECTED), int(result), why));
+        ::close(client);
+    };
+    if (objects_path_.empty()) return reject(TACTILED_COMMAND_NOT_NOW, "there is no [grasp] in the configuration");
+    if (!problems.empty()) return reject(TACTILED_COMMAND_FAILED, problems.lines().front());
+    if (lent || asker_ >= 0) return reject(TACTILED_COMMAND_NOT_NOW, "another command runs");
+    objects_ = plain_objects(taught);
+    Command command;
+    command.kind = Command::Kind::objects;
+    command.objects = objects_;
+    objects_number_ = number_ + 1;
+    begin(client, command);
 }
 
 void ControlSocket::begin(int client, Command command) {
@@ -181,7 +229,7 @@ std::string ask_daemon(const std::string& path, const std::string& request, int 
     } else if (!wait_readable(fd, timeout_ms)) {
         why = fmt::format("{}: no answer within {} ms", path, timeout_ms);
     } else {
-        char buffer[128];
+        char buffer[4096];  // a path, or an error in a file
         const ssize_t size = ::recv(fd, buffer, sizeof buffer, 0);
         if (size > 0)
             reply.assign(buffer, std::size_t(size));

@@ -2,7 +2,12 @@
 // who may connect is the file's mode, 0660.
 //
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
-//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal; a tare answers when it is done
+//               NODE weigh start | NODE weigh stop | NODE weigh zero | NODE weigh KILOGRAMS: what hangs now weighs this
+//               NODE load-objects     the file of taught objects is read again, all of it or, with an error, nothing
+//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of load-objects perhaps with a reason
+//                                     after them; a tare answers when it is done
+//     request   NODE objects-file
+//     answer    its path, "-" = no [grasp]
 //     request   NODE wake | NODE events
 //     answer    "ok" with a descriptor (SCM_RIGHTS): the page of struct tactiled_wake, or one for epoll that counts
 //               node records for as long as the connection stays open (tactiled_ask_descriptor() in tactiled/reader.h)
@@ -20,7 +25,7 @@ class ControlSocket {
 public:
     // Replaces a socket that a dead daemon left. setup: throws SetupError where `path` cannot be bound
     ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
-                  const SegmentWriter& segment, Ring<Command>& commands);
+                  const SegmentWriter& segment, const std::string& objects_path, Ring<Command>& commands);
     ~ControlSocket();
     ControlSocket(const ControlSocket&) = delete;
     ControlSocket& operator=(const ControlSocket&) = delete;
@@ -29,10 +34,14 @@ private:
     void serve() noexcept;
     void take(int client);
     void begin(int client, Command command);
+    void load_objects(int client);
     void follow();
 
     std::string path_;
     std::string node_name_;
+    std::string objects_path_;  // "" = there is no [grasp]
+    std::vector<grasp::Object> objects_;  // lent to the pipeline until it acknowledges objects_number_
+    std::uint32_t objects_number_ = 0;
     const SegmentWriter& writer_;
     Ring<Command>& commands_;
     EventFanOut events_;

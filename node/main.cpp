@@ -33,6 +33,7 @@ sigset_t block_signals() {
 std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, Pipeline& pipeline) {
     try {
         return std::make_unique<ControlSocket>(node.plan.control, node.plan.group, node.plan.name, segment,
+                                               node.config.grasp ? node.config.grasp->objects : "",
                                                pipeline.commands[TACTILED_FROM_SOCKET]);
     } catch (const std::exception& error) {
         log_line(LogLevel::warning,
@@ -52,7 +53,8 @@ void wait_for_end(const sigset_t& signals) {
 
 int run(Node& node, const sigset_t& signals) {
     SegmentWriter segment(node.plan);
-    Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u);
+    Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u,
+                      node.grasp);
     pipeline.start(monotonic_ns());
     {
         const auto control = open_control(node, segment, pipeline);

@@ -55,11 +55,16 @@ bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     return status != Status::gone;
 }
 
-// ---- ring -> decouple -> publish -------------------------------------------------------------------------------------
+// ---- ring -> decouple -> grasp -> publish -------------------------------------------------------------------------------------
 
 Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
-                   std::uint32_t status)
-    : links_(links), sensors_(sensors), segment_(segment), link_of_sensor_(sensors.size(), nullptr), fixed_status_(status) {
+                   std::uint32_t status, const std::optional<Grasping::Setup>& grasp)
+    : links_(links),
+      sensors_(sensors),
+      segment_(segment),
+      link_of_sensor_(sensors.size(), nullptr),
+      grasping_(grasp),
+      fixed_status_(status) {
     for (auto& link : links_)
         for (const auto& binding : link->bindings) link_of_sensor_[binding.sensor] = link.get();
 }
@@ -67,7 +72,7 @@ Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor
 void Pipeline::start(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         sensors_[i].start(segment_.epoch(), now_ns);
-        publish(i, sensors_[i].marker(now_ns));
+        publish_break(i, sensors_[i].marker(now_ns));
     }
     heartbeat_ns_ = worst_since_ns_ = now_ns;
     publish_node(now_ns);
@@ -111,7 +116,10 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
     for (const auto& binding : link.bindings) {
         if (binding.device != frame.device) continue;
         bound = true;
-        publish(binding.sensor, sensors_[binding.sensor].sample(frame, now_ns));
+        Sensor& sensor = sensors_[binding.sensor];
+        const tactiled_sample sample = sensor.sample(frame, now_ns);
+        grasping_.feel(binding.sensor, sample, sensor.zero_S());
+        publish(binding.sensor, sample);
     }
     if (!bound) segment_.set_link_count(link.index, TACTILED_LINK_UNBOUND, ++link.unbound);
 }
@@ -126,12 +134,17 @@ void Pipeline::publish(std::uint32_t index, const tactiled_sample& sample) noexc
     if ((sample.reasons & TACTILED_NOT_FINITE) != 0) node_.fault |= TACTILED_FAULT_INTERNAL;
 }
 
+void Pipeline::publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept {
+    grasping_.feel(index, marker, sensors_[index].zero_S());
+    publish(index, marker);
+}
+
 void Pipeline::mark_breaks(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         const bool had_data = sensors_[i].is_delivering();
         const bool connected = link_of_sensor_[i]->was_connected;
         if (!sensors_[i].has_broken(connected, now_ns)) continue;
-        publish(i, sensors_[i].marker(now_ns));
+        publish_break(i, sensors_[i].marker(now_ns));
         if (had_data) node_.fault |= TACTILED_FAULT_SENSOR_LOST | (connected ? 0u : std::uint32_t(TACTILED_FAULT_BUS));
     }
 }
@@ -142,16 +155,23 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
     const auto done = [&](bool good = true) {
         finish_command(commander, TACTILED_COMMAND_DONE, good ? TACTILED_COMMAND_OK : TACTILED_COMMAND_FAILED);
     };
-    if (command.kind == Kind::set) {  // nobody waits for it: the registers say what is set
-        for (auto& sensor : sensors_) sensor.set(command.settable);
+    if (command.kind >= Kind::set) {  // nobody waits for it: the registers say what is set
+        if (command.kind == Kind::set) {
+            for (auto& sensor : sensors_) sensor.set(command.settable);
+            grasping_.set(command.grasp);
+        } else {
+            grasping_.carry_out(command);
+        }
         return;
     }
     node_.command[commander].acknowledged = command.number;
     news_ = true;
     if (now_ns > command.until_ns) return reject(TACTILED_COMMAND_TIMED_OUT);
     const auto all = std::uint32_t((1u << sensors_.size()) - 1);
-    if ((command.mask & ~all) != 0 || (command.mask == 0 && command.kind != Kind::clear_latches))
-        return reject(TACTILED_COMMAND_BAD_MASK);
+    const bool needs_sensors = command.kind == Kind::tare || command.kind == Kind::untare ||
+                               command.kind == Kind::reset_peaks || command.kind == Kind::self_test ||
+                               command.kind == Kind::clear_slips;
+    if ((command.mask & ~all) != 0 || (command.mask == 0 && needs_sensors)) return reject(TACTILED_COMMAND_BAD_MASK);
     const auto each = [&](auto&& what) {
         for (std::uint32_t i = 0; i < sensors_.size(); ++i)
             if ((command.mask >> i & 1u) != 0) what(sensors_[i]);
@@ -164,10 +184,22 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
             tare_commander_ = commander;
             tare_number_ = command.number;
             return finish_command(commander, TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
-        case Kind::clear_latches: node_.fault = 0; return done();
+        case Kind::clear_latches:
+            node_.fault = 0;
+            grasping_.carry_out(command);
+            return done();
+        case Kind::clear_slips: grasping_.carry_out(command); return done();
         case Kind::reset_peaks: each([](Sensor& s) { s.reset_peak(); }); return done();
         case Kind::self_test: return done(all_have_values(command.mask));
-        case Kind::set: break;
+        case Kind::start_weighing:
+        case Kind::stop_weighing:
+        case Kind::zero_weight:
+        case Kind::known_weight:
+        case Kind::objects: return grasping_.carry_out(command) ? done() : reject(TACTILED_COMMAND_NOT_NOW);
+        case Kind::set:
+        case Kind::hint:
+        case Kind::gravity:
+        case Kind::acceleration: break;
     }
     reject(TACTILED_COMMAND_UNKNOWN);
 }
@@ -232,6 +264,7 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
                    bit(stale, TACTILED_ANY_STALE) | bit(uncalibrated, TACTILED_ANY_UNCALIBRATED) |
                    bit(taring_ != 0, TACTILED_ANY_TARING) | bit(node_.warning != 0, TACTILED_WARNING) |
                    bit(node_.fault != 0, TACTILED_FAULT);
+    node_.grasp = grasping_.state();
     node_.t_ns = now_ns;
     segment_.publish(node_);
     ++node_.sequence;
@@ -254,7 +287,7 @@ void Pipeline::stop(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         tactiled_sample last = sensors_[i].marker(now_ns);
         tactiled_invalidate(&last, TACTILED_DAEMON_STOPPED);
-        publish(i, last);
+        publish_break(i, last);
     }
     publish_node(now_ns);
 }

@@ -1,4 +1,4 @@
-// The data path of the daemon: acquire() is link -> frame -> ring, deliver() is ring -> decouple -> publish.
+// The data path of the daemon: acquire() is link -> frame -> ring, deliver() is ring -> decouple -> grasp -> publish.
 #pragma once
 #include <array>
 #include <atomic>
@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "drivers/driver.hpp"
+#include "node/command.hpp"
+#include "node/grasping.hpp"
 #include "node/ring.hpp"
 #include "node/sensor.hpp"
 #include "node/shm/writer.hpp"
@@ -48,21 +50,11 @@ struct Link {
 // rt: blocks on the link, for at most `timeout_ms`
 [[nodiscard]] bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept;
 
-// What the PLC or a person asks for; carried out by the pipeline, acknowledged in the node record.
-struct Command {
-    enum class Kind : std::uint32_t { tare = 1, untare = 2, clear_latches = 3, reset_peaks = 6, self_test = 8, set = 100 };
-    Kind kind = Kind::tare;
-    std::uint32_t mask = 0;               // bit n: sensor n
-    std::uint32_t number = 0;             // told back as tactiled_command.acknowledged
-    SensorSettable settable{};            // of `set`
-    std::uint64_t until_ns = UINT64_MAX;  // too late after that: who asked was told so
-};
-
 class Pipeline {
 public:
     // `status` holds bits that never change while the daemon runs: SIMULATED. setup
     Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
-             std::uint32_t status);
+             std::uint32_t status, const std::optional<Grasping::Setup>& grasp = {});
 
     // Publishes one BAD sample a sensor, so that a reader finds a reason, not an empty ring. setup
     void start(std::uint64_t now_ns) noexcept;
@@ -86,6 +78,7 @@ public:
 private:
     void deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept;
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
+    void publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept;
     void carry_out(std::size_t commander, const Command& command, std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool begin_tares(const Command& command, std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool all_have_values(std::uint32_t mask) const noexcept;
@@ -98,6 +91,7 @@ private:
     std::vector<Sensor>& sensors_;
     SegmentWriter& segment_;
     std::vector<Link*> link_of_sensor_;
+    Grasping grasping_;
 
     tactiled_node node_{};
     std::uint32_t fixed_status_;

@@ -65,6 +65,8 @@ public:
     void reset_peak() noexcept { peak_N_ = 0; }
 
     [[nodiscard]] const tactiled_sample& last() const noexcept { return last_; }
+    // What a tare subtracts from the raw wrench, as of the last sample.
+    [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_; }
 
 private:
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;

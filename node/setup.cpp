@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <boost/crc.hpp>
+#include <cmath>
 #include <fstream>
 #include <iterator>
 #include <limits>
+
+#include "node/objects.hpp"
 
 namespace tactiled {
 namespace {
@@ -105,6 +108,40 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
     node.sensors.emplace_back(std::move(setup));
 }
 
+// The estimator's view of [grasp]; index and full scale of each jaw's sensor are those of the directory.
+std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPlan& plan, Problems& problems) {
+    if (!config.grasp) return std::nullopt;
+    const GraspSettings& settings = *config.grasp;
+    Grasping::Setup setup;
+    for (const auto& jaw : settings.jaws)
+        for (std::size_t i = 0; i < config.sensors.size(); ++i) {
+            const SensorSettings& sensor = config.sensors[i];
+            if (sensor.name != jaw.sensor) continue;
+            grasp::JawSetup entry;
+            entry.sensor = std::uint32_t(i);
+            entry.S_from_G = jaw.S_from_G;
+            entry.share = jaw.share;
+            entry.contact_on_N = sensor.contact_on_N;
+            entry.contact_off_N = sensor.contact_off_N;
+            for (std::size_t c = 0; c < 3; ++c) {
+                const float full_scale_N = plan.sensors[i].full_scale[c];
+                if (std::isfinite(full_scale_N)) entry.full_scale_N[c] = double(full_scale_N);
+            }
+            setup.estimator.jaws.push_back(entry);
+        }
+    setup.estimator.jaws_of_gripper = unsigned(settings.jaws_of_gripper);
+    setup.estimator.gravity_G = settings.gravity_G_m_s2;
+    setup.estimator.friction = settings.friction;
+    setup.estimator.share_sd = settings.share_sd;
+    setup.estimator.margin = settings.margin;
+    setup.estimator.weigh_window_ms = settings.weigh_window_ms;
+    setup.estimator.lift_acceleration_m_s2 = settings.lift_acceleration_m_s2;
+    setup.estimator.lift_accelerates_ms = settings.lift_accelerates_ms;
+    setup.settable = {settings.slip_sensitivity, settings.weigh_window_ms};
+    setup.objects = plain_objects(load_objects(settings.objects, problems));
+    return setup;
+}
+
 // CAL_ID: one number that changes when the configuration or any calibration does.
 std::uint16_t identity_of(const Config& config) {
     boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
@@ -121,7 +158,7 @@ std::uint16_t identity_of(const Config& config) {
 }  // namespace
 
 Node load_node(const std::string& config_path, Problems& problems) {
-    Node node{.config = load_config(config_path, problems), .links = {}, .sensors = {}, .plan = {}};
+    Node node{.config = load_config(config_path, problems), .links = {}, .sensors = {}, .grasp = {}, .plan = {}};
     Config& config = node.config;
     for (std::size_t i = 0; i < config.links.size(); ++i) {
         auto link = std::make_unique<Link>();
@@ -140,6 +177,7 @@ Node load_node(const std::string& config_path, Problems& problems) {
     config.root.finish();
     if (!problems.empty()) return node;
 
+    node.grasp = grasp_setup(config, node.plan, problems);
     node.plan.name = config.node.name;
     node.plan.version = TACTILED_VERSION;
     node.plan.control = config.node.control;

@@ -15,6 +15,7 @@ struct Node {
     Config config;
     std::vector<std::unique_ptr<Link>> links;
     std::vector<Sensor> sensors;  // in the order of the file, which is the order in segment and register map
+    std::optional<Grasping::Setup> grasp;
     SegmentPlan plan;
     bool simulated = false;  // a link is declared so
 };

@@ -1,13 +1,12 @@
-// tactilectl status: every sensor once, with the counters of the links; tactilectl top: the same, live.
+// tactilectl status: every sensor once, with the counters of the links and the grasp.
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <chrono>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <thread>
 
+#include "node/ctl/grasp_text.hpp"
+#include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"
 
@@ -18,17 +17,64 @@ constexpr const char* kCountName[TACTILED_LINK_COUNTS] = {
     "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost",  "repeated",
     "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   nullptr, nullptr};
 
-double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
-    return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0;
-}
-
 std::string number(double value, int width, int digits) {
     return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
 }
 
 nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
 
-nlohmann::json as_json(const Segment& segment, const Snapshot& snapshot) {
+std::string as_text(const Segment& segment, const Snapshot& snapshot) {
+    const auto& h = segment.header();
+    const auto& node = snapshot.node;
+    std::string out = fmt::format("{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  missed {}{}{}\n",
+                                  h.name, h.version, h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, node.missed_cycles,
+                                  (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
+                                  (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "");
+    out += fmt::format("{:<12} {:>10} {:>10} {:>10} {:>8} {:>8} {:>8} {:>6}  {}\n", "sensor", "fx/N", "fy/N", "fz/N",
+                       "sd fz/N", "Hz", "age/ms", "lost", "quality");
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
+        const auto& s = snapshot.sensor[i];
+        out += fmt::format("{:<12} {} {} {} {} {} {} {:>6}  {}\n", segment.sensor(i).name, number(s.force_S_N[0], 10, 3),
+                           number(s.force_S_N[1], 10, 3), number(s.force_S_N[2], 10, 3), number(s.sd_force_N[2], 8, 3),
+                           number(double(s.rate_Hz), 8, 1), number(age_ms(s, snapshot.taken_ns), 8, 1), s.lost,
+                           quality_text(s.quality, s.reasons));
+    }
+    for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
+        const auto& link = segment.link(i);
+        out += fmt::format("link {} ({}, {})", link.name, link.driver, link.state == TACTILED_LINK_OPEN ? "open" : "closed");
+        for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
+            if (const auto count = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED);
+                kCountName[kind] != nullptr && count != 0)
+                out += fmt::format("  {} {}", kCountName[kind], count);
+        out += '\n';
+    }
+    return out + grasp_lines(segment, node.grasp);
+}
+
+struct Wish {
+    std::string node = "gripper";
+    bool json = false;
+};
+
+int status(const Wish& wish) {
+    std::string why;
+    const Segment segment = Segment::try_open(wish.node, why);
+    Snapshot snapshot;
+    if (!segment.is_open() || !segment.snapshot(snapshot)) {
+        fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
+        return kNotReachable;
+    }
+    fmt::print("{}{}", wish.json ? status_json(segment, snapshot).dump() : as_text(segment, snapshot), wish.json ? "\n" : "");
+    return is_healthy(segment, snapshot) ? kGood : kUnhealthy;
+}
+
+}  // namespace
+
+double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
+    return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0;
+}
+
+nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
     nlohmann::json out{{"schema", 1},
                        {"node", h.name},
@@ -41,6 +87,7 @@ nlohmann::json as_json(const Segment& segment, const Snapshot& snapshot) {
                        {"missed_cycles", snapshot.node.missed_cycles},
                        {"worst_cycle_us", snapshot.node.worst_cycle_us},
                        {"rt_degraded", (snapshot.node.status & TACTILED_RT_DEGRADED) != 0},
+                       {"grasp", grasp_json(segment, snapshot.node.grasp)},
                        {"simulated", (snapshot.node.status & TACTILED_SIMULATED) != 0}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         const auto& s = snapshot.sensor[i];
@@ -70,34 +117,6 @@ nlohmann::json as_json(const Segment& segment, const Snapshot& snapshot) {
     return out;
 }
 
-std::string as_text(const Segment& segment, const Snapshot& snapshot) {
-    const auto& h = segment.header();
-    const auto& node = snapshot.node;
-    std::string out = fmt::format("{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  missed {}{}{}\n",
-                                  h.name, h.version, h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, node.missed_cycles,
-                                  (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
-                                  (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "");
-    out += fmt::format("{:<12} {:>10} {:>10} {:>10} {:>8} {:>8} {:>8} {:>6}  {}\n", "sensor", "fx/N", "fy/N", "fz/N",
-                       "sd fz/N", "Hz", "age/ms", "lost", "quality");
-    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
-        const auto& s = snapshot.sensor[i];
-        out += fmt::format("{:<12} {} {} {} {} {} {} {:>6}  {}\n", segment.sensor(i).name, number(s.force_S_N[0], 10, 3),
-                           number(s.force_S_N[1], 10, 3), number(s.force_S_N[2], 10, 3), number(s.sd_force_N[2], 8, 3),
-                           number(double(s.rate_Hz), 8, 1), number(age_ms(s, snapshot.taken_ns), 8, 1), s.lost,
-                           quality_text(s.quality, s.reasons));
-    }
-    for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
-        const auto& link = segment.link(i);
-        out += fmt::format("link {} ({}, {})", link.name, link.driver, link.state == TACTILED_LINK_OPEN ? "open" : "closed");
-        for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
-            if (const auto count = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED);
-                kCountName[kind] != nullptr && count != 0)
-                out += fmt::format("  {} {}", kCountName[kind], count);
-        out += '\n';
-    }
-    return out;
-}
-
 bool is_healthy(const Segment& segment, const Snapshot& snapshot) {
     if (snapshot.taken_ns - snapshot.node.t_ns > std::uint64_t(segment.header().watchdog_ms) * 1'000'000u) return false;
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
@@ -105,58 +124,12 @@ bool is_healthy(const Segment& segment, const Snapshot& snapshot) {
     return true;
 }
 
-struct Wish {
-    std::string node = "gripper";
-    bool json = false;
-    long count = 0;  // 0: until interrupted
-    double interval_s = 0.5;
-};
-
-int show(const Wish& wish, bool live) {
-    catch_interrupt();
-    const bool redraw = live && !wish.json && ::isatty(STDOUT_FILENO) != 0;
-    int exit_status = kGood;
-    for (long n = 0; interrupted == 0; ++n) {
-        std::string why;
-        const Segment segment = Segment::try_open(wish.node, why);  // anew each time: the daemon may have been restarted
-        Snapshot snapshot;
-        if (segment.is_open() && segment.snapshot(snapshot)) {
-            if (redraw) fmt::print("\x1b[H\x1b[J");
-            fmt::print("{}{}", wish.json ? as_json(segment, snapshot).dump() : as_text(segment, snapshot),
-                       wish.json ? "\n" : "");
-            exit_status = is_healthy(segment, snapshot) ? kGood : kUnhealthy;
-        } else {
-            fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
-            exit_status = kNotReachable;
-            if (!live) return exit_status;
-        }
-        std::fflush(stdout);
-        if (!live || n + 1 == wish.count) break;
-        std::this_thread::sleep_for(std::chrono::duration<double>(wish.interval_s));
-    }
-    return exit_status;
-}
-
-}  // namespace
-
 void add_status(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("status", "All sensors and links once; exit status 1 when a sensor has no value");
+    auto* verb = app.add_subcommand("status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
     add_node_option(verb, wish->node);
     verb->add_flag("--json", wish->json, "one JSON object");
-    verb->callback([wish, &run] { run = [wish] { return show(*wish, false); }; });
-}
-
-void add_top(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("top", "All sensors and links, live");
-    add_node_option(verb, wish->node);
-    verb->add_flag("--json", wish->json, "one JSON object a line");
-    verb->add_option("--count", wish->count, "end after so many")->check(CLI::PositiveNumber);
-    verb->add_option("--interval", wish->interval_s, "seconds between two")
-        ->check(CLI::Range(0.01, 3600.0))
-        ->capture_default_str();
-    verb->callback([wish, &run] { run = [wish] { return show(*wish, true); }; });
+    verb->callback([wish, &run] { run = [wish] { return status(*wish); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "node/control.hpp"
+#include "node/ctl/ask.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
@@ -45,21 +45,13 @@ int tare(const Wish& wish) {
         }
         mask = 1u << index;
     }
-    const std::string control = segment.header().control;
-    if (control.empty()) {
-        fmt::print(stderr, "tactilectl: the daemon runs without a control socket; its log says why\n");
-        return kNotReachable;
-    }
-    const std::string reply = ask_daemon(control, fmt::format("{} {} {}", wish.node, wish.remove ? "untare" : "tare", mask),
-                                         int(wish.timeout_s * 1000), why);
-    int state = 0, result = TACTILED_COMMAND_TIMED_OUT;
-    if (reply.empty() || std::sscanf(reply.c_str(), "%d %d", &state, &result) != 2) {
-        fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "unreadable answer of the daemon" : why);
-        return kNotReachable;
-    }
-    fmt::print(result == TACTILED_COMMAND_OK ? stdout : stderr, "{} {}: {}\n", wish.remove ? "untare" : "tare", wish.sensor,
-               result_text(result));
-    return result == TACTILED_COMMAND_OK ? kGood : kUnhealthy;
+    const char* const verb = wish.remove ? "untare" : "tare";
+    const Answer answer = ask(segment, fmt::format("{} {}", verb, mask), wish.timeout_s);
+    if (answer.exit_status == kNotReachable)
+        fmt::print(stderr, "tactilectl: {}\n", answer.text);
+    else
+        fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, wish.sensor, result_text(answer.result));
+    return answer.exit_status;
 }
 
 }  // namespace

@@ -22,6 +22,8 @@ void add_status(CLI::App& app, Run& run);
 void add_top(CLI::App& app, Run& run);
 void add_read(CLI::App& app, Run& run);
 void add_tare(CLI::App& app, Run& run);
+void add_weigh(CLI::App& app, Run& run);
+void add_teach(CLI::App& app, Run& run);
 void add_map(CLI::App& app, Run& run);
 void add_check(CLI::App& app, Run& run);
 void add_calibrate(CLI::App& app, Run& run);

@@ -8,6 +8,8 @@
 
 #include "config/config.hpp"
 #include "node/modbus/encode.hpp"
+#include "node/modbus/robot.hpp"
+#include "node/modbus/teaching.hpp"
 #include "node/modbus/wall.hpp"
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
@@ -33,10 +35,8 @@ public:
     // Whether all of a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
     [[nodiscard]] Exception check(const Request& request, const View& view, const Session& session,
                                   std::uint64_t now_ns) const noexcept;
-    // Sends what the pipeline had no room for. Now and then.
-    void tick() noexcept {
-        if (settings_unsent_) send_settings();
-    }
+    // Sends what the pipeline had no room for, and forgets what a silent PLC told. Now and then.
+    void tick(std::uint64_t now_ns) noexcept;
     // Carries out a write that check() found good.
     void write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept;
 
@@ -47,33 +47,43 @@ public:
     void add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) const noexcept;
 
 private:
-    static constexpr unsigned kSettings = 6;  // 5030 .. 5035
+    static constexpr unsigned kSettings = 6;                           // 5030 .. 5035
+    static constexpr std::uint64_t kAnswerNs = 15'000'000'000;         // longer than the longest tare
     enum Saving : std::uint8_t { idle, storing, failed };
 
     [[nodiscard]] bool is_busy(const View& view) const noexcept;
     [[nodiscard]] std::uint16_t wished(const Request& request, unsigned i) const noexcept;
     [[nodiscard]] Exception check_register(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
                                            std::uint64_t now_ns) const noexcept;
-    [[nodiscard]] Exception check_coil(std::uint16_t at, const View& view) const noexcept;
+    [[nodiscard]] Exception check_command_cell(std::uint16_t at, std::uint16_t value, const View& view) const noexcept;
+    [[nodiscard]] Exception check_coil(const Request& request, unsigned i, const View& view) const noexcept;
     void write_register(std::uint16_t at, std::uint16_t value, const View& view, Session& session,
                         std::uint64_t now_ns) noexcept;
     void run_command(const View& view, std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool takes_more_than_one_command(const Request& request) const noexcept;
     [[nodiscard]] bool contact_is_upside_down(const Request& request) const noexcept;
+    [[nodiscard]] bool gravity_is_none(const Request& request) const noexcept;
+    [[nodiscard]] bool plc_is_silent(std::uint64_t now_ns) const noexcept;
+    void write_coils(const Request& request, std::uint64_t now_ns) noexcept;
     // Returns the number by which the pipeline acknowledges it, 0 when it takes none.
+    std::uint32_t send(Command command, std::uint64_t now_ns) noexcept;
     std::uint32_t send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept;
+    std::uint32_t send_known_weight(double mass_kg, std::uint64_t now_ns) noexcept;
+    void hand_over_objects(std::uint64_t now_ns) noexcept;
+    void follow_teaching() noexcept;
     void send_settings() noexcept;
     void settle(tactiled_command_state state, tactiled_command_result result) noexcept;
     void load();
     void save() noexcept;
 
-    bool enabled_;
+    bool enabled_, weighs_;
     std::string path_;
     Ring<Command>& commands_;
     std::array<std::uint16_t, kScratchSize> scratch_{};
     std::array<std::uint16_t, 5> block_{};  // 5000 .. 5004
     std::array<std::uint16_t, kSettings> settings_;
-    std::uint16_t heartbeat_ = 0, watchdog_ms_ = 0, gripper_state_ = 0, gripper_force_ = 0;
+    std::uint16_t heartbeat_ = 0, watchdog_ms_ = 0;
+    Robot robot_;
     std::uint64_t heartbeat_ns_ = 0;
     std::uint64_t unlocked_until_ns_ = 0;  // by any client
 
@@ -85,6 +95,10 @@ private:
     std::uint64_t sent_ns_ = 0;
     tactiled_command_state state_ = TACTILED_COMMAND_IDLE;
     tactiled_command_result result_ = TACTILED_COMMAND_OK;
+
+    Teaching teaching_;
+    bool teaching_for_block_ = false;    // CMD_STATE tells of it
+    std::uint32_t objects_number_ = 0;   // of the command that hands over what was taught; 0 = not sent yet
 
     std::atomic<Saving> saving_{idle};
     bool settings_unsent_ = false;

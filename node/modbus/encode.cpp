@@ -8,8 +8,9 @@
 namespace tactiled::modbus {
 namespace {
 
-constexpr double kTorque = 0.001, kLength_m = 1e-5, kTemperature = 0.1;
+constexpr double kTorque = 0.001, kLength_m = 1e-5, kTemperature = 0.1, kMass_kg = 1e-4, kThousandth = 1e-3;
 constexpr std::uint16_t kMostU16 = 65534;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
 // What remains true of the node when its loop has stopped; what its sensors do now is no longer known.
@@ -46,10 +47,18 @@ bool overloads(const tactiled_sample& s) noexcept {
     return (s.reasons & TACTILED_SATURATED) != 0 || (s.state & TACTILED_OVERLOAD) != 0 || encode_wrench(s, unused);
 }
 
-std::uint16_t sensor_status(const tactiled_sample& s, bool beyond) noexcept {
+// Bits 2 .. 6 of the node's STATUS.
+std::uint32_t grasp_status(const tactiled_grasp& g) noexcept {
+    return (is_grasped(g) ? 1u << 2 : 0u) | (g.slip_mask != 0 ? 1u << 3 : 0u) | (g.slip_latch != 0 ? 1u << 4 : 0u) |
+           (has_weight(g) ? 1u << 5 : 0u) | (is_stable(g) ? 1u << 6 : 0u);
+}
+
+std::uint16_t sensor_status(const tactiled_sample& s, bool beyond, std::uint16_t slip) noexcept {
     unsigned bits = 0;
     bits |= s.quality == TACTILED_GOOD ? 1u << 0 : 0u;
     bits |= (s.state & TACTILED_CONTACT) != 0 ? 1u << 1 : 0u;
+    bits |= slip == TACTILED_SLIP_INCIPIENT ? 1u << 2 : 0u;
+    bits |= slip == TACTILED_SLIP_GROSS ? 1u << 3 : 0u;
     bits |= beyond || (s.state & TACTILED_OVERLOAD) != 0 ? 1u << 4 : 0u;
     bits |= (s.reasons & TACTILED_SATURATED) != 0 ? 1u << 5 : 0u;
     bits |= (s.reasons & kSilent) != 0 ? 1u << 6 : 0u;
@@ -87,8 +96,29 @@ void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept {
     out[low_word_first ? 0 : 1] = std::uint16_t(bits & 0xFFFFu);
 }
 
+std::uint32_t i32_of(double value, double scale) noexcept {
+    if (std::isnan(value)) return kNoI32;
+    return std::uint32_t(std::int32_t(std::clamp(std::nearbyint(value / scale), -2147483647.0, 2147483647.0)));
+}
+
+bool is_grasped(const tactiled_grasp& g) noexcept {
+    return g.state >= TACTILED_GRIP_GRASPED && g.state <= TACTILED_GRIP_SLIPPING;
+}
+
+bool has_weight(const tactiled_grasp& g) noexcept {
+    return (g.weight_state == TACTILED_WEIGHT_ESTIMATING || g.weight_state == TACTILED_WEIGHT_STABLE) &&
+           std::isfinite(g.weight_kg);
+}
+
+bool is_stable(const tactiled_grasp& g) noexcept {
+    return g.weight_state == TACTILED_WEIGHT_STABLE && std::isfinite(g.weight_kg);
+}
+
+std::uint32_t sensor_mask_of(const View& view) noexcept { return (1u << sensors_of(view)) - 1; }
+
 View view_of_nothing(std::uint32_t reason) noexcept {
     View view;
+    tactiled_forget_grasp(&view.snapshot.node.grasp);
     view.snapshot.taken_ns = monotonic_ns();
     for (auto& s : view.snapshot.sensor) tactiled_invalidate(&s, reason);
     return view;
@@ -104,6 +134,7 @@ View view_of(const Segment& segment) noexcept {
     view.segment = &segment;
     view.alive = segment.is_current() &&
                  tactiled_is_fresh(view.snapshot.node.t_ns, view.snapshot.taken_ns, segment.header().watchdog_ms) != 0;
+    if (!view.alive) tactiled_forget_grasp(&view.snapshot.node.grasp);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         tactiled_sample& s = view.snapshot.sensor[i];
         if (!view.alive) s.reasons = 0;  // they were true once
@@ -123,12 +154,14 @@ void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) 
         if ((s.reasons & TACTILED_NO_DATA_YET) == 0) newest_ns = std::max(newest_ns, s.t_ns);
         const unsigned bit = 1u << i;
         ok |= s.quality == TACTILED_GOOD ? bit : 0u;
-        stale |= (sensor_status(s, false) >> 6 & 1u) != 0 ? bit : 0u;
+        stale |= (s.reasons & kSilent) != 0 ? bit : 0u;
         overload |= overloads(s) ? bit : 0u;
         contact |= (s.state & TACTILED_CONTACT) != 0 ? bit : 0u;
     }
     std::uint32_t status = node.status & 0xFFFFu;
     if (!view.alive) status = (status & kOutlivesLoop) | TACTILED_FAULT | TACTILED_ANY_STALE;
+    const tactiled_grasp& grasp = node.grasp;
+    status |= grasp_status(grasp);
     if (overload != 0) status |= 1u << 7;
     status = (status & ~std::uint32_t(TACTILED_ANY_CONTACT)) | (contact != 0 ? std::uint32_t(TACTILED_ANY_CONTACT) : 0u);
     if (stale != 0) status = (status & ~std::uint32_t(TACTILED_READY)) | TACTILED_ANY_STALE;
@@ -149,11 +182,37 @@ void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) 
     out[kContact] = std::uint16_t(contact);
     out[kStale] = std::uint16_t(stale);
     out[kOverload] = std::uint16_t(overload);
-    for (const auto at : {kGripForce, kGripState, kWeightG, kWeightSd, kRecGrip}) out[at] = kNoU16;
-    out[kWeight] = std::uint16_t(kNoI32 >> 16);
-    out[kWeight + 1] = std::uint16_t(kNoI32 & 0xFFFFu);
+    out[kSlip] = std::uint16_t(grasp.slip_mask);
+    out[kSlipLatch] = std::uint16_t(grasp.slip_latch);
+    out[kSlipCount] = std::uint16_t(grasp.slips);
+    out[kGripState] = std::uint16_t(grasp.state);
+    out[kWeightState] = std::uint16_t(grasp.weight_state);
+    bool unused = false;
+    out[kGripForce] = u16_of(double(grasp.grip_N), kForceUnit_N, unused);
+    out[kRecGrip] = u16_of(double(grasp.recommended_grip_N), kForceUnit_N, unused);
+    const double weight_kg = has_weight(grasp) ? grasp.weight_kg : kNaN;
+    const std::uint32_t weight = i32_of(weight_kg, kMass_kg);
+    out[kWeight] = std::uint16_t(weight >> 16);
+    out[kWeight + 1] = std::uint16_t(weight & 0xFFFFu);
+    out[kWeightG] = u16_of(weight_kg, 10 * kMass_kg, unused);
+    out[kWeightSd] = u16_of(has_weight(grasp) ? grasp.weight_sd_kg : kNaN, kMass_kg, unused);
     out[kCalId] = view.segment != nullptr ? std::uint16_t(view.segment->header().calibration_id) : std::uint16_t(0);
     out[kCycleWorst] = view.alive ? clamped(node.worst_cycle_us) : kNoU16;
+}
+
+void encode_grasp(const View& view, std::span<std::uint16_t, kGraspSize> out) noexcept {
+    const tactiled_grasp& g = view.snapshot.node.grasp;
+    out[kGraspSeq] = out[kGraspSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
+    bool unused = false;
+    out[kObjectId] = clamped(g.object_id);
+    out[kObjectProbability] = u16_of(double(g.object_probability), kThousandth, unused);
+    out[kFriction] = u16_of(double(g.friction), kThousandth, unused);
+    out[kFrictionSd] = u16_of(double(g.friction_sd), kThousandth, unused);
+    out[kGrasps] = std::uint16_t(g.grasps);
+    const std::uint64_t taken_ns = view.snapshot.taken_ns;
+    const bool held = is_grasped(g) && g.state != TACTILED_GRIP_GRASPED && g.t_lift_off_ns != 0;
+    const double since_ms = taken_ns > g.t_lift_off_ns ? double(taken_ns - g.t_lift_off_ns) / 1e6 : 0;
+    out[kSinceLiftOff] = held ? u16_of(std::floor(since_ms), 1, unused) : kNoU16;
 }
 
 void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept {
@@ -163,13 +222,18 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
     if (!exists) tactiled_invalidate(&s, 0);  // a block of no sensor: sentinels, and no bit of STATUS but fault
     const bool beyond = encode_wrench(s, out);
     out[kSensorSeq] = out[kSensorSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
-    out[kSensorStatus] = sensor_status(s, beyond);
+    const tactiled_grasp& grasp = view.snapshot.node.grasp;
+    const bool valued = exists && has_value(s);
+    const std::uint16_t slip = valued ? grasp.slip_state[index] : std::uint16_t(TACTILED_SLIP_UNKNOWN);
+    out[kSensorStatus] = sensor_status(s, beyond, slip);
     const std::uint16_t why = fault_of(s.reasons);
     const std::uint16_t none = exists ? kFaultUnknown : kFaultNoSensor;  // never 0 where the value is not GOOD
     out[kSensorFault] = s.quality == TACTILED_GOOD ? std::uint16_t(0) : why != 0 ? why : none;
     out[kSensorAgeMs] = exists ? age_ms(s, view.snapshot.taken_ns) : kNoU16;
-    for (const auto at : {kFrictionUse, kSlipState}) out[at] = kNoU16;
     bool unused = false;
+    out[kSlipState] = slip;
+    out[kFrictionUse] = valued ? u16_of(double(grasp.friction_use[index]), kThousandth, unused) : kNoU16;
+    out[kSensorSlipCount] = grasp.slip_count[index];
     out[kPeak] =
         exists && (s.reasons & TACTILED_DAEMON_STOPPED) == 0 ? u16_of(double(s.peak_N), kForceUnit_N, unused) : kNoU16;
     out[kTemp] = exists && has_value(s) ? i16_of(double(s.temperature_C), kTemperature, unused) : kNoI16;
@@ -183,9 +247,16 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
 void encode_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kFloatSize> out) noexcept {
     std::fill(out.begin(), out.end(), std::uint16_t(0));
     out[kFloatSeq] = out[kFloatSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
-    for (const auto at : {kFloatWeight, kFloatWeightSd, kFloatGrip, kFloatRecGrip, kFloatFriction})
-        put_float(std::numeric_limits<double>::quiet_NaN(), low_word_first, &out[at]);
-    put_float(std::fmod(double(view.snapshot.node.t_ns) * 1e-9, 4096), low_word_first, &out[kFloatTime]);
+    const tactiled_grasp& g = view.snapshot.node.grasp;
+    const auto put = [&](unsigned at, double value) { put_float(value, low_word_first, &out[at]); };
+    put(kFloatWeight, has_weight(g) ? g.weight_kg : kNaN);
+    put(kFloatWeightSd, has_weight(g) ? g.weight_sd_kg : kNaN);
+    put(kFloatGrip, double(g.grip_N));
+    put(kFloatRecGrip, double(g.recommended_grip_N));
+    put(kFloatFriction, double(g.friction));
+    put(kFloatFrictionSd, double(g.friction_sd));
+    put(kFloatObjectProbability, double(g.object_probability));
+    put(kFloatTime, std::fmod(double(view.snapshot.node.t_ns) * 1e-9, 4096));
 }
 
 void encode_sensor_floats(const View& view, unsigned index, bool low_word_first,
@@ -205,7 +276,7 @@ void encode_sensor_floats(const View& view, unsigned index, bool low_word_first,
     put(kFloatCop + 2u, s.cop_S_m[1] * 1000);
     put(kFloatMag, std::hypot(s.force_S_N[0], s.force_S_N[1], s.force_S_N[2]));
     put(kFloatTang, std::hypot(s.force_S_N[0], s.force_S_N[1]));
-    put(kFloatTemp, has_value(s) ? double(s.temperature_C) : std::numeric_limits<double>::quiet_NaN());
+    put(kFloatTemp, has_value(s) ? double(s.temperature_C) : kNaN);
 }
 
 void encode_inputs(std::span<const std::uint16_t, kGlobalSize> global, std::span<std::uint8_t, kInputs> out) noexcept {
@@ -217,6 +288,8 @@ void encode_inputs(std::span<const std::uint16_t, kGlobalSize> global, std::span
         out[kOkInputs + i] = bit(global[kOk]);
         out[kOverloadInputs + i] = bit(global[kOverload]);
     }
+    out[kGraspedInput] = std::uint8_t(global[kStatus] >> 2 & 1);
+    out[kStableInput] = std::uint8_t(global[kStatus] >> 6 & 1);
     out[kBlinkInput] = std::uint8_t(global[kHeartbeat] / 10 & 1);
     out[kFaultInput] = std::uint8_t(global[kStatus] >> 15);
 }

@@ -13,6 +13,13 @@ namespace tactiled::modbus {
 std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept;
 // As i16_of for 0 .. 65534 and kNoU16; negative values saturate at 0.
 std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept;
+// As i16_of for two registers, high word first; saturates at +-2147483647. NaN is kNoI32.
+std::uint32_t i32_of(double value, double scale) noexcept;
+
+// The jaws hold something, if only just; the grasp has a value of its weight.
+bool is_grasped(const tactiled_grasp& grasp) noexcept;
+bool has_weight(const tactiled_grasp& grasp) noexcept;
+bool is_stable(const tactiled_grasp& grasp) noexcept;
 
 // Unit of a force in a sensor block, and the largest number that an i16 shows.
 inline constexpr double kForceUnit_N = 0.01;
@@ -30,10 +37,13 @@ struct View {
 
 // Takes a snapshot now. Samples are already judged by their age; where the pipeline is not alive all are BAD.
 View view_of(const Segment& segment) noexcept;
+// Bit n = sensor n, of those that there are.
+std::uint32_t sensor_mask_of(const View& view) noexcept;
 // What is shown when there is nothing to read: every sensor value is a sentinel.
 View view_of_nothing(std::uint32_t reason = TACTILED_DAEMON_STOPPED) noexcept;
 
 void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept;
+void encode_grasp(const View& view, std::span<std::uint16_t, kGraspSize> out) noexcept;
 void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept;
 void encode_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kFloatSize> out) noexcept;
 void encode_sensor_floats(const View& view, unsigned index, bool low_word_first,

@@ -9,6 +9,11 @@ namespace {
 
 constexpr Name kStatusBits[] = {{0, "ready"},
                                 {1, "any contact"},
+                                {2, "grasped: GRIP_STATE is grasped, lifting, holding or slipping"},
+                                {3, "slip now: see SLIP"},
+                                {4, "slip latched: see SLIP_LATCH"},
+                                {5, "WEIGHT holds a value"},
+                                {6, "WEIGHT is stable"},
                                 {7, "overload: see OVERLOAD"},
                                 {8, "taring"},
                                 {9, "simulated or replayed data"},
@@ -23,6 +28,8 @@ constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2,
 constexpr Name kWarnBits[] = {{2, "lost samples"}};
 constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {1, "contact"},
+                                      {2, "incipient slip"},
+                                      {3, "gross slip"},
                                       {4, "overload: above OVERLOAD_AT, or a register saturates"},
                                       {5, "saturated channel"},
                                       {6, "stale: no data"},
@@ -36,10 +43,16 @@ constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3,
 constexpr Name kCommandResults[] = {{0, "ok"},      {1, "unknown"}, {2, "bad mask"}, {3, "bad parameter"},
                                     {4, "not now"}, {5, "locked"},  {6, "failed"},   {7, "timed out"}};
 constexpr Name kCommands[] = {{1, "tare"},          {2, "untare"},      {3, "clear latches"}, {4, "start weighing"},
-                              {5, "stop weighing"}, {6, "reset peaks"}, {7, "zero weight"},   {8, "self-test"}};
+                              {5, "stop weighing"}, {6, "reset peaks"}, {7, "zero weight"},   {8, "self-test"},
+                              {9, "known weight"},  {10, "teach"}};
 constexpr Name kGripperStates[] = {{0, "open"},    {1, "closing"}, {2, "closed"},
                                    {3, "lifting"}, {4, "moving"},  {5, "opening"}};
 constexpr Name kSaveStates[] = {{0, "idle"}, {1, "storing"}, {2, "failed"}};
+constexpr Name kGripStates[] = {{TACTILED_GRIP_OPEN, "open"},         {TACTILED_GRIP_CONTACT, "contact"},
+                                {TACTILED_GRIP_GRASPED, "grasped"},   {TACTILED_GRIP_LIFTING, "lifting"},
+                                {TACTILED_GRIP_HOLDING, "holding"},   {TACTILED_GRIP_SLIPPING, "slipping"},
+                                {TACTILED_GRIP_LOST, "lost"}};
+constexpr Name kSlipStates[] = {{0, "none"}, {1, "incipient"}, {2, "gross"}};
 constexpr Name kWeightStates[] = {{0, "none"}, {1, "estimating"}, {2, "stable"}, {3, "overload"}, {4, "not observable"}};
 
 // Gravest first. The numbers are the map's and do not follow the order of enum tactiled_reason.
@@ -81,6 +94,8 @@ std::span<const Name> names_of(std::string_view name) {
     if (name == "global.CMD_STATE") return kCommandStates;
     if (name == "global.CMD_RESULT") return kCommandResults;
     if (name == "global.WEIGHT_STATE") return kWeightStates;
+    if (name == "global.GRIP_STATE") return kGripStates;
+    if (name == "sensor.SLIP_STATE") return kSlipStates;
     if (name == "sensor.STATUS" || name == "sensor_float.STATUS") return kSensorStatusBits;
     if (name == "sensor.FAULT") return kSensorFaultNames;
     if (name == "control.CMD") return kCommands;

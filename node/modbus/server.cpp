@@ -226,7 +226,7 @@ void ModbusServer::serve_client(int fd, std::uint32_t events, std::uint64_t now_
 }
 
 void ModbusServer::close_overdue(std::uint64_t now_ns) {
-    service_.tick();
+    service_.tick(now_ns);
     std::vector<int> overdue;
     for (const auto& [fd, client] : clients_)
         if (*client->overdue(now_ns) != 0) overdue.push_back(fd);

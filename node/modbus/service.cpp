@@ -74,6 +74,7 @@ void Service::fill_registers(Run run, const View& view, const Session& session, 
         const auto block = cells.subspan(std::size_t(n) * size, size);
         switch (area.block) {
             case Block::global: fill_global(view, now_ns, block.first<kGlobalSize>()); break;
+            case Block::grasp: encode_grasp(view, block.first<kGraspSize>()); break;
             case Block::sensor: encode_sensor(view, n, block.first<kSensorSize>()); break;
             case Block::floats: encode_floats(view, area.low_word_first, block.first<kFloatSize>()); break;
             case Block::sensor_floats:

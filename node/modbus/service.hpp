@@ -27,7 +27,7 @@ public:
     [[nodiscard]] const Counts& counts() const noexcept { return counts_; }
 
     // Now and then: sends what the pipeline had no room for.
-    void tick() noexcept { controls_.tick(); }
+    void tick(std::uint64_t now_ns) noexcept { controls_.tick(now_ns); }
 
 private:
     [[nodiscard]] View look();

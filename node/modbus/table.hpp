@@ -7,7 +7,7 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 0;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 1;
 
 // Not available, as SunSpec has it; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
@@ -33,6 +33,9 @@ enum Global : std::uint16_t {
     kWeightState = 19, kWeight = 20, kWeightSd = 22, kRecGrip = 23, kSlipCount = 24, kCmdSeqAck = 25, kCmdState = 26, kCmdResult = 27,
     kCalId = 28, kPlcHbEcho = 29, kCycleWorst = 30, kSeqEnd = 31
 };
+enum Grasp : std::uint16_t {  // offsets in 40
+    kGraspSeq = 0, kObjectId = 1, kObjectProbability = 2, kFriction = 3, kFrictionSd = 4, kGrasps = 5, kSinceLiftOff = 6, kGraspSeqEnd = 7
+};
 enum PerSensor : std::uint16_t {
     kSensorSeq = 0, kSensorStatus = 1, kSensorFault = 2, kSensorAgeMs = 3, kFx = 4, kFy = 5, kFz = 6, kTx = 7, kTy = 8, kTz = 9,
     kFTang = 10, kFMag = 11, kCopX = 12, kCopY = 13, kFrictionUse = 14, kSlipState = 15, kSensorSlipCount = 16, kPeak = 17, kTemp = 18,
@@ -40,7 +43,7 @@ enum PerSensor : std::uint16_t {
 };
 enum Float : std::uint16_t {  // offsets in 2000 and 3000
     kFloatSeq = 0, kFloatWeight = 2, kFloatWeightSd = 4, kFloatGrip = 6, kFloatRecGrip = 8, kFloatFriction = 10, kFloatTime = 12,
-    kFloatSeqEnd = 24
+    kFloatFrictionSd = 14, kFloatObjectProbability = 16, kFloatSeqEnd = 24
 };
 enum SensorFloat : std::uint16_t {
     kFloatSensorSeq = 0, kFloatStatus = 1, kFloatForce = 2, kFloatTorque = 8, kFloatCop = 14, kFloatMag = 18, kFloatTang = 20,
@@ -48,16 +51,18 @@ enum SensorFloat : std::uint16_t {
 };
 enum Control : std::uint16_t {
     kCmd = 5000, kCmdMask = 5001, kCmdParamHigh = 5002, kCmdParamLow = 5003, kCmdSeq = 5004, kTareCell = 5010, kUntareCell = 5011,
-    kClearLatchCell = 5012, kWeighCell = 5013, kResetPeakCell = 5014, kPlcHeartbeat = 5020, kPlcWatchdog = 5021, kGripperState = 5022,
+    kClearLatchCell = 5012, kWeighCell = 5013, kResetPeakCell = 5014, kTeachCell = 5015, kZeroWeightCell = 5016, kKnownWeightCell = 5017, kPlcHeartbeat = 5020, kPlcWatchdog = 5021, kGripperState = 5022,
     kGripperForce = 5023, kFilterHz = 5030, kContactOn = 5031, kContactOff = 5032, kOverloadAt = 5033, kSlipSensitivity = 5034,
-    kWeighWindow = 5035, kUnlock = 5090, kSave = 5091
+    kWeighWindow = 5035, kGravityX = 5040, kAccelX = 5043, kAccelCount = 5046, kUnlock = 5090, kSave = 5091
 };
 enum CommandCode : std::uint16_t {
-    kTare = 1, kUntare = 2, kClearLatches = 3, kStartWeighing = 4, kStopWeighing = 5, kResetPeaks = 6, kZeroWeight = 7, kSelfTest = 8
+    kTare = 1, kUntare = 2, kClearLatches = 3, kStartWeighing = 4, kStopWeighing = 5, kResetPeaks = 6, kZeroWeight = 7, kSelfTest = 8,
+    kKnownWeight = 9, kTeach = 10
 };
 // clang-format on
 
 inline constexpr std::uint16_t kGlobalAt = 0, kGlobalSize = 32;
+inline constexpr std::uint16_t kGraspAt = 40, kGraspSize = 8;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;
 inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first
@@ -88,7 +93,7 @@ struct Name {
     std::string_view name;
 };
 
-enum class Block { global, sensor, floats, sensor_floats, controls, scratch, constants };
+enum class Block { global, grasp, sensor, floats, sensor_floats, controls, scratch, constants };
 
 // A run of addresses that is readable as a whole; cells without an entry read 0.
 struct Area {

@@ -57,6 +57,9 @@ struct Request {
     std::span<const std::uint8_t> written;  // the bytes to write, as they stand in the request
 };
 
+// Coil number i of a run that is to be written.
+inline bool is_set(const Request& request, unsigned i) noexcept { return (request.written[i / 8] >> i % 8 & 1) != 0; }
+
 // Checks a whole request: function, length, quantity, address (Modbus Application Protocol 1.1b3, section 6, in the order
 // of its state diagrams: function, then quantity, then address). Whether a value may be written is not looked at here.
 // The scratch area is there only where `scratch` says so. The request must outlive the result.

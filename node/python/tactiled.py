@@ -33,7 +33,7 @@ import stat
 import struct
 import time
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 0
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 1
 MAX_SENSORS = MAX_LINKS = 16
 NAME_SIZE = 32  # with the terminating zero
 
@@ -51,12 +51,18 @@ READY, ANY_CONTACT = 1 << 0, 1 << 1  # NodeRecord.status
 ANY_TARING, SIMULATED, ANY_STALE, ANY_UNCALIBRATED = 1 << 8, 1 << 9, 1 << 10, 1 << 11
 WARNING, FAULT, RT_DEGRADED = 1 << 14, 1 << 15, 1 << 16
 
+(GRIP_OPEN, GRIP_CONTACT, GRIP_GRASPED, GRIP_LIFTING, GRIP_HOLDING, GRIP_SLIPPING, GRIP_LOST) = range(7)  # Grasp.state
+GRIP_UNKNOWN = SLIP_UNKNOWN = 0xFFFF
+WEIGHT_NONE, WEIGHT_ESTIMATING, WEIGHT_STABLE, WEIGHT_OVERLOAD, WEIGHT_NOT_OBSERVABLE = range(5)  # Grasp.weight_state
+SLIP_NONE, SLIP_INCIPIENT, SLIP_GROSS = range(3)  # Grasp.slip_state
+
 STARTING, RUNNING, STOPPED, REPLACED = 1, 2, 3, 4  # the header's state
 
 _WORD = 0xFFFFFFFF
 _RECORD_OFFSET = 8
 _LINK_SIZE = 256
 _TRIES = 16
+_LEAST_GRASP_MS = 20  # a daemon without news publishes each 10 ms
 _ATTACH_NS = 10_000_000  # between two looks for a successor
 _LOOK_S = 0.02           # the longest sleep: a daemon that dies wakes nobody
 _NAP_S = 0.001
@@ -106,14 +112,19 @@ _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
     "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
     "cop_S_m:2d residual:d rate_Hz:f temperature_C:f state:I peak_N:f")
+_GRASP = _Struct(
+    "t_ns:Q t_lift_off_ns:Q state:I weight_state:I grasps:I slips:I slip_mask:I slip_latch:I object_id:I reserved:I "
+    "weight_kg:d weight_sd_kg:d grip_N:f recommended_grip_N:f friction:f friction_sd:f object_probability:f "
+    "reserved_float:f object:32s slip_state:16H slip_count:16H friction_use:16f")
 _NODE = _Struct(
     "sequence:Q t_ns:Q cycles:Q missed_cycles:Q heartbeat:I status:I fault:I warning:I worst_cycle_us:I command:6I "
-    "-:4x count:16Q")
+    f"-:4x count:16Q grasp:{_GRASP.size}s")
 _STATE_WORD = struct.calcsize("=" + "".join(code for _, code in _HEADER.fields[:-2])) // 4
 
 Header = collections.namedtuple("Header", _HEADER.names)
 SensorInfo = collections.namedtuple("SensorInfo", _SENSOR.names)
 NodeRecord = collections.namedtuple("NodeRecord", _NODE.names)
+Grasp = collections.namedtuple("Grasp", _GRASP.names)
 Command = collections.namedtuple("Command", "acknowledged state result")
 
 
@@ -140,6 +151,14 @@ _NO_FORCE = {**{name: _NAN3 for name in _SAMPLE.names if "force" in name or "tor
 
 def _invalidated(sample, reason):
     return sample._replace(reasons=sample.reasons | reason, **_NO_FORCE)
+
+
+def _forgotten(grasp):
+    """Not known, so that an old one cannot pass for a new one; what was counted and latched stays."""
+    return grasp._replace(
+        state=GRIP_UNKNOWN, weight_state=WEIGHT_NONE, slip_mask=0, object_id=0, object="", weight_kg=math.nan,
+        weight_sd_kg=math.nan, grip_N=math.nan, recommended_grip_N=math.nan, friction=math.nan, friction_sd=math.nan,
+        object_probability=math.nan, slip_state=(SLIP_UNKNOWN,) * 16, friction_use=(math.nan,) * 16)
 
 
 def _is_fresh(t_ns, now_ns, limit_ms):
@@ -265,6 +284,14 @@ class _Segment:
                 raise self._error("a sensor's ring lies outside")
             self.sensors[info.name] = info, ring
 
+    def grasp(self, data, t_ns, now_ns):
+        """The Grasp of a node record's bytes, judged: not known where the daemon has ended, where it writes none (before
+        1.1), or where the record is older than a sensor's stale_ms."""
+        grasp = Grasp._make(_GRASP.texts(data, 0))
+        limit_ms = min([self.header.watchdog_ms, *(info.stale_ms for info, _ in self.sensors.values())])
+        fresh = _is_fresh(t_ns, now_ns, max(limit_ms, _LEAST_GRASP_MS))
+        return grasp if fresh and self.is_current() and self.header.node[3] >= _NODE.size else _forgotten(grasp)
+
     def is_current(self):
         """False once the daemon has ended cleanly or a successor has taken over."""
         return STARTING <= self.words[_STATE_WORD] <= RUNNING
@@ -368,7 +395,8 @@ class Node(_Attached):
         return sample if segment.is_current() else _invalidated(sample, DAEMON_STOPPED)
 
     def snapshot(self):
-        """(node record, {name: sample}): what belongs together at one instant. Error when there is none yet."""
+        """(node record, {name: sample}): what belongs together at one instant; the record's `grasp` is a Grasp. Error when
+        there is none yet."""
         segment = self._now()
         for tries in range(_TRIES):
             begun_ns = time.monotonic_ns()
@@ -378,9 +406,9 @@ class Node(_Attached):
             values = list(_NODE.values(record))
             at = NodeRecord._fields.index("command")
             values[at] = tuple(Command(*values[at][i:i + 3]) for i in (0, 3))
-            node = NodeRecord._make(values)
+            count_at = NodeRecord._fields.index("count")
             samples = {}
-            for (name, (_, ring)), count in zip(segment.sensors.items(), node.count):
+            for (name, (_, ring)), count in zip(segment.sensors.items(), values[count_at]):
                 record = ring.read(count - 1)
                 if record is None:
                     break
@@ -393,9 +421,16 @@ class Node(_Attached):
             for name, (info, _) in segment.sensors.items():
                 sample = _judged(samples[name], info.stale_ms, taken_ns)
                 samples[name] = sample if current else _invalidated(sample, DAEMON_STOPPED)
+            values[-1] = segment.grasp(values[-1], values[1], taken_ns)
+            node = NodeRecord._make(values)
             self._stale = any(sample.reasons & STALE for sample in samples.values())
             return node, samples
         raise Error(f'node "{self.name}": no whole snapshot: nothing published yet, or this reader is too slow')
+
+    @property
+    def grasp(self):
+        """What the gripper does with what it holds, now: struct tactiled_grasp. Error when there is none yet."""
+        return self.snapshot()[0].grasp
 
     def follow(self, sensor, timeout=None, wait="events", from_oldest=False):
         """An iterator of the samples of a sensor, in order: see Follower.

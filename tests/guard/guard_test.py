@@ -45,6 +45,26 @@ link = "usb1"
 model = "generic"
 calibration = "{folder}/unit.toml"
 """
+GRASP = """
+[grasp]
+gravity_G_m_s2 = [0, 0, 9.81]
+friction = 0.7
+objects = "objects.toml"
+
+[[grasp.jaw]]
+sensor = "binary"
+x_S_in_G = [0, 0, -1]
+z_S_in_G = [1, 0, 0]
+
+[[grasp.jaw]]
+sensor = "text"
+x_S_in_G = [0, 0, -1]
+z_S_in_G = [-1, 0, 0]
+"""
+# Two jaws that close, hold 0.2 kg and open, again and again: c1 c2 c3 are fx fy fz.
+ROWS = "t_s,c1,c2,c3\n" + "".join(
+    f"{i / 1000},{-0.98 if 700 <= i < 1500 else 0.01 * (i % 3)},0,{-5 if 300 <= i < 1600 else 0.01 * (i % 2)}\n" for i in range(2000))
+OBJECTS = 'format = 1\n[[object]]\nid = 1\nname = "an-object-whose-name-is-long"\nmass_kg = 0.2\nsd_kg = 0.01\n'
 CALIBRATION = """format = 1
 model = "generic"
 method = "matrix"
@@ -72,10 +92,11 @@ def run(seconds, plant=None, thread="pipeline", period=250, stir=False):
     env = {"LD_PRELOAD": GUARD}
     if plant:
         env.update(RTGUARD_PLANT=plant, RTGUARD_PLANT_THREAD=thread)
-    with Daemon(CONFIG.replace("{period}", str(period)), env=env) as d:
+    with Daemon((CONFIG + GRASP).replace("{period}", str(period)), env=env) as d:
         d.env["RTGUARD_REPORT"] = str(d.folder / "guard.json")
         (d.folder / "unit.toml").write_text(CALIBRATION)
-        (d.folder / "rows.csv").write_text("t_s,c1,c2,c3\n0,1,2,-3\n0.001,1,2,-4\n")
+        (d.folder / "rows.csv").write_text(ROWS)
+        (d.folder / "objects.toml").write_text(OBJECTS)
         d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "cobs", "--rate", 1000, "--loop")
         d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "text", "--format", "lines", "--sequence", "--rate", 500, "--loop")
         d.start()
@@ -84,6 +105,8 @@ def run(seconds, plant=None, thread="pipeline", period=250, stir=False):
             time.sleep(min(1, seconds / 4))
             if stir:
                 d.ctl("tare", "all")
+                d.ctl("weigh", "start")
+                d.ctl("teach", "--reload")
                 player = d.others.pop()
                 player.terminate()
                 player.wait()

@@ -55,7 +55,7 @@ class Daemon:
         return (self.folder / "tactiled.log").read_text()
 
     def ctl(self, *words, timeout=30):
-        words = [str(w) for w in words] + (["--node", self.name] if words[0] in ("status", "top", "read", "tare") else [])
+        words = [str(w) for w in words] + (["--node", self.name] if words[0] in ("status", "top", "read", "tare", "weigh", "teach") else [])
         return subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True, timeout=timeout)
 
     def stop(self):

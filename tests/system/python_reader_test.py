@@ -83,8 +83,8 @@ class Layout:
         self.enums = {}
         for name, body in re.findall(r"enum tactiled_(\w+) \{(.*?)\}", text, flags=re.S):
             self.enums[name] = {}
-            for constant, one, shift in re.findall(r"TACTILED_(\w+) = (\d+)(?: << (\d+))?", body):
-                self.enums[name][constant] = int(one) << int(shift or 0)
+            for constant, one, shift in re.findall(r"TACTILED_(\w+) = (0x\w+|\d+)(?: << (\d+))?", body):
+                self.enums[name][constant] = int(one, 0) << int(shift or 0)
             self.numbers.update(self.enums[name])
         self.structs = {}  # name -> [(member, offset, format)]
         self.sizes = {}
@@ -97,7 +97,9 @@ class Layout:
             align, kind, names = re.fullmatch(r"(?:TACTILED_ALIGN\((\d+)\) )?((?:struct )?\w+) (.*)", member).groups()
             for field, dim in re.findall(r"(\w+)(?:\[(\w+)\])?", names):
                 count = 1 if not dim else int(dim) if dim.isdigit() else self.numbers[dim.replace("TACTILED_", "")]
-                if kind.startswith("struct"):
+                if kind == "struct tactiled_grasp":  # a table of its own
+                    letter, size, count, align = "s", 1, self.sizes["grasp"], 8
+                elif kind.startswith("struct"):
                     inner = self.structs[kind.split("_", 1)[1]]
                     assert all(code == "I" for _, _, code in inner)
                     letter, size, count = "I", 4, count * len(inner)
@@ -127,7 +129,7 @@ LAYOUT = Layout()
 class TheTables(unittest.TestCase):
     def test_have_the_fields_of_layout_h_in_its_places(self):
         for name, ours in (("header", tactiled._HEADER), ("sensor", tactiled._SENSOR), ("sample", tactiled._SAMPLE),
-                           ("node", tactiled._NODE)):
+                           ("node", tactiled._NODE), ("grasp", tactiled._GRASP)):
             at, fields = 0, []
             for field, code in ours.fields:
                 if field != "-":
@@ -143,7 +145,8 @@ class TheTables(unittest.TestCase):
         self.assertEqual(tactiled._LINK_SIZE, LAYOUT.sizes["link"])
 
     def test_have_the_numbers_of_layout_h(self):
-        for enum in ("quality", "reason", "sensor_state", "status", "state"):
+        for enum in ("quality", "reason", "sensor_state", "status", "state", "grip_state", "weight_state",
+                     "slip_state"):
             self.assertGreater(len(LAYOUT.enums[enum]), 2)
             for name, value in LAYOUT.enums[enum].items():
                 self.assertEqual(getattr(tactiled, name), value, name)

@@ -1,4 +1,4 @@
-/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.0.
+/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.1.
  *
  * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
  * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
@@ -32,7 +32,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 0
+#define TACTILED_MINOR 1
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_NAME_SIZE 32 /* with the terminating zero */
@@ -138,6 +138,56 @@ struct tactiled_command {
     uint32_t result;       /* enum tactiled_command_result */
 };
 
+/* What the gripper as a whole does: tactiled_grasp.state, the register GRIP_STATE. */
+enum tactiled_grip_state {
+    TACTILED_GRIP_UNKNOWN = 0xFFFF, /* no grasp is configured, or a jaw's sensor has no value */
+    TACTILED_GRIP_OPEN = 0,
+    TACTILED_GRIP_CONTACT = 1,  /* at least one jaw touches */
+    TACTILED_GRIP_GRASPED = 2,  /* every jaw with a sensor presses, and the press is steady */
+    TACTILED_GRIP_LIFTING = 3,  /* weight is coming onto the jaws */
+    TACTILED_GRIP_HOLDING = 4,  /* weight hangs on the jaws */
+    TACTILED_GRIP_SLIPPING = 5, /* gross slip */
+    TACTILED_GRIP_LOST = 6      /* what was held is gone though nobody opened; until the next contact */
+};
+
+/* How far tactiled_grasp.weight_kg may be trusted: the register WEIGHT_STATE. */
+enum tactiled_weight_state {
+    TACTILED_WEIGHT_NONE = 0,
+    TACTILED_WEIGHT_ESTIMATING = 1, /* a value that still moves: its standard deviation says how far */
+    TACTILED_WEIGHT_STABLE = 2,
+    TACTILED_WEIGHT_OVERLOAD = 3,      /* a sensor is saturated or beyond its full scale: no value */
+    TACTILED_WEIGHT_NOT_OBSERVABLE = 4 /* gravity points into the skin, or its direction is not known: no value */
+};
+
+enum tactiled_slip_state {
+    TACTILED_SLIP_UNKNOWN = 0xFFFF, /* the sensor has no value, or sees no shear */
+    TACTILED_SLIP_NONE = 0,
+    TACTILED_SLIP_INCIPIENT = 1, /* near the limit of friction, or sliding at the rim of the contact */
+    TACTILED_SLIP_GROSS = 2
+};
+
+/* The grasp as the node's sensors tell it. What is not known is NaN, never the last value; without [grasp] in the
+ * configuration `state` is TACTILED_GRIP_UNKNOWN and everything else "not known". */
+struct tactiled_grasp {
+    TACTILED_ALIGN(8) uint64_t t_ns;          /* CLOCK_MONOTONIC of the newest sample in it */
+    TACTILED_ALIGN(8) uint64_t t_lift_off_ns; /* of the last one, 0 = none yet */
+    uint32_t state;                           /* enum tactiled_grip_state */
+    uint32_t weight_state;                    /* enum tactiled_weight_state */
+    uint32_t grasps;                          /* counts from 0, + 1 when GRASPED is entered */
+    uint32_t slips;                           /* gross slips of all jaws since the start of the daemon */
+    uint32_t slip_mask, slip_latch;           /* bit n = sensor n: gross slip now; since the last clear */
+    uint32_t object_id;                       /* of the taught object that this weight is, 0 = unknown or no weight */
+    uint32_t reserved;
+    double weight_kg, weight_sd_kg;            /* net, of the object alone */
+    float grip_N, recommended_grip_N;          /* normal force of a jaw, mean; the least that holds, with the margin */
+    float friction, friction_sd;               /* coefficient, learnt in this grasp or as configured (then sd NaN) */
+    float object_probability, reserved_float;  /* that it is object_id and no other, nor an unknown one */
+    char object[TACTILED_NAME_SIZE];           /* its name, "" = unknown or no weight */
+    uint16_t slip_state[TACTILED_MAX_SENSORS]; /* enum tactiled_slip_state, by sensor of the node */
+    uint16_t slip_count[TACTILED_MAX_SENSORS]; /* gross slips of this sensor, wraps */
+    float friction_use[TACTILED_MAX_SENSORS];  /* |shear| / (friction x press); NaN without contact */
+};
+
 /* One published frame of the whole node: which sample of each sensor belongs together. */
 struct tactiled_node {
     TACTILED_ALIGN(8) uint64_t sequence;      /* counts published frames from 0 */
@@ -151,6 +201,7 @@ struct tactiled_node {
     uint32_t worst_cycle_us;                  /* longest turn of the last second */
     struct tactiled_command command[TACTILED_COMMANDERS];
     TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* samples of each sensor so far: newest is count - 1 */
+    struct tactiled_grasp grasp;                            /* since 1.1; reads as 0 where an older daemon writes */
 };
 
 enum tactiled_command_state {
@@ -263,7 +314,8 @@ struct tactiled_header {
 };
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
-TACTILED_ASSERT(sizeof(struct tactiled_node) == 208);
+TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 248);
+TACTILED_ASSERT(sizeof(struct tactiled_node) == 456);
 TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 216);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);

@@ -110,6 +110,40 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
+/* Makes a grasp "not known", so that an old one cannot pass for a new one. What was counted and latched stays. */
+static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
+    const uint32_t nan_bits = 0x7FC00000u;
+    float nan_value;
+    int i;
+    memcpy(&nan_value, &nan_bits, sizeof nan_value);
+    grasp->state = TACTILED_GRIP_UNKNOWN;
+    grasp->weight_state = TACTILED_WEIGHT_NONE;
+    grasp->slip_mask = grasp->object_id = 0;
+    grasp->weight_kg = grasp->weight_sd_kg = (double)nan_value;
+    grasp->grip_N = grasp->recommended_grip_N = grasp->friction = grasp->friction_sd = grasp->object_probability = nan_value;
+    memset(grasp->object, 0, sizeof grasp->object);
+    for (i = 0; i < TACTILED_MAX_SENSORS; ++i) {
+        grasp->slip_state[i] = (uint16_t)TACTILED_SLIP_UNKNOWN;
+        grasp->friction_use[i] = nan_value;
+    }
+}
+
+/* The newest node record, judged at `now_ns`: its grasp is not known where the daemon has ended, where it writes none
+ * (before 1.1), or where the record is older than a sensor's stale_ms, for then nobody has told the grasp that its sensors
+ * fell silent. Returns 1, or 0 when there is none. */
+static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
+    enum { kLeastMs = 20 }; /* a daemon without news publishes each 10 ms */
+    const struct tactiled_header* h = tactiled_header_of(segment);
+    uint32_t i, limit_ms = h->watchdog_ms;
+    if (!tactiled_ring_latest(segment->base, &h->node, node, sizeof *node)) return 0;
+    for (i = 0; i < h->n_sensors; ++i)
+        if (tactiled_sensor_of(segment, i)->stale_ms < limit_ms) limit_ms = tactiled_sensor_of(segment, i)->stale_ms;
+    if (limit_ms < kLeastMs) limit_ms = kLeastMs;
+    if (h->node.record_size < sizeof *node || !tactiled_is_current(segment) || !tactiled_is_fresh(node->t_ns, now_ns, limit_ms))
+        tactiled_forget_grasp(&node->grasp);
+    return 1;
+}
+
 /* Whether a name can be one of the daemon's: a longer one must not be cut to that of another. */
 static inline int tactiled_check_name(struct tactiled_segment* segment, const char* of_what, const char* name) {
     if (name[0] != 0 && strlen(name) < TACTILED_NAME_SIZE) return 1;

@@ -46,8 +46,9 @@ public:
     bool latest(std::uint32_t index, tactiled_sample& sample, std::uint64_t now_ns = monotonic_ns()) const noexcept {
         return tactiled_latest(c_, index, &sample, now_ns) != 0;
     }
-    bool latest_node(tactiled_node& node) const noexcept {
-        return tactiled_ring_latest(c_->base, &header().node, &node, sizeof node) != 0;
+    // The newest node record; its grasp is judged at `now_ns`. False when there is none.
+    bool latest_node(tactiled_node& node, std::uint64_t now_ns = monotonic_ns()) const noexcept {
+        return tactiled_latest_node(c_, &node, now_ns) != 0;
     }
 
     // A consistent set of node record and samples. False when the daemon has published none, or lapped every try.
@@ -68,6 +69,7 @@ public:
                 tactiled_judge(&out.sensor[i], sensor(i).stale_ms, out.taken_ns);
                 if (!current) tactiled_invalidate(&out.sensor[i], TACTILED_DAEMON_STOPPED);
             }
+            if (!current) tactiled_forget_grasp(&out.node.grasp);
             for (std::uint32_t i = n_sensors(); i < TACTILED_MAX_SENSORS; ++i) out.sensor[i] = tactiled_sample{};
             return true;
         }

@@ -383,12 +383,6 @@ TEST(Config, SaysWhenThereIsNoFile) {
     EXPECT_TRUE(config.links.empty() && config.sensors.empty());
 }
 
-TEST(Config, DoesNotKnowGraspYet) {
-    Loaded loaded(std::string(kLink) + kSensor + "[grasp]\nsensors = ['left']\n");
-    loaded.config.root.finish();
-    EXPECT_EQ(loaded.lines(), Lines{"t.toml:9: unknown table [grasp]; known: node, realtime, link, sensor, modbus, shm"});
-}
-
 TEST(Config, LimitsAreThoseOfTheSegmentAndTheFrame) {
     EXPECT_EQ(kMostChannels, kMaxChannels);
     EXPECT_EQ(kLongestNameBytes + 1, std::size_t{TACTILED_NAME_SIZE});
@@ -421,6 +415,7 @@ TEST(DocumentedConfig, LoadsWithoutAProblem) {
 TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
     const std::string bad = "zzzzzzzzzzzz = 1\n";
     Loaded loaded("[node]\n" + bad + "[realtime]\n" + bad + "[modbus]\n" + bad + "[modbus.rtu]\n" + bad + "[shm]\n" + bad +
+                  "[grasp]\n" + bad + "[[grasp.jaw]]\nsensor = 'left'\nx_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n" + bad +
                   kLink + bad + kSensor + bad);
     loaded.config.root.finish();
     const std::string text = test::read_file(kDocumented);
@@ -431,13 +426,14 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
         std::istringstream keys(line.substr(known + 9));
         for (std::string key; keys >> key; ++n_keys) {
             if (key.back() == ',') key.pop_back();
-            if (text.find("\n[modbus." + key + "]") != text.npos) continue;  // a table
+            if (text.find("\n[modbus." + key + "]") != text.npos) continue;   // a table
+            if (text.find("\n[[grasp." + key + "]]") != text.npos) continue;  // tables
             const auto at = text.find("\n" + key + " = ");
             ASSERT_NE(at, text.npos) << line << ": " << key;
             EXPECT_NE(text.substr(at + 1, text.find('\n', at + 1) - at).find("  # "), std::string::npos) << key;
         }
     }
-    EXPECT_EQ(n_keys, 44u);
+    EXPECT_EQ(n_keys, 59u);
 }
 
 TEST(DocumentedConfig, NamesTheDefaults) {
@@ -473,6 +469,19 @@ TEST(DocumentedConfig, NamesTheDefaults) {
     EXPECT_EQ(a.sensors.at(0).device, b.sensors.at(0).device);
     EXPECT_EQ(a.sensors.at(0).stale_ms, b.sensors.at(0).stale_ms);
     EXPECT_EQ(a.sensors.at(0).tare_ms, b.sensors.at(0).tare_ms);
+    const Loaded grasps("[grasp]\n[[grasp.jaw]]\nsensor = 'left'\nx_S_in_G = [0, 0, -1]\nz_S_in_G = [1, 0, 0]\n" +
+                        std::string(kLink) + kSensor);
+    const GraspSettings &c = a.grasp.value(), &d = grasps.config.grasp.value();
+    EXPECT_EQ(c.friction, d.friction);
+    EXPECT_EQ(c.share_sd, d.share_sd);
+    EXPECT_EQ(c.margin, d.margin);
+    EXPECT_EQ(c.weigh_window_ms, d.weigh_window_ms);
+    EXPECT_EQ(c.slip_sensitivity, d.slip_sensitivity);
+    EXPECT_EQ(c.lift_acceleration_m_s2, d.lift_acceleration_m_s2);
+    EXPECT_EQ(c.lift_accelerates_ms, d.lift_accelerates_ms);
+    EXPECT_EQ(c.objects, d.objects);
+    EXPECT_EQ(c.jaws.at(0).share, d.jaws.at(0).share);
+    EXPECT_EQ(c.jaws.at(0).S_from_G, d.jaws.at(0).S_from_G);
 }
 
 TEST(DocumentedConfig, CutAnywhereIsNoCrash) {

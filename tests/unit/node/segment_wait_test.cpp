@@ -121,7 +121,7 @@ TEST_F(SegmentTest, AControlSocketThatDoesNotAnswerDelaysNoWaitAndIsAskedAgain) 
         ::close(hung);
         for (const int s : queued) ::close(s);
         Ring<Command> commands(4);
-        const ControlSocket control(p.control, "", name_, writer, commands);
+        const ControlSocket control(p.control, "", name_, writer, "", commands);
         took_ms(reader, 1200);
         EXPECT_NE(reader.wake, nullptr);
         tactiled_reader_detach(&reader);

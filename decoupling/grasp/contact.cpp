@@ -1,0 +1,124 @@
+#include "decoupling/grasp/contact.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tactiled::grasp {
+namespace {
+
+constexpr double kMost_N = 1e6;                  // no gripper: whatever says more is broken, and its square may overflow
+constexpr double kOnNoises = 6, kOffNoises = 4;  // 6 sd twice in a row: less than one false contact in 1e17 samples
+constexpr double kOnOverOff = 1.2;               // they stay apart, whatever is configured
+constexpr int kInARow = 2;                       // one wild sample is no contact
+constexpr std::uint64_t kBucket_ns = 20'000'000;
+constexpr std::uint64_t kSettles_ns = 60'000'000;  // after a contact: filters, and the fast part of what a skin gives back
+constexpr double kZeroTime_s = 0.3;                // of the mean that is the zero
+constexpr std::uint64_t kLeaves_ns = 25'000'000;   // jaws that open take longer: 0.1 N at 1 N/s
+constexpr double kPressTime_s = 0.1;               // over which the press of before is remembered
+
+}  // namespace
+
+bool Contact::take(const JawSample& sample) noexcept {
+    const auto& f = sample.force_S_N;
+    if (sample.quality == TACTILED_BAD || !(std::abs(f[2]) < kMost_N) || std::abs(f[0]) > kMost_N ||
+        std::abs(f[1]) > kMost_N) {
+        zero_known_ = false;  // nobody knows what the zero did meanwhile
+        buckets_ = 0;
+        touching_ = left_at_once_ = false;
+        against_ = 0;
+        feel_ = {.t_ns = std::max(feel_.t_ns, sample.t_ns)};
+        filling_ = waiting_[0] = waiting_[1] = {};
+        differences_ = 0;
+        return false;
+    }
+    if (feel_.known && sample.t_ns <= feel_.t_ns) return false;
+    const double elapsed_s = feel_.known ? double(sample.t_ns - feel_.t_ns) * 1e-9 : 0;
+    const Eigen::Vector3d raw(f[0], f[1], f[2]);
+    const Eigen::Vector3d was = feel_.force_S_N + zero_N_;
+    const bool follows = feel_.known;
+    feel_.t_ns = sample.t_ns;
+    feel_.known = true;
+    feel_.force_S_N = raw - zero_N_;
+    feel_.sd_N = {sample.sd_N[0], sample.sd_N[1], sample.sd_N[2]};
+    feel_.press_N = -feel_.force_S_N.z();
+    feel_.shear_N = std::hypot(feel_.force_S_N.x(), feel_.force_S_N.y());
+    feel_.overload = (sample.reasons & TACTILED_SATURATED) != 0;
+    for (int k = 0; k < 3; ++k) feel_.overload |= setup_.full_scale_N[k] > 0 && std::abs(raw[k]) > setup_.full_scale_N[k];
+    judge_touch();
+    if (touching_) {
+        const double keep = std::exp(-elapsed_s / kPressTime_s);
+        held_press_N_ = std::max(feel_.press_N, held_press_N_ * keep);
+        if (feel_.press_N >= held_press_N_ / 2) half_ns_ = sample.t_ns;
+        return true;
+    }
+    if (follows && feel_.press_N < setup_.contact_off_N) {  // differences of neighbours: drift does not count
+        const Eigen::Vector3d step_N = raw - was;
+        const double newest = 1.0 / std::min(++differences_, 200);
+        for (int k = 0; k < 3; ++k) {
+            const double square = step_N[k] * step_N[k] / 2;
+            if (!std::isfinite(square)) continue;
+            noise_N_[k] = std::sqrt(noise_N_[k] * noise_N_[k] * (1 - newest) + square * newest);
+        }
+    }
+    learn_zero(raw);
+    return true;
+}
+
+void Contact::judge_touch() noexcept {
+    const double off = std::max(setup_.contact_off_N, kOffNoises * noise_N_.z());
+    const double on = std::max({setup_.contact_on_N, kOnNoises * noise_N_.z(), kOnOverOff * off});
+    const bool says = touching_ ? feel_.press_N > off : feel_.press_N >= on;
+    against_ = says == touching_ ? 0 : against_ + 1;
+    if (against_ < kInARow) return;
+    against_ = 0;
+    touching_ = says;
+    if (touching_) {
+        held_press_N_ = feel_.press_N;
+        half_ns_ = feel_.t_ns;
+        filling_ = waiting_[0] = waiting_[1] = {};
+    } else {
+        left_at_once_ = feel_.t_ns - half_ns_ < kLeaves_ns;
+        free_since_ns_ = feel_.t_ns;
+    }
+}
+
+void Contact::learn_zero(const Eigen::Vector3d& raw_N) noexcept {
+    if (free_since_ns_ > 0 && feel_.t_ns - free_since_ns_ < kSettles_ns) return;
+    if (filling_.n == 0) bucket_ns_ = feel_.t_ns;
+    for (int k = 0; k < 3; ++k)
+        if (std::isfinite(raw_N[k])) filling_.sum_N[k] += raw_N[k];  // a component that the sensor cannot see has no zero
+    if (++filling_.n > 1 && feel_.t_ns - bucket_ns_ >= kBucket_ns) close_bucket();
+}
+
+void Contact::close_bucket() noexcept {
+    const Bucket oldest = waiting_[0];
+    waiting_ = {waiting_[1], filling_};
+    filling_ = {};
+    if (oldest.n == 0) return;
+    const Eigen::Vector3d mean = oldest.sum_N / oldest.n;
+    const double elapsed_s = double(feel_.t_ns - zero_ns_) * 1e-9;
+    if (!zero_known_ || buckets_ == 0) {
+        zero_N_ = mean;
+        buckets_ = 1;
+        zero_known_ = true;
+    } else {
+        const double part = std::max(1.0 / ++buckets_, -std::expm1(-double(kBucket_ns) * 1e-9 / kZeroTime_s));
+        const Eigen::Vector3d off = mean - zero_N_;
+        zero_N_ += part * off;
+        buckets_ = std::min(buckets_, 1000);
+        if (elapsed_s < 1) {  // what differs from the mean of 0.3 s has walked for about so long
+            const Eigen::Vector3d square = (off.array() * off.array() / kZeroTime_s).matrix();
+            walk_N2_s_ += std::max(1.0 / buckets_, 0.02) * (square - walk_N2_s_);
+        }
+    }
+    zero_ns_ = feel_.t_ns;
+}
+
+Eigen::Vector3d Contact::zero_sd_N() const noexcept {
+    if (!zero_known_) return Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+    const double since_s = zero_ns_ == 0 ? 0 : double(feel_.t_ns - std::min(zero_ns_, feel_.t_ns)) * 1e-9;
+    return (walk_N2_s_ * (since_s + kZeroTime_s)).array().sqrt().matrix();
+}
+
+}  // namespace tactiled::grasp

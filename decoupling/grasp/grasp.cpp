@@ -1,0 +1,155 @@
+// The order of things, once a sample: contact, slip, weight, phase.
+#include "decoupling/grasp/grasp.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "decoupling/grasp/grasp_state.hpp"
+
+namespace tactiled::grasp {
+namespace {
+
+constexpr double kLeak = 0.03;  // of the press that may read as a shear: no load
+constexpr double kNoises = 6;
+constexpr double kSteady = 0.05;   // of the press, between its means of 10 and of 50 ms
+constexpr double kPeakTime_s = 1;  // that a peak of the shear counts for the recommended grip
+
+}  // namespace
+
+void Grasp::State::follow(std::size_t j) noexcept {
+    Jaw& jaw = jaws[j];
+    const Feel& feel = contacts[j].feel();
+    const double elapsed_s = jaw.t_ns > 0 ? double(feel.t_ns - std::min(feel.t_ns, jaw.t_ns)) * 1e-9 : 1;
+    jaw.t_ns = feel.t_ns;
+    jaw.quick_N.take(feel.press_N, elapsed_s, 0.01);
+    jaw.slow_N.take(feel.press_N, elapsed_s, 0.05);
+    if (!std::isfinite(feel.shear_N)) return;
+    jaw.quick_x_N.take(feel.force_S_N.x(), elapsed_s, 0.01);
+    jaw.quick_y_N.take(feel.force_S_N.y(), elapsed_s, 0.01);
+    jaw.peak_shear_N = std::max(feel.shear_N, jaw.peak_shear_N * std::exp(-elapsed_s / kPeakTime_s));
+}
+
+// With hysteresis: what came on must fall to half to be gone.
+bool Grasp::State::loaded(std::size_t j) const noexcept {
+    const Jaw& jaw = jaws[j];
+    const Contact& contact = contacts[j];
+    const double changed_N = std::hypot(jaw.quick_x_N.value - jaw.clamped_x_N, jaw.quick_y_N.value - jaw.clamped_y_N);
+    const double least_N =
+        std::max({kNoises * contact.noise_N(0), kNoises * contact.noise_N(1), kLeak * contact.feel().press_N});
+    return changed_N > (loaded_before ? least_N / 2 : least_N);
+}
+
+Seen Grasp::State::look() const noexcept {
+    Seen seen{.t_ns = t_ns, .all = true, .steady = true};
+    for (std::size_t j = 0; j < jaws.size(); ++j) {
+        const Jaw& jaw = jaws[j];
+        const Contact& contact = contacts[j];
+        seen.unknown |= !contact.feel().known;
+        seen.any |= contact.touching();
+        seen.all &= contact.touching();
+        seen.steady &=
+            std::abs(jaw.quick_N.value - jaw.slow_N.value) < kSteady * jaw.slow_N.value + kNoises * contact.noise_N(2);
+        seen.loaded |= loaded(j);
+        seen.slipping |= jaw.slip.state() == TACTILED_SLIP_GROSS;
+        seen.left_at_once |= contact.left_at_once();
+    }
+    seen.weighed = weight.now().state == TACTILED_WEIGHT_STABLE;
+    return seen;
+}
+
+void Grasp::State::act_on(tactiled_grip_state before) noexcept {
+    const auto held = [](tactiled_grip_state s) {
+        return s == TACTILED_GRIP_LIFTING || s == TACTILED_GRIP_HOLDING || s == TACTILED_GRIP_SLIPPING;
+    };
+    const tactiled_grip_state now = phase.now();
+    if (now == TACTILED_GRIP_GRASPED && before != now && !held(before)) {
+        for (Jaw& jaw : jaws) {
+            const bool resumed = before == TACTILED_GRIP_UNKNOWN;  // nobody saw it closing: all shear counts as load
+            jaw.clamped_x_N = resumed ? 0 : jaw.quick_x_N.value;
+            jaw.clamped_y_N = resumed ? 0 : jaw.quick_y_N.value;
+            jaw.slip.begin_grasp();
+        }
+    }
+    forced &= phase.holds();
+    stopped &= phase.hangs();
+    const bool weighs = (phase.hangs() || forced) && !stopped;
+    if (weighs && !weight.weighing()) {
+        weight.begin(t_ns);
+        lift_off_ns = t_ns;
+    }
+    if (!weighs && weight.weighing()) weight.end();
+    if (weight.now().lift_off_ns > 0) lift_off_ns = weight.now().lift_off_ns;
+}
+
+void Grasp::State::take(std::size_t j, const JawSample& sample) noexcept {
+    Jaw& jaw = jaws[j];
+    Contact& contact = contacts[j];
+    const bool value = contact.take(sample);
+    const Feel& feel = contact.feel();
+    t_ns = std::max(t_ns, feel.t_ns);
+    if (!feel.known) {
+        jaw.slip.forget();
+        jaw.t_ns = 0;
+    } else if (value) {
+        follow(j);
+        jaw.slip.take(feel, contact.touching(), phase.now() == TACTILED_GRIP_HOLDING,
+                      std::max(contact.noise_N(0), contact.noise_N(1)));
+        if (jaw.slip.slips() != jaw.seen_slips) {
+            slips += jaw.slip.slips() - jaw.seen_slips;
+            jaw.seen_slips = jaw.slip.slips();
+            latch |= 1u << jaw.sensor;
+        }
+        weight.take(j, feel);
+    }
+    const tactiled_grip_state before = phase.now();
+    const Seen seen = look();
+    loaded_before = seen.loaded;
+    phase.step(seen, hint);
+    act_on(before);
+    weight.judge(contacts, t_ns);
+}
+
+Grasp::Grasp(const Setup& setup) : state_(std::make_unique<State>(setup)) {
+    assert(!setup.jaws.empty() && setup.jaws.size() <= kMostJaws);
+    for (const JawSetup& jaw : setup.jaws) assert(jaw.sensor < TACTILED_MAX_SENSORS);
+}
+Grasp::~Grasp() = default;
+Grasp::Grasp(Grasp&&) noexcept = default;
+
+void Grasp::sample(std::size_t jaw, const JawSample& sample) noexcept {
+    if (jaw < state_->jaws.size()) state_->take(jaw, sample);
+}
+
+void Grasp::hint(Hint gripper) noexcept { state_->hint = gripper; }
+void Grasp::gravity(const Vector& g) noexcept { state_->weight.gravity(Eigen::Vector3d(g.data())); }
+void Grasp::acceleration(const Vector& a, std::uint64_t t_ns) noexcept {
+    state_->weight.acceleration(Eigen::Vector3d(a.data()), t_ns);
+}
+
+bool Grasp::start_weighing() noexcept {
+    if (!state_->phase.holds()) return false;
+    state_->forced = true;
+    state_->stopped = false;
+    state_->weight.begin(state_->t_ns);
+    return true;
+}
+
+bool Grasp::stop_weighing() noexcept {
+    if (!state_->weight.weighing()) return false;
+    state_->forced = false;
+    state_->stopped = true;
+    state_->weight.end();
+    return true;
+}
+
+bool Grasp::zero_weight() noexcept { return state_->weight.zero(); }
+bool Grasp::known_weight(double mass_kg) noexcept { return state_->weight.known(mass_kg); }
+void Grasp::clear_slips(std::uint32_t sensor_mask) noexcept { state_->latch &= ~sensor_mask; }
+void Grasp::slip_sensitivity(double zero_to_one) noexcept {
+    for (State::Jaw& jaw : state_->jaws) jaw.slip.sensitivity(zero_to_one);
+}
+void Grasp::weigh_window(double ms) noexcept { state_->weight.window(ms); }
+void Grasp::objects(std::span<const Object> objects) noexcept { state_->objects.teach(objects); }
+
+}  // namespace tactiled::grasp

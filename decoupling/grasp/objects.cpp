@@ -1,0 +1,44 @@
+#include "decoupling/grasp/objects.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tactiled::grasp {
+namespace {
+
+constexpr double kUnknownBeyond = 3;  // sd: an object of its own kind lies farther off once in 370 grasps
+
+double density(double off, double sd) noexcept { return std::exp(-0.5 * off * off / (sd * sd)) / sd; }
+
+}  // namespace
+
+void Objects::teach(std::span<const Object> objects) noexcept {
+    n_ = 0;
+    for (const Object& o : objects) {
+        if (n_ == known_.size()) return;
+        if (o.id == 0 || !(o.mass_kg > 0) || !std::isfinite(o.mass_kg) || !(o.sd_kg >= 0) || !std::isfinite(o.sd_kg))
+            continue;
+        Known& k = known_[n_++];
+        k = {o.id, o.mass_kg, o.sd_kg, {}};
+        std::copy_n(o.name.begin(), std::min(o.name.size(), k.name.size() - 1), k.name.begin());
+    }
+}
+
+Recognised Objects::recognise(double mass_kg, double sd_kg) const noexcept {
+    if (!(sd_kg > 0) || !std::isfinite(sd_kg) || !std::isfinite(mass_kg)) return {};
+    const Known* likeliest = nullptr;
+    double most = 0, sum = 0, most_sd = 0;
+    for (std::size_t i = 0; i < n_; ++i) {
+        const double sd = std::hypot(sd_kg, known_[i].sd_kg), d = density(mass_kg - known_[i].mass_kg, sd);
+        sum += d;
+        if (d > most) likeliest = &known_[i], most = d, most_sd = sd;
+    }
+    if (likeliest == nullptr) return {};
+    // Anything may be in the gripper: an object that nobody taught is as likely at every weight as a taught one is at
+    // kUnknownBeyond of its sd.
+    const double unknown = density(kUnknownBeyond * most_sd, most_sd);
+    if (most < unknown) return {};
+    return {likeliest->id, most / (sum + unknown), likeliest->name};
+}
+
+}  // namespace tactiled::grasp

@@ -1,0 +1,31 @@
+// Which of the taught objects a weight is, or none of them.
+#pragma once
+#include <array>
+#include <span>
+
+#include "decoupling/grasp/grasp.hpp"
+
+namespace tactiled::grasp {
+
+struct Recognised {
+    std::uint32_t id = 0;    // 0 = unknown
+    double probability = 0;  // that it is this one: no other, none that was never taught
+    std::array<char, TACTILED_NAME_SIZE> name{};
+};
+
+class Objects {
+public:
+    void teach(std::span<const Object> objects) noexcept;  // the first kMostObjects that have a mass and an id
+    [[nodiscard]] Recognised recognise(double mass_kg, double sd_kg) const noexcept;
+
+private:
+    struct Known {
+        std::uint32_t id = 0;
+        double mass_kg = 0, sd_kg = 0;
+        std::array<char, TACTILED_NAME_SIZE> name{};
+    };
+    std::array<Known, Grasp::kMostObjects> known_{};
+    std::size_t n_ = 0;
+};
+
+}  // namespace tactiled::grasp

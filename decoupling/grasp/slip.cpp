@@ -1,0 +1,89 @@
+#include "decoupling/grasp/slip.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace tactiled::grasp {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr std::uint64_t kLook_ns = 15'000'000;    // static to kinetic takes 5 to 10 ms
+constexpr std::uint64_t kGoesOn_ns = 60'000'000;  // so long without another fall: it holds again
+constexpr std::uint64_t kFirm_ns = 20'000'000;    // a contact that just began rolls and settles
+constexpr double kOverUsual = 1.6;                // of the largest fall that transport made lately
+constexpr double kUsualTime_s = 3;
+constexpr double kNearCone = 0.7;    // of the friction known beforehand: lower cannot be slip, even where that is 30 % off
+constexpr double kLeastRatio = 0.1;  // nothing that a gripper holds slides at less, and a ratio of noise is none
+constexpr double kNoises = 4;
+
+}  // namespace
+
+void Slip::sensitivity(double zero_to_one) noexcept {
+    if (!(zero_to_one >= 0 && zero_to_one <= 1)) return;
+    near_ = 0.95 - 0.3 * zero_to_one;
+    least_fall_ = 0.12 * std::pow(0.25, zero_to_one);
+}
+
+void Slip::forget() noexcept {
+    n_ = 0;
+    state_ = TACTILED_SLIP_UNKNOWN;
+    use_ = kNaN;
+    touched_ns_ = 0;
+}
+
+Slip::Fall Slip::fall(double noise_N) const noexcept {
+    const Point& now = past_[newest_];
+    const double ratio = now.shear_N / now.press_N;
+    Fall most;
+    for (std::size_t back = 0; back < n_; ++back) {
+        const Point& p = past_[(newest_ + kMost - back) % kMost];
+        if (now.t_ns - p.t_ns > kLook_ns) break;
+        // Only a shear that itself falls, not a press that rises: a grip that is tightened is no slip.
+        const double before = p.shear_N / p.press_N, sure_N = p.shear_N - now.shear_N - kNoises * noise_N;
+        if (sure_N <= 0 || before <= most.peak) continue;
+        most = {std::min((before - ratio) / before, sure_N / p.shear_N), before};
+    }
+    return most;
+}
+
+void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) noexcept {
+    if (!std::isfinite(feel.shear_N)) return forget();
+    if (!touching || feel.press_N <= kNoises * noise_N || feel.press_N <= 0) {
+        forget();
+        state_ = TACTILED_SLIP_NONE;
+        return;
+    }
+    if (touched_ns_ == 0) {
+        touched_ns_ = feel.t_ns;
+        usual_ = 0;
+    }
+    const double elapsed_s = n_ > 0 ? double(feel.t_ns - past_[newest_].t_ns) * 1e-9 : 0;
+    newest_ = (newest_ + 1) % kMost;
+    past_[newest_] = {feel.t_ns, feel.shear_N, feel.press_N};
+    n_ = std::min(n_ + 1, kMost);
+    use_ = friction_.use(feel.shear_N, feel.press_N);
+
+    const Fall now = fall(noise_N);
+    const bool possible = feel.t_ns - touched_ns_ > kFirm_ns && now.peak >= kLeastRatio &&
+                          (std::isnan(friction_.coefficient()) || now.peak >= kNearCone * friction_.coefficient());
+    const bool slides = state_ == TACTILED_SLIP_GROSS;
+    const double least = slides ? least_fall_ / 2 : std::max(least_fall_, kOverUsual * usual_);
+    if (possible && now.part > least) {
+        if (!slides) {
+            ++slips_;
+            friction_.slipped(now.peak);
+        }
+        slid_ns_ = feel.t_ns;
+        state_ = TACTILED_SLIP_GROSS;
+        return;
+    }
+    if (slides && feel.t_ns - slid_ns_ < kGoesOn_ns) return;
+    if (settled) usual_ = std::max(now.part, usual_ * std::exp(-elapsed_s / kUsualTime_s));
+    if (!slides) friction_.held((feel.shear_N - kNoises * noise_N) / feel.press_N);
+    // |shear| > part of the cone + k sd: never a ratio alone, which near no press is one of noise.
+    const double limit_N = near_ * friction_.coefficient() * feel.press_N + kNoises * noise_N;
+    state_ = feel.shear_N > limit_N ? TACTILED_SLIP_INCIPIENT : TACTILED_SLIP_NONE;  // not known: false
+}
+
+}  // namespace tactiled::grasp

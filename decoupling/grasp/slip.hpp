@@ -1,0 +1,51 @@
+// Whether the contact of one jaw slips: near the limit of friction, or over it.
+#pragma once
+#include <array>
+#include <cstdint>
+
+#include "decoupling/grasp/contact.hpp"
+#include "decoupling/grasp/friction.hpp"
+
+namespace tactiled::grasp {
+
+class Slip {
+public:
+    explicit Slip(double friction) : friction_(friction) {}
+
+    // One more sample of the jaw. `settled`: the object is held, so that what moves now is what transport does.
+    // rt: bounded by the samples of 15 ms, at most kMost
+    void take(const Feel& feel, bool touching, bool settled, double noise_N) noexcept;
+    void begin_grasp() noexcept { friction_.begin(); }
+    void forget() noexcept;  // a break
+
+    [[nodiscard]] tactiled_slip_state state() const noexcept { return state_; }
+    [[nodiscard]] std::uint32_t slips() const noexcept { return slips_; }  // onsets, never fewer than before
+    [[nodiscard]] double use() const noexcept { return use_; }
+    [[nodiscard]] const Friction& friction() const noexcept { return friction_; }
+    void sensitivity(double zero_to_one) noexcept;
+
+private:
+    // How far shear over press fell from its peak of the last 15 ms, of the peak; and that peak.
+    struct Fall {
+        double part = 0, peak = 0;
+    };
+    [[nodiscard]] Fall fall(double noise_N) const noexcept;
+
+    static constexpr std::size_t kMost = 64;
+    struct Point {
+        std::uint64_t t_ns = 0;
+        double shear_N = 0, press_N = 0;
+    };
+    std::array<Point, kMost> past_{};
+    std::size_t newest_ = 0, n_ = 0;
+
+    Friction friction_;
+    double near_ = 0.8, least_fall_ = 0.06;  // of sensitivity 0.5
+    double usual_ = 0;                       // falls that transport makes
+    double use_ = 0;
+    std::uint64_t touched_ns_ = 0, slid_ns_ = 0;
+    std::uint32_t slips_ = 0;
+    tactiled_slip_state state_ = TACTILED_SLIP_UNKNOWN;
+};
+
+}  // namespace tactiled::grasp

@@ -1,0 +1,50 @@
+// What the PLC or a person asks for; carried out by the pipeline, acknowledged in the node record.
+#pragma once
+#include <cstdint>
+#include <span>
+
+#include "decoupling/grasp/grasp.hpp"
+#include "node/sensor.hpp"
+
+namespace tactiled {
+
+// What may be changed of the grasp while the daemon runs. NaN in a wish: as configured.
+struct GraspSettable {
+    double slip_sensitivity = 0.5;  // 0 .. 1
+    double weigh_window_ms = 100;
+};
+
+struct Command {
+    enum class Kind : std::uint32_t {
+        tare = 1,
+        untare = 2,
+        clear_latches = 3,
+        start_weighing = 4,
+        stop_weighing = 5,
+        reset_peaks = 6,
+        zero_weight = 7,
+        self_test = 8,
+        known_weight = 9,
+        clear_slips = 10,
+        objects = 11,
+        // Nobody waits for these: no acknowledgement.
+        set = 100,
+        hint = 101,
+        gravity = 102,
+        acceleration = 103
+    };
+    Kind kind = Kind::tare;
+    std::uint32_t mask = 0;               // bit n: sensor n
+    std::uint32_t number = 0;             // told back as tactiled_command.acknowledged
+    SensorSettable settable{};            // of `set`
+    std::uint64_t until_ns = UINT64_MAX;  // too late after that: who asked was told so
+    GraspSettable grasp{};                // of `set`
+    double mass_kg = 0;                   // of `known_weight`
+    grasp::Hint gripper{};                // of `hint`
+    grasp::Vector robot_G_m_s2{};         // of `gravity` and `acceleration`; NaN = not known
+    std::uint64_t told_ns = 0;            // of `acceleration`
+    // Of `objects`. Stays the asker's, who keeps it until the command is acknowledged, however long that takes.
+    std::span<const grasp::Object> objects{};
+};
+
+}  // namespace tactiled

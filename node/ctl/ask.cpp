@@ -1,0 +1,35 @@
+#include "node/ctl/ask.hpp"
+
+#include <fmt/format.h>
+
+#include <cstdio>
+
+#include "node/control.hpp"
+#include "node/ctl/verb.hpp"
+
+namespace tactiled::ctl {
+
+std::string ask_plain(const Segment& segment, const std::string& words, double timeout_s, std::string& why) {
+    const std::string control = segment.header().control;
+    if (control.empty()) {
+        why = "the daemon runs without a control socket; its log says why";
+        return "";
+    }
+    return ask_daemon(control, fmt::format("{} {}", segment.header().name, words), int(timeout_s * 1000), why);
+}
+
+Answer ask(const Segment& segment, const std::string& words, double timeout_s) {
+    Answer answer;
+    const std::string reply = ask_plain(segment, words, timeout_s, answer.text);
+    int state = 0, used = 0;
+    if (std::sscanf(reply.c_str(), "%d %d%n", &state, &answer.result, &used) != 2) {
+        answer.exit_status = kNotReachable;
+        if (answer.text.empty()) answer.text = "unreadable answer of the daemon";
+        return answer;
+    }
+    answer.text = reply.substr(std::min(reply.size(), std::size_t(used) + 1));
+    answer.exit_status = answer.result == TACTILED_COMMAND_OK ? kGood : kUnhealthy;
+    return answer;
+}
+
+}  // namespace tactiled::ctl

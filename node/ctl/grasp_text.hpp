@@ -1,0 +1,18 @@
+// The grasp in words and numbers, for people and as JSON.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tactiled/reader.hpp"
+
+namespace tactiled::ctl {
+
+const char* grip_state_text(std::uint32_t state);    // "holding"; "unknown" for what is not known
+const char* weight_state_text(std::uint32_t state);  // "stable"
+const char* slip_state_text(std::uint32_t state);    // "incipient"
+
+// Three lines of at most 80 columns. Slips are told by the sensors' names.
+std::string grasp_lines(const Segment& segment, const tactiled_grasp& grasp);
+nlohmann::json grasp_json(const Segment& segment, const tactiled_grasp& grasp);
+
+}  // namespace tactiled::ctl

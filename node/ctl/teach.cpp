@@ -1,0 +1,169 @@
+// tactilectl teach NAME: what an object weighs, from real grasps of it; the daemon then tells it by its weight.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "config/names.hpp"
+#include "node/ctl/ask.hpp"
+#include "node/ctl/verb.hpp"
+#include "node/objects.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Wish {
+    std::string node = "gripper", name, forget;
+    bool list = false, reload = false, json = false;
+    unsigned count = 5;
+    double timeout_s = 60;
+};
+
+nlohmann::json as_json(const TaughtObject& o) {
+    return {{"id", o.id}, {"name", o.name}, {"mass_kg", o.mass_kg}, {"sd_kg", o.sd_kg}, {"grasps", o.grasps}};
+}
+
+int fail(int exit_status, const std::string& why) {
+    fmt::print(stderr, "tactilectl: {}\n", why);
+    return exit_status;
+}
+
+// The next grasps of the node, each once its weight is stable. Fewer than asked for where it gave up: says why.
+std::vector<Weighing> weigh_grasps(Segment& segment, const Wish& wish) {
+    std::vector<Weighing> weighings;
+    tactiled_node node{};
+    bool counting = false;
+    std::uint32_t taken = 0;  // tactiled_grasp.grasps of the last one, or at the beginning
+    std::uint64_t heard_ns = monotonic_ns();
+    while (interrupted == 0 && weighings.size() < wish.count) {
+        if (double(monotonic_ns() - heard_ns) > wish.timeout_s * 1e9) {
+            fail(kUnhealthy, fmt::format("no grasp with a stable weight for {} s: {} of {} seen, nothing stored", wish.timeout_s,
+                                         weighings.size(), wish.count));
+            break;
+        }
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        std::string unused;
+        if (!segment.is_current()) {  // a successor counts from 0
+            if (Segment fresh = Segment::try_open(wish.node, unused); fresh.is_open()) segment = std::move(fresh);
+            counting = false;
+            continue;
+        }
+        if (!segment.latest_node(node)) continue;
+        const tactiled_grasp& g = node.grasp;
+        if (!counting) {
+            taken = g.grasps;
+            counting = true;
+        }
+        if (g.grasps == taken || g.weight_state != TACTILED_WEIGHT_STABLE || !(g.weight_kg > 0)) continue;
+        taken = g.grasps;
+        heard_ns = monotonic_ns();
+        weighings.push_back({g.weight_kg, g.weight_sd_kg});
+        if (!wish.json) {
+            fmt::print("grasp {} of {}: {:.4f} kg +- {:.4f} kg{}\n", weighings.size(), wish.count, g.weight_kg, g.weight_sd_kg,
+                       (node.status & TACTILED_SIMULATED) != 0 ? "  (simulated)" : "");
+            std::fflush(stdout);
+        }
+    }
+    return weighings;
+}
+
+int store_and_load(const Segment& segment, const std::string& path, const std::vector<TaughtObject>& taught) {
+    store_objects(path, taught);
+    const Answer answer = ask(segment, "load-objects", 5);
+    if (answer.exit_status != kGood)
+        fail(answer.exit_status,
+             fmt::format("{} is stored, but the daemon has not read it: {}", path, answer.text.empty() ? "refused" : answer.text));
+    return answer.exit_status;
+}
+
+int list(const std::vector<TaughtObject>& taught, bool json) {
+    if (json) {
+        nlohmann::json out{{"schema", 1}, {"objects", nlohmann::json::array()}};
+        for (const auto& o : taught) out["objects"].push_back(as_json(o));
+        fmt::print("{}\n", out.dump());
+        return kGood;
+    }
+    fmt::print("{:>5} {:<31} {:>10} {:>10} {:>7}\n", "id", "name", "mass/kg", "sd/kg", "grasps");
+    for (const auto& o : taught) fmt::print("{:>5} {:<31} {:>10.4f} {:>10.4f} {:>7}\n", o.id, o.name, o.mass_kg, o.sd_kg, o.grasps);
+    return kGood;
+}
+
+int teach(Segment& segment, const std::string& path, const std::vector<TaughtObject>& before, const Wish& wish) {
+    const TaughtObject* const known = find_object(before, wish.name);
+    if (known == nullptr && before.size() >= grasp::Grasp::kMostObjects)
+        return fail(kUnhealthy, fmt::format("{} objects are taught, no more fit: tactilectl teach --forget NAME", before.size()));
+    fmt::print(stderr, "Grasp and lift \"{}\" {} times, and release it in between.{}\n", wish.name, wish.count,
+               known != nullptr ? " What was taught of it before is replaced." : "");
+    const auto weighings = weigh_grasps(segment, wish);
+    if (weighings.size() < wish.count) return kUnhealthy;
+    TaughtObject object = summary_of(weighings);
+    object.name = wish.name;
+    object.id = known != nullptr ? known->id : free_id(before);
+    if (const auto confusion = confused_with(object, before))
+        return fail(kUnhealthy, fmt::format("\"{}\" ({:.4f} kg, sd {:.4f} kg) cannot be told from \"{}\" ({:.4f} kg, sd {:.4f} kg): "
+                                            "they are {:.1f} sd of each apart, {:g} are needed. Nothing stored",
+                                            object.name, object.mass_kg, object.sd_kg, confusion->other->name,
+                                            confusion->other->mass_kg, confusion->other->sd_kg, confusion->apart_sd, kApart_sd));
+    std::vector<TaughtObject> taught;
+    for (const auto& other : before)
+        if (other.id != object.id) taught.push_back(other);
+    taught.push_back(object);
+    const int exit_status = store_and_load(segment, path, taught);
+    if (wish.json)
+        fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"object", as_json(object)}, {"file", path}}.dump());
+    else
+        fmt::print("{}: {:.4f} kg, sd {:.4f} kg from grasp to grasp, id {}, in {}\n", object.name, object.mass_kg, object.sd_kg,
+                   object.id, path);
+    return exit_status;
+}
+
+int run_teach(const Wish& wish) {
+    catch_interrupt();
+    std::string why;
+    Segment segment = Segment::try_open(wish.node, why);
+    if (!segment.is_open()) return fail(kNotReachable, why);
+    const std::string path = ask_plain(segment, "objects-file", 5, why);
+    if (path.empty()) return fail(kNotReachable, why);
+    if (path.front() != '/') return fail(kUnhealthy, "there is no [grasp] in the daemon's configuration");
+    if (wish.reload) {
+        const Answer answer = ask(segment, "load-objects", 5);
+        return answer.exit_status == kGood ? kGood : fail(answer.exit_status, answer.text);
+    }
+    Problems problems;
+    const auto taught = load_objects(path, problems);
+    problems.throw_if_any();
+    if (wish.list) return list(taught, wish.json);
+    if (wish.forget.empty()) return teach(segment, path, taught, wish);
+    const TaughtObject* const gone = find_object(taught, wish.forget);
+    if (gone == nullptr) return fail(kUsage, fmt::format("no object \"{}\" is taught (tactilectl teach --list)", wish.forget));
+    std::vector<TaughtObject> left;
+    for (const auto& object : taught)
+        if (&object != gone) left.push_back(object);
+    return store_and_load(segment, path, left);
+}
+
+}  // namespace
+
+void add_teach(CLI::App& app, Run& run) {
+    auto wish = std::make_shared<Wish>();
+    auto* verb = app.add_subcommand("teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it");
+    auto* what = verb->add_option_group("what");
+    what->add_option("name", wish->name, "the object's name")->check([](const std::string& name) {
+        return valid_name(name) ? std::string() : std::string(kValidName);
+    });
+    what->add_flag("--list", wish->list, "what is taught");
+    what->add_option("--forget", wish->forget, "removes an object");
+    what->add_flag("--reload", wish->reload, "the daemon reads the file again, after it was edited by hand");
+    what->require_option(1);
+    add_node_option(verb, wish->node);
+    verb->add_option("--count", wish->count, "grasps to learn from")->check(CLI::Range(1, 1000))->capture_default_str();
+    verb->add_option("--timeout", wish->timeout_s, "seconds without a new stable weight before giving up")
+        ->check(CLI::Range(0.1, 86400.0))
+        ->capture_default_str();
+    verb->add_flag("--json", wish->json, "one JSON object");
+    verb->callback([wish, &run] { run = [wish] { return run_teach(*wish); }; });
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,123 @@
+// tactilectl top: sensors, links and grasp live, in a terminal of 80 x 24; elsewhere one snapshot after the other.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <thread>
+
+#include "node/ctl/grasp_text.hpp"
+#include "node/ctl/status_text.hpp"
+#include "node/ctl/verb.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+constexpr const char* kHome = "\x1b[H";         // to the first column of the first line
+constexpr const char* kClearLine = "\x1b[K\n";  // the rest of the line
+constexpr const char* kClearBelow = "\x1b[J";
+
+std::string number(double value, int width, int digits) {
+    return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
+}
+
+// At most 2 + 16 + 1 + 3 lines of 80 columns.
+std::string table(const Segment& segment, const Snapshot& snapshot) {
+    const auto& node = snapshot.node;
+    std::string out = fmt::format(
+        "{:.80}\n", fmt::format("{}  pid {}  beat {}  worst {} us  missed {}{}{}{}", segment.header().name, segment.header().pid,
+                                node.heartbeat, node.worst_cycle_us, node.missed_cycles,
+                                (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
+                                (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "",
+                                node.fault != 0 ? fmt::format("  fault 0x{:x}", node.fault) : ""));
+    out += fmt::format("{:<10} {:>8} {:>8} {:>8} {:>6} {:>6} {:>5} {:>5}  {}\n", "sensor", "fx/N", "fy/N", "fz/N", "sd fz", "Hz",
+                       "ms", "lost", "quality");
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
+        const auto& s = snapshot.sensor[i];
+        out += fmt::format("{:<10.10} {} {} {} {} {} {} {:>5}  {:.14}\n", segment.sensor(i).name, number(s.force_S_N[0], 8, 3),
+                           number(s.force_S_N[1], 8, 3), number(s.force_S_N[2], 8, 3), number(s.sd_force_N[2], 6, 3),
+                           number(double(s.rate_Hz), 6, 0), number(age_ms(s, snapshot.taken_ns), 5, 0), s.lost,
+                           quality_text(s.quality, s.reasons));
+    }
+    const auto sum = [&](tactiled_link_count kind) {
+        std::uint64_t total = 0;
+        for (std::uint32_t i = 0; i < segment.n_links(); ++i)
+            total += __atomic_load_n(&segment.link(i).count[kind], __ATOMIC_RELAXED);
+        return total;
+    };
+    unsigned open = 0;
+    for (std::uint32_t i = 0; i < segment.n_links(); ++i) open += segment.link(i).state == TACTILED_LINK_OPEN ? 1 : 0;
+    out += fmt::format("{:.80}\n",
+                       fmt::format("links {} of {} open  frames {}  lost {}  bad {}  skipped {} B  ring full {}", open,
+                                   segment.n_links(), sum(TACTILED_LINK_FRAMES), sum(TACTILED_LINK_LOST),
+                                   sum(TACTILED_LINK_BAD_CHECKSUM) + sum(TACTILED_LINK_BAD_LENGTH) + sum(TACTILED_LINK_BAD_VALUE),
+                                   sum(TACTILED_LINK_SKIPPED), sum(TACTILED_LINK_RING_FULL)));
+    return out + grasp_lines(segment, node.grasp);
+}
+
+// Each line overwrites what stood there: no flicker, nothing left of a longer one.
+void draw(const std::string& text) {
+    std::string screen = kHome;
+    for (const char c : text)
+        if (c == '\n')
+            screen += kClearLine;
+        else
+            screen += c;
+    fmt::print("{}{}", screen, kClearBelow);
+}
+
+struct Wish {
+    std::string node = "gripper";
+    bool json = false;
+    long count = 0;  // 0: until interrupted
+    double interval_s = 0.5;
+};
+
+int top(const Wish& wish) {
+    catch_interrupt();
+    const bool redraw = !wish.json && ::isatty(STDOUT_FILENO) != 0;
+    if (redraw) fmt::print("\x1b[2J");
+    int exit_status = kGood;
+    for (long n = 0; interrupted == 0; ++n) {
+        std::string why;
+        const Segment segment = Segment::try_open(wish.node, why);  // anew each time: the daemon may have been restarted
+        Snapshot snapshot;
+        if (segment.is_open() && segment.snapshot(snapshot)) {
+            if (wish.json)
+                fmt::print("{}\n", status_json(segment, snapshot).dump());
+            else if (redraw)
+                draw(table(segment, snapshot));
+            else
+                fmt::print("{}\n", table(segment, snapshot));
+            exit_status = is_healthy(segment, snapshot) ? kGood : kUnhealthy;
+        } else {
+            const std::string text = fmt::format("tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
+            if (redraw)
+                draw(text);  // not the last values
+            else
+                fmt::print(stderr, "{}", text);
+            exit_status = kNotReachable;
+        }
+        std::fflush(stdout);
+        if (n + 1 == wish.count || std::ferror(stdout) != 0) break;
+        std::this_thread::sleep_for(std::chrono::duration<double>(wish.interval_s));
+    }
+    return exit_status;
+}
+
+}  // namespace
+
+void add_top(CLI::App& app, Run& run) {
+    auto wish = std::make_shared<Wish>();
+    auto* verb = app.add_subcommand("top", "Sensors, links and grasp, live");
+    add_node_option(verb, wish->node);
+    verb->add_flag("--json", wish->json, "one JSON object a line");
+    verb->add_option("--count", wish->count, "end after so many")->check(CLI::PositiveNumber);
+    verb->add_option("--interval", wish->interval_s, "seconds between two")
+        ->check(CLI::Range(0.01, 3600.0))
+        ->capture_default_str();
+    verb->callback([wish, &run] { run = [wish] { return top(*wish); }; });
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,67 @@
+// tactilectl weigh start|stop|zero|known: what a PLC can command of the weight, acknowledged by the daemon.
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "node/ctl/ask.hpp"
+#include "node/ctl/verb.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Wish {
+    std::string node = "gripper";
+    double mass_kg = 0, timeout_s = 5;
+};
+
+const char* result_text(int result) {
+    switch (result) {
+        case TACTILED_COMMAND_OK: return "done";
+        case TACTILED_COMMAND_NOT_NOW:
+            return "refused: there is no [grasp] in the configuration, or the grasp does not allow it now (tactilectl status)";
+        case TACTILED_COMMAND_TIMED_OUT: return "timed out";
+        default: return "refused";
+    }
+}
+
+int weigh(const Wish& wish, const std::string& what) {
+    std::string why;
+    const Segment segment = Segment::try_open(wish.node, why);
+    if (!segment.is_open()) {
+        fmt::print(stderr, "tactilectl: {}\n", why);
+        return kNotReachable;
+    }
+    const std::string word = what == "known" ? fmt::format("{:.17g}", wish.mass_kg) : what;
+    const Answer answer = ask(segment, "weigh " + word, wish.timeout_s);
+    if (answer.exit_status == kNotReachable)
+        fmt::print(stderr, "tactilectl: {}\n", answer.text);
+    else
+        fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}\n", what, result_text(answer.result));
+    return answer.exit_status;
+}
+
+}  // namespace
+
+void add_weigh(CLI::App& app, Run& run) {
+    auto wish = std::make_shared<Wish>();
+    auto* verb = app.add_subcommand("weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds");
+    verb->require_subcommand(1);
+    const auto add = [&](const char* name, const char* help) {
+        auto* sub = verb->add_subcommand(name, help);
+        add_node_option(sub, wish->node);
+        sub->add_option("--timeout", wish->timeout_s, "seconds to wait for the daemon's word")
+            ->check(CLI::Range(0.1, 60.0))
+            ->capture_default_str();
+        sub->callback([wish, name, &run] { run = [wish, name] { return weigh(*wish, name); }; });
+        return sub;
+    };
+    add("start", "Weighs from now on, whatever the grasp thinks of a lift");
+    add("stop", "Stops weighing");
+    add("zero", "What hangs now is no object: tare");
+    add("known", "What hangs now, stable, weighs MASS: sets the scale")
+        ->add_option("mass", wish->mass_kg, "its mass in kg")
+        ->required()
+        ->check(CLI::Range(1e-6, 1000.0));
+}
+
+}  // namespace tactiled::ctl

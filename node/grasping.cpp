@@ -1,0 +1,80 @@
+#include "node/grasping.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "tactiled/reader.h"
+
+namespace tactiled {
+namespace {
+
+constexpr double kMostWindow_ms = 1000;  // that the estimator remembers; the register takes up to 10 s
+
+}  // namespace
+
+Grasping::Grasping(const std::optional<Setup>& setup) {
+    jaw_of_sensor_.fill(-1);
+    if (!setup) return;
+    for (std::size_t jaw = 0; jaw < setup->estimator.jaws.size(); ++jaw)
+        jaw_of_sensor_[setup->estimator.jaws[jaw].sensor] = int(jaw);
+    configured_ = setup->settable;
+    estimator_.emplace(setup->estimator);
+    estimator_->slip_sensitivity(configured_.slip_sensitivity);
+    estimator_->objects(setup->objects);
+}
+
+void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench& zero_S) noexcept {
+    const int jaw = jaw_of_sensor_[sensor];
+    if (jaw < 0) return;
+    grasp::JawSample felt;
+    felt.t_ns = s.t_ns;
+    felt.quality = tactiled_quality(s.quality);
+    felt.reasons = s.reasons;
+    if (s.tare_count != std::exchange(tares_seen_[sensor], s.tare_count)) {
+        // Forces before and after a new zero are in different coordinates: their difference is no event of the world.
+        grasp::JawSample moved = felt;
+        moved.quality = TACTILED_BAD;
+        moved.reasons |= TACTILED_TARING;
+        estimator_->sample(std::size_t(jaw), moved);
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+        felt.force_S_N[i] = s.raw_force_S_N[i] - zero_S[i];  // not the low-passed one: a slip lasts some ms
+        felt.sd_N[i] = s.sd_force_N[i];
+    }
+    estimator_->sample(std::size_t(jaw), felt);
+}
+
+bool Grasping::carry_out(const Command& command) noexcept {
+    if (!estimator_) return false;
+    using Kind = Command::Kind;
+    switch (command.kind) {
+        case Kind::start_weighing: return estimator_->start_weighing();
+        case Kind::stop_weighing: return estimator_->stop_weighing();
+        case Kind::zero_weight: return estimator_->zero_weight();
+        case Kind::known_weight: return estimator_->known_weight(command.mass_kg);
+        case Kind::clear_slips:
+        case Kind::clear_latches: estimator_->clear_slips(command.mask != 0 ? command.mask : ~0u); return true;  // 0: all
+        case Kind::objects: estimator_->objects(command.objects); return true;
+        case Kind::hint: estimator_->hint(command.gripper); return true;
+        case Kind::gravity: estimator_->gravity(command.robot_G_m_s2); return true;
+        case Kind::acceleration: estimator_->acceleration(command.robot_G_m_s2, command.told_ns); return true;
+        default: return false;
+    }
+}
+
+void Grasping::set(const GraspSettable& wish) noexcept {
+    if (!estimator_) return;
+    const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
+    estimator_->slip_sensitivity(or_configured(wish.slip_sensitivity, configured_.slip_sensitivity));
+    estimator_->weigh_window(std::min(or_configured(wish.weigh_window_ms, configured_.weigh_window_ms), kMostWindow_ms));
+}
+
+tactiled_grasp Grasping::state() const noexcept {
+    if (estimator_) return estimator_->state();
+    tactiled_grasp nothing{};
+    tactiled_forget_grasp(&nothing);
+    return nothing;
+}
+
+}  // namespace tactiled

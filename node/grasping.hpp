@@ -1,0 +1,43 @@
+// The grasp in the pipeline: which sensor is which jaw, what is asked of the estimator, and what it says.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "decoupling/grasp/grasp.hpp"
+#include "node/command.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+class Grasping {
+public:
+    struct Setup {
+        grasp::Setup estimator;
+        GraspSettable settable;
+        std::vector<grasp::Object> objects;
+    };
+    // Without a setup nothing is known and no command is taken. setup
+    explicit Grasping(const std::optional<Setup>& setup);
+
+    // What a sensor says, BAD ones included; `zero_S` is what its tare subtracts. A sensor that is no jaw is nobody's concern.
+    // rt: wait-free
+    void feel(std::uint32_t sensor, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
+
+    // Carries out what is the grasp's; false: not now. rt: wait-free
+    bool carry_out(const Command& command) noexcept;
+    // NaN: as configured. rt: wait-free
+    void set(const GraspSettable& wish) noexcept;
+
+    // rt: wait-free
+    [[nodiscard]] tactiled_grasp state() const noexcept;
+
+private:
+    std::optional<grasp::Grasp> estimator_;
+    GraspSettable configured_;
+    std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
+    std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{};
+};
+
+}  // namespace tactiled

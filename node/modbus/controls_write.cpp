@@ -1,0 +1,283 @@
+// What a write that was found good does, and what is read back.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "config/text_file.hpp"
+#include "node/log.hpp"
+#include "node/modbus/controls.hpp"
+
+namespace tactiled::modbus {
+namespace {
+
+constexpr std::uint64_t kUnlockNs = 30'000'000'000;
+
+bool is_setting(std::uint16_t at) { return at >= kFilterHz && at <= kWeighWindow; }
+
+Weighing weighing_of(const View& view) {
+    return {view.snapshot.node.grasp.weight_kg, view.snapshot.node.grasp.weight_sd_kg};
+}
+
+// The settings file's keys, in the order of the registers; value = register * scale.
+struct Key {
+    const char* name;
+    double scale;
+};
+constexpr Key kKeys[] = {{"filter_hz", 1},     {"contact_on_N", 0.01},  {"contact_off_N", 0.01},
+                         {"overload_N", 0.01}, {"slip_sensitivity", 1}, {"weigh_window_ms", 1}};
+
+}  // namespace
+
+// ---- writing ---------------------------------------------------------------------------------------------------------
+
+void Controls::write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept {
+    if (request.function == kWriteCoil || request.function == kWriteCoils) return write_coils(request, now_ns);
+    for (unsigned i = 0; i < request.write.count; ++i)
+        write_register(std::uint16_t(request.write.at + i), wished(request, i), view, session, now_ns);
+    const unsigned end = request.write.at + request.write.count;
+    if (request.write.at <= kWeighWindow && end > kFilterHz) send_settings();
+    robot_.send(commands_);
+}
+
+void Controls::write_coils(const Request& request, std::uint64_t now_ns) noexcept {
+    std::uint32_t tare = 0, slips = 0;
+    bool clear = false, weigh = false;
+    for (unsigned i = 0; i < request.write.count; ++i) {
+        const unsigned at = request.write.at + i;
+        if (!is_set(request, i)) continue;
+        if (at < kSlipCoils)
+            tare |= 1u << at;
+        else if (at < kClearAllCoil)
+            slips |= 1u << (at - kSlipCoils);
+        clear |= at == kClearAllCoil;
+        weigh |= at == kWeighCoil;
+    }
+    if (tare != 0) send(Command::Kind::tare, tare, now_ns);
+    if (slips != 0) send(Command::Kind::clear_slips, slips, now_ns);
+    if (clear) send(Command::Kind::clear_latches, 0, now_ns);
+    if (weigh) send(Command::Kind::start_weighing, 0, now_ns);
+    if (request.write.at == kWeighCoil && !weigh) send(Command::Kind::stop_weighing, 0, now_ns);
+}
+
+void Controls::write_register(std::uint16_t at, std::uint16_t value, const View& view, Session& session,
+                              std::uint64_t now_ns) noexcept {
+    if (at >= kScratchAt) {
+        scratch_[at - kScratchAt] = value;
+        return;
+    }
+    if (is_setting(at)) {
+        settings_[at - kFilterHz] = value;
+        return;
+    }
+    if (Robot::has(at)) return robot_.write(at, value, now_ns);
+    switch (at) {
+        case kTareCell: return void(value != 0 ? send(Command::Kind::tare, value, now_ns) : 0);
+        case kUntareCell: return void(value != 0 ? send(Command::Kind::untare, value, now_ns) : 0);
+        case kClearLatchCell: return void(value != 0 ? send(Command::Kind::clear_latches, value, now_ns) : 0);
+        case kResetPeakCell: return void(value != 0 ? send(Command::Kind::reset_peaks, value, now_ns) : 0);
+        case kWeighCell: return void(value != 0 ? send(Command::Kind::start_weighing, 0, now_ns) : 0);
+        case kZeroWeightCell: return void(value != 0 ? send(Command::Kind::zero_weight, 0, now_ns) : 0);
+        case kKnownWeightCell: return void(value != 0 ? send_known_weight(value * 1e-3, now_ns) : 0);
+        case kTeachCell: return void(value != 0 ? teaching_.begin(value, weighing_of(view)) : void());
+        case kPlcHeartbeat:
+            if (value != heartbeat_) heartbeat_ns_ = now_ns;
+            heartbeat_ = value;
+            return;
+        case kPlcWatchdog:
+            if (value != watchdog_ms_)
+                heartbeat_ns_ = now_ns;  // a block that is written again and again keeps nothing alive
+            watchdog_ms_ = value;
+            return;
+        case kUnlock:
+            if (value == 0 && session.unlocked_until_ns == unlocked_until_ns_) unlocked_until_ns_ = 0;
+            session.unlocked_until_ns = value != 0 ? now_ns + kUnlockNs : 0;
+            unlocked_until_ns_ = std::max(unlocked_until_ns_, session.unlocked_until_ns);
+            return;
+        case kSave: return save();
+        default: break;
+    }
+    const std::uint16_t last = block_[4];
+    block_[at - kCmd] = value;
+    if (at == kCmdSeq && value != last) run_command(view, now_ns);
+}
+
+// CMD_SEQ has changed: the block is a command. What is wrong with it is told in CMD_RESULT, not by an exception.
+void Controls::run_command(const View& view, std::uint64_t now_ns) noexcept {
+    acknowledged_ = block_[4];
+    const std::uint32_t mask = block_[1];
+    const bool needs_mask = block_[0] == kTare || block_[0] == kUntare || block_[0] == kResetPeaks || block_[0] == kSelfTest;
+    if ((mask & ~sensor_mask_of(view)) != 0 || (needs_mask && mask == 0))
+        return settle(TACTILED_COMMAND_REJECTED,
+                      block_[0] >= kTare && block_[0] <= kTeach ? TACTILED_COMMAND_BAD_MASK : TACTILED_COMMAND_UNKNOWN);
+    const auto follow_number = [&](std::uint32_t number) {
+        block_number_ = number;
+        sent_ns_ = now_ns;
+        if (block_number_ == 0) return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
+        settle(TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
+    };
+    const auto run = [&](Command::Kind kind, std::uint32_t sensors) { follow_number(send(kind, sensors, now_ns)); };
+    const std::uint32_t parameter = std::uint32_t(block_[2]) << 16 | block_[3];
+    const bool needs_stable = block_[0] == kKnownWeight || block_[0] == kTeach;
+    const bool weighs = block_[0] == kStartWeighing || block_[0] == kStopWeighing || block_[0] == kZeroWeight || needs_stable;
+    if (weighs && (!weighs_ || (needs_stable && !is_stable(view.snapshot.node.grasp))))
+        return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
+    if (needs_stable && (parameter == 0 || (block_[0] == kTeach && parameter > 65534)))
+        return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_PARAMETER);
+    switch (block_[0]) {
+        case kTare: return run(Command::Kind::tare, mask);
+        case kUntare: return run(Command::Kind::untare, mask);
+        case kClearLatches: return run(Command::Kind::clear_latches, mask);
+        case kResetPeaks: return run(Command::Kind::reset_peaks, mask);
+        case kSelfTest: return run(Command::Kind::self_test, mask);
+        case kStartWeighing: return run(Command::Kind::start_weighing, 0);
+        case kStopWeighing: return run(Command::Kind::stop_weighing, 0);
+        case kZeroWeight: return run(Command::Kind::zero_weight, 0);
+        case kKnownWeight: return follow_number(send_known_weight(parameter * 1e-4, now_ns));
+        case kTeach:
+            teaching_for_block_ = true;
+            settle(TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
+            return teaching_.begin(parameter, weighing_of(view));
+        default: return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
+    }
+}
+
+void Controls::settle(tactiled_command_state state, tactiled_command_result result) noexcept {
+    state_ = state;
+    result_ = result;
+}
+
+std::uint32_t Controls::send(Command command, std::uint64_t now_ns) noexcept {
+    Command* const slot = commands_.claim();
+    if (slot == nullptr) return 0;  // the pipeline hangs
+    command.number = ++number_;
+    command.until_ns = now_ns + kAnswerNs;
+    *slot = command;
+    commands_.push();
+    commands_.commit();
+    if (command.kind == Command::Kind::tare || command.kind == Command::Kind::untare) tare_number_ = number_;
+    return number_;
+}
+
+std::uint32_t Controls::send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept {
+    Command command;
+    command.kind = kind;
+    command.mask = mask;
+    return send(command, now_ns);
+}
+
+std::uint32_t Controls::send_known_weight(double mass_kg, std::uint64_t now_ns) noexcept {
+    Command command;
+    command.kind = Command::Kind::known_weight;
+    command.mass_kg = mass_kg;
+    return send(command, now_ns);
+}
+
+void Controls::send_settings() noexcept {
+    Command* const slot = commands_.claim();
+    settings_unsent_ = slot == nullptr;
+    if (settings_unsent_) return;
+    const auto value = [&](unsigned i) { return settings_[i] == kAsConfigured ? kNaN : settings_[i] * kKeys[i].scale; };
+    *slot = Command{};
+    slot->kind = Command::Kind::set;
+    slot->settable = {value(0), value(1), value(2), value(3)};
+    slot->grasp = {value(4) / 100, value(5)};
+    commands_.push();
+    commands_.commit();
+}
+
+// ---- reading ---------------------------------------------------------------------------------------------------------
+
+void Controls::read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept {
+    for (unsigned i = 0; i < run.count; ++i) {
+        const unsigned at = run.at + i;
+        std::uint16_t value = 0;
+        if (at >= kScratchAt)
+            value = scratch_[at - kScratchAt];
+        else if (at <= kCmdSeq)
+            value = block_[at - kCmd];
+        else if (is_setting(std::uint16_t(at)))
+            value = settings_[at - kFilterHz];
+        else if (Robot::has(at))
+            value = robot_.read(at);
+        else
+            switch (at) {
+                case kPlcHeartbeat: value = heartbeat_; break;
+                case kPlcWatchdog: value = watchdog_ms_; break;
+                case kUnlock: value = now_ns <= session.unlocked_until_ns && session.unlocked_until_ns != 0; break;
+                case kSave: value = saving_.load(); break;
+                default: break;
+            }
+        out[i] = value;
+    }
+}
+
+void Controls::read_coils(const View& view, std::span<std::uint8_t, kCoils> out) const noexcept {
+    std::fill(out.begin(), out.end(), std::uint8_t(0));
+    for (unsigned i = 0; i < kSensorBlocks; ++i)
+        out[kTareCoils + i] = (view.snapshot.sensor[i].reasons & TACTILED_TARING) != 0 ? 1 : 0;
+    out[kWeighCoil] = has_weight(view.snapshot.node.grasp) ? 1 : 0;
+}
+
+bool Controls::plc_is_silent(std::uint64_t now_ns) const noexcept {
+    return watchdog_ms_ != 0 && now_ns > heartbeat_ns_ + std::uint64_t(watchdog_ms_) * 1'000'000u;
+}
+
+void Controls::add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) const noexcept {
+    global[kCmdSeqAck] = acknowledged_;
+    global[kCmdState] = std::uint16_t(state_);
+    global[kCmdResult] = std::uint16_t(result_);
+    global[kPlcHbEcho] = heartbeat_;
+    if (plc_is_silent(now_ns)) global[kStatus] |= 1u << 12;
+    if (now_ns <= unlocked_until_ns_) global[kStatus] |= 1u << 13;
+    if (saving_.load() == failed || unreadable_.load()) {
+        global[kFault] |= 1u << 6;
+        global[kStatus] |= std::uint16_t(TACTILED_FAULT);
+    }
+}
+
+// ---- keeping ---------------------------------------------------------------------------------------------------------
+
+void Controls::load() {
+    if (::access(path_.c_str(), F_OK) != 0) return;
+    Problems problems;
+    Options file = Options::parse_file(path_, problems, 4096);
+    auto loaded = settings_;
+    for (unsigned i = 0; i < kSettings; ++i) {
+        const Limits& limits = writable_at(kFilterHz + i)->limits;
+        if (!file.has(kKeys[i].name)) continue;
+        const Range range{limits.least * kKeys[i].scale, limits.most * kKeys[i].scale};
+        loaded[i] = std::uint16_t(file.number(kKeys[i].name, range) / kKeys[i].scale + 0.5);
+    }
+    file.finish();
+    for (const auto& line : problems.lines())
+        log_line(LogLevel::warning, fmt::format("{}; stored settings are not used", line));
+    unreadable_.store(!problems.empty());
+    if (!problems.empty()) return;
+    settings_ = loaded;
+    send_settings();
+}
+
+void Controls::save() noexcept {
+    saver_.join();  // it has ended: check() has seen that nothing is being stored
+    to_save_ = settings_;
+    saving_.store(storing);
+    try {
+        saver_.start("save", 0, -1, [this] {
+            try {
+                std::string text = "# What a PLC has set and stored; overrides the configuration. Written by tactiled.\n";
+                for (unsigned i = 0; i < kSettings; ++i)
+                    if (to_save_[i] != kAsConfigured)
+                        text += fmt::format("{} = {:.10g}\n", kKeys[i].name, to_save_[i] * kKeys[i].scale);
+                replace_file(path_, text);
+                unreadable_.store(false);
+                saving_.store(idle);
+            } catch (const std::exception& error) {
+                log_line(LogLevel::warning, fmt::format("Modbus SAVE: {}", error.what()));
+                saving_.store(failed);
+            }
+        });
+    } catch (const std::exception&) { saving_.store(failed); }
+}
+
+}  // namespace tactiled::modbus

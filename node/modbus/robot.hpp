@@ -1,0 +1,39 @@
+// What a PLC tells of the robot: the gripper's state, gravity and acceleration as the hand feels them. Registers 5022, 5023
+// and 5040 .. 5046. Nobody waits for an answer, so the registers themselves say what was told.
+#pragma once
+#include <array>
+#include <cstdint>
+
+#include "node/command.hpp"
+#include "node/modbus/table.hpp"
+#include "node/ring.hpp"
+
+namespace tactiled::modbus {
+
+class Robot {
+public:
+    static bool has(unsigned at) noexcept {
+        return at == kGripperState || at == kGripperForce || (at >= kGravityX && at <= kAccelCount);
+    }
+    [[nodiscard]] std::uint16_t read(unsigned at) const noexcept;
+    // Gravity waits for its Z, acceleration for another ACCEL_COUNT: a client that writes one register at a time never shows
+    // a direction that is half the old one.
+    void write(unsigned at, std::uint16_t value, std::uint64_t now_ns) noexcept;
+
+    // Whether three registers are what gravity is on Earth, or not available: a wrong scale is no weight.
+    static bool is_gravity(const std::array<std::uint16_t, 3>& raw) noexcept;
+
+    // The PLC is silent: what it told may not be true any more. The registers keep what was written.
+    void forget() noexcept;
+    // Hands over what is new, as far as there is room.
+    void send(Ring<Command>& commands) noexcept;
+
+private:
+    std::uint16_t gripper_ = 0, force_ = 0, count_ = 0;
+    std::array<std::uint16_t, 3> gravity_{kNoI16, kNoI16, kNoI16}, acceleration_{kNoI16, kNoI16, kNoI16};
+    Command hint_{}, down_{}, motion_{};
+    bool hint_unsent_ = false, down_unsent_ = false, motion_unsent_ = false;
+    bool told_ = false;  // anything, since the last forget()
+};
+
+}  // namespace tactiled::modbus

@@ -1,0 +1,40 @@
+// The register TEACH: the weight that hangs now becomes one more grasp of an object. The file is read and written by a thread
+// of its own, as slow as a disk; the result is handed to the pipeline by who asked.
+#pragma once
+#include <atomic>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "node/objects.hpp"
+#include "node/realtime.hpp"
+
+namespace tactiled::modbus {
+
+class Teaching {
+public:
+    explicit Teaching(std::string path) : path_(std::move(path)) {}
+    Teaching(const Teaching&) = delete;
+    Teaching& operator=(const Teaching&) = delete;
+
+    enum State : std::uint8_t { idle, storing, stored, failed };
+    [[nodiscard]] State state() const noexcept { return state_.load(std::memory_order_acquire); }
+
+    // Begins to store. Only while idle. An id that is not in the file is a new object, named objectID.
+    void begin(std::uint32_t id, const Weighing& weighing) noexcept;
+    // What was stored, while `stored`; stays until settle().
+    [[nodiscard]] std::span<const grasp::Object> objects() const noexcept { return objects_; }
+    // Back to idle, from `stored` and `failed`.
+    void settle() noexcept { state_.store(idle, std::memory_order_release); }
+
+private:
+    void store(std::uint32_t id, const Weighing& weighing);
+
+    std::string path_;
+    std::vector<grasp::Object> objects_;
+    std::atomic<State> state_{idle};
+    RtThread thread_;
+};
+
+}  // namespace tactiled::modbus

@@ -1,0 +1,109 @@
+#include "node/objects.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "config/names.hpp"
+#include "config/text_file.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::int64_t kFormat = 1;
+constexpr double kMostKg = 1000;
+constexpr std::int64_t kMostId = 65534;  // OBJECT_ID is a register
+
+TaughtObject read_object(Options table) {
+    TaughtObject object;
+    object.id = std::uint32_t(table.integer("id", {1, double(kMostId)}));
+    object.name = table.text("name");
+    object.mass_kg = table.number("mass_kg", {0, kMostKg});
+    object.sd_kg = table.number("sd_kg", {1e-9, kMostKg});
+    object.grasps = unsigned(table.integer("grasps", {1, 1e9}, 1));
+    if (!object.name.empty() && !valid_name(object.name))
+        table.problem("name", fmt::format("name = {}; {}", in_quotes(object.name), kValidName));
+    return object;
+}
+
+}  // namespace
+
+std::vector<TaughtObject> load_objects(const std::string& path, Problems& problems) {
+    std::vector<TaughtObject> objects;
+    if (::access(path.c_str(), F_OK) != 0) return objects;
+    Options file = Options::parse_file(path, problems);
+    if (!problems.empty()) return objects;
+    if (file.integer("format", {1, 1e9}) != kFormat)
+        file.problem("format", fmt::format("this tactiled reads format = {}", kFormat));
+    for (auto& table : file.tables("object", grasp::Grasp::kMostObjects)) {
+        TaughtObject object = read_object(table);
+        for (const auto& other : objects) {
+            if (other.id == object.id) table.problem("id", fmt::format("id = {} is that of \"{}\" already", object.id, other.name));
+            if (other.name == object.name) table.problem("name", fmt::format("name = {} is there twice", in_quotes(object.name)));
+        }
+        objects.push_back(std::move(object));
+    }
+    file.finish();
+    return objects;
+}
+
+void store_objects(const std::string& path, std::span<const TaughtObject> objects) {
+    std::string text = fmt::format(
+        "# Objects that the gripper was taught. Written by tactilectl teach and by the register TEACH; whoever edits it by hand "
+        "has\n# the daemon read it with: tactilectl teach --reload\nformat = {}\n",
+        kFormat);
+    for (const auto& object : objects)
+        text += fmt::format("\n[[object]]\nid = {}\nname = \"{}\"\nmass_kg = {:.9g}\nsd_kg = {:.9g}\ngrasps = {}\n", object.id,
+                            object.name, object.mass_kg, object.sd_kg, object.grasps);
+    replace_file(path, text);
+}
+
+TaughtObject summary_of(std::span<const Weighing> weighings) {
+    TaughtObject object;
+    object.grasps = unsigned(weighings.size());
+    const double n = double(weighings.size());
+    double squares = 0, claimed = 0;
+    for (const auto& w : weighings) object.mass_kg += w.mass_kg / n;
+    for (const auto& w : weighings) {
+        squares += (w.mass_kg - object.mass_kg) * (w.mass_kg - object.mass_kg);
+        claimed = std::max(claimed, w.sd_kg);
+    }
+    object.sd_kg = std::max(n > 1 ? std::sqrt(squares / (n - 1)) : 0.0, claimed);
+    return object;
+}
+
+TaughtObject with_one_more(const TaughtObject& object, const Weighing& weighing) {
+    TaughtObject more = object;
+    const double n = double(++more.grasps), step = weighing.mass_kg - object.mass_kg;
+    more.mass_kg += step / n;
+    const double squares = object.sd_kg * object.sd_kg * (n - 2) + step * (weighing.mass_kg - more.mass_kg);  // Welford 1962
+    more.sd_kg = std::max(std::sqrt(squares / (n - 1)), weighing.sd_kg);
+    return more;
+}
+
+std::optional<Confusion> confused_with(const TaughtObject& object, std::span<const TaughtObject> taught) {
+    std::optional<Confusion> nearest;
+    for (const auto& other : taught) {
+        if (other.id == object.id) continue;
+        const double apart_sd = std::abs(object.mass_kg - other.mass_kg) / (object.sd_kg + other.sd_kg);
+        if (apart_sd < (nearest ? nearest->apart_sd : kApart_sd)) nearest = {&other, apart_sd};
+    }
+    return nearest;
+}
+
+const TaughtObject* find_object(std::span<const TaughtObject> taught, std::string_view name) {
+    const auto found = std::find_if(taught.begin(), taught.end(), [&](const auto& o) { return o.name == name; });
+    return found != taught.end() ? &*found : nullptr;
+}
+
+std::uint32_t free_id(std::span<const TaughtObject> taught) {
+    std::uint32_t id = 1;
+    while (std::any_of(taught.begin(), taught.end(), [&](const auto& o) { return o.id == id; })) ++id;
+    return id;
+}
+
+std::vector<grasp::Object> plain_objects(std::span<const TaughtObject> taught) { return {taught.begin(), taught.end()}; }
+
+}  // namespace tactiled

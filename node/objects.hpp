@@ -1,0 +1,51 @@
+// The file of taught objects: who writes it (tactilectl teach, the register TEACH) and who reads it (the daemon) do so here.
+#pragma once
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/options.hpp"
+#include "decoupling/grasp/grasp.hpp"
+
+namespace tactiled {
+
+struct TaughtObject : grasp::Object {
+    unsigned grasps = 0;  // that mass and sd are of
+};
+
+// A file that is not there teaches nothing and is no problem. With problems, the result is not fit to use.
+// setup: never throws for bad input
+std::vector<TaughtObject> load_objects(const std::string& path, Problems& problems);
+// setup: throws SetupError where the file cannot be replaced; then the old one stands as it was
+void store_objects(const std::string& path, std::span<const TaughtObject> objects);
+
+// One weight of a grasp, as published.
+struct Weighing {
+    double mass_kg = 0, sd_kg = 0;
+};
+
+// Mean and sd from grasp to grasp; the sd is at least what the weighings themselves claim. At least one of them.
+TaughtObject summary_of(std::span<const Weighing> weighings);
+// `object` with one more grasp of it.
+TaughtObject with_one_more(const TaughtObject& object, const Weighing& weighing);
+
+// Two objects are told apart where 3 sd of the one and 3 sd of the other do not meet: of normal weights, 1 in 700 lies nearer
+// to the other one.
+inline constexpr double kApart_sd = 3;
+struct Confusion {
+    const TaughtObject* other = nullptr;
+    double apart_sd = 0;  // difference of the means / (sd + other's sd)
+};
+// The object of `taught`, but for the one of `object`'s own id, that is nearest to it, where that is too near.
+std::optional<Confusion> confused_with(const TaughtObject& object, std::span<const TaughtObject> taught);
+
+// The one of that name, or nullptr; and the least id that is free.
+const TaughtObject* find_object(std::span<const TaughtObject> taught, std::string_view name);
+std::uint32_t free_id(std::span<const TaughtObject> taught);
+
+// What the estimator needs of them.
+std::vector<grasp::Object> plain_objects(std::span<const TaughtObject> taught);
+
+}  // namespace tactiled

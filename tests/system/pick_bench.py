@@ -1,0 +1,181 @@
+"""A parallel gripper on an arm, with a skin on each of its two jaws, as a test commands it.
+
+The physics knows nothing of the estimator: an object stands on a table, jaws close on it with a force, an arm accelerates,
+the object hangs on the skins' tangential spring and slides where friction does not hold it. What each skin feels goes through
+simulated_sensors.py into frames on a pty.
+
+Gripper's frame G: z out of the palm, which looks down; x from the left jaw to the right one. Skins: z_S towards the other
+jaw, x_S towards the palm.
+"""
+import math
+import os
+import random
+import threading
+import time
+import tty
+
+from simulated_sensors import SENSORS
+
+G_m_s2 = 9.81
+RATE_HZ = 500
+SUBSTEPS = 8
+LIFT_m, SPEED_m_s, ACCELERATION_m_s2 = 0.05, 0.2, 1.5
+TABLE_N_m, SKINS_N_m, DAMPING = 50e3, 4000.0, 0.3  # both skins together; share of critical damping
+CLOSES_N_s, OPENS_N_s = 60.0, 80.0
+KINETIC = 0.8  # of the friction that holds, once it slides
+HUM_m_s2, HUM_Hz = 0.3, 37.0  # of the arm while it moves
+
+GRASP = """[grasp]
+gravity_G_m_s2 = [0, 0, 9.81]
+friction = 0.7
+lift_accelerates_ms = 400  # this arm lifts for 0.38 s: until then it speeds up and slows down
+objects = "objects.toml"
+
+[[grasp.jaw]]
+sensor = "left"
+x_S_in_G = [0, 0, -1]
+z_S_in_G = [1, 0, 0]
+
+[[grasp.jaw]]
+sensor = "right"
+x_S_in_G = [0, 0, -1]
+z_S_in_G = [-1, 0, 0]
+
+"""
+
+
+def lift_profile(t_s):
+    """Height and acceleration of the arm t_s after it began to lift."""
+    ramp_s = SPEED_m_s / ACCELERATION_m_s2
+    whole_s = LIFT_m / SPEED_m_s + ramp_s
+    if t_s >= whole_s:
+        return LIFT_m, 0.0
+    if t_s < ramp_s:
+        return ACCELERATION_m_s2 * t_s * t_s / 2, ACCELERATION_m_s2
+    if t_s < whole_s - ramp_s:
+        return SPEED_m_s * (t_s - ramp_s / 2), 0.0
+    return LIFT_m - ACCELERATION_m_s2 * (whole_s - t_s) ** 2 / 2, -ACCELERATION_m_s2
+
+
+class Robot(threading.Thread):
+    """Gripper, arm, object and skins, in real time. Commands return at once, as a robot's do."""
+
+    def __init__(self, folder, seed, method="quadratic"):
+        super().__init__(daemon=True)
+        self.random = random.Random(seed)
+        self.skins = {name: SENSORS["skin"]() for name in ("left", "right")}
+        self.lock, self.ended, self.failure = threading.Lock(), threading.Event(), None
+        self.master, self.slave, self.sequence = {}, {}, 0
+        for name, skin in self.skins.items():
+            skin.begin(method)
+            skin.noise_random = random.Random(f"{seed} {name}")
+            self.master[name], self.slave[name] = os.openpty()
+            tty.setraw(self.slave[name])
+            os.set_blocking(self.master[name], False)
+            (folder / name).symlink_to(os.ttyname(self.slave[name]))
+        self.press_N = self.to_N = 0.0
+        self.mass_kg, self.friction = 0.2, 0.8
+        self.load_N = 0.0           # of both skins, up
+        self.slid_m = 0.0           # since it was grasped
+        self.lifts_since_s = None   # None: the arm stands on the table's height
+        self._fresh_object()
+
+    # ---- commands
+
+    def offer(self, mass_kg):
+        """The arm goes back down, open, over another object."""
+        with self.lock:
+            assert self.press_N == 0, "the jaws hold something"
+            self.mass_kg, self.lifts_since_s = mass_kg, None
+            self._fresh_object()
+
+    def close(self, force_N):
+        with self.lock:
+            self.to_N = force_N * self.random.gauss(1, 0.01)
+
+    def lift(self):
+        with self.lock:
+            self.lifts_since_s = time.monotonic()
+
+    def open(self):
+        with self.lock:
+            self.to_N = 0.0
+
+    def is_open(self):
+        with self.lock:
+            return self.press_N == 0
+
+    # ---- physics
+
+    def _fresh_object(self):
+        self.y_m = self.v_m_s = self.slid_m = self.load_N = 0.0
+        self.slides = False
+        self.share = self.random.gauss(0.5, 0.03)              # of the left jaw: nobody grasps in the very middle
+        self.clamp_N = self.random.gauss(0, 0.1)               # what two jaws that close not quite in line do to each other
+        self.across_N = [self.random.gauss(0, 0.05) for _ in range(2)]
+
+    def _step(self, now_s, dt_s):
+        rate = CLOSES_N_s if self.to_N > self.press_N else OPENS_N_s
+        self.press_N += max(-rate * dt_s, min(rate * dt_s, self.to_N - self.press_N))
+        arm_m = arm_v_m_s = 0.0
+        if self.lifts_since_s is not None:
+            t_s = now_s - self.lifts_since_s
+            arm_m = lift_profile(t_s)[0]
+            arm_v_m_s = (lift_profile(t_s + 1e-4)[0] - arm_m) / 1e-4
+            if 0 < arm_m < LIFT_m:
+                w = 2 * math.pi * HUM_Hz
+                arm_m += HUM_m_s2 / w ** 2 * math.sin(w * t_s)
+                arm_v_m_s += HUM_m_s2 / w * math.cos(w * t_s)
+        damping = 2 * DAMPING * math.sqrt(SKINS_N_m * self.mass_kg)
+        self.load_N = SKINS_N_m * (arm_m - self.slid_m - self.y_m) + damping * (arm_v_m_s - self.v_m_s)
+        most_N = 2 * self.friction * self.press_N * (KINETIC if self.slides else 1)
+        self.slides = abs(self.load_N) > most_N
+        if self.slides:  # what the spring gives up, it gives up for good
+            most_N = 2 * self.friction * self.press_N * KINETIC
+            self.slid_m += math.copysign((abs(self.load_N) - most_N) / SKINS_N_m, self.load_N)
+            self.load_N = math.copysign(most_N, self.load_N)
+        if self.press_N == 0:
+            self.load_N = 0.0
+            self.slid_m = arm_m - self.y_m
+        table_N = max(0.0, -TABLE_N_m * self.y_m - 0.7 * 2 * math.sqrt(TABLE_N_m * self.mass_kg) * self.v_m_s) if self.y_m < 0 else 0.0
+        self.v_m_s += ((self.load_N + table_N) / self.mass_kg - G_m_s2) * dt_s
+        self.y_m += self.v_m_s * dt_s
+
+    def _wrenches(self):
+        """What each skin feels, frame S: x_S looks up, and the object pulls down."""
+        touch = min(1.0, self.press_N / 1.0)
+        shares = {"left": self.share, "right": 1 - self.share}
+        sides = {"left": 1, "right": -1}
+        return {name: {"fx": -share * self.load_N + touch * sides[name] * self.clamp_N,
+                       "fy": touch * self.across_N[name == "right"], "fz": -self.press_N} for name, share in shares.items()}
+
+    def run(self):
+        try:
+            last_s = due_s = time.monotonic()
+            while not self.ended.is_set():
+                now_s = time.monotonic()
+                with self.lock:
+                    steps = max(SUBSTEPS, math.ceil((now_s - last_s) * RATE_HZ * SUBSTEPS))
+                    for i in range(1, steps + 1):
+                        self._step(last_s + (now_s - last_s) * i / steps, (now_s - last_s) / steps)
+                    wrenches = self._wrenches()
+                last_s = now_s
+                for name, skin in self.skins.items():
+                    try:
+                        os.write(self.master[name], skin.frame(self.sequence, skin.read(wrenches[name])))
+                    except BlockingIOError:
+                        pass  # nobody reads yet
+                self.sequence += 1
+                due_s = max(due_s + 1 / RATE_HZ, now_s)
+                time.sleep(max(0, due_s - time.monotonic()))
+        except Exception as failure:  # shown by finish()
+            self.failure = failure
+
+    def finish(self):
+        self.ended.set()
+        self.join()
+        for name in self.master:
+            os.close(self.master[name])
+            os.close(self.slave[name])
+        if self.failure is not None:
+            raise self.failure

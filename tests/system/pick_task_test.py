@@ -1,0 +1,189 @@
+#!/usr/bin/env python3
+"""A pick task end to end: a PLC that sees the gripper through Modbus alone teaches, picks, weighs, sorts and releases.
+
+    pick_task_test.py              20 picks (1 minute)
+    PICKS=100 pick_task_test.py    as many as the promise has: 0 wrong
+
+The robot and the objects are pick_bench.py's; the PLC knows of them what registers and its own commands tell. Each object is
+taught by the register TEACH. One in five objects to pick was never taught: it must come out as unknown.
+"""
+import math
+import os
+import pathlib
+import random
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+from pymodbus.client import ModbusTcpClient
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from daemon import BIN, Daemon  # noqa: E402
+from pick_bench import GRASP, Robot  # noqa: E402
+from simulated_sensors import SENSORS  # noqa: E402
+
+PICKS = int(os.environ.get("PICKS", "20"))
+SEED = int(os.environ.get("SEED", "7"))
+KNOWN_kg = {1: 0.12, 2: 0.21, 3: 0.34, 4: 0.55}  # object's id: what it truly weighs
+STRANGE_kg = 0.45
+TEACHINGS = 3
+GRIP_N = 8.0
+WITHIN = 0.03  # of the weight: the estimator's aim is 3 %
+
+MAP_VER, SEQ, HEARTBEAT, STATUS, SLIP_LATCH, GRIP_STATE, WEIGHT_STATE, WEIGHT, WEIGHT_SD, SLIP_COUNT, SEQ_END = \
+    2, 4, 5, 7, 13, 17, 19, 20, 22, 24, 31
+OBJECT_ID, OBJECT_PROB, GRASPS = 41, 42, 45
+TEACH, GRIPPER_STATE, PLC_HEARTBEAT, PLC_WATCHDOG, GRAVITY_X, CLEAR_SLIP_COILS = 5015, 5022, 5020, 5021, 5040, 16
+GRASPED = 1 << 2                                           # STATUS
+CLOSING, LIFTING, MOVING, OPENING = 1, 3, 4, 5             # GRIPPER_STATE
+OPEN, LOST, STABLE, UNKNOWN = 0, 6, 2, 0xFFFF              # GRIP_STATE, WEIGHT_STATE, no value
+
+
+class Plc:
+    """A controller with a cycle of 20 ms: reads two blocks, writes its heartbeat, compares SEQ with SEQ_END."""
+
+    def __init__(self, port):
+        self.client = ModbusTcpClient("127.0.0.1", port=port)
+        assert self.client.connect()
+        self.beat = 0
+        self.write(PLC_WATCHDOG, 2000)
+        self.write(GRAVITY_X, 0, 0, 9810)
+
+    def write(self, address, *values):
+        answer = self.client.write_registers(address, list(values), slave=1)
+        assert not answer.isError(), answer
+
+    def scan(self):
+        self.beat = self.beat + 1 & 0xFFFF
+        self.write(PLC_HEARTBEAT, self.beat)
+        r = self.client.read_input_registers(0, 32, slave=1).registers
+        assert r[SEQ] == r[SEQ_END], "torn"
+        more = self.client.read_input_registers(40, 8, slave=1).registers
+        weight = struct.unpack(">i", struct.pack(">HH", *r[WEIGHT:WEIGHT + 2]))[0]
+        return {"status": r[STATUS], "grip": r[GRIP_STATE], "state": r[WEIGHT_STATE], "slips": r[SLIP_COUNT], "latch": r[SLIP_LATCH],
+                "kg": None if weight == -2 ** 31 else weight * 1e-4, "sd_kg": r[WEIGHT_SD] * 1e-4, "object": more[OBJECT_ID - 40],
+                "probability": more[OBJECT_PROB - 40] / 1000, "grasps": more[GRASPS - 40]}
+
+    def wait(self, what, condition, seconds=4):
+        until = time.monotonic() + seconds
+        while True:
+            seen = self.scan()
+            if condition(seen):
+                return seen
+            if time.monotonic() > until:
+                raise AssertionError(f"waited {seconds} s for {what}; last seen {seen}")
+            time.sleep(0.02)
+
+
+class PickTask(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-pick-"))
+        cls.addClassCleanup(shutil.rmtree, cls.folder)
+        skin = SENSORS["skin"]()
+        skin.begin("quadratic")
+        skin.write_labelled(cls.folder / "rows.csv")
+        subprocess.run([BIN / "tactilectl", "calibrate", "--model", "generic", "--method", "quadratic", "--in", cls.folder / "rows.csv",
+                        "--out", cls.folder / "skin.toml"], check=True, capture_output=True)
+
+    def setUp(self):
+        links = "".join(SENSORS["skin"]().toml(name, "quadratic") for name in ("left", "right"))
+        self.daemon = Daemon(links + GRASP)
+        text = self.daemon.config.read_text().replace("[modbus]\n", f'[modbus]\ncommands = true\nsettings = "{self.daemon.folder}/s.toml"\n')
+        self.daemon.config.write_text(text)
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        for name in ("left", "right"):
+            shutil.copy(self.folder / "skin.toml", self.daemon.folder / f"{name}-quadratic.toml")
+        self.robot = Robot(self.daemon.folder, SEED)
+        self.robot.start()
+        self.addCleanup(self.robot.finish)
+        self.daemon.start()
+        self.plc = Plc(self.daemon.port)
+        self.addCleanup(self.plc.client.close)
+        self.plc.wait("a value of both jaws", lambda seen: seen["grip"] == OPEN)
+
+    def pick(self, mass_kg, do=lambda seen: None):
+        """Closes, waits for grasped, lifts, waits for a stable weight, does something with it, lets go. Returns what was seen
+        while it was stable, and how long after the lift that was."""
+        self.robot.offer(mass_kg)
+        time.sleep(0.25)  # the arm goes to the next one: the skins are free
+        self.plc.write(GRIPPER_STATE, CLOSING)
+        self.robot.close(GRIP_N)
+        grasped = self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
+        self.plc.write(GRIPPER_STATE, LIFTING)
+        self.robot.lift()
+        lifted_s = time.monotonic()
+        stable = self.plc.wait("a stable weight", lambda seen: seen["state"] == STABLE)
+        stable["slid"] = stable["slips"] - grasped["slips"] & 0xFFFF
+        stable["after_s"] = time.monotonic() - lifted_s
+        self.plc.write(GRIPPER_STATE, MOVING)
+        do(stable)
+        self.plc.write(GRIPPER_STATE, OPENING)
+        self.robot.open()
+        self.plc.wait("open", lambda seen: seen["grip"] == OPEN)
+        return stable
+
+    def teach(self, object_id):
+        def one_more(_):
+            self.plc.write(TEACH, object_id)
+        return one_more
+
+    def test_every_object_goes_where_it_belongs(self):
+        rng = random.Random(SEED)
+        for object_id, mass_kg in KNOWN_kg.items():
+            for _ in range(TEACHINGS):
+                self.pick(mass_kg, self.teach(object_id))
+        before = self.plc.scan()
+        wrong, rows = [], []
+        for n in range(PICKS):
+            object_id = rng.choice([0, *KNOWN_kg])
+            mass_kg = KNOWN_kg.get(object_id, STRANGE_kg)
+            seen = self.pick(mass_kg)
+            rows.append((abs(seen["kg"] - mass_kg) / mass_kg, abs(seen["kg"] - mass_kg) / seen["sd_kg"], seen["after_s"]))
+            if seen["object"] != object_id or rows[-1][0] > WITHIN or seen["slid"]:
+                wrong.append((n, object_id, mass_kg, seen))
+        after = self.plc.scan()
+        error, sds, after_s = zip(*rows)
+        print(f"{PICKS} picks, {len(wrong)} wrong; weight: worst error {100 * max(error):.2f} %, rms {100 * math.hypot(*error) / math.sqrt(PICKS):.2f} %, "
+              f"worst {max(sds):.1f} sd; stable {min(after_s):.2f} .. {max(after_s):.2f} s after the command to lift", file=sys.stderr)
+        self.assertEqual(wrong, [])
+        self.assertEqual(after["grasps"] - before["grasps"], PICKS)
+
+    def test_a_slip_between_two_scans_is_counted_and_stays_latched(self):
+        before = self.plc.scan()
+        self.robot.offer(KNOWN_kg[4])
+        time.sleep(0.25)
+        self.robot.close(3.0)  # N: friction holds 0.8 * 3 * 2, less than 5.4
+        self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
+        self.robot.lift()
+        time.sleep(1.5)  # the PLC does not look
+        self.robot.open()
+        time.sleep(0.3)
+        seen = self.plc.wait("open or lost", lambda seen: seen["grip"] in (OPEN, LOST))
+        self.assertGreater(seen["slips"] - before["slips"] & 0xFFFF, 0)
+        self.assertNotEqual(seen["latch"], 0)
+        answer = self.plc.client.write_coils(CLEAR_SLIP_COILS, [True, True], slave=1)
+        self.assertFalse(answer.isError(), answer)
+        self.plc.wait("the latch to be clear", lambda seen: seen["latch"] == 0)
+
+    def test_a_silent_jaw_is_no_weight(self):
+        self.pick(KNOWN_kg[3], lambda _: None)
+        self.robot.offer(KNOWN_kg[3])
+        time.sleep(0.25)
+        self.robot.close(GRIP_N)
+        self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
+        self.robot.lift()
+        self.plc.wait("a stable weight", lambda seen: seen["state"] == STABLE)
+        self.robot.ended.set()  # both devices fall silent
+        gone = self.plc.wait("no value", lambda seen: seen["grip"] == UNKNOWN, 2)
+        self.assertIsNone(gone["kg"])
+        self.assertEqual(gone["object"], 0)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

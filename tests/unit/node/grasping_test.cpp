@@ -1,0 +1,166 @@
+// The grasp in the pipeline: what the estimator is fed, and what is asked of it.
+#include "node/grasping.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+// Two jaws that face each other along y of G, gravity along -z; sensors 1 and 3 of the node.
+std::optional<Grasping::Setup> two_jaws() {
+    Grasping::Setup setup;
+    setup.estimator.jaws.resize(2);
+    setup.estimator.jaws[0].sensor = 1;
+    setup.estimator.jaws[0].S_from_G = {{{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}};
+    setup.estimator.jaws[1].sensor = 3;
+    setup.estimator.jaws[1].S_from_G = {{{0, 0, 1}, {-1, 0, 0}, {0, -1, 0}}};
+    setup.estimator.gravity_G = {0, 0, -9.81};
+    setup.estimator.friction = 0.8;
+    grasp::Object bolt;
+    bolt.id = 4;
+    bolt.name = "bolt";
+    bolt.mass_kg = 0.2;
+    bolt.sd_kg = 0.004;
+    setup.objects = {bolt};
+    return setup;
+}
+
+class GraspingTest : public testing::Test {
+protected:
+    // `ms` of samples of both jaws, each with this press and this pull along its x; raw values have a zero on top.
+    void feel(double press_N, double pull_N, int ms, std::uint32_t tare_count = 1) {
+        for (int i = 0; i < ms; ++i) {
+            t_ns_ += kMs;
+            for (const std::uint32_t sensor : {1u, 3u}) {
+                tactiled_sample s{};
+                s.t_ns = t_ns_;
+                s.quality = TACTILED_GOOD;
+                s.tare_count = tare_count;
+                s.force_S_N[2] = 1000;  // low-passed: must not be looked at
+                s.raw_force_S_N[0] = zero_[0] + pull_N + 0.001 * (i % 2);
+                s.raw_force_S_N[2] = zero_[2] - press_N + 0.001 * (i % 2);
+                for (auto& sd : s.sd_force_N) sd = 0.005;
+                grasping_.feel(sensor, s, zero_);
+            }
+        }
+    }
+    void hold_200_g() {
+        feel(0, 0, 500);
+        feel(5, 0, 300);
+        feel(5, -0.981, 900);
+    }
+    static Command command(Command::Kind kind) {
+        Command c;
+        c.kind = kind;
+        return c;
+    }
+    Grasping grasping_{two_jaws()};
+    Wrench zero_{0.3, 0, -2, 0, 0, 0};
+    std::uint64_t t_ns_ = 1'000'000'000;
+};
+
+TEST_F(GraspingTest, TwoJawsThatPressAndCarryHoldWhatTheyCarry) {
+    hold_200_g();
+    const tactiled_grasp g = grasping_.state();
+    EXPECT_EQ(g.state, unsigned(TACTILED_GRIP_HOLDING));
+    EXPECT_EQ(g.weight_state, unsigned(TACTILED_WEIGHT_STABLE));
+    EXPECT_NEAR(g.weight_kg, 0.2, 0.002);
+    EXPECT_EQ(g.object_id, 4u);
+    EXPECT_STREQ(g.object, "bolt");
+    EXPECT_NEAR(g.grip_N, 5, 0.05);
+    EXPECT_EQ(g.slip_state[1], TACTILED_SLIP_NONE);
+    EXPECT_EQ(g.slip_state[0], TACTILED_SLIP_UNKNOWN);  // no jaw
+    EXPECT_EQ(g.grasps, 1u);
+}
+
+TEST_F(GraspingTest, ASensorThatIsNoJawIsNobodysConcern) {
+    hold_200_g();
+    tactiled_sample bad{};
+    bad.quality = TACTILED_BAD;
+    grasping_.feel(0, bad, {});
+    EXPECT_EQ(grasping_.state().state, unsigned(TACTILED_GRIP_HOLDING));
+}
+
+TEST_F(GraspingTest, AJawWithoutAValueMakesTheGraspUnknown) {
+    hold_200_g();
+    tactiled_sample bad{};
+    bad.t_ns = t_ns_;
+    tactiled_invalidate(&bad, TACTILED_STALE);
+    grasping_.feel(3, bad, zero_);
+    const tactiled_grasp g = grasping_.state();
+    EXPECT_EQ(g.state, unsigned(TACTILED_GRIP_UNKNOWN));
+    EXPECT_TRUE(std::isnan(g.weight_kg));
+}
+
+TEST_F(GraspingTest, ANewZeroIsABreakAndNoEventOfTheWorld) {
+    hold_200_g();
+    zero_ = {0.3 - 0.981, 0, -7, 0, 0, 0};  // tared while it holds: nothing presses, nothing hangs
+    feel(5, -0.981, 1, 2);
+    const tactiled_grasp g = grasping_.state();
+    EXPECT_NE(g.state, unsigned(TACTILED_GRIP_LOST));
+    EXPECT_TRUE(std::isnan(g.weight_kg));  // what it weighs is not known until it was let go
+}
+
+TEST_F(GraspingTest, CommandsReachTheEstimator) {
+    EXPECT_FALSE(grasping_.carry_out(command(Command::Kind::start_weighing)));  // nothing is held
+    hold_200_g();
+    EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::stop_weighing)));
+    EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
+    EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::start_weighing)));
+    feel(5, -0.981, 1000);
+    Command known = command(Command::Kind::known_weight);
+    known.mass_kg = 0.21;
+    EXPECT_TRUE(grasping_.carry_out(known));
+    EXPECT_NEAR(grasping_.state().weight_kg, 0.21, 1e-6);
+    EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::zero_weight)));
+    feel(5, -0.981, 20);
+    EXPECT_NEAR(grasping_.state().weight_kg, 0, 0.002);
+    EXPECT_FALSE(grasping_.carry_out(command(Command::Kind::tare)));  // not the grasp's
+}
+
+TEST_F(GraspingTest, GravityThatIsNotKnownAnyMoreIsNoWeight) {
+    hold_200_g();
+    Command gravity = command(Command::Kind::gravity);
+    gravity.robot_G_m_s2 = {NAN, NAN, NAN};
+    EXPECT_TRUE(grasping_.carry_out(gravity));
+    feel(5, -0.981, 20);
+    EXPECT_EQ(grasping_.state().weight_state, unsigned(TACTILED_WEIGHT_NOT_OBSERVABLE));
+    EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
+}
+
+TEST_F(GraspingTest, ObjectsAreReplacedAllAtOnce) {
+    hold_200_g();
+    grasp::Object nut;
+    nut.id = 9;
+    nut.name = "nut";
+    nut.mass_kg = 0.2;
+    nut.sd_kg = 0.004;
+    Command objects = command(Command::Kind::objects);
+    objects.objects = {&nut, 1};
+    EXPECT_TRUE(grasping_.carry_out(objects));
+    EXPECT_EQ(grasping_.state().object_id, 9u);
+    objects.objects = {};
+    EXPECT_TRUE(grasping_.carry_out(objects));
+    EXPECT_EQ(grasping_.state().object_id, 0u);
+}
+
+TEST(GraspingWithoutASetup, NothingIsKnownAndNoCommandTaken) {
+    Grasping none{std::nullopt};
+    tactiled_sample s{};
+    s.quality = TACTILED_GOOD;
+    none.feel(0, s, {});
+    none.set({});
+    EXPECT_EQ(none.state().state, unsigned(TACTILED_GRIP_UNKNOWN));
+    EXPECT_TRUE(std::isnan(none.state().weight_kg));
+    EXPECT_EQ(none.state().slip_state[0], TACTILED_SLIP_UNKNOWN);
+    Command start;
+    start.kind = Command::Kind::start_weighing;
+    EXPECT_FALSE(none.carry_out(start));
+}
+
+}  // namespace
+}  // namespace tactiled

@@ -1,0 +1,94 @@
+// A reader of 1.0 against a daemon of 1.1, and the reverse: minor versions append, and what is not written is not known.
+#include "segment_fixture.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint32_t kNodeOf10 = offsetof(tactiled_node, grasp);  // 1.0 ended here
+
+class SegmentVersions : public SegmentTest {
+protected:
+    // A node record with a grasp that holds something.
+    void publish(SegmentWriter& writer, std::uint64_t age_ns = 0) {
+        tactiled_node node{};
+        node.t_ns = monotonic_ns() - age_ns;
+        node.heartbeat = 7;
+        node.count[15] = 9;
+        node.grasp.state = TACTILED_GRIP_HOLDING;
+        node.grasp.weight_state = TACTILED_WEIGHT_STABLE;
+        node.grasp.weight_kg = 0.25;
+        node.grasp.slips = 3;
+        node.grasp.object_id = 2;
+        writer.publish(node);
+    }
+    // Makes the segment one of an older daemon: its header says how much of a node record it fills.
+    void as_written_by_10() const {
+        const int fd = ::open(path_.c_str(), O_RDWR);
+        tactiled_header header{};
+        ASSERT_EQ(::pread(fd, &header, sizeof header, 0), ssize_t(sizeof header));
+        header.minor = 0;
+        header.node.record_size = kNodeOf10;
+        ASSERT_EQ(::pwrite(fd, &header, sizeof header, 0), ssize_t(sizeof header));
+        ::close(fd);
+    }
+};
+
+TEST_F(SegmentVersions, AReaderOf10ReadsTheFirstPartOfARecordOf11) {
+    const auto writer = alive();
+    publish(*writer);
+    const Segment segment = Segment::open(name_);
+    EXPECT_EQ(segment.header().minor, 1);
+    EXPECT_EQ(kNodeOf10, 208u);
+    alignas(tactiled_node) unsigned char record[kNodeOf10];
+    ASSERT_TRUE(tactiled_ring_latest(segment.base(), &segment.header().node, record, sizeof record));
+    tactiled_node old{};
+    std::memcpy(&old, record, sizeof record);
+    EXPECT_EQ(old.heartbeat, 7u);
+    EXPECT_EQ(old.count[15], 9u);
+}
+
+TEST_F(SegmentVersions, AReaderOf11KnowsNoGraspOfADaemonOf10) {
+    const auto writer = alive();
+    publish(*writer);
+    as_written_by_10();
+    tactiled_node node{};
+    ASSERT_TRUE(Segment::open(name_).latest_node(node));
+    EXPECT_EQ(node.heartbeat, 7u);
+    EXPECT_EQ(node.grasp.state, unsigned(TACTILED_GRIP_UNKNOWN));  // not open, which is 0
+    EXPECT_TRUE(std::isnan(node.grasp.weight_kg));                 // not 0 kg
+    EXPECT_EQ(node.grasp.slip_state[0], TACTILED_SLIP_UNKNOWN);
+}
+
+TEST_F(SegmentVersions, AGraspIsReadAsItWasWritten) {
+    const auto writer = alive();
+    publish(*writer);
+    tactiled_node node{};
+    ASSERT_TRUE(Segment::open(name_).latest_node(node));
+    EXPECT_EQ(node.grasp.state, unsigned(TACTILED_GRIP_HOLDING));
+    EXPECT_EQ(node.grasp.weight_kg, 0.25);
+}
+
+TEST_F(SegmentVersions, AnOldGraspIsNotKnownButWhatWasCountedStays) {
+    const auto writer = alive();
+    publish(*writer, 101'000'000);  // longer than stale_ms, less than watchdog_ms: the loop is slow, the sensors may be silent
+    tactiled_node node{};
+    ASSERT_TRUE(Segment::open(name_).latest_node(node));
+    EXPECT_EQ(node.grasp.state, unsigned(TACTILED_GRIP_UNKNOWN));
+    EXPECT_TRUE(std::isnan(node.grasp.weight_kg));
+    EXPECT_EQ(node.grasp.weight_state, unsigned(TACTILED_WEIGHT_NONE));
+    EXPECT_EQ(node.grasp.object_id, 0u);
+    EXPECT_EQ(node.grasp.slips, 3u);
+}
+
+TEST_F(SegmentVersions, TheGraspOfADaemonThatEndedIsNotKnown) {
+    const auto writer = alive();
+    publish(*writer);
+    const Segment segment = Segment::open(name_);
+    writer->set_state(TACTILED_STOPPED);
+    tactiled_node node{};
+    ASSERT_TRUE(segment.latest_node(node));
+    EXPECT_EQ(node.grasp.state, unsigned(TACTILED_GRIP_UNKNOWN));
+}
+
+}  // namespace
+}  // namespace tactiled
