@@ -1,10 +1,12 @@
-// Model "generic": each component is an affine function of the channels, fitted for itself.
+// Model "generic": each component is an affine function of the channels, fitted for itself; with the parameter `forget` row
+// i of N counts forget^(N - i).
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "decoupling/domain.hpp"
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/recursive.hpp"
 
 namespace tactiled {
 namespace {
@@ -33,6 +35,24 @@ Eigen::VectorXd fold_constant(const Eigen::MatrixXd& m, const Eigen::VectorXd& b
     return at_rest + width.asDiagonal() * step;
 }
 
+// The same with the newest rows counting most, from the fit of all rows on.
+void forget_old_rows(const Eigen::MatrixXd& x, const Eigen::VectorXd& y, double forget, Affine& affine) {
+    const Eigen::Index n = x.cols();
+    const Eigen::MatrixXd centred = x.rowwise() - affine.centre;
+    const Eigen::RowVectorXd width = (centred.colwise().squaredNorm() / double(x.rows())).cwiseSqrt();
+    const double y_centre = affine.constant + affine.centre.dot(affine.slope.coefficient);
+    Eigen::VectorXd start(n + 1), row(n + 1);
+    start << affine.slope.coefficient.cwiseProduct(width.transpose()), 0;
+    RecursiveLeastSquares recursive(start, forget);
+    for (Eigen::Index i = 0; i < x.rows(); ++i) {
+        row << centred.row(i).transpose().cwiseQuotient(width.transpose()), 1;
+        recursive.update(row, y[i] - y_centre);
+    }
+    const Eigen::VectorXd newest = recursive.coefficient();
+    affine.slope.coefficient = newest.head(n).cwiseQuotient(width.transpose());
+    affine.constant = y_centre + newest[n] - affine.centre.dot(affine.slope.coefficient);
+}
+
 }  // namespace
 
 void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
@@ -43,6 +63,10 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
     Eigen::MatrixXd m(n_components, n_channels);
     Eigen::VectorXd b(n_components);
     calibration.condition = 0;
+    const auto forget = calibration.parameters.find("forget");
+    const bool forgets = calibration.method == "matrix" && forget != calibration.parameters.end();
+    if (forgets && !(forget->second >= 0.5 && forget->second <= 1))
+        throw Undetermined(fmt::format("forget = {} is outside 0.5 .. 1", forget->second));
     for (Eigen::Index i = 0; i < n_components; ++i) {
         const std::size_t c = component_index(calibration.components[std::size_t(i)]);
         Eigen::Index n = 0;
@@ -57,12 +81,13 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
             y[at++] = row->wrench_S[c];
         }
         if (!(y.minCoeff() < y.maxCoeff())) throw Undetermined(fmt::format("{} is always {} there", label_column(c), y[0]));
-        const Affine affine = affine_fit(x, y);
+        Affine affine = affine_fit(x, y);
         if (!affine.slope.dependent.empty())
             throw Undetermined(
                 fmt::format("the channels {} are a combination of each other (or constant) in the rows with {}: "
                             "leave one of them out with --channels",
                             names_of(affine.slope.dependent, calibration.channels), label_column(c)));
+        if (forgets) forget_old_rows(x, y, forget->second, affine);
         m.row(i) = affine.slope.coefficient.transpose();
         b[i] = affine.constant;
         calibration.condition = std::max(calibration.condition, affine.slope.condition);
@@ -101,7 +126,10 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
     calibration.matrix.assign(std::size_t(n_components), std::vector<double>(std::size_t(n_channels)));
     for (Eigen::Index i = 0; i < n_components; ++i)
         for (Eigen::Index k = 0; k < n_channels; ++k) calibration.matrix[std::size_t(i)][std::size_t(k)] = m(i, k);
-    calibration.parameters.clear();
+    if (forgets)
+        calibration.parameters = {{"forget", forget->second}};
+    else
+        calibration.parameters.clear();
 }
 
 }  // namespace tactiled

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "config/calibration.hpp"
 #include "config/text_file.hpp"
@@ -25,6 +26,7 @@ struct Settings {
     FitRequest request;
     std::vector<std::string> set;  // "area_m2=3e-5"
     std::string influence, elastomer;
+    std::optional<double> forget;
     bool json = false;
 };
 
@@ -117,6 +119,7 @@ int calibrate(Settings settings) {
             throw SetupError(fmt::format("--set {}: write NAME=NUMBER", in_quotes(text)));
         request.parameters[text.substr(0, at)] = value;
     }
+    if (settings.forget) request.parameters["forget"] = *settings.forget;
     if (!settings.influence.empty()) {
         Calibration map;
         add_influence(settings.influence, map);
@@ -146,6 +149,9 @@ void add_calibrate(CLI::App& app, Run& run) {
     verb->add_option("--method", settings->request.method,
                      "of the model; its first if not given; auto: all that the rows determine");
     verb->add_option("--set", settings->set, "a parameter that is known: NAME=NUMBER, e.g. area_m2=3e-5")->take_all();
+    verb->add_option("--forget", settings->forget,
+                     "method matrix of model generic: row i of N counts this to the power N - i; 0.999: the last 1000 rows")
+        ->check(CLI::Range(0.5, 1.0));
     verb->add_option("--influence", settings->influence,
                      "method map of model table: the file with the plate's influence map");
     verb->add_option("--elastomer", settings->elastomer,

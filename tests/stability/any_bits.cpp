@@ -87,7 +87,8 @@ std::string broken(const Estimate& e, const Calibration& calibration) {
         const bool sd = value && (e.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0;
         if (std::isnan(e.sd[c]) == sd || e.sd[c] < 0) return fmt::format("sd of {} = {}", kComponentNames[c], e.sd[c]);
     }
-    if ((e.quality == TACTILED_GOOD) != (e.reasons == 0)) return fmt::format("quality {}, reasons {:x}", int(e.quality), e.reasons);
+    if ((e.quality == TACTILED_GOOD) != (e.reasons == 0))
+        return fmt::format("quality {}, reasons {:x}", int(e.quality), e.reasons);
     if (std::isinf(e.cop_S_m[0]) || std::isinf(e.cop_S_m[1])) return "an infinite centre of pressure";
     if (e.residual < 0) return "a negative residual";
     return "";

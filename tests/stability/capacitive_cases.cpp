@@ -41,8 +41,9 @@ void add_roots(Cases& cases) {
     cases.value("H03", "curvature of 1e-18: fz",
                 {-printed_root(1e-18, 0.0405, y), estimate_of(centre(0.0405, 1e-18, 10), {1.7039}).wrench_S[2],
                  -exact_root(1e-18, 0.0405, y)});
-    cases.value("H03b", "no curvature at all: fz",
-                {-printed_root(0, 0.0405, y), estimate_of(centre(0.0405, 0, 10), {1.7039}).wrench_S[2], -exact_root(0, 0.0405, y)});
+    cases.value(
+        "H03b", "no curvature at all: fz",
+        {-printed_root(0, 0.0405, y), estimate_of(centre(0.0405, 0, 10), {1.7039}).wrench_S[2], -exact_root(0, 0.0405, y)});
     cases.value("H05", "discriminant of nearly equal roots (Kahan)",
                 {189812534.0 * 189812534.0 - 4 * 94906265.625 * 94906268.375,
                  discriminant(94906265.625, 189812534.0, -94906268.375), Real(7.5625), 1, 2});
@@ -63,8 +64,8 @@ void add_roots(Cases& cases) {
                   TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY, -0.038 / 2 / 0.0071, 1e-12});
     // Huge readings: straight on, and said so.
     cases.marked("C3", "Cn at 1e300 pF",
-                 {as_good(-printed_root(0.0008, 0.0405, 1e300)), published(estimate_of(centre(0.0405, 0.0008, 10), {1e300}), 2),
-                  TACTILED_OUTSIDE_DOMAIN});
+                 {as_good(-printed_root(0.0008, 0.0405, 1e300)),
+                  published(estimate_of(centre(0.0405, 0.0008, 10), {1e300}), 2), TACTILED_OUTSIDE_DOMAIN});
 }
 
 void add_gap(Cases& cases) {
@@ -84,12 +85,14 @@ void add_gap(Cases& cases) {
     channel[4] = read;
     const Real v = (Real(read) - Real(rest)) / Real(active);
     const double textbook_u = (read - 0.4) / active;
-    cases.value("H07", "displacement from 1e-9 pF: fz",
-                {-31.0 / 3 * (textbook_u * textbook_u - 1 / textbook_u), estimate_of(c, channel).wrench_S[2], -law(v), 1, 16});
+    cases.value(
+        "H07", "displacement from 1e-9 pF: fz",
+        {-31.0 / 3 * (textbook_u * textbook_u - 1 / textbook_u), estimate_of(c, channel).wrench_S[2], -law(v), 1, 16});
     // The gap closes: C grows without end; and opens without end.
     channel[4] = 0.4 + 0.1038 * 40;
     cases.marked("C4", "a gap of a fortieth: the pad is none any more",
-                 {as_good(-31.0 / 3 * 1600), published(estimate_of(c, channel), 2), TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY});
+                 {as_good(-31.0 / 3 * 1600), published(estimate_of(c, channel), 2),
+                  TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY});
     channel[4] = 0.4;
     cases.marked("C5", "an endless gap, where (C1 - C2) / Cn is x / 0",
                  {as_good((channel[0] - channel[1]) / (channel[4] - 0.4)), published(estimate_of(c, channel), 0),
@@ -102,7 +105,8 @@ void add_gap(Cases& cases) {
                     {1e5 * (1 - nu) / ((1 + nu) * (1 - 2 * nu)), bonded_disc_modulus(1e5, bulk, 1),
                      apparent / (1 + apparent / Real(bulk))});
     }
-    cases.value("H23b", "the same with K = 1 GPa", {1e5, bonded_disc_modulus(1e5, 1e9, 1), Real(3e5) / (1 + Real(3e5) / Real(1e9))});
+    cases.value("H23b", "the same with K = 1 GPa",
+                {1e5, bonded_disc_modulus(1e5, 1e9, 1), Real(3e5) / (1 + Real(3e5) / Real(1e9))});
 }
 
 // Area that a disc of radius R at (dx, dy) shares with a sector, less that at rest: as one writes it down, with the angles
@@ -160,11 +164,9 @@ void add_areas(Cases& cases) {
     const Real exact = area_change<Real>(Real(inner), Real(0.01), Real(0) - Real(1.2), Real(1.2), Real(R), 0, Real(shift));
     // Where the edge is cut: cos = (a^2 + d^2 - R^2) / 2 a d of R - a = 5e-12 m, which the doubles know to 2^-53 R: kappa.
     cases.value("C6", "an edge that passes an electrode's rim at a grazing shift",
-                {area_change<double>(inner, 0.01, -1.2, 1.2, R, 0, shift), overlap(edge, R, 0, shift).change, exact,
-                 8, 64});
+                {area_change<double>(inner, 0.01, -1.2, 1.2, R, 0, shift), overlap(edge, R, 0, shift).change, exact, 8, 64});
     cases.value("C7", "a shift of exactly 0",
-                {area_change<double>(0.003, 0.01, -0.7, 0.7, 0.005, 0, 0), overlap(sector, 0.005, 0, 0).change, 0,
-                 1, 0});
+                {area_change<double>(0.003, 0.01, -0.7, 0.7, 0.005, 0, 0), overlap(sector, 0.005, 0, 0).change, 0, 1, 0});
 }
 
 // What the electrodes of calibration "overlap" read of a closeness and a shift (disc radii).
@@ -188,8 +190,8 @@ std::vector<double> pad_reading(const Calibration& c, double u, double x, double
 
 void add_solver(Cases& cases) {
     const Calibration c = calibration_of("capacitive/overlap");
-    const double pair_gain = 2 * std::sin(c.parameters.at("opening_rad") / 2) /
-                             ((1 - 0.625 * 0.625) * c.parameters.at("opening_rad") / 2);
+    const double pair_gain =
+        2 * std::sin(c.parameters.at("opening_rad") / 2) / ((1 - 0.625 * 0.625) * c.parameters.at("opening_rad") / 2);
     const struct {
         const char *id, *what;
         double u, x, y;
@@ -208,8 +210,9 @@ void add_solver(Cases& cases) {
         cases.value(s.id, s.what, {naive, estimate_of(c, r).wrench_S[0], fx, kappa, 16, 1e-15 / std::abs(s.x)});
     }
     const auto torn = pad_reading(c, 1.2, 0.96, 0);
-    cases.marked("C11", "a shift beyond what a pad survives", {as_good(4.78 * 0.96), published(estimate_of(c, torn), 0),
-                                                              TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY});
+    cases.marked(
+        "C11", "a shift beyond what a pad survives",
+        {as_good(4.78 * 0.96), published(estimate_of(c, torn), 0), TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY});
     const std::vector<double> against{0.9, 0.9, 0.05, 0.05, 0.45};  // no gap and no shift reads that
     cases.marked("C12", "electrodes that no gap and no shift explains",
                  {as_good(4.78 * (0.9 - 0.9)), published(estimate_of(c, against), 0), TACTILED_UNKNOWN_UNCERTAINTY});

@@ -11,6 +11,7 @@
 #include "decoupling/fit/corrections.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/least_squares.hpp"
+#include "decoupling/fit/recursive.hpp"
 #include "tests/stability/hard_case.hpp"
 #include "tests/stability/methods.hpp"
 
@@ -37,8 +38,8 @@ double normal_equations(const Eigen::MatrixXd& a, const Eigen::VectorXd& y, Eige
     return double(Eigen::PartialPivLU<Matrix>(gram).solve(right)[i]);
 }
 
-// Condition of coefficient i of a least-squares problem whose columns are scaled to length 1: how errors of the columns and of
-// y reach it (Golub and Van Loan, 5.3.8, with a small residual).
+// Condition of coefficient i of a least-squares problem whose columns are scaled to length 1: how errors of the columns and
+// of y reach it (Golub and Van Loan, 5.3.8, with a small residual).
 double kappa_of(const Eigen::MatrixXd& a, const Eigen::VectorXd& y, const LeastSquares& fit, Eigen::Index i) {
     const Eigen::VectorXd scaled = fit.coefficient.array() * a.colwise().norm().transpose().array();
     const Eigen::VectorXd rest = y - a * fit.coefficient;
@@ -49,8 +50,9 @@ double kappa_of(const Eigen::MatrixXd& a, const Eigen::VectorXd& y, const LeastS
 void compare(Cases& cases, const char* id, const char* what, const Eigen::MatrixXd& a, const Eigen::VectorXd& y,
              Eigen::Index i, bool single) {
     const LeastSquares fit = least_squares(a, y);
-    cases.value(id, what, {single ? normal_equations<float>(a, y, i) : normal_equations<double>(a, y, i), fit.coefficient[i],
-                           exact_least_squares(a, y)[i], kappa_of(a, y, fit, i), 8});
+    cases.value(id, what,
+                {single ? normal_equations<float>(a, y, i) : normal_equations<double>(a, y, i), fit.coefficient[i],
+                 exact_least_squares(a, y)[i], kappa_of(a, y, fit, i), 8});
 }
 
 void add_least_squares(Cases& cases) {
@@ -141,13 +143,68 @@ void add_kernels(Cases& cases) {
                 {there.dot(naive), there.dot(Ridge(twice).solve(twice_right, 1e-9)), v[0] + v[1], 3 / 1e-9, 8});
 }
 
+// The covariance form that every textbook prints.
+struct TextbookRecursion {
+    Eigen::Matrix3d P = 1e6 * Eigen::Matrix3d::Identity();
+    Eigen::Vector3d w = Eigen::Vector3d::Zero();
+    void update(const Eigen::Vector3d& x, double y, double forget) {
+        const Eigen::Vector3d Px = P * x;
+        const Eigen::Vector3d gain = Px / (forget + x.dot(Px));
+        w += gain * (y - x.dot(w));
+        P = ((P - gain * Px.transpose()) / forget).eval();
+    }
+};
+
+void add_recursion(Cases& cases) {
+    const Eigen::Vector3d truth(0.3, -0.2, 1);
+    // H38: one direction excited by 1, one by 1e-3, one (2 -1 -1) never. What it predicts is judged; 1 / (1 - forget) rows
+    // are remembered, each a rounding of R, whose condition is 1e3 in what is excited.
+    {
+        RecursiveLeastSquares recursive(Eigen::Vector3d::Zero(), 0.999);
+        TextbookRecursion textbook;
+        Eigen::VectorXd x(3);
+        for (long i = 0; i < cases.updates; ++i) {
+            const double s = 1e-3 * std::sin(double(i % 1'000'000) * 0.37);
+            x << 1, 1 + s, 1 - s;
+            recursive.update(x, x.dot(truth));
+            textbook.update(x, x.dot(truth), 0.999);
+        }
+        x << 1, 1.001, 0.999;
+        const Real exact = Real(truth[0]) + Real(1.001) * Real(truth[1]) + Real(0.999) * Real(truth[2]);
+        // Held back to a start of 0 by kHold^2 = 1e-6 beside the 5e-4 of information of the poorly excited direction, which
+        // is 1e-3 of the prediction: 1.2 * 1e-3 / 500 / 1.1; and beside 3,000 of the well excited one.
+        cases.value("H38", fmt::format("a recursion with poor excitation, {} updates: a prediction", cases.updates),
+                    {x.dot(textbook.w), x.dot(recursive.coefficient()), exact, 1e6, 8, 1.2e-3 / 500 / 1.1 + 1e-6 / 1000});
+    }
+    // H17: nothing excites it for 100,000 rows at 0.99; then three rows do.
+    RecursiveLeastSquares recursive(truth, 0.99);
+    TextbookRecursion textbook;
+    for (int i = 0; i < 100'000; ++i) {
+        recursive.update(Eigen::Vector3d::Zero(), 0);
+        textbook.update(Eigen::Vector3d::Zero(), 0, 0.99);
+    }
+    const Eigen::Vector3d moved(0.5, -0.2, 1);
+    for (int i = 0; i < 300; ++i) {
+        const Eigen::Vector3d x(std::sin(i), std::cos(1.7 * i), std::sin(0.3 * i + 1));
+        recursive.update(x, x.dot(moved));
+        textbook.update(x, x.dot(moved), 0.99);
+    }
+    // 1e-6 of hold beside about 50 of information, 0.2 apart.
+    cases.value("H17", "100,000 rows that excite nothing, then 300 that do: a weight",
+                {textbook.w[0], recursive.coefficient()[0], Real(0.5), 10, 100, 3e-8});
+}
+
 // Rows of a session: fz (and fy) from channels, as a bench records them.
 Labelled bench(std::size_t n, std::size_t channels, const std::function<void(std::size_t, LabelledRow&)>& fill) {
     Labelled labelled;
     labelled.name = "bench.csv";
     for (std::size_t k = 0; k < channels; ++k) labelled.channels.push_back(fmt::format("B{}", k + 1));
     for (std::size_t i = 0; i < n; ++i) {
-        LabelledRow row{.line = std::int64_t(i) + 2, .channel = std::vector<double>(channels), .wrench_S = kUnseen, .session = 0, .t_ns = i * 1'000'000};
+        LabelledRow row{.line = std::int64_t(i) + 2,
+                        .channel = std::vector<double>(channels),
+                        .wrench_S = kUnseen,
+                        .session = 0,
+                        .t_ns = i * 1'000'000};
         fill(i, row);
         labelled.rows.push_back(row);
     }
@@ -161,9 +218,7 @@ std::string refusal_of_fit(const Labelled& labelled, const std::string& method) 
     try {
         (void)fit(labelled, request);
         return "";
-    } catch (const std::exception& error) {
-        return error.what();
-    }
+    } catch (const std::exception& error) { return error.what(); }
 }
 
 double load_of(std::size_t i) { return 10 * std::sin(double(i) * 0.7) + 3 * std::cos(double(i) * 1.3); }
@@ -184,7 +239,8 @@ void add_labels(Cases& cases) {
     const struct {
         const char *id, *what;
         const Labelled& rows;
-    } wrong[] = {{"R1", "two of 50 labels swapped: the gain", swapped}, {"R11", "one of 50 labels misread by 30 %: the gain", misread}};
+    } wrong[] = {{"R1", "two of 50 labels swapped: the gain", swapped},
+                 {"R11", "one of 50 labels misread by 30 %: the gain", misread}};
     for (const auto& one : wrong) {
         Eigen::MatrixXd x(50, 1);
         Eigen::VectorXd y(50);
@@ -192,7 +248,8 @@ void add_labels(Cases& cases) {
             x(i, 0) = one.rows.rows[std::size_t(i)].channel[0], y[i] = one.rows.rows[std::size_t(i)].wrench_S[1];
         const FitReport report = fit(one.rows, request);
         // Labels of 13 N are doubles rounded to 2^-53 each; 50 of them.
-        cases.value(one.id, one.what, {affine_fit(x, y).slope.coefficient[0], report.calibration.matrix[0][0], Real(0.5), 1, 50});
+        cases.value(one.id, one.what,
+                    {affine_fit(x, y).slope.coefficient[0], report.calibration.matrix[0][0], Real(0.5), 1, 50});
     }
     // H31: the spread of labels on a large offset.
     const auto offset = bench(16, 1, [](std::size_t i, LabelledRow& row) {
@@ -202,34 +259,52 @@ void add_labels(Cases& cases) {
     double sum = 0, squares = 0;
     for (const auto& row : offset.rows) sum += row.wrench_S[2], squares += row.wrench_S[2] * row.wrench_S[2];
     cases.value("H31", "spread of labels with an offset of 1e9",
-                {std::sqrt(squares / 16 - sum / 16 * (sum / 16)), fit(offset, request).components[0].spread, sqrt(Real(45) / 2), 1, 8});
+                {std::sqrt(squares / 16 - sum / 16 * (sum / 16)), fit(offset, request).components[0].spread,
+                 sqrt(Real(45) / 2), 1, 8});
 }
 
 void add_refusals(Cases& cases) {
     const auto refuse = [&](const char* id, const char* what, double naive, const Labelled& labelled, const char* method,
-                            const char* because) { cases.refused(id, what, naive, refusal_of_fit(labelled, method), because); };
+                            const char* because) {
+        cases.refused(id, what, naive, refusal_of_fit(labelled, method), because);
+    };
     // What the shortest solution of the textbook's pseudo-inverse would have been.
-    refuse("F3", "an axis that nobody loaded", 0, bench(60, 2, [](std::size_t i, LabelledRow& row) {
-               row.channel = {load_of(i), load_of(i + 5)};
-               row.wrench_S[1] = 0, row.wrench_S[2] = load_of(i);
-           }), "matrix", "always 0");
-    refuse("F4", "two axes that were only loaded together", 0.5, bench(60, 2, [](std::size_t i, LabelledRow& row) {
-               row.channel = {load_of(i), load_of(i) + 0.1 * load_of(i + 5)};
-               row.wrench_S[1] = load_of(i), row.wrench_S[2] = 2 * load_of(i);
-           }), "matrix", "follow from each other");
-    refuse("F5", "a channel that repeats another", 0.5, bench(60, 2, [](std::size_t i, LabelledRow& row) {
-               row.channel = {load_of(i), 3 * load_of(i) + 1};
-               row.wrench_S[2] = load_of(i);
-           }), "matrix", "combination of each other");
-    refuse("R3", "2,000 rows of 47 poses for a quadratic of 8 channels, 45 coefficients", 4.15, bench(1974, 8, [](std::size_t i, LabelledRow& row) {
-               const std::size_t pose = i / 42;
-               for (std::size_t k = 0; k < 8; ++k) row.channel[k] = load_of(pose + 3 * k) + 1e-3 * load_of(7 * i + k);
-               row.wrench_S[2] = load_of(pose);
-           }), "quadratic", "independent rows");
-    refuse("H37b", "kernels from 200 rows of three loads", 1, bench(200, 1, [](std::size_t i, LabelledRow& row) {
-               row.wrench_S[2] = double(i / 70);
-               row.channel[0] = row.wrench_S[2] + 1e-3 * load_of(i);
-           }), "rbf", "3 loads");
+    refuse("F3", "an axis that nobody loaded", 0,
+           bench(60, 2,
+                 [](std::size_t i, LabelledRow& row) {
+                     row.channel = {load_of(i), load_of(i + 5)};
+                     row.wrench_S[1] = 0, row.wrench_S[2] = load_of(i);
+                 }),
+           "matrix", "always 0");
+    refuse("F4", "two axes that were only loaded together", 0.5,
+           bench(60, 2,
+                 [](std::size_t i, LabelledRow& row) {
+                     row.channel = {load_of(i), load_of(i) + 0.1 * load_of(i + 5)};
+                     row.wrench_S[1] = load_of(i), row.wrench_S[2] = 2 * load_of(i);
+                 }),
+           "matrix", "follow from each other");
+    refuse("F5", "a channel that repeats another", 0.5,
+           bench(60, 2,
+                 [](std::size_t i, LabelledRow& row) {
+                     row.channel = {load_of(i), 3 * load_of(i) + 1};
+                     row.wrench_S[2] = load_of(i);
+                 }),
+           "matrix", "combination of each other");
+    refuse("R3", "2,000 rows of 47 poses for a quadratic of 8 channels, 45 coefficients", 4.15,
+           bench(1974, 8,
+                 [](std::size_t i, LabelledRow& row) {
+                     const std::size_t pose = i / 42;
+                     for (std::size_t k = 0; k < 8; ++k) row.channel[k] = load_of(pose + 3 * k) + 1e-3 * load_of(7 * i + k);
+                     row.wrench_S[2] = load_of(pose);
+                 }),
+           "quadratic", "independent rows");
+    refuse("H37b", "kernels from 200 rows of three loads", 1,
+           bench(200, 1,
+                 [](std::size_t i, LabelledRow& row) {
+                     row.wrench_S[2] = double(i / 70);
+                     row.channel[0] = row.wrench_S[2] + 1e-3 * load_of(i);
+                 }),
+           "rbf", "3 loads");
 }
 
 }  // namespace
@@ -237,6 +312,7 @@ void add_refusals(Cases& cases) {
 void add_fit_cases(Cases& cases) {
     add_least_squares(cases);
     add_kernels(cases);
+    add_recursion(cases);
     add_labels(cases);
     add_refusals(cases);
 }

@@ -44,10 +44,13 @@ void add_sizes(Cases& cases) {
     const auto exact_sd = [](double a, double slope, double F) -> Real {
         return sqrt(Real(a) * Real(a) + Real(slope) * Real(slope) * Real(F) * Real(F));
     };
-    cases.value("G2", "an sd of 5e-200", {std::sqrt(3e-200 * 3e-200 + 4e-200 * 4e-200), sd(small, 4e-100), exact_sd(3e-200, 1e-100, 4e-100)});
-    cases.value("G3", "an sd of 5e199", {std::sqrt(3e199 * 3e199 + 4e199 * 4e199), sd(large, 4e99), exact_sd(3e199, 1e100, 4e99)});
-    cases.marked("G4", "products that overflow: inf - inf",
-                 {as_good(1e200 * 1e200 - 1e200 * 1e200), published(estimate_of(one_force({1e200, -1e200}, 0), {1e200, 1e200}), 2)});
+    cases.value("G2", "an sd of 5e-200",
+                {std::sqrt(3e-200 * 3e-200 + 4e-200 * 4e-200), sd(small, 4e-100), exact_sd(3e-200, 1e-100, 4e-100)});
+    cases.value("G3", "an sd of 5e199",
+                {std::sqrt(3e199 * 3e199 + 4e199 * 4e199), sd(large, 4e99), exact_sd(3e199, 1e100, 4e99)});
+    cases.marked(
+        "G4", "products that overflow: inf - inf",
+        {as_good(1e200 * 1e200 - 1e200 * 1e200), published(estimate_of(one_force({1e200, -1e200}, 0), {1e200, 1e200}), 2)});
 }
 
 // Inside of the domain, in 100 digits, term by term.
@@ -96,7 +99,8 @@ void add_corrections(Cases& cases) {
     auto far = inside;
     for (double& value : far) value += 6000;
     const Estimate away = estimate_of(rbf, far);
-    cases.marked("H16", "60 widths away from every centre", {as_good(0.0 / 0.0), published(away, 2), TACTILED_OUTSIDE_DOMAIN});
+    cases.marked("H16", "60 widths away from every centre",
+                 {as_good(0.0 / 0.0), published(away, 2), TACTILED_OUTSIDE_DOMAIN});
 
     // Neurons that are driven to 1e4: the textbook's (e^x - e^-x) / (e^x + e^-x) is inf / inf.
     Calibration mlp = calibration_of("generic/mlp");
@@ -188,7 +192,8 @@ int lies_of_a_sum(const std::string& model, const std::vector<double>& odd) {
 
 void add_odd_channels(Cases& cases) {
     for (const std::string model : {"generic", "table", "hair", "capacitive", "piezo"}) {
-        const std::vector<double> none{kNaN, kInf, -kInf}, huge{1e300, -1e300, 1.7e308}, tiny{5e-324, -5e-324, 1e-310, -0.0, 0.0};
+        const std::vector<double> none{kNaN, kInf, -kInf}, huge{1e300, -1e300, 1.7e308},
+            tiny{5e-324, -5e-324, 1e-310, -0.0, 0.0};
         cases.value("X " + model, "NaN and infinities in each channel of each method: false values",
                     {double(lies_of_a_sum(model, none)), double(lies(model, none, false)), 0, 1, 0});
         cases.value("Y " + model, "1e300 and more in each channel of each method: false values",

@@ -95,8 +95,8 @@ void add_leak(Cases& cases) {
                  2e-14 / std::abs(double(load[0]))});
     for (auto& row : c.tables["leak"])
         for (double& number : row) number *= 3;
-    cases.refused("S4", "leak terms on which the iteration would not end", std::numeric_limits<double>::quiet_NaN(), refusal_of(c),
-                  "leak terms are too large");
+    cases.refused("S4", "leak terms on which the iteration would not end", std::numeric_limits<double>::quiet_NaN(),
+                  refusal_of(c), "leak terms are too large");
     auto blind = calibration_of("hair/sum_diff");
     blind.tables["gains"][2][0] = -blind.tables["gains"][0][0];
     cases.refused("S5", "hairs H1 H3 that answer a press with opposite signs", std::numeric_limits<double>::infinity(),
@@ -111,7 +111,8 @@ void add_incompressible(Cases& cases) {
     auto& p = c.parameters;
     const Real pi = boost::math::constants::pi<Real>(), root3 = sqrt(Real(3));
     const Real slender = Real(p["radius_m"]) / Real(p["thickness_m"]);
-    const Real mean = 9 * (2 * pi + 5 * root3) / (8 * pi), per = Real(p["pi_l_per_Pa"]) * slender * slender / Real(p["width_m"]);
+    const Real mean = 9 * (2 * pi + 5 * root3) / (8 * pi),
+               per = Real(p["pi_l_per_Pa"]) * slender * slender / Real(p["width_m"]);
     const Real modulus = 1000 * Real(p["elastomer_kPa"]) / (2 * (1 + Real(0.4999)));
     const Real sensitivity = mean * per * Real(p["k_x_Pa"]) * Real(1.5) * Real(p["radius_m"]) / modulus;
     const Real fx = (Real(r[2]) - Real(r[0])) / (2 * sensitivity) * Real(kArea_m2);

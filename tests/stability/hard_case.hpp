@@ -36,8 +36,8 @@ struct Published {
 Published published(const Estimate& estimate, std::size_t component);
 Published as_good(double value);  // what code publishes that knows no quality
 
-// A result that nobody can give, or not whole: it must say so. BAD with NaN; or a finite number that is UNCERTAIN with all of
-// `reasons`.
+// A result that nobody can give, or not whole: it must say so. BAD with NaN; or a finite number that is UNCERTAIN with all
+// of `reasons`.
 struct Marked {
     Published naive, ours;
     std::uint32_t reasons = 0;
@@ -53,13 +53,16 @@ struct Result {
 
 class Cases {
 public:
+    // `most_updates`: how far the case of a recursion goes.
+    explicit Cases(long most_updates) : updates(most_updates) {}
     void value(const std::string& id, const std::string& what, const Value& value);
     void marked(const std::string& id, const std::string& what, const Marked& marked);
-    // A set-up that must be refused, with `because` in what is said; `said` = "" where it was not. `naive`: what the textbook
-    // would have computed with it.
+    // A set-up that must be refused, with `because` in what is said; `said` = "" where it was not. `naive`: what the
+    // textbook would have computed with it.
     void refused(const std::string& id, const std::string& what, double naive, const std::string& said,
                  const std::string& because);
     [[nodiscard]] const std::vector<Result>& results() const { return results_; }
+    const long updates;
 
 private:
     std::vector<Result> results_;

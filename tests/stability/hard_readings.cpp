@@ -1,5 +1,5 @@
-// What a hard reading costs beside an easy one: hard_readings [METHOD] gives each method ordinary readings and then hard ones,
-// each through one_sample(), and prints a line each. tests/stability/instructions.py counts their instructions.
+// What a hard reading costs beside an easy one: hard_readings [METHOD] gives each method ordinary readings and then hard
+// ones, each through one_sample(), and prints a line each. tests/stability/instructions.py counts their instructions.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -24,7 +24,8 @@ namespace {
 class Meter {
 public:
     explicit Meter(const Method& method) : method_(method), decoupler_(made(method.calibration)) {}
-    void sample(const char* what, const std::vector<double>& channel, std::uint32_t missing = 0, std::uint32_t saturated = 0) {
+    void sample(const char* what, const std::vector<double>& channel, std::uint32_t missing = 0,
+                std::uint32_t saturated = 0) {
         const Reading reading{.channel = channel, .missing = missing, .saturated = saturated, .t_ns = t_ns += 1'000'000};
         one_sample(decoupler_.get(), &reading);
         fmt::print("{} {}\n", method_.name, what);

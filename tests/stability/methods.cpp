@@ -99,8 +99,7 @@ void add_table(std::vector<Method>& methods) {
     methods.push_back(with_readings("table/linear", c, gauges));
     methods.push_back(with_readings("table/signs", c, gauges));
     Calibration bent = c;
-    for (double n = 0; n <= 5; n += 0.5)
-        bent.tables["normal_curve"].push_back({n, n * (1 - 0.0451 * n / (1 - 0.0196 * n))});
+    for (double n = 0; n <= 5; n += 0.5) bent.tables["normal_curve"].push_back({n, n * (1 - 0.0451 * n / (1 - 0.0196 * n))});
     bent.tables["hysteresis"] = {
         {0, 0.95, 0.95, 0.95}, {0.05, 0.02, 0.02, 0.02}, {0.1, 0.02, 0.02, 0.02}, {0.2, 0.01, 0.01, 0.01}};
     methods.push_back(with_readings("table/nonlinear", bent, gauges, true));
@@ -155,10 +154,9 @@ void add_hair(std::vector<Method>& methods) {
     methods.push_back(with_readings("hair/matrix", matrix, forward));
     Calibration physics = c;
     physics.tables.erase("gains");
-    physics.parameters = {{"area_m2", kArea_m2},   {"radius_m", 0.7162e-3}, {"width_m", 0.5e-3},
-                          {"thickness_m", 9e-6},   {"root_distance_m", 1e-3}, {"k_x_Pa", 4374},
-                          {"k_y_Pa", 11090},       {"friction", 0.5},       {"pi_l_per_Pa", 6.25e-10},
-                          {"elastomer_kPa", 750.0}};
+    physics.parameters = {{"area_m2", kArea_m2},     {"radius_m", 0.7162e-3}, {"width_m", 0.5e-3}, {"thickness_m", 9e-6},
+                          {"root_distance_m", 1e-3}, {"k_x_Pa", 4374},        {"k_y_Pa", 11090},   {"friction", 0.5},
+                          {"pi_l_per_Pa", 6.25e-10}, {"elastomer_kPa", 750.0}};
     methods.push_back(with_readings("hair/physics", physics, forward));
 }
 
@@ -176,9 +174,8 @@ void add_capacitive(std::vector<Method>& methods) {
     }));
     Calibration pad = c;
     pad.zero = {0.3562, 0.3662, 0.3462, 0.3562, 0.5038};
-    pad.parameters = {{"stray_C1", 0.3},           {"stray_C2", 0.31}, {"stray_C3", 0.29},          {"stray_C4", 0.3},
-                      {"stray_Cn", 0.4},           {"stiffening", 0.1}, {"shear_gap_exponent", -0.4},
-                      {"normal_stiffness_N", 31.0}};
+    pad.parameters = {{"stray_C1", 0.3}, {"stray_C2", 0.31},  {"stray_C3", 0.29},           {"stray_C4", 0.3},
+                      {"stray_Cn", 0.4}, {"stiffening", 0.1}, {"shear_gap_exponent", -0.4}, {"normal_stiffness_N", 31.0}};
     const std::vector<double> zero = pad.zero;
     const auto forward = [zero](const std::array<double, 3>& f) {
         const double u = 1 - 0.03 * f[2], x = 0.3 * f[0], y = 0.3 * f[1];

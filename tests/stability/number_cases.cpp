@@ -53,8 +53,8 @@ void add_registers(Cases& cases) {
     const Real exact = seconds - 4096 * periods;
     const auto naive = double(float(1'700'000'123.456789)) - double(4096 * periods);
     // t_ns itself as a double is rounded to 256 ns, and to seconds once more.
-    cases.value("H29", "a time of 1.7e9 s in a float register", {naive, double(std::bit_cast<float>(bits)), exact, 1, 0,
-                                                                (4096 * 0x1p-24 + 1e-6) / double(exact)});
+    cases.value("H29", "a time of 1.7e9 s in a float register",
+                {naive, double(std::bit_cast<float>(bits)), exact, 1, 0, (4096 * 0x1p-24 + 1e-6) / double(exact)});
 }
 
 Frame frame_of(double value, std::uint64_t time_us, std::uint32_t sequence) {
@@ -87,8 +87,9 @@ std::vector<Frame> through_cobs(const std::vector<Frame>& sent) {
 
 void add_counters(Cases& cases) {
     const auto wrap = through_cobs({frame_of(0, 4294967290u, 65534), frame_of(0, 10, 65535), frame_of(0, 20, 3)});
-    cases.value("H26", "a device's clock of 32 bits of us that wraps: us between two frames",
-                {10.0 - 4294967290.0, wrap.size() < 2 ? kNaN : double(wrap[1].device_time_us - wrap[0].device_time_us), 16, 1, 0});
+    cases.value(
+        "H26", "a device's clock of 32 bits of us that wraps: us between two frames",
+        {10.0 - 4294967290.0, wrap.size() < 2 ? kNaN : double(wrap[1].device_time_us - wrap[0].device_time_us), 16, 1, 0});
     cases.value("N9", "a counter of 16 bits that wraps with three frames lost: lost",
                 {3.0 - 65535.0 - 1, wrap.size() < 3 ? kNaN : double(wrap[2].lost), 3, 1, 0});
     LinkCounts counts{};
@@ -172,7 +173,8 @@ void add_long_times(Cases& cases) {
     old.apply(late, begin + kMs);
     const double T = (double(begin + kMs) * 1e-9) - double(begin) * 1e-9;
     const double corner = 2 * 3.14159265358979323846 * 10 * 1.5537739740300374, gain = -std::expm1(-corner * T);
-    cases.value("N13", "a filter's step 146 years after the clock began", {gain * gain, late[0], step_response(10, Real(1) / 1000, 1), 2, 8});
+    cases.value("N13", "a filter's step 146 years after the clock began",
+                {gain * gain, late[0], step_response(10, Real(1) / 1000, 1), 2, 8});
     LowPass still;
     still.set_cutoff(10);
     std::array<double, 6> again{2, 2, 2, 2, 2, 2};
@@ -198,7 +200,8 @@ void add_long_times(Cases& cases) {
         (void)force_of(tared, (i + 2) * kMs, 0.1);
         sum += 0.1f;
     }
-    cases.value("H20", "a tare over a million samples", {-double(sum / 1e6f), force_of(tared, 1'000'002 * kMs, 0), -Real(0.1), 1e6, 1});
+    cases.value("H20", "a tare over a million samples",
+                {-double(sum / 1e6f), force_of(tared, 1'000'002 * kMs, 0), -Real(0.1), 1e6, 1});
 }
 
 // A calibration's numbers as text, and back.
@@ -210,7 +213,8 @@ void add_text(Cases& cases) {
     const Calibration back = parse_calibration(calibration_text(c), "text", problems);
     int ours = 0, naive = 0;
     for (std::size_t k = 0; k < 6; ++k) {
-        const bool same = !back.matrix.empty() && std::bit_cast<std::uint64_t>(back.matrix[0][k]) == std::bit_cast<std::uint64_t>(numbers[k]);
+        const bool same = !back.matrix.empty() &&
+                          std::bit_cast<std::uint64_t>(back.matrix[0][k]) == std::bit_cast<std::uint64_t>(numbers[k]);
         ours += same ? 0 : 1;
         char text[40];
         std::snprintf(text, sizeof text, "%.15g", numbers[k]);

@@ -30,7 +30,8 @@ void add_leak_steps(Cases& cases) {
     // H19: 1 - exp(-x) at x = 1e-12.
     const LeakStep small(1e-12, 1);
     const Real x(1e-12);
-    cases.value("H19", "gain of a step of 1e-12 of the leak's time", {(1 - std::exp(-1e-12)) / 1e-12, small.gain, (1 - exp(-x)) / x});
+    cases.value("H19", "gain of a step of 1e-12 of the leak's time",
+                {(1 - std::exp(-1e-12)) / 1e-12, small.gain, (1 - exp(-x)) / x});
     // H32: exp(-10) twenty times; its condition is its exponent. The textbook steps forward: 1 - T / tau.
     const LeakStep stiff(1e-3, 1e-4);
     double ours = 1, naive = 1;
@@ -40,8 +41,8 @@ void add_leak_steps(Cases& cases) {
 }
 
 void add_days(Cases& cases) {
-    // H36: an offset of 0.1 mV for 30 days, a sample every half second. With the drive of an offset e rising by r = e / tau a
-    // second and a fusion of g = 1 - exp(-T / tau) a step, what is left for ever is r (window / 2 + T (1 - g) / g).
+    // H36: an offset of 0.1 mV for 30 days, a sample every half second. With the drive of an offset e rising by r = e / tau
+    // a second and a fusion of g = 1 - exp(-T / tau) a step, what is left for ever is r (window / 2 + T (1 - g) / g).
     const auto decoupler = made(straight());
     const double e = 1e-4;
     const std::uint64_t steps = 30ull * 86400 * 2;
@@ -56,7 +57,8 @@ void add_days(Cases& cases) {
     // The running sum reaches V t / tau = 259 V beside a result of 0.58 V; that is what its rounding is relative to. Its
     // roundings are forgotten within tau (4 a window and sum): 16 of them.
     const double kappa = V * 30 * 86400 / (2 * kGain_V_per_N);
-    cases.value("H36", "an offset of 0.1 mV of the film for 30 days: fz", {-(2 + film_V / kGain_V_per_N), ours, reference, kappa, 16});
+    cases.value("H36", "an offset of 0.1 mV of the film for 30 days: fz",
+                {-(2 + film_V / kGain_V_per_N), ours, reference, kappa, 16});
 
     // H21: one spike of 1e17 V; a running sum never loses it.
     const auto spiked = made(straight());
@@ -69,7 +71,8 @@ void add_days(Cases& cases) {
     }
     // Cut at 20 ranges = 58 V beside 1.2 V, forgotten by exp(-58 s / tau); the sum that is left is rounded once in each of
     // the tau / T = 1000 samples that the fusion averages.
-    cases.value("H21", "58 s after a spike of 1e17 V of the film: fz", {-sum / kGain_V_per_N, after, -Real(slow_of(4)), 50 * 20, 8});
+    cases.value("H21", "58 s after a spike of 1e17 V of the film: fz",
+                {-sum / kGain_V_per_N, after, -Real(slow_of(4)), 50 * 20, 8});
 
     // H14: one NaN; the textbook's filter has it for ever.
     const auto poisoned = made(straight());
@@ -95,16 +98,18 @@ void add_clocks(Cases& cases) {
     Estimate estimate;
     for (std::uint64_t i = 1; i <= 3000; ++i) (void)feed(*back, i * kMs, 0, 1);
     estimate = feed(*back, 2000 * kMs, 0, 1);
-    cases.marked("P2", "a clock that goes back by 1 s", {as_good(1 - 1e3), published(estimate, 2), TACTILED_UNKNOWN_UNCERTAINTY,
-                                                        -1.0, 1e-12});
+    cases.marked("P2", "a clock that goes back by 1 s",
+                 {as_good(1 - 1e3), published(estimate, 2), TACTILED_UNKNOWN_UNCERTAINTY, -1.0, 1e-12});
     estimate = feed(*back, 62000 * kMs, 0.2, 3);
-    cases.marked("P3", "a gap of a minute", {as_good(-1 - 0.2 / kGain_V_per_N), published(estimate, 2),
-                                            TACTILED_UNKNOWN_UNCERTAINTY, -3.0, 1e-12});
+    cases.marked("P3", "a gap of a minute",
+                 {as_good(-1 - 0.2 / kGain_V_per_N), published(estimate, 2), TACTILED_UNKNOWN_UNCERTAINTY, -3.0, 1e-12});
     estimate = feed(*back, ~std::uint64_t{0}, 0.2, 3);
     estimate = feed(*back, 5, 0.2, 3);  // 64 bits of nanoseconds wrap
-    cases.marked("P4", "a clock that wraps", {as_good(kNaN), published(estimate, 2), TACTILED_UNKNOWN_UNCERTAINTY, -3.0, 1e-12});
+    cases.marked("P4", "a clock that wraps",
+                 {as_good(kNaN), published(estimate, 2), TACTILED_UNKNOWN_UNCERTAINTY, -3.0, 1e-12});
     estimate = estimate_of(straight(), {kNaN, kZero_pF + kCn_pF_per_N * 3});
-    cases.marked("P5", "the film is not a number", {as_good(kNaN), published(estimate, 2), TACTILED_MISSING_CHANNEL, -3.0, 1e-12});
+    cases.marked("P5", "the film is not a number",
+                 {as_good(kNaN), published(estimate, 2), TACTILED_MISSING_CHANNEL, -3.0, 1e-12});
 }
 
 }  // namespace

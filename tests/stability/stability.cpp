@@ -2,6 +2,7 @@
 //
 //   stability             exit 1 where a case is outside of its bound, and says which
 //   stability --table     the same as a Markdown table: tests/stability/README.md
+//   stability --long      with a recursion over 10^9 updates, some minutes
 //   stability --naive     the textbook's result in the place of ours: how many would go red
 #include <fmt/format.h>
 
@@ -57,8 +58,8 @@ void Cases::marked(const std::string& id, const std::string& what, const Marked&
 void Cases::refused(const std::string& id, const std::string& what, double naive, const std::string& said,
                     const std::string& because) {
     const bool is_said = said.find(because) != std::string::npos;
-    results_.push_back(
-        {id, what, "", fmt::format("{:.4g}, good", naive), is_said ? "refused" : "refused not: " + said, "refused", false, is_said});
+    results_.push_back({id, what, "", fmt::format("{:.4g}, good", naive), is_said ? "refused" : "refused not: " + said,
+                        "refused", false, is_said});
 }
 
 Estimate estimate_of(const Calibration& calibration, const std::vector<double>& channel, std::uint32_t missing,
@@ -70,9 +71,7 @@ std::string refusal_of(const Calibration& calibration) {
     try {
         (void)made(calibration);
         return "";
-    } catch (const SetupError& error) {
-        return error.what();
-    }
+    } catch (const SetupError& error) { return error.what(); }
 }
 
 }  // namespace tactiled::stability
@@ -80,15 +79,14 @@ std::string refusal_of(const Calibration& calibration) {
 int main(int argc, char** argv) {
     using namespace tactiled::stability;
     const auto has = [&](const char* option) { return argc > 1 && std::strcmp(argv[1], option) == 0; };
-    Cases cases;
+    Cases cases(has("--long") ? 1'000'000'000 : 300'000);
     for (const auto add : {add_table_cases, add_hair_cases, add_capacitive_cases, add_piezo_cases, add_generic_cases,
                            add_fit_cases, add_number_cases, add_simulator_cases})
         add(cases);
     std::size_t red = 0, naive_red = 0;
     if (has("--table")) fmt::print("| id | case | kappa | textbook | ours | bound |\n|---|---|---|---|---|---|\n");
     for (const Result& r : cases.results()) {
-        if (has("--table"))
-            fmt::print("| {} | {} | {} | {} | {} | {} |\n", r.id, r.what, r.kappa, r.naive, r.ours, r.bound);
+        if (has("--table")) fmt::print("| {} | {} | {} | {} | {} | {} |\n", r.id, r.what, r.kappa, r.naive, r.ours, r.bound);
         red += r.ours_holds ? 0 : 1;
         naive_red += r.naive_holds ? 0 : 1;
         const bool holds = has("--naive") ? r.naive_holds : r.ours_holds;

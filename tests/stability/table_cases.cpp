@@ -68,8 +68,9 @@ void add_gauges_lost(Cases& cases) {
                   kDropped | TACTILED_SATURATED, 0.3, within});
     auto three = four(0.3, -0.2, 1);
     three[2] = 0;  // R5 dead where R1 is at its rail: three gauges cannot contradict each other
-    cases.marked("T3", "four gauges, one dead and one at its rail",
-                 {as_good(textbook_fx(three)), published(estimate_of(inner_four(), three, 0, 0b0001), 0), TACTILED_SATURATED});
+    cases.marked(
+        "T3", "four gauges, one dead and one at its rail",
+        {as_good(textbook_fx(three)), published(estimate_of(inner_four(), three, 0, 0b0001), 0), TACTILED_SATURATED});
     auto wrong = four(0.3, -0.2, 1);
     wrong[2] *= 1.5;  // a gauge that came off: which one four cannot tell
     cases.marked("T4", "four gauges, one reads half as much again",
@@ -190,8 +191,7 @@ void add_plate(Cases& cases) {
         // The last step is below 1 um and the force goes along it linearly: what is left is second order, (1 um / ring)^2 of
         // the readings at most, and kappa makes an error of the force of it.
         const double slack = kappa * std::pow(1e-6 / map.spacing_m(), 2);
-        cases.value(one.id, one.what,
-                    {newton(map, r), estimate_of(c, r).wrench_S[2], one.at.force[2], kappa, 64, slack});
+        cases.value(one.id, one.what, {newton(map, r), estimate_of(c, r).wrench_S[2], one.at.force[2], kappa, 64, slack});
     }
     const auto rim = plate_reading(map, {9.6e-4, 0, {0.1, 0, -1}});
     cases.marked("T13", "a point beyond the plate's edge",
@@ -200,8 +200,7 @@ void add_plate(Cases& cases) {
     const auto other = plate_reading(map, {-5e-4, -2e-4, {0, 0.1, -0.6}});
     for (std::size_t k = 0; k < 8; ++k) both[k] += other[k];
     cases.marked("T14", "two points at once: no point explains it",
-                 {as_good(newton(map, both)), published(estimate_of(c, both), 2),
-                  TACTILED_UNKNOWN_UNCERTAINTY});
+                 {as_good(newton(map, both)), published(estimate_of(c, both), 2), TACTILED_UNKNOWN_UNCERTAINTY});
     // Nothing touches: the centre of pressure is 0/0.
     const std::vector<double> rest(8, 1e-7);
     const Estimate at_rest = estimate_of(c, rest);
