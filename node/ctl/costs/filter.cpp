@@ -78,9 +78,8 @@ Cost measure(const CostSetup& setup) {
                    {theory, measured}};
     const auto &slow = cost.rows[0].values, &fast = cost.rows[2].values;
     cost.advice = fmt::format(
-        "For at most {:g} ms of delay choose filter_hz = {:g}: {:.0f} % of the noise is left, {:.1f} ms late; from {:g} "
-        "down to "
-        "{:g} Hz the noise falls {:.1f} times and the delay grows {:.1f} times.",
+        "For at most {:g} ms of delay choose filter_hz = {:g}: {:.0f} % of the noise is left, {:.1f} ms late; from "
+        "{:g} down to {:g} Hz the noise falls {:.1f} times and the delay grows {:.1f} times.",
         kMostDelay_ms, best->values[0], 100 * best->values[3], best->values[1], fast[0], slow[0], fast[3] / slow[3],
         slow[1] / fast[1]);
     return cost;

@@ -146,11 +146,9 @@ Cost measure(const CostSetup& setup) {
     const auto &enough_at = cost.rows[chosen].values, &next = cost.rows[std::min(chosen + 1, cost.rows.size() - 1)].values,
                &all = cost.rows.front().values;
     cost.advice = fmt::format(
-        "Compute {:g} points or more: half of the contacts between them are within {:.1f} % of the force, nine of ten "
-        "within {:.1f} % "
-        "(with {:g} points {:.1f} and {:.0f} %); a denser map costs finite elements and no time in the loop ({:.2f} us a "
-        "sample, "
-        "with {:g} points {:.2f} us).",
+        "Compute {:g} points or more: half of the contacts between them are within {:.1f} % of the force, nine of "
+        "ten within {:.1f} % (with {:g} points {:.1f} and {:.0f} %); a denser map costs finite elements and no time "
+        "in the loop ({:.2f} us a sample, with {:g} points {:.2f} us).",
         enough_at[0], 100 * enough_at[1], 100 * enough_at[2], next[0], 100 * next[1], 100 * next[2], enough_at[5] / 1000,
         all[0], all[5] / 1000);
     return cost;

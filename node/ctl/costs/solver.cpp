@@ -194,9 +194,8 @@ Cost measure(const CostSetup& setup) {
     cost.figure.y = {"error of the force, part of it (10\u207b\u2079: that or less)", true};
     const double saved = 1 - overlap_warm_ns / overlap_cold_ns;
     cost.advice = fmt::format(
-        "Start map from the last sample: {:g} steps, {:.2f} us, come within {:g} of the force, a whole search takes {:.0f} "
-        "us; start "
-        "overlap anew: {} enough for that, and from the last sample it would {}.",
+        "Start map from the last sample: {:g} steps, {:.2f} us, come within {:g} of the force, a whole search takes "
+        "{:.0f} us; start overlap anew: {} enough for that, and from the last sample it would {}.",
         least_steps_map, warm_ns / 1000, kGood, search_ns / 1000,
         least_steps_overlap == 1 ? "one step is" : fmt::format("{:g} steps are", least_steps_overlap),
         saved > 0.05 ? fmt::format("save {:.0f} % of {:.2f} us", 100 * saved, overlap_cold_ns / 1000)
