@@ -2,11 +2,14 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
+#include <vector>
 
 #include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"
@@ -27,6 +30,61 @@ std::string number(double value, int width, int digits) {
 }
 
 nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
+
+// Method "auto" of a sensor: its front, what runs and why.
+struct Front {
+    std::vector<std::string> methods;  // most accurate first; none where the sensor is not "auto"
+    int now = -1;                      // -1: not known, the sample is BAD
+    unsigned down = 0, up = 0;
+    std::string why, state;
+};
+
+Front front_of(const Segment& segment, std::uint32_t index, const tactiled_sample& s) {
+    Front front;
+    std::istringstream names(tactiled_methods_of(segment.c(), index));
+    for (std::string name; names >> name && front.methods.size() < TACTILED_MAX_METHODS;) front.methods.push_back(name);
+    if (front.methods.empty()) return front;
+    const tactiled_sensor& sensor = segment.sensor(index);
+    const std::uint32_t first = std::min<std::uint32_t>(sensor.first_method, std::uint32_t(front.methods.size() - 1));
+    front.why = fmt::format("{}: {} of {} within {:g} us", front.methods[first],
+                            sensor.method_us[first] <= sensor.budget_us ? "the most accurate" : "the fastest, for none is",
+                            front.methods.size(), sensor.budget_us);
+    const std::uint32_t now = TACTILED_METHOD(s.state), steps = TACTILED_STEPS(s.state);
+    if (now == 0 || now > front.methods.size()) return front;
+    front.now = int(now - 1);
+    front.down = unsigned(std::max(0, int(steps) + front.now - int(first))) / 2;
+    front.up = steps - std::min(front.down, steps);
+    front.state = (s.state & TACTILED_OVER_BUDGET) != 0    ? "over-budget"
+                  : (s.state & TACTILED_STEPPED_DOWN) != 0 ? "stepped-down"
+                                                           : "within-budget";
+    return front;
+}
+
+nlohmann::json as_json(const Front& front, const tactiled_sensor& sensor) {
+    nlohmann::json out{{"budget_us", sensor.budget_us}, {"began_with", front.why}};
+    if (front.now >= 0) {
+        out["now"] = front.methods[std::size_t(front.now)];
+        out["state"] = front.state;
+        out["steps_down"] = front.down;
+        out["steps_up"] = front.up;
+    }
+    for (std::size_t i = 0; i < front.methods.size(); ++i)
+        out["front"].push_back({{"method", front.methods[i]},
+                                {"measured_us", json_number(double(sensor.method_us[i]))},
+                                {"sd_of_full_scale", json_number(double(sensor.method_error[i]))}});
+    return out;
+}
+
+std::string as_text(const Front& front, const tactiled_sensor& sensor) {
+    std::string out = fmt::format("{}: method auto, ", sensor.name);
+    out += front.now < 0 ? "no sample\n"
+                         : fmt::format("{} runs, {}, {} steps down, {} up; began with {}\n",
+                                       front.methods[std::size_t(front.now)], front.state, front.down, front.up, front.why);
+    for (std::size_t i = 0; i < front.methods.size(); ++i)
+        out += fmt::format("    {:<10} {:>8.3f} us measured  {:>6.2f} % of full scale\n", front.methods[i],
+                           double(sensor.method_us[i]), 100 * double(sensor.method_error[i]));
+    return out;
+}
 
 nlohmann::json as_json(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
@@ -58,6 +116,8 @@ nlohmann::json as_json(const Segment& segment, const Snapshot& snapshot) {
                                           {"sd_force_N", s.sd_force_N},
                                           {"raw_force_S_N", s.raw_force_S_N}})
             sensor[key] = {json_number(values[0]), json_number(values[1]), json_number(values[2])};
+        if (const Front front = front_of(segment, i, s); !front.methods.empty())
+            sensor["auto"] = as_json(front, segment.sensor(i));
         out["sensors"].push_back(std::move(sensor));
     }
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
@@ -86,6 +146,9 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
                            number(double(s.rate_Hz), 8, 1), number(age_ms(s, snapshot.taken_ns), 8, 1), s.lost,
                            quality_text(s.quality, s.reasons));
     }
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
+        if (const Front front = front_of(segment, i, snapshot.sensor[i]); !front.methods.empty())
+            out += as_text(front, segment.sensor(i));
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
         const auto& link = segment.link(i);
         out += fmt::format("link {} ({}, {})", link.name, link.driver, link.state == TACTILED_LINK_OPEN ? "open" : "closed");

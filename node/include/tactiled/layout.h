@@ -1,4 +1,4 @@
-/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.0.
+/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.1.
  *
  * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
  * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
@@ -32,9 +32,11 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 0
+#define TACTILED_MINOR 1
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
+#define TACTILED_MAX_METHODS 8
+#define TACTILED_METHODS_SIZE 128
 #define TACTILED_NAME_SIZE 32 /* with the terminating zero */
 
 /* How far a sample may be trusted. 0 is never good: memory that nobody wrote reads as "no value". */
@@ -92,12 +94,18 @@ struct tactiled_sample {
 
 /* What a sample says about the force, whatever its quality: bits of tactiled_sample.state; all 0 in a BAD sample. */
 enum tactiled_sensor_state {
-    TACTILED_CONTACT = 1 << 0,  /* the magnitude has passed contact_on_N, and not fallen below contact_off_N since */
-    TACTILED_OVERLOAD = 1 << 1, /* the magnitude is above overload_N */
-    TACTILED_LOW_PASS = 1 << 2  /* force and torque are filtered; the raw ones are not */
+    TACTILED_CONTACT = 1 << 0,      /* the magnitude has passed contact_on_N, and not fallen below contact_off_N since */
+    TACTILED_OVERLOAD = 1 << 1,     /* the magnitude is above overload_N */
+    TACTILED_LOW_PASS = 1 << 2,     /* force and torque are filtered; the raw ones are not */
+    TACTILED_STEPPED_DOWN = 1 << 3, /* method "auto": by a faster, less accurate method than at the start */
+    TACTILED_OVER_BUDGET = 1 << 4   /* method "auto": the fastest method runs, and misses budget_us */
 };
 /* Bits 8..12 of tactiled_sample.state, for method "signs" of model "table": row of its decision table, 1 .. 17; 0 = none. */
 #define TACTILED_DIRECTION(state) (((state) >> 8) & 31u)
+/* Bits 16..19, for method "auto": 1 + the index in tactiled_sensor.methods of the method that made this sample; 0 = not
+ * "auto". Bits 20..31: steps down and up since the start; 4095 = that many or more. */
+#define TACTILED_METHOD(state) (((state) >> 16) & 15u)
+#define TACTILED_STEPS(state) ((state) >> 20)
 
 /* tactiled_node.status: the bits of the Modbus register STATUS. */
 enum tactiled_status {
@@ -125,7 +133,8 @@ enum tactiled_fault {
 
 /* tactiled_node.warning: the bits of the Modbus register WARN. */
 enum tactiled_warning {
-    TACTILED_WARN_LOST = 1 << 2 /* frames were lost within the last second */
+    TACTILED_WARN_LOST = 1 << 2,  /* frames were lost within the last second */
+    TACTILED_WARN_BUDGET = 1 << 5 /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
 };
 
 /* Who commands: index of tactiled_node.command. Each counts its own commands. */
@@ -194,7 +203,15 @@ struct tactiled_sensor {
     uint32_t n_channels;
     uint32_t components; /* bit 0..5: fx fy fz mx my mz can be seen */
     float full_scale[6]; /* N and Nm, of the calibration; NaN = unknown */
+    /* Since 1.1, and so not in an entry of TACTILED_SENSOR_SIZE_1_0 bytes: ask tactiled_methods_of(). For method "auto". */
+    float budget_us;                       /* what a sample may take; 0 = the method is not "auto" */
+    uint32_t first_method;                 /* index of the one that it began with */
+    char methods[TACTILED_METHODS_SIZE];   /* names, with a space between, most accurate first; "" = not "auto" */
+    float method_us[TACTILED_MAX_METHODS]; /* what 7 in 8 samples of each took at most, when it was measured */
+    float
+        method_error[TACTILED_MAX_METHODS]; /* standard deviation in full scales, at half of them, mean of the components */
 };
+#define TACTILED_SENSOR_SIZE_1_0 216u
 
 /* Counters of a link, each 32 bits, wrapping; index of tactiled_link.count. */
 enum tactiled_link_count {
@@ -264,7 +281,7 @@ struct tactiled_header {
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 208);
-TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 216);
+TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 416);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
 
