@@ -208,8 +208,8 @@ struct tactiled_sensor {
     uint32_t first_method;                 /* index of the one that it began with */
     char methods[TACTILED_METHODS_SIZE];   /* names, with a space between, most accurate first; "" = not "auto" */
     float method_us[TACTILED_MAX_METHODS]; /* what 7 in 8 samples of each took at most, when it was measured */
-    float
-        method_error[TACTILED_MAX_METHODS]; /* standard deviation in full scales, at half of them, mean of the components */
+    /* Standard deviation of each in full scales, at half of them, mean of the components. */
+    float method_error[TACTILED_MAX_METHODS];
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
 
