@@ -52,7 +52,7 @@ TEST_F(MethodCosts, ThatAreDamagedAreNotTaken) {
     };
     for (const std::string& damaged :
          {std::string(), whole.substr(0, whole.size() / 2), with("1.25", "nan"), with("1.25", "-1"), with("1.25, ", ""),
-          with("us", "uss"), std::string(20000, 'x'), with("calibration", "of another build; calibration")}) {
+          with("us = ", "uss = "), std::string(20000, 'x'), with("calibration", "of another build; calibration")}) {
         std::ofstream(path()) << damaged;
         EXPECT_TRUE(file().load().empty()) << damaged;
     }
