@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 #include "node/sensor.hpp"
 
@@ -10,7 +11,7 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
 
-// fz is the channel and an offset of its own; `sure`: states a deviation.
+// fz is the channel and an offset of its own; not `sure`: after it forgot, the first value has no deviation.
 class Offset final : public Decoupler {
 public:
     Offset(std::string_view name, double offset_N, bool sure) : name_(name), offset_N_(offset_N), sure_(sure) {}
@@ -18,17 +19,19 @@ public:
         Estimate e;
         if (reading.missing != 0) return e;
         e.wrench_S[2] = reading.channel[0] + offset_N_;
-        e.sd[2] = sure_ ? 0.01 : kNaN;
-        e.quality = sure_ ? TACTILED_GOOD : TACTILED_UNCERTAIN;
-        e.reasons = sure_ ? 0u : std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY);
+        const bool knows = std::exchange(has_past_, true) || sure_;
+        e.sd[2] = knows ? 0.01 : kNaN;
+        e.quality = knows ? TACTILED_GOOD : TACTILED_UNCERTAIN;
+        e.reasons = knows ? 0u : std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY);
         return e;
     }
+    void forget() noexcept override { has_past_ = false; }
     std::string_view method() const noexcept override { return name_; }
 
 private:
     std::string_view name_;
     double offset_N_;
-    bool sure_;
+    bool sure_, has_past_ = true;
 };
 
 std::uint64_t clock_now_ns = 0, clock_step_ns = 0;  // each look at the clock takes so long
@@ -110,6 +113,10 @@ TEST(AutoSensor, ATareHoldsForTheMethodThatComesAfterIt) {
     EXPECT_EQ(s.raw_force_S_N[2], -3.5);
     bench.sensor.begin_untare(bench.t_ns);
     EXPECT_EQ(bench.next(-3).force_S_N[2], -3.5);
+    clock_step_ns = 1'000;
+    const tactiled_sample back = bench.after(11'000, -3);  // calm enough for a step up
+    ASSERT_EQ(TACTILED_METHOD(back.state), 1u);
+    EXPECT_EQ(back.force_S_N[2], -2.75);
 }
 
 TEST(AutoSensor, AMethodWithoutATrueZeroIsUncertainUntilTheNextTare) {
@@ -123,6 +130,8 @@ TEST(AutoSensor, AMethodWithoutATrueZeroIsUncertainUntilTheNextTare) {
     EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
     EXPECT_NE(s.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
     EXPECT_TRUE(std::isnan(s.sd_force_N[2]));
+    bench.tare(-3);
+    EXPECT_EQ(bench.next(-3).quality, unsigned(TACTILED_GOOD));
 }
 
 TEST(AutoSensor, DoesNotStepWhileATareIsMeasured) {
