@@ -11,6 +11,7 @@
 
 #include "node/control.hpp"
 #include "node/log.hpp"
+#include "node/method_costs.hpp"
 #include "node/modbus/server.hpp"
 #include "node/setup.hpp"
 #include "node/threads.hpp"
@@ -95,7 +96,7 @@ int main(int argc, char** argv) {
     const sigset_t signals = block_signals();
     try {
         Problems problems;
-        Node node = load_node(path, problems);
+        Node node = load_node(path, problems, check ? "" : method_costs_folder());
         for (const auto& line : problems.lines()) log_line(LogLevel::error, line);
         if (!problems.empty()) return EX_CONFIG;
         return check ? EX_OK : run(node, signals);

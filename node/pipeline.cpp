@@ -244,13 +244,14 @@ void Pipeline::follow_tares(std::uint64_t now_ns) noexcept {
 }
 
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
-    bool ready = true, stale = false, uncalibrated = false, contact = false;
+    bool ready = true, stale = false, uncalibrated = false, contact = false, budget = false;
     std::uint32_t lost = 0;
     for (const auto& sensor : sensors_) {
         ready &= sensor.is_delivering() && sensor.last().quality != TACTILED_BAD;
         stale |= !sensor.is_delivering();
         uncalibrated |= (sensor.last().reasons & TACTILED_UNCALIBRATED) != 0;
         contact |= (sensor.last().state & TACTILED_CONTACT) != 0;
+        budget |= (sensor.last().state & (TACTILED_STEPPED_DOWN | TACTILED_OVER_BUDGET)) != 0;
         lost += sensor.last().lost;
     }
     for (auto& link : links_) {
@@ -259,7 +260,7 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     }
     if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
     const auto bit = [](bool on, auto value) { return on ? std::uint32_t(value) : 0u; };
-    node_.warning = bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST);
+    node_.warning = bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST) | bit(budget, TACTILED_WARN_BUDGET);
     node_.status = fixed_status_ | bit(ready, TACTILED_READY) | bit(contact, TACTILED_ANY_CONTACT) |
                    bit(stale, TACTILED_ANY_STALE) | bit(uncalibrated, TACTILED_ANY_UNCALIBRATED) |
                    bit(taring_ != 0, TACTILED_ANY_TARING) | bit(node_.warning != 0, TACTILED_WARNING) |

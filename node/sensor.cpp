@@ -10,8 +10,12 @@ namespace {
 // calibrated domain, but a saturated or incomplete one has no known zero.
 constexpr std::uint32_t kTareMayHave =
     TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
+// A zero that a method without a past finds of one reading is to be sure.
+constexpr std::uint32_t kOtherZeroMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
 constexpr std::uint64_t kTareLimitNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
 constexpr std::uint64_t kRateWindowNs = 1'000'000'000;
+// Method "auto" is timed in one sample of so many: two looks at the clock take as long as a fast method.
+constexpr std::uint64_t kTimedEvery = 8;
 
 }  // namespace
 
@@ -39,6 +43,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     s.lost = lost_;
     s.rate_Hz = rate_Hz_;
     s.temperature_C = std::numeric_limits<float>::quiet_NaN();
+    if (setup_.automatic != nullptr) take_over_method();
     const Estimate e = estimate(frame, s);
     s.quality = std::uint32_t(e.quality);
     s.reasons = e.reasons;
@@ -54,6 +59,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     if (tare_ == Tare::running) advance_tare(s);  // the sample that completes a tare is the first that it applies to
     if (tare_ == Tare::removing) tare_ = Tare::done;
     if (tare_ == Tare::running) s.reasons |= TACTILED_TARING;
+    if (zero_unknown_ != 0) judge_zero(s);
     Wrench tared;
     for (std::size_t i = 0; i < 3; ++i) {
         tared[i] = s.raw_force_S_N[i] - zero_[i];
@@ -123,7 +129,67 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     reading.t_ns = frame.t_ns;
     s.missing = reading.missing;
     s.saturated = reading.saturated;
-    return setup_.decoupler->decouple(reading);
+    if (setup_.automatic == nullptr) return setup_.decoupler->decouple(reading);
+    say_method(s);
+    return decouple(reading);
+}
+
+// Method "auto", timed now and then. Not while a tare is measured: its samples are of one method.
+Estimate Sensor::decouple(const Reading& reading) noexcept {
+    if (sequence_ % kTimedEvery != 0 || tare_ == Tare::running) return setup_.automatic->decouple(reading);
+    const std::uint64_t begun_ns = setup_.clock_ns();
+    const Estimate estimate = setup_.automatic->decouple(reading);
+    setup_.automatic->took(setup_.clock_ns() - begun_ns, reading.t_ns);
+    return estimate;
+}
+
+// Another method begins with this sample.
+void Sensor::take_over_method() noexcept {
+    const std::size_t now = setup_.automatic->choice().now();
+    if (now == method_) return;
+    method_ = now;
+    zero_ = zero_of_method_[now];
+    low_pass_.reset();
+}
+
+void Sensor::say_method(tactiled_sample& s) const noexcept {
+    const MethodChoice& choice = setup_.automatic->choice();
+    s.state |= std::uint32_t(method_ + 1) << 16 | std::min(choice.steps(), 4095u) << 20;
+    if (method_ > choice.first()) s.state |= TACTILED_STEPPED_DOWN;
+    if (choice.is_over_budget()) s.state |= TACTILED_OVER_BUDGET;
+}
+
+// With a tare in force whose zero this method does not know, the force is off by nobody knows what.
+void Sensor::judge_zero(tactiled_sample& s) const noexcept {
+    if ((zero_unknown_ >> method_ & 1u) == 0 || s.quality == TACTILED_BAD) return;
+    s.quality = TACTILED_UNCERTAIN;
+    s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+    for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
+}
+
+// What the methods that do not run make of the mean reading of the tare that has just ended.
+void Sensor::find_other_zeros(std::uint64_t t_ns) noexcept {
+    zero_unknown_ = 0;
+    std::array<double, kMaxChannels> mean{};
+    Reading reading;
+    const std::size_t n = setup_.channel_of_frame.size();
+    for (std::size_t k = 0; k < n; ++k) {
+        mean[k] = tare_channel_sum_[k] / tare_samples_;
+        if (!std::isfinite(mean[k])) reading.missing |= 1u << k;
+    }
+    reading.channel = {mean.data(), n};
+    reading.t_ns = t_ns;
+    for (std::size_t i = 0; i < setup_.automatic->front().size(); ++i) {
+        if (i == method_) {
+            zero_of_method_[i] = zero_;
+            continue;
+        }
+        const Estimate e = setup_.automatic->decouple_anew(i, reading);
+        const bool known = e.quality != TACTILED_BAD && (e.reasons & ~kOtherZeroMayHave) == 0;
+        for (std::size_t c = 0; c < zero_.size(); ++c)
+            zero_of_method_[i][c] = known && std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
+        if (!known) zero_unknown_ |= 1u << i;
+    }
 }
 
 void Sensor::measure_rate(std::uint64_t t_ns) noexcept {
@@ -173,10 +239,13 @@ void Sensor::begin_tare(std::uint64_t now_ns) noexcept {
     tare_begin_ns_ = now_ns;
     tare_samples_ = 0;
     tare_sum_ = {};
+    tare_channel_sum_ = {};
 }
 
 void Sensor::begin_untare(std::uint64_t now_ns) noexcept {
     zero_ = {};
+    zero_of_method_ = {};
+    zero_unknown_ = 0;
     tare_count_ = 0;
     low_pass_.reset();
     tare_begin_ns_ = now_ns;
@@ -193,11 +262,13 @@ void Sensor::advance_tare(const tactiled_sample& s) noexcept {
         tare_sum_[i] += s.raw_force_S_N[i];
         tare_sum_[i + 3] += s.raw_torque_S_Nm[i];
     }
+    for (std::size_t k = 0; k < setup_.channel_of_frame.size(); ++k) tare_channel_sum_[k] += channel_[k];
     ++tare_samples_;
     if (s.t_ns - tare_begin_ns_ < setup_.tare_ns) return;
     for (std::size_t i = 0; i < zero_.size(); ++i) zero_[i] = std::isfinite(tare_sum_[i]) ? tare_sum_[i] / tare_samples_ : 0;
     ++tare_count_;
     low_pass_.reset();
+    if (setup_.automatic != nullptr) find_other_zeros(s.t_ns);
     tare_ = Tare::done;
 }
 

@@ -7,7 +7,8 @@
 #include <memory>
 #include <vector>
 
-#include "decoupling/decoupler.hpp"
+#include "decoupling/auto_method.hpp"
+#include "drivers/clock.hpp"
 #include "drivers/frame.hpp"
 #include "node/low_pass.hpp"
 #include "tactiled/layout.h"
@@ -33,8 +34,13 @@ public:
         std::uint64_t tare_ns = 100'000'000;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
+        AutoMethod* automatic = nullptr;                 // the decoupler, where it is method "auto"
+        std::uint64_t (*clock_ns)() noexcept = &now_ns;  // what it is timed with
     };
-    explicit Sensor(Setup setup) : setup_(std::move(setup)) { set(setup_.settable); }
+    explicit Sensor(Setup setup) : setup_(std::move(setup)) {
+        set(setup_.settable);
+        if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
+    }
 
     // The daemon's epoch goes into the upper half of each sample's. Call once, before the first sample. setup
     void start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept;
@@ -70,6 +76,11 @@ public:
 
 private:
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
+    [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
+    void take_over_method() noexcept;
+    void say_method(tactiled_sample& sample) const noexcept;
+    void judge_zero(tactiled_sample& sample) const noexcept;
+    void find_other_zeros(std::uint64_t t_ns) noexcept;
     void measure_rate(std::uint64_t t_ns) noexcept;
     void advance_tare(const tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
@@ -96,6 +107,12 @@ private:
     std::uint64_t tare_begin_ns_ = 0;
     std::uint32_t tare_samples_ = 0;
     Wrench tare_sum_{};
+
+    // Method "auto". A tare is a zero of each method: what one reads of nothing is not what another does.
+    std::size_t method_ = 0;  // of the front, that zero_ and low_pass_ belong to
+    std::array<Wrench, MethodChoice::kMost> zero_of_method_{};
+    std::uint32_t zero_unknown_ = 0;  // bit i: method i has no true one
+    std::array<double, kMaxChannels> tare_channel_sum_{};
 };
 
 }  // namespace tactiled

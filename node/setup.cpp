@@ -10,6 +10,7 @@
 #include <iterator>
 #include <limits>
 
+#include "node/method_costs.hpp"
 #include "node/objects.hpp"
 
 namespace tactiled {
@@ -49,6 +50,21 @@ std::vector<int> channel_map(SensorSettings& settings, const Calibration& calibr
     return map;
 }
 
+// The front of method "auto".
+void put_front(tactiled_sensor& entry, const AutoMethod& automatic, double budget_us) {
+    put(entry.method, "auto");
+    entry.budget_us = float(budget_us);
+    entry.first_method = std::uint32_t(automatic.choice().first());
+    std::vector<std::string_view> names;
+    for (std::size_t i = 0; i < automatic.front().size(); ++i) {
+        const FrontMethod& each = automatic.front()[i];
+        names.push_back(each.cost.method);
+        entry.method_us[i] = float(each.cost.us);
+        entry.method_error[i] = float(each.inaccuracy);
+    }
+    put(entry.methods, fmt::format("{}", fmt::join(names, " ")));
+}
+
 tactiled_sensor directory_entry(const SensorSettings& settings, const Calibration& calibration, const Decoupler& decoupler) {
     tactiled_sensor entry{};
     put(entry.name, settings.name);
@@ -69,7 +85,7 @@ tactiled_sensor directory_entry(const SensorSettings& settings, const Calibratio
 }
 
 // A sensor whose files are wrong is left out: the problems say why, and the node will not run.
-void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
+void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const std::string& costs_folder) {
     const DecouplerEntry* entry = find_decoupler(settings.model);
     if (entry == nullptr) {
         if (settings.model.empty()) return;  // reported already
@@ -91,7 +107,17 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
         return;
     }
     Sensor::Setup setup;
-    setup.decoupler = make_decoupler(calibration, settings.method, settings.budget_us, settings.options);
+    if (settings.method == "auto") {
+        const MethodCostFile file(costs_folder, node.config.node.name, settings.name, calibration);
+        const std::vector<MethodCost> kept = file.load();
+        std::vector<MethodCost> costs = kept;
+        auto automatic = make_auto_method(calibration, settings.budget_us, settings.options, costs);
+        if (automatic != nullptr && costs != kept) file.save(costs);
+        setup.automatic = automatic.get();
+        setup.decoupler = std::move(automatic);
+    } else {
+        setup.decoupler = make_decoupler(calibration, settings.method, 0, settings.options);
+    }
     setup.channel_of_frame = channel_map(settings, calibration);
     setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
     if (setup.decoupler == nullptr || !problems.empty()) return;
@@ -102,6 +128,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems) {
     setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
     setup.settable = {settings.filter_Hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
+    if (setup.automatic != nullptr) put_front(node.plan.sensors.back(), *setup.automatic, settings.budget_us);
     const auto index = std::uint16_t(node.sensors.size());
     for (auto& link : node.links)
         if (link->name == settings.link) link->bindings.push_back({std::uint16_t(settings.device), index});
@@ -157,7 +184,7 @@ std::uint16_t identity_of(const Config& config) {
 
 }  // namespace
 
-Node load_node(const std::string& config_path, Problems& problems) {
+Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder) {
     Node node{.config = load_config(config_path, problems), .links = {}, .sensors = {}, .grasp = {}, .plan = {}};
     Config& config = node.config;
     for (std::size_t i = 0; i < config.links.size(); ++i) {
@@ -173,7 +200,7 @@ Node load_node(const std::string& config_path, Problems& problems) {
         node.plan.links.push_back(entry);
         node.links.push_back(std::move(link));
     }
-    for (auto& settings : config.sensors) add_sensor(node, settings, problems);
+    for (auto& settings : config.sensors) add_sensor(node, settings, problems, costs_folder);
     config.root.finish();
     if (!problems.empty()) return node;
 

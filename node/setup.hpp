@@ -21,7 +21,7 @@ struct Node {
 };
 
 // Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with any,
-// the result is not fit to run. setup: never throws for bad input
-Node load_node(const std::string& config_path, Problems& problems);
+// the result is not fit to run. `costs_folder`: see method_costs.hpp. setup: never throws for bad input
+Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder = "");
 
 }  // namespace tactiled

@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "node/ctl/auto_text.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
@@ -39,6 +40,7 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
                            number(double(s.rate_Hz), 8, 1), number(age_ms(s, snapshot.taken_ns), 8, 1), s.lost,
                            quality_text(s.quality, s.reasons));
     }
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += auto_lines(segment, i, snapshot.sensor[i]);
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
         const auto& link = segment.link(i);
         out += fmt::format("link {} ({}, {})", link.name, link.driver, link.state == TACTILED_LINK_OPEN ? "open" : "closed");
@@ -64,7 +66,8 @@ int status(const Wish& wish) {
         fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
         return kNotReachable;
     }
-    fmt::print("{}{}", wish.json ? status_json(segment, snapshot).dump() : as_text(segment, snapshot), wish.json ? "\n" : "");
+    fmt::print("{}{}", wish.json ? status_json(segment, snapshot).dump() : as_text(segment, snapshot),
+               wish.json ? "\n" : "");
     return is_healthy(segment, snapshot) ? kGood : kUnhealthy;
 }
 
@@ -105,6 +108,7 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                                           {"sd_force_N", s.sd_force_N},
                                           {"raw_force_S_N", s.raw_force_S_N}})
             sensor[key] = {json_number(values[0]), json_number(values[1]), json_number(values[2])};
+        if (nlohmann::json front = auto_json(segment, i, s); !front.is_null()) sensor["auto"] = std::move(front);
         out["sensors"].push_back(std::move(sensor));
     }
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
@@ -126,7 +130,8 @@ bool is_healthy(const Segment& segment, const Snapshot& snapshot) {
 
 void add_status(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
+    auto* verb =
+        app.add_subcommand("status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
     add_node_option(verb, wish->node);
     verb->add_flag("--json", wish->json, "one JSON object");
     verb->callback([wish, &run] { run = [wish] { return status(*wish); }; });

@@ -66,6 +66,7 @@ std::uint16_t sensor_status(const tactiled_sample& s, bool beyond, std::uint16_t
     bits |= s.tare_count != 0 ? 1u << 8 : 0u;
     bits |= (s.reasons & TACTILED_UNCALIBRATED) != 0 ? 1u << 9 : 0u;
     bits |= (s.state & TACTILED_LOW_PASS) != 0 ? 1u << 10 : 0u;
+    bits |= (s.state & (TACTILED_STEPPED_DOWN | TACTILED_OVER_BUDGET)) != 0 ? 1u << 11 : 0u;
     bits |= s.quality == TACTILED_UNCERTAIN ? 1u << 12 : 0u;
     bits |= !has_value(s) ? 1u << 15 : 0u;
     return std::uint16_t(bits);

@@ -25,7 +25,7 @@ constexpr Name kStatusBits[] = {{0, "ready"},
                                 {15, "fault: see FAULT"}};
 constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2, "open gauge"}, {3, "pipeline overrun"},
                                {4, "calibration missing"}, {6, "storage"},   {7, "bus error"},  {8, "internal"}};
-constexpr Name kWarnBits[] = {{2, "lost samples"}};
+constexpr Name kWarnBits[] = {{2, "lost samples"}, {5, "a sensor's method auto has stepped down or misses its budget"}};
 constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {1, "contact"},
                                       {2, "incipient slip"},
@@ -37,6 +37,7 @@ constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {8, "tared"},
                                       {9, "uncalibrated"},
                                       {10, "low pass on"},
+                                      {11, "method auto has stepped down or misses its budget"},
                                       {12, "uncertain: a value with a weakness; FAULT says which"},
                                       {15, "fault: no value; FAULT says why"}};
 constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3, "rejected or failed"}};

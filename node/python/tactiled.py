@@ -45,7 +45,7 @@ REASON_WORDS = (  # bit 0 first, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
     "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown")
 
-CONTACT, OVERLOAD, LOW_PASS = 1, 2, 4  # Sample.state
+CONTACT, OVERLOAD, LOW_PASS, STEPPED_DOWN, OVER_BUDGET = 1, 2, 4, 8, 16  # Sample.state
 
 READY, ANY_CONTACT = 1 << 0, 1 << 1  # NodeRecord.status
 ANY_TARING, SIMULATED, ANY_STALE, ANY_UNCALIBRATED = 1 << 8, 1 << 9, 1 << 10, 1 << 11
@@ -107,7 +107,9 @@ _HEADER = _Struct(
     "control:108s watchdog_ms:I n_sensors:I sensor_offset:I sensor_size:I n_links:I link_offset:I link_size:I "
     "calibration_id:I node:5I -:88x state:I -:124x")
 _SENSOR = _Struct(
-    "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f")
+    "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f "
+    "budget_us:f first_method:I methods:128s method_us:8f method_error:8f")
+_SENSOR_SIZE_1_0 = 216
 _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
     "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
@@ -267,7 +269,7 @@ class _Segment:
             raise self._error("truncated")
         if h.n_sensors > MAX_SENSORS or h.n_links > MAX_LINKS:
             raise self._error("more sensors or links than can be")
-        if h.sensor_size < _SENSOR.size or h.link_size < _LINK_SIZE:
+        if h.sensor_size < _SENSOR_SIZE_1_0 or h.link_size < _LINK_SIZE:
             raise self._error("directory entries too small")
         for offset, whole, alignment in ((h.sensor_offset, h.sensor_size * h.n_sensors, 4),
                                          (h.link_offset, h.link_size * h.n_links, 128)):
@@ -278,7 +280,9 @@ class _Segment:
             raise self._error("the node ring lies outside")
         self.sensors = {}  # name -> (SensorInfo, _Ring), in the daemon's order
         for i in range(h.n_sensors):
-            info = SensorInfo._make(_SENSOR.texts(self.bytes, h.sensor_offset + i * h.sensor_size))
+            at = h.sensor_offset + i * h.sensor_size
+            entry = self.bytes[at:at + min(h.sensor_size, _SENSOR.size)].ljust(_SENSOR.size, b"\0")  # an older daemon has less
+            info = SensorInfo._make(_SENSOR.texts(entry, 0))
             ring = _Ring(self, info.ring, _SAMPLE.size)
             if not ring.fits(size):
                 raise self._error("a sensor's ring lies outside")

@@ -532,7 +532,7 @@ class AFile(unittest.TestCase):
 
     def test_that_is_no_segment_of_ours_is_refused_with_the_reason(self):
         cases = (
-            ("its layout is version 2.7, this reader knows 1.0", [("major", 2), ("minor", 7)]),
+            ("its layout is version 2.7, this reader knows 1.1", [("major", 2), ("minor", 7)]),
             ("no tactiled segment", [("magic", b"TACTILES")]),
             ("the other byte order", [("byte_order", 0x04030201)]),
             ("truncated", [("header_size", 508)]),
@@ -594,18 +594,32 @@ class AFile(unittest.TestCase):
     def test_of_a_later_minor_version_with_larger_records_is_read(self):
         with a_copy(self.data) as copy:
             copy.make_fresh()
-            copy.put("header", "minor", 1)
+            copy.put("header", "minor", 2)
             copy.set_record_size(248)
             entry = bytes(copy.data[copy.sensor_at():copy.sensor_at() + LAYOUT.sizes["sensor"]])
             copy.put("header", "sensor_offset", len(copy.data))
-            copy.put("header", "sensor_size", 256)
-            copy.data += entry.ljust(256, b"\xff")
+            copy.put("header", "sensor_size", 456)
+            copy.data += entry.ljust(456, b"\xff")
             copy.put("header", "total_size", len(copy.data))
             with tactiled.open(copy.write()) as node:
                 sample = node.latest("left")
                 for name, value in self.newest.items():
                     if name != "t_ns":
                         self.assertTrue(same_bits(value, getattr(sample, name)), name)
+
+    def test_of_version_1_0_is_read_and_its_sensors_have_no_methods(self):
+        with a_copy(self.data) as copy:
+            copy.make_fresh()
+            copy.put("header", "minor", 0)
+            entry = bytes(copy.data[copy.sensor_at():copy.sensor_at() + 216])
+            copy.put("header", "n_sensors", 1)
+            copy.put("header", "sensor_offset", len(copy.data))
+            copy.put("header", "sensor_size", 216)
+            copy.data += entry
+            copy.put("header", "total_size", len(copy.data))
+            with tactiled.open(copy.write()) as node:
+                self.assertEqual(node.latest("left").force_S_N, self.newest["force_S_N"])
+                self.assertEqual((node.info("left").methods, node.info("left").budget_us), ("", 0))
 
     def test_of_smaller_records_has_zeros_for_what_is_missing(self):
         with a_copy(self.data) as copy:

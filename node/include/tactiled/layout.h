@@ -35,6 +35,8 @@ extern "C" {
 #define TACTILED_MINOR 1
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
+#define TACTILED_MAX_METHODS 8
+#define TACTILED_METHODS_SIZE 128
 #define TACTILED_NAME_SIZE 32 /* with the terminating zero */
 
 /* How far a sample may be trusted. 0 is never good: memory that nobody wrote reads as "no value". */
@@ -92,12 +94,18 @@ struct tactiled_sample {
 
 /* What a sample says about the force, whatever its quality: bits of tactiled_sample.state; all 0 in a BAD sample. */
 enum tactiled_sensor_state {
-    TACTILED_CONTACT = 1 << 0,  /* the magnitude has passed contact_on_N, and not fallen below contact_off_N since */
-    TACTILED_OVERLOAD = 1 << 1, /* the magnitude is above overload_N */
-    TACTILED_LOW_PASS = 1 << 2  /* force and torque are filtered; the raw ones are not */
+    TACTILED_CONTACT = 1 << 0,      /* the magnitude has passed contact_on_N, and not fallen below contact_off_N since */
+    TACTILED_OVERLOAD = 1 << 1,     /* the magnitude is above overload_N */
+    TACTILED_LOW_PASS = 1 << 2,     /* force and torque are filtered; the raw ones are not */
+    TACTILED_STEPPED_DOWN = 1 << 3, /* method "auto": by a faster, less accurate method than at the start */
+    TACTILED_OVER_BUDGET = 1 << 4   /* method "auto": the fastest method runs, and misses budget_us */
 };
 /* Bits 8..12 of tactiled_sample.state, for method "signs" of model "table": row of its decision table, 1 .. 17; 0 = none. */
 #define TACTILED_DIRECTION(state) (((state) >> 8) & 31u)
+/* Bits 16..19, for method "auto": 1 + the index in tactiled_sensor.methods of the method that made this sample; 0 = not
+ * "auto". Bits 20..31: steps down and up since the start; 4095 = that many or more. */
+#define TACTILED_METHOD(state) (((state) >> 16) & 15u)
+#define TACTILED_STEPS(state) ((state) >> 20)
 
 /* tactiled_node.status: the bits of the Modbus register STATUS. */
 enum tactiled_status {
@@ -125,7 +133,8 @@ enum tactiled_fault {
 
 /* tactiled_node.warning: the bits of the Modbus register WARN. */
 enum tactiled_warning {
-    TACTILED_WARN_LOST = 1 << 2 /* frames were lost within the last second */
+    TACTILED_WARN_LOST = 1 << 2,  /* frames were lost within the last second */
+    TACTILED_WARN_BUDGET = 1 << 5 /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
 };
 
 /* Who commands: index of tactiled_node.command. Each counts its own commands. */
@@ -245,7 +254,15 @@ struct tactiled_sensor {
     uint32_t n_channels;
     uint32_t components; /* bit 0..5: fx fy fz mx my mz can be seen */
     float full_scale[6]; /* N and Nm, of the calibration; NaN = unknown */
+    /* Since 1.1, and so not in an entry of TACTILED_SENSOR_SIZE_1_0 bytes: ask tactiled_methods_of(). For method "auto". */
+    float budget_us;                       /* what a sample may take; 0 = the method is not "auto" */
+    uint32_t first_method;                 /* index of the one that it began with */
+    char methods[TACTILED_METHODS_SIZE];   /* names, with a space between, most accurate first; "" = not "auto" */
+    float method_us[TACTILED_MAX_METHODS]; /* what 7 in 8 samples of each took at most, when it was measured */
+    /* Standard deviation of each in full scales, at half of them, mean of the components. */
+    float method_error[TACTILED_MAX_METHODS];
 };
+#define TACTILED_SENSOR_SIZE_1_0 216u
 
 /* Counters of a link, each 32 bits, wrapping; index of tactiled_link.count. */
 enum tactiled_link_count {
@@ -316,7 +333,7 @@ struct tactiled_header {
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 248);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 456);
-TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 216);
+TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 416);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
 

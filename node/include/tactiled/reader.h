@@ -54,6 +54,13 @@ static inline const struct tactiled_sensor* tactiled_sensor_of(const struct tact
     const struct tactiled_header* h = tactiled_header_of(segment);
     return (const struct tactiled_sensor*)(const void*)(segment->base + h->sensor_offset + (size_t)index * h->sensor_size);
 }
+/* The names of the methods of method "auto", "" where there are none or the daemon is of version 1.0: then the fields of
+ * struct tactiled_sensor that 1.1 added must not be read. */
+static inline const char* tactiled_methods_of(const struct tactiled_segment* segment, uint32_t index) {
+    const int has = tactiled_header_of(segment)->sensor_size >= sizeof(struct tactiled_sensor);
+    const char* methods = has ? tactiled_sensor_of(segment, index)->methods : "";
+    return memchr(methods, 0, has ? TACTILED_METHODS_SIZE : 1) != NULL ? methods : "";
+}
 static inline const struct tactiled_link* tactiled_link_of(const struct tactiled_segment* segment, uint32_t index) {
     const struct tactiled_header* h = tactiled_header_of(segment);
     return (const struct tactiled_link*)(const void*)(segment->base + h->link_offset + (size_t)index * h->link_size);
@@ -91,7 +98,7 @@ static inline int tactiled_check(struct tactiled_segment* segment, const char* p
         wrong = "truncated";
     else if (h->n_sensors > TACTILED_MAX_SENSORS || h->n_links > TACTILED_MAX_LINKS)
         wrong = "more sensors or links than can be";
-    else if (h->sensor_size < sizeof(struct tactiled_sensor) || h->link_size < sizeof(struct tactiled_link) ||
+    else if (h->sensor_size < TACTILED_SENSOR_SIZE_1_0 || h->link_size < sizeof(struct tactiled_link) ||
              h->sensor_size % 4 != 0 || h->link_size % 128 != 0)
         wrong = "directory entries of a wrong size";
     else if (!tactiled_fits(segment, h->sensor_offset, (uint64_t)h->sensor_size * h->n_sensors, 4) ||

@@ -1,0 +1,14 @@
+// Method "auto" of a sensor in words and numbers: its front, what runs and why.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tactiled/reader.hpp"
+
+namespace tactiled::ctl {
+
+// "" and null where the sensor's method is not "auto".
+std::string auto_lines(const Segment& segment, std::uint32_t sensor, const tactiled_sample& newest);
+nlohmann::json auto_json(const Segment& segment, std::uint32_t sensor, const tactiled_sample& newest);
+
+}  // namespace tactiled::ctl

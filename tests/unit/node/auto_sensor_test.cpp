@@ -1,0 +1,152 @@
+// A sensor with method "auto": what its samples say of the method, and what a tare is worth after a step.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <utility>
+
+#include "node/sensor.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+// fz is the channel and an offset of its own; not `sure`: after it forgot, the first value has no deviation.
+class Offset final : public Decoupler {
+public:
+    Offset(std::string_view name, double offset_N, bool sure) : name_(name), offset_N_(offset_N), sure_(sure) {}
+    Estimate decouple(const Reading& reading) noexcept override {
+        Estimate e;
+        if (reading.missing != 0) return e;
+        e.wrench_S[2] = reading.channel[0] + offset_N_;
+        const bool knows = std::exchange(has_past_, true) || sure_;
+        e.sd[2] = knows ? 0.01 : kNaN;
+        e.quality = knows ? TACTILED_GOOD : TACTILED_UNCERTAIN;
+        e.reasons = knows ? 0u : std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY);
+        return e;
+    }
+    void forget() noexcept override { has_past_ = false; }
+    std::string_view method() const noexcept override { return name_; }
+
+private:
+    std::string_view name_;
+    double offset_N_;
+    bool sure_, has_past_ = true;
+};
+
+std::uint64_t clock_now_ns = 0, clock_step_ns = 0;  // each look at the clock takes so long
+std::uint64_t test_clock() noexcept { return clock_now_ns += clock_step_ns; }
+
+struct Bench {
+    explicit Bench(bool fast_is_sure = true, double budget_us = 10) : sensor(setup(fast_is_sure, budget_us)) {
+        sensor.start(7, 0);
+        clock_step_ns = 1000;
+    }
+    static Sensor::Setup setup(bool fast_is_sure, double budget_us) {
+        std::vector<FrontMethod> front;
+        front.push_back({{"slow", 5}, 0.01, std::make_unique<Offset>("slow", 0.25, true)});
+        front.push_back({{"fast", 1}, 0.02, std::make_unique<Offset>("fast", -0.5, fast_is_sure)});
+        auto automatic = std::make_unique<AutoMethod>(std::move(front), budget_us);
+        Sensor::Setup s;
+        s.channel_of_frame = {0};
+        s.frame_channels = 1;
+        s.clock_ns = &test_clock;
+        s.automatic = automatic.get();
+        s.decoupler = std::move(automatic);
+        return s;
+    }
+    tactiled_sample next(double channel) {
+        Frame f;
+        f.t_ns = t_ns += kMs;
+        f.n_channels = 1;
+        f.channel[0] = channel;
+        return sensor.sample(f, f.t_ns);
+    }
+    tactiled_sample after(int samples, double channel) {
+        tactiled_sample s{};
+        for (int i = 0; i < samples; ++i) s = next(channel);
+        return s;
+    }
+    void tare(double channel) {
+        ASSERT_TRUE(sensor.can_tare());
+        sensor.begin_tare(t_ns);
+        (void)after(110, channel);
+        ASSERT_EQ(sensor.poll_tare(t_ns), Sensor::Tare::done);
+    }
+    Sensor sensor;
+    std::uint64_t t_ns = 0;
+};
+
+TEST(AutoSensor, EachSampleSaysWhichMethodMadeItAndWhetherItStepped) {
+    Bench bench;
+    tactiled_sample s = bench.next(-1);
+    EXPECT_EQ(TACTILED_METHOD(s.state), 1u);
+    EXPECT_EQ(TACTILED_STEPS(s.state), 0u);
+    EXPECT_EQ(s.state & (TACTILED_STEPPED_DOWN | TACTILED_OVER_BUDGET), 0u);
+    clock_step_ns = 20'000;  // 20 us a sample, the budget is 10
+    int by_slow = 0;
+    for (int i = 0; i < 200; ++i) {
+        s = bench.next(-1);
+        ASSERT_EQ(s.force_S_N[2], TACTILED_METHOD(s.state) == 1 ? -0.75 : -1.5) << i;  // the value is that method's
+        by_slow += TACTILED_METHOD(s.state) == 1 ? 1 : 0;
+    }
+    EXPECT_LE(by_slow, 72);  // nine timed ones, one in eight
+    EXPECT_EQ(TACTILED_METHOD(s.state), 2u);
+    EXPECT_EQ(TACTILED_STEPS(s.state), 1u);
+    EXPECT_NE(s.state & TACTILED_STEPPED_DOWN, 0u);
+    EXPECT_NE(s.state & TACTILED_OVER_BUDGET, 0u);  // 20 us are too much for the fast one, too
+    clock_step_ns = 4'000;
+    s = bench.after(600, -1);
+    EXPECT_EQ(s.state & TACTILED_OVER_BUDGET, 0u);
+}
+
+TEST(AutoSensor, ATareHoldsForTheMethodThatComesAfterIt) {
+    Bench bench;
+    (void)bench.after(10, -1);
+    bench.tare(-1);
+    EXPECT_NEAR(bench.next(-1).force_S_N[2], 0, 1e-12);
+    clock_step_ns = 20'000;
+    const tactiled_sample s = bench.after(200, -3);
+    ASSERT_EQ(TACTILED_METHOD(s.state), 2u);
+    EXPECT_NEAR(s.force_S_N[2], -2, 1e-12);  // not -2.75, which the other method's zero would make of it
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(s.raw_force_S_N[2], -3.5);
+    bench.sensor.begin_untare(bench.t_ns);
+    EXPECT_EQ(bench.next(-3).force_S_N[2], -3.5);
+    clock_step_ns = 1'000;
+    const tactiled_sample back = bench.after(11'000, -3);  // calm enough for a step up
+    ASSERT_EQ(TACTILED_METHOD(back.state), 1u);
+    EXPECT_EQ(back.force_S_N[2], -2.75);
+}
+
+TEST(AutoSensor, AMethodWithoutATrueZeroIsUncertainUntilTheNextTare) {
+    Bench bench(false);
+    (void)bench.after(10, -1);
+    bench.tare(-1);
+    EXPECT_EQ(bench.next(-1).quality, unsigned(TACTILED_GOOD));
+    clock_step_ns = 20'000;
+    tactiled_sample s = bench.after(200, -3);
+    ASSERT_EQ(TACTILED_METHOD(s.state), 2u);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_NE(s.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
+    EXPECT_TRUE(std::isnan(s.sd_force_N[2]));
+    bench.tare(-3);
+    EXPECT_EQ(bench.next(-3).quality, unsigned(TACTILED_GOOD));
+}
+
+TEST(AutoSensor, DoesNotStepWhileATareIsMeasured) {
+    Bench bench;
+    (void)bench.after(10, -1);
+    clock_step_ns = 20'000;
+    bench.sensor.begin_tare(bench.t_ns);
+    for (int i = 0; i < 99; ++i) ASSERT_EQ(TACTILED_METHOD(bench.next(-1).state), 1u) << i;
+}
+
+TEST(AutoSensor, ABadSampleNamesNoMethod) {
+    Bench bench;
+    EXPECT_EQ(bench.next(-1).state >> 16, 1u);
+    EXPECT_EQ(bench.next(std::nan("")).state, 0u);
+}
+
+}  // namespace
+}  // namespace tactiled
