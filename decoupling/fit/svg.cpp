@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 
@@ -102,6 +103,29 @@ std::vector<Tick> axis_ticks(Span axis) {
         if (at > axis.most) break;
         result.push_back({at, multiple == 0 ? "0" : fmt::format("{:.{}g}", at, digits)});
     }
+    return result;
+}
+
+std::vector<Tick> log_ticks(Span axis) {
+    std::vector<Tick> result;
+    if (!(axis.least > 0) || !(axis.most > axis.least) || !std::isfinite(axis.most)) return result;
+    const int first = int(std::floor(std::log10(axis.least))), last = int(std::ceil(std::log10(axis.most)));
+    const bool between = std::log10(axis.most / axis.least) < 2.5;
+    const int every = std::max(1, (last - first + 7) / 8);
+    for (int power = first; power <= last; power += every)
+        for (const int factor : {1, 2, 5}) {
+            const double at = factor * std::pow(10, power);
+            if (factor > 1 && !between) break;
+            if (at < axis.least * (1 - 1e-12) || at > axis.most * (1 + 1e-12)) continue;
+            std::string text = fmt::format("{:g}", at);
+            if (power < -3 || power > 4) {
+                text = factor == 1 ? "10" : fmt::format("{}·10", factor);
+                if (power < 0) text += "⁻";
+                for (const char digit : std::to_string(std::abs(power)))
+                    text += std::array{"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"}[std::size_t(digit - '0')];
+            }
+            result.push_back({at, text});
+        }
     return result;
 }
 

@@ -26,6 +26,9 @@ struct Tick {
 };
 // About five for an axis: multiples of 1, 2 or 5 times a power of ten.
 std::vector<Tick> axis_ticks(Span axis);
+// For a logarithmic axis, 0 < least < most: powers of ten, where those are fewer than three also 2 and 5 times them; every
+// so many where they are more than eight. What is far from 1 reads 10⁻⁵.
+std::vector<Tick> log_ticks(Span axis);
 
 struct Dot {
     double x, y;

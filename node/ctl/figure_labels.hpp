@@ -1,0 +1,33 @@
+// Where the labels of a figure's points go: beside their points, over no symbol and no other label.
+#pragma once
+#include <optional>
+#include <string_view>
+#include <vector>
+
+namespace tactiled::ctl {
+
+struct Box {  // y grows downwards
+    double left, top, right, bottom;
+    [[nodiscard]] bool overlaps(const Box& other) const noexcept {
+        return left < other.right && other.left < right && top < other.bottom && other.top < bottom;
+    }
+    [[nodiscard]] bool contains(const Box& other) const noexcept {
+        return left <= other.left && other.right <= right && top <= other.top && other.bottom <= bottom;
+    }
+};
+
+// Of a text in a sans-serif font of that size, rather too wide than too narrow.
+double text_width(std::string_view text, double font_size);
+
+struct LabelWish {
+    Box symbol;  // beside which
+    double width, height;
+};
+
+// A place for each wish, greedily in their order: the nearest that is free, right of the symbol before left, above and
+// below. All lie in `frame`, over no wish's symbol, nothing in `taken` and no other label; over what is `crossed` (lines)
+// only where there is no other place. Nothing where there is no room.
+std::vector<std::optional<Box>> place_labels(const std::vector<LabelWish>& wishes, const std::vector<Box>& taken,
+                                             std::vector<Box> crossed, const Box& frame);
+
+}  // namespace tactiled::ctl
