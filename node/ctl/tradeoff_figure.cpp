@@ -1,0 +1,39 @@
+// The methods as points of error over time, a symbol a model, the front of each model a line.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "node/ctl/figure.hpp"
+#include "node/ctl/tradeoff.hpp"
+
+namespace tactiled::ctl {
+
+std::string tradeoff_svg(const std::vector<Result>& results) {
+    constexpr std::array kSymbols{Symbol::circle, Symbol::square, Symbol::triangle, Symbol::diamond, Symbol::cross};
+    Figure figure{.title = "What accuracy costs in time",
+                  .x = {"time a sample, median, microseconds", true},
+                  .y = {"rms error of force, all scenes, % of full scale", true},
+                  .series = {}};
+    for (std::size_t r = 0; r < results.size(); ++r) {
+        const Result& result = results[r];
+        Figure::Series best{.name = result.contest->model,
+                            .symbol = kSymbols[r % kSymbols.size()],
+                            .stroke = Stroke::solid,
+                            .points = {},
+                            .colour = ""},
+            others{.name = "", .symbol = best.symbol, .stroke = Stroke::none, .points = {}, .colour = ""};
+        for (std::size_t i = 0; i < result.measures.size(); ++i) {
+            const Measure& all = result.measures[i].back();
+            // A method that the clock cannot tell from nothing stands at its resolution.
+            const Figure::Point point{std::max(all.p50_ns, 1.0) / 1e3, all.judged.force_rms_percent,
+                                      result.contest->candidates[i].name};
+            (all.on_front ? best : others).points.push_back(point);
+        }
+        std::sort(best.points.begin(), best.points.end(), [](const auto& a, const auto& b) { return a.x < b.x; });
+        figure.series.push_back(std::move(best));
+        figure.series.push_back(std::move(others));
+    }
+    return figure_svg(figure);
+}
+
+}  // namespace tactiled::ctl
