@@ -21,22 +21,23 @@ struct Wish {
     TradeoffOutput output;
 };
 
-// One row over all trials: the trials count alike in the errors, their samples in the shares.
+// One row over the trials of a whole sensor. Errors: the geometric mean, so that no trial drowns the others; p99: the worst
+// trial's; shares: all samples together.
 Judged over_all(const std::vector<Measure>& measures) {
     Judged all;
-    const auto mean_square = [&](auto error) {
+    const auto mean = [&](auto error) {
         double sum = 0;
         std::size_t n = 0;
         for (const Measure& m : measures)
-            if (const double value = error(m.judged); std::isfinite(value)) sum += value * value, ++n;
-        return n == 0 ? kNaN : std::sqrt(sum / double(n));
+            if (const double value = error(m.judged); std::isfinite(value)) sum += std::log(std::max(value, 1e-9)), ++n;
+        return n == 0 ? kNaN : std::exp(sum / double(n));
     };
     for (std::size_t c = 0; c < all.rms_percent.size(); ++c) {
-        all.rms_percent[c] = mean_square([c](const Judged& j) { return j.rms_percent[c]; });
+        all.rms_percent[c] = mean([c](const Judged& j) { return j.rms_percent[c]; });
         for (const Measure& m : measures) all.p99_percent[c] = std::fmax(all.p99_percent[c], m.judged.p99_percent[c]);
     }
-    all.force_rms_percent = mean_square([](const Judged& j) { return j.force_rms_percent; });
-    all.good_rms_percent = mean_square([](const Judged& j) { return j.good_rms_percent; });
+    all.force_rms_percent = mean([](const Judged& j) { return j.force_rms_percent; });
+    all.good_rms_percent = mean([](const Judged& j) { return j.good_rms_percent; });
     for (const Measure& m : measures) {
         all.samples += m.judged.samples;
         all.good += m.judged.good;
@@ -45,6 +46,12 @@ Judged over_all(const std::vector<Measure>& measures) {
         all.lies += m.judged.lies;
     }
     return all;
+}
+
+double mean_instructions(const std::vector<Measure>& measures) {
+    double sum = 0;
+    for (const Measure& m : measures) sum += m.instructions;
+    return sum / double(measures.size());
 }
 
 Measure measure_of(const std::string& trial, const Judged& judged, std::vector<float>& ns, double instructions) {
@@ -63,7 +70,7 @@ std::vector<Offer> offers_of(const Result& result, std::size_t column) {
 Result compete(const Contest& contest, std::size_t samples, const std::function<void(double)>& show) {
     Result result{&contest, std::vector<std::vector<Measure>>(contest.candidates.size()), ""};
     std::vector<Cost> all(contest.candidates.size());
-    std::vector<double> instructions(contest.candidates.size(), 0);
+    std::vector<std::vector<Measure>> whole(contest.candidates.size());
     for (std::size_t t = 0; t < contest.trials.size(); ++t) {
         const Trial& trial = contest.trials[t];
         std::vector<Cost> costs = time_all(contest.candidates, trial.rows, samples);
@@ -71,13 +78,14 @@ Result compete(const Contest& contest, std::size_t samples, const std::function<
             const auto decoupler = contest.candidates[i].make();
             const Judged judged = judge(*decoupler, contest.candidates[i], trial.rows);
             result.measures[i].push_back(measure_of(trial.kind, judged, costs[i].ns, costs[i].instructions));
+            if (trial.kind == kDamaged) continue;
             all[i].ns.insert(all[i].ns.end(), costs[i].ns.begin(), costs[i].ns.end());
-            instructions[i] += costs[i].instructions / double(contest.trials.size());
+            whole[i].push_back(result.measures[i].back());
         }
         show(double(t + 1) / double(contest.trials.size()));
     }
     for (std::size_t i = 0; i < all.size(); ++i)
-        result.measures[i].push_back(measure_of("all", over_all(result.measures[i]), all[i].ns, instructions[i]));
+        result.measures[i].push_back(measure_of("all", over_all(whole[i]), all[i].ns, mean_instructions(whole[i])));
     for (std::size_t column = 0; column <= contest.trials.size(); ++column)
         for (const std::size_t i : front(offers_of(result, column))) result.measures[i][column].on_front = true;
     result.sentence = front_sentence(contest.model, offers_of(result, contest.trials.size()));

@@ -52,8 +52,9 @@ struct Candidate {
     Calibration calibration;
     [[nodiscard]] std::unique_ptr<Decoupler> make() const;  // setup: throws SetupError
 };
+inline constexpr const char* kDamaged = "damaged";  // the trial that does not count among "all": its errors have no end
 struct Trial {
-    std::string kind;  // "easy", "combined", "eccentric", "dynamic", "damaged", or the name of a file
+    std::string kind;  // "easy", "combined", "eccentric", "dynamic", kDamaged, or the name of a file
     Labelled rows;
 };
 struct Contest {  // the methods of one model, and what they are asked
@@ -103,7 +104,7 @@ double quantile(std::vector<float>& values, double share);
 
 // ---- tradeoff_text.cpp, tradeoff_figure.cpp ----
 
-struct Measure {  // one candidate in one trial; the last of a candidate is over all trials
+struct Measure {  // one candidate in one trial; the last of a candidate is over all but kDamaged
     std::string trial;
     Judged judged;
     double p50_ns, p99_ns, p99_9_ns, instructions;

@@ -12,7 +12,7 @@ std::string tradeoff_svg(const std::vector<Result>& results) {
     constexpr std::array kSymbols{Symbol::circle, Symbol::square, Symbol::triangle, Symbol::diamond, Symbol::cross};
     Figure figure{.title = "What accuracy costs in time",
                   .x = {"time a sample, median, microseconds", true},
-                  .y = {"rms error of force, all scenes, % of full scale", true},
+                  .y = {"error of force, rms, % of full scale", true},
                   .series = {}};
     for (std::size_t r = 0; r < results.size(); ++r) {
         const Result& result = results[r];

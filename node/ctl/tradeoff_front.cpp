@@ -8,6 +8,11 @@
 #include <numeric>
 
 namespace tactiled::ctl {
+namespace {
+
+constexpr double kWorth = 0.95;  // a method whose error is less by under 5 % is not worth a word
+
+}  // namespace
 
 std::vector<std::size_t> front(const std::vector<Offer>& offers) {
     std::vector<std::size_t> order(offers.size()), best;
@@ -27,17 +32,19 @@ std::vector<std::size_t> front(const std::vector<Offer>& offers) {
 }
 
 std::string front_sentence(const std::string& model, const std::vector<Offer>& offers) {
-    const auto best = front(offers);
-    if (best.empty()) return model + ": nothing to choose from.";
     std::string text = model + ":";
-    for (std::size_t k = 0; k < best.size(); ++k) {
-        const Offer& offer = offers[best[k]];
-        text += k == 0 ? fmt::format(" {} from {:.2g} us a sample ({:.2g} % rms of full scale)", offer.name, offer.time_us,
-                                     offer.error_percent)
-                       : fmt::format(", {} from {:.2g} us ({:.2g} %)", offer.name, offer.time_us, offer.error_percent);
+    std::size_t named = 0;
+    double last_percent = std::numeric_limits<double>::infinity();
+    for (const std::size_t i : front(offers)) {
+        const Offer& offer = offers[i];
+        if (offer.error_percent > kWorth * last_percent) continue;
+        last_percent = offer.error_percent;
+        text += named++ == 0 ? fmt::format(" {} from {:.2g} us a sample ({:.2g} % rms of full scale)", offer.name,
+                                           offer.time_us, offer.error_percent)
+                             : fmt::format("; {} from {:.2g} us ({:.2g} %)", offer.name, offer.time_us, offer.error_percent);
     }
-    if (best.size() < offers.size()) text += best.size() == 1 ? "; no other is better" : "; no other is worth its time";
-    return text + ".";
+    if (named == 0) return text + " nothing to choose from.";
+    return text + (named < offers.size() ? "; no other is worth its time." : ".");
 }
 
 }  // namespace tactiled::ctl

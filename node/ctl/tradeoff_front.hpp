@@ -14,7 +14,8 @@ struct Offer {
 // first.
 std::vector<std::size_t> front(const std::vector<Offer>& offers);
 
-// "table: linear from 0.05 us a sample (2.1 % rms of full scale), map from 1.5 us (0.6 %)." Of the front alone.
+// "table: linear from 0.05 us a sample (2.1 % rms of full scale); map from 1.5 us (0.6 %)." Of the front, those that are
+// better than the one before by 5 % or more.
 std::string front_sentence(const std::string& model, const std::vector<Offer>& offers);
 
 }  // namespace tactiled::ctl

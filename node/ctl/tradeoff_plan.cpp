@@ -31,18 +31,18 @@ const std::vector<Source>& sources() {
         {"hair", "calibrate_hair", {"sum_diff", "matrix", "physics"}, ""},
         {"capacitive", "calibrate_capacitive", {"quadratic", "ratio", "overlap"}, ""},
         {"piezo", "calibrate_piezo", {"fused"}, ""},
-        {"generic", "calibrate_capacitive", {"matrix", "quadratic", "rbf", "mlp"}, ""},
+        {"generic", "tradeoff_generic_calibrate", {"matrix", "quadratic", "rbf", "mlp"}, ""},
     };
     return all;
 }
 
-constexpr std::array kKinds{"easy", "combined", "eccentric", "dynamic", "damaged"};
+constexpr std::array kKinds{"easy", "combined", "eccentric", "dynamic", kDamaged};
 struct Asked {
     const char* model;
     std::array<const char*, kKinds.size()> scene;
 };
 // A generic sensor is the pad with five electrodes, of which the methods know nothing: beside them stand those that do.
-constexpr std::array<const char*, kKinds.size()> kPad{"capacitive_press", "capacitive_combined",
+constexpr std::array<const char*, kKinds.size()> kPad{"tradeoff_capacitive_easy", "tradeoff_capacitive_combined",
                                                       "tradeoff_capacitive_eccentric", "tradeoff_capacitive_dynamic",
                                                       "tradeoff_capacitive_damaged"};
 constexpr Asked kAsked[] = {
