@@ -85,6 +85,8 @@ struct Judged {
     std::size_t samples = 0, good = 0, uncertain = 0, bad = 0;
     std::size_t lies = 0;  // GOOD, and off by more than 5 of its own standard deviations in some component
 };
+// The number of the first row under load; that of rows where none is.
+std::size_t first_load(const Labelled& rows);
 Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows);
 
 // ---- tradeoff_time.cpp: times ----

@@ -1,4 +1,4 @@
-// The methods as points of error over time, a symbol a model, the front of each model a line.
+// The methods as points of error over time: a symbol and colour a model, the front of each model filled and joined.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,7 +10,8 @@ namespace tactiled::ctl {
 
 std::string tradeoff_svg(const std::vector<Result>& results) {
     constexpr std::array kSymbols{Symbol::circle, Symbol::square, Symbol::triangle, Symbol::diamond, Symbol::cross};
-    Figure figure{.title = "What accuracy costs in time",
+    constexpr std::array kColours{"#1f5fa8", "#c4561e", "#1b1f24", "#6a994e", "#8d5a97"};
+    Figure figure{.title = "What accuracy costs in time (filled: nothing is faster and as accurate)",
                   .x = {"time a sample, median, microseconds", true},
                   .y = {"error of force, rms, % of full scale", true},
                   .series = {}};
@@ -20,8 +21,8 @@ std::string tradeoff_svg(const std::vector<Result>& results) {
                             .symbol = kSymbols[r % kSymbols.size()],
                             .stroke = Stroke::solid,
                             .points = {},
-                            .colour = ""},
-            others{.name = "", .symbol = best.symbol, .stroke = Stroke::none, .points = {}, .colour = ""};
+                            .colour = kColours[r % kColours.size()]};
+        Figure::Series others{.name = "", .symbol = best.symbol, .points = {}, .hollow = true, .colour = best.colour};
         for (std::size_t i = 0; i < result.measures.size(); ++i) {
             const Measure& all = result.measures[i].back();
             // A method that the clock cannot tell from nothing stands at its resolution.

@@ -12,14 +12,6 @@ namespace {
 
 constexpr double kLie_sd = 5;
 
-// The first row under load; all rows where there is none before it that is at rest.
-std::size_t first_load(const Labelled& rows) {
-    const auto loaded = [](const LabelledRow& row) {
-        return std::any_of(row.wrench_S.begin(), row.wrench_S.end(), [](double v) { return std::isfinite(v) && v != 0; });
-    };
-    return std::size_t(std::find_if(rows.rows.begin(), rows.rows.end(), loaded) - rows.rows.begin());
-}
-
 double rms(const std::vector<double>& values) {
     double sum = 0;
     for (const double value : values) sum += value * value;
@@ -35,6 +27,13 @@ double rms_of(const std::array<std::vector<double>, 6>& errors) {
 }
 
 }  // namespace
+
+std::size_t first_load(const Labelled& rows) {
+    const auto loaded = [](const LabelledRow& row) {
+        return std::any_of(row.wrench_S.begin(), row.wrench_S.end(), [](double v) { return std::isfinite(v) && v != 0; });
+    };
+    return std::size_t(std::find_if(rows.rows.begin(), rows.rows.end(), loaded) - rows.rows.begin());
+}
 
 std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& rows, std::vector<double>& storage) {
     std::vector<std::size_t> columns;

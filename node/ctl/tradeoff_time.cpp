@@ -48,11 +48,15 @@ private:
 
 double sink = 0;  // so that nothing is optimised away
 
-// One candidate over the rows, again and again. Time goes on at the end, so that memory does not run backwards.
+// One candidate over the rows under load, again and again: at rest some methods have nothing to do. Time goes on at the
+// end, so that memory does not run backwards.
 class Course {
 public:
     Course(const Candidate& candidate, const Labelled& rows) : decoupler_(candidate.make()) {
         readings_ = readings_of(candidate, rows, storage_);
+        if (const std::size_t begin = first_load(rows); begin < readings_.size())
+            readings_.erase(readings_.begin(), readings_.begin() + std::ptrdiff_t(begin));
+        if (readings_.empty()) throw SetupError(rows.name + ": has no rows to time");
         period_ns_ = readings_.back().t_ns - readings_.front().t_ns + 1'000'000;
     }
     [[nodiscard]] Reading next() {
