@@ -16,7 +16,6 @@ namespace {
 // In units of the viewBox.
 constexpr double kWidth = 720, kLeft = 78, kRight = 18, kTitle = 30, kLegend = 22, kPlot = 330, kFoot = 54;
 constexpr double kFont = 13, kLabelFont = 12, kReach = 4.5;  // of a symbol from its middle
-constexpr double kLeader = 14;                               // a label further off than this is tied to its point
 // Of different lightness, so that they differ in grey; also to those who tell red and green badly.
 constexpr std::array kColours{"#1f5fa8", "#c4561e", "#1b1f24", "#6a994e", "#8d5a97", "#7f8790"};
 
@@ -211,21 +210,26 @@ private:
                 continue;
             }
             const Box& box = *places[i];
-            leader(wishes[i].symbol, box);
-            put("<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{}\" text-anchor=\"middle\">{}</text>\n",
-                (box.left + box.right) / 2, box.bottom - 3, kLabelFont, html_text(*texts[i]));
+            const Leader leader = leader_between(wishes[i].symbol, box);
+            if (leader.needed())
+                put("<path stroke=\"#57606a\" stroke-width=\"0.7\" d=\"M{:.1f} {:.1f}L{:.1f} {:.1f}\"/>\n", leader.from_x,
+                    leader.from_y, leader.to_x, leader.to_y);
+            // Held at the side of its symbol: a narrower font leaves no gap there. White around it breaks the grid's lines.
+            const bool right = box.left >= wishes[i].symbol.right, left = box.right <= wishes[i].symbol.left;
+            put("<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{}\" text-anchor=\"{}\" stroke=\"#fff\" stroke-width=\"3\" "
+                "paint-order=\"stroke\">{}</text>\n",
+                right  ? box.left
+                : left ? box.right
+                       : (box.left + box.right) / 2,
+                box.bottom - 3, kLabelFont,
+                right  ? "start"
+                : left ? "end"
+                       : "middle",
+                html_text(*texts[i]));
         }
         if (without > 0)
             put("<text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\" font-size=\"{}\">{} labels have no room</text>\n",
                 kWidth - kRight, foot_ + 42, kLabelFont, without);
-    }
-
-    // From the nearest point of the label to the symbol, where they are far apart.
-    void leader(const Box& symbol, const Box& label) {
-        const double x = (symbol.left + symbol.right) / 2, y = (symbol.top + symbol.bottom) / 2;
-        const double to_x = std::clamp(x, label.left, label.right), to_y = std::clamp(y, label.top, label.bottom);
-        if (std::hypot(to_x - x, to_y - y) > kLeader)
-            put("<path stroke=\"#57606a\" stroke-width=\"0.7\" d=\"M{:.1f} {:.1f}L{:.1f} {:.1f}\"/>\n", x, y, to_x, to_y);
     }
 
     const Figure& figure_;

@@ -23,6 +23,18 @@ bool is_free(const Box& box, const std::vector<Box>& of) {
     return std::none_of(of.begin(), of.end(), [&](const Box& other) { return box.overlaps(other); });
 }
 
+// Of a line, piece by piece.
+std::vector<Box> boxes_of(const Leader& line) {
+    std::vector<Box> boxes;
+    const int n = 1 + int(std::hypot(line.to_x - line.from_x, line.to_y - line.from_y) / 2);
+    for (int i = 0; i < n; ++i) {  // not its end, at the label
+        const double share = double(i) / n, x = std::lerp(line.from_x, line.to_x, share),
+                     y = std::lerp(line.from_y, line.to_y, share);
+        boxes.push_back({x - 1, y - 1, x + 1, y + 1});
+    }
+    return boxes;
+}
+
 // The direction of try i of n: right, left, above, below, then between them.
 double direction(int i, int n) {
     static constexpr int kFirst[kDirections] = {0, 4, 6, 2, 7, 1, 5, 3};  // eighths of a turn
@@ -30,6 +42,16 @@ double direction(int i, int n) {
 }
 
 }  // namespace
+
+bool Leader::needed() const noexcept { return std::hypot(to_x - from_x, to_y - from_y) > kLeader; }
+
+Leader leader_between(const Box& symbol, const Box& label) {
+    const double x = (symbol.left + symbol.right) / 2, y = (symbol.top + symbol.bottom) / 2;
+    const double to_x = std::clamp(x, label.left, label.right), to_y = std::clamp(y, label.top, label.bottom);
+    const double length = std::hypot(to_x - x, to_y - y), reach = (symbol.right - symbol.left) / 2 * 1.42;
+    const double share = length > reach ? reach / length : 1;
+    return {std::lerp(x, to_x, share), std::lerp(y, to_y, share), to_x, to_y};
+}
 
 double text_width(std::string_view text, double font_size) {
     double width = 0;  // in parts of the size; DejaVu Sans is the widest that is common
@@ -60,7 +82,14 @@ std::vector<std::optional<Box>> place_labels(const std::vector<LabelWish>& wishe
                 for (int i = 0; i < n && !place; ++i) {
                     const double at = direction(i, n);
                     const Box box = beside(wish, std::cos(at), std::sin(at), distance);
-                    if (frame.contains(box) && is_free(box, solid) && (!avoids_lines || is_free(box, crossed))) place = box;
+                    const Leader leader = leader_between(wish.symbol, box);
+                    const auto line = leader.needed() ? boxes_of(leader) : std::vector<Box>{};
+                    const bool clear =
+                        std::all_of(line.begin(), line.end(), [&](const Box& b) { return is_free(b, solid); });
+                    if (!frame.contains(box) || !is_free(box, solid) || !clear) continue;
+                    if (avoids_lines && !is_free(box, crossed)) continue;
+                    place = box;
+                    crossed.insert(crossed.end(), line.begin(), line.end());
                 }
             }
         }

@@ -24,9 +24,17 @@ struct LabelWish {
     double width, height;
 };
 
+// From the symbol to the nearest point of its label: drawn where they are further apart than this.
+inline constexpr double kLeader = 14;
+struct Leader {
+    double from_x, from_y, to_x, to_y;
+    [[nodiscard]] bool needed() const noexcept;
+};
+Leader leader_between(const Box& symbol, const Box& label);
+
 // A place for each wish, greedily in their order: the nearest that is free, right of the symbol before left, above and
-// below. All lie in `frame`, over no wish's symbol, nothing in `taken` and no other label; over what is `crossed` (lines)
-// only where there is no other place. Nothing where there is no room.
+// below. All lie in `frame`, over no wish's symbol, nothing in `taken` and no other label, and so do their leaders; over
+// what is `crossed` (lines) only where there is no other place. Nothing where there is no room.
 std::vector<std::optional<Box>> place_labels(const std::vector<LabelWish>& wishes, const std::vector<Box>& taken,
                                              std::vector<Box> crossed, const Box& frame);
 

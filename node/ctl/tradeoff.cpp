@@ -69,17 +69,17 @@ std::vector<Offer> offers_of(const Result& result, std::size_t column) {
 
 Result compete(const Contest& contest, std::size_t samples, const std::function<void(double)>& show) {
     Result result{&contest, std::vector<std::vector<Measure>>(contest.candidates.size()), ""};
-    std::vector<Cost> all(contest.candidates.size());
+    std::vector<Timing> all(contest.candidates.size());
     std::vector<std::vector<Measure>> whole(contest.candidates.size());
     for (std::size_t t = 0; t < contest.trials.size(); ++t) {
         const Trial& trial = contest.trials[t];
-        std::vector<Cost> costs = time_all(contest.candidates, trial.rows, samples);
-        for (std::size_t i = 0; i < costs.size(); ++i) {
+        std::vector<Timing> timings = time_all(contest.candidates, trial.rows, samples);
+        for (std::size_t i = 0; i < timings.size(); ++i) {
             const auto decoupler = contest.candidates[i].make();
             const Judged judged = judge(*decoupler, contest.candidates[i], trial.rows);
-            result.measures[i].push_back(measure_of(trial.kind, judged, costs[i].ns, costs[i].instructions));
+            result.measures[i].push_back(measure_of(trial.kind, judged, timings[i].ns, timings[i].instructions));
             if (trial.kind == kDamaged) continue;
-            all[i].ns.insert(all[i].ns.end(), costs[i].ns.begin(), costs[i].ns.end());
+            all[i].ns.insert(all[i].ns.end(), timings[i].ns.begin(), timings[i].ns.end());
             whole[i].push_back(result.measures[i].back());
         }
         show(double(t + 1) / double(contest.trials.size()));
@@ -144,11 +144,18 @@ void add_tradeoff(CLI::App& app, Run& run) {
     verb->add_option("--scene", wish->scene,
                      "this scene instead of the named ones; without --calibration its sensor is calibrated in simulation");
     verb->add_option("--in", wish->in, "labelled.csv: your own readings, with --calibration");
-    auto* cost = verb->add_option("--cost", wish->cost,
-                                  "instead of the methods: what one part costs against another way of doing it");
+    auto* cost =
+        verb->add_option("--cost", wish->cost,
+                         "instead of the methods: what one part costs against another way of doing it; list, all (each "
+                         "figure to its place in --folder) or a name");
     for (const char* other : {"--calibration", "--scene", "--in"}) cost->excludes(verb->get_option(other));
     verb->add_option("--scenes", wish->scenes, "the folder of the named scenes, if it is not beside the program");
     verb->add_option("--csv", wish->output.csv, "write the table as CSV: a row a method and scene");
+    verb->add_option("--folder", wish->output.folder, "with --cost: the project's folder, for config/")
+        ->capture_default_str();
+    verb->add_option(
+        "--influence", wish->output.influence,
+        "with --cost map, solver, batch: a calibration with the plate's influence map, if not the one in config/");
     verb->add_option("--svg", wish->output.svg, "write the figure as SVG");
     verb->add_option("--samples", wish->output.samples, "to time, of each thing that is compared")
         ->check(CLI::Range(std::size_t(1), std::size_t(100'000'000)));

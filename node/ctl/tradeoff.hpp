@@ -18,6 +18,9 @@ struct TradeoffOutput {
     std::string csv, svg;
     bool json = false;        // on standard output, instead of the table
     std::size_t samples = 0;  // to time of each thing that is compared; 0 = the verb's own number
+    // Of --cost: the project's folder, for config/ and with `all` for the figures; a calibration with an influence map, "" =
+    // the one in config/.
+    std::string folder = ".", influence;
 };
 
 // ---- tradeoff_costs.cpp: what one thing costs against another way of doing it ----
@@ -94,12 +97,12 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
 // Each channel of a trial's rows where the candidate wants it. setup: throws SetupError where one is missing
 std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& rows, std::vector<double>& storage);
 
-struct Cost {
+struct Timing {
     std::vector<float> ns;       // of each sample that was timed, the clock's own share subtracted
     double instructions = kNaN;  // a sample, in user space; NaN = the kernel does not count them
 };
 // The candidates take turns, so that what disturbs one disturbs all.
-std::vector<Cost> time_all(const std::vector<Candidate>& candidates, const Labelled& rows, std::size_t samples);
+std::vector<Timing> time_all(const std::vector<Candidate>& candidates, const Labelled& rows, std::size_t samples);
 double clock_ns();                  // what reading the clock twice takes by itself, median of this run
 std::string why_no_instructions();  // "" where they are counted
 double quantile(std::vector<float>& values, double share);

@@ -22,7 +22,7 @@ std::string tradeoff_svg(const std::vector<Result>& results) {
                             .stroke = Stroke::solid,
                             .points = {},
                             .colour = kColours[r % kColours.size()]};
-        Figure::Series others{.name = "", .symbol = best.symbol, .points = {}, .hollow = true, .colour = best.colour};
+        Figure::Series others{.name = "", .symbol = best.symbol, .points = {}, .colour = best.colour, .hollow = true};
         for (std::size_t i = 0; i < result.measures.size(); ++i) {
             const Measure& all = result.measures[i].back();
             // A method that the clock cannot tell from nothing stands at its resolution.

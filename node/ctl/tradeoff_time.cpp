@@ -120,18 +120,18 @@ std::string why_no_instructions() {
         std::strerror(counter.error()));
 }
 
-std::vector<Cost> time_all(const std::vector<Candidate>& candidates, const Labelled& rows, std::size_t samples) {
+std::vector<Timing> time_all(const std::vector<Candidate>& candidates, const Labelled& rows, std::size_t samples) {
     const Instructions counter;
     const double clock = clock_ns();
     std::vector<Course> courses;
     for (const Candidate& candidate : candidates) courses.emplace_back(candidate, rows);
-    std::vector<Cost> costs(candidates.size());
+    std::vector<Timing> timings(candidates.size());
     for (std::size_t done = 0; done < samples; done += kTurn)
         for (std::size_t i = 0; i < courses.size(); ++i)
-            courses[i].time(std::min(kTurn, samples - done), clock, costs[i].ns);
+            courses[i].time(std::min(kTurn, samples - done), clock, timings[i].ns);
     for (std::size_t i = 0; i < courses.size(); ++i)
-        costs[i].instructions = courses[i].instructions(counter, std::min(samples, rows.rows.size()));
-    return costs;
+        timings[i].instructions = courses[i].instructions(counter, std::min(samples, rows.rows.size()));
+    return timings;
 }
 
 }  // namespace tactiled::ctl

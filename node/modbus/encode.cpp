@@ -8,7 +8,7 @@
 namespace tactiled::modbus {
 namespace {
 
-constexpr double kForce = 0.01, kTorque = 0.001, kLength_m = 1e-5, kTemperature = 0.1;
+constexpr double kTorque = 0.001, kLength_m = 1e-5, kTemperature = 0.1;
 constexpr std::uint16_t kMostU16 = 65534;
 
 constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
@@ -30,12 +30,12 @@ std::uint16_t clamped(std::uint32_t value) noexcept { return std::uint16_t(std::
 bool encode_wrench(const tactiled_sample& s, std::span<std::uint16_t, kSensorSize> out) noexcept {
     bool beyond = false;
     for (unsigned i = 0; i < 3; ++i) {
-        out[kFx + i] = i16_of(s.force_S_N[i], kForce, beyond);
+        out[kFx + i] = i16_of(s.force_S_N[i], kForceUnit_N, beyond);
         out[kTx + i] = i16_of(s.torque_S_Nm[i], kTorque, beyond);
     }
     const double* f = s.force_S_N;
-    out[kFTang] = u16_of(std::hypot(f[0], f[1]), kForce, beyond);
-    out[kFMag] = u16_of(std::hypot(f[0], f[1], f[2]), kForce, beyond);
+    out[kFTang] = u16_of(std::hypot(f[0], f[1]), kForceUnit_N, beyond);
+    out[kFMag] = u16_of(std::hypot(f[0], f[1], f[2]), kForceUnit_N, beyond);
     out[kCopX] = i16_of(s.cop_S_m[0], kLength_m, beyond);
     out[kCopY] = i16_of(s.cop_S_m[1], kLength_m, beyond);
     return beyond;
@@ -44,14 +44,6 @@ bool encode_wrench(const tactiled_sample& s, std::span<std::uint16_t, kSensorSiz
 bool overloads(const tactiled_sample& s) noexcept {
     std::uint16_t unused[kSensorSize];
     return (s.reasons & TACTILED_SATURATED) != 0 || (s.state & TACTILED_OVERLOAD) != 0 || encode_wrench(s, unused);
-}
-
-// A float32 of two registers. What is not finite, in double or as float32, is the quiet NaN.
-void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept {
-    auto bits = std::bit_cast<std::uint32_t>(float(value));
-    if (!std::isfinite(float(value))) bits = 0x7FC00000;
-    out[low_word_first ? 1 : 0] = std::uint16_t(bits >> 16);
-    out[low_word_first ? 0 : 1] = std::uint16_t(bits & 0xFFFFu);
 }
 
 std::uint16_t sensor_status(const tactiled_sample& s, bool beyond) noexcept {
@@ -77,8 +69,8 @@ unsigned sensors_of(const View& view) noexcept { return view.segment != nullptr 
 std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept {
     if (std::isnan(value)) return kNoI16;
     const double scaled = std::nearbyint(value / scale);
-    saturated |= std::abs(scaled) > 32767;
-    return std::uint16_t(std::int16_t(std::clamp(scaled, -32767.0, 32767.0)));
+    saturated |= std::abs(scaled) > kMostI16;
+    return std::uint16_t(std::int16_t(std::clamp(scaled, -double(kMostI16), double(kMostI16))));
 }
 
 std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept {
@@ -86,6 +78,13 @@ std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept {
     const double scaled = std::nearbyint(value / scale);
     saturated |= scaled > kMostU16;
     return std::uint16_t(std::clamp(scaled, 0.0, double(kMostU16)));
+}
+
+void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept {
+    auto bits = std::bit_cast<std::uint32_t>(float(value));
+    if (!std::isfinite(float(value))) bits = 0x7FC00000;
+    out[low_word_first ? 1 : 0] = std::uint16_t(bits >> 16);
+    out[low_word_first ? 0 : 1] = std::uint16_t(bits & 0xFFFFu);
 }
 
 View view_of_nothing(std::uint32_t reason) noexcept {
@@ -171,7 +170,8 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
     out[kSensorAgeMs] = exists ? age_ms(s, view.snapshot.taken_ns) : kNoU16;
     for (const auto at : {kFrictionUse, kSlipState}) out[at] = kNoU16;
     bool unused = false;
-    out[kPeak] = exists && (s.reasons & TACTILED_DAEMON_STOPPED) == 0 ? u16_of(double(s.peak_N), kForce, unused) : kNoU16;
+    out[kPeak] =
+        exists && (s.reasons & TACTILED_DAEMON_STOPPED) == 0 ? u16_of(double(s.peak_N), kForceUnit_N, unused) : kNoU16;
     out[kTemp] = exists && has_value(s) ? i16_of(double(s.temperature_C), kTemperature, unused) : kNoI16;
     out[kScale] = std::uint16_t(std::int16_t(-2));
     out[kTareCount] = std::uint16_t(s.tare_count);

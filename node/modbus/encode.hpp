@@ -14,6 +14,13 @@ std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept;
 // As i16_of for 0 .. 65534 and kNoU16; negative values saturate at 0.
 std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept;
 
+// Unit of a force in a sensor block, and the largest number that an i16 shows.
+inline constexpr double kForceUnit_N = 0.01;
+inline constexpr int kMostI16 = 32767;
+
+// A float32 of two registers. What is not finite, in double or as float32, is the quiet NaN.
+void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept;
+
 // Everything that one request may need, from one frame of the pipeline.
 struct View {
     const Segment* segment = nullptr;  // nullptr: no daemon's segment could be read
