@@ -59,11 +59,10 @@ std::string tradeoff_text(const std::vector<Result>& results) {
     }
     for (const Result& result : results) text += result.sentence + "\n";
     text += fmt::format(
-        "* on the front of error over p50. all: every scene but that with the damaged channel, in which a method may say "
-        "BAD "
-        "say\nBAD or UNCERTAIN. off5sd: GOOD, and off by more than 5 of its standard deviations.\nReading the clock took "
-        "{:.0f} ns, "
-        "which are subtracted; caches were warm.\n",
+        "* on the front of error over p50. all: geometric mean of the scenes but that with the damaged channel, where a "
+        "method\n"
+        "may say BAD or UNCERTAIN. off5sd: GOOD, and off by more than 5 of its standard deviations. Reading the clock took "
+        "{:.0f}\nns, which are subtracted; caches were warm.\n",
         clock_ns());
     if (const auto why = why_no_instructions(); !why.empty()) text += why + "\n";
     return text;
