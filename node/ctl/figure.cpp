@@ -153,10 +153,13 @@ private:
 
     void symbol(std::size_t i, double x, double y) {
         const std::string colour = colour_of(figure_, i);
-        const auto path = [&](const char* d) { put("<path fill=\"{}\" d=\"M{:.1f} {:.1f}{}\"/>\n", colour, x, y, d); };
+        const std::string filled = figure_.series[i].hollow
+                                       ? fmt::format("fill=\"#fff\" stroke=\"{}\" stroke-width=\"1.4\"", colour)
+                                       : fmt::format("fill=\"{}\"", colour);
+        const auto path = [&](const char* d) { put("<path {} d=\"M{:.1f} {:.1f}{}\"/>\n", filled, x, y, d); };
         switch (figure_.series[i].symbol) {
             case Symbol::none: return;
-            case Symbol::circle: return put("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"4\" fill=\"{}\"/>\n", x, y, colour);
+            case Symbol::circle: return put("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"4\" {}/>\n", x, y, filled);
             case Symbol::ring:
                 return put(
                     "<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"3.7\" fill=\"#fff\" stroke=\"{}\" stroke-width=\"1.6\"/>\n", x,

@@ -23,7 +23,8 @@ struct Figure {
         Symbol symbol = Symbol::circle;
         Stroke stroke = Stroke::none;  // joins the points in their order
         std::vector<Point> points;
-        std::string colour;  // as "#1f5fa8"; "" = by its place among the series
+        std::string colour;   // as "#1f5fa8"; "" = by its place among the series
+        bool hollow = false;  // its symbols are outlines
     };
     std::string title;
     Axis x, y;

@@ -1,37 +1,164 @@
 // tactilectl tradeoff: what accuracy costs in time, measured on the machine that it runs on.
 #include "node/ctl/tradeoff.hpp"
 
-#include <memory>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
 
+#include "config/text_file.hpp"
+#include "node/ctl/progress.hpp"
+#include "node/ctl/tradeoff_front.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
 namespace {
 
+constexpr std::size_t kSamples = 16'384;  // of each method in each scene: 16 beyond p99.9
+constexpr std::size_t kMostOfScene = 30'000;
+
 struct Wish {
-    std::string cost;
+    std::string calibration, scene, in, scenes, cost;
     TradeoffOutput output;
 };
 
-int tradeoff(const Wish& wish) { return tradeoff_costs(wish.cost, wish.output); }
+// One row over the trials of a whole sensor. Errors: the geometric mean, so that no trial drowns the others; p99: the worst
+// trial's; shares: all samples together.
+Judged over_all(const std::vector<Measure>& measures) {
+    Judged all;
+    const auto mean = [&](auto error) {
+        double sum = 0;
+        std::size_t n = 0;
+        for (const Measure& m : measures)
+            if (const double value = error(m.judged); std::isfinite(value)) sum += std::log(std::max(value, 1e-9)), ++n;
+        return n == 0 ? kNaN : std::exp(sum / double(n));
+    };
+    for (std::size_t c = 0; c < all.rms_percent.size(); ++c) {
+        all.rms_percent[c] = mean([c](const Judged& j) { return j.rms_percent[c]; });
+        for (const Measure& m : measures) all.p99_percent[c] = std::fmax(all.p99_percent[c], m.judged.p99_percent[c]);
+    }
+    all.force_rms_percent = mean([](const Judged& j) { return j.force_rms_percent; });
+    all.good_rms_percent = mean([](const Judged& j) { return j.good_rms_percent; });
+    for (const Measure& m : measures) {
+        all.samples += m.judged.samples;
+        all.good += m.judged.good;
+        all.uncertain += m.judged.uncertain;
+        all.bad += m.judged.bad;
+        all.lies += m.judged.lies;
+    }
+    return all;
+}
+
+double mean_instructions(const std::vector<Measure>& measures) {
+    double sum = 0;
+    for (const Measure& m : measures) sum += m.instructions;
+    return sum / double(measures.size());
+}
+
+Measure measure_of(const std::string& trial, const Judged& judged, std::vector<float>& ns, double instructions) {
+    return {trial, judged, quantile(ns, 0.5), quantile(ns, 0.99), quantile(ns, 0.999), instructions, false};
+}
+
+std::vector<Offer> offers_of(const Result& result, std::size_t column) {
+    std::vector<Offer> offers;
+    for (std::size_t i = 0; i < result.measures.size(); ++i) {
+        const Measure& m = result.measures[i][column];
+        offers.push_back({result.contest->candidates[i].name, m.p50_ns / 1e3, m.judged.force_rms_percent});
+    }
+    return offers;
+}
+
+Result compete(const Contest& contest, std::size_t samples, const std::function<void(double)>& show) {
+    Result result{&contest, std::vector<std::vector<Measure>>(contest.candidates.size()), ""};
+    std::vector<Timing> all(contest.candidates.size());
+    std::vector<std::vector<Measure>> whole(contest.candidates.size());
+    for (std::size_t t = 0; t < contest.trials.size(); ++t) {
+        const Trial& trial = contest.trials[t];
+        std::vector<Timing> timings = time_all(contest.candidates, trial.rows, samples);
+        for (std::size_t i = 0; i < timings.size(); ++i) {
+            const auto decoupler = contest.candidates[i].make();
+            const Judged judged = judge(*decoupler, contest.candidates[i], trial.rows);
+            result.measures[i].push_back(measure_of(trial.kind, judged, timings[i].ns, timings[i].instructions));
+            if (trial.kind == kDamaged) continue;
+            all[i].ns.insert(all[i].ns.end(), timings[i].ns.begin(), timings[i].ns.end());
+            whole[i].push_back(result.measures[i].back());
+        }
+        show(double(t + 1) / double(contest.trials.size()));
+    }
+    for (std::size_t i = 0; i < all.size(); ++i)
+        result.measures[i].push_back(measure_of("all", over_all(whole[i]), all[i].ns, mean_instructions(whole[i])));
+    for (std::size_t column = 0; column <= contest.trials.size(); ++column)
+        for (const std::size_t i : front(offers_of(result, column))) result.measures[i][column].on_front = true;
+    result.sentence = front_sentence(contest.model, offers_of(result, contest.trials.size()));
+    return result;
+}
+
+std::vector<Contest> contests_of(const Wish& wish, const std::function<void(double)>& show) {
+    const auto folder = [&] { return wish.scenes.empty() ? scenes_folder() : wish.scenes; };
+    if (wish.calibration.empty() && wish.scene.empty()) return all_contests(folder(), show);
+    Contest contest =
+        wish.calibration.empty() ? contest_of_scene(folder(), wish.scene) : contest_of_calibration(wish.calibration);
+    if (!wish.scene.empty())
+        contest.trials.push_back(
+            {std::filesystem::path(wish.scene).stem().string(), rows_of(sim::read_scene(wish.scene), kMostOfScene)});
+    if (!wish.in.empty())
+        contest.trials.push_back({std::filesystem::path(wish.in).stem().string(), read_labelled(wish.in, {})});
+    if (contest.candidates.empty())
+        throw std::runtime_error(contest.refused.empty() ? "no method to compare" : contest.refused.front());
+    std::vector<Contest> one;
+    one.push_back(std::move(contest));
+    return one;
+}
+
+int tradeoff(const Wish& wish) {
+    if (!wish.cost.empty()) return tradeoff_costs(wish.cost, wish.output);
+    if (!wish.calibration.empty() && wish.scene.empty() && wish.in.empty())
+        throw SetupError("--calibration: over what? Name a scene with --scene, or labelled readings with --in");
+    if (!wish.in.empty() && wish.calibration.empty())
+        throw SetupError("--in: which methods? Name a calibration with --calibration");
+    Progress progress("tradeoff");
+    // Calibrating takes most of the time.
+    const std::vector<Contest> contests = contests_of(wish, [&](double share) { progress.show(0.7 * share); });
+    std::vector<Result> results;
+    for (const Contest& contest : contests) {
+        const double begun = double(results.size());
+        results.push_back(compete(contest, wish.output.samples > 0 ? wish.output.samples : kSamples, [&](double share) {
+            progress.show(0.7 + 0.3 * (begun + share) / double(contests.size()));
+        }));
+    }
+    if (!wish.output.csv.empty()) replace_file(wish.output.csv, tradeoff_csv(results));
+    if (!wish.output.svg.empty()) replace_file(wish.output.svg, tradeoff_svg(results));
+    fmt::print("{}", wish.output.json ? tradeoff_json(results) : tradeoff_text(results));
+    return kGood;
+}
 
 }  // namespace
 
 void add_tradeoff(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("tradeoff", "Measures what accuracy costs in time, on this machine");
-    verb->add_option(
-        "--cost", wish->cost,
-        "instead of the methods: what one part costs against another way of doing it; list, all (each figure to "
-        "its place in --folder) or a name");
+    auto* verb = app.add_subcommand(
+        "tradeoff",
+        "Measures what accuracy costs in time, on this machine: every method of every model, calibrated on simulated "
+        "sensors with all effects, over easy, combined, eccentric, dynamic loads and with a damaged channel");
+    verb->add_option("--calibration", wish->calibration,
+                     "instead: all methods of this calibration file, over --scene or --in");
+    verb->add_option("--scene", wish->scene,
+                     "this scene instead of the named ones; without --calibration its sensor is calibrated in simulation");
+    verb->add_option("--in", wish->in, "labelled.csv: your own readings, with --calibration");
+    auto* cost =
+        verb->add_option("--cost", wish->cost,
+                         "instead of the methods: what one part costs against another way of doing it; list, all (each "
+                         "figure to its place in --folder) or a name");
+    for (const char* other : {"--calibration", "--scene", "--in"}) cost->excludes(verb->get_option(other));
+    verb->add_option("--scenes", wish->scenes, "the folder of the named scenes, if it is not beside the program");
+    verb->add_option("--csv", wish->output.csv, "write the table as CSV: a row a method and scene");
     verb->add_option("--folder", wish->output.folder, "with --cost: the project's folder, for config/")
         ->capture_default_str();
     verb->add_option(
         "--influence", wish->output.influence,
         "with --cost map, solver, batch: a calibration with the plate's influence map, if not the one in config/");
-    verb->add_option("--csv", wish->output.csv, "write the table as CSV");
     verb->add_option("--svg", wish->output.svg, "write the figure as SVG");
-    verb->add_option("--samples", wish->output.samples, "to time, of each thing that is compared");
+    verb->add_option("--samples", wish->output.samples, "to time, of each thing that is compared")
+        ->check(CLI::Range(std::size_t(1), std::size_t(100'000'000)));
     verb->add_flag("--json", wish->output.json, "print the table as JSON");
     verb->callback([wish, &run] { run = [wish] { return tradeoff(*wish); }; });
 }

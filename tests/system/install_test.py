@@ -128,6 +128,11 @@ class Installed(unittest.TestCase):
     def test_the_manual_page_is_there(self):
         self.assertIn("MAGIC0", (self.prefix / "share/man/man7/tactiled-registers.7").read_text())
 
+    def test_tradeoff_finds_its_scenes(self):
+        done = subprocess.run([self.prefix / "bin/tactilectl", "tradeoff", "--scene", self.prefix / "share/tactiled/scenes/tradeoff_hair_easy.toml",
+                               "--samples", "10"], capture_output=True, text=True, timeout=60, check=True)
+        self.assertIn("hair: ", done.stdout)
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)

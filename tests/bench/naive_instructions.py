@@ -1,0 +1,30 @@
+#!/usr/bin/env python3
+"""Instructions a sample of our methods and of the naive ones of tests/bench/naive, counted by cachegrind: two runs of different length,
+the difference divided.
+
+    naive_instructions.py [path of against_naive]
+"""
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+BENCH = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build/release/bin/against_naive").resolve()
+SHORT, LONG = 256, 512
+
+
+def instructions(folder, name, whose, samples):
+    out = subprocess.run(["valgrind", "--tool=cachegrind", "--cachegrind-out-file=/dev/null", "--cache-sim=no", BENCH, "--count", folder, name,
+                          whose, str(samples)], capture_output=True, text=True, check=True).stderr
+    return int(re.search(r"I\s+refs:\s+([\d,]+)", out).group(1).replace(",", ""))
+
+
+with tempfile.TemporaryDirectory() as folder:
+    subprocess.run([BENCH, "--save", folder], check=True)
+    print("| method | ours | naive | times |\n|---|---|---|---|")
+    for path in sorted(pathlib.Path(folder).glob("*.toml")):
+        name = path.stem.replace("-", "/")
+        ours, naive = ((instructions(folder, name, who, LONG) - instructions(folder, name, who, SHORT)) / (LONG - SHORT)
+                       for who in ("ours", "naive"))
+        print(f"| {name} | {ours:.0f} | {naive:.0f} | {naive / ours:.1f} |", flush=True)
