@@ -64,7 +64,8 @@ int status(const Wish& wish) {
         fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
         return kNotReachable;
     }
-    fmt::print("{}{}", wish.json ? status_json(segment, snapshot).dump() : as_text(segment, snapshot), wish.json ? "\n" : "");
+    fmt::print("{}{}", wish.json ? status_json(segment, snapshot).dump() : as_text(segment, snapshot),
+               wish.json ? "\n" : "");
     return is_healthy(segment, snapshot) ? kGood : kUnhealthy;
 }
 
@@ -126,7 +127,8 @@ bool is_healthy(const Segment& segment, const Snapshot& snapshot) {
 
 void add_status(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
+    auto* verb =
+        app.add_subcommand("status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
     add_node_option(verb, wish->node);
     verb->add_flag("--json", wish->json, "one JSON object");
     verb->callback([wish, &run] { run = [wish] { return status(*wish); }; });
