@@ -90,15 +90,15 @@ struct JawSettings {
 
 struct GraspSettings {
     std::vector<JawSettings> jaws;
-    int jaws_of_gripper;                    // with and without a sensor
-    std::array<double, 3> gravity_G_m_s2;   // all 0: not known
-    double friction;                        // 0: not known
-    double share_sd;                        // of a jaw's share from grasp to grasp, once a known weight was shown
-    double margin;                          // recommended grip / least grip
+    int jaws_of_gripper;                   // with and without a sensor
+    std::array<double, 3> gravity_G_m_s2;  // all 0: not known
+    double friction;                       // 0: not known
+    double share_sd;                       // of a jaw's share from grasp to grasp, once a known weight was shown
+    double margin;                         // recommended grip / least grip
     double weigh_window_ms;
-    double slip_sensitivity;                // 0 .. 1
+    double slip_sensitivity;  // 0 .. 1
     double lift_acceleration_m_s2, lift_accelerates_ms;
-    std::string objects;                    // path of the file of taught objects
+    std::string objects;  // path of the file of taught objects
 };
 
 struct Config {

@@ -12,8 +12,8 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostJaws = 8;                 // grasp::kMostJaws
-constexpr double kSkewDeg = 1;                       // of two axes that a person wrote down as perpendicular
+constexpr std::size_t kMostJaws = 8;                     // grasp::kMostJaws
+constexpr double kSkewDeg = 1;                           // of two axes that a person wrote down as perpendicular
 constexpr double kLeastG_m_s2 = 9.7, kMostG_m_s2 = 9.9;  // 9.76 on Huascaran, 9.83 at the poles
 constexpr double kDeg = 57.29577951308232;
 
@@ -51,11 +51,13 @@ JawSettings read_jaw(Options table) {
     const double share = table.number("share", {0, 1}, 0);
     const double skew_deg = std::abs(std::asin(std::clamp(dot(x, z), -1.0, 1.0))) * kDeg;
     if (table.has("x_S_in_G") && table.has("z_S_in_G") && skew_deg > kSkewDeg)
-        table.problem("z_S_in_G", fmt::format("x_S_in_G and z_S_in_G are axes of one frame and should be perpendicular; they "
-                                              "are {:.1f} degrees from it",
-                                              skew_deg));
+        table.problem("z_S_in_G",
+                      fmt::format("x_S_in_G and z_S_in_G are axes of one frame and should be perpendicular; they "
+                                  "are {:.1f} degrees from it",
+                                  skew_deg));
     const Vector y = skew_deg < 89 ? unit(cross(z, x)) : Vector{0, 1, 0};
-    return {sensor, {cross(y, z), y, z}, share, table};  // z as it was written; x moves where they were not quite perpendicular
+    return {
+        sensor, {cross(y, z), y, z}, share, table};  // z as it was written; x moves where they were not quite perpendicular
 }
 
 void check_jaws(Options& grasp, std::vector<JawSettings>& jaws, const std::vector<SensorSettings>& sensors) {
@@ -75,13 +77,14 @@ void check_jaws(Options& grasp, std::vector<JawSettings>& jaws, const std::vecto
     }
     const bool mixed = std::any_of(jaws.begin(), jaws.end(), [](const auto& j) { return j.share == 0; }) && shares > 0;
     if (mixed) grasp.problem("jaw", "give each [[grasp.jaw]] its share, or none: then all jaws of the gripper carry alike");
-    if (shares > 1.001) grasp.problem("jaw", fmt::format("the shares of the jaws are {:g} of the weight together; 1 at most", shares));
+    if (shares > 1.001)
+        grasp.problem("jaw", fmt::format("the shares of the jaws are {:g} of the weight together; 1 at most", shares));
 }
 
 }  // namespace
 
-std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name, const std::vector<SensorSettings>& sensors,
-                                        const std::string& folder) {
+std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
+                                        const std::vector<SensorSettings>& sensors, const std::string& folder) {
     if (!root.has("grasp")) return std::nullopt;
     Options table = root.table("grasp");
     GraspSettings g{};

@@ -86,7 +86,12 @@ void answer_with(int client, int descriptor) {
 
 ControlSocket::ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
                              const SegmentWriter& segment, const std::string& objects_path, Ring<Command>& commands)
-    : path_(path), node_name_(node_name), objects_path_(objects_path), writer_(segment), commands_(commands), events_(node_name, segment.wake_page()) {
+    : path_(path),
+      node_name_(node_name),
+      objects_path_(objects_path),
+      writer_(segment),
+      commands_(commands),
+      events_(node_name, segment.wake_page()) {
     std::error_code ignored;
     std::filesystem::create_directories(std::filesystem::path(path).parent_path(), ignored);
     std::string unused;

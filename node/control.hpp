@@ -4,7 +4,8 @@
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
 //               NODE weigh start | NODE weigh stop | NODE weigh zero | NODE weigh KILOGRAMS: what hangs now weighs this
 //               NODE load-objects     the file of taught objects is read again, all of it or, with an error, nothing
-//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of load-objects perhaps with a reason
+//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of load-objects perhaps with a
+//     reason
 //                                     after them; a tare answers when it is done
 //     request   NODE objects-file
 //     answer    its path, "-" = no [grasp]
@@ -39,7 +40,7 @@ private:
 
     std::string path_;
     std::string node_name_;
-    std::string objects_path_;  // "" = there is no [grasp]
+    std::string objects_path_;            // "" = there is no [grasp]
     std::vector<grasp::Object> objects_;  // lent to the pipeline until it acknowledges objects_number_
     std::uint32_t objects_number_ = 0;
     const SegmentWriter& writer_;

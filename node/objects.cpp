@@ -40,8 +40,10 @@ std::vector<TaughtObject> load_objects(const std::string& path, Problems& proble
     for (auto& table : file.tables("object", grasp::Grasp::kMostObjects)) {
         TaughtObject object = read_object(table);
         for (const auto& other : objects) {
-            if (other.id == object.id) table.problem("id", fmt::format("id = {} is that of \"{}\" already", object.id, other.name));
-            if (other.name == object.name) table.problem("name", fmt::format("name = {} is there twice", in_quotes(object.name)));
+            if (other.id == object.id)
+                table.problem("id", fmt::format("id = {} is that of \"{}\" already", object.id, other.name));
+            if (other.name == object.name)
+                table.problem("name", fmt::format("name = {} is there twice", in_quotes(object.name)));
         }
         objects.push_back(std::move(object));
     }
@@ -51,12 +53,13 @@ std::vector<TaughtObject> load_objects(const std::string& path, Problems& proble
 
 void store_objects(const std::string& path, std::span<const TaughtObject> objects) {
     std::string text = fmt::format(
-        "# Objects that the gripper was taught. Written by tactilectl teach and by the register TEACH; whoever edits it by hand "
+        "# Objects that the gripper was taught. Written by tactilectl teach and by the register TEACH; whoever edits it by "
+        "hand "
         "has\n# the daemon read it with: tactilectl teach --reload\nformat = {}\n",
         kFormat);
     for (const auto& object : objects)
-        text += fmt::format("\n[[object]]\nid = {}\nname = \"{}\"\nmass_kg = {:.9g}\nsd_kg = {:.9g}\ngrasps = {}\n", object.id,
-                            object.name, object.mass_kg, object.sd_kg, object.grasps);
+        text += fmt::format("\n[[object]]\nid = {}\nname = \"{}\"\nmass_kg = {:.9g}\nsd_kg = {:.9g}\ngrasps = {}\n",
+                            object.id, object.name, object.mass_kg, object.sd_kg, object.grasps);
     replace_file(path, text);
 }
 

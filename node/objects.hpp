@@ -31,8 +31,8 @@ TaughtObject summary_of(std::span<const Weighing> weighings);
 // `object` with one more grasp of it.
 TaughtObject with_one_more(const TaughtObject& object, const Weighing& weighing);
 
-// Two objects are told apart where 3 sd of the one and 3 sd of the other do not meet: of normal weights, 1 in 700 lies nearer
-// to the other one.
+// Two objects are told apart where 3 sd of the one and 3 sd of the other do not meet: of normal weights, 1 in 700 lies
+// nearer to the other one.
 inline constexpr double kApart_sd = 3;
 struct Confusion {
     const TaughtObject* other = nullptr;

@@ -55,7 +55,8 @@ bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     return status != Status::gone;
 }
 
-// ---- ring -> decouple -> grasp -> publish -------------------------------------------------------------------------------------
+// ---- ring -> decouple -> grasp -> publish
+// -------------------------------------------------------------------------------------
 
 Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
                    std::uint32_t status, const std::optional<Grasping::Setup>& grasp)

@@ -50,8 +50,8 @@ std::string grasp_lines(const Segment& segment, const tactiled_grasp& g) {
         fmt::format("  slips {}", g.slips)};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         if (g.slip_state[i] != TACTILED_SLIP_UNKNOWN)
-            lines[2] += fmt::format("  {} {} {}{}", segment.sensor(i).name, g.slip_count[i], slip_state_text(g.slip_state[i]),
-                                    (g.slip_latch >> i & 1u) != 0 ? " (latched)" : "");
+            lines[2] += fmt::format("  {} {} {}{}", segment.sensor(i).name, g.slip_count[i],
+                                    slip_state_text(g.slip_state[i]), (g.slip_latch >> i & 1u) != 0 ? " (latched)" : "");
     return fmt::format("{:.{}}\n{:.{}}\n{:.{}}\n", lines[0], kColumns, lines[1], kColumns, lines[2], kColumns);
 }
 

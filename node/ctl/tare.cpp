@@ -50,7 +50,8 @@ int tare(const Wish& wish) {
     if (answer.exit_status == kNotReachable)
         fmt::print(stderr, "tactilectl: {}\n", answer.text);
     else
-        fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, wish.sensor, result_text(answer.result));
+        fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, wish.sensor,
+                   result_text(answer.result));
     return answer.exit_status;
 }
 

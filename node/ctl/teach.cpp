@@ -39,8 +39,8 @@ std::vector<Weighing> weigh_grasps(Segment& segment, const Wish& wish) {
     std::uint64_t heard_ns = monotonic_ns();
     while (interrupted == 0 && weighings.size() < wish.count) {
         if (double(monotonic_ns() - heard_ns) > wish.timeout_s * 1e9) {
-            fail(kUnhealthy, fmt::format("no grasp with a stable weight for {} s: {} of {} seen, nothing stored", wish.timeout_s,
-                                         weighings.size(), wish.count));
+            fail(kUnhealthy, fmt::format("no grasp with a stable weight for {} s: {} of {} seen, nothing stored",
+                                         wish.timeout_s, weighings.size(), wish.count));
             break;
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -61,8 +61,8 @@ std::vector<Weighing> weigh_grasps(Segment& segment, const Wish& wish) {
         heard_ns = monotonic_ns();
         weighings.push_back({g.weight_kg, g.weight_sd_kg});
         if (!wish.json) {
-            fmt::print("grasp {} of {}: {:.4f} kg +- {:.4f} kg{}\n", weighings.size(), wish.count, g.weight_kg, g.weight_sd_kg,
-                       (node.status & TACTILED_SIMULATED) != 0 ? "  (simulated)" : "");
+            fmt::print("grasp {} of {}: {:.4f} kg +- {:.4f} kg{}\n", weighings.size(), wish.count, g.weight_kg,
+                       g.weight_sd_kg, (node.status & TACTILED_SIMULATED) != 0 ? "  (simulated)" : "");
             std::fflush(stdout);
         }
     }
@@ -73,8 +73,8 @@ int store_and_load(const Segment& segment, const std::string& path, const std::v
     store_objects(path, taught);
     const Answer answer = ask(segment, "load-objects", 5);
     if (answer.exit_status != kGood)
-        fail(answer.exit_status,
-             fmt::format("{} is stored, but the daemon has not read it: {}", path, answer.text.empty() ? "refused" : answer.text));
+        fail(answer.exit_status, fmt::format("{} is stored, but the daemon has not read it: {}", path,
+                                             answer.text.empty() ? "refused" : answer.text));
     return answer.exit_status;
 }
 
@@ -86,14 +86,16 @@ int list(const std::vector<TaughtObject>& taught, bool json) {
         return kGood;
     }
     fmt::print("{:>5} {:<31} {:>10} {:>10} {:>7}\n", "id", "name", "mass/kg", "sd/kg", "grasps");
-    for (const auto& o : taught) fmt::print("{:>5} {:<31} {:>10.4f} {:>10.4f} {:>7}\n", o.id, o.name, o.mass_kg, o.sd_kg, o.grasps);
+    for (const auto& o : taught)
+        fmt::print("{:>5} {:<31} {:>10.4f} {:>10.4f} {:>7}\n", o.id, o.name, o.mass_kg, o.sd_kg, o.grasps);
     return kGood;
 }
 
 int teach(Segment& segment, const std::string& path, const std::vector<TaughtObject>& before, const Wish& wish) {
     const TaughtObject* const known = find_object(before, wish.name);
     if (known == nullptr && before.size() >= grasp::Grasp::kMostObjects)
-        return fail(kUnhealthy, fmt::format("{} objects are taught, no more fit: tactilectl teach --forget NAME", before.size()));
+        return fail(kUnhealthy,
+                    fmt::format("{} objects are taught, no more fit: tactilectl teach --forget NAME", before.size()));
     fmt::print(stderr, "Grasp and lift \"{}\" {} times, and release it in between.{}\n", wish.name, wish.count,
                known != nullptr ? " What was taught of it before is replaced." : "");
     const auto weighings = weigh_grasps(segment, wish);
@@ -102,10 +104,11 @@ int teach(Segment& segment, const std::string& path, const std::vector<TaughtObj
     object.name = wish.name;
     object.id = known != nullptr ? known->id : free_id(before);
     if (const auto confusion = confused_with(object, before))
-        return fail(kUnhealthy, fmt::format("\"{}\" ({:.4f} kg, sd {:.4f} kg) cannot be told from \"{}\" ({:.4f} kg, sd {:.4f} kg): "
-                                            "they are {:.1f} sd of each apart, {:g} are needed. Nothing stored",
-                                            object.name, object.mass_kg, object.sd_kg, confusion->other->name,
-                                            confusion->other->mass_kg, confusion->other->sd_kg, confusion->apart_sd, kApart_sd));
+        return fail(kUnhealthy,
+                    fmt::format("\"{}\" ({:.4f} kg, sd {:.4f} kg) cannot be told from \"{}\" ({:.4f} kg, sd {:.4f} kg): "
+                                "they are {:.1f} sd of each apart, {:g} are needed. Nothing stored",
+                                object.name, object.mass_kg, object.sd_kg, confusion->other->name, confusion->other->mass_kg,
+                                confusion->other->sd_kg, confusion->apart_sd, kApart_sd));
     std::vector<TaughtObject> taught;
     for (const auto& other : before)
         if (other.id != object.id) taught.push_back(other);
@@ -114,8 +117,8 @@ int teach(Segment& segment, const std::string& path, const std::vector<TaughtObj
     if (wish.json)
         fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"object", as_json(object)}, {"file", path}}.dump());
     else
-        fmt::print("{}: {:.4f} kg, sd {:.4f} kg from grasp to grasp, id {}, in {}\n", object.name, object.mass_kg, object.sd_kg,
-                   object.id, path);
+        fmt::print("{}: {:.4f} kg, sd {:.4f} kg from grasp to grasp, id {}, in {}\n", object.name, object.mass_kg,
+                   object.sd_kg, object.id, path);
     return exit_status;
 }
 
@@ -137,7 +140,8 @@ int run_teach(const Wish& wish) {
     if (wish.list) return list(taught, wish.json);
     if (wish.forget.empty()) return teach(segment, path, taught, wish);
     const TaughtObject* const gone = find_object(taught, wish.forget);
-    if (gone == nullptr) return fail(kUsage, fmt::format("no object \"{}\" is taught (tactilectl teach --list)", wish.forget));
+    if (gone == nullptr)
+        return fail(kUsage, fmt::format("no object \"{}\" is taught (tactilectl teach --list)", wish.forget));
     std::vector<TaughtObject> left;
     for (const auto& object : taught)
         if (&object != gone) left.push_back(object);
@@ -148,7 +152,8 @@ int run_teach(const Wish& wish) {
 
 void add_teach(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it");
+    auto* verb =
+        app.add_subcommand("teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it");
     auto* what = verb->add_option_group("what");
     what->add_option("name", wish->name, "the object's name")->check([](const std::string& name) {
         return valid_name(name) ? std::string() : std::string(kValidName);

@@ -25,20 +25,20 @@ std::string number(double value, int width, int digits) {
 // At most 2 + 16 + 1 + 3 lines of 80 columns.
 std::string table(const Segment& segment, const Snapshot& snapshot) {
     const auto& node = snapshot.node;
-    std::string out = fmt::format(
-        "{:.80}\n", fmt::format("{}  pid {}  beat {}  worst {} us  missed {}{}{}{}", segment.header().name, segment.header().pid,
-                                node.heartbeat, node.worst_cycle_us, node.missed_cycles,
-                                (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
-                                (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "",
-                                node.fault != 0 ? fmt::format("  fault 0x{:x}", node.fault) : ""));
-    out += fmt::format("{:<10} {:>8} {:>8} {:>8} {:>6} {:>6} {:>5} {:>5}  {}\n", "sensor", "fx/N", "fy/N", "fz/N", "sd fz", "Hz",
-                       "ms", "lost", "quality");
+    std::string out =
+        fmt::format("{:.80}\n", fmt::format("{}  pid {}  beat {}  worst {} us  missed {}{}{}{}", segment.header().name,
+                                            segment.header().pid, node.heartbeat, node.worst_cycle_us, node.missed_cycles,
+                                            (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
+                                            (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "",
+                                            node.fault != 0 ? fmt::format("  fault 0x{:x}", node.fault) : ""));
+    out += fmt::format("{:<10} {:>8} {:>8} {:>8} {:>6} {:>6} {:>5} {:>5}  {}\n", "sensor", "fx/N", "fy/N", "fz/N", "sd fz",
+                       "Hz", "ms", "lost", "quality");
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         const auto& s = snapshot.sensor[i];
-        out += fmt::format("{:<10.10} {} {} {} {} {} {} {:>5}  {:.14}\n", segment.sensor(i).name, number(s.force_S_N[0], 8, 3),
-                           number(s.force_S_N[1], 8, 3), number(s.force_S_N[2], 8, 3), number(s.sd_force_N[2], 6, 3),
-                           number(double(s.rate_Hz), 6, 0), number(age_ms(s, snapshot.taken_ns), 5, 0), s.lost,
-                           quality_text(s.quality, s.reasons));
+        out += fmt::format("{:<10.10} {} {} {} {} {} {} {:>5}  {:.14}\n", segment.sensor(i).name,
+                           number(s.force_S_N[0], 8, 3), number(s.force_S_N[1], 8, 3), number(s.force_S_N[2], 8, 3),
+                           number(s.sd_force_N[2], 6, 3), number(double(s.rate_Hz), 6, 0),
+                           number(age_ms(s, snapshot.taken_ns), 5, 0), s.lost, quality_text(s.quality, s.reasons));
     }
     const auto sum = [&](tactiled_link_count kind) {
         std::uint64_t total = 0;
@@ -48,11 +48,11 @@ std::string table(const Segment& segment, const Snapshot& snapshot) {
     };
     unsigned open = 0;
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) open += segment.link(i).state == TACTILED_LINK_OPEN ? 1 : 0;
-    out += fmt::format("{:.80}\n",
-                       fmt::format("links {} of {} open  frames {}  lost {}  bad {}  skipped {} B  ring full {}", open,
-                                   segment.n_links(), sum(TACTILED_LINK_FRAMES), sum(TACTILED_LINK_LOST),
-                                   sum(TACTILED_LINK_BAD_CHECKSUM) + sum(TACTILED_LINK_BAD_LENGTH) + sum(TACTILED_LINK_BAD_VALUE),
-                                   sum(TACTILED_LINK_SKIPPED), sum(TACTILED_LINK_RING_FULL)));
+    out += fmt::format("{:.80}\n", fmt::format("links {} of {} open  frames {}  lost {}  bad {}  skipped {} B  ring full {}",
+                                               open, segment.n_links(), sum(TACTILED_LINK_FRAMES), sum(TACTILED_LINK_LOST),
+                                               sum(TACTILED_LINK_BAD_CHECKSUM) + sum(TACTILED_LINK_BAD_LENGTH) +
+                                                   sum(TACTILED_LINK_BAD_VALUE),
+                                               sum(TACTILED_LINK_SKIPPED), sum(TACTILED_LINK_RING_FULL)));
     return out + grasp_lines(segment, node.grasp);
 }
 

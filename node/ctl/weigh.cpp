@@ -18,7 +18,8 @@ const char* result_text(int result) {
     switch (result) {
         case TACTILED_COMMAND_OK: return "done";
         case TACTILED_COMMAND_NOT_NOW:
-            return "refused: there is no [grasp] in the configuration, or the grasp does not allow it now (tactilectl status)";
+            return "refused: there is no [grasp] in the configuration, or the grasp does not allow it now (tactilectl "
+                   "status)";
         case TACTILED_COMMAND_TIMED_OUT: return "timed out";
         default: return "refused";
     }

@@ -93,12 +93,14 @@ Exception Controls::check(const Request& request, const View& view, const Sessio
     Exception first = kNone;  // of the run; a wrong address comes before a wrong value
     for (unsigned i = 0; i < request.write.count; ++i) {
         const auto at = std::uint16_t(request.write.at + i);
-        const Exception found = !coils               ? check_register(at, wished(request, i), view, session, now_ns)
-                                                     : check_coil(request, i, view);
+        const Exception found =
+            !coils ? check_register(at, wished(request, i), view, session, now_ns) : check_coil(request, i, view);
         if (found == kIllegalAddress) return found;
         if (first == kNone) first = found;
     }
-    if (first == kNone && (takes_more_than_one_command(request) || contact_is_upside_down(request) || gravity_is_none(request))) return kIllegalValue;
+    if (first == kNone &&
+        (takes_more_than_one_command(request) || contact_is_upside_down(request) || gravity_is_none(request)))
+        return kIllegalValue;
     return first;
 }
 

@@ -47,8 +47,8 @@ public:
     void add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) const noexcept;
 
 private:
-    static constexpr unsigned kSettings = 6;                           // 5030 .. 5035
-    static constexpr std::uint64_t kAnswerNs = 15'000'000'000;         // longer than the longest tare
+    static constexpr unsigned kSettings = 6;                    // 5030 .. 5035
+    static constexpr std::uint64_t kAnswerNs = 15'000'000'000;  // longer than the longest tare
     enum Saving : std::uint8_t { idle, storing, failed };
 
     [[nodiscard]] bool is_busy(const View& view) const noexcept;
@@ -97,8 +97,8 @@ private:
     tactiled_command_result result_ = TACTILED_COMMAND_OK;
 
     Teaching teaching_;
-    bool teaching_for_block_ = false;    // CMD_STATE tells of it
-    std::uint32_t objects_number_ = 0;   // of the command that hands over what was taught; 0 = not sent yet
+    bool teaching_for_block_ = false;   // CMD_STATE tells of it
+    std::uint32_t objects_number_ = 0;  // of the command that hands over what was taught; 0 = not sent yet
 
     std::atomic<Saving> saving_{idle};
     bool settings_unsent_ = false;

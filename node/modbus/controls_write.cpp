@@ -119,7 +119,8 @@ void Controls::run_command(const View& view, std::uint64_t now_ns) noexcept {
     const auto run = [&](Command::Kind kind, std::uint32_t sensors) { follow_number(send(kind, sensors, now_ns)); };
     const std::uint32_t parameter = std::uint32_t(block_[2]) << 16 | block_[3];
     const bool needs_stable = block_[0] == kKnownWeight || block_[0] == kTeach;
-    const bool weighs = block_[0] == kStartWeighing || block_[0] == kStopWeighing || block_[0] == kZeroWeight || needs_stable;
+    const bool weighs =
+        block_[0] == kStartWeighing || block_[0] == kStopWeighing || block_[0] == kZeroWeight || needs_stable;
     if (weighs && (!weighs_ || (needs_stable && !is_stable(view.snapshot.node.grasp))))
         return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
     if (needs_stable && (parameter == 0 || (block_[0] == kTeach && parameter > 65534)))

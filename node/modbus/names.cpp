@@ -49,9 +49,9 @@ constexpr Name kCommands[] = {{1, "tare"},          {2, "untare"},      {3, "cle
 constexpr Name kGripperStates[] = {{0, "open"},    {1, "closing"}, {2, "closed"},
                                    {3, "lifting"}, {4, "moving"},  {5, "opening"}};
 constexpr Name kSaveStates[] = {{0, "idle"}, {1, "storing"}, {2, "failed"}};
-constexpr Name kGripStates[] = {{TACTILED_GRIP_OPEN, "open"},         {TACTILED_GRIP_CONTACT, "contact"},
-                                {TACTILED_GRIP_GRASPED, "grasped"},   {TACTILED_GRIP_LIFTING, "lifting"},
-                                {TACTILED_GRIP_HOLDING, "holding"},   {TACTILED_GRIP_SLIPPING, "slipping"},
+constexpr Name kGripStates[] = {{TACTILED_GRIP_OPEN, "open"},       {TACTILED_GRIP_CONTACT, "contact"},
+                                {TACTILED_GRIP_GRASPED, "grasped"}, {TACTILED_GRIP_LIFTING, "lifting"},
+                                {TACTILED_GRIP_HOLDING, "holding"}, {TACTILED_GRIP_SLIPPING, "slipping"},
                                 {TACTILED_GRIP_LOST, "lost"}};
 constexpr Name kSlipStates[] = {{0, "none"}, {1, "incipient"}, {2, "gross"}};
 constexpr Name kWeightStates[] = {{0, "none"}, {1, "estimating"}, {2, "stable"}, {3, "overload"}, {4, "not observable"}};

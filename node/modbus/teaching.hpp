@@ -1,5 +1,5 @@
-// The register TEACH: the weight that hangs now becomes one more grasp of an object. The file is read and written by a thread
-// of its own, as slow as a disk; the result is handed to the pipeline by who asked.
+// The register TEACH: the weight that hangs now becomes one more grasp of an object. The file is read and written by a
+// thread of its own, as slow as a disk; the result is handed to the pipeline by who asked.
 #pragma once
 #include <atomic>
 #include <cstdint>

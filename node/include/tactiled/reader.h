@@ -146,7 +146,8 @@ static inline int tactiled_latest_node(const struct tactiled_segment* segment, s
     for (i = 0; i < h->n_sensors; ++i)
         if (tactiled_sensor_of(segment, i)->stale_ms < limit_ms) limit_ms = tactiled_sensor_of(segment, i)->stale_ms;
     if (limit_ms < kLeastMs) limit_ms = kLeastMs;
-    if (h->node.record_size < sizeof *node || !tactiled_is_current(segment) || !tactiled_is_fresh(node->t_ns, now_ns, limit_ms))
+    if (h->node.record_size < sizeof *node || !tactiled_is_current(segment) ||
+        !tactiled_is_fresh(node->t_ns, now_ns, limit_ms))
         tactiled_forget_grasp(&node->grasp);
     return 1;
 }

@@ -81,7 +81,7 @@ TEST(GraspConfig, AJawIsTurnedAsItsAxesSay) {
     };
     EXPECT_EQ(in_S(0, 0, -9.81), (std::array<double, 3>{-9.81, 0, 0}));  // gravity, while the palm looks up
     EXPECT_EQ(in_S(1, 0, 0), (std::array<double, 3>{0, 0, -1}));         // out of the palm's x is into the skin
-    EXPECT_EQ(in_S(0, 1, 0), (std::array<double, 3>{0, 1, 0}));         // right-handed: y is z x x
+    EXPECT_EQ(in_S(0, 1, 0), (std::array<double, 3>{0, 1, 0}));          // right-handed: y is z x x
     EXPECT_EQ(loaded.config.grasp->objects, loaded.folder / "o.toml");
 }
 
@@ -90,20 +90,20 @@ TEST(GraspConfig, SaysWhereItIsWrongAndWhatIsRight) {
     EXPECT_SAYS(Loaded("[grasp]\n" + jaw("lef")).lines(), "t.toml:3:", "did you mean \"left\"?");
     EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left") + jaw("left")).lines(), "t.toml:7:", "has a [[grasp.jaw]] already");
     EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", "")).lines(), "t.toml:2:", "x_S_in_G is missing");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", "x_S_in_G = [0, 0, 0]\nz_S_in_G = [0, 1, 0]\n")).lines(), "t.toml:4:",
-                "no direction");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", "x_S_in_G = [0, 1, 0]\nz_S_in_G = [0, 1, 1]\n")).lines(), "t.toml:5:",
-                "45.0 degrees");
+    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", "x_S_in_G = [0, 0, 0]\nz_S_in_G = [0, 1, 0]\n")).lines(),
+                "t.toml:4:", "no direction");
+    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", "x_S_in_G = [0, 1, 0]\nz_S_in_G = [0, 1, 1]\n")).lines(),
+                "t.toml:5:", "45.0 degrees");
     EXPECT_SAYS(Loaded("[grasp]\ngravity_G_m_s2 = [0, 0, -1]\n" + jaw("left")).lines(), "t.toml:2:", "9.81 m/s^2");
-    EXPECT_SAYS(Loaded("[grasp]\njaws_of_gripper = 1\n" + jaw("left") + jaw("right")).lines(), "t.toml:2:",
-                "2 have a sensor");
+    EXPECT_SAYS(Loaded("[grasp]\njaws_of_gripper = 1\n" + jaw("left") + jaw("right")).lines(),
+                "t.toml:2:", "2 have a sensor");
     EXPECT_SAYS(Loaded("[grasp]\nmargin = 0.5\n" + jaw("left")).lines(), "t.toml:2:", "1 .. 10");
     EXPECT_SAYS(Loaded("[grasp]\nfricton = 0.5\n" + jaw("left")).lines(), "t.toml:2:", "friction");
     const std::string axes = "x_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n";
     EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", axes + "share = 0.6\n") + jaw("right", axes + "share = 0.6\n")).lines(),
                 "t.toml:2:", "1 at most");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", axes + "share = 0.6\n") + jaw("right")).lines(), "t.toml:2:",
-                "its share, or none");
+    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", axes + "share = 0.6\n") + jaw("right")).lines(),
+                "t.toml:2:", "its share, or none");
 }
 
 TEST(GraspConfig, AxesThatAreNotQuitePerpendicularBecomeAFrame) {

