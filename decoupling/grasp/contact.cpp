@@ -15,7 +15,7 @@ constexpr std::uint64_t kBucket_ns = 20'000'000;
 constexpr std::uint64_t kSettles_ns = 60'000'000;  // after a contact: filters, and the fast part of what a skin gives back
 constexpr double kZeroTime_s = 0.3;                // of the mean that is the zero
 constexpr std::uint64_t kLeaves_ns = 25'000'000;   // jaws that open take longer: 0.1 N at 1 N/s
-constexpr double kPressTime_s = 0.1;               // over which the press of before is remembered
+constexpr double kPressTime_s = 1;                 // over which the press of before is remembered
 
 }  // namespace
 
