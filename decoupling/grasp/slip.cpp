@@ -22,7 +22,7 @@ constexpr double kNoises = 4;
 void Slip::sensitivity(double zero_to_one) noexcept {
     if (!(zero_to_one >= 0 && zero_to_one <= 1)) return;
     near_ = 0.95 - 0.3 * zero_to_one;
-    least_fall_ = 0.12 * std::pow(0.25, zero_to_one);
+    least_fall_ = 0.08 * std::pow(0.25, zero_to_one);
 }
 
 void Slip::forget() noexcept {

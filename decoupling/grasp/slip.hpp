@@ -40,7 +40,7 @@ private:
     std::size_t newest_ = 0, n_ = 0;
 
     Friction friction_;
-    double near_ = 0.8, least_fall_ = 0.06;  // of sensitivity 0.5
+    double near_ = 0.8, least_fall_ = 0.04;  // of sensitivity 0.5
     double usual_ = 0;                       // falls that transport makes
     double use_ = 0;
     std::uint64_t touched_ns_ = 0, slid_ns_ = 0;
