@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <numbers>
 
 namespace tactiled::ctl {
 namespace {
@@ -9,7 +11,7 @@ namespace {
 constexpr double kGap = 3;      // between symbol and label
 constexpr double kStep = 6;     // of the rings that are searched
 constexpr int kDirections = 8;  // in the first ring; more further out
-constexpr double kTurn = 2 * 3.14159265358979323846;
+constexpr double kTurn = 2 * std::numbers::pi;
 
 // The box of a label whose nearest point to the symbol lies in this direction, `distance` off it.
 Box beside(const LabelWish& wish, double cos, double sin, double distance) {
@@ -34,6 +36,17 @@ std::vector<Box> boxes_of(const Leader& line) {
     }
     return boxes;
 }
+
+// Symbols on the spot where it begins hide nothing more of it.
+bool is_clear(const Leader& leader, const Box& symbol, const std::vector<Box>& of) {
+    const auto line = boxes_of(leader);
+    return std::none_of(of.begin(), of.end(),
+                        [&](const Box& other) { return !other.overlaps(symbol) && !is_free(other, line); });
+}
+
+// Where there is no place that is all right, one that is less so: off the lines of the figure and with a clear leader; over
+// a line; with a leader over others.
+enum class Pass { off_lines, leader_clear, any };
 
 // The direction of try i of n: right, left, above, below, then between them.
 double direction(int i, int n) {
@@ -75,25 +88,26 @@ std::vector<std::optional<Box>> place_labels(const std::vector<LabelWish>& wishe
     std::vector<std::optional<Box>> result;
     for (const LabelWish& wish : wishes) {
         std::optional<Box> place;
-        for (const bool avoids_lines : {true, false}) {
-            const double limit = avoids_lines ? furthest / 6 : furthest;
+        for (const Pass pass : {Pass::off_lines, Pass::leader_clear, Pass::any}) {
+            const double limit = pass == Pass::off_lines ? furthest / 6 : furthest;
             for (double distance = kGap; distance < limit && !place; distance += kStep) {
                 const int n = kDirections + int(distance / kStep) * 2;
                 for (int i = 0; i < n && !place; ++i) {
                     const double at = direction(i, n);
                     const Box box = beside(wish, std::cos(at), std::sin(at), distance);
+                    if (!frame.contains(box) || !is_free(box, solid)) continue;
+                    if (pass == Pass::off_lines && !is_free(box, crossed)) continue;
                     const Leader leader = leader_between(wish.symbol, box);
-                    const auto line = leader.needed() ? boxes_of(leader) : std::vector<Box>{};
-                    const bool clear =
-                        std::all_of(line.begin(), line.end(), [&](const Box& b) { return is_free(b, solid); });
-                    if (!frame.contains(box) || !is_free(box, solid) || !clear) continue;
-                    if (avoids_lines && !is_free(box, crossed)) continue;
+                    if (pass != Pass::any && leader.needed() && !is_clear(leader, wish.symbol, solid)) continue;
                     place = box;
-                    crossed.insert(crossed.end(), line.begin(), line.end());
                 }
             }
         }
-        if (place) solid.push_back(*place);
+        if (place) {
+            solid.push_back(*place);
+            const Leader leader = leader_between(wish.symbol, *place);
+            if (leader.needed()) std::ranges::copy(boxes_of(leader), std::back_inserter(crossed));
+        }
         result.push_back(place);
     }
     return result;

@@ -33,8 +33,8 @@ struct Leader {
 Leader leader_between(const Box& symbol, const Box& label);
 
 // A place for each wish, greedily in their order: the nearest that is free, right of the symbol before left, above and
-// below. All lie in `frame`, over no wish's symbol, nothing in `taken` and no other label, and so do their leaders; over
-// what is `crossed` (lines) only where there is no other place. Nothing where there is no room.
+// below. All lie in `frame`, over no wish's symbol, nothing in `taken` and no other label. Over what is `crossed` (lines),
+// or with a leader over any of them, only where there is no other place. Nothing where there is no room.
 std::vector<std::optional<Box>> place_labels(const std::vector<LabelWish>& wishes, const std::vector<Box>& taken,
                                              std::vector<Box> crossed, const Box& frame);
 

@@ -116,7 +116,7 @@ Cost measure(const CostSetup& setup) {
         const std::size_t order[] = {1, 0, 2, 3};
         for (std::size_t i = 0; i < 4; ++i)
             series[i].points.push_back(
-                {n, at[order[i]] / n, b + 1 == std::size(kBatches) ? fmt::format("{:.3g} ns", at[order[i]] / n) : ""});
+                {n, at[order[i]] / n, b + 1 == std::size(kBatches) ? fmt::format("{:.0f} ns", at[order[i]] / n) : ""});
     }
     cost.figure = {"Array: time a taxel against the number of taxels",
                    {"taxels that are asked in one turn (4 x 4 = 16)", true},
@@ -125,11 +125,11 @@ Cost measure(const CostSetup& setup) {
     const auto &one = cost.rows.front().values, &all = cost.rows.back().values;
     const double gain_ns = all[2] - all[3];
     cost.advice = fmt::format(
-        "Let each taxel stay a sensor of its own: one of sixteen costs {:.0f} ns with table/linear, alone {:.0f} ns, and "
-        "sums over all taxels together would save {}; with table/map {:.2f} us, alone {:.2f} us, for each has a map of its "
-        "own.",
-        all[0], one[0], gain_ns >= 0.1 ? fmt::format("{:.1f} ns of it", gain_ns) : std::string("nothing"), all[1] / 1000,
-        one[1] / 1000);
+        "{}: one of sixteen costs {:.0f} ns with table/linear, alone {:.0f} ns, "
+        "and sums over all taxels together would save {}; with table/map {:.2f} us, alone {:.2f} us, for each has a "
+        "map of its own.",
+        gain_ns < 0.1 * all[0] ? "Let each taxel stay a sensor of its own" : "Sum over all taxels together", all[0], one[0],
+        gain_ns >= 0.1 ? fmt::format("{:.1f} ns of it", gain_ns) : std::string("nothing"), all[1] / 1000, one[1] / 1000);
     return cost;
 }
 

@@ -1,6 +1,7 @@
 // The AD7746's rate against its resolution, as force and delay of the capacitive sensor.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -96,20 +97,23 @@ Cost measure(const CostSetup& setup) {
     auto off = reading(calibration, kShear_N, kPress_N);
     off[4] += kAccuracy_fF * 1e-3;
     const double accuracy_mN = (-decoupler->decouple({.channel = off, .t_ns = 1}).wrench_S[2] - kPress_N) * 1e3;
-    const auto &fast = cost.rows.front().values, &slow = cost.rows.back().values;
+    // The fastest whose noise disappears beside it; else the quietest.
+    const auto quiet = std::find_if(cost.rows.begin(), cost.rows.end() - 1,
+                                    [&](const auto& row) { return row.values[2] <= 0.1 * accuracy_mN; });
+    const auto &fast = quiet->values, &slow = cost.rows.back().values;
     const Figure::Series accuracy{"accuracy of 4 fF, as a press",
                                   Symbol::none,
                                   Stroke::dashed,
-                                  {{fast[4], accuracy_mN, ""}, {slow[4], accuracy_mN, ""}},
+                                  {{cost.rows.front().values[4], accuracy_mN, ""}, {slow[4], accuracy_mN, ""}},
                                   "#1b1f24"};
     cost.figure = {"AD7746: noise against delay, capacitive sensor",
                    {"delay of one electrode by its conversion, ms", true},
                    {"noise of the force, one sd, mN", true},
                    {fz, fx, accuracy}};
     cost.advice = fmt::format(
-        "Convert at {:g} Hz: its noise of {:.2f} mN is {:.0f} times below the chip's accuracy of {:.0f} mN, and it is "
-        "{:.1f} ms late, "
-        "not {:.0f} ms as at {:g} Hz (five electrodes in turn: a round of {:.0f} ms, not {:.0f} ms).",
+        "Convert at {:g} Hz: its noise of {:.2f} mN is {:.0f} times below the chip's accuracy of {:.0f} mN, and it "
+        "is {:.1f} ms late, not {:.0f} ms as at {:g} Hz (five electrodes in turn: a round of {:.0f} ms, not {:.0f} "
+        "ms).",
         fast[0], fast[2], accuracy_mN / fast[2], accuracy_mN, fast[4], slow[4], slow[0], fast[5], slow[5]);
     return cost;
 }

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numbers>
 #include <random>
 
 #include "node/ctl/costs/cost.hpp"
@@ -50,7 +51,7 @@ double delay_ms(double cutoff_Hz) {
 double theory_noise(double b) { return std::pow(1 - b, 2) * std::sqrt((1 + b * b) / std::pow(1 - b * b, 3)); }
 double theory_delay_ms(double b) { return 2 * b / (1 - b) * kStep_s * 1e3; }
 double pole(double cutoff_Hz) {
-    return std::exp(-2 * 3.14159265358979323846 * cutoff_Hz * kStep_s / std::sqrt(std::sqrt(2.0) - 1));
+    return std::exp(-2 * std::numbers::pi * cutoff_Hz * kStep_s / std::sqrt(std::sqrt(2.0) - 1));
 }
 
 Cost measure(const CostSetup& setup) {
@@ -77,9 +78,8 @@ Cost measure(const CostSetup& setup) {
                    {theory, measured}};
     const auto &slow = cost.rows[0].values, &fast = cost.rows[2].values;
     cost.advice = fmt::format(
-        "For at most {:g} ms of delay choose filter_hz = {:g}: {:.0f} % of the noise is left, {:.1f} ms late; from {:g} "
-        "down to "
-        "{:g} Hz the noise falls {:.1f} times and the delay grows {:.1f} times.",
+        "For at most {:g} ms of delay choose filter_hz = {:g}: {:.0f} % of the noise is left, {:.1f} ms late; from "
+        "{:g} down to {:g} Hz the noise falls {:.1f} times and the delay grows {:.1f} times.",
         kMostDelay_ms, best->values[0], 100 * best->values[3], best->values[1], fast[0], slow[0], fast[3] / slow[3],
         slow[1] / fast[1]);
     return cost;

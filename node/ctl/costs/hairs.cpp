@@ -118,9 +118,8 @@ Cost measure(const CostSetup& setup) {
                    {"one standard deviation, Pa", false},
                    {normal, shear, normal_printed, shear_printed}};
     cost.advice = fmt::format(
-        "Take four hairs: they tell a press of {:.1f} Pa where one tells {:.1f} Pa ({:.2f} times finer) for {:.0f} ns a "
-        "sample more, "
-        "and they alone tell a press from both shears.",
+        "Take four hairs: they tell a press of {:.1f} Pa where one tells {:.1f} Pa ({:.2f} times finer) for {:.0f} "
+        "ns a sample more, and they alone tell a press from both shears.",
         of_four.normal_Pa, alone / per_normal_Pa, alone / per_normal_Pa / of_four.normal_Pa, ns[2] - ns[0]);
     return cost;
 }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numbers>
 #include <random>
 
 namespace tactiled::ctl {
@@ -25,7 +26,7 @@ PlateContact contact_at_row(const Calibration& calibration, std::size_t row, std
     std::mt19937_64 random(row * 1000 + seed);
     std::uniform_real_distribution<double> uniform(0, 1);
     const double press_N = 0.5 + 0.5 * uniform(random), shear_N = 0.5 * press_N * uniform(random),
-                 turn = 2 * 3.14159265358979323846 * uniform(random);
+                 turn = 2 * std::numbers::pi * uniform(random);
     PlateContact contact{cells[0], cells[1], {shear_N * std::cos(turn), shear_N * std::sin(turn), -press_N}, {}};
     const double gauge_factor = calibration.parameters.at("gauge_factor");
     for (std::size_t k = 0; k < 8; ++k) {

@@ -145,10 +145,10 @@ Cost measure(const CostSetup& setup) {
                    {"largest rounding error, part of full scale", true},
                    {in_float, in_double}};
     cost.advice = fmt::format(
-        "Keep double: float would save at most {:.0f} ns a sample, {:.2g} % of a period of 1 ms, and round {:.0e} times "
-        "more coarsely "
-        "({:.1g} of full scale, not {:.1g}).",
-        saved_ns, saved_ns / 1e6 * 100, worst_float / worst_double, worst_float, worst_double);
+        "{}: float would save at most {:.0f} ns a sample, {:.2g} % of a period of 1 ms, and round {:.0e} "
+        "times more coarsely ({:.1g} of full scale, not {:.1g}).",
+        saved_ns < 1e5 ? "Keep double" : "Weigh float", saved_ns, saved_ns / 1e6 * 100, worst_float / worst_double,
+        worst_float, worst_double);
     return cost;
 }
 

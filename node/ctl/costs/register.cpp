@@ -68,9 +68,9 @@ Cost measure(const CostSetup& setup) {
                    {"worst error, N", true},
                    {whole, beyond, single}};
     cost.advice = fmt::format(
-        "Read the int16 block where {:.1f} mN will do: up to {:g} N it is off by {:.1f} mN at most, for half the words; "
-        "read "
-        "float32 ({:.2g} mN at that force) for anything finer, or beyond, where int16 stays at its end and OVERLOAD is set.",
+        "Read the int16 block where {:.1f} mN will do: up to {:g} N it is off by {:.1f} mN at most, for half the "
+        "words; read float32 ({:.2g} mN at that force) for anything finer, or beyond, where int16 stays at its end "
+        "and OVERLOAD is set.",
         worst_inside_N * 1e3, largest_good_N, worst_inside_N * 1e3, float_there_N * 1e3);
     return cost;
 }
@@ -79,6 +79,6 @@ Cost measure(const CostSetup& setup) {
 
 extern const CostEntry register_cost;
 const CostEntry register_cost{"register", "int16 against float32 in registers: error against words",
-                              "node/modbus/costs_register.svg", measure};
+                              "node/costs_register.svg", measure};
 
 }  // namespace tactiled::ctl

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numbers>
 #include <random>
 
 #include "decoupling/overlap_solver.hpp"
@@ -16,7 +17,7 @@ namespace tactiled::ctl {
 namespace {
 
 constexpr std::size_t kCases = 256;
-constexpr double kTurn = 2 * 3.14159265358979323846;
+constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kMove_m = 2e-5;        // between two samples: a finger that slides at 20 mm/s, 1 kHz
 constexpr double kMoveOfRadius = 4e-3;  // the same of the pad's upper disc, 5 mm
 constexpr std::uint32_t kAllGauges = 0xFF;
@@ -193,9 +194,8 @@ Cost measure(const CostSetup& setup) {
     cost.figure.y = {"error of the force, part of it (10\u207b\u2079: that or less)", true};
     const double saved = 1 - overlap_warm_ns / overlap_cold_ns;
     cost.advice = fmt::format(
-        "Start map from the last sample: {:g} steps, {:.2f} us, come within {:g} of the force, a whole search takes {:.0f} "
-        "us; start "
-        "overlap anew: {} enough for that, and from the last sample it would {}.",
+        "Start map from the last sample: {:g} steps, {:.2f} us, come within {:g} of the force, a whole search takes "
+        "{:.0f} us; start overlap anew: {} enough for that, and from the last sample it would {}.",
         least_steps_map, warm_ns / 1000, kGood, search_ns / 1000,
         least_steps_overlap == 1 ? "one step is" : fmt::format("{:g} steps are", least_steps_overlap),
         saved > 0.05 ? fmt::format("save {:.0f} % of {:.2f} us", 100 * saved, overlap_cold_ns / 1000)
