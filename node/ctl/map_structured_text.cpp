@@ -142,8 +142,8 @@ std::string map_structured_text(unsigned sensors) {
     out += fmt::format(
         "    FOR IDX := 0 TO {} DO\n        SENSOR[IDX].OK := FALSE;\n    END_FOR;\nEND_IF;\nEND_FUNCTION_BLOCK\n\n",
         sensors - 1);
-    out += fmt::format("(* The grasp block: {} registers from {}. Its SEQ is that of the frame, as in NODE. *)\n", kGraspSize,
-                       kGraspAt);
+    out += fmt::format("(* The grasp block: {} registers from {}. Its SEQ is that of the frame, as in NODE. *)\n",
+                       kGraspSize, kGraspAt);
     out +=
         "FUNCTION_BLOCK FB_TACTILED_GRASP\nVAR_INPUT\n    GRASP_REGS : T_TACTILED_GRASP_REGS;\nEND_VAR\nVAR_OUTPUT\n"
         "    TORN : BOOL;\n    GRASP : T_TACTILED_GRASP;\nEND_VAR\n\n";
