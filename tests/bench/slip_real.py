@@ -8,7 +8,7 @@ rules beside each other, each with its threshold or weights from the other 68 al
               which needs no calibration; one threshold
 
 What it does not show: a sequence is one state, not an onset with a time, at 28 steps a second, without a press. The slip
-detector itself looks for falls within 15 ms of shear over press and cannot run on it.
+detector itself looks for falls within 7 ms of shear over press and cannot run on it.
 
     slip_real.py slip_sequences.csv
 """
