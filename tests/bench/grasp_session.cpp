@@ -305,7 +305,8 @@ std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& mass
                     for (auto& each : estimators) known &= each.known_weight(c.known_kg);
                 }
             }
-            if (t_s > when.lift_s[p] - 0.05 && now[0].clamped_leak == 0)
+            if (t_s > when.lift_s[p] - 0.05 &&
+                now[0].clamped_leak == 0)  // scaled as the weight is, but for the known weight: of a second order
                 now[0].clamped_leak = -(jaws[0].samples[at].force_S_N[1] - zero_N[0]) / (plan.mass_kg * g / kJaws);
         }
         if (plan.object == SIZE_MAX) continue;
