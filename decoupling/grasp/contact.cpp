@@ -15,7 +15,7 @@ constexpr std::uint64_t kBucket_ns = 20'000'000;
 constexpr std::uint64_t kSettles_ns = 60'000'000;  // after a contact: filters, and the fast part of what a skin gives back
 constexpr double kZeroTime_s = 0.3;                // of the mean that is the zero
 constexpr std::uint64_t kLeaves_ns = 25'000'000;   // jaws that open take longer: 0.1 N at 1 N/s
-constexpr double kPressTime_s = 0.1;               // over which the press of before is remembered
+constexpr double kPressTime_s = 1;                 // over which the press of before is remembered
 
 }  // namespace
 
@@ -43,7 +43,8 @@ bool Contact::take(const JawSample& sample) noexcept {
     feel_.sd_N = {sample.sd_N[0], sample.sd_N[1], sample.sd_N[2]};
     feel_.press_N = -feel_.force_S_N.z();
     feel_.shear_N = std::hypot(feel_.force_S_N.x(), feel_.force_S_N.y());
-    feel_.overload = (sample.reasons & TACTILED_SATURATED) != 0;
+    // Outside of its domain a calibration's sd is not true any more: nothing may be weighed with it.
+    feel_.overload = (sample.reasons & (TACTILED_SATURATED | TACTILED_OUTSIDE_DOMAIN)) != 0;
     for (int k = 0; k < 3; ++k) feel_.overload |= setup_.full_scale_N[k] > 0 && std::abs(raw[k]) > setup_.full_scale_N[k];
     judge_touch();
     if (touching_) {

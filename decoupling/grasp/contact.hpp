@@ -14,7 +14,7 @@ struct Feel {
     Eigen::Vector3d force_S_N = Eigen::Vector3d::Zero(), sd_N = Eigen::Vector3d::Zero();
     double press_N = 0, shear_N = 0;  // -fz, |fx, fy|
     bool known = false;               // a value that is not BAD
-    bool overload = false;            // saturated, or beyond full scale
+    bool overload = false;            // saturated, or beyond full scale or calibration
 };
 
 class Contact {

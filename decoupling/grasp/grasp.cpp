@@ -65,9 +65,8 @@ void Grasp::State::act_on(tactiled_grip_state before) noexcept {
     const tactiled_grip_state now = phase.now();
     if (now == TACTILED_GRIP_GRASPED && before != now && !held(before)) {
         for (Jaw& jaw : jaws) {
-            const bool resumed = before == TACTILED_GRIP_UNKNOWN;  // nobody saw it closing: all shear counts as load
-            jaw.clamped_x_N = resumed ? 0 : jaw.quick_x_N.value;
-            jaw.clamped_y_N = resumed ? 0 : jaw.quick_y_N.value;
+            jaw.clamped_x_N = phase.resumed() ? 0 : jaw.quick_x_N.value;  // 0: all shear counts as load
+            jaw.clamped_y_N = phase.resumed() ? 0 : jaw.quick_y_N.value;
             jaw.slip.begin_grasp();
         }
     }

@@ -23,14 +23,16 @@ void Phase::let_go(const Seen& seen, Hint hint) noexcept {
     const bool slid = slid_ns_ > 0 && seen.t_ns - slid_ns_ < kJustNow_ns;
     const bool opens = hint == Hint::open || hint == Hint::opening;
     const bool told_closed = hint == Hint::closed || hint == Hint::lifting || hint == Hint::moving;
-    enter(hung && !opens && (seen.left_at_once || slid || told_closed) ? TACTILED_GRIP_LOST : TACTILED_GRIP_OPEN, seen.t_ns);
+    const bool lost = slid || (hung && (seen.left_at_once || told_closed));
+    enter(lost && !opens ? TACTILED_GRIP_LOST : TACTILED_GRIP_OPEN, seen.t_ns);
     hung_ns_ = slid_ns_ = 0;
+    resumed_ = false;
 }
 
 void Phase::step(const Seen& seen, Hint hint) noexcept {
     slipping_ = seen.slipping;
     if (seen.unknown) {
-        held_before_break_ |= holds();
+        resumed_ |= holds();
         slipping_ = false;
         return enter(TACTILED_GRIP_UNKNOWN, seen.t_ns);
     }
@@ -42,11 +44,8 @@ void Phase::step(const Seen& seen, Hint hint) noexcept {
 
     switch (state_) {
         case TACTILED_GRIP_UNKNOWN:
-            if (held_before_break_ && seen.all)
-                enter(TACTILED_GRIP_GRASPED, seen.t_ns);  // the same grasp goes on
-            else
-                enter(seen.any ? TACTILED_GRIP_CONTACT : TACTILED_GRIP_OPEN, seen.t_ns);
-            held_before_break_ = false;
+            enter(seen.any ? TACTILED_GRIP_CONTACT : TACTILED_GRIP_OPEN, seen.t_ns);
+            resumed_ &= seen.any;
             break;
         case TACTILED_GRIP_OPEN:
         case TACTILED_GRIP_LOST:
@@ -57,7 +56,7 @@ void Phase::step(const Seen& seen, Hint hint) noexcept {
             if (!seen.all) break;
             if (seen.steady || seen.t_ns - all_since_ns_ > kNeverSteady_ns || hint == Hint::closed ||
                 hint == Hint::lifting) {
-                ++grasps_;
+                grasps_ += !resumed_;
                 enter(TACTILED_GRIP_GRASPED, seen.t_ns);
             }
             break;
@@ -67,9 +66,10 @@ void Phase::step(const Seen& seen, Hint hint) noexcept {
             if (!seen.any) return let_go(seen, hint);
             if (!seen.all)
                 enter(TACTILED_GRIP_CONTACT, seen.t_ns);
-            else if (!seen.loaded && load_sure && state_ != TACTILED_GRIP_GRASPED)
-                enter(TACTILED_GRIP_GRASPED, seen.t_ns);
-            else if (seen.loaded && load_sure && state_ == TACTILED_GRIP_GRASPED)
+            else if (!seen.loaded && load_sure && state_ != TACTILED_GRIP_GRASPED) {
+                enter(TACTILED_GRIP_GRASPED, seen.t_ns);  // put down
+                hung_ns_ = 0;
+            } else if (seen.loaded && load_sure && state_ == TACTILED_GRIP_GRASPED)
                 enter(TACTILED_GRIP_LIFTING, seen.t_ns);
             else if (state_ == TACTILED_GRIP_LIFTING && (seen.weighed || seen.t_ns - entered_ns_ > kLifted_ns))
                 enter(TACTILED_GRIP_HOLDING, seen.t_ns);

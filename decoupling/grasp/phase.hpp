@@ -28,6 +28,8 @@ public:
         return state_ == TACTILED_GRIP_GRASPED || state_ == TACTILED_GRIP_LIFTING || state_ == TACTILED_GRIP_HOLDING;
     }
     [[nodiscard]] bool hangs() const noexcept { return state_ == TACTILED_GRIP_LIFTING || state_ == TACTILED_GRIP_HOLDING; }
+    // The grasp of before a break goes on: nobody saw it begin.
+    [[nodiscard]] bool resumed() const noexcept { return resumed_; }
     [[nodiscard]] std::uint32_t grasps() const noexcept { return grasps_; }
 
 private:
@@ -35,7 +37,7 @@ private:
     void let_go(const Seen& seen, Hint hint) noexcept;
 
     tactiled_grip_state state_ = TACTILED_GRIP_UNKNOWN;
-    bool slipping_ = false, held_before_break_ = false;
+    bool slipping_ = false, resumed_ = false;
     std::uint64_t entered_ns_ = 0, all_since_ns_ = 0, load_changed_ns_ = 0, hung_ns_ = 0, slid_ns_ = 0;
     bool all_ = false, loaded_ = false;
     std::uint32_t grasps_ = 0;

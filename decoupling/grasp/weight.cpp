@@ -12,10 +12,14 @@ constexpr std::uint64_t kBlock_ns = 5'000'000, kGlance_ns = 20'000'000;
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
 constexpr std::uint64_t kBreak_ns = 500'000'000;  // without a sample: what was before says nothing
 constexpr std::uint64_t kLongest_ns = 1'200'000'000;
-constexpr double kObservable = 0.3;     // of the weight must be tangential: gravity 17 degrees out of the skin's normal
-constexpr double kStill = 0.01;         // of the weight: what still moves in a stable value
-constexpr double kDeparts = 0.015;      // of the weight: more is acceleration, or another weight
-constexpr double kUnchecked = 0.1;      // of a share by symmetry, as long as no known weight confirmed it
+constexpr double kObservable = 0.3;  // of the weight must be tangential: gravity 17 degrees out of the skin's normal
+constexpr double kStill = 0.01;      // of the weight: what still moves in a stable value
+constexpr double kDeparts = 0.015;   // of the weight: more is acceleration, or another weight
+constexpr double kUnchecked = 0.1;   // of a share by symmetry, as long as no known weight confirmed it
+// How far the errors of sensors of one make, which bend, yield and soften alike, are the same, and what a known weight
+// leaves of them: chosen by grasp_bench weigh, seed 1, so that the published deviation is what it says; judged by other
+// seeds.
+constexpr double kAlike = 0.6, kLeftByCheck = 0.5;
 constexpr double kTold = 0.05;          // of an acceleration that was told: its delay and scale
 constexpr double kDown_rad = 0.01;      // how well gravity's direction is known
 constexpr double kTableFriction = 0.3;  // what is drawn over a table with a force of F presses on it with up to F / 0.3
@@ -175,16 +179,22 @@ std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
 }
 
 double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
-    double squares = 0;
+    double squares_N2 = 0, sum_N = 0, zeros_N2 = 0;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const Eigen::Vector2d axis = jaws_[j].axis_S.head<2>();
         if (axis.norm() == 0) continue;
         const Eigen::Vector3d sd = jaws[j].feel().sd_N, zero = jaws[j].zero_sd_N();
-        squares += (axis.array() * sd.head<2>().array()).matrix().squaredNorm();
-        squares += (axis.array() * zero.head<2>().array()).matrix().squaredNorm();
+        const double one_N = (axis.array() * sd.head<2>().array()).matrix().norm();
+        squares_N2 += square(one_N);
+        sum_N += one_N;
+        zeros_N2 += (axis.array() * zero.head<2>().array()).matrix().squaredNorm();
     }
+    // Below a known weight the curve is held at two places, that and the zero before each grasp; beyond, at none.
+    const double left = checked_ ? std::clamp(std::abs(mass_kg) / checked_kg_ - 0.7, kLeftByCheck, 1.0) : 1;
+    const double sensors_N2 = square(left) * ((1 - kAlike) * squares_N2 + kAlike * square(sum_N));
     const double share = all_sensed_ ? 0 : checked_ ? share_sd_ / std::sqrt(double(n_jaws_)) : kUnchecked;
-    return std::sqrt(square(scale_ / carries_) * squares + square(mass_kg * share) + square(mass_kg * tilt_ * kDown_rad));
+    return std::sqrt(square(scale_ / carries_) * (sensors_N2 + zeros_N2) + square(mass_kg * share) +
+                     square(mass_kg * tilt_ * kDown_rad));
 }
 
 // Tangential force across the axis, beyond what a tilted weight and a leak of the press explain, as a mass that may lie on
@@ -296,6 +306,7 @@ bool Weight::known(double mass_kg) noexcept {
     if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
     scale_ *= factor;
     checked_ = true;
+    checked_kg_ = mass_kg;
     held_kg_ *= factor;
     tare_kg_ *= factor;
     now_.mass_kg = mass_kg;

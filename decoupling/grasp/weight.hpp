@@ -91,7 +91,7 @@ private:
 
     bool weighing_ = false, held_known_ = false, checked_ = false;
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
-    double held_kg_ = 0, held_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;
+    double held_kg_ = 0, held_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1, checked_kg_ = 0;
     Weighed now_;
 };
 

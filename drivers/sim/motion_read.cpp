@@ -170,19 +170,34 @@ void warm(Builder& b, Options& m) {
     b.add("warm", m.number("in_s", kSeconds), to, read_course(m));
 }
 
-// The sensors take the body's weight, then it goes up: faster, slower, still.
+// The sensors take the body's weight, then it goes up: faster, on, slower, still. Where the weight leans into the skin, its
+// sine presses.
 void lift(Builder& b, Options& m) {
-    if (b.body.mass_kg <= 0) m.problem("do", "lift needs [body] mass_kg");
+    const double mass_kg = m.number("mass_kg", {0, 1000}, b.body.mass_kg);
+    if (mass_kg <= 0) m.problem("do", "lift needs [body] mass_kg or its own");
     State to = b.state;
     const double up_m_s2 = m.number("acceleration_m_s2", {0, 100}, 1), length_s = m.number("for_s", kSeconds, 0.8);
+    const double travel_s = m.number("travel_s", kSeconds, 0), lean = m.number("lean_deg", {-90, 90}, 0) * kDegree;
+    const double amplitude_N = m.number("vibration_N", kForce_N, 0), from_Hz = m.number("vibration_Hz", {0.001, 1e4}, 30);
     take_direction(b, m, to);
-    to.shear_N = b.body.mass_kg * kGravity_m_s2;
-    b.add("lift", m.number("in_s", kSeconds, 0.2), to, Course::smooth);
-    for (const double acceleration : {up_m_s2, 0.0, -up_m_s2, 0.0}) {
+    const double press_N = b.state.press_N;
+    const auto goes = [&](double seconds, double acceleration) {
         to.acceleration_m_s2 = acceleration;
-        to.shear_N = b.body.mass_kg * (kGravity_m_s2 + acceleration);
-        b.add("lift", length_s / 4, to, Course::smooth);
-    }
+        to.shear_N = mass_kg * (kGravity_m_s2 + acceleration) * std::cos(lean);
+        to.press_N = std::max(0.0, press_N + mass_kg * (kGravity_m_s2 + acceleration) * std::sin(lean));
+        Segment& s = b.add("lift", seconds, to, Course::smooth);
+        if (amplitude_N <= 0) return;
+        s.wave = Wave::sine;
+        s.wave_on_press = false;
+        s.amplitude_N = amplitude_N;
+        s.from_Hz = s.to_Hz = from_Hz;
+    };
+    goes(m.number("in_s", kSeconds, 0.2), 0);
+    goes(length_s / 4, up_m_s2);
+    goes(length_s / 4, 0);
+    if (travel_s > 0) goes(travel_s, 0);
+    goes(length_s / 4, -up_m_s2);
+    goes(length_s / 4, 0);
 }
 
 void release(Builder& b, Options& m) {

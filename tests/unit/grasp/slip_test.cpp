@@ -1,0 +1,66 @@
+// Near the limit of friction, and over it.
+#include "tests/unit/grasp/hand.hpp"
+
+namespace tactiled::grasp {
+namespace {
+
+TEST(GraspSlip, IsFoundWithinTenMillisecondsAndAnnouncedBefore) {
+    Hand hand;
+    hand.close().go(0.3, 2, 0.8).stay(0.3);  // friction 0.6: at 1.2 N it slips
+    EXPECT_EQ(hand.now().slip_state[0], TACTILED_SLIP_NONE);
+    hand.go(0.3, 2, 1.19);
+    EXPECT_EQ(hand.now().slip_state[0], TACTILED_SLIP_INCIPIENT);
+    EXPECT_NEAR(hand.now().friction_use[0], 0.99, 0.02);
+    hand.go(0.005, 2, 1.0).stay(0.005);  // kinetic friction 0.5
+    EXPECT_EQ(hand.now().slip_state[0], TACTILED_SLIP_GROSS);
+    EXPECT_EQ(hand.now().state, TACTILED_GRIP_SLIPPING);
+    EXPECT_EQ(hand.now().slip_mask, 3u);
+    EXPECT_NEAR(hand.now().friction, 0.595, 0.02);
+    EXPECT_GT(hand.now().friction_sd, 0);
+}
+
+TEST(GraspSlip, EachIsCountedOnceAndStaysLatched) {
+    Hand hand;
+    hand.close().go(0.3, 2, 1.15);
+    for (int i = 0; i < 3; ++i) hand.go(0.005, 2, 0.95).stay(0.2).go(0.1, 2, 1.15);
+    EXPECT_EQ(hand.now().slip_count[0], 3u);
+    EXPECT_EQ(hand.now().slips, 6u);  // of both jaws
+    hand.go(0.3, 3, 1.0).stay(0.3);
+    EXPECT_EQ(hand.now().slip_mask, 0u);
+    EXPECT_EQ(hand.now().slip_latch, 3u);
+    hand.grasp.clear_slips(1);
+    EXPECT_EQ(hand.now().slip_latch, 2u);
+}
+
+TEST(GraspSlip, ATighterGripIsNone) {
+    Hand hand;
+    hand.close().go(0.3, 2, 1.0).stay(0.2).go(0.01, 4, 1.0).stay(0.2);
+    EXPECT_EQ(hand.now().slips, 0u);
+}
+
+TEST(GraspSlip, NoiseWithoutContactIsNone) {  // a ratio of two numbers near 0
+    Hand hand;
+    hand.noise_N = 0.05;
+    hand.go(5, 0, 0);
+    EXPECT_EQ(hand.now().slips, 0u);
+    EXPECT_EQ(hand.now().slip_state[0], TACTILED_SLIP_NONE);
+    EXPECT_TRUE(std::isnan(hand.now().friction_use[0]));
+}
+
+TEST(GraspSlip, WithoutShearItIsUnknown) {
+    Hand hand;
+    hand.spoil = [](std::size_t, JawSample& s) { s.force_S_N[0] = s.force_S_N[1] = std::nan(""); };
+    hand.close();
+    EXPECT_EQ(hand.now().slip_state[0], TACTILED_SLIP_UNKNOWN);
+    EXPECT_EQ(hand.now().state, TACTILED_GRIP_GRASPED);
+}
+
+TEST(GraspSlip, TheLeastGripHoldsTheLoadWithItsMargin) {
+    Hand hand;
+    hand.close().go(0.2, 2, 0.6).stay(0.5);
+    EXPECT_NEAR(hand.now().recommended_grip_N, 1.5 * 0.6 / 0.6, 0.05);
+    EXPECT_NEAR(hand.now().grip_N, 2, 0.01);
+}
+
+}  // namespace
+}  // namespace tactiled::grasp
