@@ -8,12 +8,14 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr std::uint64_t kLook_ns = 15'000'000;    // static to kinetic takes 5 to 10 ms
+constexpr std::uint64_t kLook_ns = 7'000'000;     // static to kinetic takes some 5 ms; vibration below 60 Hz longer
 constexpr std::uint64_t kGoesOn_ns = 60'000'000;  // so long without another fall: it holds again
 constexpr std::uint64_t kFirm_ns = 20'000'000;    // a contact that just began rolls and settles
 constexpr double kOverUsual = 1.6;                // of the largest fall that transport made lately
-constexpr double kUsualTime_s = 3;
-constexpr double kNearCone = 0.7;    // of the friction known beforehand: lower cannot be slip, even where that is 30 % off
+constexpr double kUsualTime_s = 10;
+// Of the friction known beforehand or learnt: lower cannot be slip, even where that is 30 % off; and a small fall is one
+// only right at the limit.
+constexpr double kNearCone = 0.7, kAtCone = 0.9, kSmallFall = 0.08;
 constexpr double kLeastRatio = 0.1;  // nothing that a gripper holds slides at less, and a ratio of noise is none
 constexpr double kNoises = 4;
 
@@ -65,8 +67,9 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
     use_ = friction_.use(feel.shear_N, feel.press_N);
 
     const Fall now = fall(noise_N);
+    const double cone = friction_.coefficient() * (now.part < kSmallFall ? kAtCone : kNearCone);
     const bool possible = feel.t_ns - touched_ns_ > kFirm_ns && now.peak >= kLeastRatio &&
-                          (std::isnan(friction_.coefficient()) || now.peak >= kNearCone * friction_.coefficient());
+                          (std::isnan(cone) ? now.part >= kSmallFall : now.peak >= cone);
     const bool slides = state_ == TACTILED_SLIP_GROSS;
     const double least = slides ? least_fall_ / 2 : std::max(least_fall_, kOverUsual * usual_);
     if (possible && now.part > least) {

@@ -13,7 +13,7 @@ public:
     explicit Slip(double friction) : friction_(friction) {}
 
     // One more sample of the jaw. `settled`: the object is held, so that what moves now is what transport does.
-    // rt: bounded by the samples of 15 ms, at most kMost
+    // rt: bounded by the samples of 7 ms, at most kMost
     void take(const Feel& feel, bool touching, bool settled, double noise_N) noexcept;
     void begin_grasp() noexcept { friction_.begin(); }
     void forget() noexcept;  // a break
@@ -25,7 +25,7 @@ public:
     void sensitivity(double zero_to_one) noexcept;
 
 private:
-    // How far shear over press fell from its peak of the last 15 ms, of the peak; and that peak.
+    // How far shear over press fell from its peak of the last 7 ms, of the peak; and that peak.
     struct Fall {
         double part = 0, peak = 0;
     };

@@ -86,7 +86,7 @@ void unpack(std::string& out, const Area& area, std::string_view array, std::str
 }  // namespace
 
 std::string map_structured_text(unsigned sensors) {
-    const Area &global = area_with(Block::global), &sensor = area_with(Block::sensor);
+    const Area &global = area_with(Block::global), &grasp = area_with(Block::grasp), &sensor = area_with(Block::sensor);
     const unsigned cells = sensors * kSensorSize;
     std::string out = fmt::format(
         "(* tactiled register map {}.{}: types, and a function block that unpacks one read of the global block and one of\n"
@@ -99,6 +99,8 @@ std::string map_structured_text(unsigned sensors) {
     out += fmt::format("TYPE T_TACTILED_SENSOR_REGS : ARRAY[0..{}] OF WORD;\nEND_TYPE\n\n", cells - 1);
     declare(out, "T_TACTILED_GLOBAL", global);
     declare(out, "T_TACTILED_SENSOR", sensor);
+    out += fmt::format("TYPE T_TACTILED_GRASP_REGS : ARRAY[0..{}] OF WORD;\nEND_TYPE\n\n", kGraspSize - 1);
+    declare(out, "T_TACTILED_GRASP", grasp);
     out += fmt::format("TYPE T_TACTILED_SENSORS : ARRAY[0..{}] OF T_TACTILED_SENSOR;\nEND_TYPE\n\n", sensors - 1);
     out +=
         "FUNCTION_BLOCK FB_TACTILED\nVAR_INPUT\n"
@@ -138,8 +140,16 @@ std::string map_structured_text(unsigned sensors) {
         "VALID := NOT (WRONG_MAP OR TORN OR DEAD);\n"
         "IF NOT VALID THEN\n";
     out += fmt::format(
-        "    FOR IDX := 0 TO {} DO\n        SENSOR[IDX].OK := FALSE;\n    END_FOR;\nEND_IF;\nEND_FUNCTION_BLOCK\n",
+        "    FOR IDX := 0 TO {} DO\n        SENSOR[IDX].OK := FALSE;\n    END_FOR;\nEND_IF;\nEND_FUNCTION_BLOCK\n\n",
         sensors - 1);
+    out += fmt::format("(* The grasp block: {} registers from {}. Its SEQ is that of the frame, as in NODE. *)\n",
+                       kGraspSize, kGraspAt);
+    out +=
+        "FUNCTION_BLOCK FB_TACTILED_GRASP\nVAR_INPUT\n    GRASP_REGS : T_TACTILED_GRASP_REGS;\nEND_VAR\nVAR_OUTPUT\n"
+        "    TORN : BOOL;\n    GRASP : T_TACTILED_GRASP;\nEND_VAR\n\n";
+    out += fmt::format("TORN := GRASP_REGS[{}] <> GRASP_REGS[{}];\n", unsigned(kGraspSeq), unsigned(kGraspSeqEnd));
+    unpack(out, grasp, "GRASP_REGS", "", "GRASP", "");
+    out += "END_FUNCTION_BLOCK\n";
     return out;
 }
 

@@ -135,7 +135,6 @@ View view_of(const Segment& segment) noexcept {
     view.segment = &segment;
     view.alive = segment.is_current() &&
                  tactiled_is_fresh(view.snapshot.node.t_ns, view.snapshot.taken_ns, segment.header().watchdog_ms) != 0;
-    if (!view.alive) tactiled_forget_grasp(&view.snapshot.node.grasp);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         tactiled_sample& s = view.snapshot.sensor[i];
         if (!view.alive) s.reasons = 0;  // they were true once

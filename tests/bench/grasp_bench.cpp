@@ -3,13 +3,17 @@
 //   grasp_bench weigh [SESSIONS [SEED]]      weight, its deviation, how soon, which object; 20 grasps a session
 //   grasp_bench slip [SLIPS [SEED]]          gross slips found, incipient before gross
 //   grasp_bench transport [HOURS [SEED]]     false alarms of vibrating transport
+//   grasp_bench figure [SESSIONS [SEED]]     CSV of error against time after lift-off, and decoupling/grasp/weight.svg
+//   grasp_bench check                        a few of each against their limits; status 1 where one is not kept
 #include <fmt/format.h>
 
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
 #include <string>
 
 #include "config/options.hpp"
+#include "tests/bench/grasp_figure.hpp"
 #include "tests/bench/grasp_slip.hpp"
 #include "tests/bench/grasp_weigh.hpp"
 
@@ -37,6 +41,12 @@ void print_head() {
         "after "
         "lift-off | within 300 ms, % | right object, % | unknown, % | wrong, % | ball and egg mixed up | never stable "
         "|\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+}
+
+// As if the zero were that of the clamped phase, of one jaw: what it read there, though nothing hung, comes off.
+std::vector<Outcome> from_clamped(std::vector<Outcome> outcomes) {
+    for (Outcome& o : outcomes) o.first_stable.mass_kg -= o.clamped_leak * o.mass_kg;
+    return outcomes;
 }
 
 void print_weigh(int sessions, std::uint64_t seed) {
@@ -67,6 +77,7 @@ void print_weigh(int sessions, std::uint64_t seed) {
     fmt::print("\nAll four objects, one jaw with a sensor, a quarter of the sessions:\n\n");
     print_head();
     print_row("as above", figures(outcomes, SIZE_MAX, 1));
+    print_row("the same, with the clamped phase as zero", figures(from_clamped(outcomes), SIZE_MAX, 1));
     for (const Other& o : others) {
         const auto these = weigh(seed, std::max(1, sessions / 4), std::max(2, sessions / 10), o.c);
         print_row(o.name, figures(these, SIZE_MAX, 1));
@@ -112,6 +123,38 @@ void print_transport(double hours, std::uint64_t seed) {
         }
 }
 
+void draw(int sessions, std::uint64_t seed) {
+    const std::vector<Panel> panels{{"arm's acceleration not told", weigh(seed, sessions, 0, {})},
+                                    {"arm's acceleration told", weigh(seed, sessions, 0, {.tell_acceleration = true})}};
+    fmt::print("{}", error_csv(panels));
+    std::ofstream(std::string(TACTILED_SOURCE_DIR) + "/decoupling/grasp/weight.svg") << error_svg(
+        panels, fmt::format("Error of the weight, % of it (simulated hair sensors, 4 objects, {} grasps)", 20 * sessions));
+}
+
+bool check() {
+    bool kept = true;
+    const auto limit = [&](const char* what, double is, double least, double most) {
+        const bool good = is >= least && is <= most;
+        kept &= good;
+        fmt::print("{} {}: {:.3g}, wanted {:g} .. {:g}\n", good ? "kept  " : "BROKEN", what, is, least, most);
+    };
+    const auto outcomes = weigh(1000, 2, 2, {});
+    for (std::size_t sensed = 1; sensed <= 3; ++sensed) {
+        const Figures f = figures(outcomes, SIZE_MAX, sensed);
+        limit("never stable", f.never, 0, 0);
+        limit("stable within 300 ms, %", percent(f.in_300_ms, f.n), 95, 100);
+        limit("sd of the weight, %", 100 * f.sd, 0, 3);  // all objects together: their biases differ
+        limit("within 2 published sd, %", percent(f.within_2_sd, f.n), 87, 100);
+    }
+    limit("ball and egg mixed up", figures(outcomes, SIZE_MAX, 1).wrong_kind, 0, 0);
+    const SlipFigures s = slips(1000, 16, 0.05, 0.7, 0.9);
+    limit("slips found within 10 ms, %", percent(s.in_10_ms, s.n), 99, 100);
+    limit("incipient before gross, %", percent(s.incipient_before, s.n), 95, 100);
+    limit("gross slips before they began", s.early, 0, 0);
+    limit("false alarms of transport", transport(1000, 0.04, 0.1, true).gross, 0, 0);
+    return kept;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -125,7 +168,11 @@ int main(int argc, char** argv) {
             print_slips(n > 0 ? n : 1000, seed);
         else if (mode == "transport")
             print_transport(argc > 2 ? std::atof(argv[2]) : 1, seed);
+        else if (mode == "figure")
+            draw(n > 0 ? n : 10, seed);
+        else if (mode == "check")
+            return check() ? 0 : 1;
         else
-            return fmt::print(stderr, "usage: grasp_bench weigh | slip | transport [N [SEED]]\n"), 2;
+            return fmt::print(stderr, "usage: grasp_bench weigh | slip | transport | figure [N [SEED]], or check\n"), 2;
     } catch (const SetupError& e) { return fmt::print(stderr, "{}\n", e.what()), 1; }
 }

@@ -100,7 +100,7 @@ std::vector<Plan> plan(std::uint64_t seed, const std::vector<double>& masses_kg,
         p.object = object;
         p.mass_kg = object == SIZE_MAX ? c.known_kg : masses_kg[object];
         const double jaw_N = p.mass_kg * kGravity_m_s2 / kJaws;
-        p.grip_N = uniform(std::max(0.08, 1.35 * jaw_N), 0.33);
+        p.grip_N = uniform(std::max(0.08, 1.35 * jaw_N), 0.30);  // the calibration goes to 0.34
         p.free_s = uniform(0.3, 0.6);
         p.clamp_s = uniform(0.2, 0.5);
         p.wait_s = uniform(0.2, 0.4);
@@ -305,7 +305,8 @@ std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& mass
                     for (auto& each : estimators) known &= each.known_weight(c.known_kg);
                 }
             }
-            if (t_s > when.lift_s[p] - 0.05 && now[0].clamped_leak == 0)
+            if (t_s > when.lift_s[p] - 0.05 &&
+                now[0].clamped_leak == 0)  // scaled as the weight is, but for the known weight: of a second order
                 now[0].clamped_leak = -(jaws[0].samples[at].force_S_N[1] - zero_N[0]) / (plan.mass_kg * g / kJaws);
         }
         if (plan.object == SIZE_MAX) continue;

@@ -129,6 +129,17 @@ class StructuredText(unittest.TestCase):
         self.assertFalse(block.value("SENSOR[0].HAS_VALUE"))
         self.assertEqual(block.value("SENSOR[0].FX_N"), 0.0)
 
+    def test_it_unpacks_the_grasp_block(self):
+        block = Program(printed("--format", "st")).instance("FB_TACTILED_GRASP")
+        block.call(GRASP_REGS=[7, 3, 987, 623, 50, 12, 250, 7])
+        self.assertEqual([block.value(f"GRASP.{n}") for n in ("SEQ", "OBJECT_ID", "OBJECT_PROB", "FRICTION", "FRICTION_SD", "GRASPS",
+                                                             "SINCE_LIFT")], [7, 3, 987, 623, 50, 12, 250])
+        self.assertFalse(block.value("TORN"))
+        block.call(GRASP_REGS=self.read(40, 8))
+        self.assertEqual(block.value("GRASP.OBJECT_PROB"), 0xFFFF)  # no [grasp] here
+        block.call(GRASP_REGS=[7, 0, 0, 0, 0, 0, 0, 8])
+        self.assertTrue(block.value("TORN"))
+
     def test_all_sizes_are_accepted(self):
         for sensors in (1, 5, 16):
             names = Program(printed("--format", "st", "--sensors", str(sensors))).names()

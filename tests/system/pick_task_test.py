@@ -125,7 +125,7 @@ class PickTask(unittest.TestCase):
         do(stable)
         self.plc.write(GRIPPER_STATE, OPENING)
         self.robot.open()
-        self.plc.wait("open", lambda seen: seen["grip"] == OPEN)
+        self.plc.wait("open", lambda seen: seen["grip"] == OPEN and self.robot.is_open())
         return stable
 
     def teach(self, object_id):

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <deque>
 
 #include "tactiled/reader.hpp"
@@ -209,6 +210,45 @@ TEST_F(PipelineTest, ATareIsAcknowledgedWhenItIsDone) {
     EXPECT_EQ(s.sensor[0].raw_force_S_N[0], 3);
     tell(Command::Kind::clear_latches, 0, 4);
     EXPECT_EQ(look().node.fault, 0u);
+}
+
+TEST_F(PipelineTest, WithoutAGraspNothingOfItIsKnownAndNoWeighingBegins) {
+    turn();
+    EXPECT_EQ(look().node.grasp.state, unsigned(TACTILED_GRIP_UNKNOWN));
+    EXPECT_TRUE(std::isnan(look().node.grasp.weight_kg));
+    auto& ring = pipeline_->commands[TACTILED_FROM_MODBUS];
+    ring.claim()->kind = Command::Kind::start_weighing;
+    ring.push();
+    ring.commit();
+    turn();
+    EXPECT_EQ(look().node.command[TACTILED_FROM_MODBUS].state, unsigned(TACTILED_COMMAND_REJECTED));
+    EXPECT_EQ(look().node.command[TACTILED_FROM_MODBUS].result, unsigned(TACTILED_COMMAND_NOT_NOW));
+}
+
+TEST_F(PipelineTest, TheGraspIsPublishedWithTheFrameAndUnknownOnceAJawIsSilent) {
+    Grasping::Setup setup;
+    setup.estimator.jaws.resize(2);
+    setup.estimator.jaws[1].sensor = 1;
+    pipeline_ = std::make_unique<Pipeline>(links_, sensors_, segment_, 0, setup);
+    pipeline_->start(now_);
+    for (int i = 0; i < 5; ++i) {
+        for (const int link : {0, 1}) {
+            send(link, 0.01);
+            acquire_all(link);
+        }
+        turn();
+    }
+    auto s = look();
+    EXPECT_EQ(s.node.grasp.state, unsigned(TACTILED_GRIP_OPEN));
+    EXPECT_EQ(s.node.grasp.t_ns, s.sensor[0].t_ns);
+    for (int i = 0; i < 101; ++i) {  // longer than stale_ns
+        send(0, 0.01);
+        acquire_all(0);
+        turn();
+    }
+    s = look();
+    EXPECT_EQ(s.sensor[0].quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(s.node.grasp.state, unsigned(TACTILED_GRIP_UNKNOWN));
 }
 
 TEST_F(PipelineTest, TheLastWordIsBad) {
