@@ -14,7 +14,6 @@ namespace tactiled::ctl {
 namespace {
 
 constexpr std::size_t kSamples = 16'384;  // of each method in each scene: 16 beyond p99.9
-constexpr std::size_t kMostOfScene = 30'000;
 
 struct Wish {
     std::string calibration, scene, in, scenes, cost;

@@ -30,6 +30,8 @@ int tradeoff_costs(const std::string& name, const TradeoffOutput& output);
 
 // ---- tradeoff_rows.cpp: what sensors read in a scene, and what was applied ----
 
+inline constexpr std::size_t kMostOfScene = 30'000;  // samples that are judged
+
 // The scene's first sensor with all effects, at most `most` of its samples; a frame that is lost is no row, a channel
 // without a value NaN. The labels are the load that the world exerts. setup: throws SetupError
 Labelled rows_of(const sim::Scene& scene, std::size_t most);

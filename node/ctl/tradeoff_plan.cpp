@@ -17,7 +17,6 @@ namespace {
 
 // A calibration of more rows takes longer and is hardly better: the loads are what counts. Memory needs the time course.
 constexpr std::size_t kMostRows = 600, kMostRowsOfMemory = 40'000;
-constexpr std::size_t kMostOfScene = 30'000;  // samples of a scene that are judged
 
 struct Source {
     std::string model, scene;          // without .toml
