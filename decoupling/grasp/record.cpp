@@ -41,7 +41,7 @@ tactiled_grasp Grasp::state() const noexcept {
         g.slip_count[jaw.sensor] = std::uint16_t(jaw.slip.slips());
         if (jaw.slip.state() == TACTILED_SLIP_GROSS) g.slip_mask |= 1u << jaw.sensor;
         grip_N += std::max(0.0, contact.feel().press_N) / double(s.jaws.size());
-        if (contact.touching()) g.friction_use[jaw.sensor] = float(jaw.slip.use());
+        g.friction_use[jaw.sensor] = float(jaw.slip.use());
         const Friction& f = jaw.slip.friction();
         if (least == nullptr || f.coefficient() < least->coefficient()) least = &f;
         const double sure = f.coefficient() - (f.learnt() ? f.sd() : 0);

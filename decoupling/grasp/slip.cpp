@@ -18,6 +18,7 @@ constexpr double kUsualTime_s = 10;
 constexpr double kNearCone = 0.7, kAtCone = 0.9, kSmallFall = 0.08;
 constexpr double kLeastRatio = 0.1;  // nothing that a gripper holds slides at less, and a ratio of noise is none
 constexpr double kNoises = 4;
+constexpr double kMeanTime_s = 0.02;  // a peak of vibration is not near the limit; a pull that takes longer is
 
 }  // namespace
 
@@ -57,6 +58,7 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
         return;
     }
     if (touched_ns_ == 0) {
+        mean_N_ = feel.shear_N;
         touched_ns_ = feel.t_ns;
         usual_ = 0;
     }
@@ -85,8 +87,9 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
     if (settled) usual_ = std::max(now.part, usual_ * std::exp(-elapsed_s / kUsualTime_s));
     if (!slides) friction_.held((feel.shear_N - kNoises * noise_N) / feel.press_N);
     // |shear| > part of the cone + k sd: never a ratio alone, which near no press is one of noise.
+    mean_N_ += -std::expm1(-elapsed_s / kMeanTime_s) * (feel.shear_N - mean_N_);
     const double limit_N = near_ * friction_.coefficient() * feel.press_N + kNoises * noise_N;
-    state_ = feel.shear_N > limit_N ? TACTILED_SLIP_INCIPIENT : TACTILED_SLIP_NONE;  // not known: false
+    state_ = std::min(mean_N_, feel.shear_N) > limit_N ? TACTILED_SLIP_INCIPIENT : TACTILED_SLIP_NONE;  // not known: false
 }
 
 }  // namespace tactiled::grasp

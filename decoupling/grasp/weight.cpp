@@ -237,7 +237,6 @@ void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept
         publish_held(window, jaws, now_ns);
     else
         publish_first(window, jaws, now_ns);
-    if (!std::isfinite(now_.mass_kg)) fails(TACTILED_WEIGHT_ESTIMATING);
 }
 
 // From lift-off to the first stable value.
