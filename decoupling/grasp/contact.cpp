@@ -13,6 +13,8 @@ constexpr double kOnOverOff = 1.2;               // they stay apart, whatever is
 constexpr int kInARow = 2;                       // one wild sample is no contact
 constexpr std::uint64_t kBucket_ns = 20'000'000;
 constexpr std::uint64_t kSettles_ns = 60'000'000;  // after a contact: filters, and the fast part of what a skin gives back
+constexpr int kNewZero = 15;                       // buckets: 0.3 s
+constexpr double kDrift_1_s = 0.05;                // of the threshold a second
 constexpr double kZeroTime_s = 0.3;                // of the mean that is the zero
 constexpr std::uint64_t kLeaves_ns = 25'000'000;   // jaws that open take longer: 0.1 N at 1 N/s
 constexpr double kPressTime_s = 1;                 // over which the press of before is remembered
@@ -81,6 +83,7 @@ void Contact::judge_touch() noexcept {
     } else {
         left_at_once_ = feel_.t_ns - half_ns_ < kLeaves_ns;
         free_since_ns_ = feel_.t_ns;
+        buckets_ = 0;  // hysteresis: another zero than before the contact
     }
 }
 
@@ -106,7 +109,9 @@ void Contact::close_bucket() noexcept {
     } else {
         const double part = std::max(1.0 / ++buckets_, -std::expm1(-double(kBucket_ns) * 1e-9 / kZeroTime_s));
         const Eigen::Vector3d off = mean - zero_N_;
-        zero_N_ += part * off;
+        // Of what comes slowly a part is drift and the rest a soft touch: drift is slower than this.
+        const double most_N = buckets_ <= kNewZero ? kMost_N : kDrift_1_s * setup_.contact_off_N * double(kBucket_ns) * 1e-9;
+        zero_N_ += (part * off).cwiseMax(-most_N).cwiseMin(most_N);
         buckets_ = std::min(buckets_, 1000);
         if (elapsed_s < 1) {  // what differs from the mean of 0.3 s has walked for about so long
             const Eigen::Vector3d square = (off.array() * off.array() / kZeroTime_s).matrix();
