@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
 #include <fstream>
 #include <string>
@@ -16,6 +17,17 @@
 #include "tests/bench/grasp_figure.hpp"
 #include "tests/bench/grasp_slip.hpp"
 #include "tests/bench/grasp_weigh.hpp"
+
+extern "C" void* __libc_malloc(std::size_t);
+namespace {
+std::uint64_t allocations = 0;
+}
+#ifndef __SANITIZE_ADDRESS__
+extern "C" void* malloc(std::size_t size) {
+    ++allocations;
+    return __libc_malloc(size);
+}
+#endif
 
 using namespace tactiled;
 using namespace tactiled::bench;
@@ -131,6 +143,31 @@ void draw(int sessions, std::uint64_t seed) {
         panels, fmt::format("Error of the weight, % of it (simulated hair sensors, 4 objects, {} grasps)", 20 * sessions));
 }
 
+// By a grasp with everything in it, after set-up.
+std::uint64_t allocations_of_a_grasp() {
+    grasp::Setup setup;
+    setup.gravity_G = {0, -9.80665, 0};
+    setup.friction = 0.6;
+    setup.jaws.resize(2);
+    grasp::Grasp g(setup);
+    const grasp::Object taught[] = {{1, "an object", 0.1, 0.001}};
+    const std::uint64_t before = allocations;
+    g.objects(taught);
+    std::uint64_t stable = 0;
+    for (std::uint64_t i = 1; i <= 10'000; ++i) {
+        const double t_s = double(i) * 1e-3, press_N = t_s > 0.5 ? 2 : 0, shear_N = t_s > 1 ? 0.1 * 9.80665 / 2 : 0;
+        const double slid = t_s > 8 ? 1.15 : t_s > 7 ? 2.3 : 1;
+        for (std::size_t j = 0; j < 2; ++j)
+            g.sample(j, {.t_ns = i * 1'000'000,
+                         .force_S_N = {0, -shear_N * slid, -press_N},
+                         .sd_N = {1e-3, 1e-3, 1e-3},
+                         .quality = i % 5000 == 0 ? TACTILED_BAD : TACTILED_GOOD,
+                         .reasons = 0});
+        stable += g.state().weight_state == TACTILED_WEIGHT_STABLE;
+    }
+    return stable > 0 ? allocations - before : UINT64_MAX;
+}
+
 bool check() {
     bool kept = true;
     const auto limit = [&](const char* what, double is, double least, double most) {
@@ -138,6 +175,7 @@ bool check() {
         kept &= good;
         fmt::print("{} {}: {:.3g}, wanted {:g} .. {:g}\n", good ? "kept  " : "BROKEN", what, is, least, most);
     };
+    limit("allocations of 10,000 turns", double(allocations_of_a_grasp()), 0, 0);
     const auto outcomes = weigh(1000, 2, 2, {});
     for (std::size_t sensed = 1; sensed <= 3; ++sensed) {
         const Figures f = figures(outcomes, SIZE_MAX, sensed);

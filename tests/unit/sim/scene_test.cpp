@@ -79,6 +79,20 @@ TEST(Scene, ALiftTakesTheWeightThenTheAcceleration) {
     EXPECT_NEAR(w.fx[1005], -0.05 * 9.80665, 1e-9);
 }
 
+TEST(Scene, ALiftMayTravelLeanAndHaveAMassOfItsOwn) {
+    const World w = world_of(
+        "[[motion]]\ndo = \"press\"\nto_N = 1\nin_s = 0.1\n"
+        "[[motion]]\ndo = \"lift\"\nmass_kg = 0.1\nlean_deg = 30\nacceleration_m_s2 = 2\ndirection_deg = 0\nin_s = 0.1\n"
+        "for_s = 0.4\ntravel_s = 0.5\n[[motion]]\ndo = \"hold\"\nfor_s = 0.01\n");
+    const double weight_N = 0.1 * 9.80665, heavier_N = 0.1 * (9.80665 + 2);
+    EXPECT_NEAR(w.fx[200], weight_N * std::cos(M_PI / 6), 1e-9);
+    EXPECT_NEAR(w.fz[200], -1 - weight_N * 0.5, 1e-9);
+    EXPECT_NEAR(w.fx[300], heavier_N * std::cos(M_PI / 6), 1e-9);
+    EXPECT_NEAR(w.fz[300], -1 - heavier_N * 0.5, 1e-9);
+    EXPECT_NEAR(w.fx[650], weight_N * std::cos(M_PI / 6), 1e-9);  // travelling
+    EXPECT_NEAR(w.acceleration[1000], -2, 1e-9);
+}
+
 TEST(Scene, ASlideAddsUpItsPath) {
     const World w =
         world_of("[[motion]]\ndo = \"slide\"\nspeed_m_s = 0.1\nin_s = 0.1\n[[motion]]\ndo = \"hold\"\nfor_s = 0.1\n");
