@@ -108,7 +108,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     g.weigh_window_ms = table.number("weigh_window_ms", {10, 1000}, 100);
     g.slip_sensitivity = table.number("slip_sensitivity", {0, 100}, 50) / 100;
     g.lift_acceleration_m_s2 = table.number("lift_acceleration_m_s2", {0, 50}, 2);
-    g.lift_accelerates_ms = table.number("lift_accelerates_ms", {0, 5000}, 150);
+    g.lift_accelerates_ms = table.number("lift_accelerates_ms", {0, 5000}, 1000);
     const std::string objects = table.text("objects", fmt::format("/var/lib/tactiled/{}.objects.toml", node_name));
     if (objects.empty()) table.problem("objects", "objects = \"\" names no file; leave the key out for the default");
     g.objects = (std::filesystem::absolute(folder) / objects).lexically_normal().string();

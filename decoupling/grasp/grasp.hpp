@@ -34,7 +34,9 @@ struct Setup {
     double margin = 1.5;                // recommended grip / least grip
     double weigh_window_ms = 100;       // the weight is a mean over so long
     double lift_acceleration_m_s2 = 2;  // the most that the arm uses where nobody tells its acceleration, and for how
-    double lift_accelerates_ms = 150;   // long after lift-off at most
+    // long after lift-off at most. 1 s is longer than picks take: too long delays a weight, too short makes one of the arm's
+    // braking.
+    double lift_accelerates_ms = 1000;
 };
 
 // What is taught: an object weighs this much, +- the sd from grasp to grasp.

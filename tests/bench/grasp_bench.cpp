@@ -148,6 +148,7 @@ std::uint64_t allocations_of_a_grasp() {
     grasp::Setup setup;
     setup.gravity_G = {0, -9.80665, 0};
     setup.friction = 0.6;
+    setup.lift_accelerates_ms = 150;
     setup.jaws.resize(2);
     grasp::Grasp g(setup);
     const grasp::Object taught[] = {{1, "an object", 0.1, 0.001}};

@@ -142,6 +142,7 @@ grasp::Setup setup_of(std::size_t sensed, const Conditions& c) {
     setup.jaws_of_gripper = kJaws;
     setup.gravity_G = {0, 0, kGravity_m_s2};
     setup.weigh_window_ms = c.window_ms;
+    setup.lift_accelerates_ms = 150;  // what Conditions::accelerates_s begins with
     for (std::size_t j = 0; j < sensed; ++j) {
         grasp::JawSetup jaw;
         jaw.sensor = std::uint32_t(j);

@@ -64,7 +64,7 @@ TEST(GraspConfig, HasDefaults) {
     EXPECT_EQ(g.slip_sensitivity, 0.5);
     EXPECT_EQ(g.share_sd, 0.01);
     EXPECT_EQ(g.lift_acceleration_m_s2, 2);
-    EXPECT_EQ(g.lift_accelerates_ms, 150);
+    EXPECT_EQ(g.lift_accelerates_ms, 1000);
     EXPECT_EQ(g.objects, "/var/lib/tactiled/gripper.objects.toml");
     EXPECT_EQ(loaded.config.modbus.objects, g.objects);
 }

@@ -18,6 +18,7 @@ inline Setup two_jaws() {
     Setup s;
     s.gravity_G = {0, 0, kG};
     s.friction = 0.6;
+    s.lift_accelerates_ms = 150;
     s.jaws.resize(2);
     s.jaws[0].S_from_G = {{{0, -1, 0}, {0, 0, -1}, {1, 0, 0}}};
     s.jaws[1].S_from_G = {{{0, 1, 0}, {0, 0, -1}, {-1, 0, 0}}};

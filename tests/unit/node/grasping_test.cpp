@@ -20,6 +20,7 @@ std::optional<Grasping::Setup> two_jaws() {
     setup.estimator.jaws[1].S_from_G = {{{0, 0, 1}, {-1, 0, 0}, {0, -1, 0}}};
     setup.estimator.gravity_G = {0, 0, -9.81};
     setup.estimator.friction = 0.8;
+    setup.estimator.lift_accelerates_ms = 150;
     grasp::Object bolt;
     bolt.id = 4;
     bolt.name = "bolt";
