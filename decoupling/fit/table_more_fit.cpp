@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "decoupling/domain.hpp"
 #include "decoupling/generic_methods.hpp"
@@ -13,6 +14,8 @@
 
 namespace tactiled {
 namespace {
+
+constexpr std::size_t kFewestAtRest = 5;  // rows without load: from here on they say where zero is
 
 double rms(const std::vector<double>& values) {
     double sum = 0;
@@ -92,7 +95,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
     const auto map = influence_of(calibration, fault);
     if (!map) throw Undetermined(fault);
     const std::size_t n = calibration.channels.size();
-    std::vector<std::vector<double>> model(n), measured(n);
+    std::vector<std::vector<double>> model(n), measured(n), resting(n);
     int beside = 0;
     double most = 0;
     for (const auto* row : rows_with(rows, all)) most = std::max(most, std::abs(row->wrench_S[2]));
@@ -112,6 +115,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
             answer = at.value;
         }
         for (std::size_t k = 0; k < n; ++k) {
+            if (force.norm() == 0) resting[k].push_back(row->channel[k]);
             model[k].push_back(answer.row(Eigen::Index(k)).dot(force));
             measured[k].push_back(row->channel[k]);
         }
@@ -134,11 +138,21 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
                 fmt::format("gauge {} answers with the wrong sign (scale {:.3g}): swapped, or fz is not negative "
                             "under a press",
                             calibration.channels[k], scale.back()));
-        calibration.zero.push_back(fitted.constant);
-        for (Eigen::Index i = 0; i < m; ++i) rest.push_back(y[i] - fitted.constant - scale.back() * x[i]);
+        // The search is not linear: what hysteresis adds to all loaded rows, taken for the zero or for noise, is another
+        // place in the loop's first touch. So both are those of the readings at rest, where there are some.
+        const auto& still = resting[k];
+        if (still.size() < kFewestAtRest) {
+            calibration.zero.push_back(fitted.constant);
+            for (Eigen::Index i = 0; i < m; ++i) rest.push_back(y[i] - fitted.constant - scale.back() * x[i]);
+            continue;
+        }
+        calibration.zero.push_back(std::accumulate(still.begin(), still.end(), 0.0) / double(still.size()));
+        for (const double reading : still) rest.push_back(reading - calibration.zero.back());
     }
     calibration.tables["gauge_scale"] = {scale};
-    calibration.parameters["noise"] = std::max(rms(rest), 1e-300);
+    // Never below what the loop takes by itself: readings in whole steps may not scatter at all.
+    const double least = kDefaultNoise_per_reading * map->mean().cwiseAbs().maxCoeff();
+    calibration.parameters["noise"] = std::max(rms(rest), least);
     calibration.parameters["contact"] = 1;
     calibration.condition = 0;
     calibration.matrix.clear();
