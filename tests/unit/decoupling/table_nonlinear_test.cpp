@@ -230,7 +230,8 @@ TEST(TableNonlinear, LowersAHysteresisOf484PercentThreeTimesOnLoopsItHasNotSeen)
     }
 }
 
-// Once it was touched, the sensor was not let go again: what its history adds to all loads is no curve. The loop begins anew.
+// Once it was touched, the sensor was not let go again: what its history adds to all loads is no curve. The loop begins
+// anew.
 TEST(TableNonlinear, AFirstTouchIsReadAfterACalibrationThatNeverLetGo) {
     std::vector<double> taught(40, 0.0), asked;
     std::mt19937_64 random(9);
