@@ -315,6 +315,7 @@ TEST(TableMap, TakesForNoiseOnlyWhatNoPointExplainsAndTheZeroFromRest) {
     std::string fault;
     Calibration calibration = map_calibration();
     const auto map = influence_of(calibration, fault);
+    const Influence uniform = map->mean();
     std::mt19937_64 random(4);
     std::uniform_real_distribution<double> unit(-1, 1);
     std::vector<LabelledRow> rows;
@@ -325,8 +326,7 @@ TEST(TableMap, TakesForNoiseOnlyWhatNoPointExplainsAndTheZeroFromRest) {
                                         : Eigen::Vector3d(0.3 * unit(random), 0.3 * unit(random), -1 - 0.8 * unit(random));
         InfluenceMap::At at;
         map->at(x, y, at);
-        const Eigen::Matrix<double, 8, 1> strain = at.value * f,
-                                          added = map->mean() * Eigen::Vector3d(0, 0, rests ? 0 : -0.1);
+        const Eigen::Matrix<double, 8, 1> strain = at.value * f, added = uniform * Eigen::Vector3d(0, 0, rests ? 0 : -0.1);
         LabelledRow row{.line = i + 2, .channel = {}};
         for (int k = 0; k < 8; ++k) row.channel.push_back(1e-4 * k + strain[k] + added[k] + 1e-5 * unit(random));
         row.wrench_S = {f.x(), f.y(), f.z(), y * f.z(), -x * f.z(), kNaN};
