@@ -22,9 +22,9 @@
 namespace tactiled {
 namespace {
 
-constexpr double kDoubtful = 6, kGainError = 0.01;  // as method "linear"
-constexpr double kRest = 3;  // nothing touches: the readings are within 3 sigma of noise, root mean square
-constexpr double kPoor = 3;  // from this residual on a point is not believed
+constexpr double kDoubtful = 6;  // as method "linear"
+constexpr double kRest = 3;      // nothing touches: the readings are within 3 sigma of noise, root mean square
+constexpr double kPoor = 3;      // from this residual on a point is not believed
 constexpr double kDefaultLocate = 5;
 // Shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has a small press or
 // a pull, and what cannot be pushed so is not believed.
@@ -68,7 +68,7 @@ private:
         Gauges y = Gauges::Zero();
         for (std::size_t k = 0; k < n_channels(); ++k) y[Eigen::Index(k)] = input.r[k];
         const double reading2 = y.squaredNorm() / std::max(1, std::popcount(input.usable));
-        const double variance = noise_ * noise_ + kGainError * kGainError * reading2;
+        const double variance = noise_ * noise_ + kGainErrorOfGauge * kGainErrorOfGauge * reading2;
         const bool rests = reading2 <= kRest * kRest * noise_ * noise_;
         if (!std::isfinite(variance)) return lose_point();  // readings of 1e154 and more: BAD
         std::uint32_t usable = input.usable & ~dead_;

@@ -10,6 +10,8 @@ namespace tactiled {
 
 // Noise assumed where the calibration states none: 0.5 % of what an inner gauge reads at 1 N.
 inline constexpr double kDefaultNoise_per_reading = 0.005;
+// Gains of gauges are known to this part: its share of a reading is no sign of anything.
+inline constexpr double kGainErrorOfGauge = 0.01;
 
 // nullptr where the calibration does not serve the method; `fault` says why. setup
 std::unique_ptr<Decoupler> make_table_linear(const Calibration& calibration, std::string& fault);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "decoupling/domain.hpp"
 #include "decoupling/generic_methods.hpp"
@@ -14,10 +15,36 @@
 namespace tactiled {
 namespace {
 
-double rms(const std::vector<double>& values) {
-    double sum = 0;
-    for (const double value : values) sum += value * value;
-    return values.empty() ? 0 : std::sqrt(sum / double(values.size()));
+constexpr std::size_t kFewestAtRest = 5;  // rows without load: from here on they say where zero is
+
+struct Loaded {
+    InfluenceMap::At at;
+    Eigen::Vector3d force_N;
+    const LabelledRow* row;
+};
+
+// Variance of a gauge that neither a point, its force nor the gain error explains: what the search has to take for noise.
+// The median of the rows: the mean is that of the greatest loads, and small ones would not be found beneath it.
+double unexplained_variance(const std::vector<Loaded>& loaded, const std::vector<double>& scale,
+                            const std::vector<double>& zero) {
+    const auto n = Eigen::Index(scale.size());
+    const Eigen::Map<const Eigen::VectorXd> gain(scale.data(), n), offset(zero.data(), n);
+    std::vector<double> left;
+    for (const Loaded& one : loaded) {
+        Eigen::MatrixXd a(n, 5);  // of Fx Fy Fz, then x and y
+        a << one.at.value.topRows(n), (one.at.dx * one.force_N).head(n), (one.at.dy * one.force_N).head(n);
+        a = gain.asDiagonal() * a;
+        const Eigen::VectorXd y = Eigen::Map<const Eigen::VectorXd>(one.row->channel.data(), n) - offset;
+        const Eigen::VectorXd load = (Eigen::VectorXd(5) << one.force_N, 0, 0).finished(), off = y - a * load;
+        const LeastSquares solved = least_squares(a, off);
+        if (!solved.dependent.empty()) continue;
+        left.push_back((off - a * solved.coefficient).squaredNorm() / double(n - 5) -
+                       std::pow(kGainErrorOfGauge, 2) * y.squaredNorm() / double(n));
+    }
+    if (left.empty()) return 0;
+    const auto middle = left.begin() + std::ptrdiff_t(left.size() / 2);
+    std::nth_element(left.begin(), middle, left.end());
+    return std::max(0.0, *middle);
 }
 
 }  // namespace
@@ -92,7 +119,8 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
     const auto map = influence_of(calibration, fault);
     if (!map) throw Undetermined(fault);
     const std::size_t n = calibration.channels.size();
-    std::vector<std::vector<double>> model(n), measured(n);
+    std::vector<std::vector<double>> model(n), measured(n), resting(n);
+    std::vector<Loaded> loaded;
     int beside = 0;
     double most = 0;
     for (const auto* row : rows_with(rows, all)) most = std::max(most, std::abs(row->wrench_S[2]));
@@ -110,8 +138,10 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
             InfluenceMap::At at;
             map->at(x, y, at);
             answer = at.value;
+            loaded.push_back({at, force, row});
         }
         for (std::size_t k = 0; k < n; ++k) {
+            if (force.norm() == 0) resting[k].push_back(row->channel[k]);
             model[k].push_back(answer.row(Eigen::Index(k)).dot(force));
             measured[k].push_back(row->channel[k]);
         }
@@ -120,7 +150,8 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
         warnings.push_back(
             fmt::format("{} rows without a point on the plate (mx / fz, -my / fz), or a press below 2 %: left out", beside));
     if (model.front().size() < 3 * n) throw Undetermined("too few rows with a point on the plate");
-    std::vector<double> scale, rest;
+    std::vector<double> scale;
+    double scatter2 = 0;  // sum of squares of the readings at rest
     calibration.zero.clear();
     for (std::size_t k = 0; k < n; ++k) {
         const auto m = Eigen::Index(model[k].size());
@@ -134,11 +165,22 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
                 fmt::format("gauge {} answers with the wrong sign (scale {:.3g}): swapped, or fz is not negative "
                             "under a press",
                             calibration.channels[k], scale.back()));
-        calibration.zero.push_back(fitted.constant);
-        for (Eigen::Index i = 0; i < m; ++i) rest.push_back(y[i] - fitted.constant - scale.back() * x[i]);
+        // The search is not linear: what hysteresis adds to all loaded rows, taken for the zero, is another place in the
+        // loop's first touch. So the zero is that of the readings at rest, where there are some.
+        const auto& still = resting[k];
+        if (still.size() < kFewestAtRest) {
+            calibration.zero.push_back(fitted.constant);
+            continue;
+        }
+        calibration.zero.push_back(std::accumulate(still.begin(), still.end(), 0.0) / double(still.size()));
+        for (const double reading : still)
+            scatter2 += std::pow(reading - calibration.zero.back(), 2) / double(still.size() * n);
     }
     calibration.tables["gauge_scale"] = {scale};
-    calibration.parameters["noise"] = std::max(rms(rest), 1e-300);
+    // Never below what the loop takes by itself: readings in whole steps may not scatter at all.
+    const double least = kDefaultNoise_per_reading * map->mean().cwiseAbs().maxCoeff();
+    const double left2 = n > 5 ? unexplained_variance(loaded, scale, calibration.zero) : 0;
+    calibration.parameters["noise"] = std::max({std::sqrt(scatter2), std::sqrt(left2), least});
     calibration.parameters["contact"] = 1;
     calibration.condition = 0;
     calibration.matrix.clear();

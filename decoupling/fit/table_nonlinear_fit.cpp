@@ -1,7 +1,7 @@
-// Method "nonlinear" of model "table": curve and plays in turn, on top of the fit of "linear".
+// Method "nonlinear" of model "table": curve and plays together, on top of the fit of "linear".
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <numeric>
 
 #include "decoupling/fit/table_more_fit.hpp"
 #include "decoupling/monotone_curve.hpp"
@@ -12,7 +12,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kPlays = 16, kKnots = 8;
-constexpr int kRounds = 4;            // of curve and hysteresis in turn
+constexpr int kRounds = 5;            // of curve and plays together
 constexpr double kSomething = 0.002;  // of the range: what a curve or a loop has to explain to be kept
 
 // One load and what the linear method makes of it, in the order of time; `starts[i]`: a session begins with row i.
@@ -21,9 +21,11 @@ struct Track {
     std::vector<bool> starts;
 };
 
-// Play operators from `input` to `reading`, whose constant is taken off and added to `constant`: the zero of the straight
-// line lies in the middle of the loop, that of the plays where it was never loaded.
-Plays fit_plays(const std::vector<double>& input, Track& track, const std::vector<double>& thresholds, double& constant) {
+// Play operators from `input` to `reading`, and beside them what is added as columns of `beside`, whose coefficients become
+// `more`. The constant is taken off the readings and added to `constant`: the zero of the straight line lies in the middle
+// of the loop, that of the plays where it was never loaded.
+Plays fit_plays(const std::vector<double>& input, Track& track, const std::vector<double>& thresholds,
+                const Eigen::MatrixXd& beside, Eigen::VectorXd& more, double& constant) {
     const auto n = Eigen::Index(input.size());
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < thresholds.size(); ++i) kept.push_back(i);
@@ -41,9 +43,12 @@ Plays fit_plays(const std::vector<double>& input, Track& track, const std::vecto
     Plays plays;
     plays.n = thresholds.size();
     std::copy(thresholds.begin(), thresholds.end(), plays.threshold.begin());
+    more = Eigen::VectorXd::Zero(beside.cols());
     while (!kept.empty()) {
-        Eigen::MatrixXd a = Eigen::MatrixXd::Ones(n, Eigen::Index(kept.size()) + 1);
+        const auto of_plays = Eigen::Index(kept.size());
+        Eigen::MatrixXd a = Eigen::MatrixXd::Ones(n, of_plays + beside.cols() + 1);
         for (std::size_t i = 0; i < kept.size(); ++i) a.col(Eigen::Index(i)) = columns.col(Eigen::Index(kept[i]));
+        a.middleCols(of_plays, beside.cols()) = beside;
         const LeastSquares solved = least_squares(a, y);
         if (!solved.dependent.empty()) {  // plays that no row moved alone
             kept.erase(kept.begin() + std::ptrdiff_t(std::min(solved.dependent.back(), kept.size() - 1)));
@@ -52,9 +57,10 @@ Plays fit_plays(const std::vector<double>& input, Track& track, const std::vecto
         plays.weight.fill(0);
         for (std::size_t i = 0; i < kept.size(); ++i) plays.weight[kept[i]] = solved.coefficient[Eigen::Index(i)];
         if (Plays::fault_of({plays.threshold.data(), plays.n}, {plays.weight.data(), plays.n}).empty()) {
-            const double offset = solved.coefficient[Eigen::Index(kept.size())];
+            const double offset = solved.coefficient[of_plays + beside.cols()];
             y.array() -= offset;
             constant += offset;
+            more = solved.coefficient.segment(of_plays, beside.cols());
             return plays;
         }
         if (kept.size() == 1) break;
@@ -65,40 +71,10 @@ Plays fit_plays(const std::vector<double>& input, Track& track, const std::vecto
     return plays;
 }
 
-std::vector<double> through(const Plays& plays, const std::vector<double>& values, const std::vector<bool>& starts) {
-    PlayState state;
-    std::vector<double> result;
-    for (std::size_t i = 0; i < values.size(); ++i) {
-        if (starts[i]) state.forget();
-        result.push_back(state.next(plays, values[i]));
-    }
-    return result;
-}
-
-// A rising curve from load to reading with its knots spread over the loads: the first is (0, constant). Nothing where it
-// does not rise. Broken lines are fitted (hat functions, least squares): the chords of eight knots miss a parabola by
-// 1 / 512 of its bend over the whole range.
-std::optional<std::vector<std::vector<double>>> fit_curve(const std::vector<double>& load,
-                                                          const std::vector<double>& reading) {
-    const double most = *std::max_element(load.begin(), load.end());
-    if (!(most > 0)) return std::nullopt;
-    const auto pieces = Eigen::Index(kKnots);
-    Eigen::MatrixXd a = Eigen::MatrixXd::Zero(Eigen::Index(load.size()), pieces + 1);
-    for (Eigen::Index i = 0; i < a.rows(); ++i) {
-        const double x = load[std::size_t(i)] / most * double(pieces);  // below 0, a pull, goes on straight
-        const Eigen::Index low = x <= 0 ? 0 : std::min(Eigen::Index(x), pieces - 1);
-        a(i, low) = 1 - (x - double(low));
-        a(i, low + 1) = x - double(low);
-    }
-    const LeastSquares solved =
-        least_squares(a, Eigen::Map<const Eigen::VectorXd>(reading.data(), Eigen::Index(reading.size())));
-    if (!solved.dependent.empty()) return std::nullopt;
-    std::vector<std::vector<double>> points;
-    for (Eigen::Index j = 0; j <= pieces; ++j) {
-        points.push_back({most * double(j) / double(pieces), solved.coefficient[j]});
-        if (j > 0 && !(points[std::size_t(j)][1] > points[std::size_t(j) - 1][1])) return std::nullopt;
-    }
-    return points;
+// bend[0] load + bend[1] load^2 / most + bend[2] load^3 / most^2
+double bent(double load, double most, const Eigen::Vector3d& bend) {
+    const double share = load / most;
+    return load * (bend[0] + share * (bend[1] + share * bend[2]));
 }
 
 }  // namespace
@@ -124,43 +100,52 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
         const auto [least, most] = std::minmax_element(one.load.begin(), one.load.end());
         span = std::max(span, *most - *least);
     }
-    std::vector<std::vector<double>> curve;
     std::array<Plays, 3> plays;
     std::array<double, 3> constant{};
     // A play of half the span of the loads never moves back; closer together where they are narrow.
     std::vector<double> thresholds;
     for (std::size_t i = 0; i < kPlays; ++i) thresholds.push_back(span / 2 * std::pow(double(i) / double(kPlays), 1.5));
-    for (auto& one : plays) {
-        one.n = kPlays;
-        std::copy(thresholds.begin(), thresholds.end(), one.threshold.begin());
-        one.weight[0] = 1;
-    }
-    // The curve first: plays can imitate one half of it.
-    for (int round = 0; round <= kRounds; ++round) {
-        const auto points = fit_curve(track[2].load, through(plays[2].inverse(), track[2].reading, track[2].starts));
-        if (!points) {
-            warnings.emplace_back("the readings of a press do not rise with it, or too few loads: no normal_curve");
-            curve.clear();
-            plays[2] = fit_plays(track[2].load, track[2], thresholds, constant[2]);
-            break;
+    // Curve and plays of the press together, the curve smooth: where the loads after the first touch stay above 0, a curve
+    // of free knots takes what the history adds to all of them for a jump between the rest and the least load, and every
+    // first load is read wrong (3 % of full scale, with a stated deviation of 0.6 %).
+    Eigen::Vector3d bend(1, 0, 0);
+    Eigen::VectorXd more;
+    const double most = *std::max_element(track[2].load.begin(), track[2].load.end());
+    if (most > 0) {
+        Eigen::MatrixXd beside(Eigen::Index(track[2].load.size()), 2);
+        for (Eigen::Index i = 0; i < beside.rows(); ++i) {
+            const double load = track[2].load[std::size_t(i)], share = load / most;
+            beside.row(i) << load * share, load * share * share;
         }
-        curve = *points;
+        for (int round = 0; round < kRounds; ++round) {
+            std::vector<double> input;
+            for (const double load : track[2].load) input.push_back(bent(load, most, bend));
+            const Plays rough = fit_plays(input, track[2], thresholds, beside, more, constant[2]);
+            // A rising load moves all plays: what stands beside them is one more bend of their input.
+            bend *= std::accumulate(rough.weight.begin(), rough.weight.begin() + kPlays, 0.0);
+            bend.tail<2>() += more;
+        }
+    }
+    std::vector<std::vector<double>> curve;
+    for (std::size_t i = 0; most > 0 && i <= kKnots; ++i) {
+        const double load = most * double(i) / double(kKnots);
+        curve.push_back({load, bent(load, most, bend)});
+        if (i == 0 || curve[i][1] > curve[i - 1][1]) continue;
+        curve.clear();
+        break;
+    }
+    std::vector<double> pressed = track[2].load;
+    if (curve.empty()) {
+        warnings.emplace_back("the readings of a press do not rise with it, or too few loads: no normal_curve");
+    } else {
         std::vector<double> x, y;
-        const double offset = curve.front()[1];
-        for (auto& reading : track[2].reading) reading -= offset;
-        constant[2] += offset;
-        for (auto& point : curve) {
-            point[1] -= offset;
-            x.push_back(point[0]);
-            y.push_back(point[1]);
-        }
-        if (round == kRounds) break;
+        for (const auto& point : curve) x.push_back(point[0]), y.push_back(point[1]);
         const MonotoneCurve forward(x, y);
-        std::vector<double> bent;
-        for (const double load : track[2].load) bent.push_back(forward.at(load));
-        plays[2] = fit_plays(bent, track[2], thresholds, constant[2]);
+        for (double& load : pressed) load = forward.at(load);
     }
-    for (std::size_t c = 0; c < 2; ++c) plays[c] = fit_plays(track[c].load, track[c], thresholds, constant[c]);
+    const Eigen::MatrixXd nothing(Eigen::Index(pressed.size()), 0);
+    for (std::size_t c = 0; c < 3; ++c)
+        plays[c] = fit_plays(c == 2 ? pressed : track[c].load, track[c], thresholds, nothing, more, constant[c]);
     const auto gains = gains_of_signs(calibration);
     for (std::size_t k = 0; k < gains.size(); ++k)
         for (std::size_t c = 0; c < 3; ++c) calibration.zero[k] += gains[k][c] * constant[c];

@@ -310,5 +310,34 @@ TEST(TableMap, IsFittedWithAScaleAndAZeroForEachGauge) {
     EXPECT_GT(close, 270);  // of 300
 }
 
+// Hysteresis adds a little to all loads; the search would take it for another place when nothing was loaded before.
+TEST(TableMap, TakesForNoiseOnlyWhatNoPointExplainsAndTheZeroFromRest) {
+    std::string fault;
+    Calibration calibration = map_calibration();
+    const auto map = influence_of(calibration, fault);
+    const Influence uniform = map->mean();
+    std::mt19937_64 random(4);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    std::vector<LabelledRow> rows;
+    for (int i = 0; i < 300; ++i) {
+        const bool rests = i < 30;
+        const double x = 0.5e-3 * unit(random), y = 0.5e-3 * unit(random);
+        const Eigen::Vector3d f = rests ? Eigen::Vector3d(0, 0, 0)
+                                        : Eigen::Vector3d(0.3 * unit(random), 0.3 * unit(random), -1 - 0.8 * unit(random));
+        InfluenceMap::At at;
+        map->at(x, y, at);
+        const Eigen::Matrix<double, 8, 1> strain = at.value * f, added = uniform * Eigen::Vector3d(0, 0, rests ? 0 : -0.1);
+        LabelledRow row{.line = i + 2, .channel = {}};
+        for (int k = 0; k < 8; ++k) row.channel.push_back(1e-4 * k + strain[k] + added[k] + 1e-5 * unit(random));
+        row.wrench_S = {f.x(), f.y(), f.z(), y * f.z(), -x * f.z(), kNaN};
+        rows.push_back(row);
+    }
+    Calibration fitted = calibration;
+    std::vector<std::string> warnings;
+    fit_table_map(pointers(rows), fitted, warnings);
+    for (std::size_t k = 0; k < 8; ++k) EXPECT_NEAR(fitted.zero[k], 1e-4 * double(k), 5e-6);
+    EXPECT_NEAR(fitted.parameters.at("noise"), 1e-5 / std::sqrt(3), 2e-6);
+}
+
 }  // namespace
 }  // namespace tactiled

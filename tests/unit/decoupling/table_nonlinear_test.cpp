@@ -230,6 +230,24 @@ TEST(TableNonlinear, LowersAHysteresisOf484PercentThreeTimesOnLoopsItHasNotSeen)
     }
 }
 
+// Once it was touched, the sensor was not let go again: what its history adds to all loads is no curve. The loop begins
+// anew.
+TEST(TableNonlinear, AFirstTouchIsReadAfterACalibrationThatNeverLetGo) {
+    std::vector<double> taught(40, 0.0), asked;
+    std::mt19937_64 random(9);
+    std::uniform_real_distribution<double> press(0.12, 1.25);
+    taught.push_back(1.25);
+    for (int i = 0; i < 400; ++i) taught.push_back(press(random));
+    ramp(asked, 1.0);
+    const double amount = amount_for(bouc_wen);
+    const auto calibrated = recording(bouc_wen(amount), taught), tested = recording(bouc_wen(amount), asked);
+    Calibration nonlinear = nonlinear_calibration();
+    std::vector<std::string> warnings;
+    fit_table_nonlinear(pointers(calibrated), nonlinear, warnings);
+    EXPECT_LT(errors_of(nonlinear, calibrated, 0).rms, 0.005);  // N
+    EXPECT_LT(errors_of(nonlinear, tested, 0).rms, 0.005);
+}
+
 TEST(TableNonlinear, FitsTheCurveFromLabelledRows) {
     std::vector<double> press;
     for (int i = 0; i < 4; ++i)
