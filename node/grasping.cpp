@@ -31,8 +31,12 @@ void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench
     felt.t_ns = s.t_ns;
     felt.quality = tactiled_quality(s.quality);
     felt.reasons = s.reasons;
-    if (s.tare_count != std::exchange(tares_seen_[sensor], s.tare_count)) {
-        // Forces before and after a new zero are in different coordinates: their difference is no event of the world.
+    const std::uint32_t method = TACTILED_METHOD(s.state), before = methods_seen_[sensor];  // 0: BAD, or not "auto"
+    if (method != 0) methods_seen_[sensor] = method;
+    const bool another_method = method != 0 && before != 0 && method != before;
+    if (s.tare_count != std::exchange(tares_seen_[sensor], s.tare_count) || another_method) {
+        // Forces before and after a new zero, or of two methods, are in different coordinates: their difference is no
+        // event of the world.
         grasp::JawSample moved = felt;
         moved.quality = TACTILED_BAD;
         moved.reasons |= TACTILED_TARING;

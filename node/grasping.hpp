@@ -38,7 +38,7 @@ private:
     std::optional<grasp::Grasp> estimator_;
     GraspSettable configured_;
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
-    std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{};
+    std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};
 };
 
 }  // namespace tactiled

@@ -1,6 +1,7 @@
 #include "node/sensor.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace tactiled {
@@ -56,6 +57,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
         s.sd_force_N[i] = e.sd[i];
         s.sd_torque_Nm[i] = e.sd[i + 3];
     }
+    if (zeros_to_find_ != 0) find_other_zero();
     if (tare_ == Tare::running) advance_tare(s);  // the sample that completes a tare is the first that it applies to
     if (tare_ == Tare::removing) tare_ = Tare::done;
     if (tare_ == Tare::running) s.reasons |= TACTILED_TARING;
@@ -139,7 +141,8 @@ Estimate Sensor::decouple(const Reading& reading) noexcept {
     if (sequence_ % kTimedEvery != 0 || tare_ == Tare::running) return setup_.automatic->decouple(reading);
     const std::uint64_t begun_ns = setup_.clock_ns();
     const Estimate estimate = setup_.automatic->decouple(reading);
-    setup_.automatic->took(setup_.clock_ns() - begun_ns, reading.t_ns);
+    const std::uint64_t ns = setup_.clock_ns() - begun_ns;
+    if (estimate.quality != TACTILED_BAD) setup_.automatic->took(ns, reading.t_ns);  // BAD returns early
     return estimate;
 }
 
@@ -167,9 +170,13 @@ void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
 }
 
-// What the methods that do not run make of the mean reading of the tare that has just ended.
-void Sensor::find_other_zeros(std::uint64_t t_ns) noexcept {
-    zero_unknown_ = 0;
+// What a method that does not run makes of the mean reading of the last tare; one of them a sample. One that has begun to
+// run meanwhile keeps its past, and is asked when it does not run any more.
+void Sensor::find_other_zero() noexcept {
+    const std::uint32_t idle = zeros_to_find_ & ~(1u << method_);
+    if (idle == 0) return;
+    const auto i = std::size_t(std::countr_zero(idle));
+    zeros_to_find_ &= ~(1u << i);
     std::array<double, kMaxChannels> mean{};
     Reading reading;
     const std::size_t n = setup_.channel_of_frame.size();
@@ -178,18 +185,12 @@ void Sensor::find_other_zeros(std::uint64_t t_ns) noexcept {
         if (!std::isfinite(mean[k])) reading.missing |= 1u << k;
     }
     reading.channel = {mean.data(), n};
-    reading.t_ns = t_ns;
-    for (std::size_t i = 0; i < setup_.automatic->front().size(); ++i) {
-        if (i == method_) {
-            zero_of_method_[i] = zero_;
-            continue;
-        }
-        const Estimate e = setup_.automatic->decouple_anew(i, reading);
-        const bool known = e.quality != TACTILED_BAD && (e.reasons & ~kOtherZeroMayHave) == 0;
-        for (std::size_t c = 0; c < zero_.size(); ++c)
-            zero_of_method_[i][c] = known && std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
-        if (!known) zero_unknown_ |= 1u << i;
-    }
+    reading.t_ns = tare_end_ns_;
+    const Estimate e = setup_.automatic->decouple_anew(i, reading);
+    if (e.quality == TACTILED_BAD || (e.reasons & ~kOtherZeroMayHave) != 0) return;
+    for (std::size_t c = 0; c < zero_.size(); ++c)
+        zero_of_method_[i][c] = std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
+    zero_unknown_ &= ~(1u << i);
 }
 
 void Sensor::measure_rate(std::uint64_t t_ns) noexcept {
@@ -240,12 +241,14 @@ void Sensor::begin_tare(std::uint64_t now_ns) noexcept {
     tare_samples_ = 0;
     tare_sum_ = {};
     tare_channel_sum_ = {};
+    tare_is_unsure_ = false;
+    zeros_to_find_ = 0;
 }
 
 void Sensor::begin_untare(std::uint64_t now_ns) noexcept {
     zero_ = {};
     zero_of_method_ = {};
-    zero_unknown_ = 0;
+    zero_unknown_ = zeros_to_find_ = 0;
     tare_count_ = 0;
     low_pass_.reset();
     tare_begin_ns_ = now_ns;
@@ -263,12 +266,20 @@ void Sensor::advance_tare(const tactiled_sample& s) noexcept {
         tare_sum_[i + 3] += s.raw_torque_S_Nm[i];
     }
     for (std::size_t k = 0; k < setup_.channel_of_frame.size(); ++k) tare_channel_sum_[k] += channel_[k];
+    tare_is_unsure_ |= (s.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0;  // the method's own: judge_zero() comes later
     ++tare_samples_;
     if (s.t_ns - tare_begin_ns_ < setup_.tare_ns) return;
     for (std::size_t i = 0; i < zero_.size(); ++i) zero_[i] = std::isfinite(tare_sum_[i]) ? tare_sum_[i] / tare_samples_ : 0;
     ++tare_count_;
     low_pass_.reset();
-    if (setup_.automatic != nullptr) find_other_zeros(s.t_ns);
+    zero_unknown_ = tare_is_unsure_ ? 1u << method_ : 0;
+    if (setup_.automatic != nullptr) {
+        zero_of_method_ = {};
+        zero_of_method_[method_] = zero_;
+        zeros_to_find_ = ((1u << setup_.automatic->front().size()) - 1) & ~(1u << method_);
+        zero_unknown_ |= zeros_to_find_;
+        tare_end_ns_ = s.t_ns;
+    }
     tare_ = Tare::done;
 }
 

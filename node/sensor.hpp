@@ -45,7 +45,8 @@ public:
     // The daemon's epoch goes into the upper half of each sample's. Call once, before the first sample. setup
     void start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept;
 
-    // The sample for a frame that arrived. rt: wait-free
+    // The sample for a frame that arrived. rt: bounded by the model's decouple(); with method "auto", in as many samples
+    // after a tare as it has other methods, by one of these without a past on top, as in the first sample after a step
     [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns) noexcept;
 
     // True when the stream has just broken, or the reason has changed: publish marker(). `connected` is the link's state.
@@ -80,7 +81,7 @@ private:
     void take_over_method() noexcept;
     void say_method(tactiled_sample& sample) const noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
-    void find_other_zeros(std::uint64_t t_ns) noexcept;
+    void find_other_zero() noexcept;
     void measure_rate(std::uint64_t t_ns) noexcept;
     void advance_tare(const tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
@@ -107,12 +108,15 @@ private:
     std::uint64_t tare_begin_ns_ = 0;
     std::uint32_t tare_samples_ = 0;
     Wrench tare_sum_{};
+    bool tare_is_unsure_ = false;  // the method did not know how wrong one of its samples was
 
     // Method "auto". A tare is a zero of each method: what one reads of nothing is not what another does.
     std::size_t method_ = 0;  // of the front, that zero_ and low_pass_ belong to
     std::array<Wrench, MethodChoice::kMost> zero_of_method_{};
-    std::uint32_t zero_unknown_ = 0;  // bit i: method i has no true one
+    std::uint32_t zero_unknown_ = 0;   // bit i: method i has no true one; without "auto", bit 0
+    std::uint32_t zeros_to_find_ = 0;  // bit i: of method i, from the last tare
     std::array<double, kMaxChannels> tare_channel_sum_{};
+    std::uint64_t tare_end_ns_ = 0;
 };
 
 }  // namespace tactiled

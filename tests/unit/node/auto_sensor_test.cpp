@@ -1,6 +1,7 @@
 // A sensor with method "auto": what its samples say of the method, and what a tare is worth after a step.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -11,42 +12,46 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
 
-// fz is the channel and an offset of its own; not `sure`: after it forgot, the first value has no deviation.
+// fz is the channel and an offset of its own; after it forgot, the first `unsure` values have no deviation.
 class Offset final : public Decoupler {
 public:
-    Offset(std::string_view name, double offset_N, bool sure) : name_(name), offset_N_(offset_N), sure_(sure) {}
+    Offset(std::string_view name, double offset_N, int unsure) : name_(name), offset_N_(offset_N), unsure_(unsure) {}
     Estimate decouple(const Reading& reading) noexcept override {
         Estimate e;
-        if (reading.missing != 0) return e;
+        if (reading.missing != 0) {
+            forget();
+            return e;
+        }
         e.wrench_S[2] = reading.channel[0] + offset_N_;
-        const bool knows = std::exchange(has_past_, true) || sure_;
+        const bool knows = left_ == 0;
+        left_ = std::max(left_ - 1, 0);
         e.sd[2] = knows ? 0.01 : kNaN;
         e.quality = knows ? TACTILED_GOOD : TACTILED_UNCERTAIN;
         e.reasons = knows ? 0u : std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY);
         return e;
     }
-    void forget() noexcept override { has_past_ = false; }
+    void forget() noexcept override { left_ = unsure_; }
     std::string_view method() const noexcept override { return name_; }
 
 private:
     std::string_view name_;
     double offset_N_;
-    bool sure_, has_past_ = true;
+    int unsure_, left_ = 0;
 };
 
 std::uint64_t clock_now_ns = 0, clock_step_ns = 0;  // each look at the clock takes so long
 std::uint64_t test_clock() noexcept { return clock_now_ns += clock_step_ns; }
 
 struct Bench {
-    explicit Bench(bool fast_is_sure = true, double budget_us = 10) : sensor(setup(fast_is_sure, budget_us)) {
+    explicit Bench(int fast_unsure = 0, int slow_unsure = 0) : sensor(setup(fast_unsure, slow_unsure)) {
         sensor.start(7, 0);
         clock_step_ns = 1000;
     }
-    static Sensor::Setup setup(bool fast_is_sure, double budget_us) {
+    static Sensor::Setup setup(int fast_unsure, int slow_unsure) {
         std::vector<FrontMethod> front;
-        front.push_back({{"slow", 5}, 0.01, std::make_unique<Offset>("slow", 0.25, true)});
-        front.push_back({{"fast", 1}, 0.02, std::make_unique<Offset>("fast", -0.5, fast_is_sure)});
-        auto automatic = std::make_unique<AutoMethod>(std::move(front), budget_us);
+        front.push_back({{"slow", 5}, 0.01, std::make_unique<Offset>("slow", 0.25, slow_unsure)});
+        front.push_back({{"fast", 1}, 0.02, std::make_unique<Offset>("fast", -0.5, fast_unsure)});
+        auto automatic = std::make_unique<AutoMethod>(std::move(front), 10);
         Sensor::Setup s;
         s.channel_of_frame = {0};
         s.frame_channels = 1;
@@ -120,7 +125,7 @@ TEST(AutoSensor, ATareHoldsForTheMethodThatComesAfterIt) {
 }
 
 TEST(AutoSensor, AMethodWithoutATrueZeroIsUncertainUntilTheNextTare) {
-    Bench bench(false);
+    Bench bench(1);
     (void)bench.after(10, -1);
     bench.tare(-1);
     EXPECT_EQ(bench.next(-1).quality, unsigned(TACTILED_GOOD));
@@ -132,6 +137,33 @@ TEST(AutoSensor, AMethodWithoutATrueZeroIsUncertainUntilTheNextTare) {
     EXPECT_TRUE(std::isnan(s.sd_force_N[2]));
     bench.tare(-3);
     EXPECT_EQ(bench.next(-3).quality, unsigned(TACTILED_GOOD));
+}
+
+TEST(AutoSensor, ATareOfAMethodThatDoesNotKnowItsPastIsNoTrueZero) {
+    Bench bench(0, 20);
+    (void)bench.after(10, -1);
+    (void)bench.next(std::nan(""));  // the past is lost
+    (void)bench.next(-1);
+    bench.tare(-1);
+    tactiled_sample s = bench.after(50, -1);  // sure again: of the raw value
+    ASSERT_EQ(TACTILED_METHOD(s.state), 1u);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_NE(s.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
+    EXPECT_TRUE(std::isnan(s.sd_force_N[2]));
+    bench.tare(-1);
+    EXPECT_EQ(bench.next(-1).quality, unsigned(TACTILED_GOOD));
+}
+
+TEST(AutoSensor, ABadSampleIsNotTimed) {
+    Bench bench;
+    clock_step_ns = 20'000;
+    tactiled_sample s = bench.after(200, -1);
+    ASSERT_NE(s.state & TACTILED_OVER_BUDGET, 0u);
+    clock_step_ns = 100;  // it returns early
+    (void)bench.after(11'000, std::nan(""));
+    s = bench.next(-1);
+    EXPECT_EQ(TACTILED_METHOD(s.state), 2u);
+    EXPECT_NE(s.state & TACTILED_OVER_BUDGET, 0u);
 }
 
 TEST(AutoSensor, DoesNotStepWhileATareIsMeasured) {

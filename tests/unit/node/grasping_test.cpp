@@ -33,7 +33,7 @@ std::optional<Grasping::Setup> two_jaws() {
 class GraspingTest : public testing::Test {
 protected:
     // `ms` of samples of both jaws, each with this press and this pull along its x; raw values have a zero on top.
-    void feel(double press_N, double pull_N, int ms, std::uint32_t tare_count = 1) {
+    void feel(double press_N, double pull_N, int ms, std::uint32_t tare_count = 1, std::uint32_t method = 0) {
         for (int i = 0; i < ms; ++i) {
             t_ns_ += kMs;
             for (const std::uint32_t sensor : {1u, 3u}) {
@@ -41,6 +41,7 @@ protected:
                 s.t_ns = t_ns_;
                 s.quality = TACTILED_GOOD;
                 s.tare_count = tare_count;
+                s.state = method << 16;
                 s.force_S_N[2] = 1000;  // low-passed: must not be looked at
                 s.raw_force_S_N[0] = zero_[0] + pull_N + 0.001 * (i % 2);
                 s.raw_force_S_N[2] = zero_[2] - press_N + 0.001 * (i % 2);
@@ -104,6 +105,32 @@ TEST_F(GraspingTest, ANewZeroIsABreakAndNoEventOfTheWorld) {
     const tactiled_grasp g = grasping_.state();
     EXPECT_NE(g.state, unsigned(TACTILED_GRIP_LOST));
     EXPECT_TRUE(std::isnan(g.weight_kg));  // what it weighs is not known until it was let go
+}
+
+TEST_F(GraspingTest, AnotherMethodIsABreakAndNoEventOfTheWorld) {
+    feel(0, 0, 500, 1, 1);
+    feel(5, 0, 300, 1, 1);
+    feel(5, -0.981, 900, 1, 1);
+    ASSERT_NEAR(grasping_.state().weight_kg, 0.2, 0.002);
+    for (int i = 0; i < 300; ++i) {
+        feel(5, -0.883, 1, 1, 2);  // reads shear 10 % lower
+        const tactiled_grasp g = grasping_.state();
+        ASSERT_EQ(g.slips, 0u) << i;
+        ASSERT_NE(g.weight_state, unsigned(TACTILED_WEIGHT_STABLE)) << i;  // 0.18 kg of 0.2
+    }
+}
+
+TEST_F(GraspingTest, ABadSampleNamesNoMethodAndIsNoStep) {
+    feel(0, 0, 500, 1, 1);
+    tactiled_sample bad{};
+    bad.t_ns = t_ns_;
+    bad.tare_count = 1;
+    tactiled_invalidate(&bad, TACTILED_MISSING_CHANNEL);
+    grasping_.feel(3, bad, zero_);
+    feel(0, 0, 500, 1, 1);
+    feel(5, 0, 300, 1, 1);
+    feel(5, -0.981, 900, 1, 1);
+    EXPECT_NEAR(grasping_.state().weight_kg, 0.2, 0.002);
 }
 
 TEST_F(GraspingTest, CommandsReachTheEstimator) {

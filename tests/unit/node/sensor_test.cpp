@@ -21,6 +21,10 @@ public:
         for (std::size_t i = 0; i < 3; ++i) e.wrench_S[i] = r.channel[i], e.sd[i] = 0.01;
         e.quality = r.saturated != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
         if (r.saturated != 0) e.reasons = TACTILED_SATURATED;
+        if (r.channel[1] > 100) {  // as a method does whose past is not known yet
+            e.quality = TACTILED_UNCERTAIN;
+            e.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        }
         return e;
     }
     std::string_view method() const noexcept override { return "through"; }
@@ -166,6 +170,27 @@ TEST(Sensor, ATareNeedsATrustworthyValueAllAlong) {
     const auto s = sensor.sample(frame(7 * kMs, 1, 0, 0), 7 * kMs);
     EXPECT_EQ(s.force_S_N[0], 1);  // the old zero stays
     EXPECT_EQ(s.tare_count, 0u);
+}
+
+TEST(Sensor, AZeroOfValuesOfUnknownUncertaintyIsUncertainUntilTheNextTare) {
+    Sensor sensor = make();
+    const auto tare = [&](std::uint64_t at, std::uint64_t unsure) {
+        (void)sensor.sample(frame(at * kMs, 0, 0, 0), at * kMs);
+        ASSERT_TRUE(sensor.can_tare());
+        sensor.begin_tare(at * kMs);
+        for (std::uint64_t t = at; t <= at + 100; ++t)
+            (void)sensor.sample(frame(t * kMs, 0, t < at + unsure ? 101 : 0, 0), t * kMs);
+        ASSERT_EQ(sensor.poll_tare((at + 100) * kMs), Sensor::Tare::done);
+    };
+    tare(10, 5);
+    auto s = sensor.sample(frame(200 * kMs, 0, 0, 0), 200 * kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_TRUE(std::isnan(s.sd_force_N[1]));
+    tare(300, 0);
+    EXPECT_EQ(sensor.sample(frame(500 * kMs, 0, 0, 0), 500 * kMs).quality, unsigned(TACTILED_GOOD));
+    tare(600, 5);
+    sensor.begin_untare(800 * kMs);
+    EXPECT_EQ(sensor.sample(frame(801 * kMs, 0, 0, 0), 801 * kMs).quality, unsigned(TACTILED_GOOD));
 }
 
 TEST(Sensor, ATareOfASilentSensorFails) {
