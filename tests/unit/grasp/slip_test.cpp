@@ -19,6 +19,19 @@ TEST(GraspSlip, IsFoundWithinTenMillisecondsAndAnnouncedBefore) {
     EXPECT_GT(hand.now().friction_sd, 0);
 }
 
+TEST(GraspSlip, IsFoundAfterALongHoldAtAnyRate) {  // its own onset is not what transport does
+    for (const double rate_hz : {1000, 2000, 8000})
+        for (const double part : {0.19, 0.23})
+            for (const double lasts_s : {0.005, 0.012}) {
+                Hand hand;
+                hand.rate_hz = rate_hz;
+                hand.close().go(0.3, 2, 0.8).stay(2).go(0.3, 2, 1.17);
+                ASSERT_EQ(hand.now().state, TACTILED_GRIP_HOLDING);
+                hand.go(lasts_s, 2, 1.17 * (1 - part)).stay(0.003);
+                EXPECT_EQ(hand.now().slips, 2u) << rate_hz << " Hz, " << part << " in " << lasts_s << " s";
+            }
+}
+
 TEST(GraspSlip, EachIsCountedOnceAndStaysLatched) {
     Hand hand;
     hand.close().go(0.3, 2, 1.15);
@@ -60,6 +73,15 @@ TEST(GraspSlip, TheLeastGripHoldsTheLoadWithItsMargin) {
     hand.close().go(0.2, 2, 0.6).stay(0.5);
     EXPECT_NEAR(hand.now().recommended_grip_N, 1.5 * 0.6 / 0.6, 0.05);
     EXPECT_NEAR(hand.now().grip_N, 2, 0.01);
+}
+
+TEST(GraspSlip, AFrictionThatNobodyIsSureOfAsksForNoNegativeGrip) {
+    Hand hand;
+    hand.close();
+    for (int i = 0; i < 4; ++i) hand.go(0.1, 1, 0.9).go(0.004, 1, 0.1).stay(0.1).go(0.1, 9, 0.1).go(0.1, 9, 1).stay(0.1);
+    EXPECT_GT(hand.now().recommended_grip_N, 0);
+    hand.go(0.1, 9, 8).go(0.004, 9, 1).stay(0.1);
+    EXPECT_GT(hand.now().recommended_grip_N, 0);
 }
 
 }  // namespace
