@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace tactiled::grasp {
 namespace {
@@ -26,6 +27,11 @@ constexpr double kTableFriction = 0.3;  // what is drawn over a table with a for
 constexpr double kLeak = 0.03;          // of the press that may read as a shear
 constexpr double kFollows_s = 1;        // a stable value follows what creeps
 
+constexpr double kShaken = 0.2;      // of the weight, rms of 5 ms: more is no vibration but another load every time
+constexpr double kNoPart = 1e-6;     // of an axis: rounding of a rotation
+constexpr double kSure = 0.2;        // of the weight: with a larger deviation none looks good
+constexpr double kKnownSure = 0.05;  // of a known weight: the scale cannot be set by noise
+
 double square(double x) noexcept { return x * x; }
 
 }  // namespace
@@ -42,6 +48,7 @@ Weight::Weight(const Setup& setup)
         const JawSetup& s = setup.jaws[j];
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c) jaws_[j].S_from_G(r, c) = s.S_from_G[std::size_t(r)][std::size_t(c)];
+        contact_N_ += s.contact_off_N;
         jaws_[j].share = s.share > 0 ? s.share : 1 / double(all);
     }
     window(setup.weigh_window_ms);
@@ -95,8 +102,13 @@ void Weight::aim() noexcept {
 
 void Weight::take(std::size_t jaw, const Feel& feel) noexcept {
     Jaw& j = jaws_[jaw];
-    const double force_N = j.axis_S.head<2>().dot(feel.force_S_N.head<2>());
-    if (!std::isfinite(force_N)) return;
+    j.t_ns = feel.t_ns;
+    j.overload |= feel.overload;
+    double force_N = 0;
+    for (int k = 0; k < 2; ++k)
+        if (std::abs(j.axis_S[k]) > kNoPart) force_N += j.axis_S[k] * feel.force_S_N[k];  // the other may be unseen
+    j.blind = !std::isfinite(force_N);
+    if (j.blind) return;
     j.sum_N += force_N;
     j.n = std::min(j.n + 1, 1 << 20);
 }
@@ -118,21 +130,24 @@ const Weight::Block& Weight::block(std::size_t back) const noexcept { return blo
 void Weight::close_block(std::uint64_t now_ns) noexcept {
     if (now_ns > block_ns_ + kBreak_ns) n_ = 0;
     block_ns_ = now_ns;
-    double force_N = 0;
+    double force_N = 0, carries_now = 0;
+    const bool told = acceleration_told_ && now_ns < acceleration_ns_ + kFresh_ns && acceleration_ns_ < now_ns + kFresh_ns;
+    Eigen::Vector3d pull_G = told ? Eigen::Vector3d(gravity_G_ - acceleration_G_) : gravity_G_;
+    if (central_) pull_G.head<2>().setZero();
+    overloaded_ = false;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         Jaw& jaw = jaws_[j];
+        overloaded_ |= std::exchange(jaw.overload, false);
+        if (jaw.carries_m_s2 > 0) carries_now += jaw.share * jaw.axis_S.dot(jaw.S_from_G * pull_G);
         if (jaw.n > 0) jaw.last_N = jaw.sum_N / jaw.n;  // a slower sensor's stays
         jaw.sum_N = jaw.n = 0;
         force_N += jaw.last_N;
     }
     if (carries_ <= 0) return;
-    const bool told = acceleration_told_ && now_ns < acceleration_ns_ + kFresh_ns && acceleration_ns_ < now_ns + kFresh_ns;
-    // Only along gravity: an arm that moves sideways pulls on another axis.
-    const double g = gravity_G_.norm(), up_m_s2 = told ? -acceleration_G_.dot(gravity_G_) / g : 0;
-    const double heavier = std::max(0.1, 1 + up_m_s2 / g);
     newest_ = (newest_ + 1) % kBlocks;
     n_ = std::min(n_ + 1, kBlocks);
-    blocks_[newest_] = {now_ns, scale_ * force_N / (carries_ * heavier), told, std::abs(up_m_s2)};
+    blocks_[newest_] = {now_ns, scale_ * force_N / std::max(0.1 * carries_, carries_now), told,
+                        told ? acceleration_G_.norm() : 0};
 }
 
 double Weight::load_kg() const noexcept {
@@ -156,9 +171,11 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
         for (std::size_t b = begin; b < end; ++b) part[p] += block(b).mass_kg / double(end - begin);
     }
     for (std::size_t b = 0; b < m.n; ++b) {
+        m.blocks_sd_kg += square(block(b).mass_kg - m.mass_kg);
         m.accelerations_known &= block(b).acceleration_known;
         m.most_acceleration_m_s2 = std::max(m.most_acceleration_m_s2, block(b).acceleration_m_s2);
     }
+    m.blocks_sd_kg = std::sqrt(m.blocks_sd_kg / double(m.n));
     if (parts < 4) {
         m.sd_kg = std::abs(m.mass_kg);
         return m;
@@ -175,7 +192,17 @@ std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
     std::uint64_t first_ns = begun_ns_;
     for (std::size_t b = 0; b < n_ && block(b).t_ns >= begun_ns_; ++b)
         if (block(b).mass_kg >= 0.9 * mass_kg) first_ns = block(b).t_ns;
-    return first_ns;
+    const bool forgotten = n_ == kBlocks && now_.lift_off_ns >= begun_ns_ && now_.lift_off_ns < block(n_ - 1).t_ns;
+    return forgotten ? now_.lift_off_ns : first_ns;
+}
+
+double Weight::share_sd() const noexcept {
+    return all_sensed_ ? 0 : checked_ ? share_sd_ / std::sqrt(double(n_jaws_)) : kUnchecked;
+}
+
+// What is less than the touch of a contact is nothing, and may be said to be.
+bool Weight::sure(double mass_kg, double sd_kg) const noexcept {
+    return sd_kg <= kSure * std::max(std::abs(mass_kg), contact_N_ / gravity_G_.norm());  // false for NaN
 }
 
 double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
@@ -192,8 +219,7 @@ double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) cons
     // Below a known weight the curve is held at two places, that and the zero before each grasp; beyond, at none.
     const double left = checked_ ? std::clamp(std::abs(mass_kg) / checked_kg_ - 0.7, kLeftByCheck, 1.0) : 1;
     const double sensors_N2 = square(left) * ((1 - kAlike) * squares_N2 + kAlike * square(sum_N));
-    const double share = all_sensed_ ? 0 : checked_ ? share_sd_ / std::sqrt(double(n_jaws_)) : kUnchecked;
-    return std::sqrt(square(scale_ / carries_) * (sensors_N2 + zeros_N2) + square(mass_kg * share) +
+    return std::sqrt(square(scale_ / carries_) * (sensors_N2 + zeros_N2) + square(mass_kg * share_sd()) +
                      square(mass_kg * tilt_ * kDown_rad));
 }
 
@@ -221,12 +247,17 @@ void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept
     if (!weighing_) return;
     const auto fails = [&](tactiled_weight_state state) { now_ = {state, kNaN, kNaN, now_.lift_off_ns}; };
     if (carries_ <= 0) return fails(TACTILED_WEIGHT_NOT_OBSERVABLE);
-    for (const Contact& jaw : jaws)
-        if (jaw.feel().overload) {
-            held_known_ = false;
-            begun_ns_ = now_ns;
-            return fails(TACTILED_WEIGHT_OVERLOAD);
-        }
+    const auto begins_anew = [&](tactiled_weight_state state) {
+        held_known_ = false;
+        begun_ns_ = now_ns;
+        fails(state);
+    };
+    if (overloaded_) return begins_anew(TACTILED_WEIGHT_OVERLOAD);
+    for (std::size_t j = 0; j < n_jaws_; ++j) {
+        const Jaw& jaw = jaws_[j];
+        if (jaw.carries_m_s2 <= 0) continue;
+        if (jaw.blind || now_ns > jaw.t_ns + kBreak_ns) return begins_anew(TACTILED_WEIGHT_NOT_OBSERVABLE);
+    }
     const std::uint64_t window_begin_ns = now_ns - std::min(now_ns, window_ns_);
     for (const Contact& jaw : jaws)
         if (!jaw.zero_sd_N().allFinite())
@@ -257,7 +288,8 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
         std::hypot(mean.sd_kg, mean.mass_kg * unknown_m_s2 / gravity_G_.norm(), after ? 0 : mean.trend_kg);
     const double fixed_kg = systematic_kg(mean.mass_kg, jaws);
     const double sd_kg = std::hypot(moving_kg, fixed_kg, std::max(0.0, dragged_kg));
-    const bool stable = after && dragged_kg <= 0 && std::isfinite(sd_kg) &&
+    const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) &&
+                        mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
                         mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
                         std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2);
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
@@ -266,14 +298,28 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     held_known_ = true;
     held_kg_ = mean.mass_kg;
     held_sd_kg_ = moving_kg;
+    held_blocks_sd_kg_ = mean.blocks_sd_kg;
     agreed_ns_ = now_ns;
+}
+
+// Of the blocks of the newest 20 ms the one that is farthest from what is held.
+double Weight::newest_departs_kg() const noexcept {
+    double most_kg = 0;
+    for (std::size_t b = 0; b < n_ && block(b).t_ns + kGlance_ns > block(0).t_ns; ++b)
+        most_kg = std::max(most_kg, std::abs(block(b).mass_kg - held_kg_));
+    return most_kg;
 }
 
 // Once it was stable: an arm that slows down is no other weight, unless it goes on for longer than arms do.
 void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
     const double fixed_kg = systematic_kg(held_kg_, jaws), off_kg = window.mass_kg - held_kg_;
-    const bool agrees = std::abs(off_kg) <= std::hypot(kDeparts * held_kg_, 3 * held_sd_kg_, 3 * window.sd_kg) &&
-                        off_axis_kg(jaws, held_kg_) <= 0;
+    const double departs_kg = kDeparts * std::abs(held_kg_);
+    // A change of the load within the window is scatter too: it may not excuse itself.
+    const double window_sd_kg = std::min(window.sd_kg, departs_kg);
+    const double fixed_sd_kg = std::hypot(fixed_kg, std::max(held_sd_kg_, window_sd_kg));
+    const bool agrees = std::abs(off_kg) <= std::hypot(departs_kg, 3 * held_sd_kg_, 3 * window_sd_kg) &&
+                        newest_departs_kg() <= std::hypot(3 * departs_kg, 3 * held_sd_kg_, 4 * held_blocks_sd_kg_) &&
+                        off_axis_kg(jaws, held_kg_) <= 0 && sure(held_kg_, fixed_sd_kg);
     if (agrees) {
         held_kg_ += off_kg * std::min(1.0, double(kBlock_ns) * 1e-9 / kFollows_s);
         held_sd_kg_ = std::max(0.1 * kStill * std::abs(held_kg_), held_sd_kg_ * 0.999);
@@ -282,17 +328,12 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
         held_known_ = false;  // it does weigh something else
         begun_ns_ = now_ns - std::min(now_ns, window_ns_);
     }
-    const double sd_kg = std::hypot(fixed_kg, held_sd_kg_, agrees ? 0 : off_kg);
-    now_ = {agrees && std::isfinite(sd_kg) ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, held_kg_ - tare_kg_,
+    const double sd_kg = std::hypot(fixed_sd_kg, agrees ? 0 : off_kg);
+    now_ = {agrees ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, held_kg_ - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, now_.lift_off_ns};
 }
 
-// What hangs now is tare from now on; where nothing is weighed there is none any more.
 bool Weight::zero() noexcept {
-    if (!weighing_) {
-        tare_kg_ = 0;
-        return true;
-    }
     if (now_.state != TACTILED_WEIGHT_STABLE) return false;
     tare_kg_ = held_kg_;
     now_.mass_kg = 0;
@@ -300,17 +341,31 @@ bool Weight::zero() noexcept {
 }
 
 bool Weight::known(double mass_kg) noexcept {
+    if (mass_kg == 0) {
+        rescale(1 / scale_);
+        checked_ = false;
+        return true;
+    }
     if (now_.state != TACTILED_WEIGHT_STABLE || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
     const double factor = mass_kg / now_.mass_kg;
     if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
-    scale_ *= factor;
+    // The share's deviation is what it corrects; the rest would go into every weight from now on.
+    if (square(now_.sd_kg) - square(held_kg_ * share_sd()) > square(kKnownSure * now_.mass_kg)) return false;
+    rescale(factor);
     checked_ = true;
     checked_kg_ = mass_kg;
-    held_kg_ *= factor;
-    tare_kg_ *= factor;
-    now_.mass_kg = mass_kg;
-    for (Block& b : blocks_) b.mass_kg *= factor;
     return true;
+}
+
+void Weight::rescale(double factor) noexcept {
+    scale_ *= factor;
+    held_kg_ *= factor;
+    held_sd_kg_ *= factor;
+    held_blocks_sd_kg_ *= factor;
+    tare_kg_ *= factor;
+    now_.mass_kg *= factor;
+    now_.sd_kg *= factor;
+    for (Block& b : blocks_) b.mass_kg *= factor;
 }
 
 }  // namespace tactiled::grasp
