@@ -33,8 +33,6 @@ public:
     [[nodiscard]] const Weighed& now() const noexcept { return now_; }
     [[nodiscard]] bool weighing() const noexcept { return weighing_; }
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
-    // The load as a mass over the last 20 ms, less tare, whatever it is worth; NaN where there is none.
-    [[nodiscard]] double load_kg() const noexcept;
     bool zero() noexcept;  // what hangs, stable, is tare
     void no_tare() noexcept { tare_kg_ = 0; }
     bool known(double mass_kg) noexcept;
@@ -94,6 +92,7 @@ private:
     double carries_ = 0;    // sum over jaws of carries_m_s2: N a kg
     double tilt_ = 0;       // tangent of the angle between what pulls and the axis
 
+    static constexpr std::uint64_t kBreak_ns = 500'000'000;  // without a sample: what was before says nothing
     static constexpr std::size_t kBlocks = 256;
     std::array<Block, kBlocks> blocks_{};
     std::size_t newest_ = 0, n_ = 0;

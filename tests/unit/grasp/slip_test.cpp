@@ -75,14 +75,5 @@ TEST(GraspSlip, TheLeastGripHoldsTheLoadWithItsMargin) {
     EXPECT_NEAR(hand.now().grip_N, 2, 0.01);
 }
 
-TEST(GraspSlip, AFrictionThatNobodyIsSureOfAsksForNoNegativeGrip) {
-    Hand hand;
-    hand.close();
-    for (int i = 0; i < 4; ++i) hand.go(0.1, 1, 0.9).go(0.004, 1, 0.1).stay(0.1).go(0.1, 9, 0.1).go(0.1, 9, 1).stay(0.1);
-    EXPECT_GT(hand.now().recommended_grip_N, 0);
-    hand.go(0.1, 9, 8).go(0.004, 9, 1).stay(0.1);
-    EXPECT_GT(hand.now().recommended_grip_N, 0);
-}
-
 }  // namespace
 }  // namespace tactiled::grasp
