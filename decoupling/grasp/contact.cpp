@@ -26,6 +26,8 @@ bool Contact::take(const JawSample& sample) noexcept {
     if (sample.quality == TACTILED_BAD || !(std::abs(f[2]) < kMost_N) || std::abs(f[0]) > kMost_N ||
         std::abs(f[1]) > kMost_N) {
         zero_known_ = false;  // nobody knows what the zero did meanwhile
+        held_blind_ |= touching_;
+        most_blind_N_ = -kMost_N;
         buckets_ = 0;
         touching_ = left_at_once_ = false;
         against_ = 0;
@@ -49,6 +51,8 @@ bool Contact::take(const JawSample& sample) noexcept {
     feel_.overload = (sample.reasons & (TACTILED_SATURATED | TACTILED_OUTSIDE_DOMAIN)) != 0;
     for (int k = 0; k < 3; ++k) feel_.overload |= setup_.full_scale_N[k] > 0 && std::abs(raw[k]) > setup_.full_scale_N[k];
     judge_touch();
+    most_blind_N_ = std::max(most_blind_N_, feel_.press_N);
+    if (touching_ || feel_.press_N < most_blind_N_ - setup_.contact_off_N) held_blind_ = false;
     if (touching_) {
         const double keep = std::exp(-elapsed_s / kPressTime_s);
         held_press_N_ = std::max(feel_.press_N, held_press_N_ * keep);
@@ -88,6 +92,7 @@ void Contact::judge_touch() noexcept {
 }
 
 void Contact::learn_zero(const Eigen::Vector3d& raw_N) noexcept {
+    if (held_blind_) return;
     if (free_since_ns_ > 0 && feel_.t_ns - free_since_ns_ < kSettles_ns) return;
     if (filling_.n == 0) bucket_ns_ = feel_.t_ns;
     for (int k = 0; k < 3; ++k)
@@ -102,7 +107,8 @@ void Contact::close_bucket() noexcept {
     if (oldest.n == 0) return;
     const Eigen::Vector3d mean = oldest.sum_N / oldest.n;
     const double elapsed_s = double(feel_.t_ns - zero_ns_) * 1e-9;
-    if (!zero_known_ || buckets_ == 0) {
+    const bool pulls = mean.z() - zero_N_.z() > setup_.contact_on_N;  // no jaw is pulled at: it was zeroed under a press
+    if (!zero_known_ || buckets_ == 0 || pulls) {
         zero_N_ = mean;
         buckets_ = 1;
         zero_known_ = true;

@@ -24,6 +24,9 @@ public:
     // False: no value, or older than the last one; `feel` then says so. rt: wait-free
     bool take(const JawSample& sample) noexcept;
 
+    // Nothing is in the gripper, somebody says.
+    void opened() noexcept { held_blind_ = false; }
+
     [[nodiscard]] const Feel& feel() const noexcept { return feel_; }
     [[nodiscard]] bool touching() const noexcept { return touching_; }
     // The press fell from half of what it was to nothing faster than jaws open.
@@ -58,6 +61,10 @@ private:
     Eigen::Vector3d walk_N2_s_ = Eigen::Vector3d::Zero();  // variance a second
     int buckets_ = 0;
     bool zero_known_ = true;  // the node's tare, until a break
+    // A break while it touched: what reads as nothing since may be what it holds, tared, and is no zero until the press has
+    // fallen by a contact's worth.
+    bool held_blind_ = false;
+    double most_blind_N_ = 0;
 };
 
 }  // namespace tactiled::grasp

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <utility>
 
 #include "decoupling/grasp/grasp_state.hpp"
 
@@ -12,8 +13,9 @@ namespace {
 
 constexpr double kLeak = 0.03;  // of the press that may read as a shear: no load
 constexpr double kNoises = 6;
-constexpr double kSteady = 0.05;   // of the press, between its means of 10 and of 50 ms
-constexpr double kPeakTime_s = 1;  // that a peak of the shear counts for the recommended grip
+constexpr double kSteady = 0.05;                  // of the press, between its means of 10 and of 50 ms
+constexpr double kPeakTime_s = 1;                 // that a peak of the shear counts for the recommended grip
+constexpr std::uint64_t kAhead_ns = 500'000'000;  // a stamp that jumps by more is believed when the next one says so too
 
 }  // namespace
 
@@ -63,13 +65,15 @@ void Grasp::State::act_on(tactiled_grip_state before) noexcept {
         return s == TACTILED_GRIP_LIFTING || s == TACTILED_GRIP_HOLDING || s == TACTILED_GRIP_SLIPPING;
     };
     const tactiled_grip_state now = phase.now();
-    if (now == TACTILED_GRIP_GRASPED && before != now && !held(before)) {
+    const bool goes_on = held(before) || (phase.kept() && !phase.resumed());
+    if (now == TACTILED_GRIP_GRASPED && before != now && !goes_on) {
         for (Jaw& jaw : jaws) {
             jaw.clamped_x_N = phase.resumed() ? 0 : jaw.quick_x_N.value;  // 0: all shear counts as load
             jaw.clamped_y_N = phase.resumed() ? 0 : jaw.quick_y_N.value;
             jaw.slip.begin_grasp();
         }
     }
+    if (now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST) weight.no_tare();
     forced &= phase.holds();
     stopped &= phase.hangs();
     const bool weighs = (phase.hangs() || forced) && !stopped;
@@ -81,9 +85,24 @@ void Grasp::State::act_on(tactiled_grip_state before) noexcept {
     if (weight.now().lift_off_ns > 0) lift_off_ns = weight.now().lift_off_ns;
 }
 
-void Grasp::State::take(std::size_t j, const JawSample& sample) noexcept {
+// One wild stamp would stop all clocks until that time has come.
+bool Grasp::State::from_the_future(Jaw& jaw, std::uint64_t sample_ns) const noexcept {
+    const std::uint64_t said_ns = std::exchange(jaw.ahead_ns, 0);
+    if (t_ns == 0 || sample_ns <= t_ns || sample_ns - t_ns <= kAhead_ns) return false;
+    if (said_ns > 0 && sample_ns >= said_ns && sample_ns - said_ns <= kAhead_ns) return false;
+    jaw.ahead_ns = sample_ns;
+    return true;
+}
+
+void Grasp::State::take(std::size_t j, const JawSample& as_it_came) noexcept {
     Jaw& jaw = jaws[j];
     Contact& contact = contacts[j];
+    JawSample sample = as_it_came;
+    if (from_the_future(jaw, sample.t_ns)) {
+        if (sample.quality != TACTILED_BAD) return;
+        sample.t_ns = t_ns;
+    }
+    if (hint == Hint::open) contact.opened();
     const bool value = contact.take(sample);
     const Feel& feel = contact.feel();
     t_ns = std::max(t_ns, feel.t_ns);
@@ -142,7 +161,10 @@ bool Grasp::stop_weighing() noexcept {
     return true;
 }
 
-bool Grasp::zero_weight() noexcept { return state_->weight.zero(); }
+bool Grasp::zero_weight() noexcept {
+    const tactiled_grip_state now = state_->phase.now();
+    return now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST || state_->weight.zero();  // open: no tare is left
+}
 bool Grasp::known_weight(double mass_kg) noexcept { return state_->weight.known(mass_kg); }
 void Grasp::clear_slips(std::uint32_t sensor_mask) noexcept { state_->latch &= ~sensor_mask; }
 void Grasp::slip_sensitivity(double zero_to_one) noexcept {

@@ -29,7 +29,7 @@ struct Grasp::State {
         double clamped_x_N = 0, clamped_y_N = 0;  // when it was grasped
         double peak_shear_N = 0;
         std::uint32_t seen_slips = 0;
-        std::uint64_t t_ns = 0;
+        std::uint64_t t_ns = 0, ahead_ns = 0;  // ahead: the last stamp that was not believed; 0 = none
     };
 
     explicit State(const Setup& s) : setup(s), weight(s) {
@@ -40,6 +40,7 @@ struct Grasp::State {
     }
 
     void take(std::size_t j, const JawSample& sample) noexcept;
+    [[nodiscard]] bool from_the_future(Jaw& jaw, std::uint64_t sample_ns) const noexcept;
     void follow(std::size_t j) noexcept;
     [[nodiscard]] Seen look() const noexcept;
     [[nodiscard]] bool loaded(std::size_t j) const noexcept;

@@ -45,7 +45,7 @@ void Phase::step(const Seen& seen, Hint hint) noexcept {
     switch (state_) {
         case TACTILED_GRIP_UNKNOWN:
             enter(seen.any ? TACTILED_GRIP_CONTACT : TACTILED_GRIP_OPEN, seen.t_ns);
-            resumed_ &= seen.any;
+            if (!seen.any) resumed_ = false, hung_ns_ = 0;
             break;
         case TACTILED_GRIP_OPEN:
         case TACTILED_GRIP_LOST:
@@ -56,7 +56,8 @@ void Phase::step(const Seen& seen, Hint hint) noexcept {
             if (!seen.all) break;
             if (seen.steady || seen.t_ns - all_since_ns_ > kNeverSteady_ns || hint == Hint::closed ||
                 hint == Hint::lifting) {
-                grasps_ += !resumed_;
+                kept_ = hung_ns_ > 0 && all_since_ns_ - hung_ns_ < kJustNow_ns;
+                grasps_ += !resumed_ && !kept_;
                 enter(TACTILED_GRIP_GRASPED, seen.t_ns);
             }
             break;

@@ -30,6 +30,8 @@ public:
     [[nodiscard]] bool hangs() const noexcept { return state_ == TACTILED_GRIP_LIFTING || state_ == TACTILED_GRIP_HOLDING; }
     // The grasp of before a break goes on: nobody saw it begin.
     [[nodiscard]] bool resumed() const noexcept { return resumed_; }
+    // It hung a moment ago, when a jaw lost touch: no other grasp, and what hung hangs.
+    [[nodiscard]] bool kept() const noexcept { return kept_; }
     [[nodiscard]] std::uint32_t grasps() const noexcept { return grasps_; }
 
 private:
@@ -37,7 +39,7 @@ private:
     void let_go(const Seen& seen, Hint hint) noexcept;
 
     tactiled_grip_state state_ = TACTILED_GRIP_UNKNOWN;
-    bool slipping_ = false, resumed_ = false;
+    bool slipping_ = false, resumed_ = false, kept_ = false;
     std::uint64_t entered_ns_ = 0, all_since_ns_ = 0, load_changed_ns_ = 0, hung_ns_ = 0, slid_ns_ = 0;
     bool all_ = false, loaded_ = false;
     std::uint32_t grasps_ = 0;

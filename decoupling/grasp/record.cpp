@@ -44,7 +44,7 @@ tactiled_grasp Grasp::state() const noexcept {
         g.friction_use[jaw.sensor] = float(jaw.slip.use());
         const Friction& f = jaw.slip.friction();
         if (least == nullptr || f.coefficient() < least->coefficient()) least = &f;
-        const double sure = f.coefficient() - (f.learnt() ? f.sd() : 0);
+        const double sure = f.coefficient() - (f.learnt() ? std::min(f.sd(), f.coefficient() / 2) : 0);
         needed_N = std::fmax(needed_N, s.setup.margin * jaw.peak_shear_N / sure);
     }
     if (g.state == TACTILED_GRIP_UNKNOWN) return g;
@@ -54,7 +54,10 @@ tactiled_grasp Grasp::state() const noexcept {
     if (s.phase.holds()) g.recommended_grip_N = float(needed_N);
     const Weighed& w = s.weight.now();
     g.weight_state = w.state;
-    if (s.phase.holds() && !s.weight.observable()) g.weight_state = TACTILED_WEIGHT_NOT_OBSERVABLE;
+    if (s.phase.holds() && !s.weight.observable()) {
+        g.weight_state = TACTILED_WEIGHT_NOT_OBSERVABLE;
+        return g;
+    }
     g.weight_kg = w.mass_kg;
     g.weight_sd_kg = w.sd_kg;
     if (g.weight_state != TACTILED_WEIGHT_STABLE) return g;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace tactiled::grasp {
 namespace {
@@ -60,7 +61,7 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
     if (touched_ns_ == 0) {
         mean_N_ = feel.shear_N;
         touched_ns_ = feel.t_ns;
-        usual_ = 0;
+        usual_ = falls_ = waits_ = 0;
     }
     const double elapsed_s = n_ > 0 ? double(feel.t_ns - past_[newest_].t_ns) * 1e-9 : 0;
     newest_ = (newest_ + 1) % kMost;
@@ -81,10 +82,17 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
         }
         slid_ns_ = feel.t_ns;
         state_ = TACTILED_SLIP_GROSS;
+        falls_ = waits_ = 0;
         return;
     }
     if (slides && feel.t_ns - slid_ns_ < kGoesOn_ns) return;
-    if (settled) usual_ = std::max(now.part, usual_ * std::exp(-elapsed_s / kUsualTime_s));
+    usual_ *= std::exp(-elapsed_s / kUsualTime_s);
+    falls_ = settled ? std::max(falls_, now.part) : 0;
+    if (feel.t_ns - falls_since_ns_ > kLook_ns) {  // what began so long ago and became no slip is transport's
+        usual_ = std::max(usual_, waits_);
+        waits_ = std::exchange(falls_, 0);
+        falls_since_ns_ = feel.t_ns;
+    }
     if (!slides) friction_.held((feel.shear_N - kNoises * noise_N) / feel.press_N);
     // |shear| > part of the cone + k sd: never a ratio alone, which near no press is one of noise.
     mean_N_ += -std::expm1(-elapsed_s / kMeanTime_s) * (feel.shear_N - mean_N_);

@@ -3,30 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace tactiled::grasp {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr std::uint64_t kBlock_ns = 5'000'000, kGlance_ns = 20'000'000;
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
-constexpr std::uint64_t kBreak_ns = 500'000'000;  // without a sample: what was before says nothing
-constexpr std::uint64_t kLongest_ns = 1'200'000'000;
 constexpr double kObservable = 0.3;  // of the weight must be tangential: gravity 17 degrees out of the skin's normal
-constexpr double kStill = 0.01;      // of the weight: what still moves in a stable value
-constexpr double kDeparts = 0.015;   // of the weight: more is acceleration, or another weight
-constexpr double kUnchecked = 0.1;   // of a share by symmetry, as long as no known weight confirmed it
-// How far the errors of sensors of one make, which bend, yield and soften alike, are the same, and what a known weight
-// leaves of them: chosen by grasp_bench weigh, seed 1, so that the published deviation is what it says; judged by other
-// seeds.
-constexpr double kAlike = 0.6, kLeftByCheck = 0.5;
-constexpr double kTold = 0.05;          // of an acceleration that was told: its delay and scale
-constexpr double kDown_rad = 0.01;      // how well gravity's direction is known
-constexpr double kTableFriction = 0.3;  // what is drawn over a table with a force of F presses on it with up to F / 0.3
-constexpr double kLeak = 0.03;          // of the press that may read as a shear
-constexpr double kFollows_s = 1;        // a stable value follows what creeps
-
-double square(double x) noexcept { return x * x; }
+constexpr double kNoPart = 1e-6;     // of an axis: rounding of a rotation
+constexpr double kKnownSure = 0.05;  // of a known weight: the scale cannot be set by noise
 
 }  // namespace
 
@@ -42,6 +28,7 @@ Weight::Weight(const Setup& setup)
         const JawSetup& s = setup.jaws[j];
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c) jaws_[j].S_from_G(r, c) = s.S_from_G[std::size_t(r)][std::size_t(c)];
+        contact_N_ += s.contact_off_N;
         jaws_[j].share = s.share > 0 ? s.share : 1 / double(all);
     }
     window(setup.weigh_window_ms);
@@ -95,8 +82,13 @@ void Weight::aim() noexcept {
 
 void Weight::take(std::size_t jaw, const Feel& feel) noexcept {
     Jaw& j = jaws_[jaw];
-    const double force_N = j.axis_S.head<2>().dot(feel.force_S_N.head<2>());
-    if (!std::isfinite(force_N)) return;
+    j.t_ns = feel.t_ns;
+    j.overload |= feel.overload;
+    double force_N = 0;
+    for (int k = 0; k < 2; ++k)
+        if (std::abs(j.axis_S[k]) > kNoPart) force_N += j.axis_S[k] * feel.force_S_N[k];  // the other may be unseen
+    j.blind = !std::isfinite(force_N);
+    if (j.blind) return;
     j.sum_N += force_N;
     j.n = std::min(j.n + 1, 1 << 20);
 }
@@ -118,181 +110,27 @@ const Weight::Block& Weight::block(std::size_t back) const noexcept { return blo
 void Weight::close_block(std::uint64_t now_ns) noexcept {
     if (now_ns > block_ns_ + kBreak_ns) n_ = 0;
     block_ns_ = now_ns;
-    double force_N = 0;
+    double force_N = 0, carries_now = 0;
+    const bool told = acceleration_told_ && now_ns < acceleration_ns_ + kFresh_ns && acceleration_ns_ < now_ns + kFresh_ns;
+    Eigen::Vector3d pull_G = told ? Eigen::Vector3d(gravity_G_ - acceleration_G_) : gravity_G_;
+    if (central_) pull_G.head<2>().setZero();
+    overloaded_ = false;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         Jaw& jaw = jaws_[j];
+        overloaded_ |= std::exchange(jaw.overload, false);
+        if (jaw.carries_m_s2 > 0) carries_now += jaw.share * jaw.axis_S.dot(jaw.S_from_G * pull_G);
         if (jaw.n > 0) jaw.last_N = jaw.sum_N / jaw.n;  // a slower sensor's stays
         jaw.sum_N = jaw.n = 0;
         force_N += jaw.last_N;
     }
     if (carries_ <= 0) return;
-    const bool told = acceleration_told_ && now_ns < acceleration_ns_ + kFresh_ns && acceleration_ns_ < now_ns + kFresh_ns;
-    // Only along gravity: an arm that moves sideways pulls on another axis.
-    const double g = gravity_G_.norm(), up_m_s2 = told ? -acceleration_G_.dot(gravity_G_) / g : 0;
-    const double heavier = std::max(0.1, 1 + up_m_s2 / g);
     newest_ = (newest_ + 1) % kBlocks;
     n_ = std::min(n_ + 1, kBlocks);
-    blocks_[newest_] = {now_ns, scale_ * force_N / (carries_ * heavier), told, std::abs(up_m_s2)};
+    blocks_[newest_] = {now_ns, scale_ * force_N / std::max(0.1 * carries_, carries_now), told,
+                        told ? acceleration_G_.norm() : 0};
 }
 
-double Weight::load_kg() const noexcept {
-    if (n_ == 0) return kNaN;
-    double sum = 0;
-    std::size_t n = 0;
-    for (; n < n_ && block(n).t_ns + kGlance_ns > block(0).t_ns; ++n) sum += block(n).mass_kg;
-    return sum / double(n) - tare_kg_;
-}
-
-Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
-    Mean m;
-    while (m.n < n_ && block(m.n).t_ns > from_ns) m.mass_kg += block(m.n++).mass_kg;
-    if (m.n == 0) return m;
-    m.mass_kg /= double(m.n);
-    // The scatter of a few long parts: neighbours resemble each other, as vibration and filters have it.
-    const std::size_t parts = std::min<std::size_t>(m.n, 4);
-    std::array<double, 4> part{};
-    for (std::size_t p = 0; p < parts; ++p) {
-        const std::size_t begin = p * m.n / parts, end = (p + 1) * m.n / parts;
-        for (std::size_t b = begin; b < end; ++b) part[p] += block(b).mass_kg / double(end - begin);
-    }
-    for (std::size_t b = 0; b < m.n; ++b) {
-        m.accelerations_known &= block(b).acceleration_known;
-        m.most_acceleration_m_s2 = std::max(m.most_acceleration_m_s2, block(b).acceleration_m_s2);
-    }
-    if (parts < 4) {
-        m.sd_kg = std::abs(m.mass_kg);
-        return m;
-    }
-    double squares = 0;
-    for (const double p : part) squares += square(p - m.mass_kg);
-    m.sd_kg = 1.2 * std::sqrt(squares / 3 / 4);  // 1.2: Student's 68 % of three degrees of freedom
-    m.trend_kg = (part[0] + part[1] - part[2] - part[3]) / 2;
-    return m;
-}
-
-// When the load first came to nine tenths of `mass_kg`. The last time would be missed under vibration.
-std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
-    std::uint64_t first_ns = begun_ns_;
-    for (std::size_t b = 0; b < n_ && block(b).t_ns >= begun_ns_; ++b)
-        if (block(b).mass_kg >= 0.9 * mass_kg) first_ns = block(b).t_ns;
-    return first_ns;
-}
-
-double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
-    double squares_N2 = 0, sum_N = 0, zeros_N2 = 0;
-    for (std::size_t j = 0; j < n_jaws_; ++j) {
-        const Eigen::Vector2d axis = jaws_[j].axis_S.head<2>();
-        if (axis.norm() == 0) continue;
-        const Eigen::Vector3d sd = jaws[j].feel().sd_N, zero = jaws[j].zero_sd_N();
-        const double one_N = (axis.array() * sd.head<2>().array()).matrix().norm();
-        squares_N2 += square(one_N);
-        sum_N += one_N;
-        zeros_N2 += (axis.array() * zero.head<2>().array()).matrix().squaredNorm();
-    }
-    // Below a known weight the curve is held at two places, that and the zero before each grasp; beyond, at none.
-    const double left = checked_ ? std::clamp(std::abs(mass_kg) / checked_kg_ - 0.7, kLeftByCheck, 1.0) : 1;
-    const double sensors_N2 = square(left) * ((1 - kAlike) * squares_N2 + kAlike * square(sum_N));
-    const double share = all_sensed_ ? 0 : checked_ ? share_sd_ / std::sqrt(double(n_jaws_)) : kUnchecked;
-    return std::sqrt(square(scale_ / carries_) * (sensors_N2 + zeros_N2) + square(mass_kg * share) +
-                     square(mass_kg * tilt_ * kDown_rad));
-}
-
-// Tangential force across the axis, beyond what a tilted weight and a leak of the press explain, as a mass that may lie on
-// what the object is drawn over.
-double Weight::off_axis_kg(std::span<const Contact> jaws, double mass_kg) const noexcept {
-    double most_kg = 0;
-    for (std::size_t j = 0; j < n_jaws_; ++j) {
-        const Jaw& jaw = jaws_[j];
-        if (jaw.carries_m_s2 <= 0) continue;
-        const Feel& feel = jaws[j].feel();
-        const Eigen::Vector2d axis = jaw.axis_S.head<2>(), force = feel.force_S_N.head<2>();
-        const double across_N = std::abs(axis.x() * force.y() - axis.y() * force.x());
-        Eigen::Vector3d weight_S = jaw.S_from_G * gravity_G_ * (jaw.share * mass_kg);
-        const double explained_N = std::abs(axis.x() * weight_S.y() - axis.y() * weight_S.x()) +
-                                   kLeak * (feel.press_N + feel.shear_N) + 3 * feel.sd_N.head<2>().maxCoeff();
-        most_kg = std::max(most_kg, (across_N - explained_N) / jaw.carries_m_s2 / kTableFriction);
-    }
-    return most_kg;
-}
-
-void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
-    if (now_ns < block_ns_ + kBlock_ns) return;
-    close_block(now_ns);
-    if (!weighing_) return;
-    const auto fails = [&](tactiled_weight_state state) { now_ = {state, kNaN, kNaN, now_.lift_off_ns}; };
-    if (carries_ <= 0) return fails(TACTILED_WEIGHT_NOT_OBSERVABLE);
-    for (const Contact& jaw : jaws)
-        if (jaw.feel().overload) {
-            held_known_ = false;
-            begun_ns_ = now_ns;
-            return fails(TACTILED_WEIGHT_OVERLOAD);
-        }
-    const std::uint64_t window_begin_ns = now_ns - std::min(now_ns, window_ns_);
-    for (const Contact& jaw : jaws)
-        if (!jaw.zero_sd_N().allFinite())
-            return fails(TACTILED_WEIGHT_ESTIMATING);  // after a break: wait for the next free phase
-    const Mean window = mean_since(std::max(window_begin_ns, begun_ns_));
-    if (window.n == 0) return;
-    if (held_known_)
-        publish_held(window, jaws, now_ns);
-    else
-        publish_first(window, jaws, now_ns);
-}
-
-// From lift-off to the first stable value.
-void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
-    const std::uint64_t lift_off_ns = lift_off(window.mass_kg);
-    // Where nobody tells the acceleration, what lies within the time that it may last is no weight, however steady.
-    const std::uint64_t from_ns = window.accelerations_known ? lift_off_ns : lift_off_ns + accelerates_ns_;
-    Mean mean = mean_since(std::max(from_ns, now_ns - std::min(now_ns, window_ns_)));
-    const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
-    if (after && mean.sd_kg > kStill * std::abs(mean.mass_kg))  // vibration: a longer mean
-        mean = mean_since(std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns)));
-    if (!after) mean = window;
-    const double unknown_m_s2 = mean.accelerations_known ? kTold * mean.most_acceleration_m_s2
-                                : after                  ? 0
-                                                         : most_acceleration_m_s2_ / std::sqrt(3.0);
-    const double dragged_kg = off_axis_kg(jaws, mean.mass_kg);
-    const double moving_kg =
-        std::hypot(mean.sd_kg, mean.mass_kg * unknown_m_s2 / gravity_G_.norm(), after ? 0 : mean.trend_kg);
-    const double fixed_kg = systematic_kg(mean.mass_kg, jaws);
-    const double sd_kg = std::hypot(moving_kg, fixed_kg, std::max(0.0, dragged_kg));
-    const bool stable = after && dragged_kg <= 0 && std::isfinite(sd_kg) &&
-                        mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
-                        std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2);
-    now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
-            std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};
-    if (!stable) return;
-    held_known_ = true;
-    held_kg_ = mean.mass_kg;
-    held_sd_kg_ = moving_kg;
-    agreed_ns_ = now_ns;
-}
-
-// Once it was stable: an arm that slows down is no other weight, unless it goes on for longer than arms do.
-void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
-    const double fixed_kg = systematic_kg(held_kg_, jaws), off_kg = window.mass_kg - held_kg_;
-    const bool agrees = std::abs(off_kg) <= std::hypot(kDeparts * held_kg_, 3 * held_sd_kg_, 3 * window.sd_kg) &&
-                        off_axis_kg(jaws, held_kg_) <= 0;
-    if (agrees) {
-        held_kg_ += off_kg * std::min(1.0, double(kBlock_ns) * 1e-9 / kFollows_s);
-        held_sd_kg_ = std::max(0.1 * kStill * std::abs(held_kg_), held_sd_kg_ * 0.999);
-        agreed_ns_ = now_ns;
-    } else if (now_ns > agreed_ns_ + accelerates_ns_ + 2 * window_ns_) {
-        held_known_ = false;  // it does weigh something else
-        begun_ns_ = now_ns - std::min(now_ns, window_ns_);
-    }
-    const double sd_kg = std::hypot(fixed_kg, held_sd_kg_, agrees ? 0 : off_kg);
-    now_ = {agrees && std::isfinite(sd_kg) ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, held_kg_ - tare_kg_,
-            std::isfinite(sd_kg) ? sd_kg : kNaN, now_.lift_off_ns};
-}
-
-// What hangs now is tare from now on; where nothing is weighed there is none any more.
 bool Weight::zero() noexcept {
-    if (!weighing_) {
-        tare_kg_ = 0;
-        return true;
-    }
     if (now_.state != TACTILED_WEIGHT_STABLE) return false;
     tare_kg_ = held_kg_;
     now_.mass_kg = 0;
@@ -300,17 +138,31 @@ bool Weight::zero() noexcept {
 }
 
 bool Weight::known(double mass_kg) noexcept {
+    if (mass_kg == 0) {
+        rescale(1 / scale_);
+        checked_ = false;
+        return true;
+    }
     if (now_.state != TACTILED_WEIGHT_STABLE || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
     const double factor = mass_kg / now_.mass_kg;
     if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
-    scale_ *= factor;
+    // The share's deviation is what it corrects; the rest would go into every weight from now on.
+    if (now_.sd_kg > std::hypot(kKnownSure * now_.mass_kg, held_kg_ * share_sd())) return false;
+    rescale(factor);
     checked_ = true;
     checked_kg_ = mass_kg;
-    held_kg_ *= factor;
-    tare_kg_ *= factor;
-    now_.mass_kg = mass_kg;
-    for (Block& b : blocks_) b.mass_kg *= factor;
     return true;
+}
+
+void Weight::rescale(double factor) noexcept {
+    scale_ *= factor;
+    held_kg_ *= factor;
+    held_sd_kg_ *= factor;
+    held_blocks_sd_kg_ *= factor;
+    tare_kg_ *= factor;
+    now_.mass_kg *= factor;
+    now_.sd_kg *= factor;
+    for (Block& b : blocks_) b.mass_kg *= factor;
 }
 
 }  // namespace tactiled::grasp

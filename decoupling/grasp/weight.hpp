@@ -33,9 +33,8 @@ public:
     [[nodiscard]] const Weighed& now() const noexcept { return now_; }
     [[nodiscard]] bool weighing() const noexcept { return weighing_; }
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
-    // The load as a mass over the last 20 ms, less tare, whatever it is worth; NaN where there is none.
-    [[nodiscard]] double load_kg() const noexcept;
-    bool zero() noexcept;
+    bool zero() noexcept;  // what hangs, stable, is tare
+    void no_tare() noexcept { tare_kg_ = 0; }
     bool known(double mass_kg) noexcept;
 
 private:
@@ -48,17 +47,22 @@ private:
     };
     struct Mean {
         double mass_kg = 0, sd_kg = 0;  // of the mean, by the scatter of its parts
+        double blocks_sd_kg = 0;        // of a block
         double trend_kg = 0;            // newer half less older half
         std::size_t n = 0;
         bool accelerations_known = true;
         double most_acceleration_m_s2 = 0;
     };
+    void rescale(double factor) noexcept;
     void close_block(std::uint64_t now_ns) noexcept;
     void aim() noexcept;
     void publish_first(const Mean& mean, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept;
     void publish_held(const Mean& mean, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept;
     [[nodiscard]] const Block& block(std::size_t back) const noexcept;
     [[nodiscard]] Mean mean_since(std::uint64_t from_ns) const noexcept;
+    [[nodiscard]] double share_sd() const noexcept;
+    [[nodiscard]] bool sure(double mass_kg, double sd_kg) const noexcept;
+    [[nodiscard]] double newest_departs_kg() const noexcept;
     [[nodiscard]] std::uint64_t lift_off(double mass_kg) const noexcept;
     [[nodiscard]] double systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] double off_axis_kg(std::span<const Contact> jaws, double mass_kg) const noexcept;
@@ -70,6 +74,9 @@ private:
         double carries_m_s2 = 0;  // force along the axis a kg of the object
         double sum_N = 0, last_N = 0;
         int n = 0;
+        std::uint64_t t_ns = 0;  // of the newest sample
+        bool overload = false;   // in a sample of this block
+        bool blind = false;      // the newest sample says nothing along the axis
     };
     std::array<Jaw, kMostJaws> jaws_;
     std::size_t n_jaws_;
@@ -81,17 +88,20 @@ private:
     Eigen::Vector3d gravity_G_{0, 0, 0}, acceleration_G_{0, 0, 0};
     std::uint64_t acceleration_ns_ = 0;
     bool acceleration_told_ = false;
-    double carries_ = 0;  // sum over jaws of carries_m_s2: N a kg
-    double tilt_ = 0;     // tangent of the angle between what pulls and the axis
+    double contact_N_ = 0;  // least press that all jaws call a touch
+    double carries_ = 0;    // sum over jaws of carries_m_s2: N a kg
+    double tilt_ = 0;       // tangent of the angle between what pulls and the axis
 
+    static constexpr std::uint64_t kBreak_ns = 500'000'000;  // without a sample: what was before says nothing
     static constexpr std::size_t kBlocks = 256;
     std::array<Block, kBlocks> blocks_{};
     std::size_t newest_ = 0, n_ = 0;
     std::uint64_t block_ns_ = 0;
 
+    bool overloaded_ = false;  // in the last block
     bool weighing_ = false, held_known_ = false, checked_ = false;
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
-    double held_kg_ = 0, held_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1, checked_kg_ = 0;
+    double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1, checked_kg_ = 0;
     Weighed now_;
 };
 

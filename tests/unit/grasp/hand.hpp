@@ -1,4 +1,4 @@
-// Two jaws that carry a sensor each, driven by forces that a test states, at 1 kHz.
+// Two jaws that carry a sensor each, driven by forces that a test states, at 1 kHz unless it says otherwise.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -33,7 +33,7 @@ public:
     // Linearly from what is to that, over so many seconds; each jaw alike.
     Hand& go(double seconds, double press_N, double load_N, double across_N = 0) {
         const double from[] = {press_N_, load_N_, across_N_}, to[] = {press_N, load_N, across_N};
-        const int n = std::max(1, int(std::lround(seconds * 1000)));
+        const int n = std::max(1, int(std::lround(seconds * rate_hz)));
         for (int i = 1; i <= n; ++i) {
             const double u = double(i) / n;
             press_N_ = from[0] + u * (to[0] - from[0]);
@@ -51,7 +51,7 @@ public:
     [[nodiscard]] double t_s() const { return double(t_ns_) * 1e-9; }
 
     void step() {
-        t_ns_ += 1'000'000;
+        t_ns_ += std::uint64_t(1e9 / rate_hz);
         for (std::size_t j = 0; j < jaws_; ++j) {
             JawSample s{.t_ns = t_ns_, .quality = TACTILED_GOOD};
             s.force_S_N = {across_N_ + noise(), -load_N_ + noise(), -press_N_ + noise()};
@@ -65,7 +65,7 @@ public:
     Grasp grasp;
     std::function<void(std::size_t, JawSample&)> spoil;
     std::function<void(const tactiled_grasp&)> each;
-    double noise_N = 0.001;
+    double noise_N = 0.001, rate_hz = 1000;
 
 private:
     double noise() { return noise_N * (double(random_() >> 11) * 0x1p-53 - 0.5) * 3.46; }

@@ -96,5 +96,44 @@ TEST(GraspPhase, ASensorThatDiesWhileHoldingTakesStateAndWeightWithIt) {
     EXPECT_TRUE(std::isnan(hand.now().weight_kg));
 }
 
+TEST(GraspPhase, AJawThatLosesTouchForAMomentDoesNotEndTheWeighing) {
+    Hand hand;
+    hand.close().lift(0.2);
+    hand.spoil = [](std::size_t j, JawSample& s) {
+        if (j == 1) s.force_S_N = {0, 0, 0};
+    };
+    hand.stay(0.004);
+    hand.spoil = nullptr;
+    hand.stay(1);
+    EXPECT_EQ(hand.now().grasps, 1u);
+    EXPECT_EQ(hand.now().state, TACTILED_GRIP_HOLDING);
+    EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_NEAR(hand.now().weight_kg, 0.2, 0.002);
+    hand.go(0.2, 2, 0).stay(0.3);
+    EXPECT_EQ(hand.now().state, TACTILED_GRIP_GRASPED);  // put down
+    EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_NONE);
+}
+
+TEST(GraspPhase, ASampleFromTheFutureDoesNotStopTheClock) {
+    Hand hand;
+    hand.close().lift(0.2);
+    hand.spoil = [](std::size_t j, JawSample& s) {
+        if (j == 1) s.t_ns += 3'600'000'000'000;
+    };
+    hand.stay(0.001);
+    hand.spoil = nullptr;
+    hand.go(0.002, 2, 0.5).stay(0.1);
+    EXPECT_NE(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_LT(double(hand.now().t_ns) * 1e-9, hand.t_s() + 0.1);
+}
+
+TEST(GraspPhase, ATimeThatAllJawsJumpToIsTheTime) {
+    Hand hand;
+    hand.close().lift(0.2);
+    hand.spoil = [](std::size_t, JawSample& s) { s.t_ns += 3'600'000'000'000; };
+    hand.stay(0.5);
+    EXPECT_NEAR(double(hand.now().t_ns) * 1e-9, hand.t_s() + 3600, 0.01);
+}
+
 }  // namespace
 }  // namespace tactiled::grasp

@@ -32,6 +32,7 @@ void expect_legal(const tactiled_grasp& g, const tactiled_grasp& before) {
         RC_ASSERT(g.slip_state[j] <= TACTILED_SLIP_GROSS || g.slip_state[j] == TACTILED_SLIP_UNKNOWN);
         RC_ASSERT(!std::isinf(g.friction_use[j]));
     }
+    RC_ASSERT(!(g.recommended_grip_N < 0));
     RC_ASSERT(!std::isinf(g.grip_N) && !std::isinf(g.friction) && !std::isinf(g.recommended_grip_N));
 }
 
