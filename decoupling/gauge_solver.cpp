@@ -149,7 +149,7 @@ GaugeSolver::Solved GaugeSolver::solve(const double* r, std::span<const double> 
     find(subset, r, solved);
     solved.used = usable;
     if (!(solved.residual > kDoubtful)) return solved;
-    solved.used = without_dead(r, zero, usable);
+    solved.used = without_dead(r, zero, usable, solved);
     solved.dead = solved.used != usable;
     solved.doubtful = !solved.dead;
     const double residual = solved.residual;  // of all: it says why one was left out
@@ -160,20 +160,43 @@ GaugeSolver::Solved GaugeSolver::solve(const double* r, std::span<const double> 
 
 // The usable gauges but the one that delivers 0 as no live gauge would: the readings of the others are consistent and
 // demand another value there. The same set where there is none or more than one such.
+// A gauge that all together leave `rest` of, and whose reading makes the share h of its own prediction, is rest / (1 - h)
+// off what the others predict, and without it the squared residual is less by rest^2 / (1 - h). Only the two that take off
+// most are solved for, however many read 0: where a third left the others consistent, these would, and which is dead would
+// not be known.
 [[gnu::noinline]] std::uint32_t GaugeSolver::without_dead(const double* r, std::span<const double> zero,
-                                                          std::uint32_t usable) const noexcept {
-    std::uint32_t found = usable;
+                                                          std::uint32_t usable, const Solved& all) const noexcept {
+    struct {
+        std::uint32_t others = 0;
+        double taken_off = 0;
+    } most[2];
     for (std::size_t k = 0; k < n_gauges_; ++k) {
-        const std::uint32_t rest = usable & ~(1u << k);
+        const std::uint32_t others = usable & ~(1u << k);
         const double noise = std::sqrt(noise2_[k]);
-        if (rest == usable || !(std::abs(r[k] + zero[k]) <= 3 * noise) || !subsets_[rest].solvable) continue;
-        Solved others;
-        find(subsets_[rest], r, others);
-        double predicted = 0;
-        for (std::size_t j = 0; j < n_loads_; ++j) predicted += gains_[j][k] * others.load[j];
-        if (others.residual > kDoubtful || !(std::abs(predicted - r[k]) > kDoubtful * noise)) continue;
+        if (others == usable || !(std::abs(r[k] + zero[k]) <= 3 * noise) || !subsets_[others].solvable) continue;
+        double predicted = 0, share = 0;
+        for (std::size_t j = 0; j < n_loads_; ++j) {
+            predicted += gains_[j][k] * all.load[j];
+            share += gains_[j][k] * subsets_[usable].inverse[k][j];
+        }
+        const double rest = r[k] - predicted;
+        if (!(std::abs(rest) > kDoubtful * noise * (1 - share))) continue;
+        const double taken_off = rest * rest / (noise2_[k] * (1 - share));
+        if (taken_off > most[0].taken_off) {
+            most[1] = most[0];
+            most[0] = {others, taken_off};
+        } else if (taken_off > most[1].taken_off) {
+            most[1] = {others, taken_off};
+        }
+    }
+    std::uint32_t found = usable;
+    for (const auto& candidate : most) {
+        if (candidate.others == 0) continue;
+        Solved solved;
+        find(subsets_[candidate.others], r, solved);
+        if (solved.residual > kDoubtful) continue;
         if (found != usable) return usable;  // two candidates: not known which
-        found = rest;
+        found = candidate.others;
     }
     return found;
 }

@@ -55,7 +55,8 @@ private:
         bool solvable = false, can_disagree = false;  // there are more gauges than loads
     };
     Subset prepare(std::uint32_t usable, std::vector<std::size_t>* confused) const;
-    std::uint32_t without_dead(const double* r, std::span<const double> zero, std::uint32_t usable) const noexcept;
+    std::uint32_t without_dead(const double* r, std::span<const double> zero, std::uint32_t usable,
+                               const Solved& all) const noexcept;
     void find(const Subset& subset, const double* r, Solved& solved) const noexcept;
     template <std::size_t kLoads>  // so many at most
     void find(const Subset& subset, const double* r, Solved& solved) const noexcept;

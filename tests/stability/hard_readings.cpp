@@ -61,6 +61,15 @@ void measure(const Method& method) {
     each("saturated", [](double&, auto&, auto& saturated, auto bit) { saturated = bit; });
     each("dead", [](double& value, auto&, auto&, auto) { value = 0; });
     each("three_times", [](double& value, auto&, auto&, auto) { value *= 3; });
+    // Every subset of dead, of saturated channels, and of dead ones beside one at its rail.
+    for (std::uint32_t subset = 1; subset < 1u << method.calibration.channels.size(); ++subset) {
+        auto channel = meter.next();
+        meter.sample("saturated_ones", channel, 0, subset);
+        for (std::size_t k = 0; k < channel.size(); ++k)
+            if ((subset >> k & 1u) != 0) channel[k] = 0;
+        meter.sample("dead_ones", channel);
+        meter.sample("dead_ones_and_a_rail", channel, 0, ~subset & (subset + 1));
+    }
     const auto all = [&](const char* what, double factor, double offset) {
         auto channel = meter.next();
         for (double& value : channel) value = factor * value + offset;
@@ -84,7 +93,15 @@ void measure(const Method& method) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    for (const Method& method : all_methods())
-        if (argc < 2 || method.name == argv[1]) measure(method);
+    bool known = false;
+    for (const Method& method : all_methods()) {
+        if (argc >= 2 && method.name != argv[1]) continue;
+        known = true;
+        measure(method);
+    }
+    if (!known || argc > 2) {
+        fmt::print(stderr, "hard_readings [METHOD]: one of table/linear, generic/rbf ..\n");
+        return 2;
+    }
     return sum == 1 ? 1 : 0;
 }

@@ -159,6 +159,21 @@ TEST(Table, FindsADeadGaugeByTheParity) {
     EXPECT_GT(estimate.residual, 6);
 }
 
+// A shear along x alone: R3 R4 R7 R8 read 0 as they should, one of the others because it is dead.
+TEST(Table, FindsTheDeadGaugeAmongOthersThatTrulyRead0) {
+    const auto decoupler = make_decoupler(table_calibration(all_gauges()));
+    auto reading = reading_of(all_gauges(), {0.3, 0, 0});
+    for (const std::size_t dead : {0u, 1u, 4u, 5u}) {
+        auto with_dead = reading;
+        with_dead[dead] = 0;
+        const Estimate estimate = decouple(*decoupler, with_dead);
+        expect_force(estimate, {0.3, 0, 0}, 1e-15);
+        EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL}) << dead;
+    }
+    reading[0] = reading[4] = 0;  // two dead ones: no one gauge explains it
+    EXPECT_EQ(decouple(*decoupler, reading).reasons, std::uint32_t{TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY});
+}
+
 TEST(Table, SaysDisagreementAndNoDeviationWhenItCannotTellWhichGaugeIsWrong) {
     auto reading = reading_of(inner_gauges(), {0.3, -0.2, -1.0});
     reading[2] *= 0.6;
