@@ -61,10 +61,14 @@ void Controls::hand_over_objects(std::uint64_t now_ns) noexcept {
 
 void Controls::follow_teaching() noexcept {
     if (teaching_.state() == Teaching::failed) {
-        if (std::exchange(teaching_for_block_, false)) settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
+        if (std::exchange(teaching_for_block_, false))
+            settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
+        else
+            teach_failed_ = true;
         teaching_.settle();
     } else if (objects_number_ != 0 && std::int32_t(acknowledged_by_pipeline_ - objects_number_) >= 0) {
         objects_number_ = 0;
+        teach_failed_ = false;
         teaching_.settle();
     }
 }
@@ -179,6 +183,7 @@ Exception Controls::check_command_cell(std::uint16_t at, std::uint16_t value, co
     if (is_busy(view)) return kBusy;
     if (!view.alive || (at == kTareCell && !have_values(view, value))) return kDeviceFailure;
     if ((at == kKnownWeightCell || at == kTeachCell) && !is_stable(view.snapshot.node.grasp)) return kDeviceFailure;
+    if (at == kTeachCell && !is_teachable(weighing_of(view.snapshot.node.grasp))) return kDeviceFailure;
     return kNone;
 }
 

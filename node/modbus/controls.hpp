@@ -98,6 +98,7 @@ private:
 
     Teaching teaching_;
     bool teaching_for_block_ = false;   // CMD_STATE tells of it
+    bool teach_failed_ = false;         // the last one by the cell, which has no CMD_STATE
     std::uint32_t objects_number_ = 0;  // of the command that hands over what was taught; 0 = not sent yet
 
     std::atomic<Saving> saving_{idle};
