@@ -224,6 +224,9 @@ TEST_F(GraspControls, ATeachByTheCellThatFailedIsTold) {
     EXPECT_EQ(put(kTeachCell, 7), kNone);
     acknowledge(handed_over());
     EXPECT_EQ(global()[kFault], 0u);
+    EXPECT_EQ(put(kTeachCell, 7), kNone);
+    acknowledge(handed_over(), TACTILED_COMMAND_REJECTED);  // stored, but the pipeline does not have it
+    EXPECT_NE(global()[kFault] & (1u << 6), 0u);
 }
 
 TEST_F(GraspControls, AnObjectThatCannotBeToldFromAnotherIsNotTaught) {
