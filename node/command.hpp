@@ -4,6 +4,7 @@
 #include <span>
 
 #include "decoupling/grasp/grasp.hpp"
+#include "node/objects.hpp"
 #include "node/sensor.hpp"
 
 namespace tactiled {
@@ -44,7 +45,7 @@ struct Command {
     grasp::Vector robot_G_m_s2{};         // of `gravity` and `acceleration`; NaN = not known
     std::uint64_t told_ns = 0;            // of `acceleration`
     // Of `objects`. Stays the asker's, who keeps it until the command is acknowledged, however long that takes.
-    std::span<const grasp::Object> objects{};
+    std::span<const TaughtObject> objects{};
 };
 
 }  // namespace tactiled

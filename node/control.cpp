@@ -175,10 +175,11 @@ void ControlSocket::take(int client) {
 
 void ControlSocket::load_objects(int client) {
     tactiled_node node{};
-    const bool lent = objects_number_ != 0 && segment_.latest_node(node) &&
-                      std::int32_t(node.command[TACTILED_FROM_SOCKET].acknowledged - objects_number_) < 0;
+    const bool returned =
+        segment_.latest_node(node) && std::int32_t(node.command[TACTILED_FROM_SOCKET].acknowledged - objects_number_) >= 0;
+    const bool lent = objects_number_ != 0 && !returned;
     Problems problems;
-    const auto taught = tactiled::load_objects(objects_path_, problems);
+    auto taught = tactiled::load_objects(objects_path_, problems);
     const auto reject = [&](tactiled_command_result result, const std::string& why) {
         answer(client, fmt::format("{} {} {}", int(TACTILED_COMMAND_REJECTED), int(result), why));
         ::close(client);
@@ -186,7 +187,7 @@ void ControlSocket::load_objects(int client) {
     if (objects_path_.empty()) return reject(TACTILED_COMMAND_NOT_NOW, "there is no [grasp] in the configuration");
     if (!problems.empty()) return reject(TACTILED_COMMAND_FAILED, problems.lines().front());
     if (lent || asker_ >= 0) return reject(TACTILED_COMMAND_NOT_NOW, "another command runs");
-    objects_ = plain_objects(taught);
+    objects_ = std::move(taught);
     Command command;
     command.kind = Command::Kind::objects;
     command.objects = objects_;
@@ -196,6 +197,7 @@ void ControlSocket::load_objects(int client) {
 
 void ControlSocket::begin(int client, Command command) {
     command.number = ++number_;
+    command.until_ns = monotonic_ns() + std::uint64_t(kAnswerMs) * 1'000'000u;
     Command* const slot = asker_ < 0 ? commands_.claim() : nullptr;
     if (slot == nullptr) {  // one at a time
         answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
@@ -206,7 +208,7 @@ void ControlSocket::begin(int client, Command command) {
     commands_.push();
     commands_.commit();
     asker_ = client;
-    give_up_ns_ = monotonic_ns() + std::uint64_t(kAnswerMs) * 1'000'000u;
+    give_up_ns_ = command.until_ns;
 }
 
 void ControlSocket::follow() {

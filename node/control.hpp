@@ -40,8 +40,8 @@ private:
 
     std::string path_;
     std::string node_name_;
-    std::string objects_path_;            // "" = there is no [grasp]
-    std::vector<grasp::Object> objects_;  // lent to the pipeline until it acknowledges objects_number_
+    std::string objects_path_;           // "" = there is no [grasp]
+    std::vector<TaughtObject> objects_;  // lent to the pipeline until it acknowledges objects_number_
     std::uint32_t objects_number_ = 0;
     const SegmentWriter& writer_;
     Ring<Command>& commands_;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "config/names.hpp"
 #include "tactiled/reader.h"
 
 namespace tactiled {
@@ -21,7 +22,9 @@ Grasping::Grasping(const std::optional<Setup>& setup) {
     configured_ = setup->settable;
     estimator_.emplace(setup->estimator);
     estimator_->slip_sensitivity(configured_.slip_sensitivity);
-    estimator_->objects(setup->objects);
+    for (auto& object : taught_) object.name.reserve(kLongestNameBytes);
+    for (auto& object : told_) object.name.reserve(kLongestNameBytes);
+    take(setup->objects);
 }
 
 void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench& zero_S) noexcept {
@@ -49,6 +52,19 @@ void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench
     estimator_->sample(std::size_t(jaw), felt);
 }
 
+void Grasping::take(std::span<const TaughtObject> objects) noexcept {
+    n_taught_ = std::min(objects.size(), taught_.size());
+    std::copy_n(objects.begin(), n_taught_, taught_.begin());
+    hand_over_objects();
+}
+
+void Grasping::hand_over_objects() noexcept {
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < n_taught_; ++i)
+        if (taught_[i].scaled == scale_shown_) told_[n++] = taught_[i];
+    estimator_->objects({told_.data(), n});
+}
+
 bool Grasping::carry_out(const Command& command) noexcept {
     if (!estimator_) return false;
     using Kind = Command::Kind;
@@ -56,10 +72,14 @@ bool Grasping::carry_out(const Command& command) noexcept {
         case Kind::start_weighing: return estimator_->start_weighing();
         case Kind::stop_weighing: return estimator_->stop_weighing();
         case Kind::zero_weight: return estimator_->zero_weight();
-        case Kind::known_weight: return estimator_->known_weight(command.mass_kg);
+        case Kind::known_weight:
+            if (!estimator_->known_weight(command.mass_kg)) return false;
+            scale_shown_ = true;
+            hand_over_objects();
+            return true;
         case Kind::clear_slips:
         case Kind::clear_latches: estimator_->clear_slips(command.mask != 0 ? command.mask : ~0u); return true;  // 0: all
-        case Kind::objects: estimator_->objects(command.objects); return true;
+        case Kind::objects: take(command.objects); return true;
         case Kind::hint: estimator_->hint(command.gripper); return true;
         case Kind::gravity: estimator_->gravity(command.robot_G_m_s2); return true;
         case Kind::acceleration: estimator_->acceleration(command.robot_G_m_s2, command.told_ns); return true;
@@ -75,7 +95,11 @@ void Grasping::set(const GraspSettable& wish) noexcept {
 }
 
 tactiled_grasp Grasping::state() const noexcept {
-    if (estimator_) return estimator_->state();
+    if (estimator_) {
+        tactiled_grasp now = estimator_->state();
+        now.reserved = scale_shown_ ? kScaleShown : 0;
+        return now;
+    }
     tactiled_grasp nothing{};
     tactiled_forget_grasp(&nothing);
     return nothing;

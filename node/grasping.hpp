@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "decoupling/grasp/grasp.hpp"
@@ -16,7 +17,7 @@ public:
     struct Setup {
         grasp::Setup estimator;
         GraspSettable settable;
-        std::vector<grasp::Object> objects;
+        std::vector<TaughtObject> objects;
     };
     // Without a setup nothing is known and no command is taken. setup
     explicit Grasping(const std::optional<Setup>& setup);
@@ -35,10 +36,20 @@ public:
     [[nodiscard]] tactiled_grasp state() const noexcept;
 
 private:
+    void take(std::span<const TaughtObject> objects) noexcept;
+    void hand_over_objects() noexcept;
+
     std::optional<grasp::Grasp> estimator_;
     GraspSettable configured_;
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};
+
+    // Weights of another scale than the one in force are of no use: of the objects those are told that were taught as it is
+    // now. Their names have room: to copy one allocates nothing.
+    bool scale_shown_ = false;
+    std::size_t n_taught_ = 0;
+    std::array<TaughtObject, grasp::Grasp::kMostObjects> taught_;
+    std::array<grasp::Object, grasp::Grasp::kMostObjects> told_;
 };
 
 }  // namespace tactiled

@@ -1,10 +1,14 @@
 #include "node/objects.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 
 #include "config/names.hpp"
 #include "config/text_file.hpp"
@@ -13,22 +17,37 @@ namespace tactiled {
 namespace {
 
 constexpr std::int64_t kFormat = 1;
-constexpr double kMostKg = 1000;
+constexpr double kLeastKg = 1e-9, kMostKg = 1000;
 constexpr std::int64_t kMostId = 65534;  // OBJECT_ID is a register
 
 TaughtObject read_object(Options table) {
     TaughtObject object;
     object.id = std::uint32_t(table.integer("id", {1, double(kMostId)}));
     object.name = table.text("name");
-    object.mass_kg = table.number("mass_kg", {0, kMostKg});
-    object.sd_kg = table.number("sd_kg", {1e-9, kMostKg});
+    object.mass_kg = table.number("mass_kg", {kLeastKg, kMostKg});
+    object.sd_kg = table.number("sd_kg", {kLeastKg, kMostKg});
     object.grasps = unsigned(table.integer("grasps", {1, 1e9}, 1));
+    object.scaled = table.flag("scaled", false);
     if (!object.name.empty() && !valid_name(object.name))
         table.problem("name", fmt::format("name = {}; {}", in_quotes(object.name), kValidName));
     return object;
 }
 
 }  // namespace
+
+ObjectsLock::ObjectsLock(const std::string& path) {
+    const std::string beside = path + ".lock";  // not the file itself: that is replaced
+    fd_ = ::open(beside.c_str(), O_RDONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
+    while (fd_ >= 0) {
+        if (::flock(fd_, LOCK_EX) == 0) return;
+        if (errno != EINTR) break;
+    }
+    const std::string why = std::strerror(errno);
+    if (fd_ >= 0) ::close(fd_);
+    throw SetupError(fmt::format("{}: {}", beside, why));
+}
+
+ObjectsLock::~ObjectsLock() { ::close(fd_); }
 
 std::vector<TaughtObject> load_objects(const std::string& path, Problems& problems) {
     std::vector<TaughtObject> objects;
@@ -58,9 +77,17 @@ void store_objects(const std::string& path, std::span<const TaughtObject> object
         "has\n# the daemon read it with: tactilectl teach --reload\nformat = {}\n",
         kFormat);
     for (const auto& object : objects)
-        text += fmt::format("\n[[object]]\nid = {}\nname = \"{}\"\nmass_kg = {:.9g}\nsd_kg = {:.9g}\ngrasps = {}\n",
-                            object.id, object.name, object.mass_kg, object.sd_kg, object.grasps);
+        text +=
+            fmt::format("\n[[object]]\nid = {}\nname = \"{}\"\nmass_kg = {:.9g}\nsd_kg = {:.9g}\ngrasps = {}\n{}", object.id,
+                        object.name, object.mass_kg, object.sd_kg, object.grasps,
+                        object.scaled ? "scaled = true  # by a known weight: told only after one was shown again\n" : "");
     replace_file(path, text);
+}
+
+Weighing weighing_of(const tactiled_grasp& g) { return {g.weight_kg, g.weight_sd_kg, (g.reserved & kScaleShown) != 0}; }
+
+bool is_teachable(const Weighing& w) {
+    return w.mass_kg > kApart_sd * w.sd_kg && w.mass_kg <= kMostKg && w.sd_kg >= kLeastKg;
 }
 
 TaughtObject summary_of(std::span<const Weighing> weighings) {
@@ -73,12 +100,20 @@ TaughtObject summary_of(std::span<const Weighing> weighings) {
         squares += (w.mass_kg - object.mass_kg) * (w.mass_kg - object.mass_kg);
         claimed = std::max(claimed, w.sd_kg);
     }
+    object.scaled = !weighings.empty() && weighings.front().scaled;
     object.sd_kg = std::max(n > 1 ? std::sqrt(squares / (n - 1)) : 0.0, claimed);
     return object;
 }
 
 TaughtObject with_one_more(const TaughtObject& object, const Weighing& weighing) {
     TaughtObject more = object;
+    if (weighing.scaled != object.scaled) {
+        more.mass_kg = weighing.mass_kg;
+        more.sd_kg = weighing.sd_kg;
+        more.scaled = weighing.scaled;
+        more.grasps = 1;
+        return more;
+    }
     const double n = double(++more.grasps), step = weighing.mass_kg - object.mass_kg;
     more.mass_kg += step / n;
     const double squares = object.sd_kg * object.sd_kg * (n - 2) + step * (weighing.mass_kg - more.mass_kg);  // Welford 1962
@@ -89,7 +124,7 @@ TaughtObject with_one_more(const TaughtObject& object, const Weighing& weighing)
 std::optional<Confusion> confused_with(const TaughtObject& object, std::span<const TaughtObject> taught) {
     std::optional<Confusion> nearest;
     for (const auto& other : taught) {
-        if (other.id == object.id) continue;
+        if (other.id == object.id || other.scaled != object.scaled) continue;
         const double apart_sd = std::abs(object.mass_kg - other.mass_kg) / (object.sd_kg + other.sd_kg);
         if (apart_sd < (nearest ? nearest->apart_sd : kApart_sd)) nearest = {&other, apart_sd};
     }
@@ -106,7 +141,5 @@ std::uint32_t free_id(std::span<const TaughtObject> taught) {
     while (std::any_of(taught.begin(), taught.end(), [&](const auto& o) { return o.id == id; })) ++id;
     return id;
 }
-
-std::vector<grasp::Object> plain_objects(std::span<const TaughtObject> taught) { return {taught.begin(), taught.end()}; }
 
 }  // namespace tactiled

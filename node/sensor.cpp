@@ -188,8 +188,7 @@ void Sensor::find_other_zero() noexcept {
     reading.t_ns = tare_end_ns_;
     const Estimate e = setup_.automatic->decouple_anew(i, reading);
     if (e.quality == TACTILED_BAD || (e.reasons & ~kOtherZeroMayHave) != 0) return;
-    for (std::size_t c = 0; c < zero_.size(); ++c)
-        zero_of_method_[i][c] = std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
+    for (std::size_t c = 0; c < zero_.size(); ++c) zero_of_method_[i][c] = std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
     zero_unknown_ &= ~(1u << i);
 }
 

@@ -10,6 +10,7 @@
 #include <iterator>
 #include <limits>
 
+#include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/objects.hpp"
 
@@ -165,7 +166,13 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPl
     setup.estimator.lift_acceleration_m_s2 = settings.lift_acceleration_m_s2;
     setup.estimator.lift_accelerates_ms = settings.lift_accelerates_ms;
     setup.settable = {settings.slip_sensitivity, settings.weigh_window_ms};
-    setup.objects = plain_objects(load_objects(settings.objects, problems));
+    setup.objects = load_objects(settings.objects, problems);
+    if (std::any_of(setup.objects.begin(), setup.objects.end(), [](const TaughtObject& o) { return o.scaled; }))
+        log_line(
+            LogLevel::warning,
+            fmt::format("{}: objects that were taught after a known weight had set the scale are told only once a known "
+                        "weight is shown again (tactilectl weigh known)",
+                        settings.objects));
     return setup;
 }
 

@@ -22,7 +22,8 @@ struct Wish {
 };
 
 nlohmann::json as_json(const TaughtObject& o) {
-    return {{"id", o.id}, {"name", o.name}, {"mass_kg", o.mass_kg}, {"sd_kg", o.sd_kg}, {"grasps", o.grasps}};
+    return {{"id", o.id},       {"name", o.name},     {"mass_kg", o.mass_kg},
+            {"sd_kg", o.sd_kg}, {"grasps", o.grasps}, {"scaled", o.scaled}};
 }
 
 int fail(int exit_status, const std::string& why) {
@@ -56,10 +57,10 @@ std::vector<Weighing> weigh_grasps(Segment& segment, const Wish& wish) {
             taken = g.grasps;
             counting = true;
         }
-        if (g.grasps == taken || g.weight_state != TACTILED_WEIGHT_STABLE || !(g.weight_kg > 0)) continue;
+        if (g.grasps == taken || g.weight_state != TACTILED_WEIGHT_STABLE || !is_teachable(weighing_of(g))) continue;
         taken = g.grasps;
         heard_ns = monotonic_ns();
-        weighings.push_back({g.weight_kg, g.weight_sd_kg});
+        weighings.push_back(weighing_of(g));
         if (!wish.json) {
             fmt::print("grasp {} of {}: {:.4f} kg +- {:.4f} kg{}\n", weighings.size(), wish.count, g.weight_kg,
                        g.weight_sd_kg, (node.status & TACTILED_SIMULATED) != 0 ? "  (simulated)" : "");
@@ -91,8 +92,16 @@ int list(const std::vector<TaughtObject>& taught, bool json) {
     return kGood;
 }
 
-int teach(Segment& segment, const std::string& path, const std::vector<TaughtObject>& before, const Wish& wish) {
-    const TaughtObject* const known = find_object(before, wish.name);
+std::vector<TaughtObject> taught_in(const std::string& path) {
+    Problems problems;
+    auto taught = load_objects(path, problems);
+    problems.throw_if_any();
+    return taught;
+}
+
+int teach(Segment& segment, const std::string& path, const Wish& wish) {
+    std::vector<TaughtObject> before = taught_in(path);
+    const TaughtObject* known = find_object(before, wish.name);
     if (known == nullptr && before.size() >= grasp::Grasp::kMostObjects)
         return fail(kUnhealthy,
                     fmt::format("{} objects are taught, no more fit: tactilectl teach --forget NAME", before.size()));
@@ -100,6 +109,14 @@ int teach(Segment& segment, const std::string& path, const std::vector<TaughtObj
                known != nullptr ? " What was taught of it before is replaced." : "");
     const auto weighings = weigh_grasps(segment, wish);
     if (weighings.size() < wish.count) return kUnhealthy;
+    for (const Weighing& w : weighings)
+        if (w.scaled != weighings.front().scaled)
+            return fail(kUnhealthy, "the scale was set in between (tactilectl weigh known, or a restart): nothing stored");
+    const ObjectsLock lock(path);
+    before = taught_in(path);  // others may have been taught meanwhile
+    known = find_object(before, wish.name);
+    if (known == nullptr && before.size() >= grasp::Grasp::kMostObjects)
+        return fail(kUnhealthy, fmt::format("{} objects are taught by now, no more fit", before.size()));
     TaughtObject object = summary_of(weighings);
     object.name = wish.name;
     object.id = known != nullptr ? known->id : free_id(before);
@@ -134,11 +151,10 @@ int run_teach(const Wish& wish) {
         const Answer answer = ask(segment, "load-objects", 5);
         return answer.exit_status == kGood ? kGood : fail(answer.exit_status, answer.text);
     }
-    Problems problems;
-    const auto taught = load_objects(path, problems);
-    problems.throw_if_any();
-    if (wish.list) return list(taught, wish.json);
-    if (wish.forget.empty()) return teach(segment, path, taught, wish);
+    if (wish.list) return list(taught_in(path), wish.json);
+    if (wish.forget.empty()) return teach(segment, path, wish);
+    const ObjectsLock lock(path);
+    const auto taught = taught_in(path);
     const TaughtObject* const gone = find_object(taught, wish.forget);
     if (gone == nullptr)
         return fail(kUsage, fmt::format("no object \"{}\" is taught (tactilectl teach --list)", wish.forget));

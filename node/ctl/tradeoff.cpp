@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <numeric>
 
 #include "config/text_file.hpp"
 #include "node/ctl/progress.hpp"
@@ -20,37 +21,8 @@ struct Wish {
     TradeoffOutput output;
 };
 
-// One row over the trials of a whole sensor. Errors: the geometric mean, so that no trial drowns the others; p99: the worst
-// trial's; shares: all samples together.
-Judged over_all(const std::vector<Measure>& measures) {
-    Judged all;
-    const auto mean = [&](auto error) {
-        double sum = 0;
-        std::size_t n = 0;
-        for (const Measure& m : measures)
-            if (const double value = error(m.judged); std::isfinite(value)) sum += std::log(std::max(value, 1e-9)), ++n;
-        return n == 0 ? kNaN : std::exp(sum / double(n));
-    };
-    for (std::size_t c = 0; c < all.rms_percent.size(); ++c) {
-        all.rms_percent[c] = mean([c](const Judged& j) { return j.rms_percent[c]; });
-        for (const Measure& m : measures) all.p99_percent[c] = std::fmax(all.p99_percent[c], m.judged.p99_percent[c]);
-    }
-    all.force_rms_percent = mean([](const Judged& j) { return j.force_rms_percent; });
-    all.good_rms_percent = mean([](const Judged& j) { return j.good_rms_percent; });
-    for (const Measure& m : measures) {
-        all.samples += m.judged.samples;
-        all.good += m.judged.good;
-        all.uncertain += m.judged.uncertain;
-        all.bad += m.judged.bad;
-        all.lies += m.judged.lies;
-    }
-    return all;
-}
-
-double mean_instructions(const std::vector<Measure>& measures) {
-    double sum = 0;
-    for (const Measure& m : measures) sum += m.instructions;
-    return sum / double(measures.size());
+double mean_of(const std::vector<double>& values) {
+    return std::accumulate(values.begin(), values.end(), 0.0) / double(values.size());
 }
 
 Measure measure_of(const std::string& trial, const Judged& judged, std::vector<float>& ns, double instructions) {
@@ -61,7 +33,8 @@ std::vector<Offer> offers_of(const Result& result, std::size_t column) {
     std::vector<Offer> offers;
     for (std::size_t i = 0; i < result.measures.size(); ++i) {
         const Measure& m = result.measures[i][column];
-        offers.push_back({result.contest->candidates[i].name, m.p50_ns / 1e3, m.judged.force_rms_percent});
+        const double bad_percent = 100 * double(m.judged.bad) / double(std::max<std::size_t>(m.judged.samples, 1));
+        offers.push_back({result.contest->candidates[i].name, m.p50_ns / 1e3, m.judged.force_rms_percent, bad_percent});
     }
     return offers;
 }
@@ -69,7 +42,8 @@ std::vector<Offer> offers_of(const Result& result, std::size_t column) {
 Result compete(const Contest& contest, std::size_t samples, const std::function<void(double)>& show) {
     Result result{&contest, std::vector<std::vector<Measure>>(contest.candidates.size()), ""};
     std::vector<Timing> all(contest.candidates.size());
-    std::vector<std::vector<Measure>> whole(contest.candidates.size());
+    std::vector<std::vector<double>> instructions(contest.candidates.size());
+    std::vector<std::vector<Judged>> whole(contest.candidates.size());
     for (std::size_t t = 0; t < contest.trials.size(); ++t) {
         const Trial& trial = contest.trials[t];
         std::vector<Timing> timings = time_all(contest.candidates, trial.rows, samples);
@@ -79,12 +53,13 @@ Result compete(const Contest& contest, std::size_t samples, const std::function<
             result.measures[i].push_back(measure_of(trial.kind, judged, timings[i].ns, timings[i].instructions));
             if (trial.kind == kDamaged) continue;
             all[i].ns.insert(all[i].ns.end(), timings[i].ns.begin(), timings[i].ns.end());
-            whole[i].push_back(result.measures[i].back());
+            whole[i].push_back(judged);
+            instructions[i].push_back(timings[i].instructions);
         }
         show(double(t + 1) / double(contest.trials.size()));
     }
     for (std::size_t i = 0; i < all.size(); ++i)
-        result.measures[i].push_back(measure_of("all", over_all(whole[i]), all[i].ns, mean_instructions(whole[i])));
+        result.measures[i].push_back(measure_of("all", over_all(whole[i]), all[i].ns, mean_of(instructions[i])));
     for (std::size_t column = 0; column <= contest.trials.size(); ++column)
         for (const std::size_t i : front(offers_of(result, column))) result.measures[i][column].on_front = true;
     result.sentence = front_sentence(contest.model, offers_of(result, contest.trials.size()));
@@ -110,6 +85,8 @@ std::vector<Contest> contests_of(const Wish& wish, const std::function<void(doub
 
 int tradeoff(const Wish& wish) {
     if (!wish.cost.empty()) return tradeoff_costs(wish.cost, wish.output);
+    for (const auto& path : {wish.output.csv, wish.output.svg})
+        if (!path.empty()) check_output(path);
     if (!wish.calibration.empty() && wish.scene.empty() && wish.in.empty())
         throw SetupError("--calibration: over what? Name a scene with --scene, or labelled readings with --in");
     if (!wish.in.empty() && wish.calibration.empty())
@@ -147,14 +124,16 @@ void add_tradeoff(CLI::App& app, Run& run) {
         verb->add_option("--cost", wish->cost,
                          "instead of the methods: what one part costs against another way of doing it; list, all (each "
                          "figure to its place in --folder) or a name");
-    for (const char* other : {"--calibration", "--scene", "--in"}) cost->excludes(verb->get_option(other));
     verb->add_option("--scenes", wish->scenes, "the folder of the named scenes, if it is not beside the program");
+    for (const char* other : {"--calibration", "--scene", "--in", "--scenes"}) cost->excludes(verb->get_option(other));
     verb->add_option("--csv", wish->output.csv, "write the table as CSV: a row a method and scene");
     verb->add_option("--folder", wish->output.folder, "with --cost: the project's folder, for config/")
-        ->capture_default_str();
+        ->capture_default_str()
+        ->needs(cost);
     verb->add_option(
-        "--influence", wish->output.influence,
-        "with --cost map, solver, batch: a calibration with the plate's influence map, if not the one in config/");
+            "--influence", wish->output.influence,
+            "with --cost map, solver, batch: a calibration with the plate's influence map, if not the one in config/")
+        ->needs(cost);
     verb->add_option("--svg", wish->output.svg, "write the figure as SVG");
     verb->add_option("--samples", wish->output.samples, "to time, of each thing that is compared")
         ->check(CLI::Range(std::size_t(1), std::size_t(100'000'000)));

@@ -23,6 +23,9 @@ struct TradeoffOutput {
     std::string folder = ".", influence;
 };
 
+// Called before minutes of measuring. setup: throws SetupError where `path` cannot be written then
+void check_output(const std::string& path);
+
 // ---- tradeoff_costs.cpp: what one thing costs against another way of doing it ----
 
 // `name` as --cost says it. Returns the exit status. setup: throws SetupError where there is none of that name
@@ -93,6 +96,10 @@ struct Judged {
 // The number of the first row under load; that of rows where none is.
 std::size_t first_load(const Labelled& rows);
 Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows);
+// One row over the trials of a whole sensor. Errors: the geometric mean, so that no trial drowns the others, and NaN where a
+// trial had no value at all: to say BAD throughout is no way to be accurate. p99: the worst trial's; shares: all samples
+// together.
+Judged over_all(const std::vector<Judged>& trials);
 
 // ---- tradeoff_time.cpp: times ----
 

@@ -1,8 +1,12 @@
 // tactilectl tradeoff --cost: the list of the costs of accuracy, and what they measured as text, CSV, JSON and figure.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "config/names.hpp"
@@ -47,7 +51,8 @@ std::string csv_of(const Cost& cost) {
 nlohmann::json json_of(const CostEntry& entry, const Cost& cost) {
     nlohmann::json json{{"schema", 1}, {"cost", entry.name}, {"advice", cost.advice}, {"rows", nlohmann::json::array()}};
     for (const auto& row : cost.rows) {
-        nlohmann::json one{{cost.columns[0], row.name}};
+        nlohmann::json one;
+        one[cost.columns[0]] = row.name;
         for (std::size_t i = 0; i < row.values.size(); ++i)
             one[cost.columns[i + 1]] = std::isfinite(row.values[i]) ? nlohmann::json(row.values[i]) : nlohmann::json();
         json["rows"].push_back(one);
@@ -87,15 +92,23 @@ std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration) {
     return decoupler;
 }
 
+void check_output(const std::string& path) {
+    const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+    if (std::filesystem::is_directory(path)) throw SetupError(fmt::format("{}: is a folder; name a file", path));
+    if (::access(folder.empty() ? "." : folder.c_str(), W_OK | X_OK) != 0)
+        throw SetupError(fmt::format("{}: no file can be written there: {}", path, std::strerror(errno)));
+}
+
 int tradeoff_costs(const std::string& name, const TradeoffOutput& output) {
     const CostSetup setup{output.samples, output.folder, output.influence};
+    if ((name == "list" || name == "all") && (output.json || !output.csv.empty() || !output.svg.empty()))
+        throw SetupError(fmt::format("--cost {}: --json, --csv and --svg are for one cost", name));
     if (name == "list") {
         for (const CostEntry* entry : kCosts) fmt::print("{:10} {} ({})\n", entry->name, entry->title, entry->path);
         return kGood;
     }
     if (name == "all") {
-        if (!output.csv.empty() || !output.svg.empty())
-            throw SetupError("--cost all: writes each figure to its place in --folder; --csv and --svg are for one cost");
+        for (const CostEntry* entry : kCosts) check_output(fmt::format("{}/{}", output.folder, entry->path));
         for (const CostEntry* entry : kCosts) {
             const Cost cost = entry->measure(setup);
             replace_file(fmt::format("{}/{}", output.folder, entry->path), figure_svg(cost.figure));
@@ -104,6 +117,8 @@ int tradeoff_costs(const std::string& name, const TradeoffOutput& output) {
         return kGood;
     }
     const CostEntry& entry = entry_of(name);
+    for (const auto& path : {output.csv, output.svg})
+        if (!path.empty()) check_output(path);
     const Cost cost = entry.measure(setup);
     if (!output.csv.empty()) replace_file(output.csv, csv_of(cost));
     if (!output.svg.empty()) replace_file(output.svg, figure_svg(cost.figure));

@@ -39,9 +39,11 @@ std::string front_sentence(const std::string& model, const std::vector<Offer>& o
         const Offer& offer = offers[i];
         if (offer.error_percent > kWorth * last_percent) continue;
         last_percent = offer.error_percent;
-        text += named++ == 0 ? fmt::format(" {} from {:.2g} us a sample ({:.2g} % rms of full scale)", offer.name,
-                                           offer.time_us, offer.error_percent)
-                             : fmt::format("; {} from {:.2g} us ({:.2g} %)", offer.name, offer.time_us, offer.error_percent);
+        const std::string bad = offer.bad_percent > 0 ? fmt::format(", no value in {:.2g} %", offer.bad_percent) : "";
+        text += named++ == 0
+                    ? fmt::format(" {} from {:.2g} us a sample ({:.2g} % rms of full scale{})", offer.name, offer.time_us,
+                                  offer.error_percent, bad)
+                    : fmt::format("; {} from {:.2g} us ({:.2g} %{})", offer.name, offer.time_us, offer.error_percent, bad);
     }
     if (named == 0) return text + " nothing to choose from.";
     return text + (named < offers.size() ? "; no other is worth its time." : ".");

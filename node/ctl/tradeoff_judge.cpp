@@ -111,4 +111,32 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
     return judged;
 }
 
+Judged over_all(const std::vector<Judged>& trials) {
+    Judged all;
+    const bool blind =
+        std::any_of(trials.begin(), trials.end(), [](const Judged& j) { return j.samples > 0 && j.bad == j.samples; });
+    const auto mean = [&](auto error) {
+        double sum = 0;
+        std::size_t n = 0;
+        for (const Judged& j : trials)
+            if (const double value = error(j); std::isfinite(value)) sum += std::log(std::max(value, 1e-9)), ++n;
+        return blind || n == 0 ? kNaN : std::exp(sum / double(n));
+    };
+    for (std::size_t c = 0; c < all.rms_percent.size(); ++c) {
+        all.rms_percent[c] = mean([c](const Judged& j) { return j.rms_percent[c]; });
+        if (blind) continue;
+        for (const Judged& j : trials) all.p99_percent[c] = std::fmax(all.p99_percent[c], j.p99_percent[c]);
+    }
+    all.force_rms_percent = mean([](const Judged& j) { return j.force_rms_percent; });
+    all.good_rms_percent = mean([](const Judged& j) { return j.good_rms_percent; });
+    for (const Judged& j : trials) {
+        all.samples += j.samples;
+        all.good += j.good;
+        all.uncertain += j.uncertain;
+        all.bad += j.bad;
+        all.lies += j.lies;
+    }
+    return all;
+}
+
 }  // namespace tactiled::ctl

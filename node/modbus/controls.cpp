@@ -37,7 +37,7 @@ void Controls::follow(const View& view, std::uint64_t now_ns) noexcept {
     tick(now_ns);
     const tactiled_command& answer = view.snapshot.node.command[TACTILED_FROM_MODBUS];
     acknowledged_by_pipeline_ = answer.acknowledged;
-    follow_teaching();
+    follow_teaching(answer);
     if (state_ != TACTILED_COMMAND_RUNNING || teaching_for_block_) return;
     if (answer.acknowledged == block_number_ && answer.state != TACTILED_COMMAND_RUNNING) {
         const bool good = answer.state == TACTILED_COMMAND_DONE && answer.result == TACTILED_COMMAND_OK;
@@ -59,11 +59,15 @@ void Controls::hand_over_objects(std::uint64_t now_ns) noexcept {
     sent_ns_ = now_ns;
 }
 
-void Controls::follow_teaching() noexcept {
+void Controls::follow_teaching(const tactiled_command& answer) noexcept {
     if (teaching_.state() == Teaching::failed) {
-        if (std::exchange(teaching_for_block_, false)) settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
+        if (std::exchange(teaching_for_block_, false))
+            settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
+        else
+            teach_failed_ = true;
         teaching_.settle();
     } else if (objects_number_ != 0 && std::int32_t(acknowledged_by_pipeline_ - objects_number_) >= 0) {
+        teach_failed_ = answer.acknowledged == objects_number_ && answer.state == TACTILED_COMMAND_REJECTED;
         objects_number_ = 0;
         teaching_.settle();
     }
@@ -179,6 +183,7 @@ Exception Controls::check_command_cell(std::uint16_t at, std::uint16_t value, co
     if (is_busy(view)) return kBusy;
     if (!view.alive || (at == kTareCell && !have_values(view, value))) return kDeviceFailure;
     if ((at == kKnownWeightCell || at == kTeachCell) && !is_stable(view.snapshot.node.grasp)) return kDeviceFailure;
+    if (at == kTeachCell && !is_teachable(weighing_of(view.snapshot.node.grasp))) return kDeviceFailure;
     return kNone;
 }
 

@@ -70,7 +70,7 @@ private:
     std::uint32_t send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept;
     std::uint32_t send_known_weight(double mass_kg, std::uint64_t now_ns) noexcept;
     void hand_over_objects(std::uint64_t now_ns) noexcept;
-    void follow_teaching() noexcept;
+    void follow_teaching(const tactiled_command& answer) noexcept;
     void send_settings() noexcept;
     void settle(tactiled_command_state state, tactiled_command_result result) noexcept;
     void load();
@@ -98,6 +98,7 @@ private:
 
     Teaching teaching_;
     bool teaching_for_block_ = false;   // CMD_STATE tells of it
+    bool teach_failed_ = false;         // the last one by the cell, which has no CMD_STATE
     std::uint32_t objects_number_ = 0;  // of the command that hands over what was taught; 0 = not sent yet
 
     std::atomic<Saving> saving_{idle};

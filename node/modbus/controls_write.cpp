@@ -15,10 +15,6 @@ constexpr std::uint64_t kUnlockNs = 30'000'000'000;
 
 bool is_setting(std::uint16_t at) { return at >= kFilterHz && at <= kWeighWindow; }
 
-Weighing weighing_of(const View& view) {
-    return {view.snapshot.node.grasp.weight_kg, view.snapshot.node.grasp.weight_sd_kg};
-}
-
 // The settings file's keys, in the order of the registers; value = register * scale.
 struct Key {
     const char* name;
@@ -79,7 +75,7 @@ void Controls::write_register(std::uint16_t at, std::uint16_t value, const View&
         case kWeighCell: return void(value != 0 ? send(Command::Kind::start_weighing, 0, now_ns) : 0);
         case kZeroWeightCell: return void(value != 0 ? send(Command::Kind::zero_weight, 0, now_ns) : 0);
         case kKnownWeightCell: return void(value != 0 ? send_known_weight(value * 1e-3, now_ns) : 0);
-        case kTeachCell: return void(value != 0 ? teaching_.begin(value, weighing_of(view)) : void());
+        case kTeachCell: return void(value != 0 ? teaching_.begin(value, weighing_of(view.snapshot.node.grasp)) : void());
         case kPlcHeartbeat:
             if (value != heartbeat_) heartbeat_ns_ = now_ns;
             heartbeat_ = value;
@@ -118,10 +114,12 @@ void Controls::run_command(const View& view, std::uint64_t now_ns) noexcept {
     };
     const auto run = [&](Command::Kind kind, std::uint32_t sensors) { follow_number(send(kind, sensors, now_ns)); };
     const std::uint32_t parameter = std::uint32_t(block_[2]) << 16 | block_[3];
+    const tactiled_grasp& held = view.snapshot.node.grasp;
     const bool needs_stable = block_[0] == kKnownWeight || block_[0] == kTeach;
     const bool weighs =
         block_[0] == kStartWeighing || block_[0] == kStopWeighing || block_[0] == kZeroWeight || needs_stable;
-    if (weighs && (!weighs_ || (needs_stable && !is_stable(view.snapshot.node.grasp))))
+    if (weighs &&
+        (!weighs_ || (needs_stable && !is_stable(held)) || (block_[0] == kTeach && !is_teachable(weighing_of(held)))))
         return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
     if (needs_stable && (parameter == 0 || (block_[0] == kTeach && parameter > 65534)))
         return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_PARAMETER);
@@ -138,7 +136,7 @@ void Controls::run_command(const View& view, std::uint64_t now_ns) noexcept {
         case kTeach:
             teaching_for_block_ = true;
             settle(TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
-            return teaching_.begin(parameter, weighing_of(view));
+            return teaching_.begin(parameter, weighing_of(view.snapshot.node.grasp));
         default: return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
     }
 }
@@ -231,7 +229,7 @@ void Controls::add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlo
     global[kPlcHbEcho] = heartbeat_;
     if (plc_is_silent(now_ns)) global[kStatus] |= 1u << 12;
     if (now_ns <= unlocked_until_ns_) global[kStatus] |= 1u << 13;
-    if (saving_.load() == failed || unreadable_.load()) {
+    if (saving_.load() == failed || unreadable_.load() || teach_failed_) {
         global[kFault] |= 1u << 6;
         global[kStatus] |= std::uint16_t(TACTILED_FAULT);
     }

@@ -23,6 +23,9 @@ void Teaching::begin(std::uint32_t id, const Weighing& weighing) noexcept {
 }
 
 void Teaching::store(std::uint32_t id, const Weighing& weighing) {
+    if (!is_teachable(weighing))
+        throw SetupError(fmt::format("{:.4f} kg, sd {:.4f} kg, may be nothing at all", weighing.mass_kg, weighing.sd_kg));
+    const ObjectsLock lock(path_);
     Problems problems;
     std::vector<TaughtObject> taught = load_objects(path_, problems);
     problems.throw_if_any();
@@ -44,7 +47,7 @@ void Teaching::store(std::uint32_t id, const Weighing& weighing) {
     else
         throw SetupError(fmt::format("{} objects are taught, no more fit", taught.size()));
     store_objects(path_, taught);
-    objects_ = plain_objects(taught);
+    objects_ = std::move(taught);
 }
 
 }  // namespace tactiled::modbus

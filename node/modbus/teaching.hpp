@@ -24,7 +24,7 @@ public:
     // Begins to store. Only while idle. An id that is not in the file is a new object, named objectID.
     void begin(std::uint32_t id, const Weighing& weighing) noexcept;
     // What was stored, while `stored`; stays until settle().
-    [[nodiscard]] std::span<const grasp::Object> objects() const noexcept { return objects_; }
+    [[nodiscard]] std::span<const TaughtObject> objects() const noexcept { return objects_; }
     // Back to idle, from `stored` and `failed`.
     void settle() noexcept { state_.store(idle, std::memory_order_release); }
 
@@ -32,7 +32,7 @@ private:
     void store(std::uint32_t id, const Weighing& weighing);
 
     std::string path_;
-    std::vector<grasp::Object> objects_;
+    std::vector<TaughtObject> objects_;
     std::atomic<State> state_{idle};
     RtThread thread_;
 };

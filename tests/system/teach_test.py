@@ -147,6 +147,26 @@ class Teach(unittest.TestCase):
         self.assertEqual(self.daemon.ctl("weigh", "stop").returncode, 0)
         wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_NONE, 2, "no weight")
 
+    def test_an_object_taught_with_a_scale_waits_for_it_after_a_restart(self):
+        self.hold(0.2)
+        self.assertEqual(self.daemon.ctl("weigh", "known", "0.2").returncode, 0)
+        self.let_go()
+        taught = self.teach("bolt", 0.2, 2)
+        self.assertEqual(taught.returncode, 0, taught.stderr)
+        self.assertEqual(self.hold(0.2).object, "bolt")
+        self.let_go()
+        self.daemon.stop()
+        (self.daemon.folder / "tactiled.log").unlink()  # start() waits for what it says
+        self.daemon.start()
+        self.assertIn("told only once a known weight is shown again", self.daemon.log())
+        self.node = tactiled.open(self.daemon.name)
+        self.addCleanup(self.node.close)
+        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, 5, "a value of both jaws")
+        time.sleep(0.3)
+        self.assertEqual(self.hold(0.2).object_id, 0)  # its weight was measured with another scale
+        self.assertEqual(self.daemon.ctl("weigh", "known", "0.2").returncode, 0)
+        wait_for(lambda: self.node.grasp.object == "bolt", 2, "the object")
+
     def test_top_fits_a_terminal_and_prints_plainly_elsewhere(self):
         self.hold(0.2)
         plain = self.daemon.ctl("top", "--count", "2", "--interval", "0.1")

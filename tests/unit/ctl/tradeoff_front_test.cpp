@@ -62,6 +62,11 @@ TEST(Sentence, LeavesOutWhatGainsNextToNothing) {
               "pad: ratio from 0.07 us a sample (3 % rms of full scale); best from 3 us (2 %); no other is worth its time.");
 }
 
+TEST(Sentence, TellsTheShareWithoutAValueWhereThereIsOne) {
+    EXPECT_EQ(front_sentence("pad", {{"a", 1, 3, 0.25}, {"b", 2, 1, 0}}),
+              "pad: a from 1 us a sample (3 % rms of full scale, no value in 0.25 %); b from 2 us (1 %).");
+}
+
 TEST(Sentence, SaysThatThereIsNothing) {
     EXPECT_EQ(front_sentence("hair", {{"matrix", 1, kUnknown}}), "hair: nothing to choose from.");
 }

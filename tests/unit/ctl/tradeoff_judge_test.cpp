@@ -77,6 +77,20 @@ TEST(Judge, TaresOnTheSecondHalfOfTheRestAndJudgesFromTheFirstLoadOn) {
     EXPECT_NEAR(j.force_rms_percent, 0, 1e-9);
 }
 
+TEST(Judge, AMethodThatIsBadInOneSceneHasNoErrorOverAll) {
+    const Judged easy = judged({{-1, -1.02, TACTILED_GOOD}, {-1, -1.02, TACTILED_BAD}});
+    const Judged hard = judged({{-1, -1.08, TACTILED_GOOD}});
+    const Judged blind = judged({{-1, -9, TACTILED_BAD}, {-1, -9, TACTILED_BAD}});
+    EXPECT_NEAR(over_all({easy, hard}).force_rms_percent, 2, 1e-9);  // of 1 and 4 % of 2 N
+    EXPECT_EQ(over_all({easy, hard}).bad, 1u);
+    const Judged all = over_all({easy, blind});
+    EXPECT_TRUE(std::isnan(all.force_rms_percent));
+    EXPECT_TRUE(std::isnan(all.rms_percent[2]));
+    EXPECT_TRUE(std::isnan(all.p99_percent[2]));
+    EXPECT_EQ(all.bad, 3u);
+    EXPECT_EQ(all.samples, 4u);
+}
+
 TEST(Judge, TakesChannelsByNameAndSaysWhichIsMissing) {
     Labelled rows = labelled({{-1, -1, TACTILED_GOOD}});
     rows.channels = {"quality", "b"};

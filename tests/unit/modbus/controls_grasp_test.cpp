@@ -201,6 +201,34 @@ TEST_F(GraspControls, TeachingStoresTheWeightAndHandsTheObjectsOver) {
     EXPECT_NEAR(taught()[0].mass_kg, 0.251, 1e-9);
 }
 
+TEST_F(GraspControls, AWeightThatMayBeNoneIsNotTaught) {
+    for (const double mass_kg : {0.0, -0.02, 0.005}) {  // empty, after a zero taken under load, within 3 sd of nothing
+        hold(mass_kg, 0.002);
+        EXPECT_EQ(put(kTeachCell, 7), kDeviceFailure) << mass_kg;
+        EXPECT_EQ(put(kCmd, {kTeach, 0, 0, 7, unsigned(100 + mass_kg * 1000)}), kNone);
+        EXPECT_EQ(global()[kCmdState], TACTILED_COMMAND_REJECTED) << mass_kg;
+        EXPECT_EQ(global()[kCmdResult], TACTILED_COMMAND_NOT_NOW) << mass_kg;
+    }
+    EXPECT_TRUE(taught().empty());
+    nothing_was_sent();
+}
+
+TEST_F(GraspControls, ATeachByTheCellThatFailedIsTold) {
+    std::filesystem::create_directory(settings_.objects);  // no file can be written there
+    hold(0.25, 0.002);
+    EXPECT_EQ(put(kTeachCell, 7), kNone);
+    for (int i = 0; i < 500 && (global()[kFault] & (1u << 6)) == 0; ++i) ::usleep(10'000);
+    EXPECT_NE(global()[kFault] & (1u << 6), 0u);
+    EXPECT_NE(global()[kStatus] & TACTILED_FAULT, 0u);
+    std::filesystem::remove(settings_.objects);
+    EXPECT_EQ(put(kTeachCell, 7), kNone);
+    acknowledge(handed_over());
+    EXPECT_EQ(global()[kFault], 0u);
+    EXPECT_EQ(put(kTeachCell, 7), kNone);
+    acknowledge(handed_over(), TACTILED_COMMAND_REJECTED);  // stored, but the pipeline does not have it
+    EXPECT_NE(global()[kFault] & (1u << 6), 0u);
+}
+
 TEST_F(GraspControls, AnObjectThatCannotBeToldFromAnotherIsNotTaught) {
     TaughtObject bolt;
     bolt.id = 1;

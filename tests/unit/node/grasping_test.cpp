@@ -21,7 +21,7 @@ std::optional<Grasping::Setup> two_jaws() {
     setup.estimator.gravity_G = {0, 0, -9.81};
     setup.estimator.friction = 0.8;
     setup.estimator.lift_accelerates_ms = 150;
-    grasp::Object bolt;
+    TaughtObject bolt;
     bolt.id = 4;
     bolt.name = "bolt";
     bolt.mass_kg = 0.2;
@@ -162,7 +162,7 @@ TEST_F(GraspingTest, GravityThatIsNotKnownAnyMoreIsNoWeight) {
 
 TEST_F(GraspingTest, ObjectsAreReplacedAllAtOnce) {
     hold_200_g();
-    grasp::Object nut;
+    TaughtObject nut;
     nut.id = 9;
     nut.name = "nut";
     nut.mass_kg = 0.2;
@@ -174,6 +174,29 @@ TEST_F(GraspingTest, ObjectsAreReplacedAllAtOnce) {
     objects.objects = {};
     EXPECT_TRUE(grasping_.carry_out(objects));
     EXPECT_EQ(grasping_.state().object_id, 0u);
+}
+
+TEST_F(GraspingTest, OnlyObjectsThatWereTaughtUnderTheScaleInForceAreTold) {
+    TaughtObject nut;  // taught after a known weight was shown, before a restart
+    nut.id = 9;
+    nut.name = "nut";
+    nut.mass_kg = 0.2;
+    nut.sd_kg = 0.004;
+    nut.scaled = true;
+    Command objects = command(Command::Kind::objects);
+    objects.objects = {&nut, 1};
+    hold_200_g();
+    EXPECT_EQ(grasping_.state().object_id, 4u);  // the bolt, taught without a scale
+    EXPECT_TRUE(grasping_.carry_out(objects));
+    feel(5, -0.981, 20);
+    EXPECT_EQ(grasping_.state().object_id, 0u);
+    EXPECT_EQ(grasping_.state().reserved & kScaleShown, 0u);
+    Command known = command(Command::Kind::known_weight);
+    known.mass_kg = 0.2;
+    EXPECT_TRUE(grasping_.carry_out(known));
+    feel(5, -0.981, 20);
+    EXPECT_EQ(grasping_.state().object_id, 9u);
+    EXPECT_EQ(grasping_.state().reserved & kScaleShown, kScaleShown);
 }
 
 TEST(GraspingWithoutASetup, NothingIsKnownAndNoCommandTaken) {

@@ -4,9 +4,12 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 namespace tactiled {
 namespace {
@@ -52,7 +55,7 @@ TEST_F(ObjectsTest, WhatIsStoredIsRead) {
     EXPECT_EQ(read[0].mass_kg, 0.123456789);
     EXPECT_EQ(read[1].id, 7u);
     EXPECT_EQ(read[1].grasps, 20u);
-    EXPECT_EQ(plain_objects(read)[1].sd_kg, 1e-4);
+    EXPECT_EQ(read[1].sd_kg, 1e-4);
 }
 
 TEST_F(ObjectsTest, AnErrorIsToldWithItsLine) {
@@ -65,6 +68,8 @@ TEST_F(ObjectsTest, AnErrorIsToldWithItsLine) {
     EXPECT_NE(first_problem().find("format = 1"), std::string::npos);
     write("format = 1\n[[object]]\nid = 1\nname = 'a'\nmass_kg = 0.1\nsd_kg = 0\n");
     EXPECT_NE(first_problem().find(":6: "), std::string::npos);  // who is sure of everything is wrong for sure
+    write("format = 1\n[[object]]\nid = 1\nname = 'a'\nmass_kg = 0\nsd_kg = 0.001\n");
+    EXPECT_NE(first_problem().find(":5: "), std::string::npos);  // nothing is no object
     write("format = 1\n[[object]]\nid = 1\nname = 'a b'\nmass_kg = 0.1\nsd_kg = 0.001\n");
     EXPECT_NE(first_problem().find(":4: "), std::string::npos);
     write("not toml");
@@ -106,6 +111,40 @@ TEST_F(ObjectsTest, TwoThatOverlapWithinThreeSdEachAreConfused) {
     EXPECT_NEAR(near->apart_sd, 2.5, 1e-9);
     EXPECT_FALSE(confused_with(object(2, "nut", 0.119, 0.001), taught));  // itself, taught again
     EXPECT_TRUE(confused_with(object(3, "pin", 0.110, 0.004), taught));   // the wider, the nearer
+}
+
+TEST_F(ObjectsTest, WeightsOfAnotherScaleAreNotMixedWithThose) {
+    TaughtObject bolt = object(1, "bolt", 0.100, 0.001);
+    bolt.scaled = true;
+    store_objects(path_, std::vector{bolt, object(2, "nut", 0.1, 0.001)});
+    Problems problems;
+    const auto read = load_objects(path_, problems);
+    ASSERT_TRUE(problems.empty());
+    EXPECT_TRUE(read[0].scaled);
+    EXPECT_FALSE(read[1].scaled);
+    EXPECT_FALSE(confused_with(object(3, "pin", 0.2, 0.001), read));
+    const auto near = confused_with(bolt, std::vector{object(2, "nut", 0.1, 0.001)});
+    EXPECT_FALSE(near);  // never told at the same time
+    const TaughtObject again = with_one_more(bolt, {0.11, 0.002, false});
+    EXPECT_EQ(again.mass_kg, 0.11);
+    EXPECT_EQ(again.grasps, 1u);
+    EXPECT_FALSE(again.scaled);
+}
+
+TEST_F(ObjectsTest, OneOfTwoWritersWaitsForTheOther) {
+    std::atomic<bool> second{false};
+    std::thread other;
+    {
+        const ObjectsLock lock(path_);
+        other = std::thread([&] {
+            const ObjectsLock theirs(path_);
+            second = true;
+        });
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        EXPECT_FALSE(second);
+    }
+    other.join();
+    EXPECT_TRUE(second);
 }
 
 TEST_F(ObjectsTest, AFreeIdIsTheLeast) {
