@@ -85,7 +85,11 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
         // inverse * inverse' is the covariance of the scaled loads at 1 sd of noise; this is the root of its diagonal.
         subset.sd[std::size_t(j)] = inverse.row(j).norm() / length[j];
     }
-    for (const std::size_t k : rows) subset.used[k] = 1;
+    for (const std::size_t k : rows) {
+        subset.used[k] = 1;
+        subset.free[k] = 1;
+        for (std::size_t j = 0; j < n_loads_; ++j) subset.free[k] -= gains_[j][k] * subset.inverse[k][j];
+    }
     subset.per_gauge = 1 / double(m);
     subset.can_disagree = m > n;
     if (m > n) subset.per_freedom = 1 / double(m - n);
@@ -149,39 +153,37 @@ GaugeSolver::Solved GaugeSolver::solve(const double* r, std::span<const double> 
     find(subset, r, solved);
     solved.used = usable;
     if (!(solved.residual > kDoubtful)) return solved;
-    solved.used = without_dead(r, zero, usable, solved);
-    solved.dead = solved.used != usable;
-    solved.doubtful = !solved.dead;
     const double residual = solved.residual;  // of all: it says why one was left out
-    if (solved.dead) find(subsets_[solved.used], r, solved);
+    const Solved others = without_dead(r, zero, usable, solved);
+    if (others.dead)
+        solved = others;
+    else
+        solved.doubtful = true;
     solved.residual = residual;
     return solved;
 }
 
-// The usable gauges but the one that delivers 0 as no live gauge would: the readings of the others are consistent and
-// demand another value there. The same set where there is none or more than one such.
+// Without the one gauge that delivers 0 as no live gauge would: the readings of the others are consistent and demand another
+// value there. `dead` is not set where there is none or more than one such.
 // A gauge that all together leave `rest` of, and whose reading makes the share h of its own prediction, is rest / (1 - h)
 // off what the others predict, and without it the squared residual is less by rest^2 / (1 - h). Only the two that take off
 // most are solved for, however many read 0: where a third left the others consistent, these would, and which is dead would
 // not be known.
-[[gnu::noinline]] std::uint32_t GaugeSolver::without_dead(const double* r, std::span<const double> zero,
-                                                          std::uint32_t usable, const Solved& all) const noexcept {
+[[gnu::noinline]] GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::span<const double> zero,
+                                                                std::uint32_t usable, const Solved& all) const noexcept {
     struct {
         std::uint32_t others = 0;
         double taken_off = 0;
     } most[2];
     for (std::size_t k = 0; k < n_gauges_; ++k) {
         const std::uint32_t others = usable & ~(1u << k);
-        const double noise = std::sqrt(noise2_[k]);
-        if (others == usable || !(std::abs(r[k] + zero[k]) <= 3 * noise) || !subsets_[others].solvable) continue;
-        double predicted = 0, share = 0;
-        for (std::size_t j = 0; j < n_loads_; ++j) {
-            predicted += gains_[j][k] * all.load[j];
-            share += gains_[j][k] * subsets_[usable].inverse[k][j];
-        }
-        const double rest = r[k] - predicted;
-        if (!(std::abs(rest) > kDoubtful * noise * (1 - share))) continue;
-        const double taken_off = rest * rest / (noise2_[k] * (1 - share));
+        const double read = r[k] + zero[k];
+        if (others == usable || !(read * read <= 9 * noise2_[k]) || !subsets_[others].solvable) continue;
+        double predicted = 0;
+        for (std::size_t j = 0; j < n_loads_; ++j) predicted += gains_[j][k] * all.load[j];
+        const double rest = r[k] - predicted, free = subsets_[usable].free[k];
+        if (!(rest * rest > kDoubtful * kDoubtful * noise2_[k] * free * free)) continue;
+        const double taken_off = rest * rest / (noise2_[k] * free);
         if (taken_off > most[0].taken_off) {
             most[1] = most[0];
             most[0] = {others, taken_off};
@@ -189,14 +191,16 @@ GaugeSolver::Solved GaugeSolver::solve(const double* r, std::span<const double> 
             most[1] = {others, taken_off};
         }
     }
-    std::uint32_t found = usable;
+    Solved found;
     for (const auto& candidate : most) {
         if (candidate.others == 0) continue;
         Solved solved;
         find(subsets_[candidate.others], r, solved);
         if (solved.residual > kDoubtful) continue;
-        if (found != usable) return usable;  // two candidates: not known which
-        found = candidate.others;
+        if (found.dead) return {};  // two candidates: not known which
+        found = solved;
+        found.used = candidate.others;
+        found.dead = true;
     }
     return found;
 }

@@ -48,15 +48,16 @@ private:
     struct alignas(16) Subset {
         double inverse[kMostGauges][kMostLoads + 1]{};  // 0 where not used
         Gauges used{};                                  // 1 or 0
-        double per_gauge = 0, per_freedom = 0;          // 1 / gauges, 1 / (gauges - loads)
+        Gauges free{};                          // the part of a gauge's prediction that is not made of its own reading
+        double per_gauge = 0, per_freedom = 0;  // 1 / gauges, 1 / (gauges - loads)
         Loads sd_factor{};
         std::array<double, kMostLoads> sd{};  // of the loads
         double condition = 0;
         bool solvable = false, can_disagree = false;  // there are more gauges than loads
     };
     Subset prepare(std::uint32_t usable, std::vector<std::size_t>* confused) const;
-    std::uint32_t without_dead(const double* r, std::span<const double> zero, std::uint32_t usable,
-                               const Solved& all) const noexcept;
+    Solved without_dead(const double* r, std::span<const double> zero, std::uint32_t usable,
+                        const Solved& all) const noexcept;
     void find(const Subset& subset, const double* r, Solved& solved) const noexcept;
     template <std::size_t kLoads>  // so many at most
     void find(const Subset& subset, const double* r, Solved& solved) const noexcept;

@@ -161,6 +161,11 @@ int main(int argc, char** argv) {
         }
         return 1;
     }
+    const bool counted = words.size() == 1 && words[0].find_first_not_of("0123456789") == std::string::npos;
+    if (!words.empty() && !counted && !(words.size() == 2 && words[0] == "--save")) {
+        fmt::print(stderr, "against_naive [SAMPLES] | --save FOLDER | --count FOLDER MODEL/METHOD ours|naive N\n");
+        return 2;
+    }
     const std::vector<Contest> contests = all_contests(scenes_folder(), [](double) {});
     if (words.size() == 2 && words[0] == "--save") {
         each(contests, [&](const Rival& rival, const Candidate& candidate, const Labelled& rows) {

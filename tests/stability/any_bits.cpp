@@ -102,11 +102,16 @@ bool same_bits(const Estimate& a, const Estimate& b) {
 }  // namespace
 
 int main(int argc, char** argv) {
-    const long readings = argc > 1 ? std::atol(argv[1]) : 10'000;
+    char* end = nullptr;
+    const long readings = argc > 1 ? std::strtol(argv[1], &end, 10) : 10'000;
     const std::string only = argc > 2 ? argv[2] : "";
     const std::vector<Method> methods = all_methods();
     std::map<std::string, int> of_model;  // methods that take equal shares
     for (const Method& method : methods) of_model[method.model()] += method.name == "table/map" ? 0 : 1;
+    if (argc > 3 || readings < 100 || (end != nullptr && *end != '\0') || (!only.empty() && of_model.count(only) == 0)) {
+        fmt::print(stderr, "any_bits [READINGS, 100 at least] [MODEL: table, hair, capacitive, piezo, generic]\n");
+        return 2;
+    }
     int failed = 0;
     for (const Method& method : methods) {
         if (!only.empty() && method.model() != only) continue;

@@ -97,16 +97,17 @@ void add_gap(Cases& cases) {
     cases.marked("C5", "an endless gap, where (C1 - C2) / Cn is x / 0",
                  {as_good((channel[0] - channel[1]) / (channel[4] - 0.4)), published(estimate_of(c, channel), 0),
                   TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY});
-    // H23, H23b: a bonded disc with the bulk modulus, not Poisson's ratio, as its parameter; E = 0.1 MPa.
+    // H23, H23b: a bonded disc with the bulk modulus, not Poisson's ratio, as its parameter; E = 0.1 MPa. 1 - 2 nu is exact
+    // in double, and errors of K reach the modulus by 3 E / (K + 3 E) < 1.
     for (const double nu : {0.49, 0.4999, 0.4999999}) {
         const double bulk = 1e5 / (3 * (1 - 2 * nu));
         const Real apparent = Real(1e5) * 3;
         cases.value(fmt::format("H23 {}", nu), fmt::format("modulus of a bonded disc as wide as thick, nu = {}", nu),
-                    {1e5 * (1 - nu) / ((1 + nu) * (1 - 2 * nu)), bonded_disc_modulus(1e5, bulk, 1),
-                     apparent / (1 + apparent / Real(bulk))});
+                    {kNaN, bonded_disc_modulus(1e5, bulk, 1), apparent / (1 + apparent * 3 * (1 - 2 * Real(nu)) / Real(1e5)),
+                     1, 8, 0, Textbook::none});
     }
     cases.value("H23b", "the same with K = 1 GPa",
-                {1e5, bonded_disc_modulus(1e5, 1e9, 1), Real(3e5) / (1 + Real(3e5) / Real(1e9))});
+                {kNaN, bonded_disc_modulus(1e5, 1e9, 1), Real(3e5) / (1 + Real(3e5) / Real(1e9)), 1, 8, 0, Textbook::none});
 }
 
 // Area that a disc of radius R at (dx, dy) shares with a sector, less that at rest: as one writes it down, with the angles
@@ -202,12 +203,13 @@ void add_solver(Cases& cases) {
         const auto r = pad_reading(c, s.u, s.x, s.y);
         const double stiff = c.parameters.at("shear_stiffness_N_per_m") * c.parameters.at("disc_radius_m");
         const Real fx = Real(stiff) * pow(Real(s.u), Real(-0.4)) * Real(s.x);
-        // Readings are rounded to 2^-53 of some 0.4 pF, of which a shift of one radius changes 0.13: kappa; 5 readings.
+        // Two readings below 0.5 pF are rounded by 2^-55 each, and a shift of one radius changes their difference by 0.26
+        // pF: a quarter of kappa * 2^-52, of which the gap's own reading and the rest that they share take their part.
         const double kappa = 0.5 / (0.13 * std::min(s.u, 1.0) * std::abs(s.x));
         const double naive = stiff * std::pow((r[4] - 0.4) / 0.1038, -0.4) *
                              ((r[0] - c.zero[0]) / 0.0562 - (r[1] - c.zero[1]) / 0.0562) / 2 / pair_gain;
         // It stops where a step is below 1e-8: the next one would be of second order, 1e-16 and a curvature of some 10.
-        cases.value(s.id, s.what, {naive, estimate_of(c, r).wrench_S[0], fx, kappa, 16, 1e-15 / std::abs(s.x)});
+        cases.value(s.id, s.what, {naive, estimate_of(c, r).wrench_S[0], fx, kappa, 1, 1e-15 / std::abs(s.x) + 2e-15});
     }
     const auto torn = pad_reading(c, 1.2, 0.96, 0);
     cases.marked(

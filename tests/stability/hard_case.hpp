@@ -14,6 +14,10 @@ namespace tactiled::stability {
 // 100 decimal digits: what a reference is computed in, from the very doubles that the code under test gets.
 using Real = boost::multiprecision::cpp_bin_float_100;
 
+// What the textbook's code is beside ours: the same formula or its usual form in the same precision, or in single precision
+// alone; or there is none that computes the same thing.
+enum class Textbook { same_precision, single, none };
+
 // A number that has to be right. The error is relative to the reference, absolute where that is 0.
 struct Value {
     double naive, ours;
@@ -25,6 +29,7 @@ struct Value {
     double times = 8;
     // What no arithmetic can help: where an iteration stops, the grid of denormal numbers, or of a register.
     double slack = 0;
+    Textbook textbook = Textbook::same_precision;
 };
 
 // What a reader gets to see of one component.
@@ -36,19 +41,22 @@ struct Published {
 Published published(const Estimate& estimate, std::size_t component);
 Published as_good(double value);  // what code publishes that knows no quality
 
-// A result that nobody can give, or not whole: it must say so. BAD with NaN; or a finite number that is UNCERTAIN with all
-// of `reasons`.
+// A result that nobody can give, or not whole: it must say so. A finite number that is UNCERTAIN with all of `reasons`;
+// where there are none, BAD with NaN.
 struct Marked {
     Published naive, ours;
     std::uint32_t reasons = 0;
-    // Where the number is to be right all the same (not BAD then): relative.
+    // Where the number is to be right all the same: relative.
     double truth = kNaN, within = 0;
 };
 
 struct Result {
     std::string id, what;
     std::string kappa, naive, ours, bound;  // for the table
-    bool naive_holds, ours_holds;
+    // The textbook's code counts as red where its number is outside of the bound; a case that has to be marked or refused is
+    // not its fault: it states no quality.
+    enum class Naive { none, holds, red_same_precision, red_single, states_no_quality } naive_is;
+    bool ours_holds;
 };
 
 class Cases {

@@ -97,7 +97,7 @@ void add_offsets_and_sizes(Cases& cases) {
     const float offset = float((counts[2] - 8388000.3) - (counts[0] - 8388000.3));
     cases.value("T5", "two counts of shear on a zero of 8,388,000 counts",
                 {double(float(counts[2]) / 280.0f - float(counts[0]) / 280.0f + 0 * offset),
-                 estimate_of(c, counts).wrench_S[0], Real(2) / 280});
+                 estimate_of(c, counts).wrench_S[0], Real(2) / 280, 1, 8, 0, Textbook::single});
     // Denormal readings: their own grid is 2^-1074.
     std::vector<double> tiny = four(1, 0, 0);
     for (double& r : tiny) r *= 1e-307;
@@ -117,6 +117,24 @@ void add_offsets_and_sizes(Cases& cases) {
                 {std::atan2(rest[3] - rest[1], rest[2] - rest[0]), double(estimate_of(signs, rest).direction), 0, 1, 0});
 }
 
+// Play operators as Krejci defines them: what the product's own are judged by, in 100 digits, and what a textbook's inverse
+// iterates over, in double.
+template <typename T>
+struct WrittenOut {
+    const Plays& plays;
+    T state[4]{};
+    T next(const T& value) {
+        T sum = 0;
+        for (std::size_t i = 0; i < 4; ++i) {
+            const T least = value - T(plays.threshold[i]), most = value + T(plays.threshold[i]);
+            if (state[i] < least) state[i] = least;
+            if (state[i] > most) state[i] = most;
+            sum += T(plays.weight[i]) * state[i];
+        }
+        return sum;
+    }
+};
+
 // The same load again and again through plays and their inverse: equal extrema wipe each other out, or an error grows.
 void add_hysteresis(Cases& cases) {
     Plays plays;
@@ -125,12 +143,14 @@ void add_hysteresis(Cases& cases) {
     plays.weight = {0.95, 0.02, 0.02, 0.01};
     const Plays undo = plays.inverse();
     // The textbook's inverse: a fixed-point iteration over the model, which remembers the guesses, too.
-    PlayState forward, back, guessed;
+    WrittenOut<Real> forward{plays};
+    WrittenOut<double> guessed{plays};
+    PlayState back;
     double ours = 0, naive = 0;
     for (int i = 0; i <= 20'000; ++i) {
-        const double y = forward.next(plays, i % 2 == 0 ? 0.7 : -0.3);
+        const auto y = double(forward.next(Real(i % 2 == 0 ? 0.7 : -0.3)));
         ours = back.next(undo, y);
-        for (int k = 0; k < 30; ++k) naive += y - guessed.next(plays, naive);
+        for (int k = 0; k < 30; ++k) naive += y - guessed.next(naive);
     }
     cases.value("T9", "hysteresis undone after 20,000 turns at the same two extremes", {naive, ours, Real(0.7), 1, 16});
 }
@@ -140,7 +160,8 @@ struct PlateCase {
     std::array<double, 3> force;
 };
 
-// What the map itself reads of a contact; of two, their sum.
+// What the map itself reads of a contact; of two, their sum. The product's own interpolation: these cases judge the search
+// alone.
 std::vector<double> plate_reading(const InfluenceMap& map, const PlateCase& contact) {
     InfluenceMap::At at;
     map.at(contact.x_m, contact.y_m, at);
@@ -167,6 +188,23 @@ double newton(const InfluenceMap& map, const std::vector<double>& r) {
     return force.z();
 }
 
+// The greatest error of fz, in N, that one step of Gauss-Newton leaves from 1 um beside the point: where the product says
+// that it may stop, and go along linearly.
+double left_by_a_last_step(const InfluenceMap& map, const std::vector<double>& r, const PlateCase& contact) {
+    double most = 0;
+    for (int i = 0; i < 16; ++i) {
+        InfluenceMap::At at;
+        map.at(contact.x_m + 1e-6 * std::cos(i * M_PI / 8), contact.y_m + 1e-6 * std::sin(i * M_PI / 8), at);
+        const Eigen::Map<const Gauges> y(r.data());
+        const Eigen::Vector3d force = at.value.colPivHouseholderQr().solve(y);
+        Eigen::Matrix<double, 8, 5> a;
+        a << at.value, at.dx * force, at.dy * force;
+        const Eigen::Matrix<double, 5, 1> step = a.colPivHouseholderQr().solve(y - at.value * force);
+        most = std::max(most, std::abs(force.z() + step[2] - contact.force[2]));
+    }
+    return most;
+}
+
 void add_plate(Cases& cases) {
     const Calibration c = calibration_of("table/map");
     std::string fault;
@@ -188,9 +226,7 @@ void add_plate(Cases& cases) {
         const Eigen::JacobiSVD<Eigen::MatrixXd> svd{Eigen::MatrixXd(a)};
         const double length = Eigen::Map<const Gauges>(r.data()).norm(), least = svd.singularValues()[4];
         const double kappa = length / least / std::abs(f.z()) * f.norm();
-        // The last step is below 1 um and the force goes along it linearly: what is left is second order, (1 um / ring)^2 of
-        // the readings at most, and kappa makes an error of the force of it.
-        const double slack = kappa * std::pow(1e-6 / map.spacing_m(), 2);
+        const double slack = left_by_a_last_step(map, r, one.at) / std::abs(f.z());
         cases.value(one.id, one.what, {newton(map, r), estimate_of(c, r).wrench_S[2], one.at.force[2], kappa, 64, slack});
     }
     const auto rim = plate_reading(map, {9.6e-4, 0, {0.1, 0, -1}});
