@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 namespace tactiled::grasp {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr std::uint64_t kLook_ns = 7'000'000;     // static to kinetic takes some 5 ms; vibration below 60 Hz longer
+constexpr std::uint64_t kLook_ns = 7'000'000;  // static to kinetic takes some 5 ms; vibration below 60 Hz longer
+constexpr std::uint64_t kStep_ns = 900'000;    // points are 1 ms apart or more: a fall between two is as large at any rate
 constexpr std::uint64_t kGoesOn_ns = 60'000'000;  // so long without another fall: it holds again
 constexpr std::uint64_t kFirm_ns = 20'000'000;    // a contact that just began rolls and settles
 constexpr double kOverUsual = 1.6;                // of the largest fall that transport made lately
@@ -61,13 +61,14 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
     if (touched_ns_ == 0) {
         mean_N_ = feel.shear_N;
         touched_ns_ = feel.t_ns;
-        usual_ = falls_ = waits_ = 0;
+        usual_ = 0;
     }
+    use_ = friction_.use(feel.shear_N, feel.press_N);
+    if (n_ > 0 && feel.t_ns - past_[newest_].t_ns < kStep_ns) return;
     const double elapsed_s = n_ > 0 ? double(feel.t_ns - past_[newest_].t_ns) * 1e-9 : 0;
     newest_ = (newest_ + 1) % kMost;
     past_[newest_] = {feel.t_ns, feel.shear_N, feel.press_N};
     n_ = std::min(n_ + 1, kMost);
-    use_ = friction_.use(feel.shear_N, feel.press_N);
 
     const Fall now = fall(noise_N);
     const double cone = friction_.coefficient() * (now.part < kSmallFall ? kAtCone : kNearCone);
@@ -82,17 +83,11 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
         }
         slid_ns_ = feel.t_ns;
         state_ = TACTILED_SLIP_GROSS;
-        falls_ = waits_ = 0;
         return;
     }
     if (slides && feel.t_ns - slid_ns_ < kGoesOn_ns) return;
-    usual_ *= std::exp(-elapsed_s / kUsualTime_s);
-    falls_ = settled ? std::max(falls_, now.part) : 0;
-    if (feel.t_ns - falls_since_ns_ > kLook_ns) {  // what began so long ago and became no slip is transport's
-        usual_ = std::max(usual_, waits_);
-        waits_ = std::exchange(falls_, 0);
-        falls_since_ns_ = feel.t_ns;
-    }
+    // At once: a vibration that grows is told from a slip by growing over several falls.
+    if (settled) usual_ = std::max(now.part, usual_ * std::exp(-elapsed_s / kUsualTime_s));
     if (!slides) friction_.held((feel.shear_N - kNoises * noise_N) / feel.press_N);
     // |shear| > part of the cone + k sd: never a ratio alone, which near no press is one of noise.
     mean_N_ += -std::expm1(-elapsed_s / kMeanTime_s) * (feel.shear_N - mean_N_);

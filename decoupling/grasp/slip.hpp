@@ -42,9 +42,7 @@ private:
     Friction friction_;
     double near_ = 0.8, least_fall_ = 0.04;  // of sensitivity 0.5
     double usual_ = 0;                       // falls that transport makes
-    double falls_ = 0, waits_ = 0;           // largest of these 7 ms and of those before: may become a slip yet
-    std::uint64_t falls_since_ns_ = 0;
-    double use_ = 0, mean_N_ = 0;  // of the shear
+    double use_ = 0, mean_N_ = 0;            // of the shear
     std::uint64_t touched_ns_ = 0, slid_ns_ = 0;
     std::uint32_t slips_ = 0;
     tactiled_slip_state state_ = TACTILED_SLIP_UNKNOWN;

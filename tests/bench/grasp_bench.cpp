@@ -190,7 +190,7 @@ bool check() {
     limit("slips found within 10 ms, %", percent(s.in_10_ms, s.n), 99, 100);
     limit("incipient before gross, %", percent(s.incipient_before, s.n), 95, 100);
     limit("gross slips before they began", s.early, 0, 0);
-    limit("false alarms of transport", transport(1000, 0.04, 0.1, true).gross, 0, 0);
+    limit("false alarms of transport", transport(1000, 0.04, 0.05, true).gross, 0, 0);
     return kept;
 }
 

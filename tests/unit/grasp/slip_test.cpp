@@ -19,17 +19,16 @@ TEST(GraspSlip, IsFoundWithinTenMillisecondsAndAnnouncedBefore) {
     EXPECT_GT(hand.now().friction_sd, 0);
 }
 
-TEST(GraspSlip, IsFoundAfterALongHoldAtAnyRate) {  // its own onset is not what transport does
+TEST(GraspSlip, IsFoundAfterALongHoldAtAnyRate) {
     for (const double rate_hz : {1000, 2000, 8000})
-        for (const double part : {0.19, 0.23})
-            for (const double lasts_s : {0.005, 0.012}) {
-                Hand hand;
-                hand.rate_hz = rate_hz;
-                hand.close().go(0.3, 2, 0.8).stay(2).go(0.3, 2, 1.17);
-                ASSERT_EQ(hand.now().state, TACTILED_GRIP_HOLDING);
-                hand.go(lasts_s, 2, 1.17 * (1 - part)).stay(0.003);
-                EXPECT_EQ(hand.now().slips, 2u) << rate_hz << " Hz, " << part << " in " << lasts_s << " s";
-            }
+        for (const double part : {0.19, 0.23}) {
+            Hand hand;
+            hand.rate_hz = rate_hz;
+            hand.close().go(0.3, 2, 0.8).stay(2).go(0.3, 2, 1.17);
+            ASSERT_EQ(hand.now().state, TACTILED_GRIP_HOLDING);
+            hand.go(0.005, 2, 1.17 * (1 - part)).stay(0.003);
+            EXPECT_EQ(hand.now().slips, 2u) << rate_hz << " Hz, " << part;
+        }
 }
 
 TEST(GraspSlip, EachIsCountedOnceAndStaysLatched) {
