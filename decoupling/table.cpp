@@ -102,24 +102,9 @@ std::string fault_of(const Calibration& calibration) {
 std::unique_ptr<Decoupler> make_table_linear(const Calibration& calibration, std::string& fault) {
     fault = fault_of(calibration);
     if (!fault.empty()) return nullptr;
-    const std::size_t n = calibration.channels.size();
-    const double noise =
-        parameter_or(calibration, "noise", kDefaultNoise_per_reading * calibration.parameters.at("normal_inner"));
-    if (!(noise > 0)) {
-        fault = "parameter noise (one standard deviation of a gauge, channel_unit) is not above 0";
-        return nullptr;
-    }
-    // N comes from the inner gauges only (the outer ones read about 0 under a press), and with two of them left nothing
-    // would tell a press from a bent plate.
-    std::uint32_t inner = 0;
-    for (std::size_t k = 0; k < n; ++k)
-        if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
-    GaugeSolver solver(gains_of_signs(calibration), std::vector<double>(n, noise), inner, 3);
-    if (!solver.solvable((1u << n) - 1)) {
-        fault = "these gains cannot tell the three forces apart";
-        return nullptr;
-    }
-    return std::make_unique<Table>(calibration, std::move(solver));
+    auto solver = solver_of_signs(calibration, fault);
+    if (!solver) return nullptr;
+    return std::make_unique<Table>(calibration, std::move(*solver));
 }
 
 }  // namespace tactiled

@@ -87,4 +87,25 @@ std::vector<std::vector<double>> gains_of_signs(const Calibration& calibration) 
     return gains;
 }
 
+std::optional<GaugeSolver> solver_of_signs(const Calibration& calibration, std::string& fault) {
+    const std::size_t n = calibration.channels.size();
+    const double noise =
+        parameter_or(calibration, "noise", kDefaultNoise_per_reading * calibration.parameters.at("normal_inner"));
+    if (!(noise > 0)) {
+        fault = "parameter noise (one standard deviation of a gauge, channel_unit) is not above 0";
+        return std::nullopt;
+    }
+    // N comes from the inner gauges only (the outer ones read about 0 under a press), and with two of them left nothing
+    // would tell a press from a bent plate.
+    std::uint32_t inner = 0;
+    for (std::size_t k = 0; k < n; ++k)
+        if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
+    GaugeSolver solver(gains_of_signs(calibration), std::vector<double>(n, noise), inner, 3);
+    if (!solver.solvable((1u << n) - 1)) {
+        fault = "these gains cannot tell the three forces apart";
+        return std::nullopt;
+    }
+    return solver;
+}
+
 }  // namespace tactiled

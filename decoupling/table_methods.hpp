@@ -1,10 +1,12 @@
 // The methods of model "table" and what their files share. See table.md.
 #pragma once
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "decoupling/decoupler.hpp"
+#include "decoupling/gauge_solver.hpp"
 
 namespace tactiled {
 
@@ -40,5 +42,8 @@ std::string fault_of_gains(const Calibration& calibration);
 double parameter_or(const Calibration& calibration, const std::string& name, double fallback);
 // A row a channel: dR/R0 per N of Fx, Fy and N = -Fz, by the sign table and the four gains. setup
 std::vector<std::vector<double>> gains_of_signs(const Calibration& calibration);
+// Fx, Fy and N from these gains, weighed by the calibration's noise; none, with `fault` set, where they do not tell them.
+// setup
+std::optional<GaugeSolver> solver_of_signs(const Calibration& calibration, std::string& fault);
 
 }  // namespace tactiled

@@ -110,21 +110,9 @@ std::unique_ptr<Decoupler> make_table_nonlinear(const Calibration& calibration, 
             undo[c] = plays.inverse();
         }
     }
-    const double noise =
-        parameter_or(calibration, "noise", kDefaultNoise_per_reading * calibration.parameters.at("normal_inner"));
-    if (!(noise > 0)) {
-        fault = "parameter noise (one standard deviation of a gauge, channel_unit) is not above 0";
-        return nullptr;
-    }
-    std::uint32_t inner = 0;
-    for (std::size_t k = 0; k < calibration.channels.size(); ++k)
-        if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
-    GaugeSolver solver(gains_of_signs(calibration), std::vector<double>(calibration.channels.size(), noise), inner, 3);
-    if (!solver.solvable((1u << calibration.channels.size()) - 1)) {
-        fault = "these gains cannot tell the three forces apart";
-        return nullptr;
-    }
-    return std::make_unique<TableNonlinear>(calibration, std::move(solver), std::move(curve), undo);
+    auto solver = solver_of_signs(calibration, fault);
+    if (!solver) return nullptr;
+    return std::make_unique<TableNonlinear>(calibration, std::move(*solver), std::move(curve), undo);
 }
 
 }  // namespace tactiled
