@@ -221,7 +221,7 @@ class TheDaemon(unittest.TestCase):
             d.start("prlimit", "--rtprio=0", "--memlock=65536", "setpriv", "--bounding-set=-all", "--inh-caps=-all", "--ambient-caps=-all",
                     "--reuid=65534", "--regid=65534", "--clear-groups")
             self.assertIn("RT_DEGRADED", d.log())
-            self.assertTrue(json.loads(d.ctl("status", "--json").stdout)["rt_degraded"])
+            wait_for(lambda: json.loads(d.ctl("status", "--json").stdout)["rt_degraded"], 3, "status to say rt_degraded")
 
     def test_readers_of_the_group_may_read_and_nobody_may_write(self):
         with unit_daemon() as d:
