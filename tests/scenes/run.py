@@ -154,6 +154,7 @@ class Follow(threading.Thread):
         super().__init__(daemon=True)
         self.node_name, self.sensor, self.until_number = node_name, sensor, until_number
         self.samples, self.lost, self.tared_at = [], 0, None
+        self.sure = threading.Event()  # a sample whose method knows how sure it is
 
     def run(self):
         with tactiled.open(self.node_name) as node:
@@ -164,6 +165,8 @@ class Follow(threading.Thread):
                 if sample.reasons & tactiled.NO_DATA_YET:
                     continue
                 self.samples.append(sample)
+                if not sample.reasons & tactiled.UNKNOWN_UNCERTAINTY:
+                    self.sure.set()
                 if self.tared_at is None and sample.tare_count > 0:
                     self.tared_at = sample.device_sequence
                 if sample.device_sequence >= self.until_number:
@@ -210,6 +213,9 @@ def play(scene, effects, speed, calibrations, truths):
             for follow in follows:
                 follow.start()
             mask = sum(1 << i for i, (_, expect) in enumerate(scene.expectations) if expect.get("tare", True))
+            if speed == SPEED_WITH_MEMORY:  # a zero that is taken before its method has a past is unknown
+                for follow in follows:
+                    follow.sure.wait(0.5)
             if mask:
                 tare(daemon, mask)
             for follow in follows:
