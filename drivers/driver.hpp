@@ -36,7 +36,8 @@ public:
     [[nodiscard]] virtual std::string open() = 0;
 
     // Fills `frame` with the next reading; frames already received come at once, one a call, in order.
-    // rt: blocks on the link, for at most `timeout_ms`; no allocation, no lock, no system call but ppoll and read
+    // rt: blocks on the link, for at most `timeout_ms`; no allocation, no lock, no system call but waiting for its device,
+    // reading and asking it (tests/guard lists them)
     [[nodiscard]] virtual Status read(Frame& frame, int timeout_ms) noexcept = 0;
 
     // rt: not in the loop; may be called when not open

@@ -15,8 +15,8 @@ namespace tactiled::ctl {
 namespace {
 
 constexpr const char* kCountName[TACTILED_LINK_COUNTS] = {
-    "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost",  "repeated",
-    "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   nullptr, nullptr};
+    "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost",      "repeated",
+    "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};
 
 std::string number(double value, int width, int digits) {
     return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);

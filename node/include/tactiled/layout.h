@@ -278,8 +278,10 @@ enum tactiled_link_count {
     TACTILED_LINK_UNBOUND = 9,      /* frames of a device that no sensor uses */
     TACTILED_LINK_OPENED = 10,      /* times the device was opened */
     TACTILED_LINK_OPEN_FAILED = 11,
-    TACTILED_LINK_GONE = 12,    /* times the device vanished while open */
-    TACTILED_LINK_OVERRUN = 13, /* losses that the kernel's driver reports */
+    TACTILED_LINK_GONE = 12,      /* times the device vanished while open */
+    TACTILED_LINK_OVERRUN = 13,   /* losses that the kernel's driver reports */
+    TACTILED_LINK_BUS_ERROR = 14, /* CAN error frames; I2C transfers and Modbus requests without a good answer */
+    TACTILED_LINK_RESTARTED = 15, /* devices set up anew while the link stayed open: a chip that was reset, a bus-off */
     TACTILED_LINK_COUNTS = 16
 };
 
