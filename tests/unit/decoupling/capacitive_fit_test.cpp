@@ -92,7 +92,7 @@ struct FiniteElements {
             return std::lerp(interpolate(table[0], area.shift_mm), interpolate(table[1], area.shift_mm), share);
         };
         const double shear = at_share(shear_N), press = press_N + at_share(press_change_N);
-        const double angle = (mirrored ? -1 : 1) * area.azimuth_deg * kPi / 180 + quarter * kPi / 2;
+        const double angle = (mirrored ? -1 : 1) * area.azimuth_deg * kHalfTurn_rad / 180 + quarter * kHalfTurn_rad / 2;
         // C1 +x, C3 +y, C2 -x, C4 -y in the order of the angle.
         const int counter_clockwise[4] = {0, 2, 1, 3};
         std::array<double, 4> by_angle{area.mm2[0], area.mm2[mirrored ? 3 : 2], area.mm2[1], area.mm2[mirrored ? 2 : 3]};

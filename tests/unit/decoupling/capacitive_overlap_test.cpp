@@ -14,7 +14,7 @@ TEST(Capacitive, OverlapSolvesGapAndShiftTogether) {
     const auto decoupler = make_decoupler(calibration);
     for (const double u : {0.9, 1.0, 1.2, 1.6})
         for (const double shift_mm : {0.0, 0.01, 0.5, 1.2})
-            for (double azimuth = 0; azimuth < 2 * kPi; azimuth += 0.3) {
+            for (double azimuth = 0; azimuth < 2 * kHalfTurn_rad; azimuth += 0.3) {
                 const double dx = shift_mm * std::cos(azimuth), dy = shift_mm * std::sin(azimuth);
                 const Estimate estimate = decouple(*decoupler, pad_reading(calibration, u, dx, dy));
                 const Pad force = pad_force(u, dx, dy);
@@ -31,7 +31,7 @@ TEST(Capacitive, OverlapFollowsShiftsThatUncoverElectrodes) {
     const Calibration calibration = overlap_calibration();
     const auto decoupler = make_decoupler(calibration);
     for (const double shift_mm : {1.8, 2.4, 3.0})
-        for (double azimuth = 0; azimuth < 2 * kPi; azimuth += 0.1) {
+        for (double azimuth = 0; azimuth < 2 * kHalfTurn_rad; azimuth += 0.1) {
             const double dx = shift_mm * std::cos(azimuth), dy = shift_mm * std::sin(azimuth);
             const Estimate estimate = decouple(*decoupler, pad_reading(calibration, 1.2, dx, dy));
             const Pad force = pad_force(1.2, dx, dy);
@@ -74,7 +74,8 @@ TEST(Capacitive, RatioDoesNotDependOnTheGap) {
     Calibration calibration = overlap_calibration();
     calibration.method = "ratio";
     // sensitivity of C1 to a shift: 2 R sin(40 deg) / A
-    const double per_mm = 2 * 4 * std::sin(40 * kPi / 180) / sector_area_mm2(4, 2.5, 6, 0, 80 * kPi / 180, 0, 0);
+    const double per_mm =
+        2 * 4 * std::sin(40 * kHalfTurn_rad / 180) / sector_area_mm2(4, 2.5, 6, 0, 80 * kHalfTurn_rad / 180, 0, 0);
     for (const char* name : {"shear_stiffness_N_per_m", "noise", "disc_radius_m", "inner_radius_m", "outer_radius_m",
                              "opening_rad", "centre_radius_m", "gap_m"})
         calibration.parameters.erase(name);

@@ -9,7 +9,7 @@
 
 namespace tactiled {
 
-inline constexpr double kPi = 3.14159265358979323846;
+inline constexpr double kHalfTurn_rad = 3.14159265358979323846;
 inline const std::vector<std::string> kChannels{"C1", "C2", "C3", "C4", "Cn"};
 
 inline Calibration capacitive_calibration(const std::string& method) {
@@ -55,7 +55,7 @@ inline Calibration overlap_calibration() {
                               {"disc_radius_m", 4e-3},
                               {"inner_radius_m", 2.5e-3},
                               {"outer_radius_m", 6e-3},
-                              {"opening_rad", 80 * kPi / 180},
+                              {"opening_rad", 80 * kHalfTurn_rad / 180},
                               {"centre_radius_m", 2e-3},
                               {"gap_m", 3e-3}};
     return calibration;
@@ -78,13 +78,13 @@ inline double sector_area_mm2(double R, double inner, double outer, double centr
 // What the electrodes of overlap_calibration() read, pF, for closeness u and a shift in mm.
 inline std::vector<double> pad_reading(const Calibration& calibration, double u, double dx, double dy) {
     std::vector<double> reading;
-    const double rest = sector_area_mm2(4, 2.5, 6, 0, 80 * kPi / 180, 0, 0);
-    const double centres[] = {0, kPi, kPi / 2, -kPi / 2};
+    const double rest = sector_area_mm2(4, 2.5, 6, 0, 80 * kHalfTurn_rad / 180, 0, 0);
+    const double centres[] = {0, kHalfTurn_rad, kHalfTurn_rad / 2, -kHalfTurn_rad / 2};
     for (std::size_t e = 0; e < 4; ++e) {
-        const double area = sector_area_mm2(4, 2.5, 6, centres[e], 80 * kPi / 180, dx, dy);
+        const double area = sector_area_mm2(4, 2.5, 6, centres[e], 80 * kHalfTurn_rad / 180, dx, dy);
         reading.push_back(calibration.parameters.at("stray_" + kChannels[e]) + 0.0562 * u * area / rest);
     }
-    reading.push_back(0.4 + 0.1038 * u * sector_area_mm2(4, 0, 2, 0, 2 * kPi, dx, dy) / (4 * kPi));
+    reading.push_back(0.4 + 0.1038 * u * sector_area_mm2(4, 0, 2, 0, 2 * kHalfTurn_rad, dx, dy) / (4 * kHalfTurn_rad));
     return reading;
 }
 
