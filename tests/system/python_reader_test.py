@@ -73,7 +73,7 @@ def same_bits(a, b):
 class Layout:
     """layout.h as a parser sees it that knows nothing of the module."""
 
-    SCALARS = {"char": ("s", 1), "uint16_t": ("H", 2), "uint32_t": ("I", 4), "uint64_t": ("Q", 8), "float": ("f", 4),
+    SCALARS = {"char": ("s", 1), "uint8_t": ("B", 1), "uint16_t": ("H", 2), "uint32_t": ("I", 4), "uint64_t": ("Q", 8), "float": ("f", 4),
                "double": ("d", 8)}
 
     def __init__(self):

@@ -121,7 +121,7 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
             file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
             return text;
         };
-        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.1, this reader knows 1.2"),
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.2, this reader knows 1.2"),
                   std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
