@@ -31,7 +31,7 @@ driver = "modbus"
 THREE = """
 registers = [{name = "c1", at = 10}, {name = "c2", at = 11}, {name = "c3", at = 12}]
 """
-FT300 = [1234, -567, 89, 1000, -2000, 30]  # 12.34 N, -5.67 N, 0.89 N
+FT300 = [934, -567, 89, 1000, -2000, 30]  # 9.34 N, -5.67 N, 0.89 N
 
 
 def modbus_daemon(link, sensors=SENSOR, calibration=CALIBRATION):
