@@ -40,6 +40,7 @@ private:
 class GpioOutput {
 public:
     GpioOutput();
+    GpioOutput(GpioOutput&&) noexcept;
     ~GpioOutput();
     // Driven high or low from the first moment on. setup; may allocate
     [[nodiscard]] std::string open(const GpioName& name, bool high);

@@ -103,6 +103,7 @@ struct GpioOutput::Held : Line {};
 GpioEdges::GpioEdges() = default;
 GpioEdges::~GpioEdges() = default;
 GpioOutput::GpioOutput() = default;
+GpioOutput::GpioOutput(GpioOutput&&) noexcept = default;
 GpioOutput::~GpioOutput() = default;
 void GpioEdges::close() noexcept { held_.reset(); }
 void GpioOutput::close() noexcept { held_.reset(); }

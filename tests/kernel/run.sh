@@ -19,7 +19,7 @@ root=$overlay/root/project
 mkdir -p "$root/build/release/bin" "$root/tests" "$root/node"
 cp -r "$project/tests/kernel" "$project/tests/system" "$root/tests/"
 cp -r "$project/node/python" "$root/node/"; cp -r "$project/config" "$root/"
-for program in tactiled tactilectl $(cd "$bin" && ls -d usbip_* 2>/dev/null); do
+for program in tactiled tactilectl $(cd "$bin" && ls -d usbip_* gpio_edges 2>/dev/null); do
     "$here/program.sh" "$overlay" "$bin/$program"
     mv "$overlay/usr/bin/$program" "$root/build/release/bin/"
 done

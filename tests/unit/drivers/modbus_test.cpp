@@ -9,6 +9,8 @@
 #include <unistd.h>
 
 #include <fmt/format.h>
+
+#include <fstream>
 #include <vector>
 
 #include "drivers/driver.hpp"
@@ -258,6 +260,28 @@ TEST(ModbusKeys, TellWhatIsWrongWithALink) {
     wrong("address = \"10.0.0.1\"\nbaud = 9600" + slave, "baud is of a serial line");
     wrong("device = \"/dev/null\"\nbaud = 9600" + slave + "\nrate_Hz = 200", "of what 9600 baud can carry");
     wrong("device = \"/dev/null\"" + slave + slave, "device = 0 is another [[link.slave]] already");
+}
+
+TEST(ModbusKeys, TheExampleOfTactiledTomlIsGoodOnceItIsTakenOutOfItsComment) {
+    std::ifstream file(std::string(TACTILED_SOURCE_DIR) + "/config/tactiled.toml");
+    std::string text;
+    bool in_it = false;
+    for (std::string line; std::getline(file, line);) {
+        in_it = line == "# [[link]]" || (in_it && line.starts_with("#"));
+        if (in_it) text += (line.size() > 2 ? line.substr(2) : "") + "\n";
+    }
+    Problems problems;
+    Options root = Options::parse_text(text, std::string(TACTILED_SOURCE_DIR) + "/config/tactiled.toml", problems);
+    unsigned found = 0;
+    for (auto& link : root.tables("link")) {
+        link.text("name");
+        if (link.text("driver") != "modbus") continue;
+        ++found;
+        (void)find_driver("modbus")->make(link);
+        link.finish();
+    }
+    EXPECT_EQ(found, 1u);
+    EXPECT_TRUE(problems.empty()) << problems.lines().front();
 }
 
 TEST(TcpAddress, TakesIpv4AndIpv6WithAndWithoutAPort) {
