@@ -67,7 +67,8 @@ void GpioOutputs::run() {
             set_ns = now_ns;
             if (!set_all()) {
                 close_all();
-                say(LogLevel::warning, fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
+                say(said_gone_, LogLevel::warning,
+                    fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
                 set_ns = 0;
                 pause_ns = kLeastPauseNs;
             }
@@ -97,10 +98,10 @@ bool GpioOutputs::open_all() {
         const std::string wrong = line.output.open({chip_, line.name}, signs_.*line.sign == line.high_means);
         if (wrong.empty()) continue;
         close_all();
-        say(LogLevel::warning, wrong);
+        say(said_refused_, LogLevel::warning, wrong);
         return false;
     }
-    say(LogLevel::info, fmt::format("drives {} lines of chip \"{}\"", lines_.size(), chip_));
+    say(said_driving_, LogLevel::info, fmt::format("drives {} lines of chip \"{}\"", lines_.size(), chip_));
     return true;
 }
 
@@ -113,8 +114,7 @@ void GpioOutputs::close_all() noexcept {
     for (auto& line : lines_) line.output.close();
 }
 
-void GpioOutputs::say(LogLevel level, const std::string& text) {
-    Said& last = level == LogLevel::info ? good_news_ : bad_news_;
+void GpioOutputs::say(Said& last, LogLevel level, const std::string& text) {
     const std::uint64_t now_ns = monotonic_ns();
     if (text == last.text && now_ns - last.t_ns < kRepeatNs) return;
     log_line(level, fmt::format("[gpio]: {}", text));

@@ -51,12 +51,17 @@ private:
         GpioOutput output;
     };
 
+    struct Said {
+        std::string text;
+        std::uint64_t t_ns = 0;
+    };
+
     void run();
     GpioSigns look(std::uint64_t now_ns);
     bool open_all();
     bool set_all();
     void close_all() noexcept;
-    void say(LogLevel level, const std::string& text);
+    static void say(Said& last, LogLevel level, const std::string& text);
 
     std::string node_name_, chip_;
     std::vector<Line> lines_;
@@ -64,10 +69,7 @@ private:
     GpioSigns signs_;
     Segment segment_;
     std::uint64_t segment_tried_ns_ = 0;
-    struct Said {
-        std::string text;
-        std::uint64_t t_ns = 0;
-    } good_news_, bad_news_;
+    Said said_driving_, said_gone_, said_refused_;
     std::atomic<bool> stop_{false};
     RtThread thread_;
 };

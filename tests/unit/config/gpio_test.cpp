@@ -36,10 +36,11 @@ TEST(Gpio, TellsWhatIsWrong) {
         const std::string problems = read(text).problems;
         EXPECT_NE(problems.find(expected), std::string::npos) << problems;
     };
-    wrong("[gpio]\nfault = '17'", "test.toml:1: [gpio]: chip is missing");
+    wrong("[gpio]\nfault = '17'", "test.toml:1: [gpio]: key \"chip\" is missing");
     wrong("[gpio]\nchip = 'a'", "names no line");
     wrong("[gpio]\nchip = 'a'\nfault = 17", "test.toml:3: ");
-    wrong("[gpio]\nchip = 'a'\nfault = '17'\nalive = '17'", "test.toml:4: [gpio]: alive = \"17\" is the line of fault already");
+    wrong("[gpio]\nchip = 'a'\nfault = '17'\nalive = '17'",
+          "test.toml:4: [gpio]: alive = \"17\" is the line of fault already");
     wrong("[gpio]\nchip = 'a'\nslip = '17'", "there is no [grasp]");
     wrong("[gpio]\nchip = 'a'\nfault = '17'\nfault_is = 'up'", "fault_is = \"up\" is unknown");
     EXPECT_EQ(read("[gpio]\nchip = 'a'\nslip = '17'\n[grasp]\n").problems, "");
