@@ -202,6 +202,7 @@ TEST(ModbusTcp, LooksAtUnitFunctionAndLength) {
     for (const Case& c :
          {Case{{8, 3, 6, 0, 1, 0, 2, 0, 3}, Found::foreign}, Case{{9, 4, 6, 0, 1, 0, 2, 0, 3}, Found::foreign},
           Case{{9, 3, 4, 0, 1, 0, 2}, Found::wrong_length}, Case{{9, 3, 4, 0, 1, 0, 2, 0, 3}, Found::wrong_length},
+          Case{{9, 3, 6, 0, 1, 0, 2}, Found::wrong_length}, Case{{9, 3, 6, 0, 1, 0, 2, 0, 3, 0, 4}, Found::wrong_length},
           Case{{9, 0x83, 2}, Found::refused}, Case{{9, 0x83, 2, 0}, Found::wrong_length}}) {
         ModbusAnswers answers(ModbusWire::tcp);
         answers.expect(kThree);

@@ -142,7 +142,15 @@ TEST_F(Slave, ALateAnswerToASetOfOtherRegistersIsNotTakenEither) {
     EXPECT_EQ(request(), ask(20, 1));  // the unit is in doubt, whichever of its registers are due
 }
 
-TEST_F(Slave, AnExceptionIsAsGoodAsignOfLifeAsRegistersAreWhenTheUnitIsInDoubt) {
+TEST_F(Slave, AUnitInDoubtIsAskedForALengthThatNoneOfItsSetsHas) {
+    open_pty("timeout_ms = 2000",
+             "[[slave]]\nregisters = [{name = \"a\", at = 10}]\n[[slave]]\ndevice = 1\n" + kValues +
+                 "\n[[slave]]\ndevice = 2\nunit = 2\n" +
+                 "registers = [{name = \"a\", at = 10}, {name = \"b\", at = 11}, {name = \"c\", at = 12}]");
+    EXPECT_EQ(request(), ask(10, 3));
+}
+
+TEST_F(Slave, AnExceptionIsAsGoodASignOfLifeAsRegistersAreWhenTheUnitIsInDoubt) {
     open_pty("timeout_ms = 2000", "[[slave]]\n" + kValues);
     request();
     send(rtu({1, 0x83, 2}));
@@ -221,7 +229,7 @@ TEST_F(Slave, OverTcpALateAnswerIsPassedOverByItsTransaction) {
 }
 
 TEST_F(Slave, AServerThatClosesOrSpeaksSomethingElseIsGone) {
-    open_connection("timeout_ms = 100", "[[slave]]\n" + kValues);
+    open_connection("timeout_ms = 5000", "[[slave]]\n" + kValues);
     request();
     send({'H', 'T', 'T', 'P', '/', '1', '.', '1', ' ', '4'});
     EXPECT_EQ(read(), Status::gone);
