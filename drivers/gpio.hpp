@@ -25,8 +25,8 @@ public:
     void close() noexcept;
 
     // Waits for an edge and takes all that are there. `t_ns` is the newest one's stamp, CLOCK_MONOTONIC, taken in the
-    // interrupt, 0 where newer ones may have been lost; `edges` how many there were. An edge can be missed: after `timeout` the device is asked all the same.
-    // A chip that goes away ends a wait at its time-out at the latest.
+    // interrupt, 0 where newer ones may have been lost; `edges` how many there were. An edge can be missed: after `timeout`
+    // the device is asked all the same. A chip that goes away ends a wait at its time-out at the latest.
     // rt: blocks for at most `timeout_ms`; ppoll and read
     [[nodiscard]] Wait wait_edge(int timeout_ms, std::uint64_t& t_ns, std::uint32_t& edges) noexcept;
     // 0 or 1, -1 where the chip is gone: for a line that is a level rather than an edge. rt: one ioctl

@@ -1,7 +1,8 @@
-// Driver "uart": any tty. Bytes go to the decoder of the configured wire format; read() = 0 or an error means that the
-// device is gone, and the node opens it again.
+// Drivers "uart": any tty, and "tcp": a device that streams over a connection. Bytes go to the decoder of the configured
+// wire format; read() = 0 or an error means that the device is gone, and the node opens it again.
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,23 +13,34 @@
 
 #include "drivers/clock.hpp"
 #include "drivers/driver.hpp"
+#include "drivers/tcp.hpp"
 #include "drivers/tty.hpp"
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
 #include "drivers/wire/ft300_frame.hpp"
+#include "drivers/wire/kms40_line.hpp"
 
 namespace tactiled {
 namespace {
 
+constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // 100 frames of the FT 300
 constexpr std::uint64_t kStopMs = 20;               // two of its frames: what it was sending has ended
 
-class Uart final : public Driver {
+class Stream final : public Driver {
 public:
-    explicit Uart(Options& options)
-        : path_(options.text("device")), baud_(unsigned(options.integer("baud", {50, 12'000'000}, 115'200))) {
-        const std::string format_name = options.one_of("format", {"cobs", "lines", "ft300"});
-        if (format_name == "ft300") {
+    Stream(Options& options, bool network) : network_(network), path_(options.text(network ? "address" : "device")) {
+        if (network) {
+            address_ = tcp_address(path_, 1000);
+            if (!path_.empty() && !address_.fault.empty())
+                options.problem("address", fmt::format("address = {} {}", in_quotes(path_), address_.fault));
+        } else {
+            baud_ = unsigned(options.integer("baud", {50, 12'000'000}, 115'200));
+        }
+        const std::string format_name = options.one_of("format", {"cobs", "lines", network ? "kms40" : "ft300"});
+        if (format_name == "kms40") {
+            decoder_ = std::make_unique<Kms40Decoder>(counts);
+        } else if (format_name == "ft300") {
             decoder_ = std::make_unique<Ft300Decoder>(std::uint8_t(options.integer("unit", {1, 247}, 9)), counts);
         } else if (format_name == "lines") {
             AsciiFormat format;
@@ -41,17 +53,18 @@ public:
             decoder_ = std::make_unique<CobsDecoder>(counts);
         }
     }
-    ~Uart() override { close(); }
+    ~Stream() override { close(); }
 
     std::string open() override {
         close();
         std::string why;
-        fd_ = open_tty(path_, {.baud = baud_, .answers = !decoder_->start_bytes().empty()}, why);
+        fd_ = network_ ? open_tcp(address_, path_, kConnectMs, why)
+                       : open_tty(path_, {.baud = baud_, .answers = !decoder_->start_bytes().empty()}, why);
         if (fd_ < 0) return why;
         decoder_->reset();
         asked_ns_ = now_ns();
         asked_again_ = false;
-        if (!ask_for_stream(true)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
+        if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
         overruns_before_ = counts[TACTILED_LINK_OVERRUN];
         return "";
@@ -82,7 +95,7 @@ public:
 
     void close() noexcept override {
         if (fd_ < 0) return;
-        (void)send(decoder_->stop_bytes());
+        (void)tell(decoder_->stop_bytes());
         if (std::uint32_t overruns = 0; tty_overruns(fd_, overruns))
             counts[TACTILED_LINK_OVERRUN] = overruns_before_ + (overruns - overruns_at_open_);
         ::close(fd_);
@@ -96,20 +109,24 @@ private:
     bool ask_for_stream(bool stop_first) noexcept {
         if (decoder_->start_bytes().empty()) return true;
         if (stop_first) {
-            if (!send(decoder_->stop_bytes())) return false;
+            if (!tell(decoder_->stop_bytes())) return false;
             const std::uint64_t sent_ms = 10 * 1000 * decoder_->stop_bytes().size() / baud_;
             const timespec pause{0, long(std::min<std::uint64_t>(sent_ms + kStopMs, 900)) * 1'000'000};
             ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
         }
-        return send(decoder_->start_bytes());
+        return tell(decoder_->start_bytes());
     }
 
-    bool send(std::span<const std::uint8_t> bytes) noexcept {
-        return bytes.empty() || ::write(fd_, bytes.data(), bytes.size()) == ssize_t(bytes.size());
+    bool tell(std::span<const std::uint8_t> bytes) noexcept {
+        if (bytes.empty()) return true;
+        return ssize_t(bytes.size()) ==
+               (network_ ? ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) : ::write(fd_, bytes.data(), bytes.size()));
     }
 
-    std::string path_;
-    unsigned baud_;
+    bool network_;
+    std::string path_;  // or address
+    TcpAddress address_;
+    unsigned baud_ = 0;
     std::unique_ptr<StreamDecoder> decoder_;
     int fd_ = -1;
     std::uint64_t asked_ns_ = 0;  // for the stream, or when it last brought a frame
@@ -118,7 +135,10 @@ private:
     std::array<std::uint8_t, StreamDecoder::kMostBytes> bytes_{};
 };
 
-const DriverEntry entry{"uart", [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<Uart>(options); }};
+std::unique_ptr<Driver> make_uart(Options& options) { return std::make_unique<Stream>(options, false); }
+std::unique_ptr<Driver> make_tcp(Options& options) { return std::make_unique<Stream>(options, true); }
+const DriverEntry uart{"uart", make_uart};
+const DriverEntry tcp{"tcp", make_tcp};
 
 }  // namespace
 }  // namespace tactiled

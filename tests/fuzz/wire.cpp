@@ -12,6 +12,7 @@
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
 #include "drivers/wire/ft300_frame.hpp"
+#include "drivers/wire/kms40_line.hpp"
 #include "drivers/wire/modbus_message.hpp"
 
 namespace {
@@ -22,13 +23,15 @@ void check(bool holds) {
     if (!holds) std::abort();
 }
 
-enum class Format { lines, cobs, ft300, modbus_rtu, modbus_tcp, formats };
+enum class Format { lines, cobs, ft300, kms40, modbus_rtu, modbus_tcp, formats };
 
 std::vector<Frame> decode(Format format, std::span<const std::uint8_t> bytes, std::size_t chunk) {
     LinkCounts counts;
     std::unique_ptr<StreamDecoder> decoder;
     if (format == Format::cobs)
         decoder = std::make_unique<CobsDecoder>(counts);
+    else if (format == Format::kms40)
+        decoder = std::make_unique<Kms40Decoder>(counts);
     else if (format == Format::ft300)
         decoder = std::make_unique<Ft300Decoder>(std::uint8_t(9), counts);
     else
