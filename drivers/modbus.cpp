@@ -81,16 +81,16 @@ public:
             }
             if (!wait(std::min(deadline_ns_, until_ns), POLLIN) || !take()) return Status::gone;
             const auto found = answers_.next();
+            const bool late = now_ns() >= deadline_ns_;
             counts[TACTILED_LINK_SKIPPED] += std::exchange(answers_.skipped, 0);
             if (found == ModbusAnswers::Found::broken) {
                 ++counts[TACTILED_LINK_BAD_LENGTH];
                 return Status::gone;  // a new connection begins with a message's first byte
             }
-            if (found != ModbusAnswers::Found::nothing) {
-                if (answered(found, frame)) return Status::frame;
-            } else if (now_ns() >= deadline_ns_) {
-                failed(answers_.missing());
-            }
+            if (late)  // whole or not: if this process stood still (SIGSTOP), it may be of any age
+                failed(found == ModbusAnswers::Found::nothing ? answers_.missing() : TACTILED_LINK_BUS_ERROR);
+            else if (found != ModbusAnswers::Found::nothing && answered(found, frame))
+                return Status::frame;
             if (now_ns() >= until_ns) return Status::timeout;
         }
     }

@@ -228,6 +228,18 @@ TEST_F(Slave, OverTcpALateAnswerIsPassedOverByItsTransaction) {
     EXPECT_EQ(count(TACTILED_LINK_FRAMES), 1u);
 }
 
+TEST_F(Slave, AnAnswerThatLayThereWhileTheProcessStoodStillIsNotTaken) {
+    open_connection("timeout_ms = 20", "[[slave]]\nrate_Hz = 20\n" + kValues);
+    const Bytes asked = request();
+    send(tcp(asked, {1, 3, 4, 0, 66, 0, 66}));
+    ::usleep(50'000);  // stands for hours of suspension
+    EXPECT_EQ(read(1), Status::timeout);
+    EXPECT_EQ(count(TACTILED_LINK_BUS_ERROR), 1u);
+    send(tcp(request(), {1, 3, 4, 0, 5, 0, 6}));
+    ASSERT_EQ(read(), Status::frame);
+    EXPECT_EQ(frame_.channel[0], 5);
+}
+
 TEST_F(Slave, AServerThatClosesOrSpeaksSomethingElseIsGone) {
     open_connection("timeout_ms = 5000", "[[slave]]\n" + kValues);
     request();
