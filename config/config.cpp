@@ -254,8 +254,16 @@ Config load_config(const std::string& path, Problems& problems) {
     check_shared_frames(sensors);
     auto grasp = read_grasp(root, node.name, sensors, folder.string());
     if (grasp) modbus.objects = grasp->objects;
-    return {path,           std::move(node),  realtime,           std::move(modbus),
-            std::move(shm), std::move(links), std::move(sensors), std::move(grasp),
+    auto gpio = read_gpio(root);
+    return {path,
+            std::move(node),
+            realtime,
+            std::move(modbus),
+            std::move(shm),
+            std::move(links),
+            std::move(sensors),
+            std::move(grasp),
+            std::move(gpio),
             std::move(root)};
 }
 
