@@ -100,7 +100,7 @@ bool CanSamples::give(const Route& route) noexcept {
 
 // A sample is what has one count. Its parts may come in any order.
 bool CanSamples::belongs_by_counter(const CanDevice& device, Pending& pending, unsigned part, std::uint32_t count) noexcept {
-    if (pending.parts != 0 && (pending.count != count || is_late(device, pending))) lose(pending);
+    if (pending.parts != 0 && (pending.count != count || !is_within(1, device, pending.frame.t_ns))) lose(pending);
     if (pending.parts == 0) begin(device, pending);
     if ((pending.parts >> part & 1u) == 0) return true;
     ++counts_[TACTILED_LINK_REPEATED];
@@ -116,16 +116,22 @@ bool CanSamples::belongs_by_order(const CanDevice& device, Pending& pending, uns
         begin(device, pending);
         return true;
     }
-    if (pending.parts != 0 && (pending.parts & bit) == 0 && !is_late(device, pending)) return true;
-    if (pending.parts != 0 && (pending.parts & bit) == 0) {  // late: the sample is lost, and this part with it
+    const bool is_new = (pending.parts & bit) == 0;
+    if (pending.parts != 0 && is_new && is_within(1, device, pending.frame.t_ns)) return true;
+    const bool is_late = pending.parts != 0 && is_new && is_within(2, device, pending.frame.t_ns);
+    if (pending.parts != 0) {
         lose(pending);
-        pending.orphans = bit;
-        return false;
+        pending.orphans = is_late ? bit : 0;
+        pending.orphans_ns = pending.frame.t_ns;
+        if (is_late) return false;
     }
-    if (pending.parts != 0) lose(pending);  // the part again: this one's first part was lost, and the rest of the former
-    if ((pending.orphans == 0 || (pending.orphans & bit) != 0) && pending.begun) {
-        lose(pending);
+    // The next sample begins two windows after the last one at the soonest. A sample whose first part was lost is counted
+    // with the first part that comes of it.
+    const bool counted = pending.orphans != 0 && (pending.orphans & bit) == 0 && is_within(2, device, pending.orphans_ns);
+    if (!counted) {
+        if (pending.begun) lose(pending);
         pending.orphans = 0;
+        pending.orphans_ns = arrival_.t_ns;
     }
     pending.orphans |= bit;
     return false;
@@ -141,8 +147,8 @@ void CanSamples::begin(const CanDevice& device, Pending& pending) noexcept {
     pending.begun = true;
 }
 
-bool CanSamples::is_late(const CanDevice& device, const Pending& pending) const noexcept {
-    return arrival_.t_ns > pending.frame.t_ns + device.window_ns;
+bool CanSamples::is_within(unsigned windows, const CanDevice& device, std::uint64_t since_ns) const noexcept {
+    return arrival_.t_ns <= since_ns + windows * device.window_ns;
 }
 
 void CanSamples::lose(Pending& pending) noexcept {

@@ -68,8 +68,9 @@ private:
         std::uint32_t parts = 0;    // bit n: part n is in it; 0: there is none
         std::uint32_t count = 0;    // of the counter
         std::uint32_t orphans = 0;  // bit n: part n came of the sample that is lost already
-        std::uint32_t lost = 0;     // to be told with the next whole one
-        bool begun = false;         // since reset(); before, a part without its first is nobody's fault
+        std::uint64_t orphans_ns = 0;  // since when
+        std::uint32_t lost = 0;        // to be told with the next whole one
+        bool begun = false;            // since reset(); before, a part without its first is nobody's fault
         SequenceTracker sequence;
     };
     struct Route {  // where a message goes
@@ -83,7 +84,7 @@ private:
     bool belongs_by_counter(const CanDevice& device, Pending& pending, unsigned part, std::uint32_t count) noexcept;
     bool belongs_by_order(const CanDevice& device, Pending& pending, unsigned part) noexcept;
     void begin(const CanDevice& device, Pending& pending) noexcept;
-    [[nodiscard]] bool is_late(const CanDevice& device, const Pending& pending) const noexcept;
+    [[nodiscard]] bool is_within(unsigned windows, const CanDevice& device, std::uint64_t since_ns) const noexcept;
     void lose(Pending& pending) noexcept;
     bool finish(const CanDevice& device, Pending& pending) noexcept;
 

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -33,10 +34,10 @@ BO_ 300 Nested: 8 G
 class CanKeys : public testing::Test {
 protected:
     CanKeys() : folder_(fmt::format("{}/can-keys-{}", testing::TempDir(), ::getpid())) {
-        (void)std::system(("mkdir -p " + folder_).c_str());
+        std::filesystem::create_directories(folder_);
         std::ofstream(folder_ + "/g.dbc") << kDbc;
     }
-    ~CanKeys() override { (void)std::system(("rm -r " + folder_).c_str()); }
+    ~CanKeys() override { std::filesystem::remove_all(folder_); }
 
     // The errors of the link's table, without the folder.
     Lines problems_of(const std::string& keys, bool link_keys = true) {
@@ -161,7 +162,7 @@ TEST_F(CanKeys, TellWhatIsWrongAndWhatWouldBeRight) {
 }
 
 TEST_F(CanKeys, TheExampleOfTheDocumentedConfigurationIsRight) {
-    std::ifstream file(std::string(TACTILED_SOURCE_DIR) + "/config/tactiled.toml");
+    std::ifstream file(TACTILED_SOURCE_DIR "/config/tactiled.toml");
     std::string example;
     bool inside = false;
     for (std::string line; std::getline(file, line);) {  // a commented [[link]] of driver "can", to the next empty line
@@ -172,7 +173,7 @@ TEST_F(CanKeys, TheExampleOfTheDocumentedConfigurationIsRight) {
     }
     ASSERT_NE(example.find("driver = \"can\""), example.npos);
     Problems problems;
-    Options root = Options::parse_text(example, std::string(TACTILED_SOURCE_DIR) + "/config/tactiled.toml", problems);
+    Options root = Options::parse_text(example, TACTILED_SOURCE_DIR "/config/tactiled.toml", problems);
     for (auto& link : root.tables("link")) {
         (void)link.text("name");
         (void)find_driver(link.text("driver"))->make(link);

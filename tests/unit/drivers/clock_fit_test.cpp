@@ -66,7 +66,7 @@ TEST(ClockFit, IsNeverEarlyAndAtMostDriftAndLeastDelayLate) {
             latest_ns = std::max(latest_ns, error_ns);
         }
         EXPECT_GE(earliest_ns, -2'000) << drift;  // the stamp's own us
-        EXPECT_LE(latest_ns, 150'000) << drift;   // 50 us is the way's least; the messages themselves were up to 10 ms late
+        EXPECT_LE(latest_ns, 250'000) << drift;   // 50 us is the way's least; the messages themselves were up to 10 ms late
     }
 }
 
