@@ -31,7 +31,8 @@ namespace tactiled {
 namespace {
 
 constexpr int kReceiveBuffer = 1 << 20;  // asked for; the kernel gives what net.core.rmem_max allows
-constexpr int kMostRestart_ms = 800;     // of the kernel's restart, waited for in open()
+constexpr std::uint64_t kSilence_ns = 1'000'000'000;
+constexpr int kMostRestart_ms = 800;  // of the kernel's restart, waited for in open()
 
 class Can final : public Driver {
 public:
@@ -57,16 +58,17 @@ public:
         fd_ = ::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
         if (fd_ < 0) return fmt::format("no CAN in this kernel ({}): modprobe can_raw", std::strerror(errno));
         std::string why = bind_socket();
+        if (const int error = netlink_.open(); why.empty() && error != 0)
+            why = fmt::format("no rtnetlink socket: {}", std::strerror(error));
         if (why.empty()) why = check_interface();
         if (!why.empty()) {
             close();
             return why;
         }
-        ran_ = is_running();
         samples_->reset();
         fit_.reset();
         arrival_ = {};
-        drained_ns_ = now_ns();
+        drained_ns_ = heard_ns_ = now_ns();
         overflows_ = 0;
         at_ = n_ = 0;
         ready_ = ending_ = false;
@@ -85,6 +87,7 @@ public:
     void close() noexcept override {
         if (fd_ < 0) return;
         count_overflows(fd_);
+        netlink_.close();
         ::close(fd_);
         fd_ = -1;
     }
@@ -120,7 +123,7 @@ private:
     // After the socket is bound: a bus-off after this question is told by an error frame.
     std::string check_interface() {
         CanInterface about;
-        if (const auto why = ask_interface(index_, about); !why.empty()) return fmt::format("{}: {}", name_, why);
+        if (const auto why = ask(about); !why.empty()) return why;
         if (!about.is_can) return fmt::format("{} is no CAN interface", name_);
         if (!about.is_up && !about.has_bitrate)
             return fmt::format(
@@ -139,6 +142,12 @@ private:
         return "";
     }
 
+    std::string ask(CanInterface& about) {
+        const int error = netlink_.ask(index_, about);
+        return error == 0 ? ""
+                          : fmt::format("{}: the kernel says nothing about it (rtnetlink): {}", name_, std::strerror(error));
+    }
+
     // "" where the kernel has restarted the controller by now.
     std::string follow_bus_off(CanInterface& about) {
         bus_off_ = true;
@@ -148,7 +157,7 @@ private:
             while (about.is_bus_off && now_ns() < until_ns) {
                 const timespec wait{0, 5'000'000};
                 ::clock_nanosleep(CLOCK_MONOTONIC, 0, &wait, nullptr);
-                if (const auto why = ask_interface(index_, about); !why.empty()) return fmt::format("{}: {}", name_, why);
+                if (const auto why = ask(about); !why.empty()) return why;
             }
             return about.is_bus_off ? fmt::format(
                                           "{} is bus-off; the kernel restarts it each {} ms: check wiring, termination and "
@@ -161,8 +170,8 @@ private:
                 "{0} is bus-off: mend wiring, termination or bitrate, then ip link set {0} down; ip link set {0} "
                 "up. bus_off = \"restart\" does so by itself",
                 name_);
-        int error = set_interface(index_, false);
-        if (error == 0) error = set_interface(index_, true);
+        int error = netlink_.set(index_, false);
+        if (error == 0) error = netlink_.set(index_, true);
         if (error == EPERM)
             return fmt::format(
                 "{0} is bus-off and may not be restarted by this user: give the daemon CAP_NET_ADMIN, or: ip link "
@@ -192,12 +201,14 @@ private:
 
     // ---- read ----
 
-    // A controller that is bus-off has no carrier, and so the interface does not run; takes the kernel up to a second to
-    // say.
-    // rt: one system call, takes no lock of the kernel's
-    [[nodiscard]] bool is_running() const noexcept {
-        ifreq r = request();
-        return ::ioctl(fd_, SIOCGIFFLAGS, &r) == 0 && (r.ifr_flags & IFF_RUNNING) != 0;
+    // The error frame that told of a bus-off may have found no room in the socket. Some drivers leave the carrier on in a
+    // bus-off (gs_usb in Linux 6.1 does), so that only rtnetlink knows; asked once a second at most, and in silence.
+    // rt: bounded by the kernel's lock for all of its interfaces
+    [[nodiscard]] bool is_bus_off_in_silence(std::uint64_t now) noexcept {
+        if (now < heard_ns_ + kSilence_ns) return false;
+        heard_ns_ = now;
+        CanInterface about;
+        return netlink_.ask(index_, about) == 0 && about.is_bus_off;
     }
 
     // Waits for messages and looks for the next frame in them; false: the device is gone, and all that came before is used.
@@ -212,9 +223,7 @@ private:
             if (ready < 0 && errno == EINTR) return true;
             if (ready == 0) {
                 drained_ns_ = before_ns;
-                // Silence: an error frame that told of a bus-off may have found no room in the socket.
-                const bool runs = is_running();
-                return !std::exchange(ran_, runs || ran_) || runs;
+                return !is_bus_off_in_silence(now_ns());
             }
         }
         const std::uint64_t asked_ns = now_ns();
@@ -230,6 +239,7 @@ private:
         }
         at_ = 0;
         n_ = unsigned(n);
+        heard_ns_ = asked_ns;
         look_at_clocks();
         if (n_ < CanBatch::kMost) drained_ns_ = asked_ns;
         advance();
@@ -302,9 +312,10 @@ private:
     std::vector<can_filter> filters_;
     std::unique_ptr<CanSamples> samples_;
     int fd_ = -1, index_ = 0;
-    bool ran_ = false;      // since open()
-    bool bus_off_ = false;  // seen, and not seen to be over
-    bool ending_ = false;   // gone, once what came before is used
+    CanNetlink netlink_;
+    std::uint64_t heard_ns_ = 0;  // a message, or what rtnetlink says
+    bool bus_off_ = false;        // seen, and not seen to be over
+    bool ending_ = false;         // gone, once what came before is used
     CanBatch batch_;
     unsigned at_ = 0, n_ = 0;  // of the batch: the next message, and how many there are
     std::uint32_t overflows_ = 0;

@@ -52,15 +52,25 @@ public:
     std::uint64_t monotonic_ns(std::uint64_t stamp_ns, std::uint64_t arrival_ns) noexcept {
         const std::uint64_t offset_ns = arrival_ns - stamp_ns;  // modulo 2^64, as all that is made of it
         if (fitted_) {
-            const std::uint64_t passed_ns = arrival_ns > last_ns_ ? arrival_ns - last_ns_ : 0;
-            least_ns_ += double(passed_ns) * kMostDrift;
-            // A clock that was set anew: back, then all seem late; on, then the offset falls, and the least with it.
+            least_ns_ += double(arrival_ns > last_ns_ ? arrival_ns - last_ns_ : 0) * kMostDrift;
+            last_ns_ = arrival_ns;
             const double above_ns = above_base_ns(offset_ns);
-            fitted_ = above_ns - least_ns_ < kMostDelay_ns && above_ns > -kMostBelow_ns;
+            const double late_ns = above_ns - least_ns_;
+            if (late_ns < kHeldUp_ns) {
+                fitting_ns_ = arrival_ns;
+                held_up_ = 0;
+            } else {
+                ++held_up_;
+            }
+            // A clock that was set on is seen at once: the least falls. One that was set back makes all messages late.
+            fitted_ = above_ns > -kMostBelow_ns && (held_up_ < kMostHeldUp || arrival_ns < fitting_ns_ + kHeldUpFor_ns);
+            if (fitted_ && late_ns > kMostDelay_ns) return arrival_ns;
         }
         if (!fitted_) {
             base_ns_ = offset_ns;  // the rest then fits a double to the nanosecond
             least_ns_ = 0;
+            fitting_ns_ = arrival_ns;
+            held_up_ = 0;
         }
         least_ns_ = std::min(least_ns_, above_base_ns(offset_ns));
         last_ns_ = arrival_ns;
@@ -70,8 +80,12 @@ public:
     void reset() noexcept { fitted_ = false; }
 
     static constexpr double kMostDrift = 200e-6;  // two crystals of 100 ppm
-    static constexpr double kMostDelay_ns =
-        20e6;  // USB batches were 10 ms late; a message later than this has another clock
+    // USB batches were 10 ms late, an emulated machine's 130 ms. When nothing but late ones came for a while, the clock was
+    // set.
+    static constexpr double kHeldUp_ns = 20e6;
+    static constexpr unsigned kMostHeldUp = 20;
+    static constexpr std::uint64_t kHeldUpFor_ns = 500'000'000;
+    static constexpr double kMostDelay_ns = 1e9;  // what seems later has no time but that of its arrival
 
 private:
     static constexpr double kMostBelow_ns = 1e15;  // a double still has the nanosecond
@@ -82,7 +96,9 @@ private:
 
     bool fitted_ = false;
     std::uint64_t base_ns_ = 0, last_ns_ = 0;
-    double least_ns_ = 0;  // above base_ns_: the least offset, as far as known now
+    std::uint64_t fitting_ns_ = 0;  // when the last one came that was not held up
+    unsigned held_up_ = 0;          // since then
+    double least_ns_ = 0;           // above base_ns_: the least offset, as far as known now
 };
 
 }  // namespace tactiled

@@ -2,6 +2,7 @@
 // hardware stamps, error frames, overflows, a jammed transmitter; pulled out when it ends. Commands, a line each, on
 // standard input:
 //   rx ID HEX      a message came, stamped now; ID in hex, + 80000000: 29 bits
+//   now ID         the same, its data the stamp itself: us modulo 1,000,000, 32 bits with the lowest byte first
 //   err BITS HEX   an error frame: bits of CAN_ERR_*, eight bytes
 //   over           the controller loses messages before the next one
 //   broken 0|1     each start of the controller ends in bus-off
@@ -89,6 +90,8 @@ public:
         unsigned number = 0;
         if (std::sscanf(line.c_str(), "rx %x %16s", &number, hex) >= 1)
             receive(number, hex, std::exchange(overflows_, false) ? kOverflow : 0);
+        else if (std::sscanf(line.c_str(), "now %x", &number) == 1)
+            receive(number, "", 0, true);
         else if (std::sscanf(line.c_str(), "err %x %16s", &number, hex) == 2)
             receive(kErrorFrame | number, hex, 0);
         else if (line == "over")
@@ -122,7 +125,7 @@ public:
     }
 
 private:
-    void receive(std::uint32_t id, std::string_view hex, std::uint8_t flags) {
+    void receive(std::uint32_t id, std::string_view hex, std::uint8_t flags, bool stamp_as_data = false) {
         Message message{};
         message.echo = kReceived;
         message.id = id;
@@ -131,6 +134,10 @@ private:
         message.length = std::uint8_t(hex.size() / 2);
         for (std::size_t k = 0; k < message.length; ++k)
             message.data[k] = std::uint8_t(std::stoul(std::string(hex.substr(2 * k, 2)), nullptr, 16));
+        if (stamp_as_data) {
+            const std::uint32_t us = message.stamp_us % 1'000'000;
+            std::memcpy(message.data, &us, message.length = sizeof us);
+        }
         messages_.push_back(message);
         deliver();
     }

@@ -70,20 +70,43 @@ TEST(ClockFit, IsNeverEarlyAndAtMostDriftAndLeastDelayLate) {
     }
 }
 
-TEST(ClockFit, FollowsAClockThatIsSetAnewFromTheNextMessageOn) {
+TEST(ClockFit, FollowsAClockThatIsSetAnew) {
     Adapter adapter(0);
     ClockFit fit;
-    for (int n = 0; n < 1000; ++n) {
-        const auto [sent, stamp, arrival] = adapter.next();
-        (void)fit.monotonic_ns(stamp, arrival);
-    }
-    for (const std::uint64_t step : {3600 * kSecond, std::uint64_t{0}, 0 - 5 * kSecond}) {
-        for (int n = 0; n < 100; ++n) {
+    const auto run = [&](std::uint64_t step, int messages, std::int64_t most_late_ns) {
+        for (int n = 0; n < messages; ++n) {
             const auto [sent, stamp, arrival] = adapter.next();
             const std::uint64_t t_ns = fit.monotonic_ns(stamp + step, arrival);
             ASSERT_LE(t_ns, arrival);
-            ASSERT_LE(arrival - t_ns, 11 * kMs) << step << ' ' << n;
+            ASSERT_LE(std::int64_t(t_ns - Adapter::kStart - sent), most_late_ns) << step << ' ' << n;
+            ASSERT_GE(std::int64_t(t_ns - Adapter::kStart - sent), -2'000) << step << ' ' << n;
         }
+    };
+    const std::int64_t as_it_came = 11 * kMs, fitted = 250'000;
+    run(0, 100, as_it_came);
+    run(0, 1000, fitted);
+    run(3600 * kSecond, 100, as_it_came);  // on: at once, as soon as one comes that was not held up
+    run(3600 * kSecond, 1000, fitted);
+    run(0, 1000, as_it_came);         // back, by an hour: until half a second has passed in which all seem late
+    for (int n = 0; n < 1000; ++n) {  // back by little: seem older than they are for half a second
+        const auto [sent, stamp, arrival] = adapter.next();
+        const std::uint64_t t_ns = fit.monotonic_ns(stamp - 200 * kMs, arrival);
+        ASSERT_TRUE(n <= 520 || std::int64_t(t_ns - Adapter::kStart - sent) >= -2'000) << n;
+    }
+    run(0 - 200 * kMs, 1000, fitted);
+}
+
+TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
+    Adapter adapter(0);
+    ClockFit fit;
+    for (int n = 0; n < 5000; ++n) {
+        auto [sent, stamp, arrival] = adapter.next();
+        const bool held_up = n % 1000 > 900;
+        if (held_up) arrival = Adapter::kStart + (n / 1000 * 1000 + 901) * kMs + 400 * kMs;  // 400 .. 300 ms, all at once
+        const std::uint64_t t_ns = fit.monotonic_ns(stamp, arrival);
+        const auto late_ns = std::int64_t(t_ns - Adapter::kStart - sent);
+        ASSERT_TRUE(n <= 500 || held_up || late_ns <= 300'000) << n;
+        ASSERT_LE(t_ns, arrival);
     }
 }
 
