@@ -56,6 +56,7 @@ public:
     std::string open() override {
         close();
         fd_ = ::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
+        overflows_ = 0;  // each socket's count begins anew
         if (fd_ < 0) return fmt::format("no CAN in this kernel ({}): modprobe can_raw", std::strerror(errno));
         std::string why = bind_socket();
         if (const int error = netlink_.open(); why.empty() && error != 0)
@@ -69,7 +70,6 @@ public:
         fit_.reset();
         arrival_ = {};
         drained_ns_ = heard_ns_ = now_ns();
-        overflows_ = 0;
         at_ = n_ = 0;
         ready_ = ending_ = false;
         return "";

@@ -6,7 +6,7 @@ import time
 import unittest
 
 from machine import Witness, link_of, machine_daemon, now_ns, wait_for
-from tactiled import BAD, GOOD
+from tactiled import BAD, DISCONNECTED, GOOD
 
 IP = "/usr/bin/ip"  # busybox has one of its own
 EXTENDED, REMOTE, ERROR = 0x80000000, 0x40000000, 0x20000000
@@ -109,7 +109,8 @@ class Case(unittest.TestCase):
     def bad_after(self, began):
         """The first BAD since; no value may follow, until the caller mends what it broke."""
         wait_for(lambda: self.tip.quality() == BAD, 10, "BAD")
-        bad = next(at for at, s in list(self.tip.samples) if at >= began and s.quality == BAD)
+        bad, why = next((at, s.reasons) for at, s in list(self.tip.samples) if at >= began and s.quality == BAD)
+        self.assertTrue(why & DISCONNECTED, "it was its age that told, not the link")
         self.assertFalse([s for s in self.tip.between(bad, now_ns()) if s.quality != BAD], "a value after the end")
         return bad
 

@@ -212,6 +212,27 @@ TEST(CanSamples, WithoutACounterALateMessageCostsItsOwnSampleOnly) {
     EXPECT_EQ(bus.frames[0].lost, 1u);
 }
 
+TEST(CanSamples, WithoutACounterAMessageThatComesTwiceIsOfTwoSamples) {
+    Bus bus({three(false)});
+    bus.sample(10);
+    bus.now_ns += 10 * kMs;
+    for (const std::uint32_t id : {0x10, 0x11, 0x11, 0x12}) bus.send(id, 0);  // the second 0x10 was lost, and the first 0x12
+    bus.sample(30);
+    EXPECT_EQ(bus.frames.size(), 2u);
+    EXPECT_EQ(bus.counts[TACTILED_LINK_LOST], 2u);
+}
+
+TEST(CanSamples, ByACounterSamplesMayFollowAtOnce) {
+    Bus bus({three(true)});
+    for (std::uint8_t count = 1; count < 5; ++count)
+        for (std::uint32_t id = 0x10; id < 0x13; ++id)
+            if (count != 2 || id != 0x12) bus.send(id, count, count);
+    ASSERT_EQ(bus.frames.size(), 3u);
+    EXPECT_EQ(bus.frames[1].channel[0], 3);
+    EXPECT_EQ(bus.frames[1].channel[2], 3);
+    EXPECT_EQ(bus.frames[1].lost, 1u);
+}
+
 TEST(CanSamples, ACounterThatHasComeRoundDoesNotJoinOldAndNew) {
     Bus bus({three(true)});
     bus.sample(10, "ab-");

@@ -94,7 +94,9 @@ RC_GTEST_PROP(CanSignal, ReadsWhatWasWrittenBitByBitAndNothingElse, ()) {
     RC_ASSERT(raw_of(s, {bytes.data(), bytes_needed(s)}) == (raw & mask));  // no byte behind it is looked at
     const double value = value_of(s, bytes);
     const bool negative = s.type == Type::is_signed && (raw >> (s.length - 1) & 1u) != 0;
-    RC_ASSERT(value == (negative ? -double(~raw & mask) - 1 : double(raw & mask)));
+    const double wanted = negative ? -double(~raw & mask) - 1 : double(raw & mask);
+    const double off = std::abs(value - wanted);  // above 2^53 both round
+    RC_ASSERT(off <= (s.length <= 53 ? 0 : std::abs(wanted) * 0x1p-52));
 }
 
 RC_GTEST_PROP(CanSignal, NeedsTheLastByteThatItsBitsTouch, ()) {

@@ -110,6 +110,14 @@ TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
     }
 }
 
+TEST(ClockFit, AFewLateMessagesOfASlowDeviceChangeNothing) {
+    ClockFit fit;
+    for (std::uint64_t n = 0; n < 100; ++n) {
+        const std::uint64_t stamp = n * kSecond, arrival = Adapter::kStart + stamp + (n % 20 > 15 ? 300 * kMs : 0);
+        EXPECT_NEAR(double(fit.monotonic_ns(stamp, arrival)), double(Adapter::kStart + stamp), 1e6) << n;  // 200 ppm of 5 s
+    }
+}
+
 TEST(ClockFit, SurvivesAnyStamps) {
     std::mt19937_64 random(3);
     ClockFit fit;

@@ -115,6 +115,7 @@ TEST(Dbc, TellsFileAndLineOfWhatIsWrong) {
     EXPECT_EQ(one("BO_ 4294967296 B: 8 X"),
               "g.dbc:2: the message's id is no number of 32 bits; should be: BO_ ID NAME: BYTES SENDER");
     EXPECT_EQ(one("CM_ \"never closed"), "g.dbc:2: a quoted text that begins here never ends; close it with \"");
+    EXPECT_EQ(problems_of("BO_ x A: 8 X\n SG_ F : 0|8@1+ (1,0)\n SG_ G : 0|8@1+ (1,0)\n").size(), 1u);
     EXPECT_EQ(problems_of(" SG_ F : 0|8@1+ (1,0)"),
               (Lines{"g.dbc:1: a signal that belongs to no message; SG_ stands below its BO_"}));
 }
