@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 
 #include "config/text_file.hpp"
@@ -292,6 +293,17 @@ std::vector<std::vector<double>> Options::rows(std::string_view key) {
         if (all.back().empty() && !row->empty()) return {};
     }
     return all;
+}
+
+std::optional<Options::TextFile> Options::text_file(std::string_view key, std::size_t most_bytes) {
+    const std::string name = text(key);
+    if (name.empty()) return std::nullopt;
+    const std::string path = (std::filesystem::path(file()).parent_path() / name).string();  // an absolute path stays itself
+    Problems found;
+    auto bytes = read_text_file(path, most_bytes, found);
+    for (const auto& line : found.lines()) problem(key, line);
+    if (!bytes) return std::nullopt;
+    return TextFile{path, std::move(*bytes)};
 }
 
 bool Options::has(std::string_view key) const { return node_->peek(key) != nullptr; }

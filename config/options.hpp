@@ -73,6 +73,13 @@ public:
     std::vector<double> numbers(std::string_view key, Range range, Count count = {});
     std::vector<std::vector<double>> rows(std::string_view key);  // an array of arrays of numbers
 
+    // The file whose path `key` names, seen from the folder of this file: its path and its bytes. Required; nullopt, with an
+    // error, where it cannot be read or is larger.
+    struct TextFile {
+        std::string path, text;
+    };
+    std::optional<TextFile> text_file(std::string_view key, std::size_t most_bytes);
+
     [[nodiscard]] bool has(std::string_view key) const;
     [[nodiscard]] std::vector<std::string> keys() const;  // all of the table; looking does not count as asking
     Options table(std::string_view key);                  // optional: missing is an empty table

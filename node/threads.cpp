@@ -84,6 +84,7 @@ void Threads::run_link(Link& link) noexcept {
         const std::string wrong = link.driver->open();
         if (!wrong.empty()) {
             segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
+            segment_.set_link_count(link.index, TACTILED_LINK_RESTARTED, counts[TACTILED_LINK_RESTARTED]);  // by open()
             complaint.about(link.name, wrong);
             pause(pause_ms);
             pause_ms = std::min(2 * pause_ms, kMostPauseMs);

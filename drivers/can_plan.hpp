@@ -1,0 +1,22 @@
+// The keys of driver "can" that say what its messages mean: [[link.device]], with signals in place or of a DBC file.
+#pragma once
+#include <vector>
+
+#include "config/options.hpp"
+#include "drivers/wire/can_sample.hpp"
+
+namespace tactiled {
+
+inline constexpr std::size_t kCanMostDevices = 64;  // of a link
+inline constexpr std::size_t kCanMostIds = 512;     // CAN_RAW_FILTER_MAX of the kernel
+
+struct CanPlan {
+    std::vector<CanDevice> devices;
+    std::vector<std::uint32_t> ids;  // with kCanExtended; each once
+    std::size_t most_bytes = 0;      // of a message: more than 8 needs CAN FD
+};
+
+// Errors go to the options' Problems. setup
+CanPlan read_can_plan(Options& link);
+
+}  // namespace tactiled

@@ -1,0 +1,92 @@
+// What a stamp of a CAN message is worth: the software's, the adapter's with an offset taken once, and the fitted clock
+// (drivers/wire/clock_fit.hpp), each against the true time on the bus. Virtual time and fixed seeds: the same table
+// everywhere. Not shown: what a real adapter's way is like. The delays are made up after what was measured on USB adapters.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "drivers/wire/clock_fit.hpp"
+
+namespace {
+
+using namespace tactiled;
+
+constexpr double kMinutes = 10, kSettle_s = 1;
+
+struct Adapter {
+    const char* name;
+    double rate_Hz;
+    double drift_ppm, wander_ppm;  // constant, and a sine of 5 minutes
+    double least_us, mean_us;      // of the way from the bus to the kernel: a floor, and what exponentially comes on top
+    double poll_us;                // the host asks each so often: messages wait for it, and come in one batch
+    double stall_share, stall_ms;  // of the batches, and for how long
+};
+
+// Rates that are no multiples of the polling: messages and polls slide past each other, as two crystals make them.
+constexpr Adapter kAdapters[] = {
+    {"USB, high speed", 997, 25, 2, 60, 15, 125, 0.001, 3},    {"USB, full speed", 997, -40, 2, 150, 40, 1000, 0.01, 10},
+    {"USB, full speed", 101, -40, 2, 150, 40, 1000, 0.01, 10}, {"PCI or on chip", 997, 15, 1, 5, 4, 0, 0.0005, 1},
+    {"clock 150 ppm off", 997, 150, 2, 60, 15, 125, 0.001, 3},
+};
+
+struct Errors {
+    std::vector<double> us;
+    void print(const char* what) {
+        std::sort(us.begin(), us.end());
+        const auto at = [&](double share) { return us[std::size_t(share * double(us.size() - 1))]; };
+        fmt::print("  {:<24} {:>10.1f} {:>10.1f} {:>10.1f} {:>10.1f} {:>12.1f}\n", what, at(0), at(0.5), at(0.99), at(1),
+                   at(0.995) - at(0.005));
+    }
+};
+
+void measure(const Adapter& adapter) {
+    std::mt19937_64 random(1);
+    std::exponential_distribution<double> extra(1 / adapter.mean_us);
+    std::uniform_real_distribution<double> chance;
+    Errors software, once, fitted;
+    ClockFit fit;
+    const auto n = std::size_t(kMinutes * 60 * adapter.rate_Hz);
+    const double t0_us = 3600e6;  // of CLOCK_MONOTONIC
+    double clock_us = 0, last_us = 0, stalled_until_us = 0, first_offset_us = 0, arrived_us = 0;
+    double least_first_us = 1e300;
+    for (std::size_t k = 0; k < n; ++k) {
+        const double sent_us = double(k) * 1e6 / adapter.rate_Hz + 20 * chance(random);
+        const double ppm = adapter.drift_ppm + adapter.wander_ppm * std::sin(sent_us / 300e6 * 6.283185307179586);
+        clock_us += (sent_us - last_us) * (1 + ppm * 1e-6);
+        last_us = sent_us;
+        double arrival_us = sent_us + adapter.least_us + extra(random);
+        if (adapter.poll_us > 0) arrival_us = std::ceil(arrival_us / adapter.poll_us) * adapter.poll_us;
+        if (chance(random) < adapter.stall_share) stalled_until_us = arrival_us + 1e3 * adapter.stall_ms * chance(random);
+        arrival_us = std::max({arrival_us, stalled_until_us, arrived_us});
+        arrived_us = arrival_us;
+        const auto stamp_ns = std::uint64_t(clock_us) * 1000;  // whole us
+        const auto arrival_ns = std::uint64_t((t0_us + arrival_us) * 1e3);
+        const auto t_ns = fit.monotonic_ns(stamp_ns, arrival_ns);
+        if (sent_us < kSettle_s * 1e6) {
+            least_first_us = std::min(least_first_us, arrival_us - double(stamp_ns) / 1e3);
+            first_offset_us = least_first_us;
+            continue;
+        }
+        software.us.push_back(arrival_us - sent_us);
+        once.us.push_back(double(stamp_ns) / 1e3 + first_offset_us - sent_us);
+        fitted.us.push_back(double(t_ns) / 1e3 - t0_us - sent_us);
+    }
+    fmt::print("{}, {} messages/s, clock {:+} +- {} ppm, stalls of up to {} ms in {} % of them\n", adapter.name,
+               adapter.rate_Hz, adapter.drift_ppm, adapter.wander_ppm, adapter.stall_ms, 100 * adapter.stall_share);
+    software.print("software");
+    once.print("adapter, offset once");
+    fitted.print("adapter, fitted");
+}
+
+}  // namespace
+
+int main() {
+    fmt::print(
+        "stamp - true time on the bus in us, {} min each; jitter = p99.5 - p0.5\n  {:<24} {:>10} {:>10} {:>10} {:>10} "
+        "{:>12}\n",
+        kMinutes, "", "least", "p50", "p99", "most", "jitter");
+    for (const auto& adapter : kAdapters) measure(adapter);
+}

@@ -1,0 +1,128 @@
+// Stamps of other clocks, in virtual time.
+#include "drivers/wire/clock_fit.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <random>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000, kSecond = 1'000 * kMs;
+
+TEST(ArrivalTime, IsTheStampOnTheOtherClock) {
+    ArrivalTime arrival;
+    arrival.seen_empty(90 * kSecond);
+    EXPECT_TRUE(arrival.look(100 * kSecond, 5000 * kSecond));
+    EXPECT_EQ(arrival.of(5000 * kSecond - 3 * kMs), 100 * kSecond - 3 * kMs);
+    EXPECT_EQ(arrival.of(4991 * kSecond), 91 * kSecond);  // the process stood still for 9 s: old, and told so
+}
+
+TEST(ArrivalTime, StaysBetweenTheEmptySocketAndNowWhateverTheWallClockDoes) {
+    ArrivalTime arrival;
+    arrival.seen_empty(100 * kSecond);
+    EXPECT_TRUE(arrival.look(100 * kSecond, 5000 * kSecond));
+    EXPECT_FALSE(arrival.look(101 * kSecond, 9000 * kSecond));  // set on, by more than an hour
+    EXPECT_EQ(arrival.of(5000 * kSecond + 500 * kMs), 100 * kSecond - 10 * kMs);
+    EXPECT_TRUE(arrival.look(102 * kSecond, 9001 * kSecond));
+    EXPECT_FALSE(arrival.look(103 * kSecond, 1000 * kSecond));  // set back
+    EXPECT_EQ(arrival.of(9001 * kSecond + 500 * kMs), 103 * kSecond);
+    EXPECT_EQ(arrival.of(0), 100 * kSecond - 10 * kMs);
+    EXPECT_EQ(arrival.of(~0ull), 103 * kSecond);
+}
+
+// An adapter: clock at a rate of its own from 1970, messages each ms that are held up by up to 2 ms, now and then 10 ms.
+class Adapter {
+public:
+    explicit Adapter(double drift) : drift_(drift) {}
+    // Returns {the true time, stamp, arrival}.
+    std::array<std::uint64_t, 3> next() {
+        sent_ns_ += kMs;
+        const std::uint64_t delay_ns = 50'000 + random_() % (random_() % 100 == 0 ? 10 * kMs : 2 * kMs);
+        const auto stamp = std::uint64_t(double(sent_ns_) * (1 + drift_)) / 1000 * 1000;  // whole us
+        return {sent_ns_, stamp, kStart + sent_ns_ + delay_ns};
+    }
+    static constexpr std::uint64_t kStart = 7'000 * kSecond;
+
+private:
+    std::mt19937_64 random_{1};
+    double drift_;
+    std::uint64_t sent_ns_ = 0;
+};
+
+TEST(ClockFit, IsNeverEarlyAndAtMostDriftAndLeastDelayLate) {
+    for (const double drift : {-100e-6, -20e-6, 0.0, 20e-6, 100e-6}) {
+        Adapter adapter(drift);
+        ClockFit fit;
+        std::int64_t earliest_ns = 0, latest_ns = 0;
+        for (int n = 0; n < 600'000; ++n) {
+            const auto [sent, stamp, arrival] = adapter.next();
+            const std::uint64_t t_ns = fit.monotonic_ns(stamp, arrival);
+            ASSERT_LE(t_ns, arrival);
+            if (n < 1000) continue;
+            const auto error_ns = std::int64_t(t_ns - Adapter::kStart - sent);
+            earliest_ns = std::min(earliest_ns, error_ns);
+            latest_ns = std::max(latest_ns, error_ns);
+        }
+        EXPECT_GE(earliest_ns, -2'000) << drift;  // the stamp's own us
+        EXPECT_LE(latest_ns, 250'000) << drift;   // 50 us is the way's least; the messages themselves were up to 10 ms late
+    }
+}
+
+TEST(ClockFit, FollowsAClockThatIsSetAnew) {
+    Adapter adapter(0);
+    ClockFit fit;
+    const auto run = [&](std::uint64_t step, int messages, std::int64_t most_late_ns) {
+        for (int n = 0; n < messages; ++n) {
+            const auto [sent, stamp, arrival] = adapter.next();
+            const std::uint64_t t_ns = fit.monotonic_ns(stamp + step, arrival);
+            ASSERT_LE(t_ns, arrival);
+            ASSERT_LE(std::int64_t(t_ns - Adapter::kStart - sent), most_late_ns) << step << ' ' << n;
+            ASSERT_GE(std::int64_t(t_ns - Adapter::kStart - sent), -2'000) << step << ' ' << n;
+        }
+    };
+    const std::int64_t as_it_came = 11 * kMs, fitted = 250'000;
+    run(0, 100, as_it_came);
+    run(0, 1000, fitted);
+    run(3600 * kSecond, 100, as_it_came);  // on: at once, as soon as one comes that was not held up
+    run(3600 * kSecond, 1000, fitted);
+    run(0, 1000, as_it_came);         // back, by an hour: until half a second has passed in which all seem late
+    for (int n = 0; n < 1000; ++n) {  // back by little: seem older than they are for half a second
+        const auto [sent, stamp, arrival] = adapter.next();
+        const std::uint64_t t_ns = fit.monotonic_ns(stamp - 200 * kMs, arrival);
+        ASSERT_TRUE(n <= 520 || std::int64_t(t_ns - Adapter::kStart - sent) >= -2'000) << n;
+    }
+    run(0 - 200 * kMs, 1000, fitted);
+}
+
+TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
+    Adapter adapter(0);
+    ClockFit fit;
+    for (int n = 0; n < 5000; ++n) {
+        auto [sent, stamp, arrival] = adapter.next();
+        const bool held_up = n % 1000 > 900;
+        if (held_up) arrival = Adapter::kStart + (n / 1000 * 1000 + 901) * kMs + 400 * kMs;  // 400 .. 300 ms, all at once
+        const std::uint64_t t_ns = fit.monotonic_ns(stamp, arrival);
+        const auto late_ns = std::int64_t(t_ns - Adapter::kStart - sent);
+        ASSERT_TRUE(n <= 500 || held_up || late_ns <= 300'000) << n;
+        ASSERT_LE(t_ns, arrival);
+    }
+}
+
+TEST(ClockFit, AFewLateMessagesOfASlowDeviceChangeNothing) {
+    ClockFit fit;
+    for (std::uint64_t n = 0; n < 100; ++n) {
+        const std::uint64_t stamp = n * kSecond, arrival = Adapter::kStart + stamp + (n % 20 > 15 ? 300 * kMs : 0);
+        EXPECT_NEAR(double(fit.monotonic_ns(stamp, arrival)), double(Adapter::kStart + stamp), 1e6) << n;  // 200 ppm of 5 s
+    }
+}
+
+TEST(ClockFit, SurvivesAnyStamps) {
+    std::mt19937_64 random(3);
+    ClockFit fit;
+    for (int n = 0; n < 100'000; ++n) (void)fit.monotonic_ns(random(), random());
+}
+
+}  // namespace
+}  // namespace tactiled
