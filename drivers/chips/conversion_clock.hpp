@@ -9,19 +9,17 @@ namespace tactiled {
 
 class ConversionClock {
 public:
-    // A conversion of `nominal_ns` begins now. What was learned about the chip's clock stays. rt: wait-free
-    void begin(std::uint64_t now_ns, std::uint64_t nominal_ns) noexcept {
+    // A conversion of `nominal_ns` begins now, and others follow it by themselves where it `repeats`. What was learned about
+    // the chip's clock stays. rt: wait-free
+    void begin(std::uint64_t now_ns, std::uint64_t nominal_ns, bool repeats) noexcept {
         base_ns_ = now_ns;
         nominal_ns_ = double(nominal_ns);
         not_ready_ns_ = poll_ns_ = mark_ns_ = 0;
         since_mark_ = in_a_row_ = 0;
-        begun_ = true;
+        is_single_ = !repeats;
     }
     // The chip may be another one by now. rt: wait-free
-    void forget() noexcept {
-        scale_ = kFastest;
-        sure_ = 1;
-    }
+    void forget() noexcept { scale_ = kFastest; }
 
     [[nodiscard]] std::uint64_t next_poll_ns() const noexcept {
         return poll_ns_ != 0 ? poll_ns_ : base_ns_ + std::uint64_t(period_ns());
@@ -35,27 +33,30 @@ public:
     }
 
     // Asked at `before_ns`, and it was. Returns how many conversions ended since the last one that was taken: 1, or more
-    // where some were missed. rt: wait-free
-    std::uint32_t ready(std::uint64_t before_ns) noexcept {
+    // where some were missed; `known` where the chip itself says so, else 0. rt: wait-free
+    std::uint32_t ready(std::uint64_t before_ns, std::uint32_t known) noexcept {
         const bool seen = not_ready_ns_ != 0;  // that it became ready, between two questions
         const double period = period_ns();
         const double elapsed = before_ns > base_ns_ ? double(before_ns - base_ns_) : 0;
-        const auto passed = std::uint32_t(std::clamp(elapsed / period, 1.0, 1e6));
+        const std::uint32_t passed = known != 0 ? known : std::uint32_t(std::clamp(elapsed / period, 1.0, 1e6));
+        since_mark_ += passed;
         if (seen && passed == 1) {
-            if (begun_) learn((elapsed - double(before_ns - not_ready_ns_) / 2) / nominal_ns_, 0.5);
-            follow(before_ns);
+            if (is_single_)
+                learn(elapsed / nominal_ns_);
+            else
+                follow(not_ready_ns_, before_ns);
             base_ns_ = before_ns;
             in_a_row_ = 0;
+        } else if (++in_a_row_ > kMostLate) {  // the chip is faster than was learned
+            forget();
+            base_ns_ = before_ns - std::uint64_t(nominal_ns_ * kStep);
+            mark_ns_ = in_a_row_ = 0;
         } else {
-            // It may have been ready for long: ask earlier each time, until once it is not. By more where that does not
-            // come: then the chip is faster than it should be.
-            const double earlier = kCreep * (++in_a_row_ > 2 * kStep / kCreep ? 8 : 1);
-            if (begun_) learn(scale_ - earlier, 1);
-            base_ns_ = std::min(base_ns_ + std::uint64_t(passed * period), before_ns) - std::uint64_t(earlier * nominal_ns_);
-            since_mark_ += passed;
+            // It may have been ready for long: ask earlier each time, until once it is not.
+            if (is_single_) learn(scale_ - kCreep);
+            base_ns_ = std::min(base_ns_ + std::uint64_t(passed * period), before_ns) - std::uint64_t(kCreep * nominal_ns_);
             if (passed > 1) mark_ns_ = 0;
         }
-        begun_ = false;
         not_ready_ns_ = poll_ns_ = 0;
         return passed;
     }
@@ -65,25 +66,25 @@ public:
 private:
     // The first question comes early enough for a clock that is 12 % fast, so that the first conversion shows its rate.
     static constexpr double kFastest = 0.88, kSlowest = 1.25;
-    static constexpr double kStep = 1.0 / 32;    // of a conversion, between two questions: the age that is accepted
-    static constexpr double kCreep = 1.0 / 128;  // four good guesses for each question too early
-    static constexpr std::uint32_t kSure = 16, kLong = 64;  // conversions that a rate is averaged over, at least, at most
+    static constexpr double kStep = 1.0 / 32;       // of a conversion, between two questions: the age that is accepted
+    static constexpr double kCreep = 1.0 / 128;     // four good guesses for each question too early
+    static constexpr std::uint32_t kMostLate = 64;  // good guesses in a row: a slow bus takes up to 40
+    static constexpr std::uint32_t kLong = 64;      // conversions that a rate is averaged over
 
-    void learn(double scale, double weight) noexcept {
-        scale_ = std::clamp(scale_ + weight * (scale - scale_), kFastest, kSlowest);
-    }
+    void learn(double scale) noexcept { scale_ = std::clamp(scale, kFastest, kSlowest); }
 
-    // A conversion ended just before `edge_ns`: with the last such mark that gives the chip's period, better the longer ago.
-    void follow(std::uint64_t edge_ns) noexcept {
-        ++since_mark_;
-        if (mark_ns_ != 0 && since_mark_ >= sure_) {
-            learn(double(edge_ns - mark_ns_) / since_mark_ / nominal_ns_, 1);
-            sure_ = std::min(since_mark_, kSure);
+    // A conversion ended after `from_ns` and before `to_ns`. With the last one known so that gives a period which the chip's
+    // is not shorter than, and hardly longer once it is the mean of many: an estimate that erred to the long side would lose
+    // conversions without a sign.
+    void follow(std::uint64_t from_ns, std::uint64_t to_ns) noexcept {
+        const bool is_long = since_mark_ >= kLong;
+        if (mark_ns_ != 0 && from_ns > mark_ns_) {
+            const double scale = double(from_ns - mark_ns_) / since_mark_ / nominal_ns_;
+            if (is_long || scale > scale_) learn(scale);
         }
-        if (mark_ns_ == 0 || since_mark_ >= kLong) {
-            mark_ns_ = edge_ns;
-            since_mark_ = 0;
-        }
+        if (mark_ns_ != 0 && !is_long) return;
+        mark_ns_ = to_ns;
+        since_mark_ = 0;
     }
 
     std::uint64_t base_ns_ = 0;       // when the last conversion ended, or this one was begun
@@ -91,8 +92,8 @@ private:
     std::uint64_t poll_ns_ = 0;       // when to ask again after that; 0: as predicted
     std::uint64_t mark_ns_ = 0;       // an end that the period is measured from; 0: none
     double nominal_ns_ = 1, scale_ = kFastest;
-    std::uint32_t since_mark_ = 0, in_a_row_ = 0, sure_ = 1;
-    bool begun_ = false;  // `base_ns_` is exact: we began this conversion
+    std::uint32_t since_mark_ = 0, in_a_row_ = 0;
+    bool is_single_ = false;  // begun by us, so that its beginning is known; none follows by itself
 };
 
 }  // namespace tactiled

@@ -70,7 +70,7 @@ Station::Turn Station::set_up() noexcept {
 
 void Station::begin_conversion() noexcept {
     began_ns_ = port_.now_ns();
-    clock_.begin(began_ns_, chip_->conversion_ns());
+    clock_.begin(began_ns_, chip_->conversion_ns(), chip_->pace() != Pace::triggered);
     due_ns_ = chip_->pace() == Pace::timed ? began_ns_ + chip_->conversion_ns() : clock_.next_poll_ns();
 }
 
@@ -114,9 +114,10 @@ Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_n
         lost = before_ns > due_ns_ ? std::uint32_t((before_ns - due_ns_) / period_ns) : 0;
         due_ns_ += (1 + lost) * period_ns;
     } else {
-        const std::uint32_t passed = clock_.ready(before_ns);
+        const bool is_counted = chip_->pace() == Pace::counted;
+        const std::uint32_t passed = clock_.ready(before_ns, is_counted ? 1 + lost : 0);
         if (chip_->pace() == Pace::continuous) lost = passed - 1;
-        if (reading.began) clock_.begin(now_ns, chip_->conversion_ns());
+        if (reading.began) clock_.begin(now_ns, chip_->conversion_ns(), false);
         due_ns_ = clock_.next_poll_ns();
     }
     began_ns_ = now_ns;

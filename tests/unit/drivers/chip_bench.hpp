@@ -80,16 +80,20 @@ public:
         return age;
     }
 
+    struct Taken {
+        Frame frame;
+        std::int64_t age_ns;
+    };
     // All frames of so long a time.
-    std::vector<Frame> run(double seconds) {
-        std::vector<Frame> frames;
+    std::vector<Taken> run(double seconds) {
+        std::vector<Taken> taken;
         Frame frame;
         const std::uint64_t until_ns = bus.now_ns() + std::uint64_t(seconds * 1e9);
         while (bus.now_ns() < until_ns && status != Status::gone) {
             status = schedule.read(frame, 50);
-            if (status == Status::frame) frames.push_back(frame);
+            if (status == Status::frame) taken.push_back({frame, age_ns(frame)});
         }
-        return frames;
+        return taken;
     }
 
     ModelBus bus;
