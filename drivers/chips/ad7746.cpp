@@ -15,7 +15,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint8_t kReset = 0xBF, kStatus = 0, kCapSetup = 7, kConfig = 10, kCapDacA = 11;
-constexpr std::uint8_t kExcError = 0x08, kBothBusy = 0x04, kCapBusy = 0x01;
+constexpr std::uint8_t kExcError = 0x08, kBothBusy = 0x04, kCapBusy = 0x01, kIdle = 0x07;
 constexpr std::uint8_t kCapOn = 0x80, kCin2 = 0x40, kDifferential = 0x20, kVtOn = 0x80, kDacOn = 0x80;
 constexpr std::uint8_t kContinuous = 1, kSingle = 2, kMode = 7;
 constexpr std::uint8_t kVtFastest = 0;  // 50 Hz, 20 ms
@@ -40,16 +40,20 @@ public:
     Progress set_up(Port& port, unsigned step) noexcept override {
         if (step == 0) return {port.write({kReset}), Progress::more, kResetUs};
         at_ = 0;
+        is_stale_ = false;
         const Settings set = settings();
         Answer answer = port.write({kCapSetup, set[0], set[1], set[2], set[3], set[4], set[5]});
-        Settings found{};
-        if (answer == Answer::ok) answer = port.read(kCapSetup, found);
+        std::array<std::uint8_t, 13> all{};
+        if (answer == Answer::ok) answer = port.read(kStatus, all);
         if (answer != Answer::ok) return {answer};
-        if (found != set) return {.kind = Progress::wrong, .found = packed(found)};
+        const Settings found{all[7], all[8], all[9], all[10], all[11], all[12]};
+        const auto status = std::uint8_t(all[0] & kIdle);  // idle since the reset: nothing is ready
+        if (found != set || status != kIdle) return {.kind = Progress::wrong, .found = packed(status, found)};
         return {port.write({kConfig, std::uint8_t(config() | mode())}), Progress::done};
     }
 
     Reading read(Port& port, Frame& frame) noexcept override {
+        if (is_stale_) return {.kind = Reading::was_reset};
         std::array<std::uint8_t, 13> all{};
         const std::uint8_t busy = converts_temperature() ? kBothBusy : kCapBusy;
         Answer answer = port.read(kStatus, {all.data(), 1});
@@ -79,7 +83,7 @@ public:
     std::uint64_t conversion_ns() const noexcept override {
         return (kCapUs[rate_] + (converts_temperature() ? kVtUs : 0)) * std::uint64_t{1000};
     }
-    Identity identity() const noexcept override { return {"its registers 7 .. 12 read back", packed(settings())}; }
+    Identity identity() const noexcept override { return {"its registers 0 and 7 .. 12 read", packed(kIdle, settings())}; }
 
 private:
     using Settings = std::array<std::uint8_t, 6>;  // registers 7 .. 12
@@ -101,8 +105,8 @@ private:
         const auto cap = std::uint8_t(kCapOn | (at_ == 1 ? kCin2 : 0) | (differential_ ? kDifferential : 0));
         return {cap, std::uint8_t(converts_temperature() ? kVtOn : 0), excitation_, config(), dac_a_[at_], dac_b_[at_]};
     }
-    static std::uint64_t packed(const Settings& settings) noexcept {
-        std::uint64_t all = 0;
+    static std::uint64_t packed(std::uint8_t status, const Settings& settings) noexcept {
+        std::uint64_t all = status;
         for (const std::uint8_t one : settings) all = all << 8 | one;
         return all;
     }
@@ -115,7 +119,8 @@ private:
         if (answer == Answer::ok) answer = port.write({kConfig, std::uint8_t(config() | kSingle)});
         std::uint8_t status = 0;
         if (answer == Answer::ok) answer = port.read(kStatus, {&status, 1});
-        return answer == Answer::ok && (status & kCapBusy) == 0 ? Answer::failed : answer;
+        is_stale_ = answer == Answer::ok && (status & kCapBusy) == 0;
+        return answer;
     }
 
     void take(std::uint32_t cap, std::uint32_t vt, bool not_excited) noexcept {
@@ -136,7 +141,8 @@ private:
     bool differential_, temperature_;
     std::uint8_t excitation_ = 0;
     std::array<std::uint8_t, 2> dac_a_{}, dac_b_{};
-    unsigned at_ = 0;  // the channel that is converted now
+    unsigned at_ = 0;        // the channel that is converted now
+    bool is_stale_ = false;  // the one before still looks ready: not to be told from it
     Frame frame_;
 };
 

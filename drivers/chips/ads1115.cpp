@@ -43,6 +43,8 @@ public:
         if (answer == Answer::ok && (big16(found.data()) & ~kIdle) != config())
             return {.kind = Progress::wrong, .found = big16(found.data()) & std::uint64_t{0x7FFF}};
         if (answer == Answer::ok) answer = begin(port);
+        if (answer == Answer::ok) answer = port.read(kConfig, found);
+        if (answer == Answer::ok && (big16(found.data()) & kIdle) != 0) answer = Answer::failed;  // it did not begin
         return {answer, Progress::done};
     }
 

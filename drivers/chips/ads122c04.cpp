@@ -62,8 +62,11 @@ public:
         if (found != 0) return {.kind = Progress::wrong, .found = found};
         for (unsigned i = 0; i < set_.size() && answer == Answer::ok; ++i)
             answer = port.write({at(kWriteRegister, i), set_[i]});
+        std::uint8_t value = 0;
+        bool is_good = true;
+        if (answer == Answer::ok) answer = read_checked(port, at(kReadRegister, 2), value, is_good);
+        if (answer == Answer::ok && value != set_[2]) return {.kind = Progress::wrong, .found = value};
         if (answer == Answer::ok) answer = port.write({kStart});
-        bool is_good = false;
         if (answer == Answer::ok) answer = read_data(port, is_good);
         if (answer == Answer::ok && !is_good) answer = Answer::failed;
         count_ = data_[0];

@@ -105,7 +105,7 @@ Station::Turn Station::convert(Frame& frame) noexcept {
 }
 
 Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept {
-    has_converted_ = true;
+    const bool is_first = !std::exchange(has_converted_, true);
     pause_ms_ = 0;
     const std::uint64_t now_ns = port_.now_ns();
     std::uint32_t lost = reading.lost;
@@ -121,6 +121,7 @@ Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_n
         due_ns_ = clock_.next_poll_ns();
     }
     began_ns_ = now_ns;
+    if (is_first) lost = 0;  // others were set up meanwhile: no frame was there to follow
     lost_ += lost;
     counts_[TACTILED_LINK_LOST] += lost;
     if (reading.kind == Chip::Reading::part) return Turn::nothing;

@@ -2,9 +2,11 @@
 // Every conversion has a code that no other has for long, and is written down, so that a test can tell where a value came
 // from and how old it is. Used in virtual time by the tests, and in real time by tests/kernel/usbip_i2c.cpp.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -21,6 +23,8 @@ public:
     virtual void read(std::span<std::uint8_t> out, std::uint64_t t_ns, std::uint64_t until_ns) = 0;
     virtual void advance(std::uint64_t t_ns) = 0;
     virtual void reset() = 0;  // as if its supply had been away for a moment
+    // A setting changes by itself: a register that says how the chip converts, not what it converted.
+    virtual void disturb(unsigned which, std::uint8_t value) = 0;
 
     // When the conversion of `input` that gave `code` ended; 0: there was none.
     [[nodiscard]] std::uint64_t converted_ns(unsigned input, std::int64_t code) const {
@@ -81,6 +85,7 @@ public:
         if (bytes.size() == 1 && bytes[0] == 0xBF) return advance(t_ns), reset();
         RegisterChip::write(bytes, t_ns);
     }
+    void disturb(unsigned which, std::uint8_t value) override { reg[7 + which % 6] = value; }
     void advance(std::uint64_t t_ns) override {
         for (; ends_ns_ != 0 && ends_ns_ <= t_ns; ends_ns_ = (reg[10] & 7) == 1 ? ends_ns_ + conversion() : 0) {
             if (ends_ns_ <= held_until_ns_) {  // its registers were being read
@@ -88,24 +93,34 @@ public:
                 continue;
             }
             const unsigned input = reg[7] >> 6 & 1;
-            const std::uint32_t code = 0x800000 + input * 0x200000 + ++n_converted % 0x100000;
+            const std::uint32_t usual = 0x800000 + input * 0x200000 + ++n_converted % 0x100000;
+            const std::uint32_t code = next_code_.value_or(usual);
             for (int i = 0; i < 3; ++i) reg[std::size_t(1 + i)] = std::uint8_t(code >> (16 - 8 * i));
             note(input, code, ends_ns_);
-            reg[0] = std::uint8_t(reg[0] & ~0x05);
-            if ((reg[8] & 0x80) != 0) reg[4] = 0x80, reg[5] = 0xC8, reg[6] = 0, reg[0] = 0;  // 25 degC: (4096 + 25) * 2048
+            reg[0] = std::uint8_t((reg[0] & ~0x0D) | (next_code_ ? next_status_ : 0));
+            next_code_.reset();
+            if ((reg[8] & 0x80) != 0)
+                reg[4] = 0x80, reg[5] = 0xC8, reg[6] = 0, reg[0] &= 0x08;  // 25 degC: (4096 + 25) * 2048
             if ((reg[10] & 7) == 2) reg[10] = std::uint8_t(reg[10] & ~7), ends_ns_ = 0;
             if (ends_ns_ == 0) break;
         }
         t_ns_ = t_ns;
     }
+    // What the next conversion gives, with further bits of the status.
+    void ends_at_code(std::uint32_t code, std::uint8_t status) {
+        next_code_ = code;
+        next_status_ = status;
+    }
 
 private:
+    std::optional<std::uint32_t> next_code_;
+    std::uint8_t next_status_ = 0;
     [[nodiscard]] std::uint64_t conversion() const {
         static constexpr double kMs[] = {11, 11.9, 20, 38, 62, 77, 92, 109.6};
         return scaled((kMs[reg[10] >> 3 & 7] + ((reg[8] & 0x80) != 0 ? 20.1 : 0)) * 1e6);
     }
     void store(std::uint8_t at, std::uint8_t value) override {
-        RegisterChip::store(at, value);
+        if (at > 6) RegisterChip::store(at, value);  // status and data can only be read
         if (at == 10) begins_ = true;
     }
     void written(std::uint64_t t_ns) override {
@@ -133,6 +148,9 @@ public:
         reg.fill(0);
         reg[0x1F] = 0x0F;
         ends_ns_ = powered_ns_ = calibrated_ns_ = 0;
+    }
+    void disturb(unsigned which, std::uint8_t value) override {
+        reg[which % 3] = std::uint8_t((value & ~0x28) | (reg[which % 3] & 0x28));
     }
     void advance(std::uint64_t t_ns) override {
         if (powered_ns_ != 0 && powered_ns_ <= t_ns) reg[0] |= 0x08, powered_ns_ = 0;
@@ -202,6 +220,9 @@ public:
         word[1] = 0x8583;
         ends_ns_ = 0;
     }
+    void disturb(unsigned which, std::uint8_t value) override {
+        (void)which, word[1] = std::uint16_t((word[1] & 0x80FF) | (value & 0x7F) << 8);
+    }
     void advance(std::uint64_t t_ns) override {
         if (ends_ns_ != 0 && ends_ns_ <= t_ns) {
             const unsigned input = word[1] >> 12 & 7;
@@ -235,6 +256,9 @@ public:
         word[0xFF] = 0x1004;
         ends_ns_ = 0;
     }
+    void disturb(unsigned which, std::uint8_t value) override {
+        which % 5 == 4 ? word[12] = std::uint16_t(word[12] ^ (value & 0x0C) << 8) : word[8 + which % 5] = value;
+    }
     void advance(std::uint64_t t_ns) override {
         if (ends_ns_ != 0 && ends_ns_ <= t_ns) {
             ++n_converted;
@@ -250,15 +274,16 @@ public:
         }
         t_ns_ = t_ns;
     }
-    bool never_done = false;
+    bool never_done = false, done_stays = false;
 
 private:
     void store(std::uint8_t at, std::uint16_t value) override {
         if (at == 0x0C && (value & 0x8000) != 0) return reset();
         if (at < 8 || at > 0x14) return;
+        const auto done = std::uint16_t(word[0x0C] & 0x0F);
         word[at] = value;
         if (at != 0x0C) return;
-        word[at] &= 0xFFF0;
+        word[at] = std::uint16_t((value & 0xFFF0) | (done_stays ? done : 0));
         const auto enabled = unsigned(__builtin_popcount(value >> 4 & 0x0F));
         if (enabled != 0 && !never_done) ends_ns_ = t_ns_ + scaled(enabled * 1e7 / double(1u << ((value >> 10 & 3) - 1)));
     }
@@ -297,8 +322,10 @@ public:
             all.push_back(std::uint8_t(crc));
         }
         all.resize(out.size(), 0xFF);
+        if (n_flipped > 0 && (command_ & 0xF0) == 0x10) --n_flipped, all[2] ^= 0x10;
         std::copy(all.begin(), all.end(), out.begin());
     }
+    void disturb(unsigned which, std::uint8_t value) override { reg[which % 3] = value; }
     void advance(std::uint64_t t_ns) override {
         for (; ends_ns_ != 0 && ends_ns_ <= t_ns; ends_ns_ = (reg[1] & 8) != 0 ? ends_ns_ + conversion() : 0) {
             code_ = ++n_converted % 0x100000;
@@ -308,6 +335,7 @@ public:
         t_ns_ = t_ns;
     }
     std::array<std::uint8_t, 4> reg{};
+    unsigned n_flipped = 0;  // data to come with a wrong bit
 
 private:
     [[nodiscard]] std::uint64_t conversion() const {
@@ -327,6 +355,7 @@ public:
         reg[0x5D] = 0x24;
         ends_ns_ = 0;
     }
+    void disturb(unsigned which, std::uint8_t value) override { reg[0x5C + which % 3] = value; }
     void advance(std::uint64_t t_ns) override {
         for (; ends_ns_ != 0 && ends_ns_ <= t_ns; ends_ns_ += conversion()) {
             ++n_converted;

@@ -63,9 +63,7 @@ TEST(I2cSchedule, TakesEveryConversionOfAChipWhoseClockIsTenPercentOff) {
                 const std::string what = fmt::format("{} {} {} {}", kind.name, keys, scale, clock_Hz);
                 // One more or fewer may be under way at either end.
                 EXPECT_NEAR(r.missed, r.lost, 1) << what;
-                if (r.bus < 0.8) {
-                    EXPECT_EQ(r.lost, 0u) << what;
-                }
+                if (r.bus < 0.8) { EXPECT_EQ(r.lost, 0u) << what; }
             }
     }
 }

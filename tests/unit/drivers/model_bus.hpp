@@ -1,6 +1,7 @@
 // A bus with model chips and switches on it, and the same as an I2cBus in virtual time.
 #pragma once
 #include <algorithm>
+#include <random>
 
 #include "drivers/chips/bus.hpp"
 #include "tests/unit/drivers/chip_models.hpp"
@@ -67,7 +68,13 @@ public:
         ++n_transfers;
         if (is_gone) return Answer::gone;
         if (hangs) return spend(1e9), Answer::timeout;
-        if (n_failing > 0) return --n_failing, spend(20 * bit_ns_), ++n_nacks, failing_with;
+        if (n_failing > 0) {
+            --n_failing;
+            ++n_nacks;
+            spend(20 * bit_ns_);
+            if (fails_after) wires.write(address, out, now_);
+            return failing_with;
+        }
         spend(bit_ns_ * double(11 + 9 * out.size()));  // start, address, what follows; stop or start again
         if (!wires.write(address, out, now_)) return ++n_nacks, Answer::absent;
         if (in.empty()) return Answer::ok;
@@ -78,11 +85,15 @@ public:
     }
     std::uint64_t now_ns() const noexcept override { return now_; }
 
-    void wait_until(std::uint64_t t_ns) noexcept override { now_ = std::max(now_, t_ns); }
+    void wait_until(std::uint64_t t_ns) noexcept override {
+        if (t_ns > now_) now_ = t_ns + (oversleeps_most_ns == 0 ? 0 : random_() % oversleeps_most_ns);
+    }
 
     ModelWires wires;
+    std::uint64_t oversleeps_most_ns = 0;
     bool is_gone = false, hangs = false;
-    unsigned n_failing = 0;  // so many transfers to come fail
+    bool fails_after = false;  // of those: the chip has taken the bytes all the same
+    unsigned n_failing = 0;    // so many transfers to come fail
     Answer failing_with = Answer::failed;
     unsigned n_transfers = 0, n_nacks = 0;
     std::uint64_t busy_ns = 0;
@@ -93,6 +104,7 @@ private:
         busy_ns += std::uint64_t(ns);
     }
     double bit_ns_;
+    std::minstd_rand random_{1};
     std::uint64_t now_ = 1'000'000'000;
 };
 
