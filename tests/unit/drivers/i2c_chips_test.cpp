@@ -26,7 +26,7 @@ protected:
     ModelChip& model;
 };
 INSTANTIATE_TEST_SUITE_P(I2c, EveryChip, testing::ValuesIn(chip_kinds()),
-                         [](const auto& info) { return fmt::format("{}_{}", info.param.name, info.index); });
+                         [](const auto& chip) { return fmt::format("{}_{}", chip.param.name, chip.index); });
 
 TEST_P(EveryChip, GivesFramesOfItsDeviceWithAnIncreasingTime) {
     const auto taken = bench.run(2);
