@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# kernel.sh FOLDER: Debian's own kernel for the test machine, unpacked there; nothing is installed. And the one module that Debian does
+# not ship, gpio-sim. FOLDER/done says for which version it was made.
+set -euo pipefail
+mkdir -p "$1"; folder=$(cd "$1" && pwd)
+image=$(apt-cache depends linux-image-amd64 | awk '/Depends: linux-image/ {print $2; exit}')
+version=${image#linux-image-}
+[ "$(cat "$folder/done" 2>/dev/null)" = "$version" ] && exit 0
+rm -rf "$folder"; mkdir -p "$folder"/{packages,kernel,headers,module}; cd "$folder"
+
+abi=${version%-amd64}
+headers=("linux-headers-$version" "linux-headers-$abi-common" linux-kbuild-6.1 linux-source-6.1)
+# apt fetches as a user of its own, who may not write here
+(cd packages && chmod 777 . && apt-get download -qq "$image" "${headers[@]}" 2>/dev/null)
+dpkg -x packages/"$image"_*.deb kernel
+for package in "${headers[@]}"; do dpkg -x packages/"$package"_*.deb headers; done
+depmod -b "$folder/kernel" "$version"  # dpkg -x does not run it
+# The headers' Makefile has one absolute path in it.
+sed -i "s#^include /usr/src#include $folder/headers/usr/src#" "headers/usr/src/linux-headers-$version/Makefile"
+
+tar xJf headers/usr/src/linux-source-6.1.tar.xz -C headers --strip-components=1 linux-source-6.1/drivers/gpio/gpio-sim.c \
+    linux-source-6.1/drivers/gpio/gpiolib.h linux-source-6.1/kernel/irq/irq_sim.c linux-source-6.1/scripts/extract-vmlinux
+# vmlinux starts without unpacking itself: seconds where each instruction is emulated.
+sh headers/scripts/extract-vmlinux "kernel/boot/vmlinuz-$version" >vmlinux
+cp headers/drivers/gpio/gpio-sim.c module/gpio-sim-main.c
+cp headers/drivers/gpio/gpiolib.h module/
+# CONFIG_IRQ_SIM is off in Debian's kernel: linked in. irq_to_desc() is no symbol for modules, generic_handle_irq() is.
+sed 's/handle_simple_irq(irq_to_desc(irqnum))/generic_handle_irq(irqnum)/' headers/kernel/irq/irq_sim.c >module/irq_sim.c
+printf 'obj-m := gpio-sim.o\ngpio-sim-y := gpio-sim-main.o irq_sim.o\n' >module/Makefile
+make -s -C "headers/usr/src/linux-headers-$version" M="$folder/module" modules
+rm -rf packages
+echo "$version" >done

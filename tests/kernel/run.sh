@@ -1,0 +1,41 @@
+#!/usr/bin/env bash
+# run.sh [NAME...]: the tests tests/kernel/NAME_test.py (all, without a name), each in a machine of its own: Debian's kernel with CAN,
+# I2C, GPIO and USB under QEMU, the daemon's release build in it. TACTILED_PRESET=asan takes another build.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd); project=$(cd "$here/../.." && pwd)
+preset=${TACTILED_PRESET:-release} folder=$project/build/kernel
+"$project/node/install-packages.sh" build kernel
+bin=$project/build/$preset/bin
+[ -e "$project/build/$preset/CMakeCache.txt" ] || cmake --preset "$preset" -S "$project" -DTACTILED_TESTS=ON >/dev/null
+cmake --build "$project/build/$preset" -j "$(nproc)" --target tactiled tactilectl kernel_tools
+
+"$here/kernel.sh" "$folder/$(uname -m)"
+folder=$folder/$(uname -m)
+base=$folder/base.cpio
+if [ ! -e "$base" ] || [ -n "$(find "$here"/{init,initramfs.sh,program.sh} -newer "$base")" ]; then "$here/initramfs.sh" "$folder" "$base"; fi
+
+overlay=$(mktemp -d); trap 'rm -rf "$overlay"' EXIT
+root=$overlay/root/project
+mkdir -p "$root/build/release/bin" "$root/tests" "$root/node"
+cp -r "$project/tests/kernel" "$project/tests/system" "$root/tests/"
+cp -r "$project/node/python" "$root/node/"; cp -r "$project/config" "$root/"
+for program in tactiled tactilectl $(cd "$bin" && ls -d usbip_* 2>/dev/null); do
+    "$here/program.sh" "$overlay" "$bin/$program"
+    mv "$overlay/usr/bin/$program" "$root/build/release/bin/"
+done
+
+failed=()
+[ $# = 0 ] && set -- $(cd "$here" && ls ./*_test.py | sed 's#^\./##; s#_test.py$##')
+for name in "$@"; do
+    echo "== $name"
+    began=$SECONDS
+    # A test's own hardware stands in its lines "# QEMU: "; HOST is a folder for the sockets to host.py.
+    host=$(mktemp -d); host_pid=
+    words=$(sed -n "s/^# QEMU: //p" "$here/${name}_test.py" | sed "s#HOST/#$host/#g" | tr '\n' ' ')
+    case $words in *control.sock*) /usr/bin/python3 "$here/host.py" "$host" & host_pid=$! ;; esac
+    QEMU_WORDS=$words "$here/boot.sh" "$folder" "$overlay" python3 "tests/kernel/${name}_test.py" -v || failed+=("$name")
+    [ -z "$host_pid" ] || kill "$host_pid" 2>/dev/null || true
+    rm -rf "$host"
+    echo "== $name: $((SECONDS - began)) s"
+done
+[ ${#failed[@]} = 0 ] || { echo "failed: ${failed[*]}"; exit 1; }
