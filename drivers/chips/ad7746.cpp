@@ -58,6 +58,7 @@ public:
         const std::uint8_t busy = converts_temperature() ? kBothBusy : kCapBusy;
         Answer answer = port.read(kStatus, {all.data(), 1});
         if (answer != Answer::ok || (all[0] & busy) != 0) return {answer};
+        const std::uint64_t taken_ns = port.now_ns();
         answer = port.read(kStatus, all);  // with all settings: a chip that was reset meanwhile has others
         if (answer != Answer::ok) return {answer};
         Settings found{all[7], all[8], all[9], all[10], all[11], all[12]}, set = settings();
@@ -69,7 +70,7 @@ public:
         take(big24(&all[1]), big24(&all[4]), (all[0] & kExcError) != 0);
         if (channels_ == 1) {
             frame = frame_;
-            return {.kind = Reading::frame};
+            return {.kind = Reading::frame, .taken_ns = taken_ns};
         }
         const bool complete = at_ + 1 == channels_;
         if (complete) frame = frame_;

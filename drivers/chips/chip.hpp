@@ -46,6 +46,8 @@ public:
         } kind = nothing;
         bool began = false;      // this call has told the chip to begin the next conversion
         std::uint32_t lost = 0;  // Pace::counted: conversions that nobody took
+        std::uint64_t taken_ns =
+            0;  // Pace::continuous: when the value was, which may be another than the one said to be ready
     };
     // Takes a conversion if there is one. rt: blocks on the bus, for a few transfers
     [[nodiscard]] virtual Reading read(Port& port, Frame& frame) noexcept = 0;

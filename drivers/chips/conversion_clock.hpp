@@ -19,10 +19,13 @@ public:
         is_single_ = !repeats;
     }
     // The chip may be another one by now. rt: wait-free
-    void forget() noexcept { scale_ = kFastest; }
+    void forget() noexcept {
+        scale_ = kFastest;
+        is_learned_ = false;
+    }
 
     [[nodiscard]] std::uint64_t next_poll_ns() const noexcept {
-        return poll_ns_ != 0 ? poll_ns_ : base_ns_ + std::uint64_t(period_ns());
+        return poll_ns_ != 0 ? poll_ns_ : base_ns_ + std::uint64_t(period_ns() - kCreep * nominal_ns_);
     }
 
     // Asked from `before_ns` to `after_ns`, and it was not. rt: wait-free
@@ -32,13 +35,14 @@ public:
         in_a_row_ = 0;
     }
 
-    // Asked at `before_ns`, and it was. Returns how many conversions ended since the last one that was taken: 1, or more
-    // where some were missed; `known` where the chip itself says so, else 0. rt: wait-free
-    std::uint32_t ready(std::uint64_t before_ns, std::uint32_t known) noexcept {
+    // Asked at `before_ns`, and it was; its value was taken at `taken_ns`. Returns how many conversions ended since the last
+    // one that was taken: 1, or more where some were missed; `known` where the chip itself says so, else 0. rt: wait-free
+    std::uint32_t ready(std::uint64_t before_ns, std::uint64_t taken_ns, std::uint32_t known) noexcept {
         const bool seen = not_ready_ns_ != 0;  // that it became ready, between two questions
-        const double period = period_ns();
         const double elapsed = before_ns > base_ns_ ? double(before_ns - base_ns_) : 0;
-        const std::uint32_t passed = known != 0 ? known : std::uint32_t(std::clamp(elapsed / period, 1.0, 1e6));
+        const double held = taken_ns > base_ns_ ? double(taken_ns - base_ns_) : 0;
+        const double period = is_learned_ ? period_ns() : nominal_ns_;
+        const std::uint32_t passed = known != 0 ? known : std::uint32_t(std::clamp(held / period, 1.0, 1e6));
         since_mark_ += passed;
         if (seen && passed == 1) {
             if (is_single_)
@@ -47,14 +51,16 @@ public:
                 follow(not_ready_ns_, before_ns);
             base_ns_ = before_ns;
             in_a_row_ = 0;
-        } else if (++in_a_row_ > kMostLate) {  // the chip is faster than was learned
+        } else if (++in_a_row_ > kMostLate && passed == 1) {  // the chip is faster than was learned
             forget();
             base_ns_ = before_ns - std::uint64_t(nominal_ns_ * kStep);
             mark_ns_ = in_a_row_ = 0;
         } else {
-            // It may have been ready for long: ask earlier each time, until once it is not.
-            if (is_single_) learn(scale_ - kCreep);
-            base_ns_ = std::min(base_ns_ + std::uint64_t(passed * period), before_ns) - std::uint64_t(kCreep * nominal_ns_);
+            // It may have been ready for long. As each question comes a little earlier than the last one, it once is not.
+            if (is_single_) learn(std::min(scale_, elapsed / nominal_ns_));
+            // The value may be of a conversion that ended after the question.
+            const bool is_later = double(passed) * period > elapsed && passed > 1;
+            base_ns_ = std::min(base_ns_ + std::uint64_t(passed * period), is_later ? taken_ns : before_ns);
             if (passed > 1) mark_ns_ = 0;
         }
         not_ready_ns_ = poll_ns_ = 0;
@@ -81,6 +87,7 @@ private:
         if (mark_ns_ != 0 && from_ns > mark_ns_) {
             const double scale = double(from_ns - mark_ns_) / since_mark_ / nominal_ns_;
             if (is_long || scale > scale_) learn(scale);
+            is_learned_ |= is_long;
         }
         if (mark_ns_ != 0 && !is_long) return;
         mark_ns_ = to_ns;
@@ -93,7 +100,8 @@ private:
     std::uint64_t mark_ns_ = 0;       // an end that the period is measured from; 0: none
     double nominal_ns_ = 1, scale_ = kFastest;
     std::uint32_t since_mark_ = 0, in_a_row_ = 0;
-    bool is_single_ = false;  // begun by us, so that its beginning is known; none follows by itself
+    bool is_learned_ = false;  // from many conversions
+    bool is_single_ = false;   // begun by us, so that its beginning is known; none follows by itself
 };
 
 }  // namespace tactiled

@@ -61,13 +61,14 @@ public:
         if (answer == Answer::ok && !is_same) return {.kind = Reading::was_reset};
         if (answer != Answer::ok || !is_ready) return {answer};
         std::array<std::uint8_t, 3> data{};
+        const std::uint64_t taken_ns = port.now_ns();
         answer = port.read(kData, data);
         if (answer == Answer::ok) answer = check(port, is_ready, is_same);  // else it was 0, that of a chip just reset
         if (answer != Answer::ok) return {answer};
         if (!is_same) return {.kind = Reading::was_reset};
         if (settling_ > 0) {
             --settling_;
-            return {.kind = Reading::part};
+            return {.kind = Reading::part, .taken_ns = taken_ns};
         }
         if (at_ == 0) frame_ = Frame{};
         const std::uint32_t code = big24(data.data());
@@ -76,7 +77,7 @@ public:
         frame_.n_channels = std::uint8_t(at_ + 1);
         const bool complete = at_ + 1 == channels_;
         if (complete) frame = frame_;
-        if (channels_ == 1) return {.kind = Reading::frame};
+        if (channels_ == 1) return {.kind = Reading::frame, .taken_ns = taken_ns};
         at_ = complete ? 0 : 1;
         settling_ = kSettling;
         answer = port.write({kRate, rate()});

@@ -115,7 +115,8 @@ Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_n
         due_ns_ += (1 + lost) * period_ns;
     } else {
         const bool is_counted = chip_->pace() == Pace::counted;
-        const std::uint32_t passed = clock_.ready(before_ns, is_counted ? 1 + lost : 0);
+        const std::uint32_t passed =
+            clock_.ready(before_ns, std::max(before_ns, reading.taken_ns), is_counted ? 1 + lost : 0);
         if (chip_->pace() == Pace::continuous) lost = passed - 1;
         if (reading.began) clock_.begin(now_ns, chip_->conversion_ns(), false);
         due_ns_ = clock_.next_poll_ns();

@@ -75,7 +75,7 @@ public:
             if (fails_after) wires.write(address, out, now_);
             return failing_with;
         }
-        spend(bit_ns_ * double(11 + 9 * out.size()));  // start, address, what follows; stop or start again
+        spend(overhead_ns + bit_ns_ * double(11 + 9 * out.size()));  // start, address, what follows; stop or start again
         if (!wires.write(address, out, now_)) return ++n_nacks, Answer::absent;
         if (in.empty()) return Answer::ok;
         const std::uint64_t from_ns = now_ + std::uint64_t(10 * bit_ns_);
@@ -91,6 +91,7 @@ public:
 
     ModelWires wires;
     std::uint64_t oversleeps_most_ns = 0;
+    double overhead_ns = 0;  // of each transfer, as a USB adapter has it
     bool is_gone = false, hangs = false;
     bool fails_after = false;  // of those: the chip has taken the bytes all the same
     unsigned n_failing = 0;    // so many transfers to come fail
