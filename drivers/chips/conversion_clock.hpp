@@ -42,14 +42,19 @@ public:
         const double elapsed = before_ns > base_ns_ ? double(before_ns - base_ns_) : 0;
         const double held = taken_ns > base_ns_ ? double(taken_ns - base_ns_) : 0;
         const double period = is_learned_ ? period_ns() : nominal_ns_;
-        const std::uint32_t passed = known != 0 ? known : std::uint32_t(std::clamp(held / period, 1.0, 1e6));
+        // `base_ns_` is late by up to a step. Where this end was seen, it was half way between the two questions, or so.
+        const double ended = seen ? elapsed - double(before_ns - not_ready_ns_) / 2 + period / 2 : 0;
+        const double most = std::max(held + kLate * period, ended) / period;
+        const std::uint32_t passed = known != 0 ? known : std::uint32_t(std::clamp(most, 1.0, 1e6));
         since_mark_ += passed;
         if (seen && passed == 1) {
             if (is_single_)
                 learn(elapsed / nominal_ns_);
             else
                 follow(not_ready_ns_, before_ns);
-            base_ns_ = before_ns;
+            // Long ago where the thread was held up between the two: then what is predicted is better.
+            const bool is_close = double(before_ns - not_ready_ns_) < kClose * period;
+            base_ns_ = is_close ? before_ns : std::clamp(base_ns_ + std::uint64_t(period), not_ready_ns_, before_ns);
             in_a_row_ = 0;
         } else if (++in_a_row_ > kMostLate && passed == 1) {  // the chip is faster than was learned
             forget();
@@ -72,8 +77,10 @@ public:
 private:
     // The first question comes early enough for a clock that is 12 % fast, so that the first conversion shows its rate.
     static constexpr double kFastest = 0.88, kSlowest = 1.25;
-    static constexpr double kStep = 1.0 / 32;       // of a conversion, between two questions: the age that is accepted
-    static constexpr double kCreep = 1.0 / 128;     // four good guesses for each question too early
+    static constexpr double kStep = 1.0 / 32;    // of a conversion, between two questions: the age that is accepted
+    static constexpr double kCreep = 1.0 / 128;  // four good guesses for each question too early
+    static constexpr double kLate = 0.1;
+    static constexpr double kClose = 0.4;           // a slow bus needs 0.3 for a question
     static constexpr std::uint32_t kMostLate = 64;  // good guesses in a row: a slow bus takes up to 40
     static constexpr std::uint32_t kLong = 64;      // conversions that a rate is averaged over
 

@@ -46,6 +46,13 @@ Station::Turn Station::give_up() noexcept {
     return fail(Answer::failed);
 }
 
+// At once, unless it had just been set up: then it does not keep what it is told.
+Station::Turn Station::restart() noexcept {
+    if (!has_converted_) return give_up();
+    set_up_again();
+    return Turn::nothing;
+}
+
 Station::Turn Station::turn(Frame& frame) noexcept { return state_ == State::setting_up ? set_up() : convert(frame); }
 
 Station::Turn Station::set_up() noexcept {
@@ -86,17 +93,14 @@ Station::Turn Station::convert(Frame& frame) noexcept {
     }
     is_retry_ = false;
     switch (reading.kind) {
-        case Chip::Reading::was_reset:
-            if (!has_converted_) return give_up();  // it does not keep what it is told: not at full speed
-            set_up_again();
-            return Turn::nothing;
+        case Chip::Reading::was_reset: return restart();
         case Chip::Reading::bad: ++counts_[TACTILED_LINK_BAD_CHECKSUM]; [[fallthrough]];
         case Chip::Reading::nothing: {
             const std::uint64_t now_ns = port_.now_ns();
             clock_.not_ready(before_ns, now_ns);
             due_ns_ = clock_.next_poll_ns();
             if (now_ns - began_ns_ < kPatience * chip_->conversion_ns() + kLeastPatienceNs) return Turn::nothing;
-            return give_up();
+            return restart();
         }
         case Chip::Reading::part:
         case Chip::Reading::frame: return take(reading, before_ns, frame);

@@ -40,6 +40,7 @@ private:
     void set_up_again() noexcept;
     Turn fail(Answer answer) noexcept;
     Turn give_up() noexcept;
+    Turn restart() noexcept;
 
     std::string name_;
     std::unique_ptr<Chip> chip_;

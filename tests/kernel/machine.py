@@ -153,6 +153,6 @@ def i2c_bus(name):
         try:
             if (adapter / "name").read_text().startswith(name):
                 return f"/dev/{adapter.name}"
-        except FileNotFoundError:  # it is just going
+        except OSError:  # it is just going
             pass
     return None

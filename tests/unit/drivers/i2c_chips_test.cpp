@@ -227,8 +227,29 @@ TEST(I2cSchedule, KnowsAboutWhatItLostOnAnAdapterTooSlowForTheChip) {
             const std::size_t frames = bench.run(20).size();
             const double missed = double(model.n_converted - converted) - double(frames);
             const double lost = bench.counts[TACTILED_LINK_LOST] - lost_before;
-            // Without a clock that could be learned, the data sheet's is taken: 3 % of all conversions off.
-            EXPECT_NEAR(lost, missed, 0.04 * (missed + double(frames)) * (missed > 2) + 1) << name << " " << overhead_ms;
+            // Without a clock that could be learned, the data sheet's is taken, here 3 % off; and rather too many than too
+            // few.
+            EXPECT_NEAR(lost, missed, 0.05 * (missed + double(frames)) * (missed > 2) + 1) << name << " " << overhead_ms;
+        }
+}
+
+TEST(I2cSchedule, KnowsAboutWhatItLostWhereTransfersAreHeldUp) {
+    for (const std::uint64_t most_ms : {5u, 15u, 40u})
+        for (const char* name : {"ad7746", "nau7802"}) {
+            ChipBench bench;
+            bench.bus.held_up_most_ns = most_ms * 1'000'000;
+            bench.bus.oversleeps_most_ns = 3'000'000;
+            ModelChip& model = bench.add(kind_of(name));
+            model.period_scale = 1.03;
+            ASSERT_EQ(bench.schedule.open(), "");
+            bench.run(3);
+            const std::uint32_t converted = model.n_converted, lost_before = bench.counts[TACTILED_LINK_LOST];
+            const std::size_t frames = bench.run(30).size();
+            const double all = model.n_converted - converted, missed = all - double(frames);
+            const double lost = bench.counts[TACTILED_LINK_LOST] - lost_before;
+            EXPECT_NEAR(lost, missed, 0.04 * all) << name << " " << most_ms;
+            std::printf("%s held up to %d ms: %.0f conversions, %.0f missed, %.0f counted\n", name, int(most_ms), all,
+                        missed, lost);
         }
 }
 

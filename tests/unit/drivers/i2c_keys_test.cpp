@@ -3,6 +3,8 @@
 #include <fmt/ranges.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "drivers/chips/chip.hpp"
 #include "drivers/driver.hpp"
 
@@ -111,6 +113,28 @@ TEST(I2cKeys, TwoChipsThatWouldAnswerAtOnceAreRefused) {
     EXPECT_EQ(problems_of(one + left + two + right), "");
     EXPECT_NE(problems_of(one + left + "[[chip]]\ndevice = 0\nchip = \"mpr121\"\n").find("device = 0 is another chip's"),
               std::string::npos);
+}
+
+TEST(I2cKeys, OfTheExampleInTheDocumentedConfigurationAreGood) {
+    std::ifstream file(std::string(TACTILED_SOURCE_DIR) + "/config/tactiled.toml");
+    std::string text, block;
+    for (std::string line; std::getline(file, line);) {
+        if (line.rfind("#", 0) == 0) {
+            block += line.substr(std::min<std::size_t>(2, line.size())) + "\n";
+            continue;
+        }
+        if (const auto at = block.find("[[link]]"); block.find("driver = \"i2c\"") != block.npos && at != block.npos)
+            text = block.substr(at);
+        block.clear();
+    }
+    Problems problems;
+    Options options = Options::parse_text(text, "example.toml", problems);
+    auto links = options.tables("link");
+    ASSERT_EQ(links.size(), 1u) << text;
+    EXPECT_EQ(links[0].text("name") + links[0].text("driver"), "i2c1i2c");
+    find_driver("i2c")->make(links[0]);
+    options.finish();
+    EXPECT_EQ(fmt::format("{}", fmt::join(problems.lines(), "\n")), "");
 }
 
 TEST(I2cKeys, ABusThatIsNotThereIsSaid) {

@@ -78,6 +78,7 @@ public:
         spend(overhead_ns + bit_ns_ * double(11 + 9 * out.size()));  // start, address, what follows; stop or start again
         if (!wires.write(address, out, now_)) return ++n_nacks, Answer::absent;
         if (in.empty()) return Answer::ok;
+        if (held_up_most_ns != 0 && random_() % 4 == 0) spend(double(random_() % held_up_most_ns));
         const std::uint64_t from_ns = now_ + std::uint64_t(10 * bit_ns_);
         spend(bit_ns_ * double(11 + 9 * in.size()));
         if (!wires.read(address, in, from_ns, now_)) return ++n_nacks, Answer::absent;
@@ -91,7 +92,8 @@ public:
 
     ModelWires wires;
     std::uint64_t oversleeps_most_ns = 0;
-    double overhead_ns = 0;  // of each transfer, as a USB adapter has it
+    std::uint64_t held_up_most_ns = 0;  // every fourth transfer, before it reads
+    double overhead_ns = 0;             // of each transfer, as a USB adapter has it
     bool is_gone = false, hangs = false;
     bool fails_after = false;  // of those: the chip has taken the bytes all the same
     unsigned n_failing = 0;    // so many transfers to come fail
