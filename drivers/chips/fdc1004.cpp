@@ -77,9 +77,16 @@ public:
             taken.channel[n] = signed24(code) / kCountsPerPf + offset_pF_[n];
             if (code == 0x7FFFFF || code == 0x800000) taken.saturated |= 1u << n;
         }
-        answer = read_word(port, kControl, control);  // else some were 0, those of a chip just reset
+        // Else some were 0, those of a chip just reset; or of another input, if that was just before it was told to begin.
+        answer = read_word(port, kControl, control);
+        bool is_same = (control & kRateBits) == rate();
+        for (std::size_t n = 0; n < inputs_ && answer == Answer::ok && is_same; ++n) {
+            std::uint16_t found = 0;
+            answer = read_word(port, std::uint8_t(kMeasure + n), found);
+            is_same = found == set_[n];
+        }
         if (answer != Answer::ok) return {answer};
-        if ((control & kRateBits) != rate()) return {.kind = Reading::was_reset};
+        if (!is_same) return {.kind = Reading::was_reset};
         frame = taken;
         return {.kind = Reading::frame, .began = begin(port) == Answer::ok};
     }

@@ -264,10 +264,11 @@ public:
             ++n_converted;
             for (unsigned n = 0; n < 4; ++n) {
                 if ((word[0x0C] >> (7 - n) & 1) == 0) continue;
-                const std::uint32_t code = n * 0x100000 + n_converted % 0x100000;
+                const unsigned input = word[8 + n] >> 13;
+                const std::uint32_t code = input * 0x100000 + n_converted % 0x100000;
                 word[std::size_t{2 * n}] = std::uint16_t(code >> 8);
                 word[std::size_t{2 * n + 1}] = std::uint16_t(code << 8);
-                note(n, code, ends_ns_);
+                note(input, code, ends_ns_);
                 word[0x0C] |= std::uint16_t(8 >> n);
             }
             ends_ns_ = 0;

@@ -53,13 +53,35 @@ TEST_P(EveryChip, ThatWasResetGivesNoValueBeforeItIsSetUpAndHasConverted) {
     }
 }
 
+TEST_P(EveryChip, ThatIsResetBetweenTwoTransfersGivesNoValueThatItDidNotConvert) {
+    take(1.5);
+    std::uint64_t reset_ns = 0;
+    bench.bus.accident = [&] {
+        model.reset();
+        reset_ns = bench.bus.now_ns();
+    };
+    for (unsigned n = 1; n <= 30; ++n) {
+        bench.bus.n_until_accident = n;
+        for (const auto& one : bench.run(2)) {
+            ASSERT_GE(one.age_ns, 0) << n;
+            const auto converted_ns = std::uint64_t(std::int64_t(one.frame.t_ns) - one.age_ns);
+            // Taken before it, and the reset while the next conversion was begun.
+            EXPECT_TRUE(one.frame.t_ns <= reset_ns + 6'000'000 || converted_ns > reset_ns) << n;
+        }
+        EXPECT_LE(bench.counts[TACTILED_LINK_RESTARTED], n);  // fewer where just then it was told all it needs to know
+    }
+    EXPECT_GT(bench.counts[TACTILED_LINK_RESTARTED], 10u);
+}
+
 TEST_P(EveryChip, ThatMissesOneTransferGoesOnWithoutBeingSetUpAnew) {
     take(1.5);
     bench.bus.n_failing = 1;
     bench.bus.failing_with = Answer::absent;
     EXPECT_GT(take(1.5), 3u);
     EXPECT_EQ(bench.counts[TACTILED_LINK_BUS_ERROR], 1u);
-    EXPECT_LE(bench.counts[TACTILED_LINK_RESTARTED], 1u);  // a missed command is found by reading back
+    // A missed command is found by reading back. These are given none while they run.
+    const bool only_read = GetParam().inputs.size() == 1 && GetParam().name != "ads1115" && GetParam().name != "fdc1004";
+    EXPECT_LE(bench.counts[TACTILED_LINK_RESTARTED], only_read || GetParam().name == "mpr121" ? 0u : 1u);
 }
 
 TEST_P(EveryChip, ThatIsAwayIsAskedSeldomAndSetUpAnewWhenItIsBack) {
@@ -176,6 +198,8 @@ TEST(I2cMux, IsSelectedOnceNotForEachTransfer) {
         bench->run(5);
     }
     EXPECT_LE(behind.bus.n_transfers, direct.bus.n_transfers + 3);
+    behind.bus.wires.reset_muxes();
+    EXPECT_GT(behind.run(1).size(), 80u) << "not selected again";
 }
 
 TEST(I2cSchedule, KnowsWhatItLostWhenItsThreadSlept) {
@@ -365,8 +389,8 @@ TEST(Fdc1004, AddsItsCapdac) {
     ASSERT_EQ(bench.schedule.open(), "");
     const auto taken = bench.run(0.5);
     ASSERT_FALSE(taken.empty());
-    EXPECT_NEAR(taken.back().frame.channel[0], 12.5, 0.01);  // pF: 4 steps of 3.125, and a few counts of 2^-19
-    EXPECT_NEAR(taken.back().frame.channel[1], 0x100000 / 524288.0, 0.01);
+    EXPECT_NEAR(taken.back().frame.channel[0], 12.5 + 2, 0.01);  // pF: 4 steps of 3.125, and 2^20 counts
+    EXPECT_NEAR(taken.back().frame.channel[1], 2 * 0x100000 / 524288.0, 0.01);
     EXPECT_EQ(model.word[8], 1 << 13 | 4 << 10 | 4 << 5);
     EXPECT_EQ(model.word[9], 2 << 13 | 3 << 10);
 }

@@ -1,6 +1,7 @@
 // A bus with model chips and switches on it, and the same as an I2cBus in virtual time.
 #pragma once
 #include <algorithm>
+#include <functional>
 #include <random>
 
 #include "drivers/chips/bus.hpp"
@@ -66,6 +67,7 @@ public:
 
     Answer transfer(std::uint8_t address, std::span<const std::uint8_t> out, std::span<std::uint8_t> in) noexcept override {
         ++n_transfers;
+        if (n_until_accident > 0 && --n_until_accident == 0) accident();
         if (is_gone) return Answer::gone;
         if (hangs) return spend(1e9), Answer::timeout;
         if (n_failing > 0) {
@@ -95,6 +97,8 @@ public:
     std::uint64_t held_up_most_ns = 0;  // every fourth transfer, before it reads
     double overhead_ns = 0;             // of each transfer, as a USB adapter has it
     bool is_gone = false, hangs = false;
+    unsigned n_until_accident = 0;  // so many transfers until this happens, before the last of them
+    std::function<void()> accident;
     bool fails_after = false;  // of those: the chip has taken the bytes all the same
     unsigned n_failing = 0;    // so many transfers to come fail
     Answer failing_with = Answer::failed;
