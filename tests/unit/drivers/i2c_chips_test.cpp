@@ -372,7 +372,7 @@ TEST(Fdc1004, WhoseDoneStaysGivesNoMeasurementTwice) {
     ASSERT_EQ(bench.schedule.open(), "");
     bench.run(0.5);
     model.done_stays = true;
-    model.period_scale = 1.1;
+    model.period_scale = 1.4;
     bench.run(0.1);
     std::int64_t before = -1;
     for (const auto& one : bench.run(2)) {
