@@ -10,9 +10,10 @@ namespace {
 
 constexpr std::uint64_t kUs = 1000, kMs = 1'000'000;
 constexpr unsigned kLeastPauseMs = 10, kMostPauseMs = 1000;
-// A chip that says for so many conversions that none is ready has stopped.
-constexpr std::uint64_t kPatience = 3;
+// A chip that says for so long and so often that no conversion is ready has stopped. Often: it may be us who stood still.
+constexpr std::uint64_t kPatience = 3;  // conversions, and
 constexpr std::uint64_t kLeastPatienceNs = 20 * kMs;
+constexpr unsigned kLeastAsked = 10;
 
 }  // namespace
 
@@ -77,6 +78,7 @@ Station::Turn Station::set_up() noexcept {
 
 void Station::begin_conversion() noexcept {
     began_ns_ = port_.now_ns();
+    asked_ = 0;
     clock_.begin(began_ns_, chip_->conversion_ns(), chip_->pace() != Pace::triggered);
     due_ns_ = chip_->pace() == Pace::timed ? began_ns_ + chip_->conversion_ns() : clock_.next_poll_ns();
 }
@@ -99,7 +101,8 @@ Station::Turn Station::convert(Frame& frame) noexcept {
             const std::uint64_t now_ns = port_.now_ns();
             clock_.not_ready(before_ns, now_ns);
             due_ns_ = clock_.next_poll_ns();
-            if (now_ns - began_ns_ < kPatience * chip_->conversion_ns() + kLeastPatienceNs) return Turn::nothing;
+            const std::uint64_t patience_ns = kPatience * chip_->conversion_ns() + kLeastPatienceNs;
+            if (++asked_ < kLeastAsked || now_ns - began_ns_ < patience_ns) return Turn::nothing;
             return restart();
         }
         case Chip::Reading::part:
@@ -126,6 +129,7 @@ Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_n
         due_ns_ = clock_.next_poll_ns();
     }
     began_ns_ = now_ns;
+    asked_ = 0;
     if (is_first) lost = 0;  // others were set up meanwhile: no frame was there to follow
     lost_ += lost;
     counts_[TACTILED_LINK_LOST] += lost;

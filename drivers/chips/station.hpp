@@ -52,6 +52,7 @@ private:
     ConversionClock clock_;
     std::uint64_t due_ns_ = 0, began_ns_ = 0;
     unsigned step_ = 0, pause_ms_ = 0;
+    unsigned asked_ = 0;  // in vain, since the last conversion
     std::uint32_t lost_ = 0;
     std::uint64_t found_ = 0;
     bool was_set_up_ = false, has_converted_ = false, is_retry_ = false, is_wrong_ = false;
