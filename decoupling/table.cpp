@@ -63,44 +63,13 @@ private:
     GaugeSolver solver_;
 };
 
-// What is wrong with the calibration, "" where nothing is.
-std::string fault_of(const Calibration& calibration) {
-    std::uint32_t seen = 0;
-    for (const auto& name : calibration.channels) {
-        const auto gauge = table_gauge(name);
-        if (!gauge) return fmt::format("channel \"{}\"; a table sensor has R1 .. R8", name);
-        if ((seen >> gauge->number & 1u) != 0) return fmt::format("channel \"{}\" twice", name);
-        seen |= 1u << gauge->number;
-    }
-    for (const int inner : {1, 3, 5, 7})
-        if ((seen >> inner & 1u) == 0) return fmt::format("channels lacks R{}; needed are R1 R3 R5 R7", inner);
-    if (calibration.zero.size() != calibration.channels.size())
-        return fmt::format("zero has {} numbers for {} channels", calibration.zero.size(), calibration.channels.size());
-    for (const auto& name : calibration.components)
-        if (name != "fx" && name != "fy" && name != "fz")
-            return fmt::format("component \"{}\"; the linear method sees fx fy fz", name);
-    const std::vector<std::string> known{"normal_inner", "tangential_inner", "normal_outer", "tangential_outer", "noise"};
-    for (const auto& [name, value] : calibration.parameters) {
-        if (std::find(known.begin(), known.end(), name) == known.end()) {
-            const auto near = nearest_name(name, known);
-            return fmt::format(
-                "parameter {} is unknown; {}", name,
-                near ? "did you mean " + *near + "?" : "known are " + fmt::format("{}", fmt::join(known, " ")));
-        }
-        if (value < 0 && name != "normal_outer") return fmt::format("parameter {} = {} is below 0", name, value);
-    }
-    std::vector<std::string> needed{"normal_inner", "tangential_inner"};
-    if (calibration.channels.size() > 4) needed.emplace_back("tangential_outer");
-    for (const auto& name : needed)
-        if (calibration.parameters.count(name) == 0 || calibration.parameters.at(name) == 0)
-            return fmt::format("parameter {} (1/N, dR/R0 at 1 N) is missing or 0", name);
-    return fault_of_shared_parts(calibration);
-}
-
 }  // namespace
 
 std::unique_ptr<Decoupler> make_table_linear(const Calibration& calibration, std::string& fault) {
-    fault = fault_of(calibration);
+    // The tables are those of "nonlinear", whose fit serves this method, too.
+    const TableNeeds needs{kLinearParameters, {"normal_curve", "hysteresis"}, {"fx", "fy", "fz"}, true};
+    fault = fault_of_table(calibration, needs);
+    if (fault.empty()) fault = fault_of_gains(calibration);
     if (!fault.empty()) return nullptr;
     auto solver = solver_of_signs(calibration, fault);
     if (!solver) return nullptr;

@@ -97,7 +97,7 @@ void Grasping::set(const GraspSettable& wish) noexcept {
 tactiled_grasp Grasping::state() const noexcept {
     if (estimator_) {
         tactiled_grasp now = estimator_->state();
-        now.reserved = scale_shown_ ? kScaleShown : 0;
+        now.scale_shown = scale_shown_ ? 1 : 0;
         return now;
     }
     tactiled_grasp nothing{};

@@ -84,7 +84,7 @@ void store_objects(const std::string& path, std::span<const TaughtObject> object
     replace_file(path, text);
 }
 
-Weighing weighing_of(const tactiled_grasp& g) { return {g.weight_kg, g.weight_sd_kg, (g.reserved & kScaleShown) != 0}; }
+Weighing weighing_of(const tactiled_grasp& g) { return {g.weight_kg, g.weight_sd_kg, g.scale_shown != 0}; }
 
 bool is_teachable(const Weighing& w) {
     return w.mass_kg > kApart_sd * w.sd_kg && w.mass_kg <= kMostKg && w.sd_kg >= kLeastKg;

@@ -11,9 +11,6 @@
 
 namespace tactiled {
 
-// In tactiled_grasp.reserved: a known weight has set the scale of the weight since the daemon's start.
-inline constexpr std::uint32_t kScaleShown = 1;
-
 struct TaughtObject : grasp::Object {
     unsigned grasps = 0;  // that mass and sd are of
     bool scaled = false;  // weighed after a known weight had set the scale, which a restart of the daemon forgets

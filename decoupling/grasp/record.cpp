@@ -10,22 +10,12 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// A grasp of which nothing is known.
-tactiled_grasp nothing() noexcept {
-    tactiled_grasp g{};
-    g.weight_kg = g.weight_sd_kg = kNaN;
-    g.grip_N = g.recommended_grip_N = g.friction = g.friction_sd = g.object_probability =
-        std::numeric_limits<float>::quiet_NaN();
-    std::fill(std::begin(g.slip_state), std::end(g.slip_state), std::uint16_t(TACTILED_SLIP_UNKNOWN));
-    std::fill(std::begin(g.friction_use), std::end(g.friction_use), std::numeric_limits<float>::quiet_NaN());
-    return g;
-}
-
 }  // namespace
 
 tactiled_grasp Grasp::state() const noexcept {
     const State& s = *state_;
-    tactiled_grasp g = nothing();
+    tactiled_grasp g{};
+    tactiled_forget_grasp(&g);
     g.t_ns = s.t_ns;
     g.t_lift_off_ns = s.lift_off_ns;
     g.state = s.phase.now();

@@ -115,7 +115,7 @@ _SAMPLE = _Struct(
     "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
     "cop_S_m:2d residual:d rate_Hz:f temperature_C:f state:I peak_N:f")
 _GRASP = _Struct(
-    "t_ns:Q t_lift_off_ns:Q state:I weight_state:I grasps:I slips:I slip_mask:I slip_latch:I object_id:I reserved:I "
+    "t_ns:Q t_lift_off_ns:Q state:I weight_state:I grasps:I slips:I slip_mask:I slip_latch:I object_id:I scale_shown:I "
     "weight_kg:d weight_sd_kg:d grip_N:f recommended_grip_N:f friction:f friction_sd:f object_probability:f "
     "reserved_float:f object:32s slip_state:16H slip_count:16H friction_use:16f")
 _NODE = _Struct(

@@ -10,10 +10,12 @@ jaw, x_S towards the palm.
 import math
 import os
 import random
+import subprocess
 import threading
 import time
 import tty
 
+from daemon import BIN
 from simulated_sensors import SENSORS
 
 G_m_s2 = 9.81
@@ -42,6 +44,16 @@ x_S_in_G = [0, 0, -1]
 z_S_in_G = [-1, 0, 0]
 
 """
+
+
+def calibrate_skin(path):
+    """The calibration of one skin, fitted from labelled rows that it gives."""
+    skin = SENSORS["skin"]()
+    skin.begin("quadratic")
+    rows = path.with_suffix(".csv")
+    skin.write_labelled(rows)
+    subprocess.run([BIN / "tactilectl", "calibrate", "--model", "generic", "--method", "quadratic", "--in", rows, "--out", path],
+                   check=True, capture_output=True)
 
 
 def lift_profile(t_s):

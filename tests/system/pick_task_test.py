@@ -13,7 +13,6 @@ import pathlib
 import random
 import shutil
 import struct
-import subprocess
 import sys
 import tempfile
 import time
@@ -22,8 +21,8 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import BIN, Daemon  # noqa: E402
-from pick_bench import GRASP, Robot  # noqa: E402
+from daemon import Daemon  # noqa: E402
+from pick_bench import GRASP, Robot, calibrate_skin  # noqa: E402
 from simulated_sensors import SENSORS  # noqa: E402
 
 PICKS = int(os.environ.get("PICKS", "20"))
@@ -84,11 +83,7 @@ class PickTask(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-pick-"))
         cls.addClassCleanup(shutil.rmtree, cls.folder)
-        skin = SENSORS["skin"]()
-        skin.begin("quadratic")
-        skin.write_labelled(cls.folder / "rows.csv")
-        subprocess.run([BIN / "tactilectl", "calibrate", "--model", "generic", "--method", "quadratic", "--in", cls.folder / "rows.csv",
-                        "--out", cls.folder / "skin.toml"], check=True, capture_output=True)
+        calibrate_skin(cls.folder / "skin.toml")
 
     def setUp(self):
         links = "".join(SENSORS["skin"]().toml(name, "quadratic") for name in ("left", "right"))

@@ -15,7 +15,7 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
-from pick_bench import GRASP, Robot  # noqa: E402
+from pick_bench import GRASP, Robot, calibrate_skin  # noqa: E402
 from simulated_sensors import SENSORS  # noqa: E402
 
 sys.dont_write_bytecode = True
@@ -30,11 +30,7 @@ class Teach(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-teach-"))
         cls.addClassCleanup(shutil.rmtree, cls.folder)
-        skin = SENSORS["skin"]()
-        skin.begin("quadratic")
-        skin.write_labelled(cls.folder / "rows.csv")
-        subprocess.run([BIN / "tactilectl", "calibrate", "--model", "generic", "--method", "quadratic", "--in", cls.folder / "rows.csv",
-                        "--out", cls.folder / "skin.toml"], check=True, capture_output=True)
+        calibrate_skin(cls.folder / "skin.toml")
 
     def setUp(self):
         self.daemon = Daemon("".join(SENSORS["skin"]().toml(name, "quadratic") for name in ("left", "right")) + GRASP)

@@ -178,15 +178,15 @@ enum tactiled_slip_state {
 /* The grasp as the node's sensors tell it. What is not known is NaN, never the last value; without [grasp] in the
  * configuration `state` is TACTILED_GRIP_UNKNOWN and everything else "not known". */
 struct tactiled_grasp {
-    TACTILED_ALIGN(8) uint64_t t_ns;          /* CLOCK_MONOTONIC of the newest sample in it */
-    TACTILED_ALIGN(8) uint64_t t_lift_off_ns; /* of the last one, 0 = none yet */
-    uint32_t state;                           /* enum tactiled_grip_state */
-    uint32_t weight_state;                    /* enum tactiled_weight_state */
-    uint32_t grasps;                          /* counts from 0, + 1 when GRASPED is entered */
-    uint32_t slips;                           /* gross slips of all jaws since the start of the daemon */
-    uint32_t slip_mask, slip_latch;           /* bit n = sensor n: gross slip now; since the last clear */
-    uint32_t object_id;                       /* of the taught object that this weight is, 0 = unknown or no weight */
-    uint32_t reserved;
+    TACTILED_ALIGN(8) uint64_t t_ns;           /* CLOCK_MONOTONIC of the newest sample in it */
+    TACTILED_ALIGN(8) uint64_t t_lift_off_ns;  /* of the last one, 0 = none yet */
+    uint32_t state;                            /* enum tactiled_grip_state */
+    uint32_t weight_state;                     /* enum tactiled_weight_state */
+    uint32_t grasps;                           /* counts from 0, + 1 when GRASPED is entered */
+    uint32_t slips;                            /* gross slips of all jaws since the start of the daemon */
+    uint32_t slip_mask, slip_latch;            /* bit n = sensor n: gross slip now; since the last clear */
+    uint32_t object_id;                        /* of the taught object that this weight is, 0 = unknown or no weight */
+    uint32_t scale_shown;                      /* 1: a known weight has set the weight's scale since the daemon's start */
     double weight_kg, weight_sd_kg;            /* net, of the object alone */
     float grip_N, recommended_grip_N;          /* normal force of a jaw, mean; the least that holds, with the margin */
     float friction, friction_sd;               /* coefficient, learnt in this grasp or as configured (then sd NaN) */
@@ -196,6 +196,24 @@ struct tactiled_grasp {
     uint16_t slip_count[TACTILED_MAX_SENSORS]; /* gross slips of this sensor, wraps */
     float friction_use[TACTILED_MAX_SENSORS];  /* |shear| / (friction x press); NaN without contact */
 };
+
+/* Makes a grasp "not known", so that an old one cannot pass for a new one. What was counted and latched stays. */
+static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
+    const uint32_t nan_bits = 0x7FC00000u;
+    float nan_value;
+    int i;
+    memcpy(&nan_value, &nan_bits, sizeof nan_value);
+    grasp->state = TACTILED_GRIP_UNKNOWN;
+    grasp->weight_state = TACTILED_WEIGHT_NONE;
+    grasp->slip_mask = grasp->object_id = 0;
+    grasp->weight_kg = grasp->weight_sd_kg = (double)nan_value;
+    grasp->grip_N = grasp->recommended_grip_N = grasp->friction = grasp->friction_sd = grasp->object_probability = nan_value;
+    memset(grasp->object, 0, sizeof grasp->object);
+    for (i = 0; i < TACTILED_MAX_SENSORS; ++i) {
+        grasp->slip_state[i] = (uint16_t)TACTILED_SLIP_UNKNOWN;
+        grasp->friction_use[i] = nan_value;
+    }
+}
 
 /* One published frame of the whole node: which sample of each sensor belongs together. */
 struct tactiled_node {

@@ -117,24 +117,6 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
-/* Makes a grasp "not known", so that an old one cannot pass for a new one. What was counted and latched stays. */
-static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
-    const uint32_t nan_bits = 0x7FC00000u;
-    float nan_value;
-    int i;
-    memcpy(&nan_value, &nan_bits, sizeof nan_value);
-    grasp->state = TACTILED_GRIP_UNKNOWN;
-    grasp->weight_state = TACTILED_WEIGHT_NONE;
-    grasp->slip_mask = grasp->object_id = 0;
-    grasp->weight_kg = grasp->weight_sd_kg = (double)nan_value;
-    grasp->grip_N = grasp->recommended_grip_N = grasp->friction = grasp->friction_sd = grasp->object_probability = nan_value;
-    memset(grasp->object, 0, sizeof grasp->object);
-    for (i = 0; i < TACTILED_MAX_SENSORS; ++i) {
-        grasp->slip_state[i] = (uint16_t)TACTILED_SLIP_UNKNOWN;
-        grasp->friction_use[i] = nan_value;
-    }
-}
-
 /* The newest node record, judged at `now_ns`: its grasp is not known where the daemon has ended, where it writes none
  * (before 1.1), or where the record is older than a sensor's stale_ms, for then nobody has told the grasp that its sensors
  * fell silent. Returns 1, or 0 when there is none. */

@@ -124,6 +124,12 @@ TEST(AutoSensor, ATareHoldsForTheMethodThatComesAfterIt) {
     EXPECT_EQ(back.force_S_N[2], -2.75);
 }
 
+void expect_unsure(const tactiled_sample& s) {
+    EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_NE(s.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
+    EXPECT_TRUE(std::isnan(s.sd_force_N[2]));
+}
+
 TEST(AutoSensor, AMethodWithoutATrueZeroIsUncertainUntilTheNextTare) {
     Bench bench(1);
     (void)bench.after(10, -1);
@@ -132,9 +138,7 @@ TEST(AutoSensor, AMethodWithoutATrueZeroIsUncertainUntilTheNextTare) {
     clock_step_ns = 20'000;
     tactiled_sample s = bench.after(200, -3);
     ASSERT_EQ(TACTILED_METHOD(s.state), 2u);
-    EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
-    EXPECT_NE(s.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
-    EXPECT_TRUE(std::isnan(s.sd_force_N[2]));
+    expect_unsure(s);
     bench.tare(-3);
     EXPECT_EQ(bench.next(-3).quality, unsigned(TACTILED_GOOD));
 }
@@ -147,9 +151,7 @@ TEST(AutoSensor, ATareOfAMethodThatDoesNotKnowItsPastIsNoTrueZero) {
     bench.tare(-1);
     tactiled_sample s = bench.after(50, -1);  // sure again: of the raw value
     ASSERT_EQ(TACTILED_METHOD(s.state), 1u);
-    EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
-    EXPECT_NE(s.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
-    EXPECT_TRUE(std::isnan(s.sd_force_N[2]));
+    expect_unsure(s);
     bench.tare(-1);
     EXPECT_EQ(bench.next(-1).quality, unsigned(TACTILED_GOOD));
 }

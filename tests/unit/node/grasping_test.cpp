@@ -190,13 +190,13 @@ TEST_F(GraspingTest, OnlyObjectsThatWereTaughtUnderTheScaleInForceAreTold) {
     EXPECT_TRUE(grasping_.carry_out(objects));
     feel(5, -0.981, 20);
     EXPECT_EQ(grasping_.state().object_id, 0u);
-    EXPECT_EQ(grasping_.state().reserved & kScaleShown, 0u);
+    EXPECT_EQ(grasping_.state().scale_shown, 0u);
     Command known = command(Command::Kind::known_weight);
     known.mass_kg = 0.2;
     EXPECT_TRUE(grasping_.carry_out(known));
     feel(5, -0.981, 20);
     EXPECT_EQ(grasping_.state().object_id, 9u);
-    EXPECT_EQ(grasping_.state().reserved & kScaleShown, kScaleShown);
+    EXPECT_EQ(grasping_.state().scale_shown, 1u);
 }
 
 TEST(GraspingWithoutASetup, NothingIsKnownAndNoCommandTaken) {
