@@ -13,7 +13,9 @@ namespace {
 
 std::string problems_of(const std::string& text) {
     Problems problems;
-    Options options = Options::parse_text("bus = \"/dev/i2c-1\"\n" + text, "test.toml", problems);
+    std::string all = "bus = \"/dev/i2c-1\"\n";
+    all += text;
+    Options options = Options::parse_text(all, "test.toml", problems);
     const auto driver = find_driver("i2c")->make(options);
     options.finish();
     return fmt::format("{}", fmt::join(problems.lines(), "\n"));
@@ -104,8 +106,8 @@ TEST(I2cKeys, SayWhatIsWrongWithLineAndRemedy) {
 }
 
 TEST(I2cKeys, TwoChipsThatWouldAnswerAtOnceAreRefused) {
-    const std::string one = "[[chip]]\ndevice = 0\nchip = \"ad7746\"\n",
-                      two = "[[chip]]\ndevice = 1\nchip = \"ads1115\"\n" + std::string("inputs = [\"AIN0\"]\n");
+    const std::string one = "[[chip]]\ndevice = 0\nchip = \"ad7746\"\n";
+    const std::string two = "[[chip]]\ndevice = 1\nchip = \"ads1115\"\ninputs = [\"AIN0\"]\n";
     const std::string left = "mux = {address = 0x70, channel = 0}\n", right = "mux = {address = 0x70, channel = 1}\n";
     EXPECT_NE(problems_of(one + two).find("another chip of this bus answers at 0x48, too"), std::string::npos);
     EXPECT_NE(problems_of(one + two + left).find("too"), std::string::npos);
@@ -120,7 +122,8 @@ TEST(I2cKeys, OfTheExampleInTheDocumentedConfigurationAreGood) {
     std::string text, block;
     for (std::string line; std::getline(file, line);) {
         if (line.rfind("#", 0) == 0) {
-            block += line.substr(std::min<std::size_t>(2, line.size())) + "\n";
+            block += line.substr(std::min<std::size_t>(2, line.size()));
+            block += '\n';
             continue;
         }
         if (const auto at = block.find("[[link]]"); block.find("driver = \"i2c\"") != block.npos && at != block.npos)
