@@ -117,8 +117,10 @@ LinkSettings read_link(Options table) {
     const std::string name = table.text("name");
     if (!name.empty()) check_name(table, name);
     const std::string driver = table.text("driver");
-    const bool simulated = table.flag("simulated", driver == "sim");
-    if (driver == "sim" && !simulated) table.problem("simulated", "driver \"sim\" is always simulated");
+    const bool never_measures = driver == "sim" || driver == "replay";
+    const bool simulated = table.flag("simulated", never_measures);
+    if (never_measures && !simulated)
+        table.problem("simulated", fmt::format("driver \"{}\" measures nothing: simulated = true", driver));
     return {name, driver, simulated, 0, table};
 }
 
@@ -252,8 +254,16 @@ Config load_config(const std::string& path, Problems& problems) {
     check_shared_frames(sensors);
     auto grasp = read_grasp(root, node.name, sensors, folder.string());
     if (grasp) modbus.objects = grasp->objects;
-    return {path,           std::move(node),  realtime,           std::move(modbus),
-            std::move(shm), std::move(links), std::move(sensors), std::move(grasp),
+    auto gpio = read_gpio(root);
+    return {path,
+            std::move(node),
+            realtime,
+            std::move(modbus),
+            std::move(shm),
+            std::move(links),
+            std::move(sensors),
+            std::move(grasp),
+            std::move(gpio),
             std::move(root)};
 }
 

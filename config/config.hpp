@@ -101,6 +101,13 @@ struct GraspSettings {
     std::string objects;  // path of the file of taught objects
 };
 
+struct GpioSettings {
+    std::string chip;
+    std::string fault, grasped, slip, alive;  // lines; "" = none
+    bool fault_is_low;                        // the level that says so
+    int slip_ms;                              // a slip is shown for so long at least
+};
+
 struct Config {
     std::string path;
     NodeSettings node;
@@ -110,6 +117,7 @@ struct Config {
     std::vector<LinkSettings> links;
     std::vector<SensorSettings> sensors;
     std::optional<GraspSettings> grasp;
+    std::optional<GpioSettings> gpio;
     Options root;  // finish() it once drivers and models have read theirs
 };
 

@@ -12,4 +12,7 @@ namespace tactiled {
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
                                         const std::vector<SensorSettings>& sensors, const std::string& folder);
 
+// [gpio]; nothing where the file has none. setup: never throws for bad input
+std::optional<GpioSettings> read_gpio(Options& root);
+
 }  // namespace tactiled

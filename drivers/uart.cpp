@@ -1,26 +1,48 @@
-// Driver "uart": any tty. Bytes go to the decoder of the configured wire format; read() = 0 or an error means that the
-// device is gone, and the node opens it again.
+// Drivers "uart": any tty, and "tcp": a device that streams over a connection. Bytes go to the decoder of the configured
+// wire format; read() = 0 or an error means that the device is gone, and the node opens it again.
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstring>
+#include <utility>
 
 #include "drivers/clock.hpp"
 #include "drivers/driver.hpp"
+#include "drivers/tcp.hpp"
 #include "drivers/tty.hpp"
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
+#include "drivers/wire/ft300_frame.hpp"
+#include "drivers/wire/kms40_line.hpp"
 
 namespace tactiled {
 namespace {
 
-class Uart final : public Driver {
+constexpr int kConnectMs = 800;                     // open() may block for a second
+constexpr std::uint64_t kSilentNs = 1'000'000'000;  // 100 frames of the FT 300
+constexpr std::uint64_t kStopMs = 20;               // two of its frames: what it was sending has ended
+
+class Stream final : public Driver {
 public:
-    explicit Uart(Options& options)
-        : path_(options.text("device")), baud_(unsigned(options.integer("baud", {50, 12'000'000}, 115'200))) {
-        if (options.one_of("format", {"cobs", "lines"}) == "lines") {
+    Stream(Options& options, bool network) : network_(network), path_(options.text(network ? "address" : "device")) {
+        if (network) {
+            address_ = tcp_address(path_, 1000);
+            if (!path_.empty() && !address_.fault.empty())
+                options.problem("address", fmt::format("address = {} {}", in_quotes(path_), address_.fault));
+        } else {
+            baud_ = unsigned(options.integer("baud", {50, 12'000'000}, 115'200));
+        }
+        const std::string format_name = options.one_of("format", {"cobs", "lines", network ? "kms40" : "ft300"});
+        if (format_name == "kms40") {
+            decoder_ = std::make_unique<Kms40Decoder>(counts);
+        } else if (format_name == "ft300") {
+            decoder_ = std::make_unique<Ft300Decoder>(std::uint8_t(options.integer("unit", {1, 247}, 9)), counts);
+        } else if (format_name == "lines") {
             AsciiFormat format;
             format.channels = unsigned(options.integer("channels", {1, double(kMaxChannels)}));
             format.checksum = options.flag("checksum", false);
@@ -31,14 +53,18 @@ public:
             decoder_ = std::make_unique<CobsDecoder>(counts);
         }
     }
-    ~Uart() override { close(); }
+    ~Stream() override { close(); }
 
     std::string open() override {
         close();
         std::string why;
-        fd_ = open_tty(path_, {.baud = baud_}, why);
+        fd_ = network_ ? open_tcp(address_, path_, kConnectMs, why)
+                       : open_tty(path_, {.baud = baud_, .answers = !decoder_->start_bytes().empty()}, why);
         if (fd_ < 0) return why;
         decoder_->reset();
+        asked_ns_ = now_ns();
+        asked_again_ = false;
+        if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
         overruns_before_ = counts[TACTILED_LINK_OVERRUN];
         return "";
@@ -46,6 +72,11 @@ public:
 
     Status read(Frame& frame, int timeout_ms) noexcept override {
         if (decoder_->next(frame)) return Status::frame;
+        if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // it may have lost its supply
+            asked_ns_ = now_ns();
+            asked_again_ = true;
+            if (!ask_for_stream(false)) return Status::gone;
+        }
         // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its turn.
         pollfd waiting{fd_, POLLIN, 0};
         const timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};
@@ -56,11 +87,15 @@ public:
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return Status::gone;  // 0 on a tty is a hang-up, not an end of file to be read again
         decoder_->push({bytes_.data(), std::size_t(size)}, now_ns());
-        return decoder_->next(frame) ? Status::frame : Status::timeout;
+        if (!decoder_->next(frame)) return Status::timeout;
+        asked_ns_ = frame.t_ns;
+        if (std::exchange(asked_again_, false)) ++counts[TACTILED_LINK_RESTARTED];
+        return Status::frame;
     }
 
     void close() noexcept override {
         if (fd_ < 0) return;
+        (void)tell(decoder_->stop_bytes());
         if (std::uint32_t overruns = 0; tty_overruns(fd_, overruns))
             counts[TACTILED_LINK_OVERRUN] = overruns_before_ + (overruns - overruns_at_open_);
         ::close(fd_);
@@ -70,15 +105,40 @@ public:
     bool has_more() const noexcept override { return decoder_->is_ready(); }
 
 private:
-    std::string path_;
-    unsigned baud_;
+    // A device that streams already hears nothing but its stop.
+    bool ask_for_stream(bool stop_first) noexcept {
+        if (decoder_->start_bytes().empty()) return true;
+        if (stop_first) {
+            if (!tell(decoder_->stop_bytes())) return false;
+            const std::uint64_t sent_ms = 10 * 1000 * decoder_->stop_bytes().size() / baud_;
+            const timespec pause{0, long(std::min<std::uint64_t>(sent_ms + kStopMs, 900)) * 1'000'000};
+            ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
+        }
+        return tell(decoder_->start_bytes());
+    }
+
+    bool tell(std::span<const std::uint8_t> bytes) noexcept {
+        if (bytes.empty()) return true;
+        return ssize_t(bytes.size()) ==
+               (network_ ? ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) : ::write(fd_, bytes.data(), bytes.size()));
+    }
+
+    bool network_;
+    std::string path_;  // or address
+    TcpAddress address_;
+    unsigned baud_ = 0;
     std::unique_ptr<StreamDecoder> decoder_;
     int fd_ = -1;
+    std::uint64_t asked_ns_ = 0;  // for the stream, or when it last brought a frame
+    bool asked_again_ = false;
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;
     std::array<std::uint8_t, StreamDecoder::kMostBytes> bytes_{};
 };
 
-const DriverEntry entry{"uart", [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<Uart>(options); }};
+std::unique_ptr<Driver> make_uart(Options& options) { return std::make_unique<Stream>(options, false); }
+std::unique_ptr<Driver> make_tcp(Options& options) { return std::make_unique<Stream>(options, true); }
+const DriverEntry uart{"uart", make_uart};
+const DriverEntry tcp{"tcp", make_tcp};
 
 }  // namespace
 }  // namespace tactiled

@@ -2,7 +2,7 @@
 # install-packages.sh [build] [demo] [tests] [kernel]: installs the Debian packages that are missing. Nothing to do: no network, no root.
 set -euo pipefail
 
-build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
+build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
     libeigen3-dev libceres-dev nlohmann-json3-dev libboost-dev)
 demo=(mbpoll)
 tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio clang-format-14 procps strace

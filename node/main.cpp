@@ -10,6 +10,7 @@
 #include <memory>
 
 #include "node/control.hpp"
+#include "node/gpio_outputs.hpp"
 #include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/modbus/server.hpp"
@@ -66,6 +67,8 @@ int run(Node& node, const sigset_t& signals) {
         const ModbusSettings& settings = node.config.modbus;
         if (settings.enabled())
             modbus = std::make_unique<ModbusServer>(node.plan.name, settings, pipeline.commands[TACTILED_FROM_MODBUS]);
+        std::unique_ptr<GpioOutputs> gpio;
+        if (node.config.gpio) gpio = std::make_unique<GpioOutputs>(node.plan.name, *node.config.gpio);
         log_line(LogLevel::info,
                  fmt::format("tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}",
                              TACTILED_VERSION, node.plan.name, node.sensors.size(), node.plan.name,

@@ -28,6 +28,24 @@ std::uint32_t take_refused(Link& link, std::uint16_t device) noexcept {
     return frames;
 }
 
+static_assert(TACTILED_MAX_CHANNELS == kMaxChannels);
+
+tactiled_frame as_published(const Frame& frame) noexcept {
+    tactiled_frame out;  // not cleared: channels beyond are not copied
+    out.t_ns = frame.t_ns;
+    out.device_time_us = frame.device_time_us;
+    out.sequence = frame.sequence;
+    out.missing = frame.missing;
+    out.saturated = frame.saturated;
+    out.lost = frame.lost;
+    out.device = frame.device;
+    out.n_channels = frame.n_channels;
+    out.has_sequence = frame.has_sequence ? 1 : 0;
+    out.reserved = 0;
+    std::copy_n(frame.channel.begin(), frame.n_channels, out.channel);
+    return out;
+}
+
 }  // namespace
 
 // ---- link -> frame -> ring -------------------------------------------------------------------------------------------
@@ -113,6 +131,7 @@ bool Pipeline::deliver(std::uint64_t now_ns) noexcept {
 }
 
 void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept {
+    segment_.publish(link.index, link.delivered++, as_published(frame));
     bool bound = false;
     for (const auto& binding : link.bindings) {
         if (binding.device != frame.device) continue;

@@ -36,6 +36,7 @@ struct Link {
     bool was_connected = false;
     std::uint32_t ring_full_seen = 0;
     std::uint32_t unbound = 0;
+    std::uint64_t delivered = 0;  // frames, bound or not
 
     // The link thread's own: frames refused because the ring was full, not yet told to the pipeline.
     struct Refused {

@@ -56,6 +56,10 @@ public:
         ready_ = false;
     }
 
+    // What a device must be sent to begin and to end its stream; empty for one that sends by itself. rt: wait-free
+    [[nodiscard]] virtual std::span<const std::uint8_t> start_bytes() const noexcept { return {}; }
+    [[nodiscard]] virtual std::span<const std::uint8_t> stop_bytes() const noexcept { return {}; }
+
 protected:
     // Uses one byte; true when it completed `frame` (stamp and counting are the base's). rt: wait-free
     [[nodiscard]] virtual bool take(std::uint8_t byte, Frame& frame) noexcept = 0;

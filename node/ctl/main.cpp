@@ -51,8 +51,8 @@ int main(int argc, char** argv) {
     app.set_version_flag("--version", TACTILED_VERSION);
     app.require_subcommand(1);
     Run run;
-    for (auto* add : {add_status, add_top, add_read, add_tare, add_weigh, add_teach, add_map, add_check, add_calibrate,
-                      add_decouple, add_play, add_simulate, add_tradeoff})
+    for (auto* add : {add_status, add_top, add_read, add_record, add_replay, add_tare, add_weigh, add_teach, add_map,
+                      add_check, add_calibrate, add_decouple, add_play, add_simulate, add_tradeoff})
         add(app, run);
     try {
         app.parse(argc, argv);

@@ -21,6 +21,8 @@ using Run = std::function<int()>;
 void add_status(CLI::App& app, Run& run);
 void add_top(CLI::App& app, Run& run);
 void add_read(CLI::App& app, Run& run);
+void add_record(CLI::App& app, Run& run);
+void add_replay(CLI::App& app, Run& run);
 void add_tare(CLI::App& app, Run& run);
 void add_weigh(CLI::App& app, Run& run);
 void add_teach(CLI::App& app, Run& run);

@@ -33,7 +33,7 @@ import stat
 import struct
 import time
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 1
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 2
 MAX_SENSORS = MAX_LINKS = 16
 NAME_SIZE = 32  # with the terminating zero
 

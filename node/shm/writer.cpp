@@ -46,6 +46,16 @@ constexpr std::uint32_t kNodeRecords = 64;  // only the newest are read: 16 ms o
 constexpr std::size_t kWishedSize = 1'000'000;
 constexpr std::uint32_t kMostHistory = 1024, kLeastHistory = 64;
 
+// So many that they fit into another MB: half a second at 1 kHz of eight links.
+std::uint32_t frames_of(const SegmentPlan& plan) {
+    std::uint32_t frames = kMostHistory;
+    while (frames > kLeastHistory &&
+           frames * aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_frame)) * plan.links.size() > kWishedSize)
+        frames /= 2;
+    return frames;
+}
+
+// Without the rings of frames.
 std::size_t size_of(const SegmentPlan& plan, std::uint32_t history) {
     const std::size_t sensors = plan.sensors.size();
     const std::size_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_sample));
@@ -172,7 +182,8 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
         give_back();
         return SetupError(text);
     };
-    size_ = size_of(plan, history_of(plan));
+    const std::size_t frame_slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_frame));
+    size_ = size_of(plan, history_of(plan)) + (frame_slot * frames_of(plan) + kAlign) * plan.links.size();
     wake_fd_ = make_wake_page();
     void* const page = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ, MAP_SHARED | MAP_POPULATE, wake_fd_, 0);
     if (wake_fd_ < 0 || page == MAP_FAILED) throw fail("the page of sleeping readers");
@@ -270,7 +281,11 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
         sensors[i] = plan.sensors[i];
         sensors[i].ring = ring(sizeof(tactiled_sample), history_of(plan));
     }
-    std::copy(plan.links.begin(), plan.links.end(), reinterpret_cast<tactiled_link*>(base_ + h.link_offset));
+    auto* links = reinterpret_cast<tactiled_link*>(base_ + h.link_offset);
+    for (std::size_t i = 0; i < plan.links.size(); ++i) {
+        links[i] = plan.links[i];
+        links[i].frames = ring(sizeof(tactiled_frame), frames_of(plan));
+    }
     assert(at == size_);
     set_state(TACTILED_STARTING);
 }
@@ -282,6 +297,12 @@ void SegmentWriter::set_state(tactiled_state state) noexcept {
 void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample) noexcept {
     const auto& sensor = reinterpret_cast<const tactiled_sensor*>(base_ + header().sensor_offset)[index];
     publish_record(base_, sensor.ring, sample.sequence, &sample, sizeof sample);
+}
+
+void SegmentWriter::publish(std::uint32_t index, std::uint64_t number, const tactiled_frame& frame) noexcept {
+    const auto& link = reinterpret_cast<const tactiled_link*>(base_ + header().link_offset)[index];
+    publish_record(base_, link.frames, number, &frame,
+                   offsetof(tactiled_frame, channel) + sizeof(double) * frame.n_channels);
 }
 
 void SegmentWriter::publish(const tactiled_node& node) noexcept {

@@ -40,6 +40,8 @@ public:
 
     // Publishes the next sample of sensor `index`; `sample.sequence` must count up by one. rt: wait-free
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
+    // Publishes the next frame of link `index`, number `number` from 0. rt: wait-free
+    void publish(std::uint32_t index, std::uint64_t number, const tactiled_frame& frame) noexcept;
     // Publishes the next node record: call it after the samples that it names. rt: wait-free
     void publish(const tactiled_node& node) noexcept;
 

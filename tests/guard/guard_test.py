@@ -13,6 +13,7 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
 from daemon import ROOT, Daemon, wait_for  # noqa: E402
+from modbus_slaves import Hostile, Pty, Server  # noqa: E402
 
 GUARD = os.environ.get("RTGUARD", str(ROOT / "build/release/tests/guard/librtguard.so"))
 CONFIG = """
@@ -140,6 +141,46 @@ class Guard(unittest.TestCase):
                 status, threads = run(2, plant, "link")
                 self.assertGreater(sum(t[kind] for t in threads if t["thread"] == "link"), 0)
                 self.assertEqual(status, 97)
+
+    def test_modbus_links_are_clean_whatever_their_slaves_do(self):
+        link = """
+[[link]]
+name = "NAME"
+driver = "modbus"
+WHERE
+[[link.slave]]
+rate_Hz = 200
+sequence = {at = 13}
+registers = [{name = "c1", at = 10}, {name = "c2", at = 11}, {name = "c3", at = 12}]
+
+[[sensor]]
+name = "NAME"
+link = "NAME"
+model = "generic"
+calibration = "{folder}/unit.toml"
+"""
+        server = Server()
+        with Daemon(link.replace("NAME", "net").replace("WHERE", f'address = "127.0.0.1:{server.port}"') +
+                    link.replace("NAME", "line").replace("WHERE", 'device = "{folder}/dev"\nbaud = 115200\ntimeout_ms = 20').replace("rate_Hz = 200", "rate_Hz = 60"),
+                    env={"LD_PRELOAD": GUARD}) as d:
+            d.env["RTGUARD_REPORT"] = str(d.folder / "guard.json")
+            (d.folder / "unit.toml").write_text(CALIBRATION)
+            misdeeds = {name: 0.05 for name in ("late", "silence", "unit", "exception", "length", "short", "noise", "hang_up")}
+            slaves = [Hostile(end, misdeeds, seed=1, late_s=0.06) for end in (server, Pty(d.folder / "dev"))]
+            for slave in slaves:
+                slave.start()
+            d.start()
+            time.sleep(8)
+            status, _ = d.stop()
+            for slave in slaves:
+                slave.close()
+            threads = [json.loads(line) for line in (d.folder / "guard.json").read_text().splitlines()]
+            self.assertEqual(status, 0)
+            calls = set()
+            for t in threads:
+                self.assertEqual({k: t[k] for k in CLEAN}, dict.fromkeys(CLEAN, 0), t)
+                calls |= set(t["allowed_calls"])
+            self.assertEqual(calls, {"0", "1", "44", "45", "271"})  # read, write, sendto, recvfrom, ppoll
 
     def test_reading_the_clock_is_no_breach(self):
         status, _ = run(0.6, "clock")

@@ -19,10 +19,10 @@ root=$overlay/root/project
 mkdir -p "$root/build/release/bin" "$root/tests" "$root/node"
 cp -r "$project/tests/kernel" "$project/tests/system" "$root/tests/"
 cp -r "$project/node/python" "$root/node/"; cp -r "$project/config" "$root/"
-for program in tactiled tactilectl $(cd "$bin" && ls -d usbip_* 2>/dev/null); do
+for program in tactiled tactilectl $(cd "$bin" && ls -d usbip_* gpio_edges 2>/dev/null); do
     "$here/program.sh" "$overlay" "$bin/$program"
-    strip --strip-debug -o "$root/build/release/bin/$program" "$overlay/usr/bin/$program"  # tactilectl: 55 MB, a file system in RAM
-    rm "$overlay/usr/bin/$program"
+    mv "$overlay/usr/bin/$program" "$root/build/release/bin/"
+    strip --strip-debug "$root/build/release/bin/$program"  # all of it lives in the machine's memory
 done
 
 failed=()

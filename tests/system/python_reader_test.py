@@ -73,7 +73,7 @@ def same_bits(a, b):
 class Layout:
     """layout.h as a parser sees it that knows nothing of the module."""
 
-    SCALARS = {"char": ("s", 1), "uint16_t": ("H", 2), "uint32_t": ("I", 4), "uint64_t": ("Q", 8), "float": ("f", 4),
+    SCALARS = {"char": ("s", 1), "uint8_t": ("B", 1), "uint16_t": ("H", 2), "uint32_t": ("I", 4), "uint64_t": ("Q", 8), "float": ("f", 4),
                "double": ("d", 8)}
 
     def __init__(self):
@@ -532,7 +532,7 @@ class AFile(unittest.TestCase):
 
     def test_that_is_no_segment_of_ours_is_refused_with_the_reason(self):
         cases = (
-            ("its layout is version 2.7, this reader knows 1.1", [("major", 2), ("minor", 7)]),
+            ("its layout is version 2.7, this reader knows 1.2", [("major", 2), ("minor", 7)]),
             ("no tactiled segment", [("magic", b"TACTILES")]),
             ("the other byte order", [("byte_order", 0x04030201)]),
             ("truncated", [("header_size", 508)]),

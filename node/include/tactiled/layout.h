@@ -32,9 +32,10 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 1
+#define TACTILED_MINOR 2
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
+#define TACTILED_MAX_CHANNELS 32 /* of a frame */
 #define TACTILED_MAX_METHODS 8
 #define TACTILED_METHODS_SIZE 128
 #define TACTILED_NAME_SIZE 32 /* with the terminating zero */
@@ -309,8 +310,24 @@ struct tactiled_link {
     TACTILED_ALIGN(128) char name[TACTILED_NAME_SIZE];
     char driver[TACTILED_NAME_SIZE];
     uint32_t simulated;                   /* declared so in the configuration */
+    struct tactiled_ring frames;          /* of struct tactiled_frame; since 1.2: no slots where an older daemon writes */
     TACTILED_ALIGN(128) uint32_t state;   /* enum tactiled_link_state; changes */
     uint32_t count[TACTILED_LINK_COUNTS]; /* change */
+};
+
+/* What a link delivered, before any model: the channels of one device at one instant. For recording. Since 1.2. */
+struct tactiled_frame {
+    TACTILED_ALIGN(8) uint64_t t_ns;           /* CLOCK_MONOTONIC when its last byte was taken from the kernel */
+    TACTILED_ALIGN(8) uint64_t device_time_us; /* the device's own clock, 0 if it sends none */
+    uint32_t sequence;                         /* the device's counter, where has_sequence */
+    uint32_t missing;                          /* bit n: channel n has no value; its number is NaN */
+    uint32_t saturated;                        /* bit n: channel n is at a rail that the driver knows of */
+    uint32_t lost;                             /* frames of this device that are missing right before this one */
+    uint16_t device;                           /* which of the link */
+    uint8_t n_channels;
+    uint8_t has_sequence;
+    uint32_t reserved;
+    TACTILED_ALIGN(8) double channel[TACTILED_MAX_CHANNELS]; /* raw; of those from n_channels on nothing is said */
 };
 
 enum tactiled_state {
@@ -355,6 +372,7 @@ TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 248);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 456);
 TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 416);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
+TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
 
 /* ---- Reading -------------------------------------------------------------------------------------------------------

@@ -415,8 +415,9 @@ TEST(DocumentedConfig, LoadsWithoutAProblem) {
 TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
     const std::string bad = "zzzzzzzzzzzz = 1\n";
     Loaded loaded("[node]\n" + bad + "[realtime]\n" + bad + "[modbus]\n" + bad + "[modbus.rtu]\n" + bad + "[shm]\n" + bad +
-                  "[grasp]\n" + bad + "[[grasp.jaw]]\nsensor = 'left'\nx_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n" + bad +
-                  kLink + bad + kSensor + bad);
+                  "[grasp]\n" + bad + "[gpio]\nchip = 'a'\nfault = '1'\n" + bad +
+                  "[[grasp.jaw]]\nsensor = 'left'\nx_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n" + bad + kLink + bad +
+                  kSensor + bad);
     loaded.config.root.finish();
     const std::string text = test::read_file(kDocumented);
     std::size_t n_keys = 0;
@@ -433,7 +434,7 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
             EXPECT_NE(text.substr(at + 1, text.find('\n', at + 1) - at).find("  # "), std::string::npos) << key;
         }
     }
-    EXPECT_EQ(n_keys, 59u);
+    EXPECT_EQ(n_keys, 66u);
 }
 
 TEST(DocumentedConfig, NamesTheDefaults) {

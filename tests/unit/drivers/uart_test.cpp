@@ -12,6 +12,7 @@
 #include "drivers/driver.hpp"
 #include "drivers/tty.hpp"
 #include "drivers/wire/cobs_frame.hpp"
+#include "drivers/wire/ft300_frame.hpp"
 
 namespace tactiled {
 namespace {
@@ -145,6 +146,35 @@ TEST_F(UartTest, SaysWhatIsWrongWithAPort) {
     EXPECT_NE(why.find("is it plugged in?"), std::string::npos) << why;
     EXPECT_EQ(open_tty("/dev/null", TtySettings{.baud = 9600}, why), -1);
     EXPECT_NE(why.find("no serial port"), std::string::npos) << why;
+}
+
+TEST_F(UartTest, AsksAnFt300ForItsStreamAtOpeningAndAgainWhenItFellSilentAndStopsItAtTheEnd) {
+    const auto driver = make("format = \"ft300\"");
+    const std::string stop(50, '\xFF'), start("\x09\x10\x01\x9A\x00\x01\x02\x02\x00\xCD\xCA", 11);
+    const auto sent = [&](std::size_t size) {
+        std::string bytes(size, 0);
+        std::size_t have = 0;
+        for (ssize_t n = 1; have < size && n > 0; have += std::size_t(n)) n = ::read(master_, &bytes[have], size - have);
+        return bytes;
+    };
+    const auto frame = [&](Frame& read) {
+        std::array<std::uint8_t, kFt300Bytes> out;
+        encode_ft300(Frame{}, out);
+        send(out.data(), out.size());
+        return driver->read(read, 1000);
+    };
+    ASSERT_EQ(driver->open(), "");
+    EXPECT_EQ(sent(61), stop + start);
+    Frame read;
+    EXPECT_EQ(frame(read), Status::frame);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_RESTARTED], 0u);
+    EXPECT_EQ(driver->read(read, 1050), Status::timeout);
+    EXPECT_EQ(driver->read(read, 1), Status::timeout);
+    EXPECT_EQ(sent(11), start);
+    EXPECT_EQ(frame(read), Status::frame);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_RESTARTED], 1u);
+    driver->close();
+    EXPECT_EQ(sent(50), stop);
 }
 
 TEST(ReadmeDriver, TheExampleOfThePageRuns) {

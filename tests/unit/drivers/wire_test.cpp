@@ -11,6 +11,8 @@
 
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
+#include "drivers/wire/ft300_frame.hpp"
+#include "drivers/wire/kms40_line.hpp"
 
 namespace tactiled {
 namespace {
@@ -429,6 +431,102 @@ TEST(AsciiLine, ReadsSequenceAndTimeColumns) {
     EXPECT_EQ(frames[1].device_time_us, 2000u);
     EXPECT_EQ(frames[2].lost, 2u);
     EXPECT_EQ(frames[2].channel[0], 1.7);
+}
+
+// ---- the FT 300's stream ----
+
+Bytes ft300(double fx_N, double mz_Nm) {
+    Frame frame;
+    frame.channel[0] = fx_N;
+    frame.channel[5] = mz_Nm;
+    std::array<std::uint8_t, kFt300Bytes> out;
+    encode_ft300(frame, out);
+    return {out.begin(), out.end()};
+}
+
+TEST(Ft300, AsksWithTheWriteOfTheManualAndStopsWith50TimesFF) {
+    LinkCounts counts;
+    const Ft300Decoder decoder(9, counts);
+    const auto start = decoder.start_bytes(), stop = decoder.stop_bytes();
+    EXPECT_EQ(Bytes(start.begin(), start.end()), hex("09 10 01 9A 00 01 02 02 00 CD CA"));
+    EXPECT_EQ(Bytes(stop.begin(), stop.end()), Bytes(50, 0xFF));
+}
+
+TEST(Ft300, ReadsLittleEndianHundredthsOfANewtonAndThousandthsOfANewtonMetre) {
+    LinkCounts counts;
+    Ft300Decoder decoder(9, counts);
+    const Bytes bytes = ft300(-12.34, 1.5);
+    EXPECT_EQ(Bytes(bytes.begin(), bytes.begin() + 4), hex("20 4E 2E FB"));
+    const auto frames = decode(decoder, bytes);
+    ASSERT_EQ(frames.size(), 1u);
+    ASSERT_EQ(frames[0].n_channels, 6);
+    EXPECT_DOUBLE_EQ(frames[0].channel[0], -12.34);  // N
+    EXPECT_DOUBLE_EQ(frames[0].channel[5], 1.5);     // Nm
+}
+
+TEST(Ft300, FindsFramesAfterTheAnswerToItsRequestInNoiseAndInsideABrokenFrame) {
+    Bytes bytes = hex("09 10 01 9A 00 01 20 9F 20 20 4E 01");
+    const std::size_t before = bytes.size();
+    const Bytes good = ft300(1, 2), other = ft300(3, 4);
+    bytes.insert(bytes.end(), good.begin(), good.end());  // stands inside what begins with the 20 4E above
+    bytes.insert(bytes.end(), other.begin(), other.end());
+    for (const std::size_t chunk : {1u, 3u, 4096u}) {
+        LinkCounts counts;
+        Ft300Decoder decoder(9, counts);
+        const auto frames = decode(decoder, bytes, chunk);
+        ASSERT_EQ(frames.size(), 2u);
+        EXPECT_EQ(frames[0].channel[0], 1);
+        EXPECT_EQ(frames[1].channel[5], 4);
+        EXPECT_EQ(counts[TACTILED_LINK_SKIPPED], before);
+        EXPECT_EQ(counts[TACTILED_LINK_BAD_CHECKSUM], 1u);
+    }
+}
+
+TEST(Ft300, AnyBitFlippedCostsThatFrameAlone) {
+    for (std::size_t bit = 0; bit < 8 * kFt300Bytes; ++bit) {
+        Bytes bytes = ft300(1, 2);
+        bytes[bit / 8] = std::uint8_t(bytes[bit / 8] ^ 1u << bit % 8);
+        const Bytes next = ft300(5, 6);
+        bytes.insert(bytes.end(), next.begin(), next.end());
+        LinkCounts counts;
+        Ft300Decoder decoder(9, counts);
+        const auto frames = decode(decoder, bytes);
+        ASSERT_EQ(frames.size(), 1u) << "bit " << bit;
+        EXPECT_EQ(frames[0].channel[0], 5);
+    }
+}
+
+// ---- the KMS 40's lines ----
+
+TEST(Kms40, ReadsItsLinesAndPassesOverTheAnswersToCommands) {
+    for (const std::size_t chunk : {1u, 5u, 4096u}) {
+        LinkCounts counts;
+        Kms40Decoder decoder(counts);
+        const auto frames =
+            decode(decoder, bytes_of("L1\nF={-1.5,0.25,3,0.001,-2e-3,0},123\r\nF={4,5,6,7,8,9},124\n"), chunk);
+        ASSERT_EQ(frames.size(), 2u);
+        ASSERT_EQ(frames[0].n_channels, 6);
+        EXPECT_EQ(frames[0].channel[0], -1.5);   // N
+        EXPECT_EQ(frames[0].channel[4], -2e-3);  // Nm
+        EXPECT_EQ(frames[1].channel[5], 9);
+        EXPECT_EQ(counts[TACTILED_LINK_SKIPPED], 3u);
+        EXPECT_EQ(counts[TACTILED_LINK_BAD_VALUE], 0u);
+    }
+}
+
+TEST(Kms40, TakesNothingFromALineThatIsNotWhole) {
+    for (const char* line :
+         {"F={1,2,3,4,5},1", "F={1,2,3,4,5,6,7},1", "F={1,2,3,4,5,6}", "F={1,2,3,4,5,6},", "F={1,2,3,4,5,6},1x",
+          "F={1,2,,4,5,6},1", "F={1,2,nan,4,5,6},1", "F={1,2,inf,4,5,6},1", "F={", "F={1,2,3,4,5,6,1"}) {
+        LinkCounts counts;
+        Kms40Decoder decoder(counts);
+        EXPECT_TRUE(decode(decoder, bytes_of(std::string(line) + "\n")).empty()) << line;
+        EXPECT_EQ(counts[TACTILED_LINK_BAD_VALUE], 1u) << line;
+    }
+    LinkCounts counts;
+    Kms40Decoder decoder(counts);
+    EXPECT_TRUE(decode(decoder, bytes_of("F={" + std::string(300, '1') + "\n")).empty());
+    EXPECT_EQ(counts[TACTILED_LINK_BAD_LENGTH], 1u);
 }
 
 }  // namespace

@@ -137,6 +137,24 @@ TEST_F(PipelineTest, CountsFramesOfADeviceThatNobodyReads) {
     EXPECT_EQ(look().sensor[0].quality, unsigned(TACTILED_BAD));
 }
 
+TEST_F(PipelineTest, ShowsEveryFrameOfALinkBesideItsSamples) {
+    send(0, 5);
+    send(0, 6, 9);  // of a device that nobody reads
+    acquire_all(0);
+    turn();
+    const Segment segment = Segment::open(plan_.name);
+    const tactiled_ring& ring = segment.link(0).frames;
+    ASSERT_EQ(tactiled_ring_head(segment.base(), &ring), 2u);
+    for (const std::uint32_t n : {0u, 1u}) {
+        tactiled_frame frame;
+        ASSERT_EQ(tactiled_ring_read(segment.base(), &ring, n, &frame, sizeof frame), 1);
+        EXPECT_EQ(frame.channel[0], 5.0 + n);
+        EXPECT_EQ(frame.device, n == 0 ? 0 : 9);
+        EXPECT_GE(frame.n_channels, 1);
+    }
+    EXPECT_EQ(tactiled_ring_head(segment.base(), &segment.link(1).frames), 0u);
+}
+
 TEST_F(PipelineTest, TheHeartbeatBeatsWithDataAndStopsWithThem) {
     send(0, 1);
     acquire_all(0);

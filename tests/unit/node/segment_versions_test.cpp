@@ -37,7 +37,7 @@ TEST_F(SegmentVersions, AReaderOf10ReadsTheFirstPartOfARecordOf11) {
     const auto writer = alive();
     publish(*writer);
     const Segment segment = Segment::open(name_);
-    EXPECT_EQ(segment.header().minor, 1);
+    EXPECT_EQ(segment.header().minor, TACTILED_MINOR);
     EXPECT_EQ(kNodeOf10, 208u);
     alignas(tactiled_node) unsigned char record[kNodeOf10];
     ASSERT_TRUE(tactiled_ring_latest(segment.base(), &segment.header().node, record, sizeof record));

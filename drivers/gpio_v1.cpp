@@ -1,0 +1,97 @@
+// libgpiod 1.x, as in Debian 12. It uses the kernel's first interface: 16 edges wait at most, the newest are dropped beyond.
+#include <fmt/format.h>
+#include <gpiod.h>
+#include <poll.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "drivers/gpio.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint32_t kWaitingMost = 16;  // of the kernel
+constexpr const char* kConsumer = "tactiled";
+
+struct Line {
+    gpiod_chip* chip = nullptr;
+    gpiod_line* line = nullptr;
+
+    Line() = default;
+    Line(const Line&) = delete;
+    Line& operator=(const Line&) = delete;
+    ~Line() {
+        if (chip != nullptr) ::gpiod_chip_close(chip);  // releases its lines
+    }
+    std::string open(const GpioName& name) {
+        const auto fail = [&](const std::string& what) {
+            return fmt::format("{}: {}{}", what, std::strerror(errno), gpio_remedy(errno));
+        };
+        chip = ::gpiod_chip_open_lookup(name.chip.c_str());
+        if (chip == nullptr) return fail(fmt::format("GPIO chip \"{}\"", name.chip));
+        const bool offset = name.line.find_first_not_of("0123456789") == std::string::npos && name.line.size() <= 6;
+        line = ::gpiod_chip_find_line(chip, name.line.c_str());
+        if (line == nullptr && offset) line = ::gpiod_chip_get_line(chip, unsigned(std::stoul(name.line)));
+        return line != nullptr ? "" : fail(fmt::format("GPIO line \"{}\" of chip \"{}\"", name.line, name.chip));
+    }
+    std::string refused(const GpioName& name) const {
+        return fmt::format("GPIO line \"{}\" of chip \"{}\": {}{}", name.line, name.chip, std::strerror(errno),
+                           gpio_remedy(errno));
+    }
+};
+
+}  // namespace
+
+struct GpioEdges::Held : Line {};
+struct GpioOutput::Held : Line {};
+
+GpioEdges::GpioEdges() = default;
+GpioEdges::~GpioEdges() = default;
+GpioOutput::GpioOutput() = default;
+GpioOutput::GpioOutput(GpioOutput&&) noexcept = default;
+GpioOutput::~GpioOutput() = default;
+void GpioEdges::close() noexcept { held_.reset(); }
+void GpioOutput::close() noexcept { held_.reset(); }
+
+std::string GpioEdges::open(const GpioName& name, Edge edge) {
+    held_ = std::make_unique<Held>();
+    std::string why = held_->open(name);
+    if (why.empty() && (edge == Edge::rising ? ::gpiod_line_request_rising_edge_events(held_->line, kConsumer)
+                                             : ::gpiod_line_request_falling_edge_events(held_->line, kConsumer)) != 0)
+        why = held_->refused(name);
+    if (!why.empty()) held_.reset();
+    return why;
+}
+
+GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::uint32_t& edges) noexcept {
+    edges = 0;
+    timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};
+    while (edges < kWaitingMost) {
+        pollfd waiting{::gpiod_line_event_get_fd(held_->line), POLLIN, 0};
+        const int ready = ::ppoll(&waiting, 1, &timeout, nullptr);
+        if (ready == 0 || (ready < 0 && errno == EINTR)) break;
+        if (ready < 0 || (waiting.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) return Wait::gone;
+        gpiod_line_event event;
+        if (::gpiod_line_event_read(held_->line, &event) != 0) return Wait::gone;
+        t_ns = std::uint64_t(event.ts.tv_sec) * 1'000'000'000u + std::uint64_t(event.ts.tv_nsec);
+        ++edges;
+        timeout = {};  // the others only if they are there
+    }
+    if (edges == kWaitingMost) t_ns = 0;  // newer ones may have been dropped
+    return edges != 0 ? Wait::edge : Wait::timeout;
+}
+
+int GpioEdges::level() const noexcept { return ::gpiod_line_get_value(held_->line); }
+
+std::string GpioOutput::open(const GpioName& name, bool high) {
+    held_ = std::make_unique<Held>();
+    std::string why = held_->open(name);
+    if (why.empty() && ::gpiod_line_request_output(held_->line, kConsumer, high ? 1 : 0) != 0) why = held_->refused(name);
+    if (!why.empty()) held_.reset();
+    return why;
+}
+
+bool GpioOutput::set(bool high) noexcept { return ::gpiod_line_set_value(held_->line, high ? 1 : 0) == 0; }
+
+}  // namespace tactiled

@@ -1,0 +1,165 @@
+// libgpiod 2.x, as in Debian 13. 256 edges wait at most, the oldest are dropped beyond; the line's sequence counts them.
+#include <dirent.h>
+#include <fmt/format.h>
+#include <gpiod.h>
+#include <poll.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <vector>
+
+#include "drivers/gpio.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::size_t kWaitingMost = 256;
+constexpr const char* kConsumer = "tactiled";
+
+// By path, name or label; nullptr with errno.
+gpiod_chip* open_chip(const std::string& wanted) {
+    if (wanted.find('/') != std::string::npos) return ::gpiod_chip_open(wanted.c_str());
+    std::vector<std::string> names;
+    if (DIR* folder = ::opendir("/dev")) {
+        while (const dirent* entry = ::readdir(folder))
+            if (std::string(entry->d_name).rfind("gpiochip", 0) == 0) names.emplace_back(entry->d_name);
+        ::closedir(folder);
+    }
+    std::sort(names.begin(), names.end());
+    int error = ENOENT;
+    for (const auto& name : names) {
+        gpiod_chip* chip = ::gpiod_chip_open(("/dev/" + name).c_str());
+        if (chip == nullptr) {
+            error = errno;  // may have been the one: EACCES
+            continue;
+        }
+        gpiod_chip_info* info = ::gpiod_chip_get_info(chip);
+        const bool found = name == wanted || (info != nullptr && wanted == ::gpiod_chip_info_get_label(info));
+        if (info != nullptr) ::gpiod_chip_info_free(info);
+        if (found) return chip;
+        ::gpiod_chip_close(chip);
+    }
+    errno = error;
+    return nullptr;
+}
+
+struct Line {
+    gpiod_line_request* request = nullptr;
+    unsigned offset = 0;
+
+    Line() = default;
+    Line(const Line&) = delete;
+    Line& operator=(const Line&) = delete;
+    ~Line() {
+        if (request != nullptr) ::gpiod_line_request_release(request);
+    }
+    std::string open(const GpioName& name, gpiod_line_settings* settings) {
+        gpiod_chip* chip = open_chip(name.chip);
+        std::string what = fmt::format("GPIO chip \"{}\"", name.chip);
+        if (chip != nullptr) {
+            what = fmt::format("GPIO line \"{}\" of chip \"{}\"", name.line, name.chip);
+            ask(chip, name.line, settings);
+        }
+        const int error = errno;
+        if (chip != nullptr) ::gpiod_chip_close(chip);
+        return request != nullptr ? "" : fmt::format("{}: {}{}", what, std::strerror(error), gpio_remedy(error));
+    }
+
+private:
+    void ask(gpiod_chip* chip, const std::string& name, gpiod_line_settings* settings) {
+        int found = ::gpiod_chip_get_line_offset_from_name(chip, name.c_str());
+        const bool number = name.find_first_not_of("0123456789") == std::string::npos && name.size() <= 6;
+        if (found < 0 && number) found = std::stoi(name);
+        if (found < 0) return;
+        offset = unsigned(found);
+        gpiod_line_config* lines = ::gpiod_line_config_new();
+        gpiod_request_config* how = ::gpiod_request_config_new();
+        if (lines != nullptr && how != nullptr && settings != nullptr &&
+            ::gpiod_line_config_add_line_settings(lines, &offset, 1, settings) == 0) {
+            ::gpiod_request_config_set_consumer(how, kConsumer);
+            ::gpiod_request_config_set_event_buffer_size(how, kWaitingMost);
+            request = ::gpiod_chip_request_lines(chip, how, lines);
+        }
+        const int error = errno;
+        if (how != nullptr) ::gpiod_request_config_free(how);
+        if (lines != nullptr) ::gpiod_line_config_free(lines);
+        errno = error;
+    }
+};
+
+gpiod_line_value value_of(bool high) { return high ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE; }
+
+}  // namespace
+
+struct GpioEdges::Held : Line {
+    Held() : buffer(::gpiod_edge_event_buffer_new(kWaitingMost)) {}
+    ~Held() { ::gpiod_edge_event_buffer_free(buffer); }
+    gpiod_edge_event_buffer* buffer;
+    unsigned long sequence = 0;  // of the last edge
+};
+struct GpioOutput::Held : Line {};
+
+GpioEdges::GpioEdges() = default;
+GpioEdges::~GpioEdges() = default;
+GpioOutput::GpioOutput() = default;
+GpioOutput::GpioOutput(GpioOutput&&) noexcept = default;
+GpioOutput::~GpioOutput() = default;
+void GpioEdges::close() noexcept { held_.reset(); }
+void GpioOutput::close() noexcept { held_.reset(); }
+
+std::string GpioEdges::open(const GpioName& name, Edge edge) {
+    held_ = std::make_unique<Held>();
+    gpiod_line_settings* settings = ::gpiod_line_settings_new();
+    if (settings != nullptr) {
+        ::gpiod_line_settings_set_direction(settings, GPIOD_LINE_DIRECTION_INPUT);
+        ::gpiod_line_settings_set_edge_detection(settings,
+                                                 edge == Edge::rising ? GPIOD_LINE_EDGE_RISING : GPIOD_LINE_EDGE_FALLING);
+        ::gpiod_line_settings_set_event_clock(settings, GPIOD_LINE_CLOCK_MONOTONIC);
+    }
+    std::string why = held_->open(name, settings);
+    if (settings != nullptr) ::gpiod_line_settings_free(settings);
+    if (!why.empty()) held_.reset();
+    return why;
+}
+
+GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::uint32_t& edges) noexcept {
+    edges = 0;
+    pollfd waiting{::gpiod_line_request_get_fd(held_->request), POLLIN, 0};
+    const timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};
+    const int ready = ::ppoll(&waiting, 1, &timeout, nullptr);
+    if (ready == 0 || (ready < 0 && errno == EINTR)) return Wait::timeout;
+    if (ready < 0 || (waiting.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) return Wait::gone;
+    const int n = ::gpiod_line_request_read_edge_events(held_->request, held_->buffer, kWaitingMost);
+    if (n <= 0) return Wait::gone;
+    gpiod_edge_event* last = ::gpiod_edge_event_buffer_get_event(held_->buffer, static_cast<unsigned long>(n - 1));
+    t_ns = ::gpiod_edge_event_get_timestamp_ns(last);
+    const unsigned long sequence = ::gpiod_edge_event_get_line_seqno(last);
+    edges = std::uint32_t(sequence - held_->sequence);  // those that the kernel dropped, too
+    held_->sequence = sequence;
+    return Wait::edge;
+}
+
+int GpioEdges::level() const noexcept {
+    const gpiod_line_value value = ::gpiod_line_request_get_value(held_->request, held_->offset);
+    return value == GPIOD_LINE_VALUE_ERROR ? -1 : value == GPIOD_LINE_VALUE_ACTIVE ? 1 : 0;
+}
+
+std::string GpioOutput::open(const GpioName& name, bool high) {
+    held_ = std::make_unique<Held>();
+    gpiod_line_settings* settings = ::gpiod_line_settings_new();
+    if (settings != nullptr) {
+        ::gpiod_line_settings_set_direction(settings, GPIOD_LINE_DIRECTION_OUTPUT);
+        ::gpiod_line_settings_set_output_value(settings, value_of(high));
+    }
+    std::string why = held_->open(name, settings);
+    if (settings != nullptr) ::gpiod_line_settings_free(settings);
+    if (!why.empty()) held_.reset();
+    return why;
+}
+
+bool GpioOutput::set(bool high) noexcept {
+    return ::gpiod_line_request_set_value(held_->request, held_->offset, value_of(high)) == 0;
+}
+
+}  // namespace tactiled

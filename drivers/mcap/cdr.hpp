@@ -1,0 +1,66 @@
+// Common Data Representation, little-endian, as ROS 2 encodes messages: each number aligned to its own size, counted from
+// behind the four bytes that name the encoding.
+#pragma once
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <string>
+#include <string_view>
+#include <type_traits>
+
+namespace tactiled {
+
+static_assert(std::endian::native == std::endian::little, "written as the machine has it");
+inline constexpr std::size_t kCdrHead = 4;
+
+class CdrWriter {
+public:
+    // Begins a message in `out`, which keeps its memory from one message to the next.
+    explicit CdrWriter(std::string& out) : out_(out) { out_.assign("\0\1\0\0", kCdrHead); }
+
+    template <class T>
+    requires std::is_arithmetic_v<T>
+    void put(T value) {
+        out_.append((sizeof value - (out_.size() - kCdrHead) % sizeof value) % sizeof value, '\0');
+        out_.append(reinterpret_cast<const char*>(&value), sizeof value);
+    }
+    void put(std::string_view text) {
+        put(std::uint32_t(text.size() + 1));
+        out_.append(text);
+        out_ += '\0';
+    }
+
+private:
+    std::string& out_;
+};
+
+class CdrReader {
+public:
+    explicit CdrReader(std::span<const char> bytes) : bytes_(bytes) {
+        failed_ = bytes.size() < kCdrHead || std::memcmp(bytes.data(), "\0\1\0\0", kCdrHead) != 0;
+    }
+
+    // The next number; 0 where the message ends before it: then failed().
+    template <class T>
+    requires std::is_arithmetic_v<T> T get() {
+        const std::size_t at = at_ + (sizeof(T) - (at_ - kCdrHead) % sizeof(T)) % sizeof(T);
+        T value{};
+        if (failed_ || bytes_.size() < at + sizeof(T)) {
+            failed_ = true;
+            return value;
+        }
+        std::memcpy(&value, bytes_.data() + at, sizeof value);
+        at_ = at + sizeof value;
+        return value;
+    }
+    [[nodiscard]] bool failed() const { return failed_; }
+
+private:
+    std::span<const char> bytes_;
+    std::size_t at_ = kCdrHead;
+    bool failed_ = false;
+};
+
+}  // namespace tactiled

@@ -1,0 +1,66 @@
+// Reads the messages of an MCAP file in the order of the file. Pure: bytes in, no I/O. It needs no index, so that a file
+// that was cut is read up to its last whole chunk. Chunks are not compressed, as drivers/mcap/writer.hpp writes them; others
+// are counted.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace tactiled::mcap {
+
+struct Channel {
+    std::string topic, schema, message_encoding;
+    std::map<std::string, std::string> metadata;
+};
+
+struct Message {
+    const Channel* channel = nullptr;  // valid as long as the Reader
+    std::uint32_t sequence = 0;
+    std::uint64_t time_ns = 0;
+    std::span<const char> data;  // in the bytes that were given
+};
+
+class Reader {
+public:
+    // The whole file; must outlive the Reader. A file that is no MCAP gives no message: why().
+    explicit Reader(std::string_view bytes);
+
+    // The next message, nullopt at the end: of the file, or of what can be read of it: why().
+    std::optional<Message> next();
+    // The first message comes next again.
+    void rewind();
+
+    // "" or what is wrong with the file: no MCAP, cut, compressed chunks, chunks with a wrong CRC.
+    [[nodiscard]] std::string why() const;
+    struct Attachment {
+        std::string name;
+        std::string_view data;
+    };
+    [[nodiscard]] const std::vector<Attachment>& attachments() const { return attachments_; }
+
+private:
+    struct Record {
+        std::uint8_t op;
+        std::string_view content;
+    };
+    static std::optional<Record> take_record(std::string_view bytes, std::size_t& at);
+    void take_named(const Record& record);
+    void enter_chunk(std::string_view content);
+    void take_attachment(std::string_view content);
+
+    std::string_view bytes_;
+    std::size_t at_ = 0;
+    std::string_view chunk_;
+    std::size_t chunk_at_ = 0;
+    std::map<std::uint16_t, std::string> schemas_;
+    std::map<std::uint16_t, Channel> channels_;
+    std::vector<Attachment> attachments_;
+    bool is_mcap_ = false, ended_ = false, cut_ = false;
+    unsigned compressed_ = 0, bad_crc_ = 0, damaged_ = 0;
+};
+
+}  // namespace tactiled::mcap

@@ -1,0 +1,60 @@
+// Writes an MCAP file: chunks with a CRC and an index, no compression. A file that is cut anywhere loses the last chunk
+// only.
+#pragma once
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/options.hpp"
+
+namespace tactiled::mcap {
+
+class Writer {
+public:
+    // A new file; one that is there is replaced only with `overwrite`. setup: throws SetupError where it cannot be made
+    Writer(const std::string& path, bool overwrite);
+    // Without close(): the file stays as after a cut.
+    ~Writer();
+    Writer(const Writer&) = delete;
+    Writer& operator=(const Writer&) = delete;
+
+    // `data`: in `encoding` "ros2msg", the definition and those that it names. Before the first message.
+    std::uint16_t add_schema(const std::string& name, const std::string& encoding, const std::string& data);
+    std::uint16_t add_channel(std::uint16_t schema, const std::string& topic, const std::string& message_encoding,
+                              const std::map<std::string, std::string>& metadata = {});
+    // A whole file beside the messages.
+    void attach(const std::string& name, const std::string& media_type, std::string_view data, std::uint64_t now_ns);
+
+    // `time_ns` since 1970. Kept until flush(), which is also done once kMostPending bytes wait.
+    void message(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, std::string_view data);
+    void flush();
+    // Flushes, and writes the index. What is not said by then is lost.
+    void close();
+
+    [[nodiscard]] std::uint64_t bytes() const { return offset_ + chunk_.size(); }
+    [[nodiscard]] std::uint64_t messages() const { return messages_; }
+
+    static constexpr std::size_t kMostPending = 1u << 20;
+
+private:
+    struct Named {
+        std::string record;  // as in the data section, to be repeated in the summary
+        std::uint64_t messages = 0;
+        std::vector<std::pair<std::uint64_t, std::uint64_t>> index;  // of the chunk: time, offset
+    };
+    void write(std::string_view bytes);  // throws std::runtime_error; the file ends with the last whole record
+    std::string summary_group(const std::vector<std::string>& records, std::uint8_t op, std::string& offsets);
+
+    std::string path_;
+    int fd_ = -1;
+    std::uint64_t offset_ = 0, messages_ = 0;
+    std::uint64_t begin_ns_ = 0, end_ns_ = 0;  // of all messages
+    std::vector<Named> schemas_, channels_;
+    std::string chunk_;
+    std::uint64_t chunk_begin_ns_ = 0, chunk_end_ns_ = 0;
+    std::vector<std::string> chunk_indices_, attachment_indices_;
+};
+
+}  // namespace tactiled::mcap

@@ -1,0 +1,295 @@
+// Driver "modbus": the master of devices on an RTU line or behind one TCP connection. One request stands open at a time; a
+// frame is one answer, whole.
+//
+// libmodbus is not used here: its reads block until the whole answer is there, which may take longer than a turn of the
+// link's thread, drop the answer that follows a late one, and do not look at the unit over TCP.
+//
+// Late answers. Over TCP a transaction tells them. An RTU answer has only unit, function and length. So a request without a
+// good answer puts its unit in doubt, and a doubted unit is first asked for a number of registers that no other request to
+// it has. A slave answers in order: when that length, or an exception, has come, nothing older can come any more.
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <utility>
+#include <vector>
+
+#include "drivers/clock.hpp"
+#include "drivers/driver.hpp"
+#include "drivers/modbus_device.hpp"
+#include "drivers/tcp.hpp"
+#include "drivers/tty.hpp"
+#include "drivers/wire/modbus_message.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kSecond = 1'000'000'000;
+constexpr int kConnectMs = 800;      // open() may block for a second
+constexpr unsigned kMissedMost = 3;  // in a row: then the device is set up anew
+constexpr std::uint64_t kMostPauseNs = kSecond;
+
+TtySettings::Parity parity_of(const std::string& name) {
+    return name == "even" ? TtySettings::Parity::even : name == "odd" ? TtySettings::Parity::odd : TtySettings::Parity::none;
+}
+
+class Modbus final : public Driver {
+public:
+    explicit Modbus(Options& options) : wire_(options.has("address") ? ModbusWire::tcp : ModbusWire::rtu), answers_(wire_) {
+        wire_ == ModbusWire::tcp ? read_connection(options) : read_line(options);
+        timeout_ns_ = std::uint64_t(options.integer("timeout_ms", {5, 5000}, 50)) * 1'000'000;
+        for (auto& table : options.tables("slave", 16)) add(read_modbus_device(table, wire_), table);
+        if (!options.has("slave"))
+            options.problem("slave", "there is no [[link.slave]]; one at least says which registers are read");
+        choose_probes();
+        check_load(options);
+    }
+    ~Modbus() override { close(); }
+
+    std::string open() override {
+        close();
+        std::string why;
+        fd_ = wire_ == ModbusWire::tcp ? open_tcp(address_, where_, kConnectMs, why) : open_tty(where_, tty_, why);
+        if (fd_ < 0) return why;
+        answers_.reset();
+        asking_ = nullptr;
+        quiet_until_ns_ = 0;
+        for (auto& device : devices_) {
+            device.due_ns = now_ns();
+            device.started = device.missed = 0;
+            device.was_set_up = false;
+            device.sequence.reset();
+            doubted_[device.is.unit] = wire_ == ModbusWire::rtu;  // whoever had the line before may have asked it
+        }
+        return "";
+    }
+
+    Status read(Frame& frame, int timeout_ms) noexcept override {
+        const std::uint64_t until_ns = now_ns() + std::uint64_t(timeout_ms) * 1'000'000;
+        for (;;) {
+            if (asking_ == nullptr) {
+                Device& next = *std::min_element(devices_.begin(), devices_.end(),
+                                                 [](const Device& a, const Device& b) { return a.due_ns < b.due_ns; });
+                const std::uint64_t begins_ns = std::max(next.due_ns, quiet_until_ns_);
+                if (!wait(std::min(begins_ns, until_ns), POLLRDHUP)) return Status::gone;
+                if (now_ns() < begins_ns) return Status::timeout;
+                if (!ask(next)) return Status::gone;
+            }
+            if (!wait(std::min(deadline_ns_, until_ns), POLLIN) || !take()) return Status::gone;
+            const auto found = answers_.next();
+            const bool late = now_ns() >= deadline_ns_;
+            counts[TACTILED_LINK_SKIPPED] += std::exchange(answers_.skipped, 0);
+            if (found == ModbusAnswers::Found::broken) {
+                ++counts[TACTILED_LINK_BAD_LENGTH];
+                return Status::gone;  // a new connection begins with a message's first byte
+            }
+            if (late)  // whole or not: if this process stood still (SIGSTOP), it may be of any age
+                failed(found == ModbusAnswers::Found::nothing ? answers_.missing() : TACTILED_LINK_BUS_ERROR);
+            else if (found != ModbusAnswers::Found::nothing && answered(found, frame))
+                return Status::frame;
+            if (now_ns() >= until_ns) return Status::timeout;
+        }
+    }
+
+    void close() noexcept override {
+        if (fd_ >= 0) ::close(fd_);
+        fd_ = -1;
+    }
+
+private:
+    struct Device {
+        ModbusDevice is;
+        std::uint64_t period_ns;
+        std::uint64_t due_ns = 0;           // on its own grid: no drift, whatever an answer takes
+        std::uint16_t probe_registers = 1;  // a length that no other request to this unit has
+        std::size_t started = 0;            // writes of is.start that were confirmed
+        bool was_set_up = false;            // since open()
+        unsigned missed = 0;                // requests without a good answer, in a row
+        SequenceTracker sequence;
+    };
+    enum class Asked { probe, start, values };
+
+    void read_connection(Options& options) {
+        where_ = options.text("address");
+        address_ = tcp_address(where_, 502);
+        if (!where_.empty() && !address_.fault.empty())
+            options.problem("address", fmt::format("address = {} {}", in_quotes(where_), address_.fault));
+        for (const char* key : {"device", "baud", "parity", "rs485"})
+            if (options.has(key))
+                options.problem(key, fmt::format("{} is of a serial line, address of TCP: one of them", key));
+    }
+
+    void read_line(Options& options) {
+        where_ = options.text("device");
+        tty_.baud = unsigned(options.integer("baud", {300, 4'000'000}, 19200));
+        tty_.parity = parity_of(options.one_of("parity", {"none", "odd", "even"}, "even"));
+        tty_.two_stop_bits = tty_.parity == TtySettings::Parity::none;  // who expects but one takes the other for a pause
+        tty_.rs485 = options.flag("rs485", false);
+        tty_.answers = true;
+        byte_ns_ = 11 * kSecond / tty_.baud;
+        // 3.5 characters; above 19200 baud the standard fixes 1.75 ms (Modbus over serial line 1.02, 2.5.1.1).
+        silence_ns_ = tty_.baud > 19200 ? 1'750'000 : 7 * byte_ns_ / 2;
+    }
+
+    void add(ModbusDevice device, Options& table) {
+        for (const auto& other : devices_)
+            if (other.is.device == device.device)
+                table.problem("device",
+                              fmt::format("device = {} is another [[link.slave]] already; sensors tell them apart by it",
+                                          device.device));
+        const auto period_ns = std::uint64_t(double(kSecond) / device.rate_Hz);
+        devices_.push_back({.is = std::move(device), .period_ns = period_ns, .sequence = {}});
+    }
+
+    void choose_probes() {
+        for (auto& device : devices_)
+            while (std::any_of(devices_.begin(), devices_.end(), [&](const Device& other) {
+                return other.is.unit == device.is.unit && other.is.set.count == device.probe_registers;
+            }))
+                ++device.probe_registers;
+    }
+
+    // A line that is asked for more than it can carry would be late with everything, and nobody could tell why.
+    void check_load(Options& options) {
+        if (wire_ == ModbusWire::tcp) return;
+        double load = 0;
+        for (const auto& device : devices_) {
+            const ModbusRequest request{.function = device.is.function, .count = device.is.set.count};
+            load +=
+                device.is.rate_Hz * 1e-9 * double((8 + modbus_answer_bytes(wire_, request)) * byte_ns_ + 2 * silence_ns_);
+        }
+        if (load > 1)
+            options.problem("baud",
+                            fmt::format("the [[link.slave]] ask {:.0f} % of what {} baud can carry: a higher baud, or "
+                                        "rate_Hz lower by {:.2f} in all",
+                                        100 * load, tty_.baud, 1 / load));
+    }
+
+    // Sleeps until `until_ns` or until the device has something; false where it is gone.
+    bool wait(std::uint64_t until_ns, short events) noexcept {
+        const std::uint64_t now = now_ns();
+        const std::uint64_t left_ns = until_ns > now ? until_ns - now : 0;
+        const timespec timeout{long(left_ns / kSecond), long(left_ns % kSecond)};
+        pollfd waiting{fd_, events, 0};
+        const int ready = ::ppoll(&waiting, 1, &timeout, nullptr);
+        return ready == 0 || (ready < 0 && errno == EINTR) ||
+               (ready > 0 && (waiting.revents & (POLLERR | POLLHUP | POLLNVAL | POLLRDHUP)) == 0);
+    }
+
+    // What is there, at most as much as there is room for; false where the device is gone.
+    bool take() noexcept {
+        const auto room = answers_.room();
+        const ssize_t size =
+            wire_ == ModbusWire::tcp ? ::recv(fd_, room.data(), room.size(), 0) : ::read(fd_, room.data(), room.size());
+        if (size < 0) return errno == EAGAIN || errno == EINTR;
+        if (size == 0) return false;
+        last_byte_ns_ = now_ns();
+        answers_.took(std::size_t(size));
+        counts[TACTILED_LINK_BYTES] += std::uint32_t(size);
+        return true;
+    }
+
+    bool ask(Device& device) noexcept {
+        const ModbusDevice& is = device.is;
+        request_ = {.transaction = ++transaction_, .unit = is.unit, .function = is.function, .at = is.set.at};
+        if (doubted_[is.unit]) {
+            asked_ = Asked::probe;
+            request_.count = device.probe_registers;
+        } else if (device.started < is.start.size()) {
+            asked_ = Asked::start;
+            const auto& write = is.start[device.started];
+            request_.function = write.function;
+            request_.at = write.at;
+            request_.value = write.value;
+        } else {
+            asked_ = Asked::values;
+            request_.count = is.set.count;
+        }
+        // What came since the last answer is nobody's: an answer that was too late, or noise.
+        for (int chunk = 0; wire_ == ModbusWire::rtu && chunk < 4; ++chunk) {
+            const std::uint32_t before = counts[TACTILED_LINK_BYTES];
+            if (!take()) return false;
+            answers_.expect(request_);
+            if (counts[TACTILED_LINK_BYTES] == before) break;
+        }
+        answers_.expect(request_);
+        std::array<std::uint8_t, kModbusMostRequest> bytes;
+        const std::size_t size = encode_modbus(wire_, request_, bytes);
+        const ssize_t sent =
+            wire_ == ModbusWire::tcp ? ::send(fd_, bytes.data(), size, MSG_NOSIGNAL) : ::write(fd_, bytes.data(), size);
+        if (sent != ssize_t(size)) return false;  // half a request cannot be taken back
+        asking_ = &device;
+        deadline_ns_ = now_ns() + timeout_ns_ + (size + modbus_answer_bytes(wire_, request_)) * byte_ns_;
+        return true;
+    }
+
+    // True where `frame` was filled.
+    bool answered(ModbusAnswers::Found found, Frame& frame) noexcept {
+        using Found = ModbusAnswers::Found;
+        Device& device = *asking_;
+        const bool alive = found == Found::good || (found == Found::refused && asked_ == Asked::probe);
+        if (!alive) {
+            failed(found == Found::wrong_length ? TACTILED_LINK_BAD_LENGTH : TACTILED_LINK_BUS_ERROR);
+            return false;
+        }
+        asking_ = nullptr;
+        quiet_until_ns_ = last_byte_ns_ + silence_ns_;
+        if (asked_ == Asked::probe) doubted_[device.is.unit] = false;
+        if (asked_ == Asked::start && ++device.started == device.is.start.size() && std::exchange(device.was_set_up, true))
+            ++counts[TACTILED_LINK_RESTARTED];
+        if (asked_ != Asked::values) return false;  // its values are still due
+        device.missed = 0;
+        plan(device, 0);
+        if (!read_registers(device.is.set, answers_.registers(), device.sequence, counts, frame)) return false;
+        frame.t_ns = last_byte_ns_;
+        frame.device = device.is.device;
+        ++counts[TACTILED_LINK_FRAMES];
+        return true;
+    }
+
+    void failed(tactiled_link_count kind) noexcept {
+        ++counts[kind];
+        Device& device = *std::exchange(asking_, nullptr);
+        doubted_[device.is.unit] = wire_ == ModbusWire::rtu;
+        quiet_until_ns_ = now_ns() + silence_ns_;
+        if (++device.missed >= kMissedMost) {  // it may have lost its supply: what it was told and what it counted
+            device.started = 0;
+            device.sequence.reset();
+        }
+        // Twice as long each time, so that a unit that is not there takes little from the others of its line.
+        const unsigned doublings = std::min(device.missed - 1, 10u);
+        plan(device, doublings == 0 ? 0 : std::min(device.period_ns << doublings, kMostPauseNs));
+    }
+
+    // The next place on the device's grid that is at least `pause_ns` away.
+    void plan(Device& device, std::uint64_t pause_ns) noexcept {
+        const std::uint64_t after_ns = now_ns() + pause_ns;
+        device.due_ns += device.period_ns * (1 + (std::max(after_ns, device.due_ns) - device.due_ns) / device.period_ns);
+    }
+
+    ModbusWire wire_;
+    std::string where_;  // path or address
+    TtySettings tty_;
+    TcpAddress address_;
+    std::uint64_t timeout_ns_ = 0, byte_ns_ = 0, silence_ns_ = 0;  // the last two 0 over TCP
+    std::vector<Device> devices_;
+    std::array<bool, 256> doubted_{};  // by unit
+
+    int fd_ = -1;
+    ModbusAnswers answers_;
+    ModbusRequest request_;
+    Device* asking_ = nullptr;  // whose request is open
+    Asked asked_ = Asked::values;
+    std::uint16_t transaction_ = 0;
+    std::uint64_t deadline_ns_ = 0, quiet_until_ns_ = 0, last_byte_ns_ = 0;
+};
+
+const DriverEntry entry{"modbus",
+                        [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<Modbus>(options); }};
+
+}  // namespace
+}  // namespace tactiled

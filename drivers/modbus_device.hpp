@@ -1,0 +1,27 @@
+// What a user says about one Modbus device: a [[link.device]] table, or a file of registers that it names.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "config/options.hpp"
+#include "drivers/wire/modbus_message.hpp"
+#include "drivers/wire/register_set.hpp"
+
+namespace tactiled {
+
+struct ModbusDevice {
+    std::uint16_t device = 0;  // of Frame
+    std::uint8_t unit = 1, function = 3;
+    double rate_Hz = 0;
+    RegisterSet set;
+    struct Write {
+        std::uint16_t at, value;
+        std::uint8_t function;
+    };
+    std::vector<Write> start;  // before the first reading, and when it comes back after a silence
+};
+
+// Errors go to the options' Problems. setup: never throws for bad input
+ModbusDevice read_modbus_device(Options table, ModbusWire wire);
+
+}  // namespace tactiled

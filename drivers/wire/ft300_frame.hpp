@@ -1,0 +1,38 @@
+// The stream of Robotiq's FT 150, FT 300 and FT 300-S: 16 bytes a frame, 100 a second, after a Modbus write that asks for
+// it.
+//
+//     0x20 0x4E, Fx Fy Fz in 0.01 N, Mx My Mz in 0.001 Nm, each 16 bits low byte first, Modbus' CRC of these 14 bytes
+//
+// From the manuals' stream section; tried against a simulated device only. It has no counter: a lost frame goes unseen.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "drivers/wire/decoder.hpp"
+
+namespace tactiled {
+
+inline constexpr std::size_t kFt300Bytes = 16;
+
+class Ft300Decoder final : public StreamDecoder {
+public:
+    Ft300Decoder(std::uint8_t unit, LinkCounts& counts);
+    void reset() noexcept override;
+    [[nodiscard]] std::span<const std::uint8_t> start_bytes() const noexcept override { return start_; }
+    [[nodiscard]] std::span<const std::uint8_t> stop_bytes() const noexcept override { return stop_; }
+
+private:
+    bool take(std::uint8_t byte, Frame& frame) noexcept override;
+    void drop_first() noexcept;
+
+    std::array<std::uint8_t, 11> start_;
+    std::array<std::uint8_t, 50> stop_;
+    std::array<std::uint8_t, kFt300Bytes> bytes_{};
+    std::size_t size_ = 0;
+};
+
+// What the device sends for forces in N and torques in Nm. For tests.
+void encode_ft300(const Frame& frame, std::span<std::uint8_t, kFt300Bytes> out) noexcept;
+
+}  // namespace tactiled

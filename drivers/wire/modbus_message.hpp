@@ -1,0 +1,85 @@
+// Modbus as a master speaks it, RTU and TCP: requests -> bytes, bytes -> answers. Pure, no I/O, bounded.
+//
+// An answer must be one to the request that stands open. TCP says so with its transaction; RTU has only unit, function and
+// length, so whoever uses it asks for another length where an earlier answer may still come (drivers/modbus.cpp).
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+enum class ModbusWire { rtu, tcp };
+
+inline constexpr std::size_t kModbusMostRegisters = 125;  // of one read
+inline constexpr std::size_t kModbusMostRequest = 15;     // bytes
+
+struct ModbusRequest {
+    std::uint16_t transaction = 0;  // sent over TCP alone
+    std::uint8_t unit = 1;
+    std::uint8_t function = 3;  // 3 and 4 read `count` registers, 6 and 16 write one: `value`
+    std::uint16_t at = 0, count = 1, value = 0;
+};
+
+// Modbus' CRC, sent low byte first.
+std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes) noexcept;
+
+// Returns the number of bytes. rt: wait-free
+std::size_t encode_modbus(ModbusWire wire, const ModbusRequest& request,
+                          std::span<std::uint8_t, kModbusMostRequest> out) noexcept;
+
+// Bytes of the answer, RTU's CRC or TCP's header included.
+std::size_t modbus_answer_bytes(ModbusWire wire, const ModbusRequest& request) noexcept;
+
+// Collects what a line or a connection brings and finds the answer to the open request in it.
+class ModbusAnswers {
+public:
+    enum class Found {
+        nothing,       // yet
+        good,          // registers() has them, or the write was confirmed
+        refused,       // exception() says why
+        wrong_length,  // an answer with another number of registers than asked for
+        foreign,       // an answer of another unit or function to our transaction
+        broken,        // TCP: this is no Modbus, and where the next message begins cannot be known
+    };
+
+    explicit ModbusAnswers(ModbusWire wire) noexcept : wire_(wire) {}
+
+    // A new connection: what waits is of the old one. rt: wait-free
+    void reset() noexcept;
+    // Opens a request; one at a time. RTU forgets what came before it. rt: wait-free
+    void expect(const ModbusRequest& request) noexcept;
+    // Where the next bytes go, never empty, and how many came. rt: wait-free
+    std::span<std::uint8_t> room() noexcept { return std::span(bytes_).subspan(size_); }
+    void took(std::size_t n) noexcept { size_ += n; }
+    // Looks at what is there; other than `nothing` closes the request. rt: bounded by the bytes that came
+    Found next() noexcept;
+    // What a request without an answer is counted as. rt: wait-free
+    [[nodiscard]] tactiled_link_count missing() const noexcept;
+
+    [[nodiscard]] std::span<const std::uint16_t> registers() const noexcept { return {registers_.data(), n_registers_}; }
+    [[nodiscard]] std::uint8_t exception() const noexcept { return exception_; }
+    std::uint32_t skipped = 0;  // bytes that were part of no answer; the caller takes them
+
+private:
+    Found next_rtu() noexcept;
+    Found next_tcp() noexcept;
+    // The message at `pdu` (unit first) as the answer to the request, `size` bytes without CRC.
+    Found judge(const std::uint8_t* pdu, std::size_t size) noexcept;
+    void drop(std::size_t n) noexcept;
+
+    ModbusWire wire_;
+    ModbusRequest request_;
+    bool open_ = false;
+    bool checksum_failed_ = false, other_length_ = false;  // since expect()
+    std::array<std::uint8_t, 1024> bytes_{};               // the longest answer has 260
+    std::size_t size_ = 0;
+    std::array<std::uint16_t, kModbusMostRegisters> registers_{};
+    std::size_t n_registers_ = 0;
+    std::uint8_t exception_ = 0;
+};
+
+}  // namespace tactiled

@@ -1,0 +1,218 @@
+// tactilectl record FILE: all frames of all links and all samples of all sensors, from shared memory into an MCAP file. It
+// costs the daemon nothing: what goes wrong here, a full disk too, ends the recording and nothing else.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <ctime>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "config/options.hpp"
+#include "drivers/mcap/frame_message.hpp"
+#include "drivers/mcap/writer.hpp"
+#include "node/ctl/sample_message.hpp"
+#include "node/ctl/verb.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Wish {
+    std::string node = "gripper", file, config;
+    bool overwrite = false, json = false;
+    double seconds = 0;
+    int flush_ms = 200;
+};
+
+std::uint64_t wall_ns() {
+    timespec t{};
+    ::clock_gettime(CLOCK_REALTIME, &t);
+    return std::uint64_t(t.tv_sec) * 1'000'000'000u + std::uint64_t(t.tv_nsec);
+}
+
+// Takes every record of one ring in turn, from the newest on; counts those that were overwritten before it came.
+class Tail {
+public:
+    Tail(const SegmentView& segment, const tactiled_ring& ring)
+        : base_(segment.base()), ring_(&ring), next_(tactiled_ring_head(base_, &ring)) {}
+
+    // False when there is none now.
+    template <class Record>
+    bool next(Record& record) {
+        for (;;) {
+            const std::uint32_t head = tactiled_ring_head(base_, ring_);
+            if (head == next_) return false;
+            if (head - next_ > ring_->slots) {
+                lost_ += head - ring_->slots - next_;
+                next_ = head - ring_->slots;
+            }
+            if (tactiled_ring_read(base_, ring_, next_++, &record, sizeof record) != 0) return true;
+            ++lost_;
+        }
+    }
+    [[nodiscard]] std::uint64_t lost() const { return lost_; }
+
+private:
+    const char* base_;
+    const tactiled_ring* ring_;
+    std::uint32_t next_;
+    std::uint64_t lost_ = 0;
+};
+
+class Recording {
+public:
+    Recording(const SegmentView& segment, const Wish& wish) : file_(wish.file, wish.overwrite) {
+        const std::string node = segment.header().name;
+        const auto of_frames =
+            file_.add_schema(std::string(mcap::kFrameSchema), "ros2msg", std::string(mcap::kFrameDefinition));
+        const auto of_samples = file_.add_schema(std::string(kSampleSchema), "ros2msg", std::string(kSampleDefinition));
+        const auto of_wrenches = file_.add_schema(std::string(kWrenchSchema), "ros2msg", std::string(kWrenchDefinition));
+        for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
+            const tactiled_link& link = segment.link(i);
+            links_.push_back({Tail(segment, link.frames),
+                              file_.add_channel(of_frames, fmt::format("/{}/link/{}/frames", node, link.name), "cdr",
+                                                {{std::string(mcap::kLinkKey), link.name}, {"driver", link.driver}})});
+        }
+        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
+            const tactiled_sensor& sensor = segment.sensor(i);
+            const std::map<std::string, std::string> about{{std::string(kSensorKey), sensor.name},
+                                                           {"link", sensor.link},
+                                                           {"model", sensor.model},
+                                                           {"method", sensor.method},
+                                                           {"serial", sensor.serial}};
+            sensors_.push_back(
+                {sensor.name, Tail(segment, sensor.ring),
+                 file_.add_channel(of_samples, fmt::format("/{}/{}/sample", node, sensor.name), "cdr", about),
+                 file_.add_channel(of_wrenches, fmt::format("/{}/{}/wrench", node, sensor.name), "cdr", about)});
+        }
+        if (!wish.config.empty()) attach(wish.config);
+        wall_from_monotonic_ns_ = wall_ns() - monotonic_ns();
+    }
+
+    // All that has come since the last turn.
+    void turn() {
+        tactiled_frame shown;
+        Frame frame;
+        for (auto& link : links_)
+            while (link.tail.next(shown)) {
+                frame.t_ns = shown.t_ns;
+                frame.device_time_us = shown.device_time_us;
+                frame.sequence = shown.sequence;
+                frame.missing = shown.missing;
+                frame.saturated = shown.saturated;
+                frame.lost = shown.lost;
+                frame.device = shown.device;
+                frame.has_sequence = shown.has_sequence != 0;
+                frame.n_channels = std::min<std::uint8_t>(shown.n_channels, TACTILED_MAX_CHANNELS);
+                std::copy_n(shown.channel, frame.n_channels, frame.channel.begin());
+                mcap::encode_frame(frame, wall(frame.t_ns), message_);
+                file_.message(link.channel, frame.sequence, wall(frame.t_ns), message_);
+            }
+        tactiled_sample sample;
+        for (auto& sensor : sensors_)
+            while (sensor.tail.next(sample)) {
+                const auto number = std::uint32_t(sample.sequence);
+                encode_sample(sample, wall(sample.t_ns), message_);
+                file_.message(sensor.samples, number, wall(sample.t_ns), message_);
+                encode_wrench(sample, sensor.name, wall(sample.t_ns), message_);
+                file_.message(sensor.wrenches, number, wall(sample.t_ns), message_);
+            }
+    }
+    void flush() { file_.flush(); }
+    void close() { file_.close(); }
+
+    [[nodiscard]] std::uint64_t lost() const {
+        std::uint64_t lost = 0;
+        for (const auto& link : links_) lost += link.tail.lost();
+        for (const auto& sensor : sensors_) lost += sensor.tail.lost();
+        return lost;
+    }
+    [[nodiscard]] const mcap::Writer& file() const { return file_; }
+
+private:
+    [[nodiscard]] std::uint64_t wall(std::uint64_t t_ns) const { return t_ns + wall_from_monotonic_ns_; }
+    void attach(const std::string& path) {
+        std::ifstream in(path, std::ios::binary);
+        if (!in) throw SetupError(path + ": cannot be read");
+        file_.attach("tactiled.toml", "application/toml", std::string{std::istreambuf_iterator<char>(in), {}}, wall_ns());
+    }
+
+    struct LinkTail {
+        Tail tail;
+        std::uint16_t channel;
+    };
+    struct SensorTail {
+        std::string name;
+        Tail tail;
+        std::uint16_t samples, wrenches;
+    };
+    mcap::Writer file_;
+    std::vector<LinkTail> links_;
+    std::vector<SensorTail> sensors_;
+    std::uint64_t wall_from_monotonic_ns_ = 0;
+    std::string message_;
+};
+
+int record(const Wish& wish) {
+    catch_interrupt();
+    std::string why;
+    const Segment segment = Segment::try_open(wish.node, why);
+    if (!segment.is_open()) {
+        fmt::print(stderr, "tactilectl: {}\n", why);
+        return kNotReachable;
+    }
+    Recording recording(segment, wish);
+    const std::uint64_t begun_ns = monotonic_ns();
+    std::uint64_t flushed_ns = begun_ns;
+    bool ended = false;  // the daemon
+    while (interrupted == 0 && !ended && (wish.seconds <= 0 || double(monotonic_ns() - begun_ns) < wish.seconds * 1e9)) {
+        ended = !segment.is_current();
+        recording.turn();
+        if (const std::uint64_t now = monotonic_ns(); now - flushed_ns >= std::uint64_t(wish.flush_ms) * 1'000'000u) {
+            recording.flush();
+            flushed_ns = now;
+        }
+        std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    recording.turn();
+    recording.close();
+    const double seconds = double(monotonic_ns() - begun_ns) / 1e9;
+    if (wish.json)
+        fmt::print("{}\n", nlohmann::json{{"schema", 1},
+                                          {"file", wish.file},
+                                          {"seconds", seconds},
+                                          {"messages", recording.file().messages()},
+                                          {"bytes", recording.file().bytes()},
+                                          {"lost", recording.lost()},
+                                          {"daemon_ended", ended}}
+                               .dump());
+    else
+        fmt::print("{}: {:.1f} s, {} messages, {} bytes{}\n", wish.file, seconds, recording.file().messages(),
+                   recording.file().bytes(), ended ? "; the daemon has ended" : "");
+    if (recording.lost() != 0)
+        fmt::print(stderr, "tactilectl: {} records were missed: this program or the disk was too slow\n", recording.lost());
+    return recording.lost() != 0 ? kUnhealthy : kGood;
+}
+
+}  // namespace
+
+void add_record(CLI::App& app, Run& run) {
+    auto wish = std::make_shared<Wish>();
+    auto* verb = app.add_subcommand("record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end");
+    verb->add_option("file", wish->file, "such as pick.mcap; opens in Foxglove and PlotJuggler")->required();
+    add_node_option(verb, wish->node);
+    verb->add_option("--seconds", wish->seconds, "end after so long; 0: not by itself")->check(CLI::NonNegativeNumber);
+    verb->add_option("--config", wish->config, "the daemon's configuration, to be kept in the file");
+    verb->add_option("--flush-ms", wish->flush_ms, "a chunk is written at least this often: what a cut loses")
+        ->check(CLI::Range(100, 1000))
+        ->capture_default_str();
+    verb->add_flag("--overwrite", wish->overwrite, "replace a file that is there");
+    verb->add_flag("--json", wish->json, "say at the end as JSON what was recorded");
+    verb->callback([wish, &run] { run = [wish] { return record(*wish); }; });
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,227 @@
+// tactilectl replay FILE: the recorded frames through the very sensors of the daemon, as fast as they go, and whether the
+// samples come out as they were published. For a recording in real time: driver "replay".
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "decoupling/fit/csv.hpp"
+#include "drivers/mcap/frame_message.hpp"
+#include "drivers/mcap/reader.hpp"
+#include "node/ctl/sample_message.hpp"
+#include "node/ctl/verb.hpp"
+#include "node/setup.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Wish {
+    std::string file, config, sensor, out;
+    bool json = false;
+};
+
+class MappedFile {
+public:
+    explicit MappedFile(const std::string& path) {
+        const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+        struct stat status {};
+        if (fd < 0 || ::fstat(fd, &status) != 0) throw SetupError(fmt::format("{}: {}", path, std::strerror(errno)));
+        size_ = std::size_t(status.st_size);
+        map_ = size_ == 0 ? MAP_FAILED : ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, fd, 0);
+        ::close(fd);
+        if (map_ == MAP_FAILED) throw SetupError(path + ": cannot be read");
+    }
+    ~MappedFile() { ::munmap(map_, size_); }
+    MappedFile(const MappedFile&) = delete;
+    MappedFile& operator=(const MappedFile&) = delete;
+    [[nodiscard]] std::string_view bytes() const { return {static_cast<const char*>(map_), size_}; }
+
+private:
+    void* map_;
+    std::size_t size_;
+};
+
+// What became of one sensor's samples.
+struct Outcome {
+    std::uint64_t frames = 0, compared = 0, equal = 0, tared = 0;
+    std::string first_difference;
+};
+
+bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(a, b, n * sizeof *a) == 0; }
+
+// "" or the first part that differs. Of a tare only its zero's commands knew: force and torque are compared without one.
+std::string difference(const tactiled_sample& was, const tactiled_sample& is) {
+    const std::uint32_t of_the_moment = TACTILED_TARING;
+    if (was.quality != is.quality) return "quality";
+    if ((was.reasons & ~of_the_moment) != (is.reasons & ~of_the_moment)) return "reasons";
+    if (was.missing != is.missing || was.saturated != is.saturated) return "channels";
+    if (!same(was.raw_force_S_N, is.raw_force_S_N, 3)) return "raw_force_S_N";
+    if (!same(was.raw_torque_S_Nm, is.raw_torque_S_Nm, 3)) return "raw_torque_S_Nm";
+    if (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3)) return "sd";
+    if (!same(was.cop_S_m, is.cop_S_m, 2)) return "cop_S_m";
+    if (!same(&was.residual, &is.residual, 1)) return "residual";
+    if (was.tare_count == 0 && (!same(was.force_S_N, is.force_S_N, 3) || !same(was.torque_S_Nm, is.torque_S_Nm, 3)))
+        return "force_S_N";
+    return "";
+}
+
+// The samples of one sensor as they were published, and which of them comes next.
+struct Published {
+    std::vector<tactiled_sample> samples;
+    std::size_t at = 0;
+
+    // What a frame became; nullptr where the file does not say. Frames that came in one read() have one stamp: by their
+    // order.
+    const tactiled_sample* of_frame(std::uint64_t t_ns) {
+        while (at < samples.size() && samples[at].t_ns < t_ns) ++at;
+        return at < samples.size() && samples[at].t_ns == t_ns ? &samples[at++] : nullptr;
+    }
+};
+
+class Replayed {
+public:
+    Replayed(Node& node, const Wish& wish) : node_(node), outcome_(node.sensors.size()) {
+        for (std::size_t i = 0; i < node.sensors.size(); ++i) node.sensors[i].start(0, 0);
+        if (wish.out.empty()) return;
+        for (std::size_t i = 0; i < node.plan.sensors.size(); ++i)
+            if (wish.sensor.empty() ? node.plan.sensors.size() == 1 : wish.sensor == node.plan.sensors[i].name)
+                shown_ = int(i);
+        if (shown_ < 0) throw SetupError("--out writes one sensor: --sensor NAME, one of the configuration's");
+        forces_ = std::make_unique<ForcesWriter>(wish.out);
+    }
+
+    // A frame of a link; `published`, of each sensor, what it became then.
+    void frame(const std::string& link, const Frame& frame, std::vector<Published>& published) {
+        for (const auto& each : node_.links) {
+            if (each->name != link) continue;
+            for (const auto& binding : each->bindings)
+                if (binding.device == frame.device) judge(binding.sensor, frame, published[binding.sensor]);
+        }
+    }
+    void finish() {
+        if (forces_) forces_->close();
+    }
+    [[nodiscard]] const std::vector<Outcome>& outcome() const { return outcome_; }
+
+private:
+    void judge(std::size_t i, const Frame& frame, Published& published) {
+        Outcome& outcome = outcome_[i];
+        ++outcome.frames;
+        const tactiled_sample* was = published.of_frame(frame.t_ns);
+        // A break between two frames, seen by the pipeline alone, makes a filter begin anew.
+        if (was != nullptr && last_epoch_[i] != 0 && was->epoch != last_epoch_[i]) {
+            (void)node_.sensors[i].has_broken(false, frame.t_ns);
+            (void)node_.sensors[i].marker(frame.t_ns);
+        }
+        const tactiled_sample is = node_.sensors[i].sample(frame, frame.t_ns);
+        if (int(i) == shown_) forces_->write(double(frame.t_ns) / 1e9, wrench_of(is), quality_text(is.quality, is.reasons));
+        if (was == nullptr) return;
+        last_epoch_[i] = was->epoch;
+        ++outcome.compared;
+        if (was->tare_count != 0) ++outcome.tared;
+        const std::string what = difference(*was, is);
+        if (what.empty())
+            ++outcome.equal;
+        else if (outcome.first_difference.empty())
+            outcome.first_difference = fmt::format("sample {}: {}", was->sequence, what);
+    }
+    static Estimate wrench_of(const tactiled_sample& s) {
+        Estimate e;
+        for (std::size_t c = 0; c < 3; ++c) {
+            e.wrench_S[c] = s.force_S_N[c];
+            e.wrench_S[c + 3] = s.torque_S_Nm[c];
+            e.sd[c] = s.sd_force_N[c];
+            e.sd[c + 3] = s.sd_torque_Nm[c];
+        }
+        std::copy_n(s.cop_S_m, 2, e.cop_S_m.begin());
+        e.residual = s.residual;
+        return e;
+    }
+
+    Node& node_;
+    std::vector<Outcome> outcome_;
+    std::array<std::uint32_t, TACTILED_MAX_SENSORS> last_epoch_{};
+    int shown_ = -1;
+    std::unique_ptr<ForcesWriter> forces_;
+};
+
+std::string name_of(const mcap::Channel& channel, std::string_view key) {
+    const auto found = channel.metadata.find(std::string(key));
+    return found == channel.metadata.end() ? "" : found->second;
+}
+
+std::vector<Published> published_in(mcap::Reader& reader, const Node& node) {
+    std::vector<Published> published(node.plan.sensors.size());
+    tactiled_sample sample;
+    while (const auto message = reader.next()) {
+        if (message->channel->schema != kSampleSchema || !decode_sample(message->data, sample)) continue;
+        const std::string name = name_of(*message->channel, kSensorKey);
+        for (std::size_t i = 0; i < published.size(); ++i)
+            if (name == node.plan.sensors[i].name) published[i].samples.push_back(sample);
+    }
+    reader.rewind();
+    return published;
+}
+
+int replay(const Wish& wish) {
+    const MappedFile file(wish.file);
+    mcap::Reader reader(file.bytes());
+    Problems problems;
+    Node node = load_node(wish.config, problems, "");
+    problems.throw_if_any();
+    std::vector<Published> published = published_in(reader, node);
+    Replayed replayed(node, wish);
+    Frame frame;
+    std::uint64_t frames = 0;
+    while (const auto message = reader.next())
+        if (message->channel->schema == mcap::kFrameSchema && mcap::decode_frame(message->data, frame)) {
+            replayed.frame(name_of(*message->channel, mcap::kLinkKey), frame, published);
+            ++frames;
+        }
+    replayed.finish();
+    if (frames == 0)
+        throw SetupError(fmt::format("{}: {}", wish.file, reader.why().empty() ? "holds no frames" : reader.why()));
+
+    bool all_equal = true;
+    nlohmann::json sensors = nlohmann::json::array();
+    for (std::size_t i = 0; i < node.plan.sensors.size(); ++i) {
+        const Outcome& o = replayed.outcome()[i];
+        const char* name = node.plan.sensors[i].name;
+        all_equal = all_equal && o.equal == o.compared;
+        sensors.push_back({{"name", name},
+                           {"frames", o.frames},
+                           {"compared", o.compared},
+                           {"equal", o.equal},
+                           {"with_tare", o.tared},
+                           {"first_difference", o.first_difference}});
+        if (!wish.json)
+            fmt::print("{}: {} frames, {} samples compared, {} equal bit for bit{}{}\n", name, o.frames, o.compared, o.equal,
+                       o.tared != 0 ? fmt::format(" ({} had a tare: there without it)", o.tared) : "",
+                       o.first_difference.empty() ? "" : "; first difference: " + o.first_difference);
+    }
+    if (wish.json) fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"why", reader.why()}, {"sensors", sensors}}.dump());
+    if (!reader.why().empty()) fmt::print(stderr, "tactilectl: {}: {}\n", wish.file, reader.why());
+    return all_equal ? kGood : kUnhealthy;
+}
+
+}  // namespace
+
+void add_replay(CLI::App& app, Run& run) {
+    auto wish = std::make_shared<Wish>();
+    auto* verb = app.add_subcommand("replay", "A recording through the daemon's own sensors: do the same samples come out?");
+    verb->add_option("file", wish->file, "made by tactilectl record")->required();
+    verb->add_option("--config", wish->config, "the daemon's configuration, or another one to try")->required();
+    verb->add_option("--out", wish->out, "forces.csv of one sensor; - is standard output");
+    verb->add_option("--sensor", wish->sensor, "whose forces, where there are several");
+    verb->add_flag("--json", wish->json, "the comparison as JSON");
+    verb->callback([wish, &run] { run = [wish] { return replay(*wish); }; });
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,23 @@
+// A sample as messages of a recording: whole, and as the WrenchStamped that Foxglove and PlotJuggler show.
+#pragma once
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "tactiled/layout.h"
+
+namespace tactiled::ctl {
+
+inline constexpr std::string_view kSampleSchema = "tactiled_msgs/msg/Sample";
+inline constexpr std::string_view kWrenchSchema = "geometry_msgs/msg/WrenchStamped";
+extern const std::string_view kSampleDefinition, kWrenchDefinition;  // as ROS 2 writes message definitions
+inline constexpr std::string_view kSensorKey = "sensor";             // in the channel's metadata: the sensor's name
+
+void encode_sample(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out);
+// False where the bytes are no such message.
+[[nodiscard]] bool decode_sample(std::span<const char> bytes, tactiled_sample& sample);
+
+// Force and torque as readers see them: NaN where the sample is BAD or the sensor sees none. `frame_id`: the sensor.
+void encode_wrench(const tactiled_sample& sample, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
+
+}  // namespace tactiled::ctl

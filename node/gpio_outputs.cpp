@@ -1,0 +1,124 @@
+#include "node/gpio_outputs.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+constexpr std::uint64_t kTurnNs = 2 * kMs;         // a PLC's input filters for 3 ms and more
+constexpr std::uint64_t kSetAgainNs = 100 * kMs;   // notices a chip that is gone, and a line that somebody else has set
+constexpr std::uint64_t kLookAgainNs = 100 * kMs;  // for a segment that is not there
+constexpr std::uint64_t kRepeatNs = 10'000 * kMs;  // the same news at most so often
+constexpr std::uint64_t kLeastPauseNs = 50 * kMs, kMostPauseNs = 1000 * kMs;
+
+}  // namespace
+
+GpioSigns GpioJudge::judge(const tactiled_node* node, std::uint64_t now_ns) noexcept {
+    if (node == nullptr) {
+        seen_ = false;
+        slip_until_ns_ = 0;
+        return {};
+    }
+    const tactiled_grasp& grasp = node->grasp;
+    if (seen_ && grasp.slips != slips_) slip_until_ns_ = now_ns + slip_ns_;
+    slips_ = grasp.slips;
+    seen_ = true;
+    GpioSigns signs;
+    signs.fault = (node->status & TACTILED_READY) == 0 || (node->status & TACTILED_FAULT) != 0;
+    signs.grasped = grasp.state >= TACTILED_GRIP_GRASPED && grasp.state <= TACTILED_GRIP_SLIPPING;
+    signs.slip = grasp.state == TACTILED_GRIP_SLIPPING || now_ns < slip_until_ns_;
+    signs.alive = (node->heartbeat & 1u) != 0;
+    return signs;
+}
+
+GpioOutputs::GpioOutputs(std::string node_name, const GpioSettings& settings)
+    : node_name_(std::move(node_name)), chip_(settings.chip), judge_(settings.slip_ms) {
+    const auto add = [&](const std::string& line, bool GpioSigns::*sign, bool high_means) {
+        if (!line.empty()) lines_.push_back({line, sign, high_means, {}});
+    };
+    add(settings.fault, &GpioSigns::fault, !settings.fault_is_low);
+    add(settings.grasped, &GpioSigns::grasped, true);
+    add(settings.slip, &GpioSigns::slip, true);
+    add(settings.alive, &GpioSigns::alive, true);
+    thread_.start("gpio", 0, -1, [this] { run(); });
+}
+
+GpioOutputs::~GpioOutputs() {
+    stop_.store(true, std::memory_order_release);
+    thread_.join();
+}
+
+void GpioOutputs::run() {
+    std::uint64_t pause_ns = kLeastPauseNs, set_ns = 0;
+    while (!stop_.load(std::memory_order_acquire)) {
+        const std::uint64_t now_ns = monotonic_ns();
+        if (set_ns == 0 && !open_all()) {
+            for (const std::uint64_t until_ns = now_ns + pause_ns; !stop_.load() && monotonic_ns() < until_ns;)
+                sleep_until(std::min(until_ns, monotonic_ns() + kLeastPauseNs));
+            pause_ns = std::min(2 * pause_ns, kMostPauseNs);
+            continue;
+        }
+        const GpioSigns signs = look(now_ns);
+        if (set_ns == 0 || signs != signs_ || now_ns - set_ns >= kSetAgainNs) {
+            signs_ = signs;
+            set_ns = now_ns;
+            if (!set_all()) {
+                close_all();
+                say(said_gone_, LogLevel::warning,
+                    fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
+                set_ns = 0;
+                pause_ns = kLeastPauseNs;
+            }
+        }
+        sleep_until(now_ns + kTurnNs);
+    }
+    signs_ = {};
+    if (set_ns != 0) (void)set_all();
+    close_all();
+}
+
+GpioSigns GpioOutputs::look(std::uint64_t now_ns) {
+    if ((!segment_.is_open() || !segment_.is_current()) && now_ns - segment_tried_ns_ >= kLookAgainNs) {
+        segment_tried_ns_ = now_ns;
+        std::string why;
+        if (Segment fresh = Segment::try_open(node_name_, why); fresh.is_open()) segment_ = std::move(fresh);
+    }
+    tactiled_node node;
+    const bool fresh = segment_.is_open() && segment_.is_current() && segment_.latest_node(node, now_ns) &&
+                       tactiled_is_fresh(node.t_ns, monotonic_ns(), segment_.header().watchdog_ms) != 0;
+    return judge_.judge(fresh ? &node : nullptr, now_ns);
+}
+
+bool GpioOutputs::open_all() {
+    signs_ = {};  // fault, until a look says otherwise
+    for (auto& line : lines_) {
+        const std::string wrong = line.output.open({chip_, line.name}, signs_.*line.sign == line.high_means);
+        if (wrong.empty()) continue;
+        close_all();
+        say(said_refused_, LogLevel::warning, wrong);
+        return false;
+    }
+    say(said_driving_, LogLevel::info, fmt::format("drives {} lines of chip \"{}\"", lines_.size(), chip_));
+    return true;
+}
+
+bool GpioOutputs::set_all() {
+    return std::all_of(lines_.begin(), lines_.end(),
+                       [this](Line& line) { return line.output.set(signs_.*line.sign == line.high_means); });
+}
+
+void GpioOutputs::close_all() noexcept {
+    for (auto& line : lines_) line.output.close();
+}
+
+void GpioOutputs::say(Said& last, LogLevel level, const std::string& text) {
+    const std::uint64_t now_ns = monotonic_ns();
+    if (text == last.text && now_ns - last.t_ns < kRepeatNs) return;
+    log_line(level, fmt::format("[gpio]: {}", text));
+    last = {text, now_ns};
+}
+
+}  // namespace tactiled

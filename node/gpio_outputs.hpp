@@ -1,0 +1,77 @@
+// The thread that mirrors the node on GPIO lines, for a machine without a PLC. A reader of shared memory like any other: it
+// could be a process of its own.
+#pragma once
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "config/config.hpp"
+#include "drivers/gpio.hpp"
+#include "node/log.hpp"
+#include "node/realtime.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+
+// What the lines say; true is the meaning, not the level.
+struct GpioSigns {
+    bool fault = true, grasped = false, slip = false, alive = false;
+    bool operator==(const GpioSigns&) const = default;
+};
+
+// From node record to signs. Without a fresh record everything is a fault.
+class GpioJudge {
+public:
+    GpioJudge(int slip_ms) noexcept : slip_ns_(std::uint64_t(slip_ms) * 1'000'000u) {}
+    // `node` is nullptr where there is no fresh one.
+    GpioSigns judge(const tactiled_node* node, std::uint64_t now_ns) noexcept;
+
+private:
+    std::uint64_t slip_ns_, slip_until_ns_ = 0;
+    std::uint32_t slips_ = 0;
+    bool seen_ = false;
+};
+
+class GpioOutputs {
+public:
+    // Starts the thread. Lines that are not to be had are asked for again, up to each second.
+    // setup: throws SetupError where no thread can be made
+    GpioOutputs(std::string node_name, const GpioSettings& settings);
+    // Says fault, then lets go of the lines.
+    ~GpioOutputs();
+    GpioOutputs(const GpioOutputs&) = delete;
+    GpioOutputs& operator=(const GpioOutputs&) = delete;
+
+private:
+    struct Line {
+        std::string name;
+        bool GpioSigns::*sign;
+        bool high_means;  // what a high level says of the sign
+        GpioOutput output;
+    };
+
+    struct Said {
+        std::string text;
+        std::uint64_t t_ns = 0;
+    };
+
+    void run();
+    GpioSigns look(std::uint64_t now_ns);
+    bool open_all();
+    bool set_all();
+    void close_all() noexcept;
+    static void say(Said& last, LogLevel level, const std::string& text);
+
+    std::string node_name_, chip_;
+    std::vector<Line> lines_;
+    GpioJudge judge_;
+    GpioSigns signs_;
+    Segment segment_;
+    std::uint64_t segment_tried_ns_ = 0;
+    Said said_driving_, said_gone_, said_refused_;
+    std::atomic<bool> stop_{false};
+    RtThread thread_;
+};
+
+}  // namespace tactiled

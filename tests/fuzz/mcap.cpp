@@ -1,0 +1,47 @@
+// Any bytes as a recording: the reader ends, stays inside of the bytes, and a second reading gives the same.
+#include <cstdint>
+#include <cstdlib>
+#include <string_view>
+
+#include "drivers/mcap/format.hpp"
+#include "drivers/mcap/frame_message.hpp"
+#include "drivers/mcap/reader.hpp"
+
+using namespace tactiled;
+
+namespace {
+
+struct Seen {
+    std::size_t messages = 0, bytes = 0, frames = 0;
+    bool operator==(const Seen&) const = default;
+};
+
+Seen read_all(mcap::Reader& reader, std::string_view file) {
+    Seen seen;
+    Frame frame;
+    while (const auto message = reader.next()) {
+        if (message->data.data() < file.data() || message->data.data() + message->data.size() > file.data() + file.size())
+            std::abort();
+        ++seen.messages;
+        seen.bytes += message->data.size();
+        if (mcap::decode_frame(message->data, frame)) {
+            ++seen.frames;
+            if (frame.n_channels > kMaxChannels) std::abort();
+        }
+    }
+    return seen;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    std::string file(mcap::kMagic);
+    file.append(reinterpret_cast<const char*>(data), size);
+    mcap::Reader reader(file);
+    const Seen first = read_all(reader, file);
+    reader.rewind();
+    if (!(read_all(reader, file) == first)) std::abort();
+    if (first.bytes > file.size()) std::abort();  // no byte is given twice
+    (void)reader.why();
+    return 0;
+}

@@ -1,0 +1,79 @@
+// Driver "tcp": a stream over loopback.
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <fmt/format.h>
+
+#include "drivers/driver.hpp"
+
+namespace tactiled {
+namespace {
+
+class TcpStream : public testing::Test {
+protected:
+    TcpStream() {
+        listener_ = ::socket(AF_INET, SOCK_STREAM, 0);
+        sockaddr_in address{};
+        address.sin_family = AF_INET;
+        address.sin_addr.s_addr = ::htonl(INADDR_LOOPBACK);
+        EXPECT_EQ(::bind(listener_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+        EXPECT_EQ(::listen(listener_, 4), 0);
+        socklen_t size = sizeof address;
+        ::getsockname(listener_, reinterpret_cast<sockaddr*>(&address), &size);
+        port_ = ::ntohs(address.sin_port);
+    }
+    ~TcpStream() override { ::close(listener_); }
+    std::unique_ptr<Driver> make(const std::string& keys) {
+        Options options =
+            Options::parse_text(fmt::format("address = \"127.0.0.1:{}\"\n{}", port_, keys), "test.toml", problems_);
+        auto driver = find_driver("tcp")->make(options);
+        options.finish();
+        EXPECT_TRUE(problems_.empty()) << problems_.lines().front();
+        return driver;
+    }
+    static std::string heard(int fd, std::size_t size) {
+        std::string text(size, 0);
+        text.resize(std::size_t(std::max<ssize_t>(0, ::recv(fd, text.data(), size, MSG_WAITALL))));
+        return text;
+    }
+
+    int listener_;
+    unsigned port_ = 0;
+    Problems problems_;
+};
+
+TEST_F(TcpStream, AKms40IsAskedReadAndStopped) {
+    const auto driver = make("format = \"kms40\"");
+    ASSERT_EQ(driver->open(), "");
+    const int device = ::accept(listener_, nullptr, nullptr);
+    EXPECT_EQ(heard(device, 5), "L1()\n");
+    const std::string text = "L1\nF={1,2,3,4,5,6},7\n";
+    ASSERT_EQ(::send(device, text.data(), text.size(), 0), ssize_t(text.size()));
+    Frame frame;
+    Status status = Status::timeout;
+    for (int i = 0; i < 10 && status == Status::timeout; ++i) status = driver->read(frame, 100);
+    ASSERT_EQ(status, Status::frame);
+    EXPECT_EQ(frame.channel[5], 6);
+    driver->close();
+    EXPECT_EQ(heard(device, 5), "L0()\n");
+    ::close(device);
+}
+
+TEST_F(TcpStream, AConnectionThatEndsIsGoneAndMadeAnew) {
+    const auto driver = make("format = \"lines\"\nchannels = 1");
+    Frame frame;
+    for (int turn = 0; turn < 3; ++turn) {
+        ASSERT_EQ(driver->open(), "");
+        ::close(::accept(listener_, nullptr, nullptr));
+        EXPECT_EQ(driver->read(frame, 1000), Status::gone);
+    }
+    ::close(listener_);
+    EXPECT_NE(driver->open().find("nobody listens there"), std::string::npos);
+    listener_ = ::socket(AF_INET, SOCK_STREAM, 0);
+}
+
+}  // namespace
+}  // namespace tactiled
