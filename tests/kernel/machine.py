@@ -150,6 +150,9 @@ def gpio_chip():
 def i2c_bus(name):
     """/dev/i2c-N of the adapter whose name starts so, such as "SMBus stub"; None where there is none."""
     for adapter in pathlib.Path("/sys/bus/i2c/devices").glob("i2c-*"):
-        if (adapter / "name").read_text().startswith(name):
-            return f"/dev/{adapter.name}"
+        try:
+            if (adapter / "name").read_text().startswith(name):
+                return f"/dev/{adapter.name}"
+        except OSError:  # it is just going
+            pass
     return None

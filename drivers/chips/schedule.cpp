@@ -1,0 +1,63 @@
+#include "drivers/chips/schedule.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace tactiled {
+namespace {
+constexpr std::uint64_t kMs = 1'000'000;
+constexpr std::uint64_t kMostOpenNs = 500 * kMs;  // a driver may block for a second, and one transfer more may hang
+}  // namespace
+
+void Schedule::add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts) {
+    if (place.mux != 0) muxes_.add(place.mux);
+    stations_.emplace_back(std::move(name), std::move(chip), Port(bus_, muxes_, place, counts), device, counts);
+}
+
+Station& Schedule::first_due() noexcept {
+    return *std::min_element(stations_.begin(), stations_.end(),
+                             [](const Station& a, const Station& b) { return a.due_ns() < b.due_ns(); });
+}
+
+std::string Schedule::open() {
+    muxes_.forget();
+    for (Station& station : stations_) station.start();
+    const std::uint64_t until_ns = bus_.now_ns() + kMostOpenNs;
+    for (Station& station : stations_) {
+        while (!station.is_settled() && bus_.now_ns() < until_ns) {
+            bus_.wait_until(station.due_ns());
+            Frame unused;
+            switch (station.turn(unused)) {
+                case Station::Turn::hangs:
+                    return "the bus hangs, a transfer to " + station.place() +
+                           " was never answered: SDA or SCL is held low, or the adapter has stopped; switch chips and "
+                           "adapter off and on";
+                case Station::Turn::gone: return "the adapter is gone; plug it in again";
+                default: break;
+            }
+        }
+        if (station.is_wrong()) return station.complaint();
+    }
+    if (std::none_of(stations_.begin(), stations_.end(), [](const Station& s) { return s.answers(); }))
+        return stations_.front().complaint() + (stations_.size() > 1 ? ", nor does any other chip" : "");
+    return "";
+}
+
+Status Schedule::read(Frame& frame, int timeout_ms) noexcept {
+    const std::uint64_t until_ns = bus_.now_ns() + std::uint64_t(timeout_ms) * kMs;
+    do {
+        Station& station = first_due();
+        bus_.wait_until(std::min(station.due_ns(), until_ns));
+        if (bus_.now_ns() < station.due_ns()) break;
+        switch (station.turn(frame)) {
+            case Station::Turn::frame: return Status::frame;
+            case Station::Turn::nothing: break;
+            case Station::Turn::hangs:
+            case Station::Turn::gone: return Status::gone;
+        }
+    } while (bus_.now_ns() < until_ns);
+    return Status::timeout;
+}
+
+}  // namespace tactiled

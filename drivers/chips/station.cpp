@@ -1,0 +1,158 @@
+#include "drivers/chips/station.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kUs = 1000, kMs = 1'000'000;
+constexpr unsigned kLeastPauseMs = 10, kMostPauseMs = 1000;
+// A chip that says for so long and so often that no conversion is ready has stopped. Often: it may be us who stood still.
+constexpr std::uint64_t kPatience = 3;  // conversions, and
+constexpr std::uint64_t kLeastPatienceNs = 20 * kMs;
+constexpr unsigned kLeastAsked = 10;
+
+}  // namespace
+
+void Station::start() noexcept {
+    was_set_up_ = false;
+    pause_ms_ = 0;
+    clock_.forget();
+    set_up_again();
+}
+
+void Station::set_up_again() noexcept {
+    state_ = State::setting_up;
+    step_ = 0;
+    lost_ = 0;
+    is_retry_ = is_wrong_ = false;
+    due_ns_ = port_.now_ns();
+}
+
+Station::Turn Station::fail(Answer answer) noexcept {
+    if (answer == Answer::gone) return Turn::gone;
+    if (answer == Answer::timeout) return Turn::hangs;
+    set_up_again();
+    pause_ms_ = std::clamp(2 * pause_ms_, kLeastPauseMs, kMostPauseMs);
+    due_ns_ += pause_ms_ * kMs;
+    return Turn::nothing;
+}
+
+// It answers, but not as this chip should.
+Station::Turn Station::give_up() noexcept {
+    ++counts_[TACTILED_LINK_BUS_ERROR];
+    return fail(Answer::failed);
+}
+
+// At once, unless it had just been set up: then it does not keep what it is told.
+Station::Turn Station::restart() noexcept {
+    if (!has_converted_) return give_up();
+    set_up_again();
+    return Turn::nothing;
+}
+
+Station::Turn Station::turn(Frame& frame) noexcept { return state_ == State::setting_up ? set_up() : convert(frame); }
+
+Station::Turn Station::set_up() noexcept {
+    const Chip::Progress progress = chip_->set_up(port_, step_);
+    if (progress.answer != Answer::ok) return fail(progress.answer);
+    if (progress.kind == Chip::Progress::wrong) {
+        const Turn turn = give_up();
+        is_wrong_ = true;
+        found_ = progress.found;
+        return turn;
+    }
+    ++step_;
+    due_ns_ = port_.now_ns() + progress.wait_us * kUs;
+    if (progress.kind == Chip::Progress::more) return Turn::nothing;
+    if (std::exchange(was_set_up_, true)) ++counts_[TACTILED_LINK_RESTARTED];
+    state_ = State::converting;
+    has_converted_ = false;
+    begin_conversion();
+    due_ns_ += progress.wait_us * kUs;
+    return Turn::nothing;
+}
+
+void Station::begin_conversion() noexcept {
+    began_ns_ = port_.now_ns();
+    asked_ = 0;
+    clock_.begin(began_ns_, chip_->conversion_ns(), chip_->pace() != Pace::triggered);
+    due_ns_ = chip_->pace() == Pace::timed ? began_ns_ + chip_->conversion_ns() : clock_.next_poll_ns();
+}
+
+Station::Turn Station::convert(Frame& frame) noexcept {
+    const std::uint64_t before_ns = port_.now_ns();
+    const Chip::Reading reading = chip_->read(port_, frame);
+    if (reading.answer != Answer::ok) {
+        // Once may be a disturbance: asked again at once, all settings are read along with the value.
+        const bool hard = reading.answer == Answer::gone || reading.answer == Answer::timeout;
+        if (hard || is_retry_) return fail(reading.answer);
+        is_retry_ = true;
+        return Turn::nothing;
+    }
+    is_retry_ = false;
+    switch (reading.kind) {
+        case Chip::Reading::was_reset: return restart();
+        case Chip::Reading::bad: ++counts_[TACTILED_LINK_BAD_CHECKSUM]; [[fallthrough]];
+        case Chip::Reading::nothing: {
+            const std::uint64_t now_ns = port_.now_ns();
+            clock_.not_ready(before_ns, now_ns);
+            due_ns_ = clock_.next_poll_ns();
+            const std::uint64_t patience_ns = kPatience * chip_->conversion_ns() + kLeastPatienceNs;
+            if (++asked_ < kLeastAsked || now_ns - began_ns_ < patience_ns) return Turn::nothing;
+            return restart();
+        }
+        case Chip::Reading::part:
+        case Chip::Reading::frame: return take(reading, before_ns, frame);
+    }
+    return Turn::nothing;
+}
+
+Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept {
+    const bool is_first = !std::exchange(has_converted_, true);
+    pause_ms_ = 0;
+    const std::uint64_t now_ns = port_.now_ns();
+    std::uint32_t lost = reading.lost;
+    if (chip_->pace() == Pace::timed) {
+        const std::uint64_t period_ns = chip_->conversion_ns();
+        lost = before_ns > due_ns_ ? std::uint32_t((before_ns - due_ns_) / period_ns) : 0;
+        due_ns_ += (1 + lost) * period_ns;
+    } else {
+        const bool is_counted = chip_->pace() == Pace::counted;
+        const std::uint32_t passed =
+            clock_.ready(before_ns, std::max(before_ns, reading.taken_ns), is_counted ? 1 + lost : 0);
+        if (chip_->pace() == Pace::continuous) lost = passed - 1;
+        if (reading.began) clock_.begin(now_ns, chip_->conversion_ns(), false);
+        due_ns_ = clock_.next_poll_ns();
+    }
+    began_ns_ = now_ns;
+    asked_ = 0;
+    if (is_first) lost = 0;  // others were set up meanwhile: no frame was there to follow
+    lost_ += lost;
+    counts_[TACTILED_LINK_LOST] += lost;
+    if (reading.kind == Chip::Reading::part) return Turn::nothing;
+    frame.t_ns = now_ns;
+    frame.device = device_;
+    frame.lost = std::exchange(lost_, 0);
+    ++counts_[TACTILED_LINK_FRAMES];
+    return Turn::frame;
+}
+
+std::string Station::place() const {
+    const Place& at = port_.place();
+    std::string text = fmt::format("{} at 0x{:02x}", name_, at.address);
+    if (at.mux != 0) text += fmt::format(" behind 0x{:02x} channel {}", at.mux, at.channel);
+    return text;
+}
+
+std::string Station::complaint() const {
+    if (!is_wrong_) return place() + " does not answer; check its supply, its wires, address and mux";
+    const Chip::Identity identity = chip_->identity();
+    return fmt::format("{}: {} {:#x}, should be {:#x}: another chip, or another chip's address", place(), identity.what,
+                       found_, identity.expected);
+}
+
+}  // namespace tactiled

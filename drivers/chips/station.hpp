@@ -1,0 +1,61 @@
+// One chip at work: set up, asked when a conversion is due, left alone for a while when it does not answer, and set up anew
+// when it was reset. Everything of it in the time of the bus, so that tests need not wait.
+#pragma once
+#include <memory>
+#include <string>
+
+#include "drivers/chips/chip.hpp"
+#include "drivers/chips/conversion_clock.hpp"
+
+namespace tactiled {
+
+class Station {
+public:
+    Station(std::string name, std::unique_ptr<Chip> chip, Port port, std::uint16_t device, LinkCounts& counts)
+        : name_(std::move(name)), chip_(std::move(chip)), port_(port), device_(device), counts_(counts) {}
+
+    // The link was opened anew. setup
+    void start() noexcept;
+
+    enum class Turn : std::uint8_t { nothing, frame, hangs, gone };  // the last two: of the whole bus
+    // Does what is due. rt: blocks on the bus, for a few transfers
+    [[nodiscard]] Turn turn(Frame& frame) noexcept;
+
+    [[nodiscard]] std::uint64_t due_ns() const noexcept { return due_ns_; }
+
+    // For open(): whether the chip is converting, or has failed to; and what is wrong with it, "" if nothing. setup
+    [[nodiscard]] bool is_settled() const noexcept { return state_ == State::converting || pause_ms_ != 0; }
+    [[nodiscard]] bool is_wrong() const noexcept { return is_wrong_; }
+    [[nodiscard]] bool answers() const noexcept { return pause_ms_ == 0 || is_wrong_; }
+    [[nodiscard]] std::string place() const;
+    [[nodiscard]] std::string complaint() const;
+
+private:
+    enum class State : std::uint8_t { setting_up, converting };
+
+    Turn set_up() noexcept;
+    Turn convert(Frame& frame) noexcept;
+    Turn take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept;
+    void begin_conversion() noexcept;
+    void set_up_again() noexcept;
+    Turn fail(Answer answer) noexcept;
+    Turn give_up() noexcept;
+    Turn restart() noexcept;
+
+    std::string name_;
+    std::unique_ptr<Chip> chip_;
+    Port port_;
+    std::uint16_t device_;
+    LinkCounts& counts_;
+
+    State state_ = State::setting_up;
+    ConversionClock clock_;
+    std::uint64_t due_ns_ = 0, began_ns_ = 0;
+    unsigned step_ = 0, pause_ms_ = 0;
+    unsigned asked_ = 0;  // in vain, since the last conversion
+    std::uint32_t lost_ = 0;
+    std::uint64_t found_ = 0;
+    bool was_set_up_ = false, has_converted_ = false, is_retry_ = false, is_wrong_ = false;
+};
+
+}  // namespace tactiled

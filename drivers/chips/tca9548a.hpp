@@ -1,0 +1,53 @@
+// TCA9548A: a switch of eight buses, at 0x70 .. 0x77. It has one register, the mask of channels that are connected, which
+// takes effect at the STOP, so that selecting is a transfer of its own. (Register and rule: data sheet, from knowledge.)
+#pragma once
+#include <cstdint>
+
+#include "drivers/chips/bus.hpp"
+
+namespace tactiled {
+
+inline constexpr unsigned kMuxLeast = 0x70, kMuxMost = 0x77, kMuxChannels = 8;
+
+// All switches of one bus. They belong to this driver alone: what is selected is remembered, not read.
+class Muxes {
+public:
+    explicit Muxes(I2cBus& bus) noexcept : bus_(bus) {}
+
+    void add(std::uint8_t address) noexcept { muxes_[address - kMuxLeast].present = true; }
+
+    // Connects one channel of one switch and none of the others, where two chips of one address might answer at once.
+    // Writes only what is not so already. rt: blocks on the bus
+    [[nodiscard]] Answer select(std::uint8_t address, unsigned channel) noexcept {
+        for (unsigned i = 0; i < kMuxChannels; ++i)
+            if (kMuxLeast + i != address)
+                if (const Answer answer = set(i, 0); answer != Answer::ok) return answer;
+        return set(address - kMuxLeast, std::uint8_t(1u << channel));
+    }
+
+    // After an error nobody knows what is connected: a switch that lost its supply for a moment has nothing selected.
+    void forget() noexcept {
+        for (Mux& mux : muxes_) mux.known = false;
+    }
+
+private:
+    struct Mux {
+        bool present = false, known = false;
+        std::uint8_t mask = 0;
+    };
+
+    Answer set(unsigned index, std::uint8_t mask) noexcept {
+        Mux& mux = muxes_[index];
+        if (!mux.present || (mux.known && mux.mask == mask)) return Answer::ok;
+        mux.known = false;
+        const Answer answer = bus_.transfer(std::uint8_t(kMuxLeast + index), {&mask, 1}, {});
+        if (answer != Answer::ok) return answer;
+        mux = {true, true, mask};
+        return Answer::ok;
+    }
+
+    I2cBus& bus_;
+    Mux muxes_[kMuxChannels];
+};
+
+}  // namespace tactiled

@@ -1,0 +1,241 @@
+// Plays an i2c-tiny-usb adapter to the kernel of the test machine, through vhci_hcd and a socket pair: a real /dev/i2c-N
+// whose chips are the models of the unit tests, in real time. Needs the modules vhci-hcd, i2c-tiny-usb, i2c-dev.
+//
+//     usbip_i2c PORT KIND:ADDRESS[:MUX:CHANNEL]...      such as usbip_i2c 0 ad7746:0x48:0x70:2 nau7802:0x2a
+//
+// Commands, one a line; N counts the chips: dead N 0|1 | reset N | swap N KIND | muxes (reset) | hang 0|1 | unplug | plug |
+// report FILE (counts, as JSON). The end of the input ends it.
+// Wire format: the kernel's Documentation/usb/usbip_protocol.rst; vendor requests: drivers/i2c/busses/i2c-tiny-usb.c.
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <linux/i2c.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <sstream>
+
+#include "drivers/clock.hpp"
+#include "tests/unit/drivers/chip_bench.hpp"
+
+namespace {
+
+using namespace tactiled;
+using namespace tactiled::test;
+
+#pragma pack(push, 1)
+struct Header {  // 48 bytes, big endian
+    std::uint32_t command, sequence, device, direction, endpoint;
+    union {
+        struct {
+            std::uint32_t flags, length, start_frame, packets, interval;
+            std::uint8_t setup[8];
+        } submit;
+        struct {
+            std::uint32_t status, length, start_frame, packets, errors;
+            std::uint8_t pad[8];
+        } answer;
+    };
+};
+#pragma pack(pop)
+static_assert(sizeof(Header) == 48);
+
+constexpr std::uint32_t kUnlink = 2, kSubmitted = 3, kUnlinked = 4;
+constexpr std::uint8_t kDevice[] = {18, 1, 0x10, 0x01, 0, 0, 0, 8, 0x03, 0x04, 0x31, 0xC6, 0x05, 0x01, 1, 2, 3, 1};
+constexpr std::uint8_t kConfiguration[] = {9, 2, 18, 0, 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 0, 0xFF, 0, 0, 0};
+constexpr const char* kStrings[] = {"", "tactiled-test", "i2c-tiny-usb", "0001"};
+
+std::unique_ptr<ModelChip> make(const std::string& name) {
+    for (const ChipKind& kind : chip_kinds())
+        if (kind.name == name) return kind.make_model();
+    throw std::runtime_error("no model of a chip " + name);
+}
+
+bool read_all(int fd, void* to, std::size_t size) {
+    for (auto* at = static_cast<char*>(to); size > 0;) {
+        const ssize_t n = ::read(fd, at, size);
+        if (n <= 0) return false;
+        at += n;
+        size -= std::size_t(n);
+    }
+    return true;
+}
+
+class Adapter {
+public:
+    Adapter(int port, int n_chips, char** chips) : port_(port) {
+        for (int i = 0; i < n_chips; ++i) {
+            std::string text = chips[i];
+            for (char& c : text)
+                if (c == ':') c = ' ';
+            std::istringstream words(text);
+            words.unsetf(std::ios::basefield);  // 0x48
+            std::string name;
+            unsigned address = 0, mux = 0, channel = 0;
+            words >> name >> address >> mux >> channel;
+            models_.push_back(make(name));
+            places_.push_back({std::uint8_t(address), std::uint8_t(mux), channel});
+        }
+        wire();
+        plug();
+    }
+
+    void run() {
+        for (std::string line;;) {
+            pollfd ready[2] = {{0, POLLIN, 0}, {fd_, POLLIN, 0}};
+            if (::poll(ready, fd_ >= 0 ? 2 : 1, -1) < 0) return;
+            if (ready[0].revents != 0) {
+                char c = 0;
+                if (::read(0, &c, 1) <= 0) return;
+                if (c != '\n') {
+                    line += c;
+                } else {
+                    obey(line);
+                    line.clear();
+                }
+            } else if (fd_ >= 0 && ready[1].revents != 0 && !serve()) {
+                unplug();
+            }
+        }
+    }
+
+private:
+    struct Place {
+        std::uint8_t address, mux;
+        unsigned channel;
+    };
+
+    void wire() {
+        wires_ = {};
+        for (std::size_t i = 0; i < models_.size(); ++i)
+            wires_.put(places_[i].address, *models_[i], places_[i].mux, places_[i].channel);
+    }
+    void plug() {
+        int pair[2];
+        if (::socketpair(AF_UNIX, SOCK_STREAM, 0, pair) != 0) throw std::runtime_error("socketpair");
+        std::ofstream attach("/sys/devices/platform/vhci_hcd.0/attach");
+        attach << port_ << ' ' << pair[1] << " 65537 2" << std::flush;  // 2: full speed
+        if (!attach) throw std::runtime_error("vhci_hcd refused; is the module loaded?");
+        ::close(pair[1]);
+        fd_ = pair[0];
+    }
+    void unplug() {
+        if (fd_ >= 0) ::close(fd_);
+        fd_ = -1;
+    }
+
+    void obey(const std::string& line) {
+        std::istringstream words(line);
+        std::string what, name;
+        std::size_t n = 0;
+        words >> what;
+        if (what == "hang") {
+            words >> hangs_;
+        } else if (what == "unplug") {
+            unplug();
+        } else if (what == "plug") {
+            plug();
+        } else if (what == "muxes") {
+            wires_.reset_muxes();
+        } else if (what == "report") {
+            words >> name;
+            std::vector<std::uint32_t> converted;
+            for (const auto& model : models_) converted.push_back(model->n_converted);
+            std::ofstream(name + ".new") << fmt::format("{{\"nacks\": {}, \"asked\": {}, \"converted\": [{}]}}\n", n_nacks_,
+                                                        n_asked_, fmt::join(converted, ", "));
+            std::rename((name + ".new").c_str(), name.c_str());
+        } else if (words >> n && n < models_.size()) {
+            if (what == "dead") words >> models_[n]->is_dead;
+            if (what == "reset") models_[n]->reset();
+            if (what == "swap" && words >> name) models_[n] = make(name), wire();
+        }
+    }
+
+    // One request of the kernel. False: it has let go of the device.
+    bool serve() {
+        Header request;
+        if (!read_all(fd_, &request, sizeof request)) return false;
+        Header answer{};
+        answer.sequence = request.sequence;
+        if (ntohl(request.command) == kUnlink) {  // timed out, or cancelled
+            answer.command = htonl(kUnlinked);
+            answer.answer.status = htonl(std::uint32_t(-ECONNRESET));
+            return ::write(fd_, &answer, sizeof answer) == ssize_t(sizeof answer);
+        }
+        const bool in = ntohl(request.direction) == 1;
+        std::vector<std::uint8_t> data(ntohl(request.submit.length));
+        if (!in && !data.empty() && !read_all(fd_, data.data(), data.size())) return false;
+        const std::uint8_t* const setup = request.submit.setup;
+        const std::size_t asked = data.size();
+        int status = 0;
+        if ((setup[0] & 0x60) == 0x40) {
+            if (hangs_ && setup[1] >= 4) return true;  // never answered: the kernel gives up after 2 s
+            vendor(setup[1], std::uint8_t(setup[4]), in, data);
+        } else {
+            status = standard(setup, data);
+        }
+        if (data.size() > asked) data.resize(asked);
+        answer.command = htonl(kSubmitted);
+        answer.answer.status = htonl(std::uint32_t(status));
+        answer.answer.length = htonl(std::uint32_t(data.size()));
+        if (::write(fd_, &answer, sizeof answer) != ssize_t(sizeof answer)) return false;
+        return !in || data.empty() || ::write(fd_, data.data(), data.size()) == ssize_t(data.size());
+    }
+
+    void vendor(std::uint8_t request, std::uint8_t address, bool in, std::vector<std::uint8_t>& data) {
+        if (request == 1) {
+            const std::uint32_t functions = I2C_FUNC_I2C | I2C_FUNC_SMBUS_EMUL;
+            data.assign(reinterpret_cast<const std::uint8_t*>(&functions),
+                        reinterpret_cast<const std::uint8_t*>(&functions + 1));
+        } else if (request == 3) {
+            data.assign(1, acknowledged_ ? 1 : 2);
+        } else if (request >= 4 && request <= 7) {
+            const std::uint64_t t_ns = tactiled::now_ns();
+            ++n_asked_;
+            acknowledged_ = in ? wires_.read(address, data, t_ns, t_ns) : wires_.write(address, data, t_ns);
+            if (!acknowledged_) ++n_nacks_;
+        }
+    }
+
+    static int standard(const std::uint8_t* setup, std::vector<std::uint8_t>& data) {
+        const std::uint8_t which = setup[2], kind = setup[3];
+        if (setup[1] == 0) {
+            data.assign(2, 0);
+        } else if (setup[1] == 6 && kind == 1) {
+            data.assign(std::begin(kDevice), std::end(kDevice));
+        } else if (setup[1] == 6 && kind == 2) {
+            data.assign(std::begin(kConfiguration), std::end(kConfiguration));
+        } else if (setup[1] == 6 && kind == 3 && which < std::size(kStrings)) {
+            data = which == 0 ? std::vector<std::uint8_t>{4, 3, 9, 4} : std::vector<std::uint8_t>{0, 3};
+            for (const char* c = kStrings[which]; *c != 0; ++c) data.insert(data.end(), {std::uint8_t(*c), 0});
+            data[0] = std::uint8_t(data.size());
+        } else if (setup[1] == 6) {
+            data.clear();
+            return -EPIPE;
+        }
+        return 0;
+    }
+
+    int port_, fd_ = -1;
+    bool hangs_ = false, acknowledged_ = true;
+    unsigned n_nacks_ = 0, n_asked_ = 0;
+    std::vector<std::unique_ptr<ModelChip>> models_;
+    std::vector<Place> places_;
+    ModelWires wires_;
+};
+
+}  // namespace
+
+int main(int n_words, char** words) try {
+    if (n_words < 3) throw std::runtime_error("usage: usbip_i2c PORT KIND:ADDRESS[:MUX:CHANNEL]...");
+    Adapter(std::atoi(words[1]), n_words - 2, words + 2).run();
+    return 0;
+} catch (const std::exception& error) {
+    std::cerr << "usbip_i2c: " << error.what() << '\n';
+    return 1;
+}

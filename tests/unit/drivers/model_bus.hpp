@@ -1,0 +1,118 @@
+// A bus with model chips and switches on it, and the same as an I2cBus in virtual time.
+#pragma once
+#include <algorithm>
+#include <functional>
+#include <random>
+
+#include "drivers/chips/bus.hpp"
+#include "tests/unit/drivers/chip_models.hpp"
+
+namespace tactiled::test {
+
+class ModelWires {
+public:
+    // `mux` 0: on the bus itself.
+    void put(std::uint8_t address, ModelChip& chip, std::uint8_t mux = 0, unsigned channel = 0) {
+        places_.push_back({address, mux, channel, &chip});
+        if (mux != 0) masks_.try_emplace(mux, std::uint8_t{0});
+    }
+
+    // False: nobody acknowledged.
+    bool write(std::uint8_t address, Bytes bytes, std::uint64_t t_ns) {
+        if (const auto mux = masks_.find(address); mux != masks_.end()) {
+            mux->second = bytes.back();
+            return true;
+        }
+        ModelChip* const chip = find(address);
+        if (chip != nullptr) chip->write(bytes, t_ns);
+        return chip != nullptr;
+    }
+    bool read(std::uint8_t address, std::span<std::uint8_t> out, std::uint64_t t_ns, std::uint64_t until_ns) {
+        if (const auto mux = masks_.find(address); mux != masks_.end()) {
+            std::fill(out.begin(), out.end(), mux->second);
+            return true;
+        }
+        ModelChip* const chip = find(address);
+        if (chip != nullptr) chip->read(out, t_ns, until_ns);
+        return chip != nullptr;
+    }
+    void reset_muxes() {
+        for (auto& mux : masks_) mux.second = 0;
+    }
+    unsigned n_collisions = 0;  // transfers that two chips answered
+
+private:
+    struct Place {
+        std::uint8_t address, mux;
+        unsigned channel;
+        ModelChip* chip;
+    };
+    ModelChip* find(std::uint8_t address) {
+        ModelChip* found = nullptr;
+        for (const Place& place : places_) {
+            if (place.address != address || place.chip->is_dead) continue;
+            if (place.mux != 0 && (masks_[place.mux] >> place.channel & 1) == 0) continue;
+            if (found != nullptr) ++n_collisions;
+            found = place.chip;
+        }
+        return found;
+    }
+    std::vector<Place> places_;
+    std::map<std::uint8_t, std::uint8_t> masks_;
+};
+
+class ModelBus final : public I2cBus {
+public:
+    explicit ModelBus(double clock_Hz = 400e3) : bit_ns_(1e9 / clock_Hz) {}
+
+    Answer transfer(std::uint8_t address, std::span<const std::uint8_t> out, std::span<std::uint8_t> in) noexcept override {
+        ++n_transfers;
+        if (n_until_accident > 0 && --n_until_accident == 0) accident();
+        if (is_gone) return Answer::gone;
+        if (hangs) return spend(1e9), Answer::timeout;
+        if (n_failing > 0) {
+            --n_failing;
+            ++n_nacks;
+            spend(20 * bit_ns_);
+            if (fails_after) wires.write(address, out, now_);
+            return failing_with;
+        }
+        spend(overhead_ns + bit_ns_ * double(11 + 9 * out.size()));  // start, address, what follows; stop or start again
+        if (!wires.write(address, out, now_)) return ++n_nacks, Answer::absent;
+        if (in.empty()) return Answer::ok;
+        if (held_up_most_ns != 0 && random_() % 4 == 0) spend(double(random_() % held_up_most_ns));
+        const std::uint64_t from_ns = now_ + std::uint64_t(10 * bit_ns_);
+        spend(bit_ns_ * double(11 + 9 * in.size()));
+        if (!wires.read(address, in, from_ns, now_)) return ++n_nacks, Answer::absent;
+        return Answer::ok;
+    }
+    std::uint64_t now_ns() const noexcept override { return now_; }
+
+    void wait_until(std::uint64_t t_ns) noexcept override {
+        if (t_ns > now_) now_ = t_ns + (oversleeps_most_ns == 0 ? 0 : random_() % oversleeps_most_ns);
+    }
+
+    ModelWires wires;
+    std::uint64_t oversleeps_most_ns = 0;
+    std::uint64_t held_up_most_ns = 0;  // every fourth transfer, before it reads
+    double overhead_ns = 0;             // of each transfer, as a USB adapter has it
+    bool is_gone = false, hangs = false;
+    unsigned n_until_accident = 0;  // so many transfers until this happens, before the last of them
+    std::function<void()> accident;
+    bool fails_after = false;  // of those: the chip has taken the bytes all the same
+    unsigned n_failing = 0;    // so many transfers to come fail
+    Answer failing_with = Answer::failed;
+    unsigned n_transfers = 0, n_nacks = 0;
+    std::uint64_t busy_ns = 0;
+
+private:
+    void spend(double ns) {
+        now_ += std::uint64_t(ns);
+        busy_ns += std::uint64_t(ns);
+    }
+    double bit_ns_;
+    std::minstd_rand random_{1};
+    std::uint64_t now_ = 1'000'000'000;
+};
+
+}  // namespace tactiled::test
