@@ -1,16 +1,11 @@
 // Driver "replay": the frames of one link of a recording (tactilectl record), each as long after the one before as then. Its
 // data are declared simulated: nobody shall take them for a measurement of now.
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 #include <time.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <vector>
 
 #include "drivers/clock.hpp"
@@ -30,25 +25,14 @@ public:
         speed_ = options.number("speed", {0.001, 1000}, 1);
         again_ = options.one_of("at_end", {"stop", "again"}, "stop") == "again";
     }
-    ~Replay() override { close(); }
 
     std::string open() override {
         if (at_ == frames_.size() && at_ != 0 && !again_)
             return "the recording has ended; at_end = \"again\" plays it again";
-        close();
-        const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
-        struct stat status {};
-        const bool readable = fd >= 0 && ::fstat(fd, &status) == 0 && S_ISREG(status.st_mode) && status.st_size > 0;
-        void* map = readable ? ::mmap(nullptr, std::size_t(status.st_size), PROT_READ, MAP_PRIVATE | MAP_POPULATE, fd, 0)
-                             : MAP_FAILED;
-        const int error = readable || fd < 0 ? errno : ENODATA;
-        if (fd >= 0) ::close(fd);
-        if (map == MAP_FAILED) return fmt::format("{}: {}", path_, std::strerror(error));
-        bytes_ = {static_cast<const char*>(map), std::size_t(status.st_size)};
-        const std::string wrong = find_frames();
-        if (!wrong.empty()) {
-            close();
-            return wrong;
+        if (frames_.empty()) {  // once: later openings only begin again
+            std::string wrong = read_file();
+            if (wrong.empty()) wrong = find_frames();
+            if (!wrong.empty()) return wrong;
         }
         at_ = 0;
         began_ns_ = now_ns();
@@ -75,12 +59,21 @@ public:
         return Status::frame;
     }
 
-    void close() noexcept override {
-        if (bytes_.data() != nullptr) ::munmap(const_cast<char*>(bytes_.data()), bytes_.size());
-        bytes_ = {};
-    }
+    void close() noexcept override {}
 
 private:
+    // Into memory, not mapped: a file that somebody shortens while it is mapped would end the daemon.
+    std::string read_file() {
+        std::error_code error;
+        const auto size = std::filesystem::file_size(path_, error);
+        if (error) return fmt::format("{}: {}", path_, error.message());
+        if (size > kMostBytes) return fmt::format("{}: has {} bytes; this driver takes {}", path_, size, kMostBytes);
+        std::ifstream in(path_, std::ios::binary);
+        bytes_.resize(std::size_t(size));
+        if (!in.read(bytes_.data(), std::streamsize(size))) return fmt::format("{}: cannot be read", path_);
+        return "";
+    }
+
     // Where each frame of the link stands in the file, so that read() only looks. "" or what is wrong.
     std::string find_frames() {
         frames_.clear();
@@ -110,7 +103,8 @@ private:
     std::string path_, link_;
     double speed_;
     bool again_;
-    std::string_view bytes_;
+    static constexpr std::uintmax_t kMostBytes = 1u << 30;  // half an hour of a sensor at 1 kHz; some seconds to read
+    std::string bytes_;
     std::vector<std::span<const char>> frames_;
     std::size_t at_ = 0;
     std::uint64_t first_ns_ = 0, began_ns_ = 0;

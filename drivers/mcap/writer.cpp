@@ -35,7 +35,8 @@ std::string record(Op op, std::string_view content) {
 }  // namespace
 
 Writer::Writer(const std::string& path, bool overwrite) : path_(path) {
-    fd_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | (overwrite ? O_TRUNC : O_EXCL), 0644);
+    if (overwrite) ::unlink(path.c_str());  // not O_TRUNC: who reads the old file goes on reading it
+    fd_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_EXCL, 0644);
     if (fd_ < 0)
         throw SetupError(fmt::format("{}: {}{}", path, std::strerror(errno),
                                      errno == EEXIST ? " (--overwrite replaces it, another name keeps it)" : ""));

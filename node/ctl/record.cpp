@@ -65,7 +65,8 @@ private:
 
 class Recording {
 public:
-    Recording(const SegmentView& segment, const Wish& wish) : file_(wish.file, wish.overwrite) {
+    Recording(const SegmentView& segment, const Wish& wish)
+        : config_(wish.config.empty() ? "" : content_of(wish.config)), file_(wish.file, wish.overwrite) {
         const std::string node = segment.header().name;
         const auto of_frames =
             file_.add_schema(std::string(mcap::kFrameSchema), "ros2msg", std::string(mcap::kFrameDefinition));
@@ -75,21 +76,29 @@ public:
             const tactiled_link& link = segment.link(i);
             links_.push_back({Tail(segment, link.frames),
                               file_.add_channel(of_frames, fmt::format("/{}/link/{}/frames", node, link.name), "cdr",
-                                                {{std::string(mcap::kLinkKey), link.name}, {"driver", link.driver}})});
+                                                {{std::string(mcap::kLinkKey), link.name},
+                                                 {"driver", link.driver},
+                                                 {"simulated", link.simulated != 0 ? "true" : "false"}})});
         }
         for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
             const tactiled_sensor& sensor = segment.sensor(i);
+            bool simulated = false;
+            for (std::uint32_t l = 0; l < segment.n_links(); ++l)
+                simulated |= std::string_view(segment.link(l).name) == sensor.link && segment.link(l).simulated != 0;
             const std::map<std::string, std::string> about{{std::string(kSensorKey), sensor.name},
+                                                           {"simulated", simulated ? "true" : "false"},
                                                            {"link", sensor.link},
                                                            {"model", sensor.model},
                                                            {"method", sensor.method},
                                                            {"serial", sensor.serial}};
-            sensors_.push_back(
-                {sensor.name, Tail(segment, sensor.ring),
-                 file_.add_channel(of_samples, fmt::format("/{}/{}/sample", node, sensor.name), "cdr", about),
-                 file_.add_channel(of_wrenches, fmt::format("/{}/{}/wrench", node, sensor.name), "cdr", about)});
+            const auto channel = [&](std::uint16_t schema, const char* what) {
+                return file_.add_channel(schema, fmt::format("/{}/{}/{}", node, sensor.name, what), "cdr", about);
+            };
+            sensors_.push_back({fmt::format("{}{}", sensor.name, simulated ? " (simulated)" : ""),
+                                Tail(segment, sensor.ring), channel(of_samples, "sample"), channel(of_wrenches, "wrench"),
+                                channel(of_wrenches, "wrench_uncertain")});
         }
-        if (!wish.config.empty()) attach(wish.config);
+        if (!wish.config.empty()) file_.attach("tactiled.toml", "application/toml", config_, wall_ns());
         wall_from_monotonic_ns_ = wall_ns() - monotonic_ns();
     }
 
@@ -118,8 +127,10 @@ public:
                 const auto number = std::uint32_t(sample.sequence);
                 encode_sample(sample, wall(sample.t_ns), message_);
                 file_.message(sensor.samples, number, wall(sample.t_ns), message_);
-                encode_wrench(sample, sensor.name, wall(sample.t_ns), message_);
-                file_.message(sensor.wrenches, number, wall(sample.t_ns), message_);
+                // A wrench carries no quality: what is only UNCERTAIN has a topic of its own, what is BAD has no numbers.
+                encode_wrench(sample, sensor.frame_id, wall(sample.t_ns), message_);
+                file_.message(sample.quality == TACTILED_UNCERTAIN ? sensor.doubtful : sensor.wrenches, number,
+                              wall(sample.t_ns), message_);
             }
     }
     void flush() { file_.flush(); }
@@ -135,10 +146,10 @@ public:
 
 private:
     [[nodiscard]] std::uint64_t wall(std::uint64_t t_ns) const { return t_ns + wall_from_monotonic_ns_; }
-    void attach(const std::string& path) {
+    static std::string content_of(const std::string& path) {
         std::ifstream in(path, std::ios::binary);
         if (!in) throw SetupError(path + ": cannot be read");
-        file_.attach("tactiled.toml", "application/toml", std::string{std::istreambuf_iterator<char>(in), {}}, wall_ns());
+        return {std::istreambuf_iterator<char>(in), {}};
     }
 
     struct LinkTail {
@@ -146,10 +157,11 @@ private:
         std::uint16_t channel;
     };
     struct SensorTail {
-        std::string name;
+        std::string frame_id;
         Tail tail;
-        std::uint16_t samples, wrenches;
+        std::uint16_t samples, wrenches, doubtful;
     };
+    std::string config_;  // read first: where it cannot be, there is no file
     mcap::Writer file_;
     std::vector<LinkTail> links_;
     std::vector<SensorTail> sensors_;
@@ -165,6 +177,9 @@ int record(const Wish& wish) {
         fmt::print(stderr, "tactilectl: {}\n", why);
         return kNotReachable;
     }
+    if (segment.n_links() != 0 && segment.link(0).frames.slots == 0)
+        throw SetupError(fmt::format("node \"{}\" is of version {}, which shows no frames: nothing could be replayed",
+                                     wish.node, segment.header().version));
     Recording recording(segment, wish);
     const std::uint64_t begun_ns = monotonic_ns();
     std::uint64_t flushed_ns = begun_ns;
@@ -203,11 +218,13 @@ int record(const Wish& wish) {
 void add_record(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
     auto* verb = app.add_subcommand("record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end");
-    verb->add_option("file", wish->file, "such as pick.mcap; opens in Foxglove and PlotJuggler")->required();
+    verb->add_option("file", wish->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
+        ->required();
     add_node_option(verb, wish->node);
     verb->add_option("--seconds", wish->seconds, "end after so long; 0: not by itself")->check(CLI::NonNegativeNumber);
     verb->add_option("--config", wish->config, "the daemon's configuration, to be kept in the file");
-    verb->add_option("--flush-ms", wish->flush_ms, "a chunk is written at least this often: what a cut loses")
+    verb->add_option("--flush-ms", wish->flush_ms,
+                     "a chunk is written at least this often: what a kill loses; a power cut, what the kernel held")
         ->check(CLI::Range(100, 1000))
         ->capture_default_str();
     verb->add_flag("--overwrite", wish->overwrite, "replace a file that is there");

@@ -11,6 +11,8 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
 
 #include "decoupling/fit/csv.hpp"
 #include "drivers/mcap/frame_message.hpp"
@@ -50,14 +52,15 @@ private:
 
 // What became of one sensor's samples.
 struct Outcome {
-    std::uint64_t frames = 0, compared = 0, equal = 0, tared = 0;
+    std::uint64_t frames = 0, compared = 0, equal = 0;
+    std::uint64_t raw_only = 0;  // of the equal ones: compared before tare and filter
     std::string first_difference;
 };
 
 bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(a, b, n * sizeof *a) == 0; }
 
-// "" or the first part that differs. Of a tare only its zero's commands knew: force and torque are compared without one.
-std::string difference(const tactiled_sample& was, const tactiled_sample& is) {
+// "" or the first part that differs. `raw_only`: what a tare or a filter had seen is not in the file.
+std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only) {
     const std::uint32_t of_the_moment = TACTILED_TARING;
     if (was.quality != is.quality) return "quality";
     if ((was.reasons & ~of_the_moment) != (is.reasons & ~of_the_moment)) return "reasons";
@@ -67,21 +70,31 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is) {
     if (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3)) return "sd";
     if (!same(was.cop_S_m, is.cop_S_m, 2)) return "cop_S_m";
     if (!same(&was.residual, &is.residual, 1)) return "residual";
-    if (was.tare_count == 0 && (!same(was.force_S_N, is.force_S_N, 3) || !same(was.torque_S_Nm, is.torque_S_Nm, 3)))
+    if (was.device_sequence != is.device_sequence || TACTILED_DIRECTION(was.state) != TACTILED_DIRECTION(is.state))
+        return "device_sequence or direction";
+    if (!raw_only && (!same(was.force_S_N, is.force_S_N, 3) || !same(was.torque_S_Nm, is.torque_S_Nm, 3)))
         return "force_S_N";
     return "";
 }
 
 // The samples of one sensor as they were published, and which of them comes next.
 struct Published {
-    std::vector<tactiled_sample> samples;
+    struct Place {
+        std::uint64_t t_ns;
+        std::span<const char> message;
+    };
+    std::vector<Place> samples;
     std::size_t at = 0;
+    bool from_the_start = false;  // no frame came to the sensor before the file began
 
-    // What a frame became; nullptr where the file does not say. Frames that came in one read() have one stamp: by their
+    // What a frame became; nullopt where the file does not say. Frames that came in one read() have one stamp: by their
     // order.
-    const tactiled_sample* of_frame(std::uint64_t t_ns) {
+    std::optional<tactiled_sample> of_frame(std::uint64_t t_ns) {
         while (at < samples.size() && samples[at].t_ns < t_ns) ++at;
-        return at < samples.size() && samples[at].t_ns == t_ns ? &samples[at++] : nullptr;
+        tactiled_sample sample;
+        if (at == samples.size() || samples[at].t_ns != t_ns || !decode_sample(samples[at++].message, sample))
+            return std::nullopt;
+        return sample;
     }
 };
 
@@ -114,19 +127,20 @@ private:
     void judge(std::size_t i, const Frame& frame, Published& published) {
         Outcome& outcome = outcome_[i];
         ++outcome.frames;
-        const tactiled_sample* was = published.of_frame(frame.t_ns);
+        const std::optional<tactiled_sample> was = published.of_frame(frame.t_ns);
         // A break between two frames, seen by the pipeline alone, makes a filter begin anew.
-        if (was != nullptr && last_epoch_[i] != 0 && was->epoch != last_epoch_[i]) {
+        if (was && last_epoch_[i] != 0 && was->epoch != last_epoch_[i]) {
             (void)node_.sensors[i].has_broken(false, frame.t_ns);
             (void)node_.sensors[i].marker(frame.t_ns);
         }
         const tactiled_sample is = node_.sensors[i].sample(frame, frame.t_ns);
         if (int(i) == shown_) forces_->write(double(frame.t_ns) / 1e9, wrench_of(is), quality_text(is.quality, is.reasons));
-        if (was == nullptr) return;
+        if (!was) return;
         last_epoch_[i] = was->epoch;
         ++outcome.compared;
-        if (was->tare_count != 0) ++outcome.tared;
-        const std::string what = difference(*was, is);
+        const bool raw_only = was->tare_count != 0 || (!published.from_the_start && (was->state & TACTILED_LOW_PASS) != 0);
+        const std::string what = difference(*was, is, raw_only);
+        if (what.empty() && raw_only) ++outcome.raw_only;
         if (what.empty())
             ++outcome.equal;
         else if (outcome.first_difference.empty())
@@ -164,7 +178,11 @@ std::vector<Published> published_in(mcap::Reader& reader, const Node& node) {
         if (message->channel->schema != kSampleSchema || !decode_sample(message->data, sample)) continue;
         const std::string name = name_of(*message->channel, kSensorKey);
         for (std::size_t i = 0; i < published.size(); ++i)
-            if (name == node.plan.sensors[i].name) published[i].samples.push_back(sample);
+            if (name == node.plan.sensors[i].name) {
+                // Before the first frame there are three markers at most: no data yet, and why.
+                if (published[i].samples.empty()) published[i].from_the_start = sample.sequence <= 2;
+                published[i].samples.push_back({sample.t_ns, message->data});
+            }
     }
     reader.rewind();
     return published;
@@ -194,16 +212,16 @@ int replay(const Wish& wish) {
     for (std::size_t i = 0; i < node.plan.sensors.size(); ++i) {
         const Outcome& o = replayed.outcome()[i];
         const char* name = node.plan.sensors[i].name;
-        all_equal = all_equal && o.equal == o.compared;
+        all_equal = all_equal && o.equal == o.compared && o.compared != 0;
         sensors.push_back({{"name", name},
                            {"frames", o.frames},
                            {"compared", o.compared},
                            {"equal", o.equal},
-                           {"with_tare", o.tared},
+                           {"before_tare_and_filter", o.raw_only},
                            {"first_difference", o.first_difference}});
         if (!wish.json)
             fmt::print("{}: {} frames, {} samples compared, {} equal bit for bit{}{}\n", name, o.frames, o.compared, o.equal,
-                       o.tared != 0 ? fmt::format(" ({} had a tare: there without it)", o.tared) : "",
+                       o.raw_only != 0 ? fmt::format(" ({} of them before tare and filter)", o.raw_only) : "",
                        o.first_difference.empty() ? "" : "; first difference: " + o.first_difference);
     }
     if (wish.json) fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"why", reader.why()}, {"sensors", sensors}}.dump());

@@ -46,7 +46,7 @@ constexpr std::uint32_t kNodeRecords = 64;  // only the newest are read: 16 ms o
 constexpr std::size_t kWishedSize = 1'000'000;
 constexpr std::uint32_t kMostHistory = 1024, kLeastHistory = 64;
 
-// So many that they fit into another MB: half a second at 1 kHz of eight links.
+// So many that they fit into another MB: a recorder may stand still for 1 s at 1 kHz of one or two links, 0.13 s of sixteen.
 std::uint32_t frames_of(const SegmentPlan& plan) {
     std::uint32_t frames = kMostHistory;
     while (frames > kLeastHistory &&

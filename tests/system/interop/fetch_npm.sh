@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# fetch_npm.sh: puts jsmodbus, modbus-serial and @mcap/core, as pinned in package-lock.json, into build/npm/node_modules.
+# fetch_npm.sh: puts the packages that are pinned in package-lock.json, into build/npm/node_modules.
 # Uses npm where it is installed, else python3: Debian's nodejs comes without npm.
 # Exit status: 0 they are there, 75 the registry cannot be reached, else 1 (a wrong checksum among others).
 set -euo pipefail
@@ -8,7 +8,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 target=$(cd "$here/../../.." && pwd)/build/npm
 modules=$target/node_modules
 
-if [ -d "$modules/jsmodbus" ] && [ -d "$modules/modbus-serial" ] && [ -d "$modules/@mcap/core" ] &&
+if [ -d "$modules/jsmodbus" ] && [ -d "$modules/modbus-serial" ] && [ -d "$modules/@mcap/core" ] && [ -d "$modules/@foxglove/rosmsg" ] &&
     cmp -s "$here/package-lock.json" "$target/package-lock.json"; then
     exit 0
 fi

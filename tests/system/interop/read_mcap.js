@@ -1,6 +1,8 @@
 // read_mcap.js FILE: what an independent reader makes of a recording, as JSON: channels with their counts, and some messages.
 // With the index where the file has one, else from its beginning.
 const fs = require("fs");
+const { parse } = require("@foxglove/rosmsg");
+const { MessageReader } = require("@foxglove/rosmsg2-serialization");
 const { McapIndexedReader, McapStreamReader } = require("@mcap/core");
 
 class FileReadable {
@@ -12,24 +14,26 @@ class FileReadable {
   }
 }
 
-const out = { indexed: false, schemas: {}, channels: {}, attachments: 0, wrenches: [] };
+const out = { indexed: false, schemas: {}, channels: {}, attachments: 0, first: {} };
+const kKept = 200; // messages of each channel, decoded by the definition that stands in the file
+const readers = new Map();
 
-// geometry_msgs/WrenchStamped in CDR: head, stamp, frame_id, then doubles aligned to 8 behind the head.
-function wrench(data) {
-  const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
-  const length = view.getUint32(12, true);
-  const name = Buffer.from(data.subarray(16, 16 + length - 1)).toString();
-  let at = 4 + Math.ceil((12 + length) / 8) * 8;
-  const numbers = [];
-  for (let i = 0; i < 6; ++i, at += 8) numbers.push(view.getFloat64(at, true));
-  return { sec: view.getInt32(4, true), frame_id: name, numbers, rest: data.byteLength - at };
+function decode(channel, schema, data) {
+  if (!readers.has(channel.id)) {
+    const definition = new TextDecoder().decode(schema.data);
+    readers.set(channel.id, new MessageReader(parse(definition, { ros2: true })));
+  }
+  const plain = (key, value) =>
+    typeof value === "bigint" ? Number(value) : ArrayBuffer.isView(value) ? Array.from(value) : value;
+  return JSON.parse(JSON.stringify(readers.get(channel.id).readMessage(data), plain));
 }
 
-function take(channels, message) {
+function take(channels, schemas, message) {
   const channel = channels.get(message.channelId);
   const entry = (out.channels[channel.topic] ??= { messages: 0, encoding: channel.messageEncoding, metadata: Object.fromEntries(channel.metadata) });
   ++entry.messages;
-  if (channel.topic.endsWith("/wrench") && out.wrenches.length < 50) out.wrenches.push(wrench(message.data));
+  const first = (out.first[channel.topic] ??= []);
+  if (first.length < kKept) first.push(decode(channel, schemas.get(channel.schemaId), message.data));
 }
 
 async function main() {
@@ -42,7 +46,7 @@ async function main() {
     for await (const message of reader.readMessages({ validateCrcs: true })) {
       if (message.logTime < last) throw new Error("out of order");
       last = message.logTime;
-      take(reader.channelsById, message);
+      take(reader.channelsById, reader.schemasById, message);
     }
     for await (const each of reader.readAttachments({ validateCrcs: true })) out.attachments += each.data.length > 0 ? 1 : 0;
     out.statistics = Number(reader.statistics.messageCount);
@@ -50,11 +54,11 @@ async function main() {
     if (out.indexed) throw error;
     const reader = new McapStreamReader({ validateCrcs: true });
     reader.append(bytes);
-    const channels = new Map();
+    const channels = new Map(), schemas = new Map();
     for (let record; (record = reader.nextRecord()); ) {
       if (record.type === "Channel") channels.set(record.id, record);
-      if (record.type === "Schema") out.schemas[record.name] = record.encoding;
-      if (record.type === "Message") take(channels, record);
+      if (record.type === "Schema") schemas.set(record.id, record), (out.schemas[record.name] = record.encoding);
+      if (record.type === "Message") take(channels, schemas, record);
     }
   }
   console.log(JSON.stringify(out));
