@@ -105,7 +105,7 @@ public:
     bool has_more() const noexcept override { return decoder_->is_ready(); }
 
 private:
-    // A device that streams already hears nothing but its stop.
+    // A device that streams already hears nothing but its stop. `stop_first`: a tty, at opening.
     bool ask_for_stream(bool stop_first) noexcept {
         if (decoder_->start_bytes().empty()) return true;
         if (stop_first) {
@@ -113,6 +113,7 @@ private:
             const std::uint64_t sent_ms = 10 * 1000 * decoder_->stop_bytes().size() / baud_;
             const timespec pause{0, long(std::min<std::uint64_t>(sent_ms + kStopMs, 900)) * 1'000'000};
             ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
+            if (!flush_tty(fd_)) return false;  // what it sent until it stopped
         }
         return tell(decoder_->start_bytes());
     }
