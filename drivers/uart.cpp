@@ -63,7 +63,7 @@ public:
         if (fd_ < 0) return why;
         decoder_->reset();
         asked_ns_ = now_ns();
-        asked_again_ = false;
+        asked_again_ = streamed_ = false;
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
         overruns_before_ = counts[TACTILED_LINK_OVERRUN];
@@ -74,7 +74,7 @@ public:
         if (decoder_->next(frame)) return Status::frame;
         if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // it may have lost its supply
             asked_ns_ = now_ns();
-            asked_again_ = true;
+            asked_again_ = streamed_;
             if (!ask_for_stream(false)) return Status::gone;
         }
         // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its turn.
@@ -89,6 +89,7 @@ public:
         decoder_->push({bytes_.data(), std::size_t(size)}, now_ns());
         if (!decoder_->next(frame)) return Status::timeout;
         asked_ns_ = frame.t_ns;
+        streamed_ = true;
         if (std::exchange(asked_again_, false)) ++counts[TACTILED_LINK_RESTARTED];
         return Status::frame;
     }
@@ -131,7 +132,7 @@ private:
     std::unique_ptr<StreamDecoder> decoder_;
     int fd_ = -1;
     std::uint64_t asked_ns_ = 0;  // for the stream, or when it last brought a frame
-    bool asked_again_ = false;
+    bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;
     std::array<std::uint8_t, StreamDecoder::kMostBytes> bytes_{};
 };

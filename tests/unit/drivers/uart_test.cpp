@@ -128,6 +128,19 @@ TEST_F(UartTest, WhatAnFt300SentBeforeItWasStoppedIsNoReading) {
     EXPECT_EQ(read.channel[0], 0);
 }
 
+TEST_F(UartTest, ADeviceThatIsOnlyLateAtTheFirstOpeningWasNotRestarted) {
+    const auto driver = make("format = \"ft300\"");
+    ASSERT_EQ(driver->open(), "");
+    Frame read;
+    EXPECT_EQ(driver->read(read, 1050), Status::timeout);
+    EXPECT_EQ(driver->read(read, 1), Status::timeout);  // asked again
+    std::array<std::uint8_t, kFt300Bytes> out;
+    encode_ft300(Frame{}, out);
+    send(out.data(), out.size());
+    ASSERT_EQ(driver->read(read, 1000), Status::frame);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_RESTARTED], 0u);
+}
+
 TEST_F(UartTest, SetsRawModeAndAnyRate) {
     const auto driver = make("format = \"cobs\"\nbaud = 123456");
     ASSERT_EQ(driver->open(), "");
