@@ -109,6 +109,21 @@ TEST_F(UartTest, WhatLayInTheBufferBeforeOpeningIsNotGivenANewStamp) {
     EXPECT_EQ(frame.sequence, 2u);
 }
 
+TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewStampEither) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    send_frame(1);
+    wait_until_waiting(frame_bytes_);
+    ::usleep(100'000);  // longer than 50 ms and the turn of 1 ms
+    Frame frame;
+    EXPECT_EQ(driver->read(frame, 1), Status::gone);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], std::uint32_t(frame_bytes_));
+    ASSERT_EQ(driver->open(), "");
+    send_frame(2);
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    EXPECT_EQ(frame.sequence, 2u);
+}
+
 TEST_F(UartTest, WhatAnFt300SentBeforeItWasStoppedIsNoReading) {
     const auto driver = make("format = \"ft300\"\nbaud = 600");  // a pty does not mind; the pause is 853 ms then
     std::array<std::uint8_t, kFt300Bytes> out;
