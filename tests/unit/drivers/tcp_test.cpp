@@ -1,6 +1,7 @@
 // Driver "tcp": a stream over loopback.
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <linux/filter.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -110,6 +111,22 @@ TEST_F(TcpStream, AReaderThatWaitsInTimeReadsASlowStream) {
         ASSERT_EQ(::send(device, "7\n", 2, 0), 2);
         ASSERT_EQ(driver->read(frame, 1000), Status::frame);
     }
+    ::close(device);
+}
+
+TEST_F(TcpStream, ADeviceThatVanishesWithoutAWordIsGone) {
+    const auto driver = make("format = \"lines\"\nchannels = 1");
+    ASSERT_EQ(driver->open(), "");
+    const int device = ::accept(listener_, nullptr, nullptr);
+    ASSERT_EQ(::send(device, "1\n2\n", 4, 0), 4);
+    Frame frame;
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    sock_filter nothing{BPF_RET | BPF_K, 0, 0, 0};
+    const sock_fprog deaf{1, &nothing};  // no byte and no question reaches it any more, and it answers none
+    ASSERT_EQ(::setsockopt(device, SOL_SOCKET, SO_ATTACH_FILTER, &deaf, sizeof deaf), 0);
+    Status status = Status::timeout;
+    for (int i = 0; i < 40 && status == Status::timeout; ++i) status = driver->read(frame, 500);
+    EXPECT_EQ(status, Status::gone);
     ::close(device);
 }
 
