@@ -81,13 +81,13 @@ public:
             }
             if (!wait(std::min(deadline_ns_, until_ns), POLLIN) || !take()) return Status::gone;
             const auto found = answers_.next();
-            const bool late = now_ns() >= deadline_ns_;
+            const bool late = now_ns() >= deadline_ns_ || with_suspend_ns() >= too_old_ns_;
             counts[TACTILED_LINK_SKIPPED] += std::exchange(answers_.skipped, 0);
             if (found == ModbusAnswers::Found::broken) {
                 ++counts[TACTILED_LINK_BAD_LENGTH];
                 return Status::gone;  // a new connection begins with a message's first byte
             }
-            if (late)  // whole or not: if this process stood still (SIGSTOP), it may be of any age
+            if (late)  // whole or not: if this process stood still (SIGSTOP, suspend), it may be of any age
                 failed(found == ModbusAnswers::Found::nothing ? answers_.missing() : TACTILED_LINK_BUS_ERROR);
             else if (found != ModbusAnswers::Found::nothing && answered(found, frame))
                 return Status::frame;
@@ -219,11 +219,14 @@ private:
         answers_.expect(request_);
         std::array<std::uint8_t, kModbusMostRequest> bytes;
         const std::size_t size = encode_modbus(wire_, request_, bytes);
+        // Before it is sent: this process may stand still behind send(), and the answer come meanwhile.
+        const std::uint64_t may_take_ns = timeout_ns_ + (size + modbus_answer_bytes(wire_, request_)) * byte_ns_;
+        deadline_ns_ = now_ns() + may_take_ns;
+        too_old_ns_ = with_suspend_ns() + may_take_ns;
         const ssize_t sent =
             wire_ == ModbusWire::tcp ? ::send(fd_, bytes.data(), size, MSG_NOSIGNAL) : ::write(fd_, bytes.data(), size);
         if (sent != ssize_t(size)) return false;  // half a request cannot be taken back
         asking_ = &device;
-        deadline_ns_ = now_ns() + timeout_ns_ + (size + modbus_answer_bytes(wire_, request_)) * byte_ns_;
         return true;
     }
 
@@ -286,6 +289,7 @@ private:
     Asked asked_ = Asked::values;
     std::uint16_t transaction_ = 0;
     std::uint64_t deadline_ns_ = 0, quiet_until_ns_ = 0, last_byte_ns_ = 0;
+    std::uint64_t too_old_ns_ = 0;  // deadline_ns_ by the clock that goes on in suspend
 };
 
 const DriverEntry entry{"modbus",

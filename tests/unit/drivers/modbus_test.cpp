@@ -5,17 +5,28 @@
 #include <poll.h>
 #include <pty.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <termios.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
 
 #include <fstream>
+#include <functional>
+#include <utility>
 #include <vector>
 
 #include "drivers/driver.hpp"
 #include "drivers/tcp.hpp"
 #include "drivers/wire/modbus_message.hpp"
+
+static std::function<void()> after_send;  // once, before the call returns to whoever sent
+
+extern "C" ssize_t send(int fd, const void* bytes, size_t size, int flags) {
+    const ssize_t sent = ::syscall(SYS_sendto, fd, bytes, size, flags, nullptr, 0);
+    if (const auto then = std::exchange(after_send, nullptr)) then();
+    return sent;
+}
 
 namespace tactiled {
 namespace {
@@ -238,6 +249,18 @@ TEST_F(Slave, AnAnswerThatLayThereWhileTheProcessStoodStillIsNotTaken) {
     send(tcp(request(), {1, 3, 4, 0, 5, 0, 6}));
     ASSERT_EQ(read(), Status::frame);
     EXPECT_EQ(frame_.channel[0], 5);
+}
+
+TEST_F(Slave, AnAnswerThatCameWhileTheProcessStoodStillInSendIsNotTakenEither) {
+    open_connection("timeout_ms = 20", "[[slave]]\nrate_Hz = 20\n" + kValues);
+    after_send = [this] {
+        Bytes asked(12);
+        ASSERT_EQ(::read(end_, asked.data(), asked.size()), 12);
+        send(tcp(asked, {1, 3, 4, 0, 66, 0, 66}));
+        ::usleep(50'000);  // stands for any time
+    };
+    while (count(TACTILED_LINK_BUS_ERROR) == 0) ASSERT_EQ(read(5), Status::timeout);
+    EXPECT_EQ(count(TACTILED_LINK_FRAMES), 0u);
 }
 
 TEST_F(Slave, AServerThatClosesOrSpeaksSomethingElseIsGone) {
