@@ -18,7 +18,7 @@ struct ModbusDevice {
         std::uint16_t at, value;
         std::uint8_t function;
     };
-    std::vector<Write> start;  // before the first reading, and when it comes back after a silence
+    std::vector<Write> start;  // before the first reading, and after each request without a good answer
 };
 
 // Errors go to the options' Problems. setup: never throws for bad input
