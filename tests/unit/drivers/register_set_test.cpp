@@ -122,7 +122,11 @@ TEST(ModbusDevice, TellsWhatIsWrongAndWhatWouldBeRight) {
     wrong(R"(registers = [{name = "a", at = 1, scale = 0}])", "scale = 0");
     wrong(
         R"(registers = [{name = "a", at = 1}, {name = "b", at = 30}])",
-        "between registers 1 and 30 lie 28 that are not used, more than max_gap = 8");
+        "between registers 1 and 30 lie 28 that are not used, more than max_gap = 8; a frame is one answer: give each group "
+        "its own [[link.slave]], or set max_gap = 28 where");
+    wrong(R"(registers = [{name = "a", at = 0}, {name = "b", at = 200}])", "give each group its own [[link.slave]]");
+    EXPECT_EQ(read(R"(registers = [{name = "a", at = 0}, {name = "b", at = 200}])").problems.find("set max_gap"),
+              std::string::npos);  // its range ends at 124
     wrong("max_gap = 124\nregisters = [{name = \"a\", at = 0}, {name = \"b\", at = 125}]", "one answer has at most 125");
     wrong(R"(registers = [{name = "a", at = 65535, type = "int32"}])", "up to 65535");
     wrong("registers = [{name = \"a\", at = 1}]\nready = [{at = 1, mask = 1, value = 2}]", "could never be ready");
