@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -165,8 +166,8 @@ private:
         if (load > 1)
             options.problem("baud",
                             fmt::format("the [[link.slave]] ask {:.0f} % of what {} baud can carry: a higher baud, or "
-                                        "rate_Hz lower by {:.2f} in all",
-                                        100 * load, tty_.baud, 1 / load));
+                                        "rate_Hz divided by {:.1f} in all",
+                                        100 * load, tty_.baud, std::ceil(10 * load) / 10));
     }
 
     // Sleeps until `until_ns` or until the device has something; false where it is gone.

@@ -329,6 +329,7 @@ TEST(ModbusKeys, TellWhatIsWrongWithALink) {
     wrong("address = \"10.0.0.1:70000\"" + slave, "should be a numeric address");
     wrong("address = \"10.0.0.1\"\nbaud = 9600" + slave, "baud is of a serial line");
     wrong("device = \"/dev/null\"\nbaud = 9600" + slave + "\nrate_Hz = 200", "of what 9600 baud can carry");
+    wrong("device = \"/dev/null\"\nbaud = 9600" + slave + "\nrate_Hz = 1000", "or rate_Hz divided by 27.");
     wrong("device = \"/dev/null\"" + slave + slave, "device = 0 is another [[link.slave]] already");
 }
 
