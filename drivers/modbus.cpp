@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -30,7 +31,7 @@ namespace {
 
 constexpr std::uint64_t kSecond = 1'000'000'000;
 constexpr int kConnectMs = 800;      // open() may block for a second
-constexpr unsigned kMissedMost = 3;  // in a row: then the device is set up anew
+constexpr unsigned kMissedMost = 3;  // in a row: then its counter may begin anywhere
 constexpr std::uint64_t kMostPauseNs = kSecond;
 
 TtySettings::Parity parity_of(const std::string& name) {
@@ -81,13 +82,13 @@ public:
             }
             if (!wait(std::min(deadline_ns_, until_ns), POLLIN) || !take()) return Status::gone;
             const auto found = answers_.next();
-            const bool late = now_ns() >= deadline_ns_;
+            const bool late = now_ns() >= deadline_ns_ || with_suspend_ns() >= too_old_ns_;
             counts[TACTILED_LINK_SKIPPED] += std::exchange(answers_.skipped, 0);
             if (found == ModbusAnswers::Found::broken) {
                 ++counts[TACTILED_LINK_BAD_LENGTH];
                 return Status::gone;  // a new connection begins with a message's first byte
             }
-            if (late)  // whole or not: if this process stood still (SIGSTOP), it may be of any age
+            if (late)  // whole or not: if this process stood still (SIGSTOP, suspend), it may be of any age
                 failed(found == ModbusAnswers::Found::nothing ? answers_.missing() : TACTILED_LINK_BUS_ERROR);
             else if (found != ModbusAnswers::Found::nothing && answered(found, frame))
                 return Status::frame;
@@ -165,8 +166,8 @@ private:
         if (load > 1)
             options.problem("baud",
                             fmt::format("the [[link.slave]] ask {:.0f} % of what {} baud can carry: a higher baud, or "
-                                        "rate_Hz lower by {:.2f} in all",
-                                        100 * load, tty_.baud, 1 / load));
+                                        "rate_Hz divided by {:.1f} in all",
+                                        100 * load, tty_.baud, std::ceil(10 * load) / 10));
     }
 
     // Sleeps until `until_ns` or until the device has something; false where it is gone.
@@ -193,15 +194,22 @@ private:
         return true;
     }
 
+    // Whose `start` comes before anything is read from this unit, else nullptr. Several may be one device.
+    Device* to_set_up(std::uint8_t unit) noexcept {
+        for (Device& device : devices_)
+            if (device.is.unit == unit && device.started < device.is.start.size()) return &device;
+        return nullptr;
+    }
+
     bool ask(Device& device) noexcept {
         const ModbusDevice& is = device.is;
         request_ = {.transaction = ++transaction_, .unit = is.unit, .function = is.function, .at = is.set.at};
         if (doubted_[is.unit]) {
             asked_ = Asked::probe;
             request_.count = device.probe_registers;
-        } else if (device.started < is.start.size()) {
+        } else if ((set_up_ = to_set_up(is.unit)) != nullptr) {
             asked_ = Asked::start;
-            const auto& write = is.start[device.started];
+            const auto& write = set_up_->is.start[set_up_->started];
             request_.function = write.function;
             request_.at = write.at;
             request_.value = write.value;
@@ -219,11 +227,14 @@ private:
         answers_.expect(request_);
         std::array<std::uint8_t, kModbusMostRequest> bytes;
         const std::size_t size = encode_modbus(wire_, request_, bytes);
+        // Before it is sent: this process may stand still behind send(), and the answer come meanwhile.
+        const std::uint64_t may_take_ns = timeout_ns_ + (size + modbus_answer_bytes(wire_, request_)) * byte_ns_;
+        deadline_ns_ = now_ns() + may_take_ns;
+        too_old_ns_ = with_suspend_ns() + may_take_ns;
         const ssize_t sent =
             wire_ == ModbusWire::tcp ? ::send(fd_, bytes.data(), size, MSG_NOSIGNAL) : ::write(fd_, bytes.data(), size);
         if (sent != ssize_t(size)) return false;  // half a request cannot be taken back
         asking_ = &device;
-        deadline_ns_ = now_ns() + timeout_ns_ + (size + modbus_answer_bytes(wire_, request_)) * byte_ns_;
         return true;
     }
 
@@ -239,7 +250,8 @@ private:
         asking_ = nullptr;
         quiet_until_ns_ = last_byte_ns_ + silence_ns_;
         if (asked_ == Asked::probe) doubted_[device.is.unit] = false;
-        if (asked_ == Asked::start && ++device.started == device.is.start.size() && std::exchange(device.was_set_up, true))
+        if (asked_ == Asked::start && ++set_up_->started == set_up_->is.start.size() &&
+            std::exchange(set_up_->was_set_up, true))
             ++counts[TACTILED_LINK_RESTARTED];
         if (asked_ != Asked::values) return false;  // its values are still due
         device.missed = 0;
@@ -256,10 +268,10 @@ private:
         Device& device = *std::exchange(asking_, nullptr);
         doubted_[device.is.unit] = wire_ == ModbusWire::rtu;
         quiet_until_ns_ = now_ns() + silence_ns_;
-        if (++device.missed >= kMissedMost) {  // it may have lost its supply: what it was told and what it counted
-            device.started = 0;
-            device.sequence.reset();
-        }
+        // It may have lost its supply: what it was told and what it counted. A slow poll misses one request at most.
+        for (Device& other : devices_)
+            if (other.is.unit == device.is.unit) other.started = 0;
+        if (++device.missed >= kMissedMost) device.sequence.reset();
         // Twice as long each time, so that a unit that is not there takes little from the others of its line.
         const unsigned doublings = std::min(device.missed - 1, 10u);
         plan(device, doublings == 0 ? 0 : std::min(device.period_ns << doublings, kMostPauseNs));
@@ -283,9 +295,11 @@ private:
     ModbusAnswers answers_;
     ModbusRequest request_;
     Device* asking_ = nullptr;  // whose request is open
+    Device* set_up_ = nullptr;  // whose write it is
     Asked asked_ = Asked::values;
     std::uint16_t transaction_ = 0;
     std::uint64_t deadline_ns_ = 0, quiet_until_ns_ = 0, last_byte_ns_ = 0;
+    std::uint64_t too_old_ns_ = 0;  // deadline_ns_ by the clock that goes on in suspend
 };
 
 const DriverEntry entry{"modbus",

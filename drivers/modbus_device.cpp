@@ -9,6 +9,7 @@ namespace tactiled {
 namespace {
 
 constexpr Range kAddress{0, 65535}, kWord{0, 65535};
+constexpr int kMostGap = 124;
 
 std::uint16_t word(Options& table, std::string_view key, Range range) { return std::uint16_t(table.integer(key, range)); }
 std::uint16_t word(Options& table, std::string_view key, Range range, int fallback) {
@@ -65,12 +66,16 @@ void cover(RegisterSet& set, Options& table, int most_gap) {
     unsigned last = spans.front().last;
     for (const auto& span : spans) {
         if (span.first > last + 1 + unsigned(most_gap)) {
+            const unsigned gap = span.first - last - 1;
             table.problem(
                 "registers",
                 fmt::format("between registers {} and {} lie {} that are not used, more than max_gap = {}; a frame "
-                            "is one answer: give each group its own [[link.device]], or set max_gap = {} where the "
-                            "device answers for what lies between",
-                            last, span.first, span.first - last - 1, most_gap, span.first - last - 1));
+                            "is one answer: give each group its own [[link.slave]]{}",
+                            last, span.first, gap, most_gap,
+                            gap > unsigned(kMostGap) ? ""
+                                                     : fmt::format(", or set max_gap = {} where the device answers for "
+                                                                   "what lies between",
+                                                                   gap)));
             return;
         }
         last = std::max(last, span.last);
@@ -80,7 +85,7 @@ void cover(RegisterSet& set, Options& table, int most_gap) {
         table.problem(
             "registers",
             fmt::format("registers {} .. {} are {}; one answer has at most {}, up to 65535: give each group its own "
-                        "[[link.device]]",
+                        "[[link.slave]]",
                         first, last, count, kModbusMostRegisters));
         return;
     }
@@ -92,7 +97,7 @@ void cover(RegisterSet& set, Options& table, int most_gap) {
 void read_kind(ModbusDevice& device, Options& table) {
     device.function = std::uint8_t(table.integer("function", {3, 4}, 3));
     const bool low_word_first = table.one_of("word_order", {"high_first", "low_first"}, "high_first") == "low_first";
-    const int most_gap = int(table.integer("max_gap", {0, 124}, 8));
+    const int most_gap = int(table.integer("max_gap", {0, kMostGap}, 8));
     for (auto& one : table.tables("registers", kMaxChannels))
         device.set.channel.push_back(read_channel(one, low_word_first));
     if (device.set.channel.empty())

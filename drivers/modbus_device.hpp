@@ -1,4 +1,4 @@
-// What a user says about one Modbus device: a [[link.device]] table, or a file of registers that it names.
+// What a user says about one Modbus device: a [[link.slave]] table, or a file of registers that it names.
 #pragma once
 #include <cstdint>
 #include <vector>
@@ -18,7 +18,7 @@ struct ModbusDevice {
         std::uint16_t at, value;
         std::uint8_t function;
     };
-    std::vector<Write> start;  // before the first reading, and when it comes back after a silence
+    std::vector<Write> start;  // before the first reading, and after each request without a good answer
 };
 
 // Errors go to the options' Problems. setup: never throws for bad input

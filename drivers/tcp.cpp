@@ -15,7 +15,12 @@ namespace tactiled {
 namespace {
 
 // Bytes that the other end does not acknowledge for so long end the connection: a pulled cable says nothing by itself.
-constexpr int kUnacknowledgedMs = 2000;
+constexpr int kUnacknowledgedMs = 3500;
+
+// Where we send nothing, a pulled cable stays unseen for ever: after 2 s of silence the other end is asked whether it is
+// there, each second. With TCP_USER_TIMEOUT set, that ends the connection (not TCP_KEEPCNT): here after two questions
+// without an answer.
+constexpr int kKeepAlive = 1, kAskAfterS = 2, kAskEveryS = 1;
 
 const char* remedy(int error) {
     switch (error) {
@@ -45,7 +50,7 @@ TcpAddress tcp_address(const std::string& text, unsigned default_port) {
                         std::all_of(port.begin(), port.end(), [](char c) { return c >= '0' && c <= '9'; });
     if (!number || std::stoi(port) < 1 || std::stoi(port) > 65535 || host.empty() ||
         ::getaddrinfo(host.c_str(), port.c_str(), &hints, &found) != 0) {
-        address.fault = fmt::format("should be a numeric address and a port, such as \"192.168.1.1:{}\" or \"[fe80::1]:{}\"",
+        address.fault = fmt::format("should be a numeric address and a port, such as \"192.168.1.1:{}\" or \"[fd00::1]:{}\"",
                                     default_port, default_port);
         return address;
     }
@@ -65,7 +70,10 @@ int open_tcp(const TcpAddress& address, const std::string& text, int timeout_ms,
     if (fd < 0) return fail(errno);
     const int on = 1;
     if (::setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on) != 0 ||
-        ::setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kUnacknowledgedMs, sizeof kUnacknowledgedMs) != 0)
+        ::setsockopt(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, &kUnacknowledgedMs, sizeof kUnacknowledgedMs) != 0 ||
+        ::setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &kKeepAlive, sizeof kKeepAlive) != 0 ||
+        ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &kAskAfterS, sizeof kAskAfterS) != 0 ||
+        ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &kAskEveryS, sizeof kAskEveryS) != 0)
         return fail(errno);
     if (::connect(fd, reinterpret_cast<const sockaddr*>(&address.bytes), address.size) == 0) return fd;
     if (errno != EINPROGRESS) return fail(errno);

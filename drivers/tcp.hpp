@@ -12,7 +12,7 @@ struct TcpAddress {
     std::string fault;
 };
 
-// "192.168.1.1:502", "192.168.1.1" or "[fe80::1]:502". No names: asking for one may take seconds. setup
+// "192.168.1.1:502", "192.168.1.1" or "[fd00::1]:502". No names: asking for one may take seconds. setup
 TcpAddress tcp_address(const std::string& text, unsigned default_port);
 
 // Connects within `timeout_ms`. Returns the descriptor, non-blocking, or -1 with `why` and its remedy.

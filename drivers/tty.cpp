@@ -79,9 +79,11 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
         if (::ioctl(fd, TIOCSRS485, &direction) != 0)
             return fail("RS-485 direction (leave rs485 out where the adapter switches by itself): ");
     }
-    if (::ioctl(fd, TCFLSH, TCIFLUSH) != 0) return fail("flush: ");
+    if (!flush_tty(fd)) return fail("flush: ");
     return fd;
 }
+
+bool flush_tty(int fd) noexcept { return ::ioctl(fd, TCFLSH, TCIFLUSH) == 0; }
 
 bool tty_overruns(int fd, std::uint32_t& count) noexcept {
     serial_icounter_struct counters{};

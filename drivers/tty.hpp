@@ -22,4 +22,7 @@ int open_tty(const std::string& path, const TtySettings& settings, std::string& 
 // rt: one ioctl
 bool tty_overruns(int fd, std::uint32_t& count) noexcept;
 
+// Throws away what was received and not read, as far as the kernel has it; false where it cannot.
+bool flush_tty(int fd) noexcept;
+
 }  // namespace tactiled

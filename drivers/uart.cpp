@@ -2,6 +2,7 @@
 // wire format; read() = 0 or an error means that the device is gone, and the node opens it again.
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -25,6 +26,7 @@ namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // 100 frames of the FT 300
+constexpr std::uint64_t kAwayMs = 50;               // bytes may wait so long, and for the turn of read() (50 ms in the node)
 constexpr std::uint64_t kStopMs = 20;               // two of its frames: what it was sending has ended
 
 class Stream final : public Driver {
@@ -63,10 +65,11 @@ public:
         if (fd_ < 0) return why;
         decoder_->reset();
         asked_ns_ = now_ns();
-        asked_again_ = false;
+        asked_again_ = streamed_ = false;
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
         overruns_before_ = counts[TACTILED_LINK_OVERRUN];
+        empty_ns_ = with_suspend_ns();
         return "";
     }
 
@@ -74,21 +77,28 @@ public:
         if (decoder_->next(frame)) return Status::frame;
         if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // it may have lost its supply
             asked_ns_ = now_ns();
-            asked_again_ = true;
+            asked_again_ = streamed_;
             if (!ask_for_stream(false)) return Status::gone;
         }
         // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its turn.
+        const std::uint64_t turn_ns = std::uint64_t(timeout_ms) * 1'000'000, waits_ns = with_suspend_ns();
         pollfd waiting{fd_, POLLIN, 0};
         const timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};
         const int ready = ::ppoll(&waiting, 1, &timeout, nullptr);
+        if (ready == 0) empty_ns_ = waits_ns + turn_ns;  // the kernel looked once more when the time was over
         if (ready == 0 || (ready < 0 && errno == EINTR)) return Status::timeout;
         if (ready < 0) return Status::gone;
+        const std::uint64_t reads_ns = with_suspend_ns();
         const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return Status::gone;  // 0 on a tty is a hang-up, not an end of file to be read again
-        decoder_->push({bytes_.data(), std::size_t(size)}, now_ns());
+        const std::uint64_t t_ns = now_ns();
+        if (with_suspend_ns() - empty_ns_ > turn_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
+        if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a full tty gives one byte less
+        decoder_->push({bytes_.data(), std::size_t(size)}, t_ns);
         if (!decoder_->next(frame)) return Status::timeout;
         asked_ns_ = frame.t_ns;
+        streamed_ = true;
         if (std::exchange(asked_again_, false)) ++counts[TACTILED_LINK_RESTARTED];
         return Status::frame;
     }
@@ -105,7 +115,7 @@ public:
     bool has_more() const noexcept override { return decoder_->is_ready(); }
 
 private:
-    // A device that streams already hears nothing but its stop.
+    // A device that streams already hears nothing but its stop. `stop_first`: a tty, at opening.
     bool ask_for_stream(bool stop_first) noexcept {
         if (decoder_->start_bytes().empty()) return true;
         if (stop_first) {
@@ -113,8 +123,20 @@ private:
             const std::uint64_t sent_ms = 10 * 1000 * decoder_->stop_bytes().size() / baud_;
             const timespec pause{0, long(std::min<std::uint64_t>(sent_ms + kStopMs, 900)) * 1'000'000};
             ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
+            if (!flush_tty(fd_)) return false;  // what it sent until it stopped
         }
         return tell(decoder_->start_bytes());
+    }
+
+    // This thread or the whole process stood still. More that is as old may wait where nobody can count it (a tty's lower
+    // buffers, the other end of a connection whose window had closed), so only opening anew tells old from new.
+    Status too_old(std::size_t size) noexcept {
+        int more = 0;
+        if (::ioctl(fd_, FIONREAD, &more) != 0) more = 0;
+        counts[TACTILED_LINK_BYTES] += std::uint32_t(size) + std::uint32_t(more);
+        counts[TACTILED_LINK_SKIPPED] += std::uint32_t(size) + std::uint32_t(more);
+        decoder_->reset();
+        return Status::gone;
     }
 
     bool tell(std::span<const std::uint8_t> bytes) noexcept {
@@ -129,8 +151,9 @@ private:
     unsigned baud_ = 0;
     std::unique_ptr<StreamDecoder> decoder_;
     int fd_ = -1;
-    std::uint64_t asked_ns_ = 0;  // for the stream, or when it last brought a frame
-    bool asked_again_ = false;
+    std::uint64_t empty_ns_ = 0;                   // nothing waited then, with_suspend_ns(): what is read came later
+    std::uint64_t asked_ns_ = 0;                   // for the stream, or when it last brought a frame
+    bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;
     std::array<std::uint8_t, StreamDecoder::kMostBytes> bytes_{};
 };

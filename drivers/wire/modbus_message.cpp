@@ -67,7 +67,8 @@ void ModbusAnswers::expect(const ModbusRequest& request) noexcept {
     if (wire_ == ModbusWire::rtu) drop(size_);
     request_ = request;
     open_ = true;
-    checksum_failed_ = other_length_ = false;
+    checksum_failed_ = other_length_ = echo_seen_ = false;
+    if (wire_ == ModbusWire::rtu) n_sent_ = encode_modbus(wire_, request, sent_);
 }
 
 ModbusAnswers::Found ModbusAnswers::next() noexcept {
@@ -77,7 +78,12 @@ ModbusAnswers::Found ModbusAnswers::next() noexcept {
 }
 
 // A line has no boundaries but silences, which USB adapters do not keep: whatever has our unit, function and length and a
-// right CRC is the answer, wherever it begins. So noise before it and an echo of the request cost nothing.
+// right CRC is the answer, wherever it begins. So noise before it costs nothing.
+//
+// An adapter may hear its own request. Where one register is read, the beginning of that echo can be a whole answer (0x0200
+// .. 0x02FF, where the CRC happens to fit), so the first exact copy of the request is passed over before anything is judged.
+// Its 8 bytes are no answer's length. The confirmation of a write with function 6 is such a copy itself: there the first is
+// passed over only on a line that has echoed the last read.
 ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
     std::size_t at = 0;
     Found found = Found::nothing;
@@ -85,6 +91,14 @@ ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
         const std::uint8_t* const message = &bytes_[at];
         const std::size_t left = size_ - at;
         if (message[0] != request_.unit) continue;
+        if (!echo_seen_ && (request_.function != 6 || line_echoes_) &&
+            std::equal(message, message + std::min(left, n_sent_), sent_.begin())) {
+            if (left < n_sent_) break;
+            echo_seen_ = true;
+            if (reads(request_)) line_echoes_ = true;
+            at += n_sent_ - 1;
+            continue;
+        }
         if (left < 2) break;
         const bool failed = message[1] == (request_.function | kFailed);
         if (message[1] != request_.function && !failed) continue;
@@ -102,6 +116,7 @@ ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
         }
         found = judge(message, body);
         if (found == Found::good || found == Found::refused) {
+            if (reads(request_)) line_echoes_ = echo_seen_;
             const std::size_t end = at + body + 2;
             skipped += std::uint32_t(at);
             std::memmove(bytes_.data(), bytes_.data() + end, size_ - end);

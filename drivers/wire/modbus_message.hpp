@@ -74,8 +74,11 @@ private:
     ModbusWire wire_;
     ModbusRequest request_;
     bool open_ = false;
-    bool checksum_failed_ = false, other_length_ = false;  // since expect()
-    std::array<std::uint8_t, 1024> bytes_{};               // the longest answer has 260
+    bool checksum_failed_ = false, other_length_ = false, echo_seen_ = false;  // since expect()
+    bool line_echoes_ = false;                                                 // what is sent, as of the last read
+    std::array<std::uint8_t, kModbusMostRequest> sent_{};
+    std::size_t n_sent_ = 0;
+    std::array<std::uint8_t, 1024> bytes_{};  // the longest answer has 260
     std::size_t size_ = 0;
     std::array<std::uint16_t, kModbusMostRegisters> registers_{};
     std::size_t n_registers_ = 0;

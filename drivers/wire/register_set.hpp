@@ -39,8 +39,12 @@ struct RegisterSet {
 // The number at `value.at` of `words`, which begin at register `first`. rt: wait-free
 double register_value(const RegisterValue& value, std::span<const std::uint16_t> words, std::uint16_t first) noexcept;
 
-// Fills channels, sequence and losses of `frame`; false, and counted, where it is none: not ready, the same sample again, or
-// an infinite number. rt: bounded by the channels
+// True where it is the first or last number of a signed type or the last of an unsigned one, whose first is a common zero:
+// a device that clips does so there. rt: wait-free
+bool register_is_at_rail(const RegisterValue& value, std::span<const std::uint16_t> words, std::uint16_t first) noexcept;
+
+// Fills channels, rails, sequence and losses of `frame`; false, and counted, where it is none: not ready, the same sample
+// again, or an infinite number. rt: bounded by the channels
 bool read_registers(const RegisterSet& set, std::span<const std::uint16_t> words, SequenceTracker& sequence,
                     LinkCounts& counts, Frame& frame) noexcept;
 

@@ -146,6 +146,59 @@ TEST(ModbusRtu, NoiseBeforeAnAnswerAndTheEchoOfTheRequestCostNothing) {
     EXPECT_EQ(answers.skipped, before);
 }
 
+TEST(ModbusRtu, AnEchoIsNeverTheAnswerAlsoWhereItsBytesWouldFit) {
+    // All requests for one register whose first seven bytes are a whole answer, CRC and all.
+    unsigned tried = 0;
+    for (unsigned unit = 1; unit <= 247; ++unit)
+        for (const std::uint8_t function : std::initializer_list<std::uint8_t>{3, 4})
+            for (unsigned low = 0; low < 256; ++low) {
+                const ModbusRequest request{
+                    .unit = std::uint8_t(unit), .function = function, .at = std::uint16_t(0x200 + low), .count = 1};
+                const Bytes echo = request_bytes(ModbusWire::rtu, request);
+                const std::uint16_t crc = modbus_crc(std::span(echo).first(5));
+                if (echo[5] != (crc & 0xFF) || echo[6] != crc >> 8) continue;
+                ++tried;
+                for (const std::size_t cut : std::initializer_list<std::size_t>{7, 8}) {
+                    ModbusAnswers answers(ModbusWire::rtu);
+                    answers.expect(request);
+                    feed(answers, {echo.begin(), echo.begin() + std::ptrdiff_t(cut)});
+                    EXPECT_EQ(answers.next(), Found::nothing);
+                    feed(answers, {echo.begin() + std::ptrdiff_t(cut), echo.end()});
+                    EXPECT_EQ(answers.next(), Found::nothing);
+                    EXPECT_EQ(answers.missing(), TACTILED_LINK_BUS_ERROR);
+                    feed(answers, with_crc({request.unit, function, 2, 0x12, 0x34}));
+                    ASSERT_EQ(answers.next(), Found::good);
+                    EXPECT_EQ(answers.registers()[0], 0x1234);
+                }
+            }
+    EXPECT_GT(tried, 0u);
+}
+
+TEST(ModbusRtu, OnALineThatEchoesAWriteIsConfirmedByTheSecondCopyAlone) {
+    const ModbusRequest write{.unit = 9, .function = 6, .at = 1, .value = 2};
+    for (const bool echoes : {true, false}) {
+        ModbusAnswers answers(ModbusWire::rtu);
+        answers.expect(kThree);
+        if (echoes) feed(answers, request_bytes(ModbusWire::rtu, kThree));
+        feed(answers, with_crc(kThreeBody));
+        ASSERT_EQ(answers.next(), Found::good);
+        answers.expect(write);
+        feed(answers, request_bytes(ModbusWire::rtu, write));
+        EXPECT_EQ(answers.next(), echoes ? Found::nothing : Found::good);
+        if (!echoes) continue;
+        feed(answers, request_bytes(ModbusWire::rtu, write));
+        EXPECT_EQ(answers.next(), Found::good);
+    }
+}
+
+TEST(ModbusRtu, TheEchoOfARequestThatASilentUnitDidNotAnswerIsNoAnswerOfAnotherLength) {
+    ModbusAnswers answers(ModbusWire::rtu);
+    answers.expect(kThree);
+    feed(answers, request_bytes(ModbusWire::rtu, kThree));
+    EXPECT_EQ(answers.next(), Found::nothing);
+    EXPECT_EQ(answers.missing(), TACTILED_LINK_BUS_ERROR);
+}
+
 TEST(ModbusRtu, OfOtherUnitsFunctionsLengthsAndChecksumsNothingIsTaken) {
     struct Case {
         Bytes bytes;

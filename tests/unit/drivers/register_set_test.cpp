@@ -1,6 +1,7 @@
 // Registers -> numbers, and what a user may say about them.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "drivers/driver.hpp"
@@ -61,6 +62,22 @@ TEST(RegisterSet, NoNumberIsAMissingChannelAndAnInfiniteOneNoFrame) {
     EXPECT_EQ(counts[TACTILED_LINK_BAD_VALUE], 1u);
 }
 
+TEST(RegisterSet, TheEndsOfAnIntegerAreRailsAndTheRestOfItIsNot) {
+    const auto one = read(R"(registers = [{name = "a", at = 0}, {name = "b", at = 1}, {name = "c", at = 2, type = "uint16"},
+        {name = "d", at = 3, type = "int32"}, {name = "e", at = 5, type = "uint32"}, {name = "f", at = 7, type = "float32"}])");
+    ASSERT_EQ(one.problems, "");
+    SequenceTracker sequence;
+    LinkCounts counts;
+    Frame frame;
+    const auto saturated = [&](const std::array<std::uint16_t, 9>& words) {
+        EXPECT_TRUE(read_registers(one.device.set, words, sequence, counts, frame));
+        return frame.saturated;
+    };
+    EXPECT_EQ(saturated({0x7FFF, 0x8000, 0xFFFF, 0x7FFF, 0xFFFF, 0xFFFF, 0xFFFF, 0x7F7F, 0xFFFF}), 0b11111u);
+    EXPECT_EQ(saturated({0x7FFE, 0x8001, 0xFFFE, 0x8000, 0x0000, 0xFFFF, 0xFFFE, 0, 0}), 0b01000u);
+    EXPECT_EQ(saturated({0, 0xFFFF, 0, 0x7FFF, 0xFFFE, 0, 0, 0, 0}), 0u);  // 0 is what an unsigned one reads at rest
+}
+
 TEST(RegisterSet, GivesNoFrameUnlessTheDeviceSaysReady) {
     const auto one = read(R"(registers = [{name = "a", at = 1}]
         ready = [{at = 0, mask = 0x00F0, value = 0x0020}])");
@@ -103,8 +120,13 @@ TEST(ModbusDevice, TellsWhatIsWrongAndWhatWouldBeRight) {
     wrong(R"(registers = [{name = "a", at = 1, type = "int8"}])", "type = \"int8\" is unknown");
     wrong(R"(registers = [{name = "a", at = 1}, {name = "a", at = 2}])", "registers has \"a\" twice");
     wrong(R"(registers = [{name = "a", at = 1, scale = 0}])", "scale = 0");
-    wrong(R"(registers = [{name = "a", at = 1}, {name = "b", at = 30}])",
-          "between registers 1 and 30 lie 28 that are not used, more than max_gap = 8");
+    wrong(
+        R"(registers = [{name = "a", at = 1}, {name = "b", at = 30}])",
+        "between registers 1 and 30 lie 28 that are not used, more than max_gap = 8; a frame is one answer: give each group "
+        "its own [[link.slave]], or set max_gap = 28 where");
+    wrong(R"(registers = [{name = "a", at = 0}, {name = "b", at = 200}])", "give each group its own [[link.slave]]");
+    EXPECT_EQ(read(R"(registers = [{name = "a", at = 0}, {name = "b", at = 200}])").problems.find("set max_gap"),
+              std::string::npos);  // its range ends at 124
     wrong("max_gap = 124\nregisters = [{name = \"a\", at = 0}, {name = \"b\", at = 125}]", "one answer has at most 125");
     wrong(R"(registers = [{name = "a", at = 65535, type = "int32"}])", "up to 65535");
     wrong("registers = [{name = \"a\", at = 1}]\nready = [{at = 1, mask = 1, value = 2}]", "could never be ready");

@@ -1,6 +1,7 @@
 // Driver "tcp": a stream over loopback.
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <linux/filter.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -73,6 +74,60 @@ TEST_F(TcpStream, AConnectionThatEndsIsGoneAndMadeAnew) {
     ::close(listener_);
     EXPECT_NE(driver->open().find("nobody listens there"), std::string::npos);
     listener_ = ::socket(AF_INET, SOCK_STREAM, 0);
+}
+
+// No frame of before may have the stamp of now; what waits at the other end, too, ends with the connection.
+TEST_F(TcpStream, WhatWaitedWhileTheReaderStoodStillGivesNoFrame) {
+    const auto driver = make("format = \"lines\"\nchannels = 1");
+    ASSERT_EQ(driver->open(), "");
+    const int device = ::accept(listener_, nullptr, nullptr);
+    const std::string old = "1\n2\n3\n", fresh = "4\n5\n";
+    ASSERT_EQ(::send(device, old.data(), old.size(), 0), ssize_t(old.size()));
+    ::usleep(100'000);  // longer than 50 ms and the turn of 1 ms
+    Frame frame;
+    EXPECT_EQ(driver->read(frame, 1), Status::gone);
+    EXPECT_FALSE(driver->has_more());
+    EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], old.size());
+    ASSERT_EQ(driver->open(), "");
+    const int again = ::accept(listener_, nullptr, nullptr);
+    ASSERT_EQ(::send(again, fresh.data(), fresh.size(), 0), ssize_t(fresh.size()));
+    Status status = Status::timeout;
+    for (int i = 0; i < 10 && status == Status::timeout; ++i) status = driver->read(frame, 1000);
+    ASSERT_EQ(status, Status::frame);
+    EXPECT_EQ(frame.channel[0], 5);  // the first line may have lost its beginning
+    ::close(device);
+    ::close(again);
+}
+
+TEST_F(TcpStream, AReaderThatWaitsInTimeReadsASlowStream) {
+    const auto driver = make("format = \"lines\"\nchannels = 1");
+    ASSERT_EQ(driver->open(), "");
+    const int device = ::accept(listener_, nullptr, nullptr);
+    Frame frame;
+    ASSERT_EQ(::send(device, "0\n", 2, 0), 2);
+    ASSERT_EQ(driver->read(frame, 1000), Status::timeout);
+    for (int turn = 0; turn < 3; ++turn) {
+        for (int i = 0; i < 3; ++i) ASSERT_EQ(driver->read(frame, 100), Status::timeout);
+        ASSERT_EQ(::send(device, "7\n", 2, 0), 2);
+        ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    }
+    ::close(device);
+}
+
+TEST_F(TcpStream, ADeviceThatVanishesWithoutAWordIsGone) {
+    const auto driver = make("format = \"lines\"\nchannels = 1");
+    ASSERT_EQ(driver->open(), "");
+    const int device = ::accept(listener_, nullptr, nullptr);
+    ASSERT_EQ(::send(device, "1\n2\n", 4, 0), 4);
+    Frame frame;
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    sock_filter nothing{BPF_RET | BPF_K, 0, 0, 0};
+    const sock_fprog deaf{1, &nothing};  // no byte and no question reaches it any more, and it answers none
+    ASSERT_EQ(::setsockopt(device, SOL_SOCKET, SO_ATTACH_FILTER, &deaf, sizeof deaf), 0);
+    Status status = Status::timeout;
+    for (int i = 0; i < 40 && status == Status::timeout; ++i) status = driver->read(frame, 500);
+    EXPECT_EQ(status, Status::gone);
+    ::close(device);
 }
 
 }  // namespace

@@ -6,8 +6,10 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <random>
+#include <thread>
 
 #include "drivers/driver.hpp"
 #include "drivers/tty.hpp"
@@ -107,6 +109,53 @@ TEST_F(UartTest, WhatLayInTheBufferBeforeOpeningIsNotGivenANewStamp) {
     EXPECT_EQ(frame.sequence, 2u);
 }
 
+TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewStampEither) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    send_frame(1);
+    wait_until_waiting(frame_bytes_);
+    ::usleep(100'000);  // longer than 50 ms and the turn of 1 ms
+    Frame frame;
+    EXPECT_EQ(driver->read(frame, 1), Status::gone);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], std::uint32_t(frame_bytes_));
+    ASSERT_EQ(driver->open(), "");
+    send_frame(2);
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    EXPECT_EQ(frame.sequence, 2u);
+}
+
+TEST_F(UartTest, WhatAnFt300SentBeforeItWasStoppedIsNoReading) {
+    const auto driver = make("format = \"ft300\"\nbaud = 600");  // a pty does not mind; the pause is 853 ms then
+    std::array<std::uint8_t, kFt300Bytes> out;
+    Frame old, read;
+    old.channel[0] = 1;
+    encode_ft300(old, out);
+    std::thread device([&] {  // answers the stop, in the pause before the start
+        char heard[61];
+        for (std::size_t n = 0; n < 50;) n += std::size_t(std::max<ssize_t>(0, ::read(master_, heard, 50 - n)));
+        (void)!::write(master_, out.data(), out.size());
+    });
+    ASSERT_EQ(driver->open(), "");
+    device.join();
+    encode_ft300(Frame{}, out);
+    send(out.data(), out.size());
+    ASSERT_EQ(driver->read(read, 1000), Status::frame);
+    EXPECT_EQ(read.channel[0], 0);
+}
+
+TEST_F(UartTest, ADeviceThatIsOnlyLateAtTheFirstOpeningWasNotRestarted) {
+    const auto driver = make("format = \"ft300\"");
+    ASSERT_EQ(driver->open(), "");
+    Frame read;
+    EXPECT_EQ(driver->read(read, 1050), Status::timeout);
+    EXPECT_EQ(driver->read(read, 1), Status::timeout);  // asked again
+    std::array<std::uint8_t, kFt300Bytes> out;
+    encode_ft300(Frame{}, out);
+    send(out.data(), out.size());
+    ASSERT_EQ(driver->read(read, 1000), Status::frame);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_RESTARTED], 0u);
+}
+
 TEST_F(UartTest, SetsRawModeAndAnyRate) {
     const auto driver = make("format = \"cobs\"\nbaud = 123456");
     ASSERT_EQ(driver->open(), "");
@@ -131,7 +180,7 @@ TEST_F(UartTest, SurvivesAFloodOfNoiseAndFindsTheNextFrame) {
         send(noise.data(), noise.size());
         send_frame(round);
         for (int reads = 0; reads < 100 && good <= round; ++reads)
-            if (driver->read(frame, 20) == Status::frame) {
+            if (driver->read(frame, 1000) == Status::frame) {
                 EXPECT_EQ(frame.channel[1], double(frame.sequence) * 2);
                 ++good;
             }
