@@ -29,6 +29,8 @@ public:
     // the device is asked all the same. A chip that goes away ends a wait at its time-out at the latest.
     // rt: blocks for at most `timeout_ms`; ppoll and read
     [[nodiscard]] Wait wait_edge(int timeout_ms, std::uint64_t& t_ns, std::uint32_t& edges) noexcept;
+    // Readable while an edge waits: to be polled among others. -1 when not open. rt: wait-free
+    [[nodiscard]] int fd() const noexcept;
     // 0 or 1, -1 where the chip is gone: for a line that is a level rather than an edge. rt: one ioctl
     [[nodiscard]] int level() const noexcept;
 

@@ -82,6 +82,8 @@ GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::u
     return edges != 0 ? Wait::edge : Wait::timeout;
 }
 
+int GpioEdges::fd() const noexcept { return held_ != nullptr ? ::gpiod_line_event_get_fd(held_->line) : -1; }
+
 int GpioEdges::level() const noexcept { return ::gpiod_line_get_value(held_->line); }
 
 std::string GpioOutput::open(const GpioName& name, bool high) {

@@ -140,6 +140,8 @@ GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::u
     return Wait::edge;
 }
 
+int GpioEdges::fd() const noexcept { return held_ != nullptr ? ::gpiod_line_request_get_fd(held_->request) : -1; }
+
 int GpioEdges::level() const noexcept {
     const gpiod_line_value value = ::gpiod_line_request_get_value(held_->request, held_->offset);
     return value == GPIOD_LINE_VALUE_ERROR ? -1 : value == GPIOD_LINE_VALUE_ACTIVE ? 1 : 0;

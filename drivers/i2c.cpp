@@ -5,12 +5,53 @@
 
 #include "drivers/chips/schedule.hpp"
 #include "drivers/driver.hpp"
+#include "drivers/gpio.hpp"
 #include "drivers/i2c_device.hpp"
 
 namespace tactiled {
 namespace {
 
 constexpr std::size_t kMostChips = 32;
+
+// A chip's data-ready line on a GPIO chip. Where that goes away, the chip is asked by the clock alone until the link is
+// opened again.
+class GpioReady final : public ReadyLine {
+public:
+    GpioReady(I2cDevice& bus, GpioName name, Chip::ReadyEdge edge)
+        : bus_(bus),
+          name_(std::move(name)),
+          edge_(edge == Chip::ReadyEdge::rising ? GpioEdges::Edge::rising : GpioEdges::Edge::falling) {}
+
+    // "" or what is wrong. setup
+    [[nodiscard]] std::string open() {
+        std::string wrong = edges_.open(name_, edge_);
+        is_open_ = wrong.empty();
+        return wrong;
+    }
+    void close() noexcept {
+        edges_.close();
+        is_open_ = false;
+    }
+    [[nodiscard]] int fd() const noexcept { return edges_.fd(); }
+
+    bool take(std::uint64_t& t_ns) noexcept override {
+        if (!is_open_) return false;
+        std::uint32_t edges = 0;
+        const auto wait = edges_.wait_edge(0, t_ns, edges);
+        if (wait == GpioEdges::Wait::gone) {
+            bus_.forget(fd());
+            is_open_ = false;  // the line itself is closed with the link: that may allocate
+        }
+        return wait == GpioEdges::Wait::edge;
+    }
+
+private:
+    I2cDevice& bus_;
+    GpioName name_;
+    GpioEdges::Edge edge_;
+    GpioEdges edges_;
+    bool is_open_ = false;
+};
 
 class I2c final : public Driver {
 public:
@@ -27,11 +68,20 @@ public:
             wrong = schedule_.open();
             if (!wrong.empty()) wrong = path_ + ": " + wrong;
         }
+        std::vector<int> fds;
+        for (auto& line : lines_) {
+            if (wrong.empty()) wrong = line->open();
+            fds.push_back(line->fd());
+        }
+        bus_.watch(std::move(fds));
         if (!wrong.empty()) close();
         return wrong;
     }
     Status read(Frame& frame, int timeout_ms) noexcept override { return schedule_.read(frame, timeout_ms); }
-    void close() noexcept override { bus_.close(); }
+    void close() noexcept override {
+        bus_.close();
+        for (auto& line : lines_) line->close();
+    }
 
 private:
     void add(Options& options) {
@@ -58,12 +108,26 @@ private:
                                                        place.address));
         }
         places_.push_back(place);
-        schedule_.add(name, entry->make(options), place, device, counts);
+        auto made = entry->make(options);
+        ReadyLine* ready = nullptr;
+        if (options.has("data_ready")) {
+            Options line = options.table("data_ready");
+            GpioName at{line.text("chip"), line.text("line")};
+            if (made->ready_edge() == Chip::ReadyEdge::none || made->pace() == Pace::triggered)
+                options.problem("data_ready",
+                                fmt::format("{} with these keys does not convert by itself, or has no such line; "
+                                            "ad7746 and nau7802 with one channel, and ads122c04 do",
+                                            name));
+            lines_.push_back(std::make_unique<GpioReady>(bus_, std::move(at), made->ready_edge()));
+            ready = lines_.back().get();
+        }
+        schedule_.add(name, std::move(made), place, device, counts, ready);
     }
 
     std::string path_;
     int timeout_ms_;
     I2cDevice bus_;
+    std::vector<std::unique_ptr<GpioReady>> lines_;
     Schedule schedule_{bus_};
     std::set<std::uint16_t> devices_;
     std::vector<Place> places_;

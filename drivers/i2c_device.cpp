@@ -70,7 +70,19 @@ void I2cDevice::wait_until(std::uint64_t t_ns) noexcept {
     const std::uint64_t now = now_ns();
     if (t_ns <= now) return;
     const timespec wait{long((t_ns - now) / 1'000'000'000), long((t_ns - now) % 1'000'000'000)};
-    ::ppoll(nullptr, 0, &wait, nullptr);
+    if (::ppoll(watched_.data(), watched_.size(), &wait, nullptr) <= 0) return;
+    for (pollfd& line : watched_)
+        if ((line.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) line.fd = -1;  // its chip is gone: no reason to wake up
+}
+
+void I2cDevice::watch(std::vector<int> fds) {
+    watched_.clear();
+    for (const int fd : fds) watched_.push_back({fd, POLLIN, 0});
+}
+
+void I2cDevice::forget(int fd) noexcept {
+    for (pollfd& line : watched_)
+        if (line.fd == fd) line.fd = -1;
 }
 
 Answer I2cDevice::transfer(std::uint8_t address, std::span<const std::uint8_t> out, std::span<std::uint8_t> in) noexcept {

@@ -36,13 +36,13 @@ GpioSigns GpioJudge::judge(const tactiled_node* node, std::uint64_t now_ns) noex
 
 GpioOutputs::GpioOutputs(std::string node_name, const GpioSettings& settings)
     : node_name_(std::move(node_name)), chip_(settings.chip), judge_(settings.slip_ms) {
-    const auto add = [&](const std::string& line, bool GpioSigns::*sign, bool high_means) {
-        if (!line.empty()) lines_.push_back({line, sign, high_means, {}});
+    const auto add = [&](const char* key, const std::string& line, bool GpioSigns::*sign, bool high_means) {
+        if (!line.empty()) lines_.push_back({.key = key, .name = line, .sign = sign, .high_means = high_means});
     };
-    add(settings.fault, &GpioSigns::fault, !settings.fault_is_low);
-    add(settings.grasped, &GpioSigns::grasped, true);
-    add(settings.slip, &GpioSigns::slip, true);
-    add(settings.alive, &GpioSigns::alive, true);
+    add("fault", settings.fault, &GpioSigns::fault, !settings.fault_is_low);
+    add("grasped", settings.grasped, &GpioSigns::grasped, true);
+    add("slip", settings.slip, &GpioSigns::slip, true);
+    add("alive", settings.alive, &GpioSigns::alive, true);
     thread_.start("gpio", 0, -1, [this] { run(); });
 }
 
@@ -52,32 +52,34 @@ GpioOutputs::~GpioOutputs() {
 }
 
 void GpioOutputs::run() {
-    std::uint64_t pause_ns = kLeastPauseNs, set_ns = 0;
+    std::uint64_t pause_ns = kLeastPauseNs, open_ns = 0, set_ns = 0;
     while (!stop_.load(std::memory_order_acquire)) {
         const std::uint64_t now_ns = monotonic_ns();
-        if (set_ns == 0 && !open_all()) {
-            for (const std::uint64_t until_ns = now_ns + pause_ns; !stop_.load() && monotonic_ns() < until_ns;)
-                sleep_until(std::min(until_ns, monotonic_ns() + kLeastPauseNs));
+        if (now_ns >= open_ns && driven() < lines_.size()) {
+            if (open_missing()) set_ns = 0;
+            open_ns = now_ns + pause_ns;
             pause_ns = std::min(2 * pause_ns, kMostPauseNs);
+        }
+        if (driven() == 0) {
+            sleep_until(std::min(open_ns, now_ns + kLeastPauseNs));
             continue;
         }
         const GpioSigns signs = look(now_ns);
         if (set_ns == 0 || signs != signs_ || now_ns - set_ns >= kSetAgainNs) {
             signs_ = signs;
             set_ns = now_ns;
-            if (!set_all()) {
-                close_all();
+            if (!set_driven()) {
                 say(said_gone_, LogLevel::warning,
                     fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
-                set_ns = 0;
                 pause_ns = kLeastPauseNs;
+                open_ns = now_ns + pause_ns;
             }
         }
         sleep_until(now_ns + kTurnNs);
     }
     signs_ = {};
-    if (set_ns != 0) (void)set_all();
-    close_all();
+    (void)set_driven();
+    for (auto& line : lines_) line.output.close();
 }
 
 GpioSigns GpioOutputs::look(std::uint64_t now_ns) {
@@ -92,26 +94,34 @@ GpioSigns GpioOutputs::look(std::uint64_t now_ns) {
     return judge_.judge(fresh ? &node : nullptr, now_ns);
 }
 
-bool GpioOutputs::open_all() {
-    signs_ = {};  // fault, until a look says otherwise
+bool GpioOutputs::open_missing() {
+    bool more = false;
     for (auto& line : lines_) {
-        const std::string wrong = line.output.open({chip_, line.name}, signs_.*line.sign == line.high_means);
-        if (wrong.empty()) continue;
-        close_all();
-        say(said_refused_, LogLevel::warning, wrong);
-        return false;
+        if (line.driven) continue;
+        const bool sign = GpioSigns{}.*line.sign;  // fault, until a look says otherwise
+        const std::string wrong = line.output.open({chip_, line.name}, sign == line.high_means);
+        line.driven = wrong.empty();
+        more |= line.driven;
+        if (!line.driven) say(line.said_refused, LogLevel::warning, fmt::format("{}: {}", line.key, wrong));
     }
-    say(said_driving_, LogLevel::info, fmt::format("drives {} lines of chip \"{}\"", lines_.size(), chip_));
-    return true;
+    if (more)
+        say(said_driving_, LogLevel::info,
+            fmt::format("drives {} of {} lines of chip \"{}\"", driven(), lines_.size(), chip_));
+    return more;
 }
 
-bool GpioOutputs::set_all() {
-    return std::all_of(lines_.begin(), lines_.end(),
-                       [this](Line& line) { return line.output.set(signs_.*line.sign == line.high_means); });
+bool GpioOutputs::set_driven() {
+    bool all = true;
+    for (auto& line : lines_) {
+        if (!line.driven || line.output.set(signs_.*line.sign == line.high_means)) continue;
+        line.output.close();
+        line.driven = all = false;
+    }
+    return all;
 }
 
-void GpioOutputs::close_all() noexcept {
-    for (auto& line : lines_) line.output.close();
+std::size_t GpioOutputs::driven() const noexcept {
+    return std::size_t(std::count_if(lines_.begin(), lines_.end(), [](const Line& line) { return line.driven; }));
 }
 
 void GpioOutputs::say(Said& last, LogLevel level, const std::string& text) {

@@ -35,7 +35,7 @@ private:
 
 class GpioOutputs {
 public:
-    // Starts the thread. Lines that are not to be had are asked for again, up to each second.
+    // Starts the thread. A line that is not to be had holds back no other, and is asked for again, up to each second.
     // setup: throws SetupError where no thread can be made
     GpioOutputs(std::string node_name, const GpioSettings& settings);
     // Says fault, then lets go of the lines.
@@ -44,23 +44,28 @@ public:
     GpioOutputs& operator=(const GpioOutputs&) = delete;
 
 private:
-    struct Line {
-        std::string name;
-        bool GpioSigns::*sign;
-        bool high_means;  // what a high level says of the sign
-        GpioOutput output;
-    };
-
     struct Said {
         std::string text;
         std::uint64_t t_ns = 0;
     };
 
+    struct Line {
+        const char* key;  // of [gpio]
+        std::string name;
+        bool GpioSigns::*sign;
+        bool high_means;  // what a high level says of the sign
+        GpioOutput output{};
+        bool driven = false;
+        Said said_refused{};
+    };
+
     void run();
     GpioSigns look(std::uint64_t now_ns);
-    bool open_all();
-    bool set_all();
-    void close_all() noexcept;
+    // Opens the lines that are not driven, those of the file's first keys first: fault. True when another one is driven.
+    bool open_missing();
+    // Sets the driven lines. False when one of them was gone: it is then driven no more.
+    bool set_driven();
+    [[nodiscard]] std::size_t driven() const noexcept;
     static void say(Said& last, LogLevel level, const std::string& text);
 
     std::string node_name_, chip_;
@@ -69,7 +74,7 @@ private:
     GpioSigns signs_;
     Segment segment_;
     std::uint64_t segment_tried_ns_ = 0;
-    Said said_driving_, said_gone_, said_refused_;
+    Said said_driving_, said_gone_;
     std::atomic<bool> stop_{false};
     RtThread thread_;
 };

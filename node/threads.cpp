@@ -13,6 +13,10 @@ namespace {
 constexpr int kReadTimeoutMs = 50;  // how long a silent device keeps its thread from noticing stop()
 constexpr int kLeastPauseMs = 50, kMostPauseMs = 1000;
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
+// An opening that gave a frame and lasted so long was a device: looked for at once when it is gone. Less is one that only
+// seems to be there, such as a server that accepts and hangs up.
+constexpr std::uint64_t kPresentNs = 100'000'000;
+constexpr std::uint64_t kWorkedNs = 1'000'000'000;  // and so long: its next trouble is a new one, worth its own lines
 
 // Says a thing once, then at most each 10 s while it stays the same.
 class Complaint {
@@ -77,28 +81,37 @@ void Threads::pause(int ms) const noexcept {
 }
 
 void Threads::run_link(Link& link) noexcept {
-    Complaint complaint;
+    Complaint refused, gone;  // two: a device may be refused and gone by turns
     int pause_ms = kLeastPauseMs;
+    bool announce = true;  // false after an opening that came to nothing: then "open" is said of one that works
     LinkCounts& counts = link.driver->counts;
     while (!stop_.load(std::memory_order_acquire)) {
         const std::string wrong = link.driver->open();
         if (!wrong.empty()) {
             segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
             segment_.set_link_count(link.index, TACTILED_LINK_RESTARTED, counts[TACTILED_LINK_RESTARTED]);  // by open()
-            complaint.about(link.name, wrong);
+            refused.about(link.name, wrong);
             pause(pause_ms);
             pause_ms = std::min(2 * pause_ms, kMostPauseMs);
             continue;
         }
         ++counts[TACTILED_LINK_OPENED];
-        log_line(LogLevel::info, fmt::format("link \"{}\": open", link.name));
+        if (announce) log_line(LogLevel::info, fmt::format("link \"{}\": open", link.name));
         segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
         link.connected.store(true, std::memory_order_release);
         const std::uint64_t opened_ns = monotonic_ns();
-        bool present = true;
+        const std::uint32_t frames = counts[TACTILED_LINK_FRAMES];
+        bool present = true, worked = false;
         while (present && !stop_.load(std::memory_order_acquire)) {
-            const Armed armed;
-            present = acquire(link, segment_, kReadTimeoutMs);
+            {
+                const Armed armed;
+                present = acquire(link, segment_, kReadTimeoutMs);
+            }
+            if (worked || counts[TACTILED_LINK_FRAMES] == frames || monotonic_ns() - opened_ns < kWorkedNs) continue;
+            worked = true;
+            if (!announce) log_line(LogLevel::info, fmt::format("link \"{}\": open", link.name));
+            refused.settled();
+            gone.settled();
         }
         // After the last commit: see Pipeline::deliver. Not where the daemon ends: that is no break of the link.
         if (!present) link.connected.store(false, std::memory_order_release);
@@ -106,12 +119,11 @@ void Threads::run_link(Link& link) noexcept {
         link.driver->close();
         if (present) break;
         segment_.set_link_count(link.index, TACTILED_LINK_GONE, ++counts[TACTILED_LINK_GONE]);
-        if (monotonic_ns() - opened_ns > kRepeatNs / 10) {
-            pause_ms = kLeastPauseMs;  // it had worked: look for it at once
-            complaint.settled();
-        }
-        complaint.about(link.name, "the device is gone; waiting for it to come back");
+        announce = worked;
+        if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kLeastPauseMs;
+        gone.about(link.name, "the device is gone; waiting for it to come back");
         pause(pause_ms);
+        pause_ms = std::min(2 * pause_ms, kMostPauseMs);
     }
 }
 

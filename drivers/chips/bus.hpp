@@ -28,8 +28,17 @@ public:
 
     // CLOCK_MONOTONIC, or the test's. rt: wait-free
     [[nodiscard]] virtual std::uint64_t now_ns() const noexcept = 0;
-    // rt: blocks until then
+    // rt: blocks until then, or until a chip's line has an edge
     virtual void wait_until(std::uint64_t t_ns) noexcept = 0;
+};
+
+// A chip's own line on which it says that a conversion has ended.
+class ReadyLine {
+public:
+    virtual ~ReadyLine() = default;
+    // Takes the edges that are there; false where there is none. `t_ns` is the newest one's stamp, 0 where it is not known.
+    // rt: two system calls, and one an edge
+    [[nodiscard]] virtual bool take(std::uint64_t& t_ns) noexcept = 0;
 };
 
 }  // namespace tactiled

@@ -10,14 +10,20 @@ constexpr std::uint64_t kMs = 1'000'000;
 constexpr std::uint64_t kMostOpenNs = 500 * kMs;  // a driver may block for a second, and one transfer more may hang
 }  // namespace
 
-void Schedule::add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts) {
+void Schedule::add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts,
+                   ReadyLine* ready) {
     if (place.mux != 0) muxes_.add(place.mux);
-    stations_.emplace_back(std::move(name), std::move(chip), Port(bus_, muxes_, place, counts), device, counts);
+    stations_.emplace_back(std::move(name), std::move(chip), Port(bus_, muxes_, place, counts), device, counts, ready);
 }
 
 Station& Schedule::first_due() noexcept {
     return *std::min_element(stations_.begin(), stations_.end(),
                              [](const Station& a, const Station& b) { return a.due_ns() < b.due_ns(); });
+}
+
+void Schedule::wait_until(std::uint64_t t_ns) noexcept {
+    bus_.wait_until(t_ns);
+    for (Station& station : stations_) station.look();
 }
 
 std::string Schedule::open() {
@@ -26,7 +32,7 @@ std::string Schedule::open() {
     const std::uint64_t until_ns = bus_.now_ns() + kMostOpenNs;
     for (Station& station : stations_) {
         while (!station.is_settled() && bus_.now_ns() < until_ns) {
-            bus_.wait_until(station.due_ns());
+            while (bus_.now_ns() < station.due_ns()) wait_until(station.due_ns());
             Frame unused;
             switch (station.turn(unused)) {
                 case Station::Turn::hangs:
@@ -47,9 +53,9 @@ std::string Schedule::open() {
 Status Schedule::read(Frame& frame, int timeout_ms) noexcept {
     const std::uint64_t until_ns = bus_.now_ns() + std::uint64_t(timeout_ms) * kMs;
     do {
+        wait_until(std::min(first_due().due_ns(), until_ns));
         Station& station = first_due();
-        bus_.wait_until(std::min(station.due_ns(), until_ns));
-        if (bus_.now_ns() < station.due_ns()) break;
+        if (bus_.now_ns() < station.due_ns()) continue;
         switch (station.turn(frame)) {
             case Station::Turn::frame: return Status::frame;
             case Station::Turn::nothing: break;

@@ -13,7 +13,8 @@ public:
     explicit Schedule(I2cBus& bus) noexcept : bus_(bus), muxes_(bus) {}
 
     // setup
-    void add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts);
+    void add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts,
+             ReadyLine* ready = nullptr);
 
     // Sets up what can be within half a second; the rest goes on in read(). "", or what is wrong: another chip than
     // configured, no chip at all, or the bus itself. setup
@@ -24,6 +25,8 @@ public:
 
 private:
     Station& first_due() noexcept;
+    // Or until an edge, after which another station may be due first. rt: blocks until then
+    void wait_until(std::uint64_t t_ns) noexcept;
 
     I2cBus& bus_;
     Muxes muxes_;

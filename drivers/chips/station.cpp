@@ -14,6 +14,14 @@ constexpr unsigned kLeastPauseMs = 10, kMostPauseMs = 1000;
 constexpr std::uint64_t kPatience = 3;  // conversions, and
 constexpr std::uint64_t kLeastPatienceNs = 20 * kMs;
 constexpr unsigned kLeastAsked = 10;
+// Of a conversion: a value that was taken so soon after an edge is of that edge, though the chip's clock be 12 % fast.
+constexpr double kOfThisEdge = 0.8;
+// Where the line has edges the clock's own question waits for so much of a conversion longer, so that it does not come
+// before the edge: the age that a missed edge costs.
+constexpr std::uint64_t kWaitForEdge = 8;
+// After so many questions in vain since the last conversion edges hasten nothing more: a noisy line costs no more than
+// these.
+constexpr unsigned kMostHastened = 4;
 
 }  // namespace
 
@@ -28,7 +36,8 @@ void Station::set_up_again() noexcept {
     state_ = State::setting_up;
     step_ = 0;
     lost_ = 0;
-    is_retry_ = is_wrong_ = false;
+    edge_ns_ = 0;
+    is_retry_ = is_wrong_ = has_edges_ = false;
     due_ns_ = port_.now_ns();
 }
 
@@ -56,6 +65,33 @@ Station::Turn Station::restart() noexcept {
 
 Station::Turn Station::turn(Frame& frame) noexcept { return state_ == State::setting_up ? set_up() : convert(frame); }
 
+void Station::look() noexcept {
+    std::uint64_t t_ns = 0;
+    if (ready_ == nullptr || !ready_->take(t_ns)) return;
+    has_edges_ = true;
+    if (state_ != State::converting || !has_converted_) return;
+    if (t_ns != 0 && t_ns <= taken_ns_) {  // of what was taken; the next one is waited for
+        due_ns_ = std::max(due_ns_, predicted_ns());
+        return;
+    }
+    if (asked_ >= kMostHastened) return;
+    edge_ns_ = t_ns;
+    is_hastened_ = true;
+    due_ns_ = std::min(due_ns_, port_.now_ns());
+}
+
+std::uint64_t Station::predicted_ns() const noexcept {
+    return clock_.next_poll_ns() + (has_edges_ ? chip_->conversion_ns() / kWaitForEdge : 0);
+}
+
+// The stamp of the edge that the value which was taken from `before_ns` to `now_ns` belongs to; 0 where that is not certain.
+std::uint64_t Station::ended_ns(std::uint64_t before_ns, std::uint64_t now_ns) noexcept {
+    const std::uint64_t edge_ns = std::exchange(edge_ns_, 0);
+    const bool is_this = edge_ns > taken_ns_ && edge_ns <= before_ns &&
+                         double(now_ns - edge_ns) < kOfThisEdge * double(chip_->conversion_ns());
+    return is_this ? edge_ns : 0;
+}
+
 Station::Turn Station::set_up() noexcept {
     const Chip::Progress progress = chip_->set_up(port_, step_);
     if (progress.answer != Answer::ok) return fail(progress.answer);
@@ -70,7 +106,7 @@ Station::Turn Station::set_up() noexcept {
     if (progress.kind == Chip::Progress::more) return Turn::nothing;
     if (std::exchange(was_set_up_, true)) ++counts_[TACTILED_LINK_RESTARTED];
     state_ = State::converting;
-    has_converted_ = false;
+    has_converted_ = false;  // until then edges may be of conversions that are still settling
     begin_conversion();
     due_ns_ += progress.wait_us * kUs;
     return Turn::nothing;
@@ -99,8 +135,13 @@ Station::Turn Station::convert(Frame& frame) noexcept {
         case Chip::Reading::bad: ++counts_[TACTILED_LINK_BAD_CHECKSUM]; [[fallthrough]];
         case Chip::Reading::nothing: {
             const std::uint64_t now_ns = port_.now_ns();
-            clock_.not_ready(before_ns, now_ns);
-            due_ns_ = clock_.next_poll_ns();
+            edge_ns_ = 0;
+            if (std::exchange(is_hastened_, false) && now_ns < clock_.next_poll_ns()) {
+                due_ns_ = predicted_ns();  // the edge was noise, or late: as if it had not been
+            } else {
+                clock_.not_ready(before_ns, now_ns);
+                due_ns_ = clock_.next_poll_ns();
+            }
             const std::uint64_t patience_ns = kPatience * chip_->conversion_ns() + kLeastPatienceNs;
             if (++asked_ < kLeastAsked || now_ns - began_ns_ < patience_ns) return Turn::nothing;
             return restart();
@@ -115,6 +156,7 @@ Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_n
     const bool is_first = !std::exchange(has_converted_, true);
     pause_ms_ = 0;
     const std::uint64_t now_ns = port_.now_ns();
+    const std::uint64_t edge_ns = ended_ns(before_ns, now_ns);
     std::uint32_t lost = reading.lost;
     if (chip_->pace() == Pace::timed) {
         const std::uint64_t period_ns = chip_->conversion_ns();
@@ -122,19 +164,23 @@ Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_n
         due_ns_ += (1 + lost) * period_ns;
     } else {
         const bool is_counted = chip_->pace() == Pace::counted;
-        const std::uint32_t passed =
-            clock_.ready(before_ns, std::max(before_ns, reading.taken_ns), is_counted ? 1 + lost : 0);
+        const std::uint32_t known = is_counted ? 1 + lost : 0;
+        if (edge_ns != 0) clock_.not_ready(edge_ns - 1, edge_ns);  // the edge says when it became ready
+        const std::uint32_t passed = edge_ns != 0 ? clock_.ready(edge_ns, edge_ns, known)
+                                                  : clock_.ready(before_ns, std::max(before_ns, reading.taken_ns), known);
         if (chip_->pace() == Pace::continuous) lost = passed - 1;
         if (reading.began) clock_.begin(now_ns, chip_->conversion_ns(), false);
-        due_ns_ = clock_.next_poll_ns();
+        has_edges_ = edge_ns != 0;
+        due_ns_ = predicted_ns();
     }
-    began_ns_ = now_ns;
+    began_ns_ = taken_ns_ = now_ns;
+    is_hastened_ = false;
     asked_ = 0;
     if (is_first) lost = 0;  // others were set up meanwhile: no frame was there to follow
     lost_ += lost;
     counts_[TACTILED_LINK_LOST] += lost;
     if (reading.kind == Chip::Reading::part) return Turn::nothing;
-    frame.t_ns = now_ns;
+    frame.t_ns = edge_ns != 0 ? edge_ns : now_ns;
     frame.device = device_;
     frame.lost = std::exchange(lost_, 0);
     ++counts_[TACTILED_LINK_FRAMES];

@@ -11,8 +11,9 @@ namespace tactiled {
 
 class Station {
 public:
-    Station(std::string name, std::unique_ptr<Chip> chip, Port port, std::uint16_t device, LinkCounts& counts)
-        : name_(std::move(name)), chip_(std::move(chip)), port_(port), device_(device), counts_(counts) {}
+    Station(std::string name, std::unique_ptr<Chip> chip, Port port, std::uint16_t device, LinkCounts& counts,
+            ReadyLine* ready)
+        : name_(std::move(name)), chip_(std::move(chip)), port_(port), device_(device), counts_(counts), ready_(ready) {}
 
     // The link was opened anew. setup
     void start() noexcept;
@@ -20,6 +21,10 @@ public:
     enum class Turn : std::uint8_t { nothing, frame, hangs, gone };  // the last two: of the whole bus
     // Does what is due. rt: blocks on the bus, for a few transfers
     [[nodiscard]] Turn turn(Frame& frame) noexcept;
+
+    // Looks at the chip's data-ready line, if it has one: an edge makes it due. A missed edge costs nothing but age, for the
+    // clock's prediction stays. rt: as ReadyLine::take
+    void look() noexcept;
 
     [[nodiscard]] std::uint64_t due_ns() const noexcept { return due_ns_; }
 
@@ -35,6 +40,8 @@ private:
 
     Turn set_up() noexcept;
     Turn convert(Frame& frame) noexcept;
+    [[nodiscard]] std::uint64_t predicted_ns() const noexcept;
+    [[nodiscard]] std::uint64_t ended_ns(std::uint64_t before_ns, std::uint64_t now_ns) noexcept;
     Turn take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept;
     void begin_conversion() noexcept;
     void set_up_again() noexcept;
@@ -47,14 +54,19 @@ private:
     Port port_;
     std::uint16_t device_;
     LinkCounts& counts_;
+    ReadyLine* ready_;  // nullptr: none
 
     State state_ = State::setting_up;
     ConversionClock clock_;
     std::uint64_t due_ns_ = 0, began_ns_ = 0;
+    std::uint64_t edge_ns_ = 0;   // stamp of an edge that no reading has followed yet; 0: none
+    std::uint64_t taken_ns_ = 0;  // when the last conversion had been taken: an older edge was of that one
     unsigned step_ = 0, pause_ms_ = 0;
     unsigned asked_ = 0;  // in vain, since the last conversion
     std::uint32_t lost_ = 0;
     std::uint64_t found_ = 0;
+    bool is_hastened_ = false;  // an edge made it due
+    bool has_edges_ = false;    // the line has told of the last conversion
     bool was_set_up_ = false, has_converted_ = false, is_retry_ = false, is_wrong_ = false;
 };
 

@@ -7,13 +7,17 @@
 import json
 import os
 import pathlib
+import socket
+import struct
+import subprocess
 import sys
+import threading
 import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
-from daemon import ROOT, Daemon, wait_for  # noqa: E402
-from modbus_slaves import Hostile, Pty, Server  # noqa: E402
+from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
+from modbus_slaves import Hostile, Pty, Server, crc  # noqa: E402
 
 GUARD = os.environ.get("RTGUARD", str(ROOT / "build/release/tests/guard/librtguard.so"))
 CONFIG = """
@@ -116,6 +120,32 @@ def run(seconds, plant=None, thread="pipeline", period=250, stir=False):
         return status, [json.loads(line) for line in (d.folder / "guard.json").read_text().splitlines()]
 
 
+# A sensor for each of two links.
+SENSORS = "".join(f"""
+[[sensor]]
+name = "{name}"
+link = "{name}"
+model = "generic"
+calibration = "FOLDER/unit.toml"
+""" for name in ("{0}", "{1}")).replace("FOLDER", "{{folder}}")
+
+
+def clean(test, daemon, seconds):
+    """Runs the daemon for so long. No thread of it may do a thing; returns the report's lines, and what `status` says of the links."""
+    daemon.env["RTGUARD_REPORT"] = str(daemon.folder / "guard.json")
+    (daemon.folder / "unit.toml").write_text(CALIBRATION)
+    daemon.start()
+    time.sleep(seconds)
+    links = json.loads(daemon.ctl("status", "--json").stdout)["links"]
+    status, _ = daemon.stop()
+    threads = [json.loads(line) for line in (daemon.folder / "guard.json").read_text().splitlines()]
+    for t in threads:
+        test.assertGreater(t["sections"], 100)
+        test.assertEqual({k: t[k] for k in CLEAN}, dict.fromkeys(CLEAN, 0), t)
+    test.assertEqual(status, 0, daemon.log())
+    return threads, links
+
+
 class Guard(unittest.TestCase):
     def test_the_release_daemon_is_clean(self):
         status, threads = run(6, stir=True)
@@ -181,6 +211,98 @@ calibration = "{folder}/unit.toml"
                 self.assertEqual({k: t[k] for k in CLEAN}, dict.fromkeys(CLEAN, 0), t)
                 calls |= set(t["allowed_calls"])
             self.assertEqual(calls, {"0", "1", "44", "45", "271"})  # read, write, sendto, recvfrom, ppoll
+
+    def test_streams_of_other_makers_are_clean_also_when_they_fall_silent_or_end(self):
+        text = "F={-5.00,0.25,-1.50,0.001,0.002,0.003},20480\n".encode()
+        body = bytes([0x20, 0x4E]) + struct.pack("<6h", -500, 25, -150, 1, 2, 3)
+        line = body + crc(body)
+        server, stop = socket.create_server(("127.0.0.1", 0)), threading.Event()
+
+        def phases():  # of a device: 0.6 s of frames, 1.4 s of silence: it is asked again
+            return time.monotonic() % 2 < 0.6
+
+        def network():
+            client = None
+            while not stop.wait(0.005):
+                if client is None:
+                    client = server.accept()[0]
+                    until = time.monotonic() + 2.5
+                if phases():
+                    client.sendall(text)
+                if time.monotonic() > until:
+                    client.close()
+                    client = None
+            if client is not None:
+                client.close()
+
+        def serial(pty):
+            while not stop.wait(0.01):
+                pty.receive(0)  # what it is asked
+                if phases():
+                    pty.send(line)
+
+        links = f"""
+[[link]]
+name = "net"
+driver = "tcp"
+address = "127.0.0.1:{server.getsockname()[1]}"
+format = "kms40"
+
+[[link]]
+name = "line"
+driver = "uart"
+device = "{{folder}}/dev"
+baud = 19200
+format = "ft300"
+""" + SENSORS.format("net", "line")
+        with server, Daemon(links, env={"LD_PRELOAD": GUARD}) as d:
+            pty = Pty(d.folder / "dev")
+            devices = [threading.Thread(target=network, daemon=True), threading.Thread(target=serial, args=[pty], daemon=True)]
+            for device in devices:
+                device.start()
+            threads, seen = clean(self, d, 8)
+            stop.set()
+            for device in devices:
+                device.join(5)
+            pty.close()
+        for link in seen:
+            self.assertGreater(link["frames"], 100)
+            self.assertGreater(link["restarted"], 0, "it was never asked again")
+        self.assertGreater(seen[0]["gone"], 0)
+        calls = {call for t in threads for call in t["allowed_calls"]}
+        self.assertEqual(calls, {"0", "1", "44", "271"})  # read, write, sendto, ppoll
+
+    def test_a_recording_and_a_scene_are_clean(self):
+        with Daemon(CONFIG.replace("{period}", "250")) as d:
+            (d.folder / "unit.toml").write_text(CALIBRATION)
+            (d.folder / "rows.csv").write_text(ROWS)
+            d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "cobs", "--rate", 1000, "--loop")
+            d.start()
+            file = d.folder / "back.mcap"
+            subprocess.run([BIN / "tactilectl", "record", file, "--config", d.config, "--node", d.name, "--seconds", "2"], check=True,
+                           capture_output=True, timeout=20)
+            d.stop()
+            links = f"""
+[[link]]
+name = "back"
+driver = "replay"
+file = "{file}"
+link = "usb0"
+at_end = "again"
+
+[[link]]
+name = "scene"
+driver = "sim"
+scene = "{ROOT}/config/scenes/drop.toml"
+at_end = "again"
+""" + SENSORS.format("back", "scene")
+            with Daemon(links, env={"LD_PRELOAD": GUARD}) as again:
+                threads, seen = clean(self, again, 5)
+        for link in seen:
+            self.assertGreater(link["frames"], 500)
+        self.assertGreater(seen[0]["gone"], 0, "the recording never began again")
+        calls = {call for t in threads for call in t["allowed_calls"]}
+        self.assertEqual(calls, {"230"})  # clock_nanosleep
 
     def test_reading_the_clock_is_no_breach(self):
         status, _ = run(0.6, "clock")

@@ -155,6 +155,22 @@ class TheOutputs(unittest.TestCase):
             wait_for(lambda: value(self.FAULT) == 0, 10, "fault: the sensor is gone")
             wait_for(lambda: self.turns_of_alive(0.5) == 0, 10, "alive to stand still")
 
+    def test_an_output_that_is_not_to_be_had_holds_back_no_other(self):
+        with machine_daemon('[gpio]\nchip = "tactile"\nfault = "fault"\nalive = "4"\n') as daemon:  # one line, named twice
+            daemon.start()
+            wait_for(lambda: value(self.FAULT) == 1, 10, "fault to be off")
+            wait_for(lambda: '[gpio]: alive: GPIO line "4"' in daemon.log(), 5, "what is refused in the log")
+            self.assertIn('drives 1 of 2 lines of chip "tactile"', daemon.log())
+            daemon.others[0].kill()
+            wait_for(lambda: value(self.FAULT) == 0, 10, "fault: the sensor is gone")
+        held = Edges("alive")  # by another program, for a while
+        self.assertEqual(held.ask("open"), "ok")
+        with machine_daemon(OUTPUTS) as daemon:
+            daemon.start()
+            wait_for(lambda: value(self.FAULT) == 1, 10, "fault to be off")
+            held.close()
+            wait_for(lambda: self.turns_of_alive(0.3) > 0, 10, "alive to be driven, too")
+
     # What a line shows once it was let go is the chip's affair, here its pull: that fault is said last cannot be seen.
     def test_a_killed_daemon_stops_alive_and_its_successor_drives_the_lines(self):
         with machine_daemon(OUTPUTS) as daemon:

@@ -9,7 +9,7 @@ import threading
 import time
 import unittest
 
-from machine import Emulator, Witness, i2c_bus, link_of, machine_daemon, now_ns, wait_for
+from machine import Emulator, Witness, gpio_chip, i2c_bus, link_of, machine_daemon, now_ns, wait_for
 from tactiled import BAD, GOOD
 
 CAP_COUNT_PF = 4.096 / 0x800000  # so that a force is the model's number of the conversion
@@ -93,6 +93,17 @@ def published(witness, quality, begin_ns, seconds=10):
     return found()[0]
 
 
+def wait_for_sample(witness, number, seconds=1):
+    """The sample of the conversion of that number; None if it was lost."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        for _, sample in witness.samples[-100:]:
+            if sample.quality == GOOD and round(sample.force_S_N[2]) == number:
+                return sample
+        time.sleep(0.01)
+    return None
+
+
 class I2c(unittest.TestCase):
     def setUp(self):
         self.bus, self.witnesses = Bus(), []
@@ -129,6 +140,38 @@ class I2c(unittest.TestCase):
     def assert_untouched(self, daemon):
         self.assertEqual(len({sample.epoch for _, sample in self.other.samples}), 1, "the other link was disturbed")
         self.assertEqual(link_of(daemon, "other")["lost"], 0)
+
+    def test_a_data_ready_line_gives_the_stamps_and_without_it_the_chip_is_read_all_the_same(self):
+        live, (_, lines) = pathlib.Path("/sys/kernel/config/gpio-sim/tactile/live"), gpio_chip()
+        self.addCleanup(lambda: live.write_text("1") if live.read_text() == "0\n" else None)
+        self.bus.tell(f"line 0 {lines}/sim_gpio0/pull")
+        links = without(LINKS, "bridge").replace('chip = "ad7746"', 'chip = "ad7746"\ndata_ready = {chip = "tactile", line = "drdy0"}')
+        daemon = machine_daemon(links.replace("BUS", self.bus.path))
+        self.addCleanup(daemon.__exit__)
+        daemon.start()
+        self.cap = self.witness(daemon, "cap")
+        wait_for(lambda: link_of(daemon, "bus")["frames"] > 100, 20, "frames")
+
+        def stamped():  # of 20 conversions: whose sample has the stamp of the line's own edge
+            exact = 0
+            for _ in range(20):
+                number, before, after = self.bus.report()["edge"]
+                found = wait_for_sample(self.cap, number)
+                exact += found is not None and before <= found.t_ns <= after
+                time.sleep(0.05)
+            return exact
+        with_line = stamped()
+        live.write_text("0")  # the chip of the line goes away; the link stays
+        time.sleep(0.5)
+        begin, frames = len(self.cap.samples), link_of(daemon, "bus")["frames"]
+        time.sleep(2)
+        more = link_of(daemon, "bus")["frames"] - frames
+        print(f"{with_line} of 20 stamps are the line's; without it {more} frames in 2 s", flush=True)
+        self.assertGreaterEqual(with_line, 5)  # chip, line and daemon share one CPU: some are asked for before their edge is told
+        self.assertGreater(more, 100)  # of 182
+        self.assertEqual({s.quality for _, s in self.cap.samples[begin:]}, {GOOD})
+        self.assertEqual(link_of(daemon, "bus")["gone"], 0)
+        self.assert_true_values(self.cap)
 
     def test_a_chip_behind_a_switch_reaches_its_full_rate(self):
         daemon = machine_daemon(without(LINKS, "bridge").replace("BUS", self.bus.path))

@@ -6,8 +6,9 @@ here=$(cd "$(dirname "$0")" && pwd); project=$(cd "$here/../.." && pwd)
 preset=${TACTILED_PRESET:-release} folder=$project/build/kernel
 "$project/node/install-packages.sh" build kernel
 bin=$project/build/$preset/bin
+guard=; if [ "$preset $(uname -m)" = "release x86_64" ]; then guard=rtguard; fi  # what tests/guard can
 [ -e "$project/build/$preset/CMakeCache.txt" ] || cmake --preset "$preset" -S "$project" -DTACTILED_TESTS=ON >/dev/null
-cmake --build "$project/build/$preset" -j "$(nproc)" --target tactiled tactilectl kernel_tools
+cmake --build "$project/build/$preset" -j "$(nproc)" --target tactiled tactilectl kernel_tools $guard
 
 "$here/kernel.sh" "$folder/$(uname -m)"
 folder=$folder/$(uname -m)
@@ -24,6 +25,10 @@ for program in tactiled tactilectl $(cd "$bin" && ls -d usbip_* gpio_edges 2>/de
     mv "$overlay/usr/bin/$program" "$root/build/release/bin/"
     strip --strip-debug "$root/build/release/bin/$program"  # all of it lives in the machine's memory
 done
+if [ -n "$guard" ]; then
+    "$here/program.sh" "$overlay" "$bin/../tests/guard/librtguard.so"
+    install -D "$bin/../tests/guard/librtguard.so" "$root/build/release/tests/guard/librtguard.so"
+fi
 
 failed=()
 [ $# = 0 ] && set -- $(cd "$here" && ls ./*_test.py | sed 's#^\./##; s#_test.py$##')

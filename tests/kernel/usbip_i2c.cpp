@@ -88,7 +88,8 @@ public:
     void run() {
         for (std::string line;;) {
             pollfd ready[2] = {{0, POLLIN, 0}, {fd_, POLLIN, 0}};
-            if (::poll(ready, fd_ >= 0 ? 2 : 1, -1) < 0) return;
+            const timespec wait = drive_line();
+            if (::ppoll(ready, fd_ >= 0 ? 2 : 1, &wait, nullptr) < 0) return;
             if (ready[0].revents != 0) {
                 char c = 0;
                 if (::read(0, &c, 1) <= 0) return;
@@ -146,14 +147,34 @@ private:
             words >> name;
             std::vector<std::uint32_t> converted;
             for (const auto& model : models_) converted.push_back(model->n_converted);
-            std::ofstream(name + ".new") << fmt::format("{{\"nacks\": {}, \"asked\": {}, \"converted\": [{}]}}\n", n_nacks_,
-                                                        n_asked_, fmt::join(converted, ", "));
+            std::ofstream(name + ".new") << fmt::format(
+                "{{\"nacks\": {}, \"asked\": {}, \"converted\": [{}], \"edge\": [{}, {}, {}]}}\n", n_nacks_, n_asked_,
+                fmt::join(converted, ", "), edge_.number, edge_.before_ns, edge_.after_ns);
             std::rename((name + ".new").c_str(), name.c_str());
         } else if (words >> n && n < models_.size()) {
             if (what == "dead") words >> models_[n]->is_dead;
             if (what == "reset") models_[n]->reset();
+            if (what == "line" && words >> name) lined_ = n, pull_.open(name);
             if (what == "swap" && words >> name) models_[n] = make(name), wire();
         }
+    }
+
+    // Lets the line of gpio-sim fall when a conversion of its chip has ended. Returns for how long nothing can happen.
+    timespec drive_line() {
+        if (!pull_.is_open()) return {3600, 0};
+        ModelChip& chip = *models_[lined_];
+        chip.advance(tactiled::now_ns());
+        if (chip.ended_ns() != told_ns_) {
+            told_ns_ = chip.ended_ns();
+            pull_ << "pull-up" << std::flush;
+            edge_ = {chip.n_converted, tactiled::now_ns(), 0};
+            pull_ << "pull-down" << std::flush;
+            edge_.after_ns = tactiled::now_ns();
+        }
+        const std::uint64_t now_ns = tactiled::now_ns(), ends_ns = chip.ends_ns();
+        return {0, ends_ns == 0        ? 1'000'000
+                   : ends_ns <= now_ns ? 0
+                                       : long(std::min<std::uint64_t>(ends_ns - now_ns, 999'999'999))};
     }
 
     // One request of the kernel. False: it has let go of the device.
@@ -221,6 +242,13 @@ private:
         return 0;
     }
 
+    std::ofstream pull_;
+    std::size_t lined_ = 0;
+    std::uint64_t told_ns_ = 0;
+    struct {
+        std::uint32_t number;  // of the conversion
+        std::uint64_t before_ns, after_ns;
+    } edge_{};
     int port_, fd_ = -1;
     bool hangs_ = false, acknowledged_ = true;
     unsigned n_nacks_ = 0, n_asked_ = 0;

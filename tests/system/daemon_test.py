@@ -112,6 +112,36 @@ class TheDaemon(unittest.TestCase):
             self.assertNotEqual(first["epoch"], second["epoch"])
             self.assertEqual(d.log().count("the device is gone"), 1)
 
+    def test_a_server_that_accepts_and_hangs_up_is_asked_less_and_less_often(self):
+        server = socket.create_server(("127.0.0.1", 0))
+        server.settimeout(0.2)
+        where = f'driver = "tcp"\naddress = "127.0.0.1:{server.getsockname()[1]}"'
+        with server, unit_daemon(rate=0, config=CONFIG.replace('driver = "uart"\ndevice = "{folder}/dev"', where)) as d:
+            d.start()
+            hung_up, until = 0, time.monotonic() + 5
+            while time.monotonic() < until:
+                try:
+                    server.accept()[0].close()
+                    hung_up += 1
+                except TimeoutError:
+                    pass
+            self.assertTrue(4 <= hung_up <= 10, f"{hung_up} connections in 5 s; at 50 ms, 100 ms .. 1 s they are 9")
+            self.assertEqual([d.log().count(what) for what in (": open\n", "is gone")], [1, 1], d.log())
+            server.settimeout(5)
+            for turn in range(1, 3):  # then it works: is said to be open; and, gone again, is looked for at once
+                device, began = server.accept()[0], time.monotonic()
+                if turn == 2:
+                    self.assertLess(began - ended, 0.5, "not looked for at once")
+                number = 0
+                while time.monotonic() < began + 1.2:
+                    device.sendall(f"{number},1,2,-3\n".encode())
+                    number += 1
+                    time.sleep(0.01)
+                self.assertEqual(d.log().count(": open\n"), 1 + turn, d.log())
+                device.close()
+                ended = time.monotonic()
+                wait_for(lambda: d.log().count("is gone") == 1 + turn, 2, "its end in the log")
+
     def test_a_silent_device_is_stale_and_its_registers_are_sentinels(self):
         with unit_daemon() as d:
             d.start()

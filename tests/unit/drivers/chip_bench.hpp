@@ -54,7 +54,8 @@ class ChipBench {
 public:
     explicit ChipBench(double clock_Hz = 400e3) : bus(clock_Hz), schedule(bus) {}
 
-    ModelChip& add(const ChipKind& kind, std::uint16_t device = 0, std::uint8_t mux = 0, std::uint8_t channel = 0) {
+    ModelChip& add(const ChipKind& kind, std::uint16_t device = 0, std::uint8_t mux = 0, std::uint8_t channel = 0,
+                   bool has_line = false) {
         Problems problems;
         Options options = Options::parse_text(kind.keys, "test.toml", problems);
         auto chip = find_chip(kind.name)->make(options);
@@ -63,7 +64,11 @@ public:
         models.push_back(kind.make_model());
         kinds.push_back(&kind);
         bus.wires.put(kind.address, *models.back(), mux, channel);
-        schedule.add(kind.name, std::move(chip), {kind.address, mux, channel}, device, counts);
+        if (has_line) {
+            line = std::make_unique<ModelLine>(*models.back());
+            bus.line = line.get();
+        }
+        schedule.add(kind.name, std::move(chip), {kind.address, mux, channel}, device, counts, line.get());
         return *models.back();
     }
 
@@ -96,6 +101,7 @@ public:
         return taken;
     }
 
+    std::unique_ptr<ModelLine> line;
     ModelBus bus;
     LinkCounts counts;
     Schedule schedule;

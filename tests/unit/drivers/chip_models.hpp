@@ -32,15 +32,20 @@ public:
         return found == converted_.end() ? 0 : found->second;
     }
 
+    // When the conversion that runs ends; 0: none runs.
+    [[nodiscard]] std::uint64_t ends_ns() const { return ends_ns_; }
+    [[nodiscard]] std::uint64_t ended_ns() const { return ended_ns_; }  // of the last one
+
     double period_scale = 1;  // > 1: a slow clock
     bool is_dead = false;     // does not acknowledge
     std::uint32_t n_converted = 0, n_dropped = 0;
 
 protected:
-    void note(unsigned input, std::int64_t code, std::uint64_t t_ns) { converted_[{input, code}] = t_ns; }
+    void note(unsigned input, std::int64_t code, std::uint64_t t_ns) { converted_[{input, code}] = ended_ns_ = t_ns; }
     [[nodiscard]] std::uint64_t scaled(double ns) const { return std::uint64_t(ns * period_scale); }
 
-    std::uint64_t t_ns_ = 0;     // up to when it has lived
+    std::uint64_t t_ns_ = 0;  // up to when it has lived
+    std::uint64_t ended_ns_ = 0;
     std::uint64_t ends_ns_ = 0;  // the conversion that runs; 0: none runs
 
 private:

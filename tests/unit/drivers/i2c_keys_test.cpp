@@ -105,6 +105,18 @@ TEST(I2cKeys, SayWhatIsWrongWithLineAndRemedy) {
               "test.toml:5: [[chip]] [mux]: address = 80 is outside 112 .. 119");
 }
 
+TEST(I2cKeys, ADataReadyLineIsForChipsThatConvertByThemselves) {
+    const std::string line = "data_ready = {chip = \"gpiochip0\", line = \"17\"}\n";
+    for (const std::string chip : {"ad7746", "nau7802", "ads122c04"})
+        EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"" + chip + "\"\n" + line), "");
+    for (const std::string chip : {"mpr121\"", "ads1115\"\ninputs = [\"AIN0\"]", "ad7746\"\nchannels = 2"})
+        EXPECT_NE(problems_of("[[chip]]\ndevice = 0\nchip = \"" + chip + "\n" + line).find("does not convert by itself"),
+                  std::string::npos);
+    EXPECT_NE(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\ndata_ready = {chip = \"gpiochip0\"}")
+                  .find("\"line\" is missing"),
+              std::string::npos);
+}
+
 TEST(I2cKeys, TwoChipsThatWouldAnswerAtOnceAreRefused) {
     const std::string one = "[[chip]]\ndevice = 0\nchip = \"ad7746\"\n";
     const std::string two = "[[chip]]\ndevice = 1\nchip = \"ads1115\"\ninputs = [\"AIN0\"]\n";

@@ -68,5 +68,44 @@ TEST(I2cSchedule, TakesEveryConversionOfAChipWhoseClockIsTenPercentOff) {
     }
 }
 
+TEST(I2cSchedule, AnEdgeOfTheDataReadyLineGivesTheStampAndAMissedOneStopsNothing) {
+    std::printf("%-10s %5s %7s %8s %7s %7s %6s\n", "chip", "clock", "missed", "frames/s", "p50 us", "worst", "trans.");
+    for (const std::size_t which : {0, 2, 6})  // ad7746, nau7802, ads122c04
+        for (const double scale : {0.9, 1.0, 1.1})
+            for (const unsigned misses : {0, 5}) {
+                const ChipKind& kind = chip_kinds()[which];
+                ChipBench bench;
+                ModelChip& model = bench.add(kind, 0, 0, 0, true);
+                model.period_scale = scale;
+                bench.line->misses = misses;
+                bench.bus.oversleeps_most_ns = 100'000;
+                ASSERT_EQ(bench.schedule.open(), "");
+                bench.run(1.0);
+                const std::uint32_t converted = model.n_converted, lost = bench.counts[TACTILED_LINK_LOST];
+                const unsigned transfers = bench.bus.n_transfers;
+                const auto frames = bench.run(20);
+                std::vector<std::int64_t> ages;
+                std::uint64_t before_ns = 0;
+                for (const auto& taken : frames) {
+                    EXPECT_GE(taken.age_ns, 0) << "a value that was not converted, or a stamp before its conversion's end";
+                    EXPECT_GT(taken.frame.t_ns, before_ns);
+                    before_ns = taken.frame.t_ns;
+                    ages.push_back(taken.age_ns);
+                }
+                std::sort(ages.begin(), ages.end());
+                std::printf("%-10s %+4.0f%% %7s %8.1f %7.1f %7.1f %6.2f\n", kind.name.c_str(), (1 / scale - 1) * 100,
+                            misses != 0 ? "each 5th" : "none", double(frames.size()) / 20,
+                            double(ages[ages.size() / 2]) * 1e-3, double(ages.back()) * 1e-3,
+                            double(bench.bus.n_transfers - transfers) / double(frames.size()));
+                const std::string what = fmt::format("{} {} {}", kind.name, scale, misses);
+                EXPECT_NEAR(double(model.n_converted) - converted - double(frames.size()),
+                            bench.counts[TACTILED_LINK_LOST] - lost, 1)
+                    << what;
+                EXPECT_EQ(bench.counts[TACTILED_LINK_RESTARTED], 0u);
+                EXPECT_LT(ages[ages.size() / 2], 1000) << what;  // ns: the edge's own stamp
+                if (misses == 0) { EXPECT_LT(ages[ages.size() * 99 / 100], 1000) << what; }
+            }
+}
+
 }  // namespace
 }  // namespace tactiled::test

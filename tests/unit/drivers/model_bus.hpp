@@ -61,6 +61,33 @@ private:
     std::map<std::uint8_t, std::uint8_t> masks_;
 };
 
+// A chip's data-ready line: has an edge where a conversion ends, but for every `misses`-th. One of a transfer's time waits.
+class ModelLine final : public ReadyLine {
+public:
+    explicit ModelLine(ModelChip& chip) : chip_(chip) {}
+    bool take(std::uint64_t& t_ns) noexcept override {
+        t_ns = std::exchange(edge_ns_, 0);
+        return t_ns != 0;
+    }
+    // Time passes until `t_ns` at most; when its edge was, 0 where there was none.
+    std::uint64_t pass(std::uint64_t t_ns) {
+        if (chip_.ended_ns() == seen_ns_) {
+            if (chip_.ends_ns() == 0 || chip_.ends_ns() > t_ns) return 0;
+            chip_.advance(chip_.ends_ns());
+        }
+        if (seen_ns_ == chip_.ended_ns()) return 0;  // its registers were being read
+        seen_ns_ = chip_.ended_ns();
+        if (misses != 0 && ++n_edges_ % misses == 0) return 0;
+        return edge_ns_ = seen_ns_;
+    }
+    unsigned misses = 0;
+
+private:
+    ModelChip& chip_;
+    std::uint64_t edge_ns_ = 0, seen_ns_ = 0;
+    unsigned n_edges_ = 0;
+};
+
 class ModelBus final : public I2cBus {
 public:
     explicit ModelBus(double clock_Hz = 400e3) : bit_ns_(1e9 / clock_Hz) {}
@@ -89,8 +116,15 @@ public:
     std::uint64_t now_ns() const noexcept override { return now_; }
 
     void wait_until(std::uint64_t t_ns) noexcept override {
-        if (t_ns > now_) now_ = t_ns + (oversleeps_most_ns == 0 ? 0 : random_() % oversleeps_most_ns);
+        if (t_ns > now_) {
+            const std::uint64_t edge_ns = line != nullptr ? line->pass(t_ns) : 0;
+            now_ = std::max(now_, edge_ns != 0 ? edge_ns : t_ns) +
+                   (oversleeps_most_ns == 0 ? 0 : random_() % oversleeps_most_ns);
+        }
+        if (line != nullptr) (void)line->pass(now_);  // waits to be taken
     }
+
+    ModelLine* line = nullptr;
 
     ModelWires wires;
     std::uint64_t oversleeps_most_ns = 0;
