@@ -26,7 +26,7 @@ namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // 100 frames of the FT 300
-constexpr std::uint64_t kAwayMs = 50;               // bytes may wait so long, and for the turn of read() (50 ms in the node)
+constexpr std::uint64_t kAwayMs = 950;              // bytes may wait so long, and for the turn of read() (50 ms in the node)
 constexpr std::uint64_t kStopMs = 20;               // two of its frames: what it was sending has ended
 
 class Stream final : public Driver {

@@ -114,7 +114,7 @@ TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewStampEither) 
     ASSERT_EQ(driver->open(), "");
     send_frame(1);
     wait_until_waiting(frame_bytes_);
-    ::usleep(100'000);  // longer than 50 ms and the turn of 1 ms
+    ::usleep(1'050'000);  // longer than 950 ms and the turn of 1 ms
     Frame frame;
     EXPECT_EQ(driver->read(frame, 1), Status::gone);
     EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], std::uint32_t(frame_bytes_));
