@@ -23,9 +23,14 @@ trap 'kill "$release_tests" 2>/dev/null || true' EXIT
 status=0
 build asan unit_tests
 build tsan node_test modbus_test
-wait "$release_tests" || status=1
+beside_compilers=0
+wait "$release_tests" || beside_compilers=1
 trap - EXIT
 cat build/release-tests.log
+if [ $beside_compilers != 0 ]; then
+    echo "run.sh: what failed beside the compilers, once more with the machine to itself:"
+    ctest --test-dir build/release --rerun-failed --output-on-failure || status=1
+fi
 ctest --test-dir build/asan -L unit -j "$jobs" --output-on-failure || status=1
 ctest --test-dir build/tsan -R '^(node|modbus)\.' -j "$jobs" --output-on-failure || status=1
 exit $status
