@@ -69,13 +69,17 @@ class Follower(threading.Thread):
 
     def run(self):
         with tactiled.open(self.node).follow(self.sensor, 1, from_oldest=True) as follower:
-            while not self.ended.is_set():
+            # To the sample that was the newest when it was told to end, however late it is.
+            while not self.ended.is_set() or not self.samples or self.samples[-1].sequence < self.until:
                 self.samples.append(next(follower))
             self.lost = follower.lost
 
     def close(self):
+        with tactiled.open(self.node) as node:
+            self.until = node.latest(self.sensor).sequence
         self.ended.set()
-        self.join(5)
+        self.join(30)
+        assert not self.is_alive(), f"{self.sensor}: {len(self.samples)} samples read, {self.until} published"
         return [s for s in self.samples if s.quality in (tactiled.GOOD, tactiled.UNCERTAIN)]
 
 

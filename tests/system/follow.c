@@ -50,10 +50,13 @@ int main(int argc, char **argv)
         if (strcmp(s->name, argv[2]) == 0) sensor = s;
     }
     if (sensor == NULL) return 3;
-    while (now_ns() < until && __atomic_load_n(&header->state, __ATOMIC_ACQUIRE) <= TACTILED_RUNNING) {
+    while (now_ns() < until) {
         struct tactiled_sample sample;
+        /* The state first: what was published before the daemon ended is read to its end. */
+        const int runs = __atomic_load_n(&header->state, __ATOMIC_ACQUIRE) <= TACTILED_RUNNING;
         const uint32_t head = tactiled_ring_head(base, &sensor->ring);
         if (head == number) {
+            if (!runs) break;
             const struct timespec pause = {0, 200000};
             fflush(stdout);
             nanosleep(&pause, NULL);

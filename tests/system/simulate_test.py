@@ -5,12 +5,10 @@ import json
 import math
 import pathlib
 import re
-import signal
 import struct
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 import xml.etree.ElementTree
 
@@ -286,13 +284,13 @@ matrix = {rows}
                 with open(self.folder / f"{sensor}.samples", "w") as file:
                     followers[sensor] = subprocess.Popen([BIN / "follow", daemon.name, sensor, "20"], stdout=file)
             self.assertEqual(player.wait(timeout=30), 0)
-            time.sleep(0.2)
+            wait_for(lambda: all(link["gone"] for link in json.loads(daemon.ctl("status", "--json").stdout)["links"]), 10,
+                     "the end of the links: all before it was read")
+            self.assertEqual(daemon.stop()[0], 0)
             seen = {}
             for sensor, follower in followers.items():
-                follower.send_signal(signal.SIGTERM)
-                follower.wait()
+                self.assertEqual(follower.wait(timeout=25), 0)
                 seen[sensor] = (self.folder / f"{sensor}.samples").read_text().splitlines()
-            self.assertEqual(daemon.stop()[0], 0)
             self.assertIn(" 0 dropped", (self.folder / "simulate.log").read_text())
             return seen
 
