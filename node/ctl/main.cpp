@@ -6,6 +6,7 @@
 #include <exception>
 
 #include "config/options.hpp"
+#include "config/text_file.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/layout.h"
 
@@ -60,6 +61,8 @@ int main(int argc, char** argv) {
     int status = kUnhealthy;
     try {
         status = run();
+    } catch (const SaveError& error) {  // nothing is wrong with the words
+        fmt::print(stderr, "tactilectl: {}\n", error.what());
     } catch (const SetupError& error) {
         fmt::print(stderr, "tactilectl: {}\n", error.what());
         status = kUsage;
