@@ -20,6 +20,8 @@ struct SensorSettable {
     double filter_Hz = 0;                             // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;  // of the magnitude of the components that the sensor sees
     double overload_N = 0;                            // 0 = none
+
+    static constexpr SensorSettable as_configured() { return {kNaN, kNaN, kNaN, kNaN}; }
 };
 
 class Sensor {
@@ -38,7 +40,7 @@ public:
         std::uint64_t (*clock_ns)() noexcept = &now_ns;  // what it is timed with
     };
     explicit Sensor(Setup setup) : setup_(std::move(setup)) {
-        set(setup_.settable);
+        set(SensorSettable::as_configured());
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
 
@@ -68,6 +70,11 @@ public:
 
     // Takes effect with the next sample. rt: wait-free
     void set(const SensorSettable& wish) noexcept;
+    // Takes over how `other`, which measures alike, judges and filters. rt: wait-free
+    void retune(const Sensor& other) noexcept;
+    // Goes on in the place of `before`, which measured otherwise, in a new epoch and without its tare. Publish marker()
+    // then. rt: wait-free
+    void succeed(const Sensor& before, std::uint64_t now_ns) noexcept;
     // The peak starts again with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
 
@@ -87,7 +94,7 @@ private:
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
     Setup setup_;
-    SensorSettable in_force_;
+    SensorSettable wish_, in_force_;
     std::array<double, kMaxChannels> channel_{};
     Wrench zero_{};  // subtracted from the raw wrench
     LowPass low_pass_;

@@ -25,7 +25,9 @@ constexpr Name kStatusBits[] = {{0, "ready"},
                                 {15, "fault: see FAULT"}};
 constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2, "open gauge"}, {3, "pipeline overrun"},
                                {4, "calibration missing"}, {6, "storage"},   {7, "bus error"},  {8, "internal"}};
-constexpr Name kWarnBits[] = {{2, "lost samples"}, {5, "a sensor's method auto has stepped down or misses its budget"}};
+constexpr Name kWarnBits[] = {{2, "lost samples"},
+                              {5, "a sensor's method auto has stepped down or misses its budget"},
+                              {6, "the last reload was refused: the configuration before is in force"}};
 constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {1, "contact"},
                                       {2, "incipient slip"},

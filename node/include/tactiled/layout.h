@@ -32,7 +32,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 2
+#define TACTILED_MINOR 3
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* of a frame */
@@ -134,8 +134,9 @@ enum tactiled_fault {
 
 /* tactiled_node.warning: the bits of the Modbus register WARN. */
 enum tactiled_warning {
-    TACTILED_WARN_LOST = 1 << 2,  /* frames were lost within the last second */
-    TACTILED_WARN_BUDGET = 1 << 5 /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
+    TACTILED_WARN_LOST = 1 << 2,   /* frames were lost within the last second */
+    TACTILED_WARN_BUDGET = 1 << 5, /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
+    TACTILED_WARN_RELOAD = 1 << 6  /* the last reload of the configuration was refused: the one before is in force */
 };
 
 /* Who commands: index of tactiled_node.command. Each counts its own commands. */
@@ -261,7 +262,8 @@ struct tactiled_ring {
 };
 #define TACTILED_RECORD_OFFSET 8 /* of the record in its slot */
 
-/* One sensor of the directory; does not change while the segment lives. */
+/* One sensor of the directory. Constant while the segment lives are name, model, link, ring and stale_ms; the rest since 1.3
+ * until the daemon reloads its configuration: see tactiled_header.reloads. */
 struct tactiled_sensor {
     char name[TACTILED_NAME_SIZE];
     char model[TACTILED_NAME_SIZE];
@@ -346,7 +348,9 @@ struct tactiled_wake {
 };
 #define TACTILED_WAKE_RECORDS 256 /* how far ahead a reader asks; it asks again at half of that */
 
-/* The start of the file. All but `state` is constant while the segment lives. */
+/* The start of the file. All but `state`, `calibration_id` and `reloads` is constant while the segment lives. Who wants
+ * what belongs together of a directory entry reads `reloads`, the entry, and `reloads` again: even and the same, else anew.
+ */
 struct tactiled_header {
     char magic[8];
     uint32_t byte_order;
@@ -364,8 +368,26 @@ struct tactiled_header {
     uint32_t n_links, link_offset, link_size;       /* directory of struct tactiled_link */
     uint32_t calibration_id;                        /* CRC-16 of the configuration and the calibrations in force */
     struct tactiled_ring node;
+    uint32_t lateness_offset;           /* of the loop's counters of lateness, below; 0 = none: before 1.3 */
     TACTILED_ALIGN(128) uint32_t state; /* enum tactiled_state */
+    uint32_t reloads;                   /* + 2 with each reload that changed a directory entry; odd meanwhile. Since 1.3 */
 };
+
+/* How late the pipeline's loop woke: so many 32-bit words, wrapping, each the number of times that it woke up to so many ns
+ * after its deadline: from tactiled_lateness_ns(i) to before that of i + 1; the last without an end. */
+#define TACTILED_LATENESS_BUCKETS 176
+static inline uint64_t tactiled_lateness_ns(uint32_t bucket) {
+    const uint32_t octave = bucket < 16 ? 0 : (bucket - 16) / 8;
+    return (bucket < 16 ? (uint64_t)bucket : (uint64_t)(8 + (bucket - 16) % 8) << (octave + 1)) * 128;
+}
+static inline uint32_t tactiled_lateness_bucket(uint64_t ns) { /* steps of 128 ns, from 2 us on eight an octave, to 1 s */
+    const uint64_t steps = ns / 128;
+    uint32_t log2, bucket;
+    if (steps < 16) return (uint32_t)steps;
+    log2 = 63u - (uint32_t)__builtin_clzll(steps);
+    bucket = 16 + (log2 - 4) * 8 + (uint32_t)(steps >> (log2 - 3) & 7);
+    return bucket < TACTILED_LATENESS_BUCKETS ? bucket : TACTILED_LATENESS_BUCKETS - 1;
+}
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 248);

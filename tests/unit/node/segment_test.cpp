@@ -228,6 +228,24 @@ TEST_F(SegmentTest, AFileThatOthersMayWriteIsNoDaemons) {
     EXPECT_NE(why.find("others than its owner may write it"), std::string::npos);
 }
 
+TEST_F(SegmentTest, CountsHowLateTheLoopWoke) {
+    for (std::uint32_t i = 0; i < TACTILED_LATENESS_BUCKETS; ++i) {  // no gap, no overlap, 1/8 octave or 128 ns wide
+        const std::uint64_t from = tactiled_lateness_ns(i), to = tactiled_lateness_ns(i + 1);
+        EXPECT_EQ(tactiled_lateness_bucket(from), i);
+        EXPECT_EQ(tactiled_lateness_bucket(to - 1), i);
+        EXPECT_LE(to - from, std::max<std::uint64_t>(128, from / 8));
+    }
+    EXPECT_EQ(tactiled_lateness_bucket(UINT64_MAX), TACTILED_LATENESS_BUCKETS - 1u);
+    SegmentWriter writer(plan());
+    const Segment segment = Segment::open(name_);
+    EXPECT_TRUE(std::isnan(lateness_quantile_ns(segment.lateness(), 0.5)));
+    for (int i = 0; i < 99; ++i) writer.count_lateness(10'000);
+    writer.count_lateness(5'000'000);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 0.5), 10'000, 10'000 / 8);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 0.99), 10'000, 10'000 / 8);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 1), 5'000'000, 5'000'000 / 8);
+}
+
 TEST_F(SegmentTest, SixteenSensorsFitOneMegabyte) {
     SegmentPlan p = plan(16);
     p.history = 0;
