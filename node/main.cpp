@@ -18,6 +18,7 @@
 #include "node/reload.hpp"
 #include "node/setup.hpp"
 #include "node/threads.hpp"
+#include "node/watchdog.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled {
@@ -68,6 +69,7 @@ int run(Node& node, const sigset_t& signals) {
         Threads threads(node, segment, pipeline);
         for (const auto& refused : threads.start()) log_line(LogLevel::warning, fmt::format("RT_DEGRADED: {}", refused));
         segment.set_state(TACTILED_RUNNING);
+        const Watchdog watchdog(threads.progress());
         std::unique_ptr<ModbusServer> modbus;
         const ModbusSettings& settings = node.config.modbus;
         if (settings.enabled())
