@@ -64,7 +64,7 @@ int play(const Wish& wish) {
     const std::vector<Row> rows = read_rows(wish);
     const double length_s =
         rows.size() < 2 ? 1 : (rows.back().t_s - rows.front().t_s) * double(rows.size()) / double(rows.size() - 1);
-    const Port port(wish.pty);
+    Port port(wish.pty);
     wait_for_reader(port);
 
     std::uint64_t sent = 0, dropped = 0, number = 0;

@@ -20,12 +20,14 @@ public:
 
     // True while somebody has the other end open.
     [[nodiscard]] bool has_reader() const;
-    // As a UART: what does not fit is gone. False then.
-    [[nodiscard]] bool send(const void* bytes, std::size_t size) const;
+    // Waits a while where the other end is behind: how much a pty holds is not the device's matter. What nobody takes even
+    // so is gone: false then, and the next is not waited for until one is taken again.
+    [[nodiscard]] bool send(const void* bytes, std::size_t size);
 
 private:
     std::string link_;
     int master_ = -1;
+    bool is_stuck_ = false;
 };
 
 // How frames are written, with the options of a verb that say so.
@@ -37,7 +39,7 @@ struct Wire {
 
     void add_options(CLI::App* verb);
     // Writes a frame whose channels are in their units; without a value: NaN. False where nobody took it all.
-    [[nodiscard]] bool send(const Port& port, Frame frame) const;
+    [[nodiscard]] bool send(Port& port, Frame frame) const;
 };
 
 // Blocks until the port was opened and its opener has set it up, or until interrupted.

@@ -36,7 +36,7 @@ void check(const sim::Scene& scene, const std::vector<std::string>& ptys, const 
 
 // One sensor's frames as they come: what was dropped shows as a gap in the counter, which goes with the samples.
 struct Device {
-    const Port* port;
+    Port* port;
 
     Frame frame(const sim::Sensor& sensor, const sim::Block& block, std::size_t n, bool shares_port) {
         Frame frame;
