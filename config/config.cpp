@@ -165,11 +165,10 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
     const std::string method = table.text("method", "");
     const double budget_us = table.number("budget_us", {0.01, 1e4}, 10);
     const int stale_ms = small_integer(table, "stale_ms", {1, 10000}, 100);
-    std::optional<int> frozen_after;
-    if (table.has("frozen_after")) frozen_after = small_integer(table, "frozen_after", {0, 1'000'000});
+    const int frozen_after = small_integer(table, "frozen_after", {0, 1'000'000}, -1);
     if (frozen_after == 1)
-        table.problem("frozen_after", "frozen_after = 1: one reading equals nothing; 0 = off, or 2 and more");
-    const double slew_per_s = table.has("slew_limit_per_s") ? table.number("slew_limit_per_s", {1e-300, 1e300}) : kInf;
+        table.problem("frozen_after", "frozen_after = 1 is no number of equal readings; 0 = off, else 2 or more");
+    const double slew_per_s = table.number("slew_limit_per_s", {1e-300, 1e300}, kInf);
     const double rate_Hz = table.number("rate_Hz", {0, 1e6}, 0);
     const double rate_tolerance = table.number("rate_tolerance", {0.01, 1}, 0.2);
     const double drift_limit_N = table.number("drift_limit_N", {0, 1e6}, 0);

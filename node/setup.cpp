@@ -143,7 +143,9 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.stream.noisy = link->driver != nullptr && link->driver->is_noisy(std::uint16_t(settings.device));
     }
     if (settings.frozen_after == 0) setup.stream.noisy = false;
-    setup.stream.frozen_after = unsigned(settings.frozen_after.value_or(setup.stream.noisy ? kFrozenAfter : 0));
+    setup.stream.frozen_after = unsigned(settings.frozen_after >= 0 ? settings.frozen_after
+                                         : setup.stream.noisy       ? kFrozenAfter
+                                                                    : 0);
     node.sensors.emplace_back(std::move(setup));
 }
 

@@ -105,6 +105,10 @@ TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsABreakThoughNobodySa
 TEST(StreamQuality, ARailRepeatsRightly) {
     Stream stream({.frozen_after = 5});
     for (int i = 0; i < 20; ++i) EXPECT_EQ(stream.send(i, -i, 8'388'607).reasons, unsigned(TACTILED_SATURATED)) << i;
+    for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
+    (void)stream.send(1, 2, 8'388'607);
+    (void)stream.send(2, 3, 8'388'607);
+    EXPECT_EQ(stream.send(3, 4, 7).reasons, unsigned(TACTILED_FROZEN));  // nor is it a sign of life
 }
 
 TEST(StreamQuality, WithoutALimitAQuietSensorMayRepeatItself) {
