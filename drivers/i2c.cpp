@@ -78,6 +78,7 @@ public:
         return wrong;
     }
     Status read(Frame& frame, int timeout_ms) noexcept override { return schedule_.read(frame, timeout_ms); }
+    bool is_noisy(std::uint16_t device) const override { return noisy_.count(device) != 0; }
     void close() noexcept override {
         bus_.close();
         for (auto& line : lines_) line->close();
@@ -121,6 +122,7 @@ private:
             lines_.push_back(std::make_unique<GpioReady>(bus_, std::move(at), made->ready_edge()));
             ready = lines_.back().get();
         }
+        if (made->is_noisy()) noisy_.insert(device);
         schedule_.add(name, std::move(made), place, device, counts, ready);
     }
 
@@ -129,7 +131,7 @@ private:
     I2cDevice bus_;
     std::vector<std::unique_ptr<GpioReady>> lines_;
     Schedule schedule_{bus_};
-    std::set<std::uint16_t> devices_;
+    std::set<std::uint16_t> devices_, noisy_;
     std::vector<Place> places_;
 };
 

@@ -45,7 +45,7 @@ private:
 
     std::optional<grasp::Grasp> estimator_;
     GraspSettable configured_, wish_{kNaN, kNaN};
-    tactiled_grasp before_{};  // what was counted and latched before this one; the rest is 0
+    tactiled_grasp before_{};                                // what was counted and latched before this one; the rest is 0
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};
 

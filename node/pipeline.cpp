@@ -63,6 +63,7 @@ bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     if (status == Status::frame && slot == nullptr && (slot = link.ring.claim()) != nullptr) *slot = frame;  // room by now
     if (status == Status::frame && slot != nullptr) {
         slot->lost += take_refused(link, slot->device);
+        slot->opening = driver.counts[TACTILED_LINK_OPENED];
         link.ring.push();
     } else if (status == Status::frame) {
         note_refused(link, frame.device, frame.lost);
@@ -158,10 +159,13 @@ void Pipeline::publish(std::uint32_t index, const tactiled_sample& sample) noexc
     segment_.publish(index, sample);
     node_.count[index] = sample.sequence + 1;
     news_ = true;
+    if (sample.reasons == 0) return;
+    segment_.count_reasons(index, sample.reasons);
     if ((sample.reasons & TACTILED_SATURATED) != 0) node_.fault |= TACTILED_FAULT_OVERRANGE;
     if ((sample.reasons & TACTILED_MISSING_CHANNEL) != 0) node_.fault |= TACTILED_FAULT_OPEN_GAUGE;
     if ((sample.reasons & TACTILED_UNCALIBRATED) != 0) node_.fault |= TACTILED_FAULT_CALIBRATION;
     if ((sample.reasons & TACTILED_NOT_FINITE) != 0) node_.fault |= TACTILED_FAULT_INTERNAL;
+    if ((sample.reasons & (TACTILED_FROZEN | TACTILED_IDLE_BUS)) != 0) node_.fault |= TACTILED_FAULT_SENSOR_LOST;
 }
 
 void Pipeline::publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept {
@@ -274,12 +278,12 @@ void Pipeline::follow_tares(std::uint64_t now_ns) noexcept {
 }
 
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
-    bool ready = true, stale = false, uncalibrated = false, contact = false, budget = false;
-    std::uint32_t lost = 0;
+    bool ready = true, stale = false, contact = false, budget = false;
+    std::uint32_t lost = 0, reasons = 0;
     for (const auto& sensor : sensors_) {
         ready &= sensor.is_delivering() && sensor.last().quality != TACTILED_BAD;
         stale |= !sensor.is_delivering();
-        uncalibrated |= (sensor.last().reasons & TACTILED_UNCALIBRATED) != 0;
+        reasons |= sensor.last().reasons;
         contact |= (sensor.last().state & TACTILED_CONTACT) != 0;
         budget |= (sensor.last().state & (TACTILED_STEPPED_DOWN | TACTILED_OVER_BUDGET)) != 0;
         lost += sensor.last().lost;
@@ -290,10 +294,12 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     }
     if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
     const auto bit = [](bool on, auto value) { return on ? std::uint32_t(value) : 0u; };
-    node_.warning = bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST) | bit(budget, TACTILED_WARN_BUDGET) |
+    node_.warning = bit((reasons & TACTILED_DRIFTED) != 0, TACTILED_WARN_DRIFT) |
+                    bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST) | bit(budget, TACTILED_WARN_BUDGET) |
+                    bit((reasons & TACTILED_WRONG_RATE) != 0, TACTILED_WARN_RATE) |
                     bit(reload_refused_.load(std::memory_order_relaxed), TACTILED_WARN_RELOAD);
     node_.status = fixed_status_ | bit(ready, TACTILED_READY) | bit(contact, TACTILED_ANY_CONTACT) |
-                   bit(stale, TACTILED_ANY_STALE) | bit(uncalibrated, TACTILED_ANY_UNCALIBRATED) |
+                   bit(stale, TACTILED_ANY_STALE) | bit((reasons & TACTILED_UNCALIBRATED) != 0, TACTILED_ANY_UNCALIBRATED) |
                    bit(taring_ != 0, TACTILED_ANY_TARING) | bit(node_.warning != 0, TACTILED_WARNING) |
                    bit(node_.fault != 0, TACTILED_FAULT);
     node_.grasp = grasping_->state();

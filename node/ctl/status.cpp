@@ -31,6 +31,15 @@ nlohmann::json lateness_json(const Lateness& counts) {
     return out;
 }
 
+// How many samples had each reason since the start.
+std::string reason_line(const Segment& segment, std::uint32_t i) {
+    std::string counts;
+    for (unsigned bit = 0; bit < kReasonWords.size(); ++bit)
+        if (const auto count = tactiled_reason_count(segment.c(), i, bit); count != 0)
+            counts += fmt::format("  {} {}", kReasonWords[bit], count);
+    return counts.empty() ? "" : fmt::format("samples of {}:{}\n", segment.sensor(i).name, counts);
+}
+
 std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
     const auto& node = snapshot.node;
@@ -52,6 +61,7 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
                            quality_text(s.quality, s.reasons));
     }
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += auto_lines(segment, i, snapshot.sensor[i]);
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += reason_line(segment, i);
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
         const auto& link = segment.link(i);
         out += fmt::format("link {} ({}, {})", link.name, link.driver, link.state == TACTILED_LINK_OPEN ? "open" : "closed");
@@ -120,6 +130,8 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                                           {"sd_force_N", s.sd_force_N},
                                           {"raw_force_S_N", s.raw_force_S_N}})
             sensor[key] = {json_number(values[0]), json_number(values[1]), json_number(values[2])};
+        for (unsigned bit = 0; bit < kReasonWords.size(); ++bit)
+            sensor["samples"][kReasonWords[bit]] = tactiled_reason_count(segment.c(), i, bit);
         if (nlohmann::json front = auto_json(segment, i, s); !front.is_null()) sensor["auto"] = std::move(front);
         out["sensors"].push_back(std::move(sensor));
     }

@@ -68,6 +68,8 @@ std::uint16_t sensor_status(const tactiled_sample& s, bool beyond, std::uint16_t
     bits |= (s.state & TACTILED_LOW_PASS) != 0 ? 1u << 10 : 0u;
     bits |= (s.state & (TACTILED_STEPPED_DOWN | TACTILED_OVER_BUDGET)) != 0 ? 1u << 11 : 0u;
     bits |= s.quality == TACTILED_UNCERTAIN ? 1u << 12 : 0u;
+    bits |= (s.reasons & TACTILED_WRONG_RATE) != 0 ? 1u << 13 : 0u;
+    bits |= (s.reasons & TACTILED_DRIFTED) != 0 ? 1u << 14 : 0u;
     bits |= !has_value(s) ? 1u << 15 : 0u;
     return std::uint16_t(bits);
 }

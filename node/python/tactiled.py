@@ -40,10 +40,12 @@ NAME_SIZE = 32  # with the terminating zero
 NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 
 (NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
- DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY) = (1 << bit for bit in range(14))
+ DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY, FROZEN, STEPPED, IDLE_BUS, WRONG_RATE,
+ DRIFTED) = (1 << bit for bit in range(19))
 REASON_WORDS = (  # bit 0 first, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
-    "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown")
+    "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown",
+    "frozen", "stepped", "idle-bus", "wrong-rate", "drifted")
 
 CONTACT, OVERLOAD, LOW_PASS, STEPPED_DOWN, OVER_BUDGET = 1, 2, 4, 8, 16  # Sample.state
 
@@ -108,7 +110,7 @@ _HEADER = _Struct(
     "calibration_id:I node:5I lateness_offset:I -:84x state:I reloads:I -:120x")
 _SENSOR = _Struct(
     "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f "
-    "budget_us:f first_method:I methods:128s method_us:8f method_error:8f")
+    "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I")
 _SENSOR_SIZE_1_0 = 216
 _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
@@ -397,6 +399,15 @@ class Node(_Attached):
         if sensor not in self._now().sensors:
             raise Error(f'node "{self.name}" has no sensor "{sensor}"')
         return self._segment.info(sensor)
+
+    def reason_counts(self, sensor):
+        """Samples with each reason since the daemon started, as {word: count}; those that never were are left out."""
+        self.info(sensor)
+        h, index = self._segment.header, list(self._segment.sensors).index(sensor)
+        if h.sensor_size < _SENSOR.size:  # before 1.3
+            return {}
+        counts = _SENSOR.values(self._segment.bytes, h.sensor_offset + index * h.sensor_size)[-1]
+        return {word: count for word, count in zip(REASON_WORDS, counts) if count}
 
     def latest(self, sensor):
         """The newest sample; BAD with a reason when there is no good one. Never blocks."""

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cerrno>
 #include <climits>
@@ -326,6 +327,7 @@ void SegmentWriter::set_sensor(std::uint32_t index, const tactiled_sensor& entry
     auto& live = reinterpret_cast<tactiled_sensor*>(base_ + header().sensor_offset)[index];
     tactiled_sensor wanted = entry;
     wanted.ring = live.ring;
+    std::copy(std::begin(live.count), std::end(live.count), wanted.count);
     static_assert(sizeof wanted % 4 == 0 && alignof(tactiled_sensor) % 4 == 0);
     for (std::size_t at = 0; at < sizeof wanted; at += 4) {  // what stays the same is not even written
         std::uint32_t word = 0;
@@ -346,6 +348,14 @@ void SegmentWriter::wake_readers() noexcept {
     const std::uint32_t ahead = until - __atomic_load_n(head, __ATOMIC_RELAXED);
     if (ahead == 0 || ahead > TACTILED_WAKE_RECORDS) return;  // over, or nonsense
     ::syscall(SYS_futex, head, FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
+}
+
+void SegmentWriter::count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept {
+    auto& sensor = reinterpret_cast<tactiled_sensor*>(base_ + header().sensor_offset)[index];
+    for (; reasons != 0; reasons &= reasons - 1) {
+        std::uint32_t& count = sensor.count[std::countr_zero(reasons)];
+        __atomic_store_n(&count, count + 1, __ATOMIC_RELAXED);
+    }
 }
 
 void SegmentWriter::set_link_state(std::uint32_t index, tactiled_link_state state) noexcept {

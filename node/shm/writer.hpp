@@ -59,6 +59,8 @@ public:
     // The page in which they say so (struct tactiled_wake), to be handed to them: sealed, it cannot shrink under us.
     [[nodiscard]] int wake_page() const noexcept { return wake_fd_; }
 
+    // One sample of sensor `index` has these reasons. From the thread that publishes it. rt: bounded by the reasons
+    void count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept;
     // A link's own line, shown as it is. Each word has one writer. rt: wait-free
     void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
     void set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept;

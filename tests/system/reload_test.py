@@ -21,7 +21,7 @@ import tactiled  # noqa: E402
 
 RATE_HZ = 500
 CAL_ID, WARN = 28, 9
-WARN_RELOAD = 1 << 6
+WARN_RELOAD = 1 << 7
 LINK = """
 [[link]]
 name = "{0}"

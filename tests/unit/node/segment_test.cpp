@@ -121,7 +121,7 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
             file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
             return text;
         };
-        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.2, this reader knows 1.2"),
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.3, this reader knows 1.3"),
                   std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
@@ -210,14 +210,21 @@ TEST_F(SegmentTest, AnotherMinorVersionIsReadAndAnotherMajorRefused) {
     patch(ring + offsetof(tactiled_ring, record_size), std::uint32_t(248));  // a newer one: with more
     ASSERT_TRUE(Segment::open(name_).latest(0, got));
     EXPECT_EQ(got.peak_N, 3);
+    writer.count_reasons(0, TACTILED_STALE | TACTILED_DRIFTED);
+    writer.count_reasons(0, TACTILED_STALE);
+    const Segment counted = Segment::open(name_);
+    EXPECT_EQ(tactiled_reason_count(counted.c(), 0, 1), 2u);   // stale
+    EXPECT_EQ(tactiled_reason_count(counted.c(), 0, 18), 1u);  // drifted
+    EXPECT_EQ(tactiled_reason_count(counted.c(), 0, 0), 0u);
     patch(offsetof(tactiled_header, sensor_size), TACTILED_SENSOR_SIZE_1_0);  // a directory without the methods of "auto"
     const Segment old = Segment::open(name_);
     ASSERT_TRUE(old.latest(0, got));
     EXPECT_STREQ(tactiled_methods_of(old.c(), 0), "");
+    EXPECT_EQ(tactiled_reason_count(old.c(), 0, 1), 0u);  // nor counts
     patch(offsetof(tactiled_header, major), std::uint16_t(2));
     std::string why;
     EXPECT_FALSE(Segment::try_open(name_, why).is_open());
-    EXPECT_NE(why.find("version 2.7, this reader knows 1.2"), std::string::npos) << why;
+    EXPECT_NE(why.find("version 2.7, this reader knows 1.3"), std::string::npos) << why;
 }
 
 TEST_F(SegmentTest, AFileThatOthersMayWriteIsNoDaemons) {
