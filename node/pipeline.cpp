@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "node/realtime.hpp"
+#include "node/shm/frame_record.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled {
@@ -30,24 +31,6 @@ std::uint32_t take_refused(Link& link, std::uint16_t device) noexcept {
     for (auto& refused : link.refused)
         if (refused.device == device) frames += std::exchange(refused.frames, 0);
     return frames;
-}
-
-static_assert(TACTILED_MAX_CHANNELS == kMaxChannels);
-
-tactiled_frame as_published(const Frame& frame) noexcept {
-    tactiled_frame out;  // not cleared: channels beyond are not copied
-    out.t_ns = frame.t_ns;
-    out.device_time_us = frame.device_time_us;
-    out.sequence = frame.sequence;
-    out.missing = frame.missing;
-    out.saturated = frame.saturated;
-    out.lost = frame.lost;
-    out.device = frame.device;
-    out.n_channels = frame.n_channels;
-    out.has_sequence = frame.has_sequence ? 1 : 0;
-    out.reserved = 0;
-    std::copy_n(frame.channel.begin(), frame.n_channels, out.channel);
-    return out;
 }
 
 }  // namespace

@@ -270,8 +270,8 @@ struct tactiled_ring {
 };
 #define TACTILED_RECORD_OFFSET 8 /* of the record in its slot */
 
-/* One sensor of the directory. Constant while the segment lives are name, model, link, ring and stale_ms; `count` changes, and
- * since 1.3 the rest, when the daemon reloads its configuration: see tactiled_header.reloads. */
+/* One sensor of the directory. Constant while the segment lives are name, model, link, ring and stale_ms; `count` changes,
+ * and since 1.3 the rest, when the daemon reloads its configuration: see tactiled_header.reloads. */
 struct tactiled_sensor {
     char name[TACTILED_NAME_SIZE];
     char model[TACTILED_NAME_SIZE];
