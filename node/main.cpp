@@ -94,6 +94,7 @@ int run(Node& node, const sigset_t& signals) {
 
 int main(int argc, char** argv) {
     using namespace tactiled;
+    hold_standard_descriptors();
     std::string path = "/etc/tactiled/tactiled.toml";
     bool check = false;
     CLI::App app{"Reads tactile sensors and publishes their forces in shared memory and over Modbus.", "tactiled"};

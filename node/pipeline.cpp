@@ -148,7 +148,8 @@ void Pipeline::publish(std::uint32_t index, const tactiled_sample& sample) noexc
     if ((sample.reasons & TACTILED_MISSING_CHANNEL) != 0) node_.fault |= TACTILED_FAULT_OPEN_GAUGE;
     if ((sample.reasons & TACTILED_UNCALIBRATED) != 0) node_.fault |= TACTILED_FAULT_CALIBRATION;
     if ((sample.reasons & TACTILED_NOT_FINITE) != 0) node_.fault |= TACTILED_FAULT_INTERNAL;
-    if ((sample.reasons & (TACTILED_FROZEN | TACTILED_IDLE_BUS)) != 0) node_.fault |= TACTILED_FAULT_SENSOR_LOST;
+    if ((sample.reasons & (TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_WRONG_DEVICE)) != 0)
+        node_.fault |= TACTILED_FAULT_SENSOR_LOST;
 }
 
 void Pipeline::publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept {

@@ -3,9 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <fstream>
+#include <iterator>
 
 #include "faults.hpp"
 #include "plants.hpp"
+#include "plc_page.hpp"
 
 namespace tactiled::faults {
 namespace {
@@ -48,6 +51,14 @@ TEST(World, ASeedIsReplayedToTheLastBit) {
         EXPECT_EQ(once.samples, again.samples);
         EXPECT_NE(once.digest, run_seed(seed + combinations()).digest) << "another seed, other times";
     }
+}
+
+TEST(World, ThePageForThePlcIsWhatItSays) {
+    const std::string path = std::string(TACTILED_SOURCE_DIR) + "/tests/faults/PLC.md", page = plc_page();
+    if (std::getenv("WRITE_PAGE") != nullptr) std::ofstream(path) << page;
+    std::ifstream file(path);
+    const std::string shown{std::istreambuf_iterator<char>(file), {}};
+    EXPECT_EQ(shown, page) << "WRITE_PAGE=1 writes it";
 }
 
 TEST(Witness, FindsEveryPlantedBug) {
