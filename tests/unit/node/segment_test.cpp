@@ -310,6 +310,31 @@ TEST_F(SegmentTest, ARingOrAHeaderThatIsTooSmallIsRefused) {
     EXPECT_TRUE(Segment::open(name_).is_open());
 }
 
+TEST_F(SegmentTest, ALinkWhoseRingLiesOutsideAndANameWithoutAnEndAreRefused) {
+    SegmentPlan p = plan();
+    p.links.resize(1);
+    SegmentWriter writer(p);
+    const auto header = Segment::open(name_).header();
+    const auto why = [&](std::size_t offset, const std::string& bytes) {
+        const int fd = ::open(path_.c_str(), O_RDWR);
+        std::string before(bytes.size(), 0), text;
+        EXPECT_EQ(::pread(fd, before.data(), before.size(), off_t(offset)), ssize_t(before.size()));
+        EXPECT_EQ(::pwrite(fd, bytes.data(), bytes.size(), off_t(offset)), ssize_t(bytes.size()));
+        EXPECT_FALSE(Segment::try_open(name_, text).is_open());
+        EXPECT_EQ(::pwrite(fd, before.data(), before.size(), off_t(offset)), ssize_t(before.size()));
+        ::close(fd);
+        return text;
+    };
+    const std::string name(TACTILED_NAME_SIZE, 'x');
+    EXPECT_NE(why(header.link_offset + offsetof(tactiled_link, frames), "\x80\xFF\xFF\x7F").find("a link's ring"),
+              std::string::npos);
+    EXPECT_NE(why(header.link_offset, name).find("a name of a link"), std::string::npos);
+    EXPECT_NE(why(header.sensor_offset + offsetof(tactiled_sensor, link), name).find("a name of a sensor"),
+              std::string::npos);
+    EXPECT_NE(why(offsetof(tactiled_header, name), name).find("a name has no end"), std::string::npos);
+    EXPECT_TRUE(Segment::open(name_).is_open());
+}
+
 TEST_F(SegmentTest, ASampleOrADaemonOfAnotherClockIsNotBelieved) {
     SegmentWriter writer(plan());
     writer.set_state(TACTILED_RUNNING);
