@@ -105,6 +105,7 @@ public:
         return wrong;
     }
     Status read(Frame& frame, int timeout_ms) noexcept override { return schedule_.read(frame, timeout_ms); }
+    bool is_noisy(std::uint16_t device) const override { return noisy_.count(device) != 0; }
     void close() noexcept override {
         bus_.close();
         for (auto& line : lines_) line->close();
@@ -149,6 +150,7 @@ private:
             lines_.push_back(std::make_unique<GpioReady>(bus_, std::move(at), made->ready_edge()));
             ready = lines_.back().get();
         }
+        if (made->is_noisy()) noisy_.insert(device);
         Selector* const selector = read_selector(options, made->electrodes());
         schedule_.add(name, std::move(made), place, device, counts, ready, selector);
     }
@@ -181,7 +183,7 @@ private:
     std::vector<std::unique_ptr<GpioReady>> lines_;
     std::vector<std::unique_ptr<GpioSelector>> selectors_;
     Schedule schedule_{bus_};
-    std::set<std::uint16_t> devices_;
+    std::set<std::uint16_t> devices_, noisy_;
     std::vector<Place> places_;
 };
 

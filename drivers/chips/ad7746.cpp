@@ -89,6 +89,7 @@ public:
 
     Pace pace() const noexcept override { return channels_ == 1 ? Pace::continuous : Pace::triggered; }
     ReadyEdge ready_edge() const noexcept override { return ReadyEdge::falling; }  // RDY
+    bool is_noisy() const noexcept override { return true; }
     unsigned electrodes() const noexcept override { return electrodes_; }
     std::uint64_t conversion_ns() const noexcept override {
         return (kCapUs[rate_] + (converts_temperature() ? kVtUs : 0)) * std::uint64_t{1000};

@@ -57,9 +57,14 @@ static inline const struct tactiled_sensor* tactiled_sensor_of(const struct tact
 /* The names of the methods of method "auto", "" where there are none or the daemon is of version 1.0: then the fields of
  * struct tactiled_sensor that 1.1 added must not be read. */
 static inline const char* tactiled_methods_of(const struct tactiled_segment* segment, uint32_t index) {
-    const int has = tactiled_header_of(segment)->sensor_size >= sizeof(struct tactiled_sensor);
+    const int has = tactiled_header_of(segment)->sensor_size >= TACTILED_SENSOR_SIZE_1_1;
     const char* methods = has ? tactiled_sensor_of(segment, index)->methods : "";
     return memchr(methods, 0, has ? TACTILED_METHODS_SIZE : 1) != NULL ? methods : "";
+}
+/* Samples of a sensor with reason bit `bit` (0 .. 31) since the daemon started; 0 where it counts none (before 1.3). */
+static inline uint32_t tactiled_reason_count(const struct tactiled_segment* segment, uint32_t index, unsigned bit) {
+    if (tactiled_header_of(segment)->sensor_size < sizeof(struct tactiled_sensor)) return 0;
+    return __atomic_load_n(&tactiled_sensor_of(segment, index)->count[bit], __ATOMIC_RELAXED);
 }
 static inline const struct tactiled_link* tactiled_link_of(const struct tactiled_segment* segment, uint32_t index) {
     const struct tactiled_header* h = tactiled_header_of(segment);
