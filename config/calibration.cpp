@@ -68,6 +68,7 @@ void read_names(Options& file, Calibration& calibration) {
         file.problem("serial", fmt::format("serial has {} bytes; at most {} are published", calibration.serial.size(),
                                            kLongestNameBytes));
     calibration.date = file.text("date", "");
+    calibration.nominal = file.flag("nominal", false);
     if (!calibration.date.empty() && !is_date(calibration.date))
         file.problem("date", fmt::format("date = {} should be a day as YYYY-MM-DD", in_quotes(calibration.date)));
 }

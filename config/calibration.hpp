@@ -35,6 +35,7 @@ struct Calibration : Fit {
     std::string contact_model;  // what pressed on the sensor when it was calibrated: "uniform", "point", "unknown" ...
     std::string serial;
     std::string date;                                 // YYYY-MM-DD
+    bool nominal = false;                             // of a drawing or a document: the sample itself was not calibrated
     std::vector<std::string> channels;                // names, in the order of the matrix's columns
     std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
     std::vector<double> channel_least, channel_most;  // the domain that the calibration saw; empty = unknown

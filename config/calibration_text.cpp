@@ -88,6 +88,7 @@ std::string calibration_text(const Calibration& calibration) {
     out.text("contact_model", calibration.contact_model);
     out.text("serial", calibration.serial);
     out.text("date", calibration.date);
+    if (calibration.nominal) out.line("nominal", "true");
     out.line("channels", toml_texts(calibration.channels));
     out.text("channel_unit", calibration.channel_unit);
     out.numbers("channel_least", calibration.channel_least);

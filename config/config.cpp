@@ -166,6 +166,13 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
     const std::string method = table.text("method", "");
     const double budget_us = table.number("budget_us", {0.01, 1e4}, 10);
     const int stale_ms = small_integer(table, "stale_ms", {1, 10000}, 100);
+    const int frozen_after = small_integer(table, "frozen_after", {0, 1'000'000}, -1);
+    if (frozen_after == 1)
+        table.problem("frozen_after", "frozen_after = 1 is no number of equal readings; 0 = off, else 2 or more");
+    const double slew_per_s = table.number("slew_limit_per_s", {1e-300, 1e300}, kInf);
+    const double rate_Hz = table.number("rate_Hz", {0, 1e6}, 0);
+    const double rate_tolerance = table.number("rate_tolerance", {0.01, 1}, 0.2);
+    const double drift_limit_N = table.number("drift_limit_N", {0, 1e6}, 0);
     const int tare_ms = small_integer(table, "tare_ms", {1, 10000}, 100);
     const double filter_Hz = table.number("filter_hz", {0, 10000}, 0);
     const double contact_on_N = table.number("contact_on_N", {0.01, 300}, 0.5);
@@ -175,8 +182,9 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
         table.problem("contact_off_N",
                       fmt::format("contact_off_N = {} is above contact_on_N = {}", contact_off_N, contact_on_N));
     const std::string beside = calibration.empty() ? "" : (folder / calibration).string();  // an absolute path stays itself
-    return {name,   link,      device,   channels, counts_per_unit, rails.below,  rails.above,   model,      beside,
-            method, budget_us, stale_ms, tare_ms,  filter_Hz,       contact_on_N, contact_off_N, overload_N, table};
+    return {name,          link,    device,    channels,     counts_per_unit, rails.below, rails.above, model,
+            beside,        method,  budget_us, stale_ms,     frozen_after,    slew_per_s,  rate_Hz,     rate_tolerance,
+            drift_limit_N, tare_ms, filter_Hz, contact_on_N, contact_off_N,   overload_N,  table};
 }
 
 template <typename Settings>

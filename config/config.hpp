@@ -45,8 +45,12 @@ struct SensorSettings {
     std::string method;       // "" = the calibration's own; "auto"
     double budget_us;         // what a sample may cost with method "auto"
     int stale_ms;
-    int tare_ms;       // how long a tare averages
-    double filter_Hz;  // low pass on force and torque, 0 = off
+    int frozen_after;                // readings; -1: as the driver knows
+    double slew_limit_per_s;         // raw numbers a second; infinity = none
+    double rate_Hz, rate_tolerance;  // 0 = not declared; of rate_Hz
+    double drift_limit_N;            // 0 = none
+    int tare_ms;                     // how long a tare averages
+    double filter_Hz;                // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;
     double overload_N;  // 0 = none
     Options options;    // the model's own keys, not yet read

@@ -26,6 +26,7 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
       needed_(needed & used),
       all_(n_ >= 32 ? ~0u : (1u << n_) - 1),
       sd_known_(!calibration.sd.empty()),
+      uncalibrated_(calibration.nominal ? std::uint32_t(TACTILED_UNCALIBRATED) : 0u),
       domain_(calibration) {
     for (std::size_t k = 0; k < n_; ++k) {
         zero_[k] = calibration.zero[k];
@@ -138,6 +139,7 @@ void CheckedModel::finish(const Input& input, Estimate& estimate) const noexcept
         estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
     }
     if (input.outside) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+    estimate.reasons |= uncalibrated_;
     if (!sd_known_) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0) {
         plain = PairMask{0, 0};

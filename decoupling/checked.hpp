@@ -53,6 +53,7 @@ private:
     std::uint32_t used_, needed_, all_;
     std::array<bool, 6> seen_{};
     bool sd_known_;
+    std::uint32_t uncalibrated_;  // TACTILED_UNCALIBRATED where the calibration is nominal, else 0
     Domain domain_;
     // Plain arrays, read in pairs. A channel within plain_ is in the domain, and less its zero it is finite: all in
     // one comparison. The same of a component within plain_most_.

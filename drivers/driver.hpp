@@ -47,6 +47,9 @@ public:
     // rt: wait-free
     [[nodiscard]] virtual bool has_more() const noexcept { return false; }
 
+    // Whether noise moves every number of `device` in every reading, so that many equal ones come of a fault. setup
+    [[nodiscard]] virtual bool is_noisy(std::uint16_t /*device*/) const { return false; }
+
     LinkCounts counts;
 };
 

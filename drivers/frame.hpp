@@ -18,6 +18,7 @@ struct Frame {
     std::uint32_t missing = 0;    // bit n: channel n has no value; its number is NaN
     std::uint32_t saturated = 0;  // bit n: channel n is at a rail that the driver knows of
     std::uint32_t lost = 0;       // frames of this device that the driver knows are missing right before this one
+    std::uint32_t opening = 0;    // how often the link had been opened; set by the node
     std::array<double, kMaxChannels> channel{};  // raw: counts of a converter (exact), or the number that was printed
 };
 

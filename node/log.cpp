@@ -1,5 +1,6 @@
 #include "node/log.hpp"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <unistd.h>
 
@@ -27,6 +28,12 @@ void write_line(const char* prefix, std::string_view text) noexcept {
         dropped.fetch_add(1, std::memory_order_relaxed);
 }
 }  // namespace
+
+void hold_standard_descriptors() noexcept {
+    int fd = STDIN_FILENO;
+    while (fd >= 0 && fd <= STDERR_FILENO) fd = ::open("/dev/null", O_RDWR);
+    if (fd > STDERR_FILENO) ::close(fd);
+}
 
 void log_line(LogLevel level, std::string_view text) noexcept {
     static const bool journal = ::isatty(STDERR_FILENO) == 0;

@@ -10,4 +10,8 @@ enum class LogLevel { error = 3, warning = 4, info = 6 };  // the numbers of sys
 // the next line that gets through says how many.
 void log_line(LogLevel level, std::string_view text) noexcept;
 
+// Call first of all. Who starts us may have closed descriptors 0 to 2: the next file that is opened, the segment, would be
+// the log, and written over. setup
+void hold_standard_descriptors() noexcept;
+
 }  // namespace tactiled

@@ -1,7 +1,12 @@
 #include "node/pipeline.hpp"
 
 #include <algorithm>
+#include <type_traits>
 #include <utility>
+
+#include "node/realtime.hpp"
+#include "node/shm/frame_record.hpp"
+#include "tactiled/reader.hpp"
 
 namespace tactiled {
 namespace {
@@ -28,24 +33,6 @@ std::uint32_t take_refused(Link& link, std::uint16_t device) noexcept {
     return frames;
 }
 
-static_assert(TACTILED_MAX_CHANNELS == kMaxChannels);
-
-tactiled_frame as_published(const Frame& frame) noexcept {
-    tactiled_frame out;  // not cleared: channels beyond are not copied
-    out.t_ns = frame.t_ns;
-    out.device_time_us = frame.device_time_us;
-    out.sequence = frame.sequence;
-    out.missing = frame.missing;
-    out.saturated = frame.saturated;
-    out.lost = frame.lost;
-    out.device = frame.device;
-    out.n_channels = frame.n_channels;
-    out.has_sequence = frame.has_sequence ? 1 : 0;
-    out.reserved = 0;
-    std::copy_n(frame.channel.begin(), frame.n_channels, out.channel);
-    return out;
-}
-
 }  // namespace
 
 // ---- link -> frame -> ring -------------------------------------------------------------------------------------------
@@ -59,6 +46,7 @@ bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     if (status == Status::frame && slot == nullptr && (slot = link.ring.claim()) != nullptr) *slot = frame;  // room by now
     if (status == Status::frame && slot != nullptr) {
         slot->lost += take_refused(link, slot->device);
+        slot->opening = driver.counts[TACTILED_LINK_OPENED];
         link.ring.push();
     } else if (status == Status::frame) {
         note_refused(link, frame.device, frame.lost);
@@ -82,7 +70,7 @@ Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor
       sensors_(sensors),
       segment_(segment),
       link_of_sensor_(sensors.size(), nullptr),
-      grasping_(grasp),
+      grasping_(std::make_unique<Grasping>(grasp)),
       fixed_status_(status) {
     for (auto& link : links_)
         for (const auto& binding : link->bindings) link_of_sensor_[binding.sensor] = link.get();
@@ -98,6 +86,12 @@ void Pipeline::start(std::uint64_t now_ns) noexcept {
 }
 
 bool Pipeline::deliver(std::uint64_t now_ns) noexcept {
+    if (replacement_.load(std::memory_order_relaxed) != nullptr) {  // nearly never: no exchange each turn
+        if (Replacement* const offered = replacement_.exchange(nullptr, std::memory_order_acquire)) {
+            take(*offered, now_ns);
+            taken_.store(true, std::memory_order_release);  // pairs with the acquire in replace()
+        }
+    }
     for (std::size_t commander = 0; commander < commands.size(); ++commander)
         while (const Command* command = commands[commander].front()) {
             carry_out(commander, *command, now_ns);
@@ -138,7 +132,7 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
         bound = true;
         Sensor& sensor = sensors_[binding.sensor];
         const tactiled_sample sample = sensor.sample(frame, now_ns);
-        grasping_.feel(binding.sensor, sample, sensor.zero_S());
+        grasping_->feel(binding.sensor, sample, sensor.zero_S());
         publish(binding.sensor, sample);
     }
     if (!bound) segment_.set_link_count(link.index, TACTILED_LINK_UNBOUND, ++link.unbound);
@@ -148,14 +142,18 @@ void Pipeline::publish(std::uint32_t index, const tactiled_sample& sample) noexc
     segment_.publish(index, sample);
     node_.count[index] = sample.sequence + 1;
     news_ = true;
+    if (sample.reasons == 0) return;
+    segment_.count_reasons(index, sample.reasons);
     if ((sample.reasons & TACTILED_SATURATED) != 0) node_.fault |= TACTILED_FAULT_OVERRANGE;
     if ((sample.reasons & TACTILED_MISSING_CHANNEL) != 0) node_.fault |= TACTILED_FAULT_OPEN_GAUGE;
     if ((sample.reasons & TACTILED_UNCALIBRATED) != 0) node_.fault |= TACTILED_FAULT_CALIBRATION;
     if ((sample.reasons & TACTILED_NOT_FINITE) != 0) node_.fault |= TACTILED_FAULT_INTERNAL;
+    if ((sample.reasons & (TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_WRONG_DEVICE)) != 0)
+        node_.fault |= TACTILED_FAULT_SENSOR_LOST;
 }
 
 void Pipeline::publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept {
-    grasping_.feel(index, marker, sensors_[index].zero_S());
+    grasping_->feel(index, marker, sensors_[index].zero_S());
     publish(index, marker);
 }
 
@@ -178,9 +176,9 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
     if (command.kind >= Kind::set) {  // nobody waits for it: the registers say what is set
         if (command.kind == Kind::set) {
             for (auto& sensor : sensors_) sensor.set(command.settable);
-            grasping_.set(command.grasp);
+            grasping_->set(command.grasp);
         } else {
-            grasping_.carry_out(command);
+            grasping_->carry_out(command);
         }
         return;
     }
@@ -206,16 +204,16 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
             return finish_command(commander, TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
         case Kind::clear_latches:
             node_.fault = 0;
-            grasping_.carry_out(command);
+            grasping_->carry_out(command);
             return done();
-        case Kind::clear_slips: grasping_.carry_out(command); return done();
+        case Kind::clear_slips: grasping_->carry_out(command); return done();
         case Kind::reset_peaks: each([](Sensor& s) { s.reset_peak(); }); return done();
         case Kind::self_test: return done(all_have_values(command.mask));
         case Kind::start_weighing:
         case Kind::stop_weighing:
         case Kind::zero_weight:
         case Kind::known_weight:
-        case Kind::objects: return grasping_.carry_out(command) ? done() : reject(TACTILED_COMMAND_NOT_NOW);
+        case Kind::objects: return grasping_->carry_out(command) ? done() : reject(TACTILED_COMMAND_NOT_NOW);
         case Kind::set:
         case Kind::hint:
         case Kind::gravity:
@@ -264,12 +262,12 @@ void Pipeline::follow_tares(std::uint64_t now_ns) noexcept {
 }
 
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
-    bool ready = true, stale = false, uncalibrated = false, contact = false, budget = false;
-    std::uint32_t lost = 0;
+    bool ready = true, stale = false, contact = false, budget = false;
+    std::uint32_t lost = 0, reasons = 0;
     for (const auto& sensor : sensors_) {
         ready &= sensor.is_delivering() && sensor.last().quality != TACTILED_BAD;
         stale |= !sensor.is_delivering();
-        uncalibrated |= (sensor.last().reasons & TACTILED_UNCALIBRATED) != 0;
+        reasons |= sensor.last().reasons;
         contact |= (sensor.last().state & TACTILED_CONTACT) != 0;
         budget |= (sensor.last().state & (TACTILED_STEPPED_DOWN | TACTILED_OVER_BUDGET)) != 0;
         lost += sensor.last().lost;
@@ -280,17 +278,54 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     }
     if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
     const auto bit = [](bool on, auto value) { return on ? std::uint32_t(value) : 0u; };
-    node_.warning = bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST) | bit(budget, TACTILED_WARN_BUDGET);
+    node_.warning = bit((reasons & TACTILED_DRIFTED) != 0, TACTILED_WARN_DRIFT) |
+                    bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST) | bit(budget, TACTILED_WARN_BUDGET) |
+                    bit((reasons & TACTILED_WRONG_RATE) != 0, TACTILED_WARN_RATE) |
+                    bit(reload_refused_.load(std::memory_order_relaxed), TACTILED_WARN_RELOAD);
     node_.status = fixed_status_ | bit(ready, TACTILED_READY) | bit(contact, TACTILED_ANY_CONTACT) |
-                   bit(stale, TACTILED_ANY_STALE) | bit(uncalibrated, TACTILED_ANY_UNCALIBRATED) |
+                   bit(stale, TACTILED_ANY_STALE) | bit((reasons & TACTILED_UNCALIBRATED) != 0, TACTILED_ANY_UNCALIBRATED) |
                    bit(taring_ != 0, TACTILED_ANY_TARING) | bit(node_.warning != 0, TACTILED_WARNING) |
                    bit(node_.fault != 0, TACTILED_FAULT);
-    node_.grasp = grasping_.state();
+    node_.grasp = grasping_->state();
     node_.t_ns = now_ns;
     segment_.publish(node_);
     ++node_.sequence;
     last_node_ns_ = now_ns;
     news_ = false;
+}
+
+bool Pipeline::replace(Replacement& replacement, int patience_ms) noexcept {
+    taken_.store(false, std::memory_order_relaxed);
+    replacement_.store(&replacement, std::memory_order_release);  // pairs with the exchange in deliver()
+    for (int ms = 0; !taken_.load(std::memory_order_acquire); ++ms) {
+        // Taken back, unless the loop has it in its hands just now: then it is done in microseconds.
+        if (ms >= patience_ms && replacement_.exchange(nullptr, std::memory_order_relaxed) != nullptr) return false;
+        sleep_until(monotonic_ns() + kMs);
+    }
+    return true;
+}
+
+// A sensor that measures otherwise begins a new epoch with a BAD sample: what follows is not comparable to what was.
+void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
+    static_assert(std::is_nothrow_swappable_v<Sensor>);
+    segment_.begin_reload();
+    for (auto& part : replacement.sensors) segment_.set_sensor(part.index, part.entry);
+    segment_.end_reload(replacement.calibration_id);
+    if (replacement.grasping != nullptr) {
+        replacement.grasping->succeed(*grasping_);
+        std::swap(grasping_, replacement.grasping);
+    }
+    for (auto& part : replacement.sensors) {
+        Sensor& running = sensors_[part.index];
+        if (part.measures_alike) {
+            running.retune(*part.sensor);
+            continue;
+        }
+        part.sensor->succeed(running, now_ns);
+        std::swap(running, *part.sensor);
+        publish_break(part.index, running.marker(now_ns));
+    }
+    news_ = true;
 }
 
 void Pipeline::account(std::uint64_t turn_ns, std::uint64_t missed) noexcept {

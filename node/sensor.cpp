@@ -9,43 +9,35 @@ namespace {
 
 // What may be wrong with a value that is nevertheless fit to be a zero: a mounted sensor may well rest outside the
 // calibrated domain, but a saturated or incomplete one has no known zero.
-constexpr std::uint32_t kTareMayHave =
-    TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
+constexpr std::uint32_t kTareMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN |
+                                       TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED;
 // A zero that a method without a past finds of one reading is to be sure.
 constexpr std::uint32_t kOtherZeroMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
 constexpr std::uint64_t kTareLimitNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
-constexpr std::uint64_t kRateWindowNs = 1'000'000'000;
 // Method "auto" is timed in one sample of so many: two looks at the clock take as long as a fast method.
 constexpr std::uint64_t kTimedEvery = 8;
 
 }  // namespace
 
 void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
-    epoch_ = daemon_epoch << 16;
-    last_frame_ns_ = now_ns;
+    daemon_epoch_ = daemon_epoch;
+    stream_.start(now_ns);
 }
 
 tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcept {
-    if (broken_ != 0) {
-        rate_frames_ = 0;
-        low_pass_.reset();
-    }
-    broken_ = 0;
-    last_frame_ns_ = frame.t_ns;
-    lost_ += frame.lost;
-    measure_rate(frame.t_ns);
+    if (stream_.arrive(frame)) low_pass_.reset();
 
     tactiled_sample s{};
     s.sequence = sequence_++;
     s.t_ns = frame.t_ns;
     s.t_published_ns = now_ns;
-    s.epoch = epoch_;
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
-    s.lost = lost_;
-    s.rate_Hz = rate_Hz_;
+    s.lost = stream_.lost();
+    s.rate_Hz = stream_.rate_Hz();
     s.temperature_C = std::numeric_limits<float>::quiet_NaN();
     if (setup_.automatic != nullptr) take_over_method();
     const Estimate e = estimate(frame, s);
+    s.epoch = epoch();
     s.quality = std::uint32_t(e.quality);
     s.reasons = e.reasons;
     s.residual = e.residual;
@@ -75,6 +67,8 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
     s.tare_count = tare_count_;
     judge_magnitude(s);
+    if (drift_.has_drifted(s.raw_force_S_N, (s.state & TACTILED_CONTACT) == 0 && s.quality != TACTILED_BAD, s.t_ns))
+        s.reasons |= TACTILED_DRIFTED;
     if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
     last_ = s;
     return s;
@@ -82,12 +76,28 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
 
 void Sensor::set(const SensorSettable& wish) noexcept {
     const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
+    wish_ = wish;
     const SensorSettable& configured = setup_.settable;
     in_force_.filter_Hz = or_configured(wish.filter_Hz, configured.filter_Hz);
     in_force_.contact_on_N = or_configured(wish.contact_on_N, configured.contact_on_N);
     in_force_.contact_off_N = std::min(or_configured(wish.contact_off_N, configured.contact_off_N), in_force_.contact_on_N);
     in_force_.overload_N = or_configured(wish.overload_N, configured.overload_N);
     if (in_force_.filter_Hz != low_pass_.cutoff_Hz()) low_pass_.set_cutoff(in_force_.filter_Hz);
+}
+
+void Sensor::retune(const Sensor& other) noexcept {
+    setup_.saturates_below = other.setup_.saturates_below;
+    setup_.saturates_above = other.setup_.saturates_above;
+    setup_.tare_ns = other.setup_.tare_ns;
+    setup_.settable = other.setup_.settable;
+    set(wish_);
+}
+
+void Sensor::succeed(const Sensor& before, std::uint64_t now_ns) noexcept {
+    sequence_ = before.sequence_;
+    daemon_epoch_ = before.daemon_epoch_;
+    stream_.succeed(before.stream_, now_ns);
+    set(before.wish_);
 }
 
 // Contact, overload and peak, from the components that the sensor sees. No value, no contact: the last one is not kept.
@@ -123,17 +133,33 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
         const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(raw);
         const bool saturated =
             !missing && ((frame.saturated >> i & 1u) != 0 || raw <= setup_.saturates_below || raw >= setup_.saturates_above);
+        raw_[k] = raw;
         channel_[k] = missing ? kNaN : raw / setup_.counts_per_unit;
         if (missing) reading.missing |= 1u << k;
         if (saturated) reading.saturated |= 1u << k;
     }
+    std::uint32_t dead = 0;
+    const std::uint32_t usable = all_ & ~(reading.missing | reading.saturated);
+    const std::uint32_t of_stream = stream_.judge({raw_.data(), n}, usable, dead);
+    const std::uint32_t missing = reading.missing;  // before the dead: a cause of its own
+    reading.missing |= dead & all_;
+    for (std::size_t k = 0; dead != 0 && k < n; ++k)
+        if ((dead >> k & 1u) != 0) channel_[k] = kNaN;
     reading.channel = {channel_.data(), n};
     reading.t_ns = frame.t_ns;
     s.missing = reading.missing;
     s.saturated = reading.saturated;
-    if (setup_.automatic == nullptr) return setup_.decoupler->decouple(reading);
-    say_method(s);
-    return decouple(reading);
+    if (setup_.automatic != nullptr) say_method(s);
+    Estimate of_model = setup_.automatic == nullptr ? setup_.decoupler->decouple(reading) : decouple(reading);
+    if (dead != 0 && missing == 0) of_model.reasons &= ~std::uint32_t(TACTILED_MISSING_CHANNEL);
+    judge(of_stream, of_model);
+    return of_model;
+}
+
+// What the stream says of a value that the model may have found good. WRONG_RATE alone does not touch it.
+void Sensor::judge(std::uint32_t of_stream, Estimate& e) const noexcept {
+    e.reasons |= of_stream;
+    if ((of_stream & ~std::uint32_t(TACTILED_WRONG_RATE)) != 0 && e.quality == TACTILED_GOOD) e.quality = TACTILED_UNCERTAIN;
 }
 
 // Method "auto", timed now and then. Not while a tare is measured: its samples are of one method.
@@ -192,46 +218,25 @@ void Sensor::find_other_zero() noexcept {
     zero_unknown_ &= ~(1u << i);
 }
 
-void Sensor::measure_rate(std::uint64_t t_ns) noexcept {
-    if (rate_frames_++ == 0) {
-        rate_since_ns_ = t_ns;
-    } else if (t_ns > rate_since_ns_ && t_ns - rate_since_ns_ >= kRateWindowNs) {
-        rate_Hz_ = float(double(rate_frames_ - 1) * 1e9 / double(t_ns - rate_since_ns_));
-        rate_since_ns_ = t_ns;
-        rate_frames_ = 1;
-    }
-}
-
-bool Sensor::has_broken(bool connected, std::uint64_t now_ns) noexcept {
-    if (connected && now_ns <= last_frame_ns_ + setup_.stale_ns) return false;
-    const std::uint32_t waiting = broken_ & TACTILED_NO_DATA_YET;
-    const std::uint32_t why = waiting | (connected ? TACTILED_STALE : TACTILED_DISCONNECTED);
-    if (why == broken_) return false;
-    if (broken_ == 0) ++epoch_;  // a new break, not a new name for the old one
-    broken_ = why;
-    return true;
-}
-
 tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
     tactiled_sample s{};
     s.sequence = sequence_++;
-    s.t_ns = last_frame_ns_;
+    s.t_ns = stream_.last_frame_ns();
     s.t_published_ns = now_ns;
-    s.epoch = epoch_;
+    s.epoch = epoch();
     s.tare_count = tare_count_;
-    s.lost = lost_;
+    s.lost = stream_.lost();
     s.peak_N = peak_N_;
     s.rate_Hz = 0;
     s.temperature_C = std::numeric_limits<float>::quiet_NaN();
-    tactiled_invalidate(&s, broken_);
+    tactiled_invalidate(&s, stream_.broken());
     contact_ = false;
-    rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
     last_ = s;
     return s;
 }
 
 bool Sensor::can_tare() const noexcept {
-    return broken_ == 0 && last_.quality != TACTILED_BAD && (last_.reasons & ~kTareMayHave) == 0 && tare_ == Tare::none;
+    return is_delivering() && last_.quality != TACTILED_BAD && (last_.reasons & ~kTareMayHave) == 0 && tare_ == Tare::none;
 }
 
 void Sensor::begin_tare(std::uint64_t now_ns) noexcept {
@@ -251,7 +256,7 @@ void Sensor::begin_untare(std::uint64_t now_ns) noexcept {
     tare_count_ = 0;
     low_pass_.reset();
     tare_begin_ns_ = now_ns;
-    tare_ = broken_ == 0 ? Tare::removing : Tare::done;
+    tare_ = is_delivering() ? Tare::removing : Tare::done;
 }
 
 void Sensor::advance_tare(const tactiled_sample& s) noexcept {
@@ -283,9 +288,9 @@ void Sensor::advance_tare(const tactiled_sample& s) noexcept {
 }
 
 Sensor::Tare Sensor::poll_tare(std::uint64_t now_ns) noexcept {
-    if (tare_ == Tare::running && (broken_ != 0 || now_ns > tare_begin_ns_ + setup_.tare_ns + kTareLimitNs))
+    if (tare_ == Tare::running && (!is_delivering() || now_ns > tare_begin_ns_ + setup_.tare_ns + kTareLimitNs))
         tare_ = Tare::failed;
-    if (tare_ == Tare::removing && broken_ != 0) tare_ = Tare::done;
+    if (tare_ == Tare::removing && !is_delivering()) tare_ = Tare::done;
     const Tare told = tare_;
     if (tare_ == Tare::done || tare_ == Tare::failed) tare_ = Tare::none;
     return told;

@@ -1,5 +1,5 @@
-// One sensor in the pipeline: Frame -> tactiled_sample. Picks its channels, asks its model, subtracts the tare, judges
-// whether the stream is alive. Knows neither links nor shared memory.
+// One sensor in the pipeline: Frame -> tactiled_sample. Picks its channels, has their stream judged (quality.hpp), asks its
+// model, subtracts the tare. Knows neither links nor shared memory.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -11,6 +11,7 @@
 #include "drivers/clock.hpp"
 #include "drivers/frame.hpp"
 #include "node/low_pass.hpp"
+#include "node/quality.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -20,6 +21,8 @@ struct SensorSettable {
     double filter_Hz = 0;                             // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;  // of the magnitude of the components that the sensor sees
     double overload_N = 0;                            // 0 = none
+
+    static constexpr SensorSettable as_configured() { return {kNaN, kNaN, kNaN, kNaN}; }
 };
 
 class Sensor {
@@ -30,15 +33,17 @@ public:
         double counts_per_unit = 1;
         double saturates_below = -std::numeric_limits<double>::infinity();
         double saturates_above = std::numeric_limits<double>::infinity();
-        std::uint64_t stale_ns = 100'000'000;
+        StreamLimits stream;
+        double drift_N = 0;  // of the zero at rest from the calibration's, 0 = not judged
         std::uint64_t tare_ns = 100'000'000;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, where it is method "auto"
         std::uint64_t (*clock_ns)() noexcept = &now_ns;  // what it is timed with
     };
-    explicit Sensor(Setup setup) : setup_(std::move(setup)) {
-        set(setup_.settable);
+    explicit Sensor(Setup setup) : setup_(std::move(setup)), stream_(setup_.stream), drift_(setup_.drift_N) {
+        set(SensorSettable::as_configured());
+        all_ = std::uint32_t((std::uint64_t(1) << setup_.channel_of_frame.size()) - 1);
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
 
@@ -51,10 +56,12 @@ public:
 
     // True when the stream has just broken, or the reason has changed: publish marker(). `connected` is the link's state.
     // rt: wait-free
-    [[nodiscard]] bool has_broken(bool connected, std::uint64_t now_ns) noexcept;
+    [[nodiscard]] bool has_broken(bool connected, std::uint64_t now_ns) noexcept {
+        return stream_.has_broken(connected, now_ns);
+    }
     // The BAD sample that says so. rt: wait-free
     [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
-    [[nodiscard]] bool is_delivering() const noexcept { return broken_ == 0; }
+    [[nodiscard]] bool is_delivering() const noexcept { return stream_.broken() == 0; }
 
     // Whether the sensor has a value now that is fit to be a zero, and no tare is running. rt: wait-free
     [[nodiscard]] bool can_tare() const noexcept;
@@ -68,6 +75,11 @@ public:
 
     // Takes effect with the next sample. rt: wait-free
     void set(const SensorSettable& wish) noexcept;
+    // Takes over how `other`, which measures alike, judges and filters. rt: wait-free
+    void retune(const Sensor& other) noexcept;
+    // Goes on in the place of `before`, which measured otherwise, in a new epoch and without its tare. Publish marker()
+    // then. rt: wait-free
+    void succeed(const Sensor& before, std::uint64_t now_ns) noexcept;
     // The peak starts again with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
 
@@ -78,31 +90,29 @@ public:
 private:
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
+    void judge(std::uint32_t of_stream, Estimate& estimate) const noexcept;
+    [[nodiscard]] std::uint32_t epoch() const noexcept { return daemon_epoch_ << 16 | (stream_.breaks() & 0xFFFFu); }
     void take_over_method() noexcept;
     void say_method(tactiled_sample& sample) const noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
     void find_other_zero() noexcept;
-    void measure_rate(std::uint64_t t_ns) noexcept;
     void advance_tare(const tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
     Setup setup_;
-    SensorSettable in_force_;
-    std::array<double, kMaxChannels> channel_{};
+    SensorSettable wish_, in_force_;
+    StreamQuality stream_;
+    ZeroDrift drift_;
+    std::uint32_t all_ = 0;  // bit k: channel k of the model
+    std::array<double, kMaxChannels> raw_{}, channel_{};
     Wrench zero_{};  // subtracted from the raw wrench
     LowPass low_pass_;
     bool contact_ = false;
     float peak_N_ = 0;
     tactiled_sample last_{};
     std::uint64_t sequence_ = 0;
-    std::uint64_t last_frame_ns_ = 0;
-    std::uint32_t epoch_ = 0;
-    std::uint32_t broken_ = TACTILED_NO_DATA_YET;  // why there is no value now; 0 = delivering
-    std::uint32_t tare_count_ = 0, lost_ = 0;
-
-    std::uint64_t rate_since_ns_ = 0;
-    std::uint32_t rate_frames_ = 0;
-    float rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
+    std::uint32_t daemon_epoch_ = 0;
+    std::uint32_t tare_count_ = 0;
 
     Tare tare_ = Tare::none;
     std::uint64_t tare_begin_ns_ = 0;

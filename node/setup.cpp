@@ -22,6 +22,8 @@ void put(char (&field)[N], const std::string& text) {
     text.copy(field, N - 1);
 }
 
+constexpr int kFrozenAfter = 100;  // readings, where the driver knows that noise moves them
+
 std::unique_ptr<Driver> make_driver(LinkSettings& settings) {
     if (settings.driver.empty()) return nullptr;  // reported already
     if (const DriverEntry* entry = find_driver(settings.driver)) return entry->make(settings.options);
@@ -125,15 +127,27 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.counts_per_unit = settings.counts_per_unit;
     setup.saturates_below = settings.saturates_below;
     setup.saturates_above = settings.saturates_above;
-    setup.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
+    setup.stream.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
+    setup.stream.slew_per_s = settings.slew_limit_per_s;
+    setup.stream.rate_Hz = settings.rate_Hz;
+    setup.stream.rate_tolerance = settings.rate_tolerance;
+    setup.drift_N = settings.drift_limit_N;
     setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
     setup.settable = {settings.filter_Hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     if (setup.automatic != nullptr) put_front(node.plan.sensors.back(), *setup.automatic, settings.budget_us);
     const auto index = std::uint16_t(node.sensors.size());
-    for (auto& link : node.links)
-        if (link->name == settings.link) link->bindings.push_back({std::uint16_t(settings.device), index});
+    for (auto& link : node.links) {
+        if (link->name != settings.link) continue;
+        link->bindings.push_back({std::uint16_t(settings.device), index});
+        setup.stream.noisy = link->driver != nullptr && link->driver->is_noisy(std::uint16_t(settings.device));
+    }
+    if (settings.frozen_after == 0) setup.stream.noisy = false;
+    setup.stream.frozen_after = unsigned(settings.frozen_after >= 0 ? settings.frozen_after
+                                         : setup.stream.noisy       ? kFrozenAfter
+                                                                    : 0);
     node.sensors.emplace_back(std::move(setup));
+    node.calibrations.push_back(calibration_text(calibration));
 }
 
 // The estimator's view of [grasp]; index and full scale of each jaw's sensor are those of the directory.
@@ -192,7 +206,12 @@ std::uint16_t identity_of(const Config& config) {
 }  // namespace
 
 Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder) {
-    Node node{.config = load_config(config_path, problems), .links = {}, .sensors = {}, .grasp = {}, .plan = {}};
+    Node node{.config = load_config(config_path, problems),
+              .calibrations = {},
+              .links = {},
+              .sensors = {},
+              .grasp = {},
+              .plan = {}};
     Config& config = node.config;
     for (std::size_t i = 0; i < config.links.size(); ++i) {
         auto link = std::make_unique<Link>();

@@ -168,7 +168,8 @@ void Threads::run_pipeline() noexcept {
         {
             const Armed armed;
             const std::uint64_t now_ns = monotonic_ns();
-            const std::uint64_t missed = now_ns > next_ns ? (now_ns - next_ns) / period_ns : 0;
+            const std::uint64_t late_ns = now_ns > next_ns ? now_ns - next_ns : 0, missed = late_ns / period_ns;
+            segment_.count_lateness(late_ns);
             const bool published = pipeline_.deliver(now_ns);
             pipeline_.account(monotonic_ns() - now_ns, missed);
             next_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up

@@ -95,6 +95,7 @@ public:
 
     Pace pace() const noexcept override { return Pace::counted; }
     ReadyEdge ready_edge() const noexcept override { return ReadyEdge::falling; }  // DRDY
+    bool is_noisy() const noexcept override { return true; }
     std::uint64_t conversion_ns() const noexcept override { return 1'000'000'000u / (kRates_Hz[rate_] << (turbo_ ? 1 : 0)); }
     Identity identity() const noexcept override { return {"its registers after a reset read", 0}; }
 

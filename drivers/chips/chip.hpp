@@ -56,6 +56,10 @@ public:
     // How the chip's data-ready line says that a conversion has ended; `none` where it has no such line.
     enum class ReadyEdge : std::uint8_t { none, rising, falling };
     [[nodiscard]] virtual ReadyEdge ready_edge() const noexcept { return ReadyEdge::none; }
+    // Whether its noise is more than a count with every setting, by the data sheet. setup
+    [[nodiscard]] virtual bool is_noisy() const noexcept { return false; }
+    // How many electrodes an analog switch leads to its input, one after the other; 0: there is no such switch.
+    [[nodiscard]] virtual unsigned electrodes() const noexcept { return 0; }
     // From the beginning of the conversion that runs to its end, or between two of them, by the data sheet.
     [[nodiscard]] virtual std::uint64_t conversion_ns() const noexcept = 0;
     // What tells this chip from others: "its registers 0xFE and 0xFF read", 0x54491004. setup

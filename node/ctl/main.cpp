@@ -6,6 +6,7 @@
 #include <exception>
 
 #include "config/options.hpp"
+#include "config/text_file.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/layout.h"
 
@@ -27,15 +28,12 @@ void add_node_option(CLI::App* verb, std::string& node_name) {
 
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons) {
     static constexpr const char* kQuality[] = {"no-value", "good", "uncertain", "bad"};
-    static constexpr const char* kReason[] = {
-        "no-data-yet",  "stale",      "disconnected", "missing-channel", "saturated",      "disagreement", "outside-domain",
-        "uncalibrated", "not-finite", "stopped",      "taring",          "reader-overrun", "wrong-device", "sd-unknown"};
     std::string text = quality < std::size(kQuality) ? kQuality[quality] : "unknown";
     char separator = ':';
-    for (std::size_t bit = 0; bit < std::size(kReason); ++bit)
+    for (std::size_t bit = 0; bit < kReasonWords.size(); ++bit)
         if ((reasons >> bit & 1u) != 0) {
             text += separator;
-            text += kReason[bit];
+            text += kReasonWords[bit];
             separator = ',';
         }
     return text;
@@ -60,6 +58,8 @@ int main(int argc, char** argv) {
     int status = kUnhealthy;
     try {
         status = run();
+    } catch (const SaveError& error) {  // nothing is wrong with the words
+        fmt::print(stderr, "tactilectl: {}\n", error.what());
     } catch (const SetupError& error) {
         fmt::print(stderr, "tactilectl: {}\n", error.what());
         status = kUsage;

@@ -61,7 +61,7 @@ bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(
 
 // "" or the first part that differs. `raw_only`: what a tare or a filter had seen is not in the file.
 std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only) {
-    const std::uint32_t of_the_moment = TACTILED_TARING;
+    const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED;
     if (was.quality != is.quality) return "quality";
     if ((was.reasons & ~of_the_moment) != (is.reasons & ~of_the_moment)) return "reasons";
     if (was.missing != is.missing || was.saturated != is.saturated) return "channels";

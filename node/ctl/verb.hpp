@@ -1,6 +1,7 @@
 // tactilectl's verbs, one file each: NAME.cpp defines add_NAME(), main.cpp calls them all.
 #pragma once
 #include <CLI/CLI.hpp>
+#include <array>
 #include <csignal>
 #include <cstdint>
 #include <functional>
@@ -40,6 +41,11 @@ void add_tradeoff(CLI::App& app, Run& run);
 // Adds --node NAME, the daemon to talk to.
 void add_node_option(CLI::App* verb, std::string& node_name);
 
+// Of the reasons, bit 0 first.
+inline constexpr std::array<const char*, 19> kReasonWords{
+    "no-data-yet",  "stale",      "disconnected", "missing-channel", "saturated",      "disagreement", "outside-domain",
+    "uncalibrated", "not-finite", "stopped",      "taring",          "reader-overrun", "wrong-device", "sd-unknown",
+    "frozen",       "stepped",    "idle-bus",     "wrong-rate",      "drifted"};
 // "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated". As in forces.csv.
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
 

@@ -68,6 +68,8 @@ std::uint16_t sensor_status(const tactiled_sample& s, bool beyond, std::uint16_t
     bits |= (s.state & TACTILED_LOW_PASS) != 0 ? 1u << 10 : 0u;
     bits |= (s.state & (TACTILED_STEPPED_DOWN | TACTILED_OVER_BUDGET)) != 0 ? 1u << 11 : 0u;
     bits |= s.quality == TACTILED_UNCERTAIN ? 1u << 12 : 0u;
+    bits |= (s.reasons & TACTILED_WRONG_RATE) != 0 ? 1u << 13 : 0u;
+    bits |= (s.reasons & TACTILED_DRIFTED) != 0 ? 1u << 14 : 0u;
     bits |= !has_value(s) ? 1u << 15 : 0u;
     return std::uint16_t(bits);
 }
@@ -196,7 +198,7 @@ void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) 
     out[kWeight + 1] = std::uint16_t(weight & 0xFFFFu);
     out[kWeightG] = u16_of(weight_kg, 10 * kMass_kg, unused);
     out[kWeightSd] = u16_of(has_weight(grasp) ? grasp.weight_sd_kg : kNaN, kMass_kg, unused);
-    out[kCalId] = view.segment != nullptr ? std::uint16_t(view.segment->header().calibration_id) : std::uint16_t(0);
+    out[kCalId] = view.segment != nullptr ? std::uint16_t(view.segment->calibration_id()) : std::uint16_t(0);
     out[kCycleWorst] = view.alive ? clamped(node.worst_cycle_us) : kNoU16;
 }
 

@@ -25,7 +25,11 @@ constexpr Name kStatusBits[] = {{0, "ready"},
                                 {15, "fault: see FAULT"}};
 constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2, "open gauge"}, {3, "pipeline overrun"},
                                {4, "calibration missing"}, {6, "storage"},   {7, "bus error"},  {8, "internal"}};
-constexpr Name kWarnBits[] = {{2, "lost samples"}, {5, "a sensor's method auto has stepped down or misses its budget"}};
+constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved"},
+                              {2, "lost samples"},
+                              {5, "a sensor's method auto has stepped down or misses its budget"},
+                              {6, "a sensor's rate is not the declared one"},
+                              {7, "the last reload was refused: the configuration before is in force"}};
 constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {1, "contact"},
                                       {2, "incipient slip"},
@@ -39,6 +43,8 @@ constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {10, "low pass on"},
                                       {11, "method auto has stepped down or misses its budget"},
                                       {12, "uncertain: a value with a weakness; FAULT says which"},
+                                      {13, "the rate is not the declared one"},
+                                      {14, "maintenance: the zero at rest has moved"},
                                       {15, "fault: no value; FAULT says why"}};
 constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3, "rejected or failed"}};
 constexpr Name kCommandResults[] = {{0, "ok"},      {1, "unknown"}, {2, "bad mask"}, {3, "bad parameter"},
@@ -68,10 +74,13 @@ constexpr Fault kSensorFaults[] = {
     {TACTILED_STALE, {4, "stale"}},
     {TACTILED_WRONG_DEVICE, {5, "wrong device: its frames have another number of channels"}},
     {TACTILED_NOT_FINITE, {6, "result is no number"}},
+    {TACTILED_IDLE_BUS, {17, "all channels read all zeros or all ones"}},
+    {TACTILED_FROZEN, {14, "a channel is frozen"}},
     {TACTILED_MISSING_CHANNEL, {7, "missing channel"}},
     {TACTILED_UNCALIBRATED, {8, "uncalibrated"}},
     {TACTILED_SATURATED, {9, "saturated channel"}},
     {TACTILED_DISAGREEMENT, {10, "channels contradict each other"}},
+    {TACTILED_STEPPED, {18, "a channel has changed faster than it can"}},
     {TACTILED_OUTSIDE_DOMAIN, {11, "outside the calibrated domain"}},
     {TACTILED_UNKNOWN_UNCERTAINTY, {12, "uncertainty unknown"}},
     {TACTILED_READER_OVERRUN, {13, "internal: read overrun"}},

@@ -45,11 +45,22 @@ public:
     // Publishes the next node record: call it after the samples that it names. rt: wait-free
     void publish(const tactiled_node& node) noexcept;
 
+    // The loop woke so long after its deadline. rt: wait-free
+    void count_lateness(std::uint64_t late_ns) noexcept;
+
+    // Another directory entry for sensor `index`: name, model, link, stale_ms and ring stay. Between begin and end, which
+    // also takes the new CAL_ID. rt: wait-free
+    void begin_reload() noexcept;
+    void set_sensor(std::uint32_t index, const tactiled_sensor& entry) noexcept;
+    void end_reload(std::uint32_t calibration_id) noexcept;
+
     // Wakes the readers that sleep until the next node record, if any do. rt: one system call where one does
     void wake_readers() noexcept;
     // The page in which they say so (struct tactiled_wake), to be handed to them: sealed, it cannot shrink under us.
     [[nodiscard]] int wake_page() const noexcept { return wake_fd_; }
 
+    // One sample of sensor `index` has these reasons. From the thread that publishes it. rt: bounded by the reasons
+    void count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept;
     // A link's own line, shown as it is. Each word has one writer. rt: wait-free
     void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
     void set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept;

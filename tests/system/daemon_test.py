@@ -268,6 +268,12 @@ class TheDaemon(unittest.TestCase):
             self.assertTrue(client.connect())
             self.assertEqual(client.read_holding_registers(0, 2, slave=1).registers, [0x5441, 0x4354])
 
+    def test_closed_descriptors_are_not_given_to_the_segment(self):
+        with unit_daemon() as d:
+            d.process = subprocess.Popen(["sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh", BIN / "tactiled", "--config", d.config])
+            wait_for(lambda: d.ctl("status").returncode == 0, 5, "a value")
+            self.assertEqual([os.readlink(f"/proc/{d.process.pid}/fd/{n}") for n in range(3)], ["/dev/null"] * 3)
+
     def test_refused_rights_degrade_and_do_not_stop(self):
         with unit_daemon() as d:
             d.folder.chmod(0o755)

@@ -155,8 +155,8 @@ class TheTables(unittest.TestCase):
         self.assertEqual(tactiled._RECORD_OFFSET, LAYOUT.numbers["RECORD_OFFSET"])
 
     def test_have_the_words_of_tactilectl(self):
-        source = (ROOT / "node/ctl/main.cpp").read_text()
-        words = re.findall('"(.*?)"', re.search(r"kReason\[\] = \{(.*?)\}", source, flags=re.S).group(1))
+        source = (ROOT / "node/ctl/verb.hpp").read_text()
+        words = re.findall('"(.*?)"', re.search(r"kReasonWords\{(.*?)\}", source, flags=re.S).group(1))
         self.assertEqual(list(tactiled.REASON_WORDS), words)
         self.assertEqual(len(words), len(LAYOUT.enums["reason"]))
 
@@ -435,6 +435,8 @@ class TheEndOfADaemon(unittest.TestCase):
             began = time.monotonic()
             self.assertEqual(list(left), [])
             self.assertAlmostEqual(time.monotonic() - began, 0.3, delta=0.1)
+            self.assertGreaterEqual(self.node.reason_counts("left")["stale"], 1)
+            self.assertNotIn("frozen", self.node.reason_counts("left"))
             self.daemon.others[0].send_signal(signal.SIGCONT)
             self.assertEqual(next(left).sequence, last.sequence + 1)
 
@@ -532,7 +534,7 @@ class AFile(unittest.TestCase):
 
     def test_that_is_no_segment_of_ours_is_refused_with_the_reason(self):
         cases = (
-            ("its layout is version 2.7, this reader knows 1.2", [("major", 2), ("minor", 7)]),
+            ("its layout is version 2.7, this reader knows 1.3", [("major", 2), ("minor", 7)]),
             ("no tactiled segment", [("magic", b"TACTILES")]),
             ("the other byte order", [("byte_order", 0x04030201)]),
             ("truncated", [("header_size", 508)]),
@@ -594,12 +596,12 @@ class AFile(unittest.TestCase):
     def test_of_a_later_minor_version_with_larger_records_is_read(self):
         with a_copy(self.data) as copy:
             copy.make_fresh()
-            copy.put("header", "minor", 2)
+            copy.put("header", "minor", 4)
             copy.set_record_size(248)
             entry = bytes(copy.data[copy.sensor_at():copy.sensor_at() + LAYOUT.sizes["sensor"]])
             copy.put("header", "sensor_offset", len(copy.data))
-            copy.put("header", "sensor_size", 456)
-            copy.data += entry.ljust(456, b"\xff")
+            copy.put("header", "sensor_size", 584)
+            copy.data += entry.ljust(584, b"\xff")
             copy.put("header", "total_size", len(copy.data))
             with tactiled.open(copy.write()) as node:
                 sample = node.latest("left")
@@ -620,6 +622,7 @@ class AFile(unittest.TestCase):
             with tactiled.open(copy.write()) as node:
                 self.assertEqual(node.latest("left").force_S_N, self.newest["force_S_N"])
                 self.assertEqual((node.info("left").methods, node.info("left").budget_us), ("", 0))
+                self.assertEqual(node.reason_counts("left"), {})
 
     def test_of_smaller_records_has_zeros_for_what_is_missing(self):
         with a_copy(self.data) as copy:

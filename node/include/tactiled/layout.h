@@ -1,4 +1,4 @@
-/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.1.
+/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.3.
  *
  * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
  * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
@@ -32,7 +32,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 2
+#define TACTILED_MINOR 3
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* of a frame */
@@ -48,22 +48,28 @@ enum tactiled_quality {
     TACTILED_BAD = 3        /* no value: the forces are NaN, never the last value */
 };
 
-/* Why a sample is not GOOD: bits of tactiled_sample.reasons. */
+/* Why a sample is not GOOD, and what else there is to say: bits of tactiled_sample.reasons. */
 enum tactiled_reason {
-    TACTILED_NO_DATA_YET = 1 << 0,         /* the sensor has not delivered since the daemon started */
-    TACTILED_STALE = 1 << 1,               /* no frame for longer than stale_ms, or a time that the reader cannot date */
-    TACTILED_DISCONNECTED = 1 << 2,        /* the link is closed and being reopened */
-    TACTILED_MISSING_CHANNEL = 1 << 3,     /* a channel that the model needs is not in the frame */
-    TACTILED_SATURATED = 1 << 4,           /* a channel is at its rail */
-    TACTILED_DISAGREEMENT = 1 << 5,        /* redundant channels contradict each other */
-    TACTILED_OUTSIDE_DOMAIN = 1 << 6,      /* beyond what the calibration saw: extrapolated */
-    TACTILED_UNCALIBRATED = 1 << 7,        /* no calibration, or a default one */
-    TACTILED_NOT_FINITE = 1 << 8,          /* the model's result was not a finite number */
-    TACTILED_DAEMON_STOPPED = 1 << 9,      /* the daemon ended, or another took over the name: attach again */
-    TACTILED_TARING = 1 << 10,             /* a tare is being measured: the value is right, its zero is about to move */
-    TACTILED_READER_OVERRUN = 1 << 11,     /* this read could not be completed in its bounded retries */
-    TACTILED_WRONG_DEVICE = 1 << 12,       /* the frame does not have the channels that the sensor declares */
-    TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13 /* the standard deviation is not known here: NaN */
+    TACTILED_NO_DATA_YET = 1 << 0,          /* the sensor has not delivered since the daemon started */
+    TACTILED_STALE = 1 << 1,                /* no frame for longer than stale_ms, or a time that the reader cannot date */
+    TACTILED_DISCONNECTED = 1 << 2,         /* the link is closed and being reopened */
+    TACTILED_MISSING_CHANNEL = 1 << 3,      /* a channel that the model needs is not in the frame */
+    TACTILED_SATURATED = 1 << 4,            /* a channel is at its rail */
+    TACTILED_DISAGREEMENT = 1 << 5,         /* redundant channels contradict each other */
+    TACTILED_OUTSIDE_DOMAIN = 1 << 6,       /* beyond what the calibration saw: extrapolated */
+    TACTILED_UNCALIBRATED = 1 << 7,         /* no calibration, or a default one */
+    TACTILED_NOT_FINITE = 1 << 8,           /* the model's result was not a finite number */
+    TACTILED_DAEMON_STOPPED = 1 << 9,       /* the daemon ended, or another took over the name: attach again */
+    TACTILED_TARING = 1 << 10,              /* a tare is being measured: the value is right, its zero is about to move */
+    TACTILED_READER_OVERRUN = 1 << 11,      /* this read could not be completed in its bounded retries */
+    TACTILED_WRONG_DEVICE = 1 << 12,        /* the frame does not have the channels that the sensor declares */
+    TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13, /* the standard deviation is not known here: NaN */
+    /* Since 1.3: */
+    TACTILED_FROZEN = 1 << 14,     /* a channel repeats one number as no living one does; that channel has no value */
+    TACTILED_STEPPED = 1 << 15,    /* a channel has changed faster than slew_limit_per_s since the frame before */
+    TACTILED_IDLE_BUS = 1 << 16,   /* all channels read all zeros or all ones: nobody answers */
+    TACTILED_WRONG_RATE = 1 << 17, /* measured beside the declared rate_Hz; the value is right, and may be GOOD */
+    TACTILED_DRIFTED = 1 << 18     /* the zero at rest has moved by drift_limit_N: tare; the value may be GOOD */
 };
 
 /* One sample of one sensor. SI units, frame S. A component that the sensor cannot see is NaN, not 0. */
@@ -134,8 +140,11 @@ enum tactiled_fault {
 
 /* tactiled_node.warning: the bits of the Modbus register WARN. */
 enum tactiled_warning {
-    TACTILED_WARN_LOST = 1 << 2,  /* frames were lost within the last second */
-    TACTILED_WARN_BUDGET = 1 << 5 /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
+    TACTILED_WARN_DRIFT = 1 << 1,  /* a sensor is TACTILED_DRIFTED: maintenance */
+    TACTILED_WARN_LOST = 1 << 2,   /* frames were lost within the last second */
+    TACTILED_WARN_BUDGET = 1 << 5, /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
+    TACTILED_WARN_RATE = 1 << 6,   /* a sensor is TACTILED_WRONG_RATE */
+    TACTILED_WARN_RELOAD = 1 << 7  /* the last reload of the configuration was refused: the one before is in force */
 };
 
 /* Who commands: index of tactiled_node.command. Each counts its own commands. */
@@ -261,7 +270,8 @@ struct tactiled_ring {
 };
 #define TACTILED_RECORD_OFFSET 8 /* of the record in its slot */
 
-/* One sensor of the directory; does not change while the segment lives. */
+/* One sensor of the directory. Constant while the segment lives are name, model, link, ring and stale_ms; `count` changes,
+ * and since 1.3 the rest, when the daemon reloads its configuration: see tactiled_header.reloads. */
 struct tactiled_sensor {
     char name[TACTILED_NAME_SIZE];
     char model[TACTILED_NAME_SIZE];
@@ -280,8 +290,11 @@ struct tactiled_sensor {
     float method_us[TACTILED_MAX_METHODS]; /* what 7 in 8 samples of each took at most, when it was measured */
     /* Standard deviation of each in full scales, at half of them, mean of the components. */
     float method_error[TACTILED_MAX_METHODS];
+    /* Since 1.3, and so not in an entry of TACTILED_SENSOR_SIZE_1_1 bytes: ask tactiled_reason_count(). */
+    uint32_t count[32]; /* samples with reason bit n since the start, wrapping: changes */
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
+#define TACTILED_SENSOR_SIZE_1_1 416u
 
 /* Counters of a link, each 32 bits, wrapping; index of tactiled_link.count. */
 enum tactiled_link_count {
@@ -346,7 +359,9 @@ struct tactiled_wake {
 };
 #define TACTILED_WAKE_RECORDS 256 /* how far ahead a reader asks; it asks again at half of that */
 
-/* The start of the file. All but `state` is constant while the segment lives. */
+/* The start of the file. All but `state`, `calibration_id` and `reloads` is constant while the segment lives. Who wants
+ * what belongs together of a directory entry reads `reloads`, the entry, and `reloads` again: even and the same, else anew.
+ */
 struct tactiled_header {
     char magic[8];
     uint32_t byte_order;
@@ -364,13 +379,31 @@ struct tactiled_header {
     uint32_t n_links, link_offset, link_size;       /* directory of struct tactiled_link */
     uint32_t calibration_id;                        /* CRC-16 of the configuration and the calibrations in force */
     struct tactiled_ring node;
+    uint32_t lateness_offset;           /* of the loop's counters of lateness, below; 0 = none: before 1.3 */
     TACTILED_ALIGN(128) uint32_t state; /* enum tactiled_state */
+    uint32_t reloads;                   /* + 2 with each reload that changed a directory entry; odd meanwhile. Since 1.3 */
 };
+
+/* How late the pipeline's loop woke: so many 32-bit words, wrapping, each the number of times that it woke up to so many ns
+ * after its deadline: from tactiled_lateness_ns(i) to before that of i + 1; the last without an end. */
+#define TACTILED_LATENESS_BUCKETS 176
+static inline uint64_t tactiled_lateness_ns(uint32_t bucket) {
+    const uint32_t octave = bucket < 16 ? 0 : (bucket - 16) / 8;
+    return (bucket < 16 ? (uint64_t)bucket : (uint64_t)(8 + (bucket - 16) % 8) << (octave + 1)) * 128;
+}
+static inline uint32_t tactiled_lateness_bucket(uint64_t ns) { /* steps of 128 ns, from 2 us on eight an octave, to 1 s */
+    const uint64_t steps = ns / 128;
+    uint32_t log2, bucket;
+    if (steps < 16) return (uint32_t)steps;
+    log2 = 63u - (uint32_t)__builtin_clzll(steps);
+    bucket = 16 + (log2 - 4) * 8 + (uint32_t)(steps >> (log2 - 3) & 7);
+    return bucket < TACTILED_LATENESS_BUCKETS ? bucket : TACTILED_LATENESS_BUCKETS - 1;
+}
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 248);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 456);
-TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 416);
+TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 544);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);

@@ -78,6 +78,11 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(s.saturates_above, std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.method, "");
     EXPECT_EQ(s.stale_ms, 100);
+    EXPECT_EQ(s.frozen_after, -1);  // as the driver knows
+    EXPECT_EQ(s.slew_limit_per_s, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(s.rate_Hz, 0.0);
+    EXPECT_EQ(s.rate_tolerance, 0.2);
+    EXPECT_EQ(s.drift_limit_N, 0.0);
     EXPECT_EQ(s.tare_ms, 100);
 }
 
@@ -91,7 +96,9 @@ TEST(Config, ReadsEveryKey) {
         "'s'\nlink = 'l'\n"
         "device = 65535\nchannels = ['a', '-', '-']\ncounts_per_unit = 0.5\nsaturates_at = [-2, 3]\nmodel = "
         "'m'\ncalibration = '/c'\n"
-        "method = 'x'\nstale_ms = 1\ntare_ms = 10000\n");
+        "method = 'x'\nstale_ms = 1\ntare_ms = 10000\nfrozen_after = 2\nslew_limit_per_s = 3.5\nrate_Hz = 4\nrate_tolerance "
+        "= 0.5\n"
+        "drift_limit_N = 0.25\n");
     EXPECT_EQ(loaded.lines(), Lines{});
     const Config& c = loaded.config;
     EXPECT_EQ(c.node.name, "a.b_c-1");
@@ -124,6 +131,11 @@ TEST(Config, ReadsEveryKey) {
     EXPECT_EQ(s.calibration, "/c");
     EXPECT_EQ(s.method, "x");
     EXPECT_EQ(s.stale_ms, 1);
+    EXPECT_EQ(s.frozen_after, 2);
+    EXPECT_EQ(s.slew_limit_per_s, 3.5);
+    EXPECT_EQ(s.rate_Hz, 4.0);
+    EXPECT_EQ(s.rate_tolerance, 0.5);
+    EXPECT_EQ(s.drift_limit_N, 0.25);
     EXPECT_EQ(s.tare_ms, 10000);
 }
 
@@ -159,6 +171,8 @@ TEST(Config, RefusesWhatIsOutOfRange) {
         {"device = -1", "is outside 0 .. 65535"},
         {"device = 65536", "is outside 0 .. 65535"},
         {"stale_ms = 0", "is outside 1 .. 10000"},
+        {"frozen_after = 1", "is no number of equal readings; 0 = off, else 2 or more"},
+        {"slew_limit_per_s = 0", "is outside 1e-300 .. 1e+300"},
         {"stale_ms = 10001", "is outside 1 .. 10000"},
         {"tare_ms = 0", "is outside 1 .. 10000"},
         {"tare_ms = 10001", "is outside 1 .. 10000"},
@@ -434,7 +448,7 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
             EXPECT_NE(text.substr(at + 1, text.find('\n', at + 1) - at).find("  # "), std::string::npos) << key;
         }
     }
-    EXPECT_EQ(n_keys, 67u);
+    EXPECT_EQ(n_keys, 72u);
 }
 
 TEST(DocumentedConfig, NamesTheDefaults) {

@@ -43,6 +43,15 @@ TEST(Generic, AppliesTheMatrixToTheReadingsLessTheirZero) {
     EXPECT_EQ(estimate.sd[2], 0.2);
 }
 
+TEST(Generic, ANominalCalibrationNeverSaysGood) {
+    Calibration calibration = two_by_three();
+    calibration.nominal = true;
+    const Estimate estimate = decouple(*make_decoupler(calibration), {3, 6, 4});
+    EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(estimate.reasons, unsigned(TACTILED_UNCALIBRATED));
+    EXPECT_EQ(estimate.wrench_S[0], 0.5 * 2 + 2 * 1);  // N
+}
+
 TEST(Generic, LeavesUnseenComponentsNaNNotZero) {
     const auto decoupler = make_decoupler(two_by_three());
     const Estimate estimate = decouple(*decoupler, {3, 6, 4});

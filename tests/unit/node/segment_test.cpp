@@ -121,7 +121,7 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
             file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
             return text;
         };
-        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.2, this reader knows 1.2"),
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.3, this reader knows 1.3"),
                   std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
@@ -210,14 +210,21 @@ TEST_F(SegmentTest, AnotherMinorVersionIsReadAndAnotherMajorRefused) {
     patch(ring + offsetof(tactiled_ring, record_size), std::uint32_t(248));  // a newer one: with more
     ASSERT_TRUE(Segment::open(name_).latest(0, got));
     EXPECT_EQ(got.peak_N, 3);
+    writer.count_reasons(0, TACTILED_STALE | TACTILED_DRIFTED);
+    writer.count_reasons(0, TACTILED_STALE);
+    const Segment counted = Segment::open(name_);
+    EXPECT_EQ(tactiled_reason_count(counted.c(), 0, 1), 2u);   // stale
+    EXPECT_EQ(tactiled_reason_count(counted.c(), 0, 18), 1u);  // drifted
+    EXPECT_EQ(tactiled_reason_count(counted.c(), 0, 0), 0u);
     patch(offsetof(tactiled_header, sensor_size), TACTILED_SENSOR_SIZE_1_0);  // a directory without the methods of "auto"
     const Segment old = Segment::open(name_);
     ASSERT_TRUE(old.latest(0, got));
     EXPECT_STREQ(tactiled_methods_of(old.c(), 0), "");
+    EXPECT_EQ(tactiled_reason_count(old.c(), 0, 1), 0u);  // nor counts
     patch(offsetof(tactiled_header, major), std::uint16_t(2));
     std::string why;
     EXPECT_FALSE(Segment::try_open(name_, why).is_open());
-    EXPECT_NE(why.find("version 2.7, this reader knows 1.2"), std::string::npos) << why;
+    EXPECT_NE(why.find("version 2.7, this reader knows 1.3"), std::string::npos) << why;
 }
 
 TEST_F(SegmentTest, AFileThatOthersMayWriteIsNoDaemons) {
@@ -226,6 +233,24 @@ TEST_F(SegmentTest, AFileThatOthersMayWriteIsNoDaemons) {
     std::string why;
     EXPECT_FALSE(Segment::try_open(name_, why).is_open());
     EXPECT_NE(why.find("others than its owner may write it"), std::string::npos);
+}
+
+TEST_F(SegmentTest, CountsHowLateTheLoopWoke) {
+    for (std::uint32_t i = 0; i < TACTILED_LATENESS_BUCKETS; ++i) {  // no gap, no overlap, 1/8 octave or 128 ns wide
+        const std::uint64_t from = tactiled_lateness_ns(i), to = tactiled_lateness_ns(i + 1);
+        EXPECT_EQ(tactiled_lateness_bucket(from), i);
+        EXPECT_EQ(tactiled_lateness_bucket(to - 1), i);
+        EXPECT_LE(to - from, std::max<std::uint64_t>(128, from / 8));
+    }
+    EXPECT_EQ(tactiled_lateness_bucket(UINT64_MAX), TACTILED_LATENESS_BUCKETS - 1u);
+    SegmentWriter writer(plan());
+    const Segment segment = Segment::open(name_);
+    EXPECT_TRUE(std::isnan(lateness_quantile_ns(segment.lateness(), 0.5)));
+    for (int i = 0; i < 99; ++i) writer.count_lateness(10'000);
+    writer.count_lateness(5'000'000);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 0.5), 10'000, 10'000 / 8);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 0.99), 10'000, 10'000 / 8);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 1), 5'000'000, 5'000'000 / 8);
 }
 
 TEST_F(SegmentTest, SixteenSensorsFitOneMegabyte) {
@@ -282,6 +307,31 @@ TEST_F(SegmentTest, ARingOrAHeaderThatIsTooSmallIsRefused) {
     };
     EXPECT_NE(why(offsetof(tactiled_header, header_size), sizeof(tactiled_header) - 4).find("truncated"), std::string::npos);
     EXPECT_NE(why(offsetof(tactiled_header, node) + offsetof(tactiled_ring, slots), 4).find("outside"), std::string::npos);
+    EXPECT_TRUE(Segment::open(name_).is_open());
+}
+
+TEST_F(SegmentTest, ALinkWhoseRingLiesOutsideAndANameWithoutAnEndAreRefused) {
+    SegmentPlan p = plan();
+    p.links.resize(1);
+    SegmentWriter writer(p);
+    const auto header = Segment::open(name_).header();
+    const auto why = [&](std::size_t offset, const std::string& bytes) {
+        const int fd = ::open(path_.c_str(), O_RDWR);
+        std::string before(bytes.size(), 0), text;
+        EXPECT_EQ(::pread(fd, before.data(), before.size(), off_t(offset)), ssize_t(before.size()));
+        EXPECT_EQ(::pwrite(fd, bytes.data(), bytes.size(), off_t(offset)), ssize_t(bytes.size()));
+        EXPECT_FALSE(Segment::try_open(name_, text).is_open());
+        EXPECT_EQ(::pwrite(fd, before.data(), before.size(), off_t(offset)), ssize_t(before.size()));
+        ::close(fd);
+        return text;
+    };
+    const std::string name(TACTILED_NAME_SIZE, 'x');
+    EXPECT_NE(why(header.link_offset + offsetof(tactiled_link, frames), "\x80\xFF\xFF\x7F").find("a link's ring"),
+              std::string::npos);
+    EXPECT_NE(why(header.link_offset, name).find("a name of a link"), std::string::npos);
+    EXPECT_NE(why(header.sensor_offset + offsetof(tactiled_sensor, link), name).find("a name of a sensor"),
+              std::string::npos);
+    EXPECT_NE(why(offsetof(tactiled_header, name), name).find("a name has no end"), std::string::npos);
     EXPECT_TRUE(Segment::open(name_).is_open());
 }
 

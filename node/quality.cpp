@@ -1,0 +1,158 @@
+#include "node/quality.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kRateWindowNs = 1'000'000'000;
+// A frozen channel is alive again when it has changed so often: one change may be the last of its death.
+constexpr unsigned kAliveAfter = 2;
+// An idle bus reads one number everywhere. Converters rest near 0, too: noise of one count gives a 0 in two of five
+// readings, and so many in a row once in 10^9. At least three readings, so that no single disturbed one counts.
+constexpr unsigned kIdleNumbers = 24, kIdleReadings = 3;
+constexpr std::uint64_t kRestNs = 2'000'000'000;
+constexpr double kRestMean_s = 1;
+
+// All zeros or all ones, of the widths that converters and registers have, signed or not.
+bool is_idle_number(double value) noexcept {
+    constexpr double kOnes[] = {0, -1, 0xFF, 0x3FF, 0xFFF, 0xFFFF, 0xFFFFF, 0xFFFFFF, 0xFFFFFFFF};
+    return std::find(std::begin(kOnes), std::end(kOnes), value) != std::end(kOnes);
+}
+
+}  // namespace
+
+void StreamQuality::succeed(const StreamQuality& before, std::uint64_t now_ns) noexcept {
+    last_frame_ns_ = now_ns;
+    opening_ = before.opening_;
+    breaks_ = before.breaks_ + 1;
+    lost_ = before.lost_;
+}
+
+bool StreamQuality::arrive(const Frame& frame) noexcept {
+    // The link was closed and opened again while the loop stood still: nobody has seen the break.
+    if (broken_ == 0 && frame.opening != opening_) {
+        ++breaks_;
+        broken_ = TACTILED_DISCONNECTED;
+    }
+    opening_ = frame.opening;
+    after_break_ = broken_ != 0;
+    if (after_break_) rate_frames_ = 0;
+    broken_ = 0;
+    step_ns_ = frame.t_ns > last_frame_ns_ ? frame.t_ns - last_frame_ns_ : 0;
+    last_frame_ns_ = frame.t_ns;
+    lost_now_ = frame.lost;
+    lost_ += frame.lost;
+    measure_rate(frame.t_ns);
+    return after_break_;
+}
+
+std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept {
+    std::uint32_t reasons = 0;
+    // False with NaN: where the rate is not known, nothing is said.
+    if (limits_.rate_Hz > 0 && std::abs(double(rate_Hz_) - limits_.rate_Hz) > limits_.rate_tolerance * limits_.rate_Hz)
+        reasons |= TACTILED_WRONG_RATE;
+    const bool slews = std::isfinite(limits_.slew_per_s);
+    if (limits_.frozen_after == 0 && !slews) return reasons;
+    if (slews && has_stepped(raw, usable)) reasons |= TACTILED_STEPPED;
+    if (limits_.frozen_after != 0) {
+        if ((dead = find_frozen(raw, usable)) != 0) reasons |= TACTILED_FROZEN;
+        if (limits_.noisy && is_idle_bus(raw, usable)) {
+            reasons |= TACTILED_IDLE_BUS;
+            dead = ~0u;
+        }
+    }
+    for (std::size_t k = 0; k < raw.size(); ++k)
+        if ((usable >> k & 1u) != 0) raw_[k] = raw[k];
+    known_ |= usable;
+    return reasons;
+}
+
+std::uint32_t StreamQuality::find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept {
+    for (std::size_t k = 0; k < raw.size(); ++k) {
+        if ((usable >> k & 1u) == 0) continue;  // a rail repeats rightly
+        if (raw[k] == raw_[k] && (known_ >> k & 1u) != 0) {
+            equal_[k] = std::min(equal_[k] + 1, limits_.frozen_after);
+        } else {
+            equal_[k] = 1;
+            moved_[k] = std::min(moved_[k] + 1, kAliveAfter);
+        }
+        if (equal_[k] >= limits_.frozen_after) {
+            frozen_ |= 1u << k;
+            moved_[k] = 0;
+        } else if (moved_[k] >= kAliveAfter) {
+            frozen_ &= ~(1u << k);
+        }
+    }
+    const std::uint32_t dead = frozen_ & usable;
+    if (dead != 0 && !has_frozen_) ++breaks_;
+    has_frozen_ = dead != 0;
+    return dead;
+}
+
+bool StreamQuality::is_idle_bus(std::span<const double> raw, std::uint32_t usable) noexcept {
+    const auto n = unsigned(raw.size());
+    const bool idle = n > 0 && usable == (n >= 32 ? ~0u : (1u << n) - 1) && is_idle_number(raw[0]) &&
+                      std::all_of(raw.begin(), raw.end(), [&](double value) { return value == raw[0]; });
+    const unsigned enough = std::max(kIdleNumbers, kIdleReadings * n);
+    const bool before = idle_ >= enough;
+    idle_ = idle ? std::min(idle_ + n, enough) : 0;
+    if (!before && idle_ >= enough) ++breaks_;
+    return idle_ >= enough;
+}
+
+// Against the time since the frame before, or the time that the device took for it where frames of a backlog come at once.
+bool StreamQuality::has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept {
+    const double declared_Hz = limits_.rate_Hz > 0 ? limits_.rate_Hz : double(rate_Hz_);
+    if (after_break_ || !(declared_Hz > 0)) return false;  // it may have gone anywhere; not declared and not yet measured
+    const double step_s = std::max(double(step_ns_) * 1e-9, (1 + double(lost_now_)) / declared_Hz);
+    const double most = limits_.slew_per_s * step_s;
+    for (std::size_t k = 0; k < raw.size(); ++k)
+        if ((usable & known_ & 1u << k) != 0 && std::abs(raw[k] - raw_[k]) > most) return true;
+    return false;
+}
+
+void StreamQuality::measure_rate(std::uint64_t t_ns) noexcept {
+    if (rate_frames_++ == 0) {
+        rate_since_ns_ = t_ns;
+    } else if (t_ns > rate_since_ns_ && t_ns - rate_since_ns_ >= kRateWindowNs) {
+        rate_Hz_ = float(double(rate_frames_ - 1) * 1e9 / double(t_ns - rate_since_ns_));
+        rate_since_ns_ = t_ns;
+        rate_frames_ = 1;
+    }
+}
+
+bool StreamQuality::has_broken(bool connected, std::uint64_t now_ns) noexcept {
+    if (connected && now_ns <= last_frame_ns_ + limits_.stale_ns) return false;
+    const std::uint32_t waiting = broken_ & TACTILED_NO_DATA_YET;
+    const std::uint32_t why = waiting | (connected ? TACTILED_STALE : TACTILED_DISCONNECTED);
+    if (why == broken_) return false;
+    if (broken_ == 0) ++breaks_;  // a new break, not a new name for the old one
+    broken_ = why;
+    rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
+    return true;
+}
+
+bool ZeroDrift::has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept {
+    if (limit_N_ <= 0) return false;
+    if (!at_rest) {
+        since_ns_ = 0;
+        return drifted_;
+    }
+    if (since_ns_ == 0) {
+        since_ns_ = last_ns_ = t_ns;
+        std::copy_n(raw_force_S_N, 3, mean_N_.begin());
+    }
+    const double weight = -std::expm1(-double(t_ns - last_ns_) * 1e-9 / kRestMean_s);
+    last_ns_ = t_ns;
+    double squares = 0;
+    for (std::size_t i = 0; i < 3; ++i) {
+        mean_N_[i] += weight * (raw_force_S_N[i] - mean_N_[i]);
+        if (std::isfinite(mean_N_[i])) squares += mean_N_[i] * mean_N_[i];
+    }
+    if (t_ns - since_ns_ >= kRestNs) drifted_ = squares > limit_N_ * limit_N_;
+    return drifted_;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,92 @@
+// Whether the stream of one sensor is alive and plausible, from times and raw numbers alone. What a number means is the
+// model's, what to publish is Sensor's.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <span>
+
+#include "drivers/frame.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+struct StreamLimits {
+    std::uint64_t stale_ns = 100'000'000;  // without a frame for longer, there is no value
+    unsigned frozen_after = 0;  // equal readings of a channel in a row that it cannot give while it works; 0 = may
+    bool noisy = false;         // noise moves its numbers in every reading: one number everywhere is an idle bus
+    double slew_per_s = std::numeric_limits<double>::infinity();  // most that a channel can change, raw numbers a second
+    double rate_Hz = 0;                                           // as declared; 0 = not
+    double rate_tolerance = 0.2;                                  // of rate_Hz
+};
+
+class StreamQuality {
+public:
+    explicit StreamQuality(const StreamLimits& limits) : limits_(limits) {}
+
+    // Call once, before the first frame. setup
+    void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
+
+    // Goes on counting where `before` ends, after a break of its own. rt: wait-free
+    void succeed(const StreamQuality& before, std::uint64_t now_ns) noexcept;
+
+    // The stream delivers; true: again, after a break. rt: wait-free
+    bool arrive(const Frame& frame) noexcept;
+    // Looks at the channels of the frame that has just arrived. `usable`: bit k, channel k has a number that is not a rail.
+    // What is of no use is set in `dead`: such a channel has no value. Returns reasons. rt: bounded by the channels
+    [[nodiscard]] std::uint32_t judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept;
+
+    // True when the stream has just broken, or the reason has changed. `connected` is the link's state. rt: wait-free
+    [[nodiscard]] bool has_broken(bool connected, std::uint64_t now_ns) noexcept;
+    // Why there is no stream now, 0 = it delivers.
+    [[nodiscard]] std::uint32_t broken() const noexcept { return broken_; }
+    // Breaks so far, those of frozen channels included: the lower half of a sample's epoch.
+    [[nodiscard]] std::uint32_t breaks() const noexcept { return breaks_; }
+
+    [[nodiscard]] std::uint64_t last_frame_ns() const noexcept { return last_frame_ns_; }
+    // Frames known to be lost since the start.
+    [[nodiscard]] std::uint32_t lost() const noexcept { return lost_; }
+    // Measured over the last second or so; NaN where it is not known.
+    [[nodiscard]] float rate_Hz() const noexcept { return rate_Hz_; }
+
+private:
+    void measure_rate(std::uint64_t t_ns) noexcept;
+    [[nodiscard]] std::uint32_t find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept;
+    [[nodiscard]] bool is_idle_bus(std::span<const double> raw, std::uint32_t usable) noexcept;
+    [[nodiscard]] bool has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept;
+
+    StreamLimits limits_;
+    std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: from the frame before
+    bool after_break_ = true;                        // this is the first frame of a stream
+    std::uint32_t opening_ = 0;                      // of the link, that the frame before came through
+    std::uint32_t broken_ = TACTILED_NO_DATA_YET, breaks_ = 0, lost_ = 0, lost_now_ = 0;
+
+    std::array<double, kMaxChannels> raw_{};  // of the frame before
+    std::uint32_t known_ = 0;                 // bit k: raw_[k] is a number
+    std::array<unsigned, kMaxChannels> equal_{},
+        moved_{};               // readings in a row: like the one before; that frozen ones changed
+    std::uint32_t frozen_ = 0;  // bit k
+    bool has_frozen_ = false;   // one that was usable, in the frame before
+    unsigned idle_ = 0;         // numbers in a row that an idle bus reads
+
+    std::uint64_t rate_since_ns_ = 0;
+    std::uint32_t rate_frames_ = 0;
+    float rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
+};
+
+// Whether the zero at rest has wandered from the calibration's: a mean of the raw force over about a second without
+// contact. Once told it stays told until a mean at rest is within the limit.
+class ZeroDrift {
+public:
+    explicit ZeroDrift(double limit_N) : limit_N_(limit_N) {}
+    // rt: wait-free
+    [[nodiscard]] bool has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept;
+
+private:
+    double limit_N_;  // 0 = not judged
+    std::array<double, 3> mean_N_{};
+    std::uint64_t since_ns_ = 0, last_ns_ = 0;  // at rest; 0 = not
+    bool drifted_ = false;
+};
+
+}  // namespace tactiled

@@ -1,0 +1,98 @@
+// The devices of the simulated world and their cables: what was really measured and when it arrived, and what may go wrong
+// on the way. Bytes go through the product's decoders.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "drivers/wire/decoder.hpp"
+
+namespace tactiled::faults {
+
+using Random = std::mt19937_64;
+
+inline constexpr unsigned kSensors = 4, kLinks = 3, kChannels = 3;
+inline constexpr unsigned kFrozenAfter = 10;
+inline constexpr std::uint64_t kMs = 1'000'000, kPeriodNs = 4 * kMs, kStaleMs = 20;
+
+// What channel k of a sensor's frame carries: its own place, a slow wave, and noise, so that neither an older frame, nor a
+// neighbour's, nor a mixture of two passes for it.
+int count_of(unsigned sensor, std::uint32_t sequence, unsigned k);
+
+// The cable. What the device sends waits in `chunks` until it is readable, as in a kernel's buffer.
+class Cable final : public Driver {
+public:
+    explicit Cable(bool text);
+    std::string open() override;
+    Status read(Frame& frame, int timeout_ms) noexcept override;
+    void close() noexcept override { decoder_->reset(); }
+    bool has_more() const noexcept override { return decoder_->is_ready(); }
+
+    void carry(std::uint64_t sent_ns, std::vector<std::uint8_t> bytes);
+    [[nodiscard]] std::uint64_t arrival_ns(std::uint64_t sent_ns) const { return std::max(sent_ns, hold_until_ns); }
+    bool is_readable() const;
+
+    bool is_text;
+    bool plugged = true, opens = true;
+    std::uint64_t hold_until_ns = 0;  // what is sent from now on does not arrive before
+    unsigned chop = 0;                // bytes a read, 0 = as many as wait
+
+private:
+    struct Chunk {
+        std::uint64_t ready_ns;
+        std::vector<std::uint8_t> bytes;
+    };
+    std::deque<Chunk> chunks_;
+    std::unique_ptr<StreamDecoder> decoder_;
+};
+
+// A device as its maker knows it: one sensor. The faults are switches; `rate` is that of frames hit, 0 .. 1.
+class Device {
+public:
+    Device(unsigned sensor, unsigned number, Cable& cable, std::uint32_t first_sequence, std::uint64_t first_ns);
+
+    // Sends all that is due until `until_ns`.
+    void send(std::uint64_t until_ns, Random& random);
+    // It counts on from here: 0 as after a restart.
+    void jump_to(std::uint32_t sequence);
+    [[nodiscard]] bool is_text() const { return cable_.is_text; }
+
+    // The truth, by sequence modulo 65536.
+    struct Truth {
+        std::uint64_t arrived_ns = 0;
+        bool excused = false;  // wrong, and within the readings that the product may need to see it
+    };
+    [[nodiscard]] const Truth& truth(std::uint32_t sequence) const { return truth_[sequence & 0xFFFF]; }
+    // The sequence number of the frame `back` before the next one, 1 .. 64.
+    [[nodiscard]] std::uint32_t sent(std::uint32_t back) const { return sent_[(n_sent_ - back) % sent_.size()]; }
+
+    bool silent = false, frozen = false, zeros = false, rail = false, nan = false, missing = false, other_shape = false,
+         foreign = false, garbage = false, wrong_length = false;
+    double flips = 0, cuts = 0, drops = 0, repeats = 0, swaps = 0, spikes = 0;  // rates
+    std::uint64_t period_ns = kPeriodNs;
+    bool alone = true;            // no other fault on this cable: what may be excused is as little as can be
+    std::uint64_t jumped_ns = 0;  // when its counter has jumped
+
+private:
+    std::vector<std::uint8_t> encode(const Frame& frame) const;
+    void send_one(std::uint64_t t_ns, Random& random);
+
+    unsigned sensor_, number_;
+    Cable& cable_;
+    std::uint32_t sequence_;
+    std::uint64_t next_ns_;
+    std::array<std::uint32_t, 64> sent_{};
+    std::uint32_t n_sent_ = 0;
+    bool spiked_ = false;
+    unsigned wrong_readings_ = 0;
+    std::array<double, kChannels> frozen_at_{};
+    std::vector<std::uint8_t> held_back_;  // swapped with the next
+    std::uint32_t held_back_sequence_ = 0;
+    std::vector<Truth> truth_;
+};
+
+}  // namespace tactiled::faults

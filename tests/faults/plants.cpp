@@ -1,0 +1,81 @@
+#include "plants.hpp"
+
+#include <algorithm>
+
+#include "clock.hpp"
+
+namespace tactiled::faults {
+namespace {
+
+using Sample = tactiled_sample;
+
+bool is_good(const Sample& s) { return s.quality == TACTILED_GOOD; }
+
+void take_forces(Sample& s, const Sample& from) {
+    std::copy_n(from.force_S_N, 3, s.force_S_N);
+    std::copy_n(from.raw_force_S_N, 3, s.raw_force_S_N);
+}
+
+}  // namespace
+
+std::vector<Plant> plants() {
+    std::vector<Plant> all;
+    all.push_back(
+        {.name = "nobody looks at the age", .found_as = kTooOld, .configuration = {"stale_ms = 20", "stale_ms = 10000"}});
+    all.push_back({.name = "a closed link is not told", .found_as = kLate, .break_is_hidden = true});
+    all.push_back(
+        {.name = "the last value beside BAD", .found_as = kNoSentinel, .sample = [](Sample& s, const Sample& before) {
+             if (s.quality == TACTILED_BAD && is_good(before)) take_forces(s, before);
+         }});
+    all.push_back(
+        {.name = "the last value with a new time", .found_as = kWrongStamp, .sample = [](Sample& s, const Sample& before) {
+             if (s.quality != TACTILED_BAD || !is_good(before)) return;
+             const auto sequence = s.sequence;
+             s = before;
+             s.sequence = sequence;
+             s.t_ns = world_ns;
+         }});
+    all.push_back(
+        {.name = "the force of the frame before", .found_as = kWrongValue, .sample = [](Sample& s, const Sample& before) {
+             if (s.sequence % 50 == 7 && is_good(s) && is_good(before)) take_forces(s, before);
+         }});
+    all.push_back({.name = "a torn sample", .found_as = kWrongValue, .sample = [](Sample& s, const Sample& before) {
+                       if (s.sequence % 50 == 7 && is_good(s) && is_good(before))
+                           s.raw_force_S_N[2] = s.force_S_N[2] = before.force_S_N[2];
+                   }});
+    all.push_back({.name = "the epoch stays", .found_as = kUnmarkedBreak, .sample = [](Sample& s, const Sample&) {
+                       s.epoch &= 0xFFFF0000u;
+                   }});
+    all.push_back({.name = "losses are not counted", .found_as = kUncountedLoss, .sample = [](Sample& s, const Sample&) {
+                       s.lost = 0;
+                   }});
+    all.push_back({.name = "every weakness is GOOD", .found_as = kWrongValue, .sample = [](Sample& s, const Sample&) {
+                       if (s.quality == TACTILED_UNCERTAIN) s.quality = TACTILED_GOOD;
+                   }});
+    all.push_back(
+        {.name = "a hundredth is doubted for nothing", .found_as = kFalseAlarm, .sample = [](Sample& s, const Sample&) {
+             if (s.sequence % 100 == 60) s.quality = TACTILED_UNCERTAIN;
+         }});
+    all.push_back({.name = "the heartbeat is the loop's alone", .found_as = kHeartbeat, .node = [](tactiled_node& n) {
+                       n.heartbeat = std::uint32_t(world_ns / (100 * kMs));
+                   }});
+    all.push_back({.name = "two sensors of a link are exchanged", .found_as = kWrongValue, .setup = [](Node& node) {
+                       for (auto& binding : node.links[2]->bindings) binding.sensor = std::uint16_t(5 - binding.sensor);
+                   }});
+    all.push_back({.name = "a sequence number is left out", .found_as = kOutOfOrder, .sample = [](Sample& s, const Sample&) {
+                       if (s.sequence > 200) ++s.sequence;
+                       if (s.sequence == 201) s.sequence = 202;
+                   }});
+    all.push_back({.name = "no channel is ever frozen",
+                   .found_as = kWrongValue,
+                   .configuration = {"frozen_after = 10", "frozen_after = 0"}});
+    all.push_back({.name = "any step is possible",
+                   .found_as = kWrongValue,
+                   .configuration = {"slew_limit_per_s = 1e5", "slew_limit_per_s = 1e300"}});
+    all.push_back({.name = "a sensor stays broken", .found_as = kNotRecovered, .sample = [](Sample& s, const Sample&) {
+                       if ((s.epoch & 0xFFFF) != 0) tactiled_invalidate(&s, TACTILED_STALE);
+                   }});
+    return all;
+}
+
+}  // namespace tactiled::faults

@@ -1,0 +1,201 @@
+#include "witness.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "clock.hpp"
+
+namespace tactiled::faults {
+namespace {
+
+constexpr double kN_per_count = 0.001;
+constexpr std::uint64_t kTurnNs = 2 * kMs;   // within which a waiting frame is taken and published
+constexpr std::uint64_t kHeldNs = 12 * kMs;  // the same where a cable holds frames back
+
+double force_of(unsigned sensor, std::uint32_t sequence, unsigned k) { return kN_per_count * count_of(sensor, sequence, k); }
+
+}  // namespace
+
+std::string name_of(Finding finding) {
+    constexpr const char* kNames[] = {
+        "wrong value",  "too old",        "wrong stamp",    "late",           "no sentinel",
+        "out of order", "unmarked break", "uncounted loss", "wrong register", "register without sentinel",
+        "heartbeat",    "false alarm",    "not recovered"};
+    static_assert(std::size(kNames) == kFindings);
+    return kNames[finding];
+}
+
+std::uint64_t Findings::total() const { return std::accumulate(count.begin(), count.end(), std::uint64_t(0)); }
+
+void Findings::add(Finding finding, unsigned sensor, const std::string& what) {
+    ++count[finding];
+    if (first.empty())
+        first = fmt::format("{} at {} us, sensor {}: {}", name_of(finding), world_ns / 1000 % 100'000'000, sensor, what);
+}
+
+void Findings::mix(const void* bytes, std::size_t size) {
+    for (std::size_t i = 0; i + 4 <= size; i += 4) {
+        std::uint32_t word;
+        std::memcpy(&word, static_cast<const char*>(bytes) + i, 4);
+        digest = (digest ^ word) * 1099511628211u;
+    }
+}
+
+Witness::Witness(const std::string& node, const ModbusSettings& settings, Ring<Command>& commands, Findings& findings)
+    : findings_(findings),
+      service_(node, settings, commands),
+      readers_{Reader{node, "s0"}, Reader{node, "s1"}, Reader{node, "s2"}, Reader{node, "s3"}} {}
+
+void Witness::look(std::array<Device*, kSensors> devices, const Expectation& expected) {
+    for (unsigned i = 0; i < kSensors; ++i) look_at_latest(i, *devices[i], expected);
+    if (follows)
+        for (unsigned i = 0; i < kSensors; ++i) follow(i, *devices[i]);
+    if (expected.plc_reads) look_at_registers(devices);
+}
+
+// Every record, as it lies in the ring: not judged by its age, and so with the daemon's own quality.
+void Witness::follow(unsigned i, const Device& device) {
+    if (!readers_[i].is_attached()) return;
+    const SegmentView segment = readers_[i].segment();
+    const tactiled_ring& ring = segment.sensor(i).ring;
+    if (attached_epoch_[i] != segment.header().epoch) {  // another daemon: from its first record on
+        attached_epoch_[i] = segment.header().epoch;
+        cursors_[i] = {};
+        seen_[i] = false;
+        last_value_[i].lost = 0;
+        broken_[i] = last_value_[i].quality != TACTILED_NO_VALUE;
+    }
+    tactiled_sample s;
+    std::uint64_t lost = cursors_[i].lost;
+    while (tactiled_ring_next(segment.base(), &ring, &cursors_[i], &s, sizeof s) != 0) {
+        if (seen_[i] && s.sequence != last_[i].sequence + 1 + (cursors_[i].lost - lost))
+            findings_.add(kOutOfOrder, i, fmt::format("record {} after {}", s.sequence, last_[i].sequence));
+        if (cursors_[i].lost != lost) last_value_[i].quality = TACTILED_NO_VALUE;  // a slow reader: nothing to compare with
+        lost = cursors_[i].lost;
+        judge(i, device, s);
+        last_[i] = s;
+        seen_[i] = true;
+    }
+}
+
+void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) {
+    ++findings_.samples;
+    findings_.mix(&s, sizeof s);
+    const bool has_value = s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN;
+    if (!has_value) {
+        for (unsigned k = 0; k < kChannels; ++k)
+            if (!std::isnan(s.force_S_N[k]) || !std::isnan(s.raw_force_S_N[k]))
+                findings_.add(kNoSentinel, i, fmt::format("{} N beside BAD", s.force_S_N[k]));
+        constexpr std::uint32_t kBreaks = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_FROZEN | TACTILED_DAEMON_STOPPED;
+        if ((s.reasons & kBreaks) != 0) broken_[i] = true;
+        return;
+    }
+    tactiled_sample& before = last_value_[i];
+    const bool comparable = before.quality != TACTILED_NO_VALUE;
+    if (std::exchange(broken_[i], false) && comparable && s.epoch == before.epoch)
+        findings_.add(kUnmarkedBreak, i, fmt::format("epoch {:x} before and after", s.epoch));
+    const bool jumped = before.t_ns <= device.jumped_ns + kHeldNs && device.jumped_ns <= s.t_ns;
+    if (comparable && s.epoch == before.epoch && !jumped) {
+        const std::uint32_t mask = device.is_text() ? ~0u : 0xFFFFu;
+        const std::uint32_t gap = (s.device_sequence - before.device_sequence - 1) & mask;
+        // BAD frames in between are frames as well.
+        const std::uint32_t bad_ones = std::uint32_t(s.sequence - before.sequence - 1);
+        if (gap != s.lost - before.lost + bad_ones)
+            findings_.add(
+                kUncountedLoss, i,
+                fmt::format("{} to {}, lost {} to {}", before.device_sequence, s.device_sequence, before.lost, s.lost));
+        if (s.t_ns < before.t_ns) findings_.add(kOutOfOrder, i, "its time goes back");
+    }
+    before = s;
+    const Device::Truth& truth = device.truth(s.device_sequence);
+    if (s.t_ns < truth.arrived_ns || s.t_ns > truth.arrived_ns + kHeldNs)
+        findings_.add(
+            kWrongStamp, i,
+            fmt::format("{} us after its arrival", (std::int64_t(s.t_ns) - std::int64_t(truth.arrived_ns)) / 1000));
+    if (s.quality != TACTILED_GOOD) return;
+    ++findings_.good;
+    if (truth.excused) return;
+    for (unsigned k = 0; k < kChannels; ++k)
+        if (std::abs(s.raw_force_S_N[k] - force_of(i, s.device_sequence, k)) > 1e-9)
+            return findings_.add(kWrongValue, i,
+                                 fmt::format("{} N of frame {}, channel {}", s.raw_force_S_N[k], s.device_sequence, k));
+    if (s.tare_count == 0 && s.force_S_N[2] != s.raw_force_S_N[2]) findings_.add(kWrongValue, i, "tared without a tare");
+}
+
+void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
+    const tactiled_sample s = readers_[i].latest();
+    if (s.quality != TACTILED_GOOD) {
+        if (!expected.may_suffer[i])
+            findings_.add(kFalseAlarm, i, fmt::format("quality {}, reasons {:x}", s.quality, s.reasons));
+        if (s.quality == TACTILED_BAD && !std::isnan(s.force_S_N[0])) findings_.add(kNoSentinel, i, "latest()");
+        return;
+    }
+    const Device::Truth& truth = device.truth(s.device_sequence);
+    if (!truth.excused && std::abs(s.raw_force_S_N[1] - force_of(i, s.device_sequence, 1)) > 1e-9)
+        findings_.add(kWrongValue, i, "latest()");
+    if (world_ns > truth.arrived_ns + kStaleMs * kMs + kTurnNs)
+        findings_.add(kTooOld, i,
+                      fmt::format("{} ms, says {} ms", (world_ns - truth.arrived_ns) / kMs, (world_ns - s.t_ns) / kMs));
+    if (expected.gone_since[i] != 0 && world_ns > expected.gone_since[i] + 10 * kMs)
+        findings_.add(kLate, i,
+                      fmt::format("GOOD {} ms after the link was gone", (world_ns - expected.gone_since[i]) / kMs));
+}
+
+Witness::Registers Witness::read_registers() {
+    Registers out{};
+    const auto ask = [&](std::uint16_t at, std::span<std::uint16_t> cells) {
+        const std::uint8_t n = std::uint8_t(cells.size());
+        const std::array<std::uint8_t, 12> adu{0, 1, 0, 0, 0, 6, 1, 4, std::uint8_t(at >> 8), std::uint8_t(at), 0, n};
+        std::array<std::uint8_t, modbus::kMostAdu> answer{};
+        const std::size_t size = service_.answer(adu, session_, answer);
+        for (std::size_t k = 0; size == 9u + 2u * n && k < n; ++k)
+            cells[k] = std::uint16_t(answer[9 + 2 * k] << 8 | answer[10 + 2 * k]);
+    };
+    ask(0, out.global);
+    ask(100, out.sensors);
+    ++findings_.reads;
+    findings_.mix(&out, sizeof out);
+    return out;
+}
+
+void Witness::look_at_registers(const std::array<Device*, kSensors>& devices) {
+    const Registers now = read_registers();
+    if (now.global[0] != 0x5441 || now.global[4] != now.global[31]) findings_.add(kWrongRegister, 0, "global block");
+    bool all_silent = true;
+    for (unsigned i = 0; i < kSensors; ++i) {
+        const std::uint16_t* block = &now.sensors[25 * i];
+        const bool ok = (block[1] & 1) != 0, fault = (block[1] & 0x8000) != 0;
+        all_silent &= (block[1] & 1u << 6) != 0;
+        if (fault)
+            for (unsigned k = 4; k < 7; ++k)
+                if (block[k] != 0x8000) findings_.add(kRegisterSentinel, i, fmt::format("{:04x}", block[k]));
+        if (!ok) continue;
+        bool found = false;
+        const Device& device = *devices[i];
+        for (std::uint32_t back = 1; back <= 32 && !found; ++back) {
+            const std::uint32_t sequence = device.sent(back);
+            const Device::Truth& truth = device.truth(sequence);
+            if (truth.arrived_ns == 0 || world_ns > truth.arrived_ns + kStaleMs * kMs + kTurnNs) break;
+            found = truth.excused;
+            bool same = true;
+            for (unsigned k = 0; k < kChannels; ++k)
+                same &= std::int16_t(block[4 + k]) == std::lround(force_of(i, sequence, k) * 100) ||
+                        std::int16_t(block[4 + k]) == std::lround(std::nearbyint(force_of(i, sequence, k) / 0.01));
+            const auto age_ms = std::int64_t((world_ns - truth.arrived_ns) / kMs);
+            found = found || (same && std::abs(age_ms - std::int64_t(block[3])) <= 12);
+        }
+        if (!found)
+            findings_.add(kWrongRegister, i,
+                          fmt::format("{} {} {} cN, {} ms", std::int16_t(block[4]), std::int16_t(block[5]),
+                                      std::int16_t(block[6]), block[3]));
+    }
+    if (!all_silent || silent_since_ns_ == 0) silent_since_ns_ = all_silent ? world_ns : 0;
+    const bool beats = now.global[5] != heartbeat_ && now.global[5] != 0;  // 0: of another daemon
+    if (all_silent && beats && world_ns > silent_since_ns_ + 100 * kMs)
+        findings_.add(kHeartbeat, 0, "it beats though every sensor is silent");
+    heartbeat_ = now.global[5];
+}
+
+}  // namespace tactiled::faults

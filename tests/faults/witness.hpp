@@ -1,0 +1,81 @@
+// Reads what the node publishes, as its users do, and counts what must never be: lies and false alarms.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "config/config.hpp"
+#include "device.hpp"
+#include "node/modbus/service.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled::faults {
+
+enum Finding {
+    kWrongValue,        // GOOD, and not what the device measured
+    kTooOld,            // GOOD, and the device measured it longer ago than stale_ms
+    kWrongStamp,        // the sample's time is not that of its frame
+    kLate,              // GOOD 10 ms after the link was gone
+    kNoSentinel,        // a number beside BAD
+    kOutOfOrder,        // a record that does not follow the one before
+    kUnmarkedBreak,     // values on both sides of a break in one epoch
+    kUncountedLoss,     // frames are missing, and `lost` does not say so
+    kWrongRegister,     // a register says ok, and its force is none that the device measured of late
+    kRegisterSentinel,  // a register says fault, and its force is a number
+    kHeartbeat,         // beats without data
+    kFalseAlarm,        // not GOOD without a fault
+    kNotRecovered,      // not GOOD at the end
+    kFindings
+};
+std::string name_of(Finding finding);
+
+struct Findings {
+    std::array<std::uint64_t, kFindings> count{};
+    std::uint64_t samples = 0, good = 0, reads = 0;  // records; of them GOOD; registers' answers
+    std::uint64_t digest = 14695981039346656037u;    // of every record and register read
+    std::string first;                               // in words
+    [[nodiscard]] std::uint64_t total() const;
+    void add(Finding finding, unsigned sensor, const std::string& what);
+    void mix(const void* bytes, std::size_t size);
+};
+
+// What the witness may know of the world beside the devices' truth.
+struct Expectation {
+    std::array<bool, kSensors> may_suffer{};           // a fault is near
+    std::array<std::uint64_t, kSensors> gone_since{};  // the link is unplugged and could be seen to be; 0 = it is not
+    bool plc_reads = false;                            // this turn
+};
+
+class Witness {
+public:
+    Witness(const std::string& node, const ModbusSettings& settings, Ring<Command>& commands, Findings& findings);
+    void look(std::array<Device*, kSensors> devices, const Expectation& expected);
+    // The registers of one answer of the real server: 32 at 0, 100 at 100.
+    struct Registers {
+        std::array<std::uint16_t, 32> global;
+        std::array<std::uint16_t, 25 * kSensors> sensors;
+    };
+    [[nodiscard]] Registers read_registers();
+    [[nodiscard]] tactiled_sample latest(unsigned sensor) { return readers_[sensor].latest(); }
+
+    bool follows = true;  // false: this reader has been stopped
+
+private:
+    void follow(unsigned sensor, const Device& device);
+    void judge(unsigned sensor, const Device& device, const tactiled_sample& s);
+    void look_at_latest(unsigned sensor, const Device& device, const Expectation& expected);
+    void look_at_registers(const std::array<Device*, kSensors>& devices);
+
+    Findings& findings_;
+    modbus::Service service_;
+    modbus::Session session_;
+    std::array<Reader, kSensors> readers_;
+    std::array<tactiled_cursor, kSensors> cursors_{};
+    std::array<std::uint32_t, kSensors> attached_epoch_{};
+    std::array<tactiled_sample, kSensors> last_{}, last_value_{};
+    std::array<bool, kSensors> broken_{}, seen_{};
+    std::uint16_t heartbeat_ = 0;
+    std::uint64_t silent_since_ns_ = 0;
+};
+
+}  // namespace tactiled::faults

@@ -1,0 +1,226 @@
+// What is said of a stream by its times and raw numbers, through a whole sensor.
+#include "node/quality.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "node/sensor.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+// Channels as they are; without one of them, no value.
+class Through final : public Decoupler {
+public:
+    Estimate decouple(const Reading& r) noexcept override {
+        Estimate e;
+        if (r.missing != 0) {
+            e.reasons = TACTILED_MISSING_CHANNEL;
+            return e;
+        }
+        for (std::size_t i = 0; i < 3; ++i) e.wrench_S[i] = r.channel[i], e.sd[i] = 0.01;
+        e.reasons = r.saturated != 0 ? unsigned(TACTILED_SATURATED) : 0u;
+        e.quality = e.reasons != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
+        return e;
+    }
+    std::string_view method() const noexcept override { return "through"; }
+};
+
+class Stream {
+public:
+    explicit Stream(const StreamLimits& limits, double drift_N = 0) : sensor_(setup(limits, drift_N)) {
+        sensor_.start(7, 0);
+    }
+    tactiled_sample send(double a, double b, double c, std::uint64_t after_ms = 1, std::uint32_t lost = 0) {
+        Frame f;
+        t_ns_ += after_ms * kMs;
+        f.t_ns = t_ns_;
+        f.n_channels = 3;
+        f.channel = {a, b, c};
+        f.lost = lost;
+        f.opening = opening;
+        return sensor_.sample(f, t_ns_);
+    }
+    Sensor& sensor() { return sensor_; }
+    std::uint32_t opening = 0;
+    std::uint64_t& t_ns() { return t_ns_; }
+
+private:
+    static Sensor::Setup setup(const StreamLimits& limits, double drift_N) {
+        Sensor::Setup setup;
+        setup.channel_of_frame = {0, 1, 2};
+        setup.frame_channels = 3;
+        setup.saturates_above = 8'388'607;
+        setup.stream = limits;
+        setup.drift_N = drift_N;
+        setup.decoupler = std::make_unique<Through>();
+        return setup;
+    }
+    Sensor sensor_;
+    std::uint64_t t_ns_ = 0;
+};
+
+constexpr unsigned kGood = TACTILED_GOOD, kUncertain = TACTILED_UNCERTAIN, kBad = TACTILED_BAD;
+
+TEST(StreamQuality, AChannelThatRepeatsItselfHasNoValueUntilItHasChangedTwice) {
+    Stream stream({.frozen_after = 5});
+    const auto before = stream.send(1, 1, 7);
+    for (int i = 2; i < 5; ++i) EXPECT_EQ(stream.send(i, -i, 7).quality, kGood) << i;
+    auto s = stream.send(5, -5, 7);
+    EXPECT_EQ(s.quality, kBad);
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_FROZEN));  // not a missing channel, too: one cause, one counter
+    EXPECT_EQ(s.missing, 0b100u);
+    EXPECT_TRUE(std::isnan(s.force_S_N[0]));
+    EXPECT_EQ(s.epoch, before.epoch + 1);
+    EXPECT_EQ(stream.send(6, -6, 8).quality, kBad);
+    s = stream.send(7, -7, 9);
+    EXPECT_EQ(s.quality, kGood);
+    EXPECT_EQ(s.epoch, before.epoch + 1);
+}
+
+TEST(StreamQuality, ADeviceThatComesBackWithTheSameNumberIsStillFrozen) {
+    Stream stream({.frozen_after = 5});
+    for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
+    ASSERT_TRUE(stream.sensor().has_broken(false, stream.t_ns()));
+    EXPECT_EQ(stream.send(9, 9, 7).quality, kBad);
+    EXPECT_EQ(stream.send(10, 8, 7).reasons, unsigned(TACTILED_FROZEN));
+}
+
+TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsABreakThoughNobodySawIt) {
+    Stream stream({});
+    const auto before = stream.send(1, 2, 3);
+    stream.opening = 1;
+    EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 1);
+    EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 1);
+    ASSERT_TRUE(stream.sensor().has_broken(false, stream.t_ns()));  // seen: one break, not two
+    stream.opening = 2;
+    EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 2);
+}
+
+TEST(StreamQuality, ARailRepeatsRightly) {
+    Stream stream({.frozen_after = 5});
+    for (int i = 0; i < 20; ++i) EXPECT_EQ(stream.send(i, -i, 8'388'607).reasons, unsigned(TACTILED_SATURATED)) << i;
+    for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
+    (void)stream.send(1, 2, 8'388'607);
+    (void)stream.send(2, 3, 8'388'607);
+    EXPECT_EQ(stream.send(3, 4, 7).reasons, unsigned(TACTILED_FROZEN));  // nor is it a sign of life
+}
+
+TEST(StreamQuality, WithoutALimitAQuietSensorMayRepeatItself) {
+    Stream stream({});
+    for (int i = 0; i < 1000; ++i) ASSERT_EQ(stream.send(1, 2, 3).quality, kGood);
+}
+
+TEST(StreamQuality, AnIdleBusIsNoValueWithinEightReadingsOfThreeChannels) {
+    for (const double idle : {0.0, -1.0, 65535.0}) {
+        Stream stream({.frozen_after = 100, .noisy = true});
+        (void)stream.send(5, 6, 7);
+        for (int i = 0; i < 7; ++i) EXPECT_EQ(stream.send(idle, idle, idle).quality, kGood) << idle;
+        const auto s = stream.send(idle, idle, idle);
+        EXPECT_EQ(s.quality, kBad) << idle;
+        EXPECT_EQ(s.reasons, unsigned(TACTILED_IDLE_BUS)) << idle;
+        EXPECT_EQ(stream.send(5, 6, 7).quality, kGood) << idle;
+    }
+    Stream quiet({.frozen_after = 100});
+    for (int i = 0; i < 50; ++i) EXPECT_EQ(quiet.send(0, 0, 0).quality, kGood);  // a sensor of few bits, at rest
+}
+
+TEST(StreamQuality, AnImpossibleStepIsUncertainAndKeepsItsValue) {
+    Stream stream({.slew_per_s = 1000, .rate_Hz = 1000});
+    EXPECT_EQ(stream.send(0, 0, 0).quality, kGood);
+    EXPECT_EQ(stream.send(0, 1, -1).quality, kGood);  // 1 in 1 ms is allowed
+    const auto s = stream.send(0, 1, 1.5);
+    EXPECT_EQ(s.quality, kUncertain);
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_STEPPED));
+    EXPECT_EQ(s.force_S_N[2], 1.5);
+    EXPECT_EQ(stream.send(0, 1, 1.5).quality, kGood);
+}
+
+TEST(StreamQuality, TimeThatPassedIsNoStep) {
+    Stream stream({.slew_per_s = 1000, .rate_Hz = 1000});
+    (void)stream.send(0, 0, 0);
+    EXPECT_EQ(stream.send(9, 0, 0, 10).quality, kGood);     // 9 in 10 ms
+    EXPECT_EQ(stream.send(10, 0, 0, 0).quality, kGood);     // the next of a backlog: no time by the host's clock
+    EXPECT_EQ(stream.send(15, 0, 0, 0, 5).quality, kGood);  // five frames lie between
+    EXPECT_EQ(stream.send(17, 0, 0, 0).quality, kUncertain);
+    ASSERT_TRUE(stream.sensor().has_broken(true, stream.t_ns() + 200 * kMs));
+    EXPECT_EQ(stream.send(5000, 0, 0, 300).quality, kGood);  // over a break a channel may go anywhere
+}
+
+TEST(StreamQuality, AnotherRateThanDeclaredIsToldAndTheValueStaysGood) {
+    Stream stream({.rate_Hz = 1000, .rate_tolerance = 0.2});
+    std::uint32_t reasons = 0;
+    const auto run = [&](int frames, std::uint64_t every_ms) {
+        tactiled_sample s{};
+        for (int i = 0; i < frames; ++i) {
+            s = stream.send(1, 2, 3, every_ms);
+            EXPECT_EQ(s.quality, kGood);
+            reasons |= s.reasons;
+        }
+        return s;
+    };
+    (void)run(2500, 1);
+    EXPECT_EQ(reasons, 0u);
+    auto s = run(1100, 2);
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_WRONG_RATE));
+    EXPECT_NEAR(double(s.rate_Hz), 500, 5);
+    s = run(2100, 1);
+    EXPECT_EQ(s.reasons, 0u);
+    EXPECT_TRUE(stream.sensor().can_tare());
+}
+
+TEST(StreamQuality, AZeroThatWandersAtRestAsksForMaintenanceAndAPressDoesNot) {
+    Stream stream({}, 0.2);
+    tactiled_sample s{};
+    const auto run = [&](int ms, double fz_N) {
+        for (int i = 0; i < ms; ++i) s = stream.send(0, 0, fz_N);
+    };
+    run(3000, 0.1);
+    EXPECT_EQ(s.reasons, 0u);
+    run(5000, -5);  // contact
+    EXPECT_EQ(s.reasons, 0u);
+    run(1500, 0.24);  // not yet: a mean over two seconds at rest
+    EXPECT_EQ(s.reasons, 0u);
+    run(3000, 0.24);
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_DRIFTED));
+    EXPECT_EQ(s.quality, kGood);
+    ASSERT_TRUE(stream.sensor().can_tare());  // the remedy
+    run(8000, 0.05);
+    EXPECT_EQ(s.reasons, 0u);
+}
+
+// Every limit on, as tight as the device allows, and what a healthy one does: noise of a 24-bit converter near its zero,
+// hum, presses as fast as the limit says, stamps that jitter by a third of a period, backlogs, single lost frames.
+TEST(StreamQuality, AMillionGoodSamplesAreAllGood) {
+    constexpr double kSlew = 4e6;  // counts a second
+    Stream stream({.stale_ns = 20 * kMs, .frozen_after = 100, .noisy = true, .slew_per_s = kSlew, .rate_Hz = 1000}, 1e9);
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> noise(0, 1.5);
+    std::uniform_real_distribution<double> jitter_ms(-0.33, 0.33);
+    std::uint64_t bad = 0, reasons = 0;
+    double held_ms = 0;
+    for (int i = 1; i <= 1'000'000; ++i) {
+        if (i % 50'000 == 0) held_ms = i + 15;  // the host is away: what came meanwhile gets one stamp
+        if (i % 70'001 == 0) continue;          // lost
+        const double t_ms = std::max(double(i) + jitter_ms(random), held_ms);
+        const double hum = 5 * std::sin(2 * std::numbers::pi * 0.05 * i);
+        const int phase = std::max(i % 5000 - 2000, 0);  // two presses of 1.5 s, then rest
+        const double press = 300'000 * (1 - std::cos(2 * std::numbers::pi * phase / 1500.0));
+        stream.t_ns() = std::uint64_t(t_ms * 1e6);
+        const auto at = [&](double gain) { return std::round(gain * (press + hum) + noise(random)); };
+        if (stream.sensor().has_broken(true, stream.t_ns())) ++bad;
+        const auto s = stream.send(at(1), at(-0.2), at(0), 0, i % 70'001 == 1 && i > 1 ? 1 : 0);
+        if (s.quality != kGood) ++bad;
+        reasons |= s.reasons;
+    }
+    EXPECT_EQ(bad, 0u) << "reasons " << reasons;
+    EXPECT_EQ(reasons, 0u);
+}
+
+}  // namespace
+}  // namespace tactiled
