@@ -32,13 +32,14 @@ NodeSettings read_node(Options table) {
     const std::string name = table.text("name", "gripper");
     check_name(table, name);
     const int watchdog_ms = small_integer(table, "watchdog_ms", {10, 10000}, 250);
+    const int stuck_link_ms = small_integer(table, "stuck_link_ms", {0, 600'000}, 10'000);
     const std::string control = table.text("control", fmt::format("/run/tactiled/{}.sock", name));
     if (control.size() > kLongestSocketPath)
         table.problem("control", fmt::format("control has {} bytes; the path of a socket has at most {}", control.size(),
                                              kLongestSocketPath));
     else if (control.empty() || control.front() != '/')  // readers in other folders are told this path
         table.problem("control", fmt::format("control = {} should be a full path, starting with /", in_quotes(control)));
-    return {name, watchdog_ms, control};
+    return {name, watchdog_ms, stuck_link_ms, control};
 }
 
 RealtimeSettings read_realtime(Options table) {

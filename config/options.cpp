@@ -315,6 +315,22 @@ std::vector<std::string> Options::keys() const {
     return all;
 }
 
+std::vector<std::string> Options::differing_keys(const Options& other) const {
+    std::vector<std::string> all = keys(), differing;
+    for (auto& key : other.keys())
+        if (!has(key)) all.push_back(std::move(key));
+    for (auto& key : all) {
+        const toml::node *here = node_->peek(key), *there = other.node_->peek(key);
+        const bool same = here && there && here->visit([&](const auto& one) {
+            using Kind = std::decay_t<decltype(one)>;
+            const auto* another = there->as<Kind>();
+            return another != nullptr && one == *another;
+        });
+        if (!same) differing.push_back(std::move(key));
+    }
+    return differing;
+}
+
 Options Options::table(std::string_view key) {
     const toml::node* found = node_->ask(key);
     auto& known = node_->children[std::string(key)];

@@ -82,7 +82,9 @@ public:
 
     [[nodiscard]] bool has(std::string_view key) const;
     [[nodiscard]] std::vector<std::string> keys() const;  // all of the table; looking does not count as asking
-    Options table(std::string_view key);                  // optional: missing is an empty table
+    // The keys whose values are not the same here and there, in order; those below count as one with their table.
+    [[nodiscard]] std::vector<std::string> differing_keys(const Options& other) const;
+    Options table(std::string_view key);  // optional: missing is an empty table
     // [[key]]; optional. More than `most` is an error, and those beyond are neither returned nor checked.
     std::vector<Options> tables(std::string_view key, std::size_t most = 256);
 

@@ -90,7 +90,7 @@ void replace_file(const std::string& path, std::string_view bytes) {
     const auto refuse = [&](const char* step, bool remove) {
         const int error = errno;
         if (remove) ::unlink(temporary.c_str());
-        throw SetupError(fmt::format("{}: not saved: {}: {}", path, step, std::strerror(error)));
+        throw SaveError(fmt::format("{}: not saved: {}: {}", path, step, std::strerror(error)));
     };
     ::unlink(temporary.c_str());
     File file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));

@@ -12,8 +12,12 @@ namespace tactiled {
 // pipe or a device. setup: never throws for bad input
 std::optional<std::string> read_text_file(const std::string& path, std::size_t most_bytes, Problems& problems);
 
+struct SaveError : SetupError {
+    using SetupError::SetupError;
+};
+
 // Replaces `path` at once or not at all: temporary file beside it, fsync, rename, fsync of the folder.
-// setup: throws SetupError where a step is refused; then the old file stands as it was and no temporary one is left
+// setup: throws SaveError where a step is refused; the old file stands as it was then, but after the rename, and no temporary one
 void replace_file(const std::string& path, std::string_view bytes);
 
 }  // namespace tactiled

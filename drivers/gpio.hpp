@@ -3,6 +3,7 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 namespace tactiled {
@@ -57,7 +58,12 @@ private:
     std::unique_ptr<Held> held_;
 };
 
-// What a user can do about an error of opening a line. For both back ends.
-const char* gpio_remedy(int error) noexcept;
+// ---- for both back ends ----
+
+inline constexpr const char* kGpioConsumer = "tactiled";
+// The line's offset, where its name is nothing but digits.
+std::optional<unsigned> gpio_offset(const GpioName& name);
+// "GPIO line "DRDY" of chip "gpiochip0": what the error is, and what a user can do about it"; without a chip, of that.
+std::string gpio_refusal(const GpioName& name, bool has_chip, int error);
 
 }  // namespace tactiled

@@ -1,10 +1,8 @@
 // libgpiod 1.x, as in Debian 12. It uses the kernel's first interface: 16 edges wait at most, the newest are dropped beyond.
-#include <fmt/format.h>
 #include <gpiod.h>
 #include <poll.h>
 
 #include <cerrno>
-#include <cstring>
 
 #include "drivers/gpio.hpp"
 
@@ -12,7 +10,6 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint32_t kWaitingMost = 16;  // of the kernel
-constexpr const char* kConsumer = "tactiled";
 
 struct Line {
     gpiod_chip* chip = nullptr;
@@ -25,19 +22,11 @@ struct Line {
         if (chip != nullptr) ::gpiod_chip_close(chip);  // releases its lines
     }
     std::string open(const GpioName& name) {
-        const auto fail = [&](const std::string& what) {
-            return fmt::format("{}: {}{}", what, std::strerror(errno), gpio_remedy(errno));
-        };
         chip = ::gpiod_chip_open_lookup(name.chip.c_str());
-        if (chip == nullptr) return fail(fmt::format("GPIO chip \"{}\"", name.chip));
-        const bool offset = name.line.find_first_not_of("0123456789") == std::string::npos && name.line.size() <= 6;
+        if (chip == nullptr) return gpio_refusal(name, false, errno);
         line = ::gpiod_chip_find_line(chip, name.line.c_str());
-        if (line == nullptr && offset) line = ::gpiod_chip_get_line(chip, unsigned(std::stoul(name.line)));
-        return line != nullptr ? "" : fail(fmt::format("GPIO line \"{}\" of chip \"{}\"", name.line, name.chip));
-    }
-    std::string refused(const GpioName& name) const {
-        return fmt::format("GPIO line \"{}\" of chip \"{}\": {}{}", name.line, name.chip, std::strerror(errno),
-                           gpio_remedy(errno));
+        if (const auto offset = gpio_offset(name); line == nullptr && offset) line = ::gpiod_chip_get_line(chip, *offset);
+        return line != nullptr ? "" : gpio_refusal(name, true, errno);
     }
 };
 
@@ -57,9 +46,9 @@ void GpioOutput::close() noexcept { held_.reset(); }
 std::string GpioEdges::open(const GpioName& name, Edge edge) {
     held_ = std::make_unique<Held>();
     std::string why = held_->open(name);
-    if (why.empty() && (edge == Edge::rising ? ::gpiod_line_request_rising_edge_events(held_->line, kConsumer)
-                                             : ::gpiod_line_request_falling_edge_events(held_->line, kConsumer)) != 0)
-        why = held_->refused(name);
+    if (why.empty() && (edge == Edge::rising ? ::gpiod_line_request_rising_edge_events(held_->line, kGpioConsumer)
+                                             : ::gpiod_line_request_falling_edge_events(held_->line, kGpioConsumer)) != 0)
+        why = gpio_refusal(name, true, errno);
     if (!why.empty()) held_.reset();
     return why;
 }
@@ -89,7 +78,8 @@ int GpioEdges::level() const noexcept { return ::gpiod_line_get_value(held_->lin
 std::string GpioOutput::open(const GpioName& name, bool high) {
     held_ = std::make_unique<Held>();
     std::string why = held_->open(name);
-    if (why.empty() && ::gpiod_line_request_output(held_->line, kConsumer, high ? 1 : 0) != 0) why = held_->refused(name);
+    if (why.empty() && ::gpiod_line_request_output(held_->line, kGpioConsumer, high ? 1 : 0) != 0)
+        why = gpio_refusal(name, true, errno);
     if (!why.empty()) held_.reset();
     return why;
 }

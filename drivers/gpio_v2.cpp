@@ -1,12 +1,10 @@
 // libgpiod 2.x, as in Debian 13. 256 edges wait at most, the oldest are dropped beyond; the line's sequence counts them.
 #include <dirent.h>
-#include <fmt/format.h>
 #include <gpiod.h>
 #include <poll.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstring>
 #include <vector>
 
 #include "drivers/gpio.hpp"
@@ -15,7 +13,6 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kWaitingMost = 256;
-constexpr const char* kConsumer = "tactiled";
 
 // By path, name or label; nullptr with errno.
 gpiod_chip* open_chip(const std::string& wanted) {
@@ -55,29 +52,24 @@ struct Line {
         if (request != nullptr) ::gpiod_line_request_release(request);
     }
     std::string open(const GpioName& name, gpiod_line_settings* settings) {
-        gpiod_chip* chip = open_chip(name.chip);
-        std::string what = fmt::format("GPIO chip \"{}\"", name.chip);
-        if (chip != nullptr) {
-            what = fmt::format("GPIO line \"{}\" of chip \"{}\"", name.line, name.chip);
-            ask(chip, name.line, settings);
-        }
+        gpiod_chip* const chip = open_chip(name.chip);
+        if (chip != nullptr) ask(chip, name, settings);
         const int error = errno;
         if (chip != nullptr) ::gpiod_chip_close(chip);
-        return request != nullptr ? "" : fmt::format("{}: {}{}", what, std::strerror(error), gpio_remedy(error));
+        return request != nullptr ? "" : gpio_refusal(name, chip != nullptr, error);
     }
 
 private:
-    void ask(gpiod_chip* chip, const std::string& name, gpiod_line_settings* settings) {
-        int found = ::gpiod_chip_get_line_offset_from_name(chip, name.c_str());
-        const bool number = name.find_first_not_of("0123456789") == std::string::npos && name.size() <= 6;
-        if (found < 0 && number) found = std::stoi(name);
+    void ask(gpiod_chip* chip, const GpioName& name, gpiod_line_settings* settings) {
+        int found = ::gpiod_chip_get_line_offset_from_name(chip, name.line.c_str());
+        if (const auto number = gpio_offset(name); found < 0 && number) found = int(*number);
         if (found < 0) return;
         offset = unsigned(found);
         gpiod_line_config* lines = ::gpiod_line_config_new();
         gpiod_request_config* how = ::gpiod_request_config_new();
         if (lines != nullptr && how != nullptr && settings != nullptr &&
             ::gpiod_line_config_add_line_settings(lines, &offset, 1, settings) == 0) {
-            ::gpiod_request_config_set_consumer(how, kConsumer);
+            ::gpiod_request_config_set_consumer(how, kGpioConsumer);
             ::gpiod_request_config_set_event_buffer_size(how, kWaitingMost);
             request = ::gpiod_chip_request_lines(chip, how, lines);
         }

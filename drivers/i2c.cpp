@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostChips = 32;
+constexpr std::size_t kMostChips = 32, kMostSelectLines = 4;
 
 // A chip's data-ready line on a GPIO chip. Where that goes away, the chip is asked by the clock alone until the link is
 // opened again.
@@ -53,6 +53,31 @@ private:
     bool is_open_ = false;
 };
 
+// A switch whose lines tell it the electrode's number, the first line its lowest bit.
+class GpioSelector final : public Selector {
+public:
+    explicit GpioSelector(std::vector<GpioName> names) : names_(std::move(names)), lines_(names_.size()) {}
+
+    // "" or what is wrong. setup
+    [[nodiscard]] std::string open() {
+        std::string wrong;
+        for (std::size_t bit = 0; bit < names_.size() && wrong.empty(); ++bit) wrong = lines_[bit].open(names_[bit], false);
+        return wrong;
+    }
+    void close() noexcept {
+        for (auto& line : lines_) line.close();
+    }
+    bool select(unsigned electrode) noexcept override {
+        bool good = true;
+        for (std::size_t bit = 0; bit < lines_.size(); ++bit) good &= lines_[bit].set((electrode >> bit & 1u) != 0);
+        return good;
+    }
+
+private:
+    std::vector<GpioName> names_;
+    std::vector<GpioOutput> lines_;
+};
+
 class I2c final : public Driver {
 public:
     explicit I2c(Options& options)
@@ -64,6 +89,8 @@ public:
 
     std::string open() override {
         std::string wrong = bus_.open(path_, timeout_ms_);
+        for (auto& selector : selectors_)
+            if (wrong.empty()) wrong = selector->open();
         if (wrong.empty()) {
             wrong = schedule_.open();
             if (!wrong.empty()) wrong = path_ + ": " + wrong;
@@ -82,6 +109,7 @@ public:
     void close() noexcept override {
         bus_.close();
         for (auto& line : lines_) line->close();
+        for (auto& selector : selectors_) selector->close();
     }
 
 private:
@@ -123,13 +151,37 @@ private:
             ready = lines_.back().get();
         }
         if (made->is_noisy()) noisy_.insert(device);
-        schedule_.add(name, std::move(made), place, device, counts, ready);
+        Selector* const selector = read_selector(options, made->electrodes());
+        schedule_.add(name, std::move(made), place, device, counts, ready, selector);
+    }
+
+    // nullptr where there is none.
+    Selector* read_selector(Options& options, unsigned electrodes) {
+        if (!options.has("select")) {
+            if (electrodes != 0)
+                options.problem("select",
+                                "electrodes needs select = {chip = \"gpiochip0\", lines = [\"5\", \"6\", ...]}, the "
+                                "lines that turn the switch");
+            return nullptr;
+        }
+        Options table = options.table("select");
+        const std::string chip = table.text("chip");
+        std::vector<GpioName> names;
+        for (const auto& line : table.texts("lines", {1, kMostSelectLines})) names.push_back({chip, line});
+        if (electrodes == 0)
+            options.problem("select", "select is for a chip that has electrodes: ad7746 with electrodes = 2 .. 16");
+        else if (electrodes > 1u << names.size())
+            options.problem("select", fmt::format("{} lines select one of {}, not of {} electrodes", names.size(),
+                                                  1u << names.size(), electrodes));
+        selectors_.push_back(std::make_unique<GpioSelector>(std::move(names)));
+        return selectors_.back().get();
     }
 
     std::string path_;
     int timeout_ms_;
     I2cDevice bus_;
     std::vector<std::unique_ptr<GpioReady>> lines_;
+    std::vector<std::unique_ptr<GpioSelector>> selectors_;
     Schedule schedule_{bus_};
     std::set<std::uint16_t> devices_, noisy_;
     std::vector<Place> places_;

@@ -13,6 +13,8 @@ namespace tactiled {
 struct GraspSettable {
     double slip_sensitivity = 0.5;  // 0 .. 1
     double weigh_window_ms = 100;
+
+    bool operator==(const GraspSettable&) const = default;
 };
 
 struct Command {

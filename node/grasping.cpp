@@ -78,25 +78,53 @@ bool Grasping::carry_out(const Command& command) noexcept {
             hand_over_objects();
             return true;
         case Kind::clear_slips:
-        case Kind::clear_latches: estimator_->clear_slips(command.mask != 0 ? command.mask : ~0u); return true;  // 0: all
+        case Kind::clear_latches: {
+            const std::uint32_t mask = command.mask != 0 ? command.mask : ~0u;  // 0: all
+            estimator_->clear_slips(mask);
+            before_.slip_latch &= ~mask;
+            return true;
+        }
         case Kind::objects: take(command.objects); return true;
-        case Kind::hint: estimator_->hint(command.gripper); return true;
-        case Kind::gravity: estimator_->gravity(command.robot_G_m_s2); return true;
+        case Kind::hint: estimator_->hint(told_hint_ = command.gripper); return true;
+        case Kind::gravity: estimator_->gravity(*(told_gravity_G_m_s2_ = command.robot_G_m_s2)); return true;
         case Kind::acceleration: estimator_->acceleration(command.robot_G_m_s2, command.told_ns); return true;
         default: return false;
     }
 }
 
 void Grasping::set(const GraspSettable& wish) noexcept {
+    wish_ = wish;
     if (!estimator_) return;
     const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
     estimator_->slip_sensitivity(or_configured(wish.slip_sensitivity, configured_.slip_sensitivity));
     estimator_->weigh_window(std::min(or_configured(wish.weigh_window_ms, configured_.weigh_window_ms), kMostWindow_ms));
 }
 
+void Grasping::succeed(const Grasping& before) noexcept {
+    const tactiled_grasp was = before.state();
+    before_ = {};
+    before_.t_lift_off_ns = was.t_lift_off_ns;
+    before_.grasps = was.grasps;
+    before_.slips = was.slips;
+    before_.slip_latch = was.slip_latch;
+    std::copy(std::begin(was.slip_count), std::end(was.slip_count), before_.slip_count);
+    set(before.wish_);
+    told_gravity_G_m_s2_ = before.told_gravity_G_m_s2_;
+    told_hint_ = before.told_hint_;
+    if (estimator_ && told_gravity_G_m_s2_) estimator_->gravity(*told_gravity_G_m_s2_);
+    if (estimator_) estimator_->hint(told_hint_);
+    if (estimator_) take({before.taught_.data(), before.n_taught_});
+}
+
 tactiled_grasp Grasping::state() const noexcept {
     if (estimator_) {
         tactiled_grasp now = estimator_->state();
+        now.t_lift_off_ns = std::max(now.t_lift_off_ns, before_.t_lift_off_ns);
+        now.grasps += before_.grasps;
+        now.slips += before_.slips;
+        now.slip_latch |= before_.slip_latch;
+        for (std::size_t i = 0; i < std::size(now.slip_count); ++i)
+            now.slip_count[i] = std::uint16_t(now.slip_count[i] + before_.slip_count[i]);
         now.scale_shown = scale_shown_ ? 1 : 0;
         return now;
     }

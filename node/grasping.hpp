@@ -32,6 +32,10 @@ public:
     // NaN: as configured. rt: wait-free
     void set(const GraspSettable& wish) noexcept;
 
+    // Goes on in the place of `before`, which was configured otherwise: what was counted, latched, wished, taught and told
+    // by the robot stays, the shown scale does not. rt: wait-free
+    void succeed(const Grasping& before) noexcept;
+
     // rt: wait-free
     [[nodiscard]] tactiled_grasp state() const noexcept;
 
@@ -40,7 +44,10 @@ private:
     void hand_over_objects() noexcept;
 
     std::optional<grasp::Grasp> estimator_;
-    GraspSettable configured_;
+    GraspSettable configured_, wish_{kNaN, kNaN};
+    std::optional<grasp::Vector> told_gravity_G_m_s2_;  // NaN: told that it is not known any more
+    grasp::Hint told_hint_ = grasp::Hint::none;
+    tactiled_grasp before_{};                                // what was counted and latched before this one; the rest is 0
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# install-packages.sh [build] [demo] [tests] [kernel]: installs the Debian packages that are missing. Nothing to do: no network, no root.
+# install-packages.sh [build] [demo] [tests] [kernel] [packaging]: installs the Debian packages that are missing. Nothing to do: no network, no root.
 set -euo pipefail
 
 build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
@@ -8,9 +8,11 @@ demo=(mbpoll)
 tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio clang-format-14 procps strace
     socat nmap tshark)
 kernel=(qemu-system-x86 busybox-static iproute2 can-utils cpio kmod python3 binutils libelf-dev make gcc xz-utils)
+packaging=(help2man dpkg-dev)
 command -v node >/dev/null || tests+=(nodejs)
 
 wanted=()
+
 for list in "$@"; do
     declare -n packages=$list
     wanted+=("${packages[@]}")

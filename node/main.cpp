@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cinttypes>
 #include <csignal>
 #include <cstring>
 #include <memory>
@@ -14,8 +15,10 @@
 #include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/modbus/server.hpp"
+#include "node/reload.hpp"
 #include "node/setup.hpp"
 #include "node/threads.hpp"
+#include "node/watchdog.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled {
@@ -44,16 +47,19 @@ std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, 
     }
 }
 
-void wait_for_end(const sigset_t& signals) {
+void wait_for_end(const sigset_t& signals, Reloader& reloader, Pipeline& pipeline) {
     for (;;) {
         int number = 0;
         if (::sigwait(&signals, &number) != 0) continue;
         if (number != SIGHUP) return;
-        log_line(LogLevel::warning, "SIGHUP: this version does not reload its configuration; restart it instead");
+        ::sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%" PRIu64, monotonic_ns() / 1000);
+        reloader.reload(pipeline);
+        ::sd_notify(0, "READY=1");
     }
 }
 
 int run(Node& node, const sigset_t& signals) {
+    Reloader reloader(node, method_costs_folder());
     SegmentWriter segment(node.plan);
     Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u,
                       node.grasp);
@@ -63,6 +69,7 @@ int run(Node& node, const sigset_t& signals) {
         Threads threads(node, segment, pipeline);
         for (const auto& refused : threads.start()) log_line(LogLevel::warning, fmt::format("RT_DEGRADED: {}", refused));
         segment.set_state(TACTILED_RUNNING);
+        const Watchdog watchdog(threads.progress());
         std::unique_ptr<ModbusServer> modbus;
         const ModbusSettings& settings = node.config.modbus;
         if (settings.enabled())
@@ -74,7 +81,7 @@ int run(Node& node, const sigset_t& signals) {
                              TACTILED_VERSION, node.plan.name, node.sensors.size(), node.plan.name,
                              settings.listen.empty() ? settings.enabled() ? "RTU" : "off" : settings.listen));
         ::sd_notify(0, "READY=1");
-        wait_for_end(signals);
+        wait_for_end(signals, reloader, pipeline);
         ::sd_notify(0, "STOPPING=1");
     }
     pipeline.stop(monotonic_ns());  // the threads have ended: nothing overtakes the last word

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "node/shm/frame_record.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -26,24 +28,6 @@ std::uint32_t take_refused(Link& link, std::uint16_t device) noexcept {
     for (auto& refused : link.refused)
         if (refused.device == device) frames += std::exchange(refused.frames, 0);
     return frames;
-}
-
-static_assert(TACTILED_MAX_CHANNELS == kMaxChannels);
-
-tactiled_frame as_published(const Frame& frame) noexcept {
-    tactiled_frame out;  // not cleared: channels beyond are not copied
-    out.t_ns = frame.t_ns;
-    out.device_time_us = frame.device_time_us;
-    out.sequence = frame.sequence;
-    out.missing = frame.missing;
-    out.saturated = frame.saturated;
-    out.lost = frame.lost;
-    out.device = frame.device;
-    out.n_channels = frame.n_channels;
-    out.has_sequence = frame.has_sequence ? 1 : 0;
-    out.reserved = 0;
-    std::copy_n(frame.channel.begin(), frame.n_channels, out.channel);
-    return out;
 }
 
 }  // namespace
@@ -74,8 +58,7 @@ bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     return status != Status::gone;
 }
 
-// ---- ring -> decouple -> grasp -> publish
-// -------------------------------------------------------------------------------------
+// ---- ring -> decouple -> grasp -> publish ------------------------------------------------------------------------------
 
 Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
                    std::uint32_t status, const std::optional<Grasping::Setup>& grasp)
@@ -83,7 +66,7 @@ Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor
       sensors_(sensors),
       segment_(segment),
       link_of_sensor_(sensors.size(), nullptr),
-      grasping_(grasp),
+      grasping_(std::make_unique<Grasping>(grasp)),
       fixed_status_(status) {
     for (auto& link : links_)
         for (const auto& binding : link->bindings) link_of_sensor_[binding.sensor] = link.get();
@@ -99,6 +82,12 @@ void Pipeline::start(std::uint64_t now_ns) noexcept {
 }
 
 bool Pipeline::deliver(std::uint64_t now_ns) noexcept {
+    if (replacement_.load(std::memory_order_relaxed) != nullptr) {  // nearly never: no exchange each turn
+        if (Replacement* const offered = replacement_.exchange(nullptr, std::memory_order_acquire)) {
+            take(*offered, now_ns);
+            taken_.store(true, std::memory_order_release);  // pairs with the acquire in replace()
+        }
+    }
     for (std::size_t commander = 0; commander < commands.size(); ++commander)
         while (const Command* command = commands[commander].front()) {
             carry_out(commander, *command, now_ns);
@@ -139,7 +128,7 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
         bound = true;
         Sensor& sensor = sensors_[binding.sensor];
         const tactiled_sample sample = sensor.sample(frame, now_ns);
-        grasping_.feel(binding.sensor, sample, sensor.zero_S());
+        grasping_->feel(binding.sensor, sample, sensor.zero_S());
         publish(binding.sensor, sample);
     }
     if (!bound) segment_.set_link_count(link.index, TACTILED_LINK_UNBOUND, ++link.unbound);
@@ -160,7 +149,7 @@ void Pipeline::publish(std::uint32_t index, const tactiled_sample& sample) noexc
 }
 
 void Pipeline::publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept {
-    grasping_.feel(index, marker, sensors_[index].zero_S());
+    grasping_->feel(index, marker, sensors_[index].zero_S());
     publish(index, marker);
 }
 
@@ -183,9 +172,9 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
     if (command.kind >= Kind::set) {  // nobody waits for it: the registers say what is set
         if (command.kind == Kind::set) {
             for (auto& sensor : sensors_) sensor.set(command.settable);
-            grasping_.set(command.grasp);
+            grasping_->set(command.grasp);
         } else {
-            grasping_.carry_out(command);
+            grasping_->carry_out(command);
         }
         return;
     }
@@ -211,16 +200,16 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
             return finish_command(commander, TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
         case Kind::clear_latches:
             node_.fault = 0;
-            grasping_.carry_out(command);
+            grasping_->carry_out(command);
             return done();
-        case Kind::clear_slips: grasping_.carry_out(command); return done();
+        case Kind::clear_slips: grasping_->carry_out(command); return done();
         case Kind::reset_peaks: each([](Sensor& s) { s.reset_peak(); }); return done();
         case Kind::self_test: return done(all_have_values(command.mask));
         case Kind::start_weighing:
         case Kind::stop_weighing:
         case Kind::zero_weight:
         case Kind::known_weight:
-        case Kind::objects: return grasping_.carry_out(command) ? done() : reject(TACTILED_COMMAND_NOT_NOW);
+        case Kind::objects: return grasping_->carry_out(command) ? done() : reject(TACTILED_COMMAND_NOT_NOW);
         case Kind::set:
         case Kind::hint:
         case Kind::gravity:
@@ -287,12 +276,13 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     const auto bit = [](bool on, auto value) { return on ? std::uint32_t(value) : 0u; };
     node_.warning = bit((reasons & TACTILED_DRIFTED) != 0, TACTILED_WARN_DRIFT) |
                     bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST) | bit(budget, TACTILED_WARN_BUDGET) |
-                    bit((reasons & TACTILED_WRONG_RATE) != 0, TACTILED_WARN_RATE);
+                    bit((reasons & TACTILED_WRONG_RATE) != 0, TACTILED_WARN_RATE) |
+                    bit(reload_refused_.load(std::memory_order_relaxed), TACTILED_WARN_RELOAD);
     node_.status = fixed_status_ | bit(ready, TACTILED_READY) | bit(contact, TACTILED_ANY_CONTACT) |
                    bit(stale, TACTILED_ANY_STALE) | bit((reasons & TACTILED_UNCALIBRATED) != 0, TACTILED_ANY_UNCALIBRATED) |
                    bit(taring_ != 0, TACTILED_ANY_TARING) | bit(node_.warning != 0, TACTILED_WARNING) |
                    bit(node_.fault != 0, TACTILED_FAULT);
-    node_.grasp = grasping_.state();
+    node_.grasp = grasping_->state();
     node_.t_ns = now_ns;
     segment_.publish(node_);
     ++node_.sequence;

@@ -51,6 +51,19 @@ struct Link {
 // rt: blocks on the link, for at most `timeout_ms`
 [[nodiscard]] bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept;
 
+// What a reload of the configuration changes; made and destroyed outside of the loop.
+struct Replacement {
+    struct Part {
+        std::uint32_t index;  // of the sensor
+        bool measures_alike;  // the running one is only retuned
+        std::unique_ptr<Sensor> sensor;
+        tactiled_sensor entry;  // of the directory
+    };
+    std::vector<Part> sensors;
+    std::unique_ptr<Grasping> grasping;  // nullptr: stays
+    std::uint32_t calibration_id = 0;
+};
+
 class Pipeline {
 public:
     // `status` holds bits that never change while the daemon runs: SIMULATED. setup
@@ -73,11 +86,18 @@ public:
     // Bits that set-up learnt after the pipeline was made: RT_DEGRADED. Before the loop only.
     void add_status(std::uint32_t bits) noexcept { fixed_status_ |= bits; }
 
+    // Puts the parts of `replacement` into the place of the running ones, between two turns; it holds the old ones then.
+    // False where the loop did not come round within `patience_ms`: nothing was replaced. setup: while the loop runs
+    bool replace(Replacement& replacement, int patience_ms) noexcept;
+    // Whether the last wish to reload the configuration was refused: shown as a warning until the next. rt: wait-free
+    void reload_refused(bool refused) noexcept { reload_refused_.store(refused, std::memory_order_relaxed); }
+
     // One ring a commander (enum tactiled_commander), each from one other thread: a ring has one producer.
     std::array<Ring<Command>, TACTILED_COMMANDERS> commands{Ring<Command>{16}, Ring<Command>{16}};
 
 private:
     void deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept;
+    void take(Replacement& replacement, std::uint64_t now_ns) noexcept;
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
     void publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept;
     void carry_out(std::size_t commander, const Command& command, std::uint64_t now_ns) noexcept;
@@ -92,7 +112,9 @@ private:
     std::vector<Sensor>& sensors_;
     SegmentWriter& segment_;
     std::vector<Link*> link_of_sensor_;
-    Grasping grasping_;
+    std::unique_ptr<Grasping> grasping_;
+    std::atomic<Replacement*> replacement_{nullptr};  // offered, not yet taken
+    std::atomic<bool> taken_{false}, reload_refused_{false};
 
     tactiled_node node_{};
     std::uint32_t fixed_status_;

@@ -76,12 +76,30 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
 
 void Sensor::set(const SensorSettable& wish) noexcept {
     const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
+    wish_ = wish;
     const SensorSettable& configured = setup_.settable;
     in_force_.filter_Hz = or_configured(wish.filter_Hz, configured.filter_Hz);
     in_force_.contact_on_N = or_configured(wish.contact_on_N, configured.contact_on_N);
     in_force_.contact_off_N = std::min(or_configured(wish.contact_off_N, configured.contact_off_N), in_force_.contact_on_N);
     in_force_.overload_N = or_configured(wish.overload_N, configured.overload_N);
     if (in_force_.filter_Hz != low_pass_.cutoff_Hz()) low_pass_.set_cutoff(in_force_.filter_Hz);
+}
+
+void Sensor::retune(const Sensor& other) noexcept {
+    setup_.saturates_below = other.setup_.saturates_below;
+    setup_.saturates_above = other.setup_.saturates_above;
+    setup_.tare_ns = other.setup_.tare_ns;
+    setup_.settable = other.setup_.settable;
+    stream_.judge_by(other.setup_.stream);
+    drift_.judge_by(other.setup_.drift_N);
+    set(wish_);
+}
+
+void Sensor::succeed(const Sensor& before) noexcept {
+    sequence_ = before.sequence_;
+    daemon_epoch_ = before.daemon_epoch_;
+    stream_.succeed(before.stream_);
+    set(before.wish_);
 }
 
 // Contact, overload and peak, from the components that the sensor sees. No value, no contact: the last one is not kept.

@@ -21,6 +21,8 @@ struct SensorSettable {
     double filter_Hz = 0;                             // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;  // of the magnitude of the components that the sensor sees
     double overload_N = 0;                            // 0 = none
+
+    static constexpr SensorSettable as_configured() { return {kNaN, kNaN, kNaN, kNaN}; }
 };
 
 class Sensor {
@@ -40,7 +42,7 @@ public:
         std::uint64_t (*clock_ns)() noexcept = &now_ns;  // what it is timed with
     };
     explicit Sensor(Setup setup) : setup_(std::move(setup)), stream_(setup_.stream), drift_(setup_.drift_N) {
-        set(setup_.settable);
+        set(SensorSettable::as_configured());
         all_ = std::uint32_t((std::uint64_t(1) << setup_.channel_of_frame.size()) - 1);
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
@@ -73,6 +75,11 @@ public:
 
     // Takes effect with the next sample. rt: wait-free
     void set(const SensorSettable& wish) noexcept;
+    // Takes over how `other`, which measures alike, judges and filters. rt: wait-free
+    void retune(const Sensor& other) noexcept;
+    // Goes on in the place of `before`, which measured otherwise, in a new epoch and without its tare. Publish marker()
+    // then. rt: wait-free
+    void succeed(const Sensor& before) noexcept;
     // The peak starts again with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
 
@@ -93,7 +100,7 @@ private:
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
     Setup setup_;
-    SensorSettable in_force_;
+    SensorSettable wish_, in_force_;
     StreamQuality stream_;
     ZeroDrift drift_;
     std::uint32_t all_ = 0;  // bit k: channel k of the model

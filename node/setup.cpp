@@ -147,6 +147,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
                                          : setup.stream.noisy       ? kFrozenAfter
                                                                     : 0);
     node.sensors.emplace_back(std::move(setup));
+    node.calibrations.push_back(calibration_text(calibration));
 }
 
 // The estimator's view of [grasp]; index and full scale of each jaw's sensor are those of the directory.
@@ -205,7 +206,12 @@ std::uint16_t identity_of(const Config& config) {
 }  // namespace
 
 Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder) {
-    Node node{.config = load_config(config_path, problems), .links = {}, .sensors = {}, .grasp = {}, .plan = {}};
+    Node node{.config = load_config(config_path, problems),
+              .calibrations = {},
+              .links = {},
+              .sensors = {},
+              .grasp = {},
+              .plan = {}};
     Config& config = node.config;
     for (std::size_t i = 0; i < config.links.size(); ++i) {
         auto link = std::make_unique<Link>();

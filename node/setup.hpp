@@ -13,6 +13,7 @@ namespace tactiled {
 
 struct Node {
     Config config;
+    std::vector<std::string> calibrations;  // the text of each sensor's
     std::vector<std::unique_ptr<Link>> links;
     std::vector<Sensor> sensors;  // in the order of the file, which is the order in segment and register map
     std::optional<Grasping::Setup> grasp;

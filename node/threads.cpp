@@ -12,6 +12,7 @@ namespace {
 
 constexpr int kReadTimeoutMs = 50;  // how long a silent device keeps its thread from noticing stop()
 constexpr int kLeastPauseMs = 50, kMostPauseMs = 1000;
+constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline that makes no turn for so long hangs
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
 // An opening that gave a frame and lasted so long was a device: looked for at once when it is gone. Less is one that only
 // seems to be there, such as a server that accepts and hangs up.
@@ -74,10 +75,12 @@ void Threads::stop() noexcept {
     threads_.clear();  // joins
 }
 
-void Threads::pause(int ms) const noexcept {
+void Threads::pause(int ms, Progress::Turns& turns) const noexcept {
     const std::uint64_t until = monotonic_ns() + std::uint64_t(ms) * 1'000'000u;
-    while (!stop_.load(std::memory_order_acquire) && monotonic_ns() < until)
+    while (!stop_.load(std::memory_order_acquire) && monotonic_ns() < until) {
+        turns.count();
         sleep_until(std::min(until, monotonic_ns() + std::uint64_t(kReadTimeoutMs) * 1'000'000u));
+    }
 }
 
 void Threads::run_link(Link& link) noexcept {
@@ -85,13 +88,16 @@ void Threads::run_link(Link& link) noexcept {
     int pause_ms = kLeastPauseMs;
     bool announce = true;  // false after an opening that came to nothing: then "open" is said of one that works
     LinkCounts& counts = link.driver->counts;
+    const int stuck_ms = node_.config.node.stuck_link_ms;
+    Progress::Turns turns(progress_, fmt::format("link \"{}\"", link.name),
+                          stuck_ms == 0 ? UINT64_MAX : std::uint64_t(stuck_ms) * 1'000'000u);
     while (!stop_.load(std::memory_order_acquire)) {
         const std::string wrong = link.driver->open();
         if (!wrong.empty()) {
             segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
             segment_.set_link_count(link.index, TACTILED_LINK_RESTARTED, counts[TACTILED_LINK_RESTARTED]);  // by open()
             refused.about(link.name, wrong);
-            pause(pause_ms);
+            pause(pause_ms, turns);
             pause_ms = std::min(2 * pause_ms, kMostPauseMs);
             continue;
         }
@@ -107,6 +113,7 @@ void Threads::run_link(Link& link) noexcept {
                 const Armed armed;
                 present = acquire(link, segment_, kReadTimeoutMs);
             }
+            turns.count();
             if (worked || counts[TACTILED_LINK_FRAMES] == frames || monotonic_ns() - opened_ns < kWorkedNs) continue;
             worked = true;
             if (!announce) log_line(LogLevel::info, fmt::format("link \"{}\": open", link.name));
@@ -122,7 +129,7 @@ void Threads::run_link(Link& link) noexcept {
         announce = worked;
         if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kLeastPauseMs;
         gone.about(link.name, "the device is gone; waiting for it to come back");
-        pause(pause_ms);
+        pause(pause_ms, turns);
         pause_ms = std::min(2 * pause_ms, kMostPauseMs);
     }
 }
@@ -131,13 +138,16 @@ void Threads::run_pipeline() noexcept {
     while (!go_.load(std::memory_order_acquire) && !stop_.load(std::memory_order_acquire))
         sleep_until(monotonic_ns() + 1'000'000u);  // rights are settled first
     const std::uint64_t period_ns = std::uint64_t(node_.config.realtime.period_us) * 1000u;
+    Progress::Turns turns(progress_, "the pipeline", kPipelineNs + 2 * period_ns);
     std::uint64_t next_ns = monotonic_ns() + period_ns;
     while (!stop_.load(std::memory_order_acquire)) {
         sleep_until(next_ns);
+        turns.count();
         {
             const Armed armed;
             const std::uint64_t now_ns = monotonic_ns();
-            const std::uint64_t missed = now_ns > next_ns ? (now_ns - next_ns) / period_ns : 0;
+            const std::uint64_t late_ns = now_ns > next_ns ? now_ns - next_ns : 0, missed = late_ns / period_ns;
+            segment_.count_lateness(late_ns);
             const bool published = pipeline_.deliver(now_ns);
             pipeline_.account(monotonic_ns() - now_ns, missed);
             next_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up

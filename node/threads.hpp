@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "node/pipeline.hpp"
+#include "node/progress.hpp"
 #include "node/realtime.hpp"
 #include "node/setup.hpp"
 
@@ -19,17 +20,20 @@ public:
     // Starts all. Returns what was refused, one line a right; RT_DEGRADED is then set before the loop begins.
     // setup: throws SetupError where a thread cannot be made, or a right is refused and [realtime] required is set
     std::vector<std::string> start();
+    // Who of them goes round.
+    Progress& progress() noexcept { return progress_; }
     // Returns when all threads have ended, at most about 0.1 s later.
     void stop() noexcept;
 
 private:
     void run_link(Link& link) noexcept;
     void run_pipeline() noexcept;
-    void pause(int ms) const noexcept;
+    void pause(int ms, Progress::Turns& turns) const noexcept;
 
     Node& node_;
     SegmentWriter& segment_;
     Pipeline& pipeline_;
+    Progress progress_;
     std::vector<std::unique_ptr<RtThread>> threads_;
     std::atomic<bool> go_{false}, stop_{false};
 };

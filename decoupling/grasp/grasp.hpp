@@ -23,6 +23,8 @@ struct JawSetup {
     double share = 0;  // of the object's weight that this jaw carries; 0: all jaws of the gripper alike
     double contact_on_N = 0.5, contact_off_N = 0.3;  // of the press; widened to the noise that the free phase shows
     double full_scale_N[3] = {0, 0, 0};              // beyond it a weight is OVERLOAD; 0 = not known
+
+    bool operator==(const JawSetup&) const = default;
 };
 
 struct Setup {
@@ -37,6 +39,8 @@ struct Setup {
     // long after lift-off at most. 1 s is longer than picks take: too long delays a weight, too short makes one of the arm's
     // braking.
     double lift_accelerates_ms = 1000;
+
+    bool operator==(const Setup&) const = default;
 };
 
 // What is taught: an object weighs this much, +- the sd from grasp to grasp.
@@ -62,6 +66,7 @@ public:
     explicit Grasp(const Setup& setup);
     ~Grasp();
     Grasp(Grasp&&) noexcept;
+    Grasp& operator=(Grasp&&) noexcept;
 
     // One sample of jaw `jaw`, in the order in which they come. rt: wait-free
     void sample(std::size_t jaw, const JawSample& sample) noexcept;

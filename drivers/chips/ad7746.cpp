@@ -1,5 +1,5 @@
-// AD7746: capacitance, two inputs, 24 bits, and its own temperature. Frame: CIN1 in pF, CIN2 in pF where channels = 2, then
-// the temperature in degC where it is asked for.
+// AD7746: capacitance, two inputs, 24 bits, and its own temperature. Frame: CIN1 in pF, CIN2 in pF where channels = 2, or
+// the electrodes that a switch leads to CIN1, one after the other; then the temperature in degC where it is asked for.
 //
 // Registers, their bits, the conversion times and the active-low ready bits are those of Linux's drivers/iio/cdc/ad7746.c.
 // From knowledge of the data sheet, not checked on a chip: 200 us after a reset command; that RDY waits for both converters
@@ -23,14 +23,20 @@ constexpr std::uint32_t kVtUs = 20'100, kResetUs = 1000;
 constexpr std::uint32_t kCapUs[] = {11'000, 11'900, 20'000, 38'000, 62'000, 77'000, 92'000, 109'600};
 constexpr double kPfPerCount = 4.096 / 0x800000;
 constexpr std::uint32_t kZero = 0x800000, kTop = 0xFFFFFF;
+constexpr unsigned kMostElectrodes = 16;
 
 class Ad7746 final : public Chip {
 public:
     explicit Ad7746(Options& options)
         : rate_(choice(options, "rate_Hz", {91, 84, 50, 26, 16, 13, 11, 9}, 91)),
-          channels_(unsigned(options.integer("channels", {1, 2}, 1))),
+          electrodes_(unsigned(options.integer("electrodes", {0, kMostElectrodes}, 0))),
+          channels_(electrodes_ != 0 ? electrodes_ : unsigned(options.integer("channels", {1, 2}, 1))),
           differential_(options.flag("differential", false)),
           temperature_(options.flag("temperature", false)) {
+        if (electrodes_ == 1)
+            options.problem("electrodes", "one electrode needs no switch: leave electrodes and select out");
+        if (electrodes_ != 0 && options.has("channels"))
+            options.problem("channels", "the switch is in front of CIN1: electrodes and channels cannot both be there");
         const std::string excitation = options.one_of("excitation", {"a", "b", "both"}, "a");
         excitation_ = std::uint8_t(0x03 | (excitation != "b" ? 0x08 : 0) | (excitation != "a" ? 0x20 : 0));  // 3: +-VDD / 2
         dac_a_ = dacs(options, "capdac_a");
@@ -42,7 +48,8 @@ public:
         at_ = 0;
         is_stale_ = false;
         const Settings set = settings();
-        Answer answer = port.write({kCapSetup, set[0], set[1], set[2], set[3], set[4], set[5]});
+        Answer answer = port.select(0);
+        if (answer == Answer::ok) answer = port.write({kCapSetup, set[0], set[1], set[2], set[3], set[4], set[5]});
         std::array<std::uint8_t, 13> all{};
         if (answer == Answer::ok) answer = port.read(kStatus, all);
         if (answer != Answer::ok) return {answer};
@@ -83,6 +90,7 @@ public:
     Pace pace() const noexcept override { return channels_ == 1 ? Pace::continuous : Pace::triggered; }
     ReadyEdge ready_edge() const noexcept override { return ReadyEdge::falling; }  // RDY
     bool is_noisy() const noexcept override { return true; }
+    unsigned electrodes() const noexcept override { return electrodes_; }
     std::uint64_t conversion_ns() const noexcept override {
         return (kCapUs[rate_] + (converts_temperature() ? kVtUs : 0)) * std::uint64_t{1000};
     }
@@ -91,8 +99,8 @@ public:
 private:
     using Settings = std::array<std::uint8_t, 6>;  // registers 7 .. 12
 
-    std::array<std::uint8_t, 2> dacs(Options& options, std::string_view key) const {
-        std::array<std::uint8_t, 2> codes{};
+    std::array<std::uint8_t, kMostElectrodes> dacs(Options& options, std::string_view key) const {
+        std::array<std::uint8_t, kMostElectrodes> codes{};
         const auto values = options.numbers(key, {0, 127}, {0, channels_});
         for (std::size_t i = 0; i < values.size(); ++i)
             codes[i] = values[i] > 0 ? std::uint8_t(kDacOn | unsigned(std::lround(values[i]))) : std::uint8_t{0};
@@ -105,7 +113,8 @@ private:
 
     // Of the channel that is converted now, with the mode left out.
     [[nodiscard]] Settings settings() const noexcept {
-        const auto cap = std::uint8_t(kCapOn | (at_ == 1 ? kCin2 : 0) | (differential_ ? kDifferential : 0));
+        const auto cap =
+            std::uint8_t(kCapOn | (electrodes_ == 0 && at_ == 1 ? kCin2 : 0) | (differential_ ? kDifferential : 0));
         return {cap, std::uint8_t(converts_temperature() ? kVtOn : 0), excitation_, config(), dac_a_[at_], dac_b_[at_]};
     }
     static std::uint64_t packed(std::uint8_t status, const Settings& settings) noexcept {
@@ -114,10 +123,11 @@ private:
         return all;
     }
 
-    // Both inputs share one converter and its CAPDACs. A ready bit that stayed would give out the other input's value.
+    // All share one converter and its CAPDACs. A ready bit that stayed would give out another one's value.
     Answer begin(Port& port) noexcept {
         const Settings set = settings();
-        Answer answer = port.write({kCapSetup, set[0], set[1]});
+        Answer answer = port.select(at_);
+        if (answer == Answer::ok) answer = port.write({kCapSetup, set[0], set[1]});
         if (answer == Answer::ok) answer = port.write({kCapDacA, set[4], set[5]});
         if (answer == Answer::ok) answer = port.write({kConfig, std::uint8_t(config() | kSingle)});
         std::uint8_t status = 0;
@@ -140,10 +150,10 @@ private:
         frame_.channel[frame_.n_channels++] = double(vt) / 2048 - 4096;
     }
 
-    unsigned rate_, channels_;
+    unsigned rate_, electrodes_, channels_;  // channels_ is how many of either there are
     bool differential_, temperature_;
     std::uint8_t excitation_ = 0;
-    std::array<std::uint8_t, 2> dac_a_{}, dac_b_{};
+    std::array<std::uint8_t, kMostElectrodes> dac_a_{}, dac_b_{};
     unsigned at_ = 0;        // the channel that is converted now
     bool is_stale_ = false;  // the one before still looks ready: not to be told from it
     Frame frame_;

@@ -41,4 +41,12 @@ public:
     [[nodiscard]] virtual bool take(std::uint64_t& t_ns) noexcept = 0;
 };
 
+// An analog switch in front of a converter's input, which its lines turn to one of several electrodes.
+class Selector {
+public:
+    virtual ~Selector() = default;
+    // False where it cannot be told any more what is selected. rt: a system call a line
+    [[nodiscard]] virtual bool select(unsigned electrode) noexcept = 0;
+};
+
 }  // namespace tactiled

@@ -58,6 +58,8 @@ public:
     [[nodiscard]] virtual ReadyEdge ready_edge() const noexcept { return ReadyEdge::none; }
     // Whether its noise is more than a count with every setting, by the data sheet. setup
     [[nodiscard]] virtual bool is_noisy() const noexcept { return false; }
+    // How many electrodes an analog switch leads to its input, one after the other; 0: there is no such switch.
+    [[nodiscard]] virtual unsigned electrodes() const noexcept { return 0; }
     // From the beginning of the conversion that runs to its end, or between two of them, by the data sheet.
     [[nodiscard]] virtual std::uint64_t conversion_ns() const noexcept = 0;
     // What tells this chip from others: "its registers 0xFE and 0xFF read", 0x54491004. setup

@@ -19,8 +19,8 @@ struct Place {
 
 class Port {
 public:
-    Port(I2cBus& bus, Muxes& muxes, Place place, LinkCounts& counts) noexcept
-        : bus_(bus), muxes_(muxes), place_(place), counts_(counts) {}
+    Port(I2cBus& bus, Muxes& muxes, Place place, LinkCounts& counts, Selector* selector = nullptr) noexcept
+        : bus_(bus), muxes_(muxes), place_(place), counts_(counts), selector_(selector) {}
 
     // A register, or a command, and what follows it. rt: blocks on the bus
     [[nodiscard]] Answer write(std::initializer_list<std::uint8_t> bytes) noexcept {
@@ -28,6 +28,11 @@ public:
     }
     // The registers from `first` on, in one transfer. rt: blocks on the bus
     [[nodiscard]] Answer read(std::uint8_t first, std::span<std::uint8_t> in) noexcept { return transfer({&first, 1}, in); }
+
+    // Turns the chip's own switch to that electrode. rt: as Selector::select
+    [[nodiscard]] Answer select(unsigned electrode) noexcept {
+        return selector_ == nullptr || selector_->select(electrode) ? Answer::ok : Answer::gone;
+    }
 
     [[nodiscard]] const Place& place() const noexcept { return place_; }
     [[nodiscard]] std::uint64_t now_ns() const noexcept { return bus_.now_ns(); }
@@ -50,6 +55,7 @@ private:
     Muxes& muxes_;
     Place place_;
     LinkCounts& counts_;
+    Selector* selector_;  // nullptr: none
 };
 
 // Two bytes, three bytes, big endian, as all these chips send them. rt: wait-free

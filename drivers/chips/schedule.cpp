@@ -11,9 +11,10 @@ constexpr std::uint64_t kMostOpenNs = 500 * kMs;  // a driver may block for a se
 }  // namespace
 
 void Schedule::add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts,
-                   ReadyLine* ready) {
+                   ReadyLine* ready, Selector* selector) {
     if (place.mux != 0) muxes_.add(place.mux);
-    stations_.emplace_back(std::move(name), std::move(chip), Port(bus_, muxes_, place, counts), device, counts, ready);
+    stations_.emplace_back(std::move(name), std::move(chip), Port(bus_, muxes_, place, counts, selector), device, counts,
+                           ready);
 }
 
 Station& Schedule::first_due() noexcept {

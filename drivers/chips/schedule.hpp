@@ -14,7 +14,7 @@ public:
 
     // setup
     void add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts,
-             ReadyLine* ready = nullptr);
+             ReadyLine* ready = nullptr, Selector* selector = nullptr);
 
     // Sets up what can be within half a second; the rest goes on in read(). "", or what is wrong: another chip than
     // configured, no chip at all, or the bus itself. setup

@@ -6,6 +6,7 @@
 #include <exception>
 
 #include "config/options.hpp"
+#include "config/text_file.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/layout.h"
 
@@ -49,7 +50,7 @@ int main(int argc, char** argv) {
     app.require_subcommand(1);
     Run run;
     for (auto* add : {add_status, add_top, add_read, add_record, add_replay, add_tare, add_weigh, add_teach, add_map,
-                      add_check, add_calibrate, add_decouple, add_play, add_simulate, add_tradeoff})
+                      add_check, add_doctor, add_calibrate, add_decouple, add_play, add_simulate, add_tradeoff})
         add(app, run);
     try {
         app.parse(argc, argv);
@@ -57,6 +58,8 @@ int main(int argc, char** argv) {
     int status = kUnhealthy;
     try {
         status = run();
+    } catch (const SaveError& error) {  // nothing is wrong with the words
+        fmt::print(stderr, "tactilectl: {}\n", error.what());
     } catch (const SetupError& error) {
         fmt::print(stderr, "tactilectl: {}\n", error.what());
         status = kUsage;

@@ -16,6 +16,7 @@
 #include "drivers/mcap/writer.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
+#include "node/shm/frame_record.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled::ctl {
@@ -108,16 +109,7 @@ public:
         Frame frame;
         for (auto& link : links_)
             while (link.tail.next(shown)) {
-                frame.t_ns = shown.t_ns;
-                frame.device_time_us = shown.device_time_us;
-                frame.sequence = shown.sequence;
-                frame.missing = shown.missing;
-                frame.saturated = shown.saturated;
-                frame.lost = shown.lost;
-                frame.device = shown.device;
-                frame.has_sequence = shown.has_sequence != 0;
-                frame.n_channels = std::min<std::uint8_t>(shown.n_channels, TACTILED_MAX_CHANNELS);
-                std::copy_n(shown.channel, frame.n_channels, frame.channel.begin());
+                read_published(shown, frame);
                 mcap::encode_frame(frame, wall(frame.t_ns), message_);
                 file_.message(link.channel, frame.sequence, wall(frame.t_ns), message_);
             }

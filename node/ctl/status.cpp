@@ -24,6 +24,13 @@ std::string number(double value, int width, int digits) {
 
 nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
 
+nlohmann::json lateness_json(const Lateness& counts) {
+    nlohmann::json out;
+    for (const auto& [name, q] : {std::pair{"p50", 0.5}, {"p99", 0.99}, {"p99.9", 0.999}, {"worst", 1.0}})
+        out[name] = json_number(lateness_quantile_ns(counts, q) / 1000);
+    return out;
+}
+
 // How many samples had each reason since the start.
 std::string reason_line(const Segment& segment, std::uint32_t i) {
     std::string counts;
@@ -36,10 +43,15 @@ std::string reason_line(const Segment& segment, std::uint32_t i) {
 std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
     const auto& node = snapshot.node;
-    std::string out = fmt::format("{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  missed {}{}{}\n",
-                                  h.name, h.version, h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, node.missed_cycles,
-                                  (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
-                                  (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "");
+    const Lateness late = segment.lateness();
+    std::string out = fmt::format(
+        "{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  woken late by {:.0f} us, p99 {:.0f}  "
+        "missed {}{}{}{}\n",
+        h.name, h.version, h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, lateness_quantile_ns(late, 0.5) / 1000,
+        lateness_quantile_ns(late, 0.99) / 1000, node.missed_cycles,
+        (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
+        (node.warning & TACTILED_WARN_RELOAD) != 0 ? "  reload refused: see the log" : "",
+        (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "");
     out += fmt::format("{:<12} {:>10} {:>10} {:>10} {:>8} {:>8} {:>8} {:>6}  {}\n", "sensor", "fx/N", "fy/N", "fz/N",
                        "sd fz/N", "Hz", "age/ms", "lost", "quality");
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
@@ -99,8 +111,10 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                        {"cycles", snapshot.node.cycles},
                        {"missed_cycles", snapshot.node.missed_cycles},
                        {"worst_cycle_us", snapshot.node.worst_cycle_us},
+                       {"lateness_us", lateness_json(segment.lateness())},
                        {"rt_degraded", (snapshot.node.status & TACTILED_RT_DEGRADED) != 0},
                        {"grasp", grasp_json(segment, snapshot.node.grasp)},
+                       {"reload_refused", (snapshot.node.warning & TACTILED_WARN_RELOAD) != 0},
                        {"simulated", (snapshot.node.status & TACTILED_SIMULATED) != 0}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         const auto& s = snapshot.sensor[i];

@@ -28,6 +28,7 @@ void add_tare(CLI::App& app, Run& run);
 void add_weigh(CLI::App& app, Run& run);
 void add_teach(CLI::App& app, Run& run);
 void add_map(CLI::App& app, Run& run);
+void add_doctor(CLI::App& app, Run& run);
 void add_check(CLI::App& app, Run& run);
 void add_calibrate(CLI::App& app, Run& run);
 void add_decouple(CLI::App& app, Run& run);

@@ -198,7 +198,7 @@ void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) 
     out[kWeight + 1] = std::uint16_t(weight & 0xFFFFu);
     out[kWeightG] = u16_of(weight_kg, 10 * kMass_kg, unused);
     out[kWeightSd] = u16_of(has_weight(grasp) ? grasp.weight_sd_kg : kNaN, kMass_kg, unused);
-    out[kCalId] = view.segment != nullptr ? std::uint16_t(view.segment->header().calibration_id) : std::uint16_t(0);
+    out[kCalId] = view.segment != nullptr ? std::uint16_t(view.segment->calibration_id()) : std::uint16_t(0);
     out[kCycleWorst] = view.alive ? clamped(node.worst_cycle_us) : kNoU16;
 }
 

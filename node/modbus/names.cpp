@@ -28,7 +28,8 @@ constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2,
 constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved"},
                               {2, "lost samples"},
                               {5, "a sensor's method auto has stepped down or misses its budget"},
-                              {6, "a sensor's rate is not the declared one"}};
+                              {6, "a sensor's rate is not the declared one"},
+                              {7, "the last reload was refused: the configuration before is in force"}};
 constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {1, "contact"},
                                       {2, "incipient slip"},

@@ -107,7 +107,7 @@ class _Struct:
 _HEADER = _Struct(
     "magic:8s byte_order:I major:H minor:H header_size:I total_size:I epoch:I pid:I boot_id:40s name:32s version:32s "
     "control:108s watchdog_ms:I n_sensors:I sensor_offset:I sensor_size:I n_links:I link_offset:I link_size:I "
-    "calibration_id:I node:5I -:88x state:I -:124x")
+    "calibration_id:I node:5I lateness_offset:I -:84x state:I reloads:I -:120x")
 _SENSOR = _Struct(
     "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f "
     "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I")
@@ -123,7 +123,8 @@ _GRASP = _Struct(
 _NODE = _Struct(
     "sequence:Q t_ns:Q cycles:Q missed_cycles:Q heartbeat:I status:I fault:I warning:I worst_cycle_us:I command:6I "
     f"-:4x count:16Q grasp:{_GRASP.size}s")
-_STATE_WORD = struct.calcsize("=" + "".join(code for _, code in _HEADER.fields[:-2])) // 4
+_STATE_WORD = struct.calcsize("=" + "".join(code for _, code in _HEADER.fields[:-3])) // 4
+_RELOADS_WORD = _STATE_WORD + 1
 
 Header = collections.namedtuple("Header", _HEADER.names)
 SensorInfo = collections.namedtuple("SensorInfo", _SENSOR.names)
@@ -282,13 +283,27 @@ class _Segment:
             raise self._error("the node ring lies outside")
         self.sensors = {}  # name -> (SensorInfo, _Ring), in the daemon's order
         for i in range(h.n_sensors):
-            at = h.sensor_offset + i * h.sensor_size
-            entry = self.bytes[at:at + min(h.sensor_size, _SENSOR.size)].ljust(_SENSOR.size, b"\0")  # an older daemon has less
-            info = SensorInfo._make(_SENSOR.texts(entry, 0))
+            info = self._entry(i)
             ring = _Ring(self, info.ring, _SAMPLE.size)
             if not ring.fits(size):
                 raise self._error("a sensor's ring lies outside")
             self.sensors[info.name] = info, ring
+
+    def _entry(self, i):
+        h = self.header
+        at = h.sensor_offset + i * h.sensor_size
+        entry = self.bytes[at:at + min(h.sensor_size, _SENSOR.size)].ljust(_SENSOR.size, b"\0")  # an older daemon has less
+        return SensorInfo._make(_SENSOR.texts(entry, 0))
+
+    def info(self, sensor):
+        """The directory's entry as it is now: the daemon may have reloaded its configuration."""
+        i = list(self.sensors).index(sensor)
+        for _ in range(_TRIES):
+            reloads = self.words[_RELOADS_WORD]
+            entry = self._entry(i)
+            if reloads % 2 == 0 and self.words[_RELOADS_WORD] == reloads:
+                break
+        return entry
 
     def grasp(self, data, t_ns, now_ns):
         """The Grasp of a node record's bytes, judged: not known where the daemon has ended, where it writes none (before
@@ -383,7 +398,7 @@ class Node(_Attached):
         """What the daemon says of a sensor: model, serial, stale_ms, full_scale, ..."""
         if sensor not in self._now().sensors:
             raise Error(f'node "{self.name}" has no sensor "{sensor}"')
-        return self._segment.sensors[sensor][0]
+        return self._segment.info(sensor)
 
     def reason_counts(self, sensor):
         """Samples with each reason since the daemon started, as {word: count}; those that never were are left out."""

@@ -62,7 +62,8 @@ std::size_t size_of(const SegmentPlan& plan, std::uint32_t history) {
     const std::size_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_sample));
     const std::size_t node_slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_node));
     return sizeof(tactiled_header) + aligned(sizeof(tactiled_sensor) * sensors) + sizeof(tactiled_link) * plan.links.size() +
-           kAlign * (sensors + 1) + node_slot * kNodeRecords + slot * history * sensors;
+           aligned(4 * TACTILED_LATENESS_BUCKETS) + kAlign * (sensors + 1) + node_slot * kNodeRecords +
+           slot * history * sensors;
 }
 
 std::uint32_t history_of(const SegmentPlan& plan) {
@@ -265,6 +266,7 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
     const auto take = [&](std::uint64_t size) { return std::exchange(at, at + aligned(size)); };
     h.sensor_offset = take(sizeof(tactiled_sensor) * plan.sensors.size());
     h.link_offset = take(sizeof(tactiled_link) * plan.links.size());
+    h.lateness_offset = take(4 * TACTILED_LATENESS_BUCKETS);
     const auto ring = [&](std::size_t record_size, std::uint32_t slots) {
         tactiled_ring r{};
         r.record_size = std::uint32_t(record_size);
@@ -308,6 +310,36 @@ void SegmentWriter::publish(std::uint32_t index, std::uint64_t number, const tac
 
 void SegmentWriter::publish(const tactiled_node& node) noexcept {
     publish_record(base_, header().node, node.sequence, &node, sizeof node);
+}
+
+void SegmentWriter::count_lateness(std::uint64_t late_ns) noexcept {
+    auto* const count =
+        reinterpret_cast<std::uint32_t*>(base_ + header().lateness_offset) + tactiled_lateness_bucket(late_ns);
+    __atomic_store_n(count, *count + 1, __ATOMIC_RELAXED);
+}
+
+void SegmentWriter::begin_reload() noexcept {
+    __atomic_store_n(&header().reloads, header().reloads + 1, __ATOMIC_RELAXED);
+    __atomic_thread_fence(__ATOMIC_RELEASE);  // odd before any word of an entry changes
+}
+
+void SegmentWriter::set_sensor(std::uint32_t index, const tactiled_sensor& entry) noexcept {
+    auto& live = reinterpret_cast<tactiled_sensor*>(base_ + header().sensor_offset)[index];
+    tactiled_sensor wanted = entry;
+    wanted.ring = live.ring;
+    std::copy(std::begin(live.count), std::end(live.count), wanted.count);
+    static_assert(sizeof wanted % 4 == 0 && alignof(tactiled_sensor) % 4 == 0);
+    for (std::size_t at = 0; at < sizeof wanted; at += 4) {  // what stays the same is not even written
+        std::uint32_t word = 0;
+        std::memcpy(&word, reinterpret_cast<const char*>(&wanted) + at, 4);
+        auto* const there = reinterpret_cast<std::uint32_t*>(reinterpret_cast<char*>(&live) + at);
+        if (__atomic_load_n(there, __ATOMIC_RELAXED) != word) __atomic_store_n(there, word, __ATOMIC_RELAXED);
+    }
+}
+
+void SegmentWriter::end_reload(std::uint32_t calibration_id) noexcept {
+    __atomic_store_n(&header().calibration_id, calibration_id, __ATOMIC_RELAXED);
+    __atomic_store_n(&header().reloads, header().reloads + 1, __ATOMIC_RELEASE);  // pairs with a reader's acquire
 }
 
 void SegmentWriter::wake_readers() noexcept {

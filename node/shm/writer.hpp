@@ -45,6 +45,15 @@ public:
     // Publishes the next node record: call it after the samples that it names. rt: wait-free
     void publish(const tactiled_node& node) noexcept;
 
+    // The loop woke so long after its deadline. rt: wait-free
+    void count_lateness(std::uint64_t late_ns) noexcept;
+
+    // Another directory entry for sensor `index`: name, model, link, stale_ms and ring stay. Between begin and end, which
+    // also takes the new CAL_ID. rt: wait-free
+    void begin_reload() noexcept;
+    void set_sensor(std::uint32_t index, const tactiled_sensor& entry) noexcept;
+    void end_reload(std::uint32_t calibration_id) noexcept;
+
     // Wakes the readers that sleep until the next node record, if any do. rt: one system call where one does
     void wake_readers() noexcept;
     // The page in which they say so (struct tactiled_wake), to be handed to them: sealed, it cannot shrink under us.

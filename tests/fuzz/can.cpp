@@ -1,106 +1,91 @@
-// A DBC file and a message. Oracles: a file that is accepted is printed and read back to the same; each of its signals reads
-// what was put there bit by bit, and nothing beyond the bytes that it says it needs; assembled frames are whole.
-#include <fmt/format.h>
-
-#include <cmath>
-#include <cstdlib>
-#include <cstring>
+// Samples of several CAN messages whose parts are lost, late and doubled, as the fuzzer likes. Each part holds the number of
+// its sample. Oracles: a frame never mixes two samples; none comes twice or goes back; what came whole is given; `lost` is
+// exactly what is missing before a frame, as far as the counter can tell, and never less.
+#include <array>
 
 #include "drivers/wire/can_sample.hpp"
-#include "drivers/wire/dbc.hpp"
-#include "tests/unit/drivers/can_encode.hpp"
+#include "tests/fuzz/input.hpp"
 
 namespace {
 
 using namespace tactiled;
+using fuzz::check;
+using fuzz::Input;
 
-void check(bool holds) {
-    if (!holds) std::abort();
-}
+constexpr std::uint64_t kPeriod_ns = 1'000'000, kWindow_ns = 10 * kPeriod_ns;
 
-std::string text_of(const Dbc& dbc) {
-    std::string text, types;
-    for (const auto& m : dbc.messages) {
-        const std::uint32_t id = m.extended ? m.id | kCanExtended : m.id;
-        text += fmt::format("BO_ {} {}: {} X\n", id, m.name, m.bytes);
-        for (const auto& s : m.signals) {
-            const CanSignal& c = s.signal;
-            std::string mux = s.mux ? fmt::format("m{}", *s.mux) : "";
-            if (s.selects) mux = "M";
-            text += fmt::format(" SG_ {} {}: {}|{}@{}{} ({},{})\n", s.name, mux, c.start, c.length,
-                                c.order == CanSignal::Order::intel ? 1 : 0, c.type == CanSignal::Type::is_signed ? '-' : '+',
-                                c.factor, c.offset);
-            if (c.type == CanSignal::Type::is_float)
-                types += fmt::format("SIG_VALTYPE_ {} {} : {};\n", id, s.name, c.length == 32 ? 1 : 2);
-        }
-        if (m.nested_mux_line != 0) types += fmt::format("SG_MUL_VAL_ {} x y 0-0;\n", id);
-    }
-    return text + types;
-}
-
-void decode(const CanSignal& signal, std::span<const std::uint8_t> seed) {
-    std::uint8_t bytes[kCanMostBytes] = {};
-    std::memcpy(bytes, seed.data(), std::min(seed.size(), sizeof bytes));
-    std::uint64_t raw = 0;
-    std::memcpy(&raw, bytes, sizeof raw);
-    test::put_raw(signal, raw, bytes);
-    const std::size_t needed = bytes_needed(signal);
-    const std::vector<std::uint8_t> exactly(bytes, bytes + needed);  // the sanitizer sees a byte too far
-    check(raw_of(signal, exactly) == (signal.length == 64 ? raw : raw & ((1ull << signal.length) - 1)));
-    (void)value_of(signal, exactly);
-}
-
-// All signals of a message as one device, the messages in a row as its parts.
-void assemble(const Dbc& dbc, std::span<const std::uint8_t> seed) {
+CanDevice device_of(unsigned parts, unsigned bits, bool at_end) {
     CanDevice device;
-    device.window_ns = 1000;
-    for (const auto& m : dbc.messages) {
-        if (m.bytes > kCanMostBytes || m.signals.empty() || device.n_channels == kMaxChannels) continue;
+    device.n_channels = std::uint8_t(parts);
+    device.window_ns = kWindow_ns;
+    for (unsigned p = 0; p < parts; ++p) {
         CanPart part;
-        part.id = m.extended ? m.id | kCanExtended : m.id;
-        for (const auto& s : m.signals) {
-            if (device.n_channels == kMaxChannels) break;
-            part.channels.push_back({device.n_channels++, s.signal});
-            part.bytes = std::max(part.bytes, bytes_needed(s.signal));
-        }
+        part.id = 0x100 + p;
+        CanSignal number;  // of the sample, whole
+        number.start = at_end ? 32 : 0;
+        number.length = 32;
+        part.channels.push_back({std::uint8_t(p), number});
+        CanSignal counter = number;
+        counter.length = bits;
+        part.sequence = counter;
+        part.bytes = bytes_needed(number);
         device.parts.push_back(part);
     }
-    if (device.parts.empty()) return;
-    const auto parts = device.parts;
-    LinkCounts counts;
-    CanSamples samples({device}, counts);
-    std::uint64_t t_ns = 1;
-    std::uint32_t frames = 0;
-    Frame frame;
-    for (std::size_t k = 0; k + 1 < seed.size(); k += 2) {
-        t_ns += seed[k + 1];
-        const auto bytes = seed.subspan(k, std::min<std::size_t>(kCanMostBytes, seed.size() - k));
-        samples.take({parts[seed[k] % parts.size()].id, bytes, t_ns, 0});
-        while (samples.next(frame)) {
-            ++frames;
-            check(frame.n_channels == device.n_channels && frame.t_ns <= t_ns && frame.t_ns + device.window_ns >= t_ns);
-            for (unsigned c = 0; c < frame.n_channels; ++c)
-                check(std::isfinite(frame.channel[c]) != ((frame.missing >> c & 1u) != 0));
-        }
-    }
-    check(counts[TACTILED_LINK_FRAMES] == frames);
+    return device;
 }
 
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-    Problems problems;
-    const Dbc dbc = parse_dbc({reinterpret_cast<const char*>(data), size}, "fuzz.dbc", problems);
-    (void)problems.lines();
-    if (!problems.empty()) return 0;
-    const std::string text = text_of(dbc);
-    Problems again;
-    const Dbc back = parse_dbc(text, "again.dbc", again);
-    check(again.empty() && back.messages == dbc.messages);
-    const std::span<const std::uint8_t> seed(data, size);
-    for (const auto& message : dbc.messages)
-        for (const auto& signal : message.signals)
-            if (message.bytes <= kCanMostBytes) decode(signal.signal, seed);
-    assemble(dbc, seed);
+    Input input(data, size);
+    const unsigned parts = 1 + input.byte() % 5, bits = input.byte() % 2 == 0 ? 8 : 16;
+    const bool at_end = input.byte() % 2 != 0;
+    LinkCounts counts;
+    CanSamples samples({device_of(parts, bits, at_end)}, counts);
+    const std::uint32_t half = 1u << (bits - 1);  // a larger gap no counter of so many bits can tell
+    std::uint64_t t_ns = 1'000'000'000;
+    std::uint32_t number = 1, last = 0, given = 0;
+    bool again = false, exact = true;  // an old part came since the last fresh one; ever since the last frame
+    Frame frame;
+    const auto send = [&](std::uint32_t n, unsigned part) {
+        std::array<std::uint8_t, 8> bytes{};
+        for (unsigned k = 0; k < 4; ++k) bytes[(at_end ? 4 : 0) + k] = std::uint8_t(n >> 8 * k);
+        samples.take({0x100 + part, bytes, t_ns, 0});
+        if (!samples.next(frame)) return false;
+        for (unsigned k = 0; k < parts; ++k) check(frame.channel[k] == double(n));
+        check(n > last && frame.n_channels == parts && frame.missing == 0);
+        check(frame.t_ns <= t_ns && frame.t_ns + kWindow_ns >= t_ns);
+        if (given != 0 && n - last < half) check(exact ? frame.lost == n - last - 1 : frame.lost >= n - last - 1);
+        check(!samples.next(frame));
+        last = n;
+        ++given;
+        exact = true;
+        return true;
+    };
+    while (!input.is_empty()) {
+        const unsigned what = input.byte();
+        t_ns += kPeriod_ns;
+        if (what < 96) {  // whole, its parts turned round
+            bool got = false;
+            for (unsigned p = 0; p < parts; ++p) got = send(number, (p + what) % parts);
+            if (given == 0 || number - last < half) check(got);
+            ++number;
+            again = false;
+        } else if (what < 128) {  // lost
+            number += 1 + what % 4;
+        } else if (what < 192) {  // one part of it
+            (void)send(number, what % parts);
+            ++number;
+            again = false;
+        } else if (what < 224 && !again &&
+                   number > 8) {  // an old one; two that follow each other are a device that restarted
+            again = true;
+            exact = false;
+            (void)send(number - 1 - what % 8, input.byte() % parts);
+        } else {
+            t_ns += input.byte() * kPeriod_ns;
+        }
+    }
+    check(counts[TACTILED_LINK_FRAMES] == given);
     return 0;
 }

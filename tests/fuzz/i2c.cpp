@@ -2,29 +2,15 @@
 // A model chip that is reset, disturbed, unplugged, delayed, and whose transfers fail, before or after it took them. Oracle:
 // each value of each frame is one that the model converted for that channel, and no conversion is given twice. A bus that
 // answers whatever the fuzzer says. Oracle: no crash, no endless loop; each channel is finite or marked missing.
-#include <cstdlib>
-
+#include "tests/fuzz/input.hpp"
 #include "tests/unit/drivers/chip_bench.hpp"
 
 namespace {
 
 using namespace tactiled;
 using namespace tactiled::test;
-
-void check(bool holds) {
-    if (!holds) std::abort();
-}
-
-class Input {
-public:
-    Input(const std::uint8_t* data, std::size_t size) : at_(data), left_(size) {}
-    bool is_empty() const { return left_ == 0; }
-    std::uint8_t byte() { return left_ == 0 ? 0 : (--left_, *at_++); }
-
-private:
-    const std::uint8_t* at_;
-    std::size_t left_;
-};
+using fuzz::check;
+using fuzz::Input;
 
 class AnyBus final : public I2cBus {
 public:

@@ -1,6 +1,7 @@
 // Any bytes as a recording: the reader ends, stays inside of the bytes, and a second reading gives the same.
 #include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <string_view>
 
 #include "drivers/mcap/format.hpp"
@@ -27,6 +28,14 @@ Seen read_all(mcap::Reader& reader, std::string_view file) {
         if (mcap::decode_frame(message->data, frame)) {
             ++seen.frames;
             if (frame.n_channels > kMaxChannels) std::abort();
+            std::string again;
+            mcap::encode_frame(frame, message->time_ns, again);
+            Frame back;
+            // Bit by bit, but for a flag that has more than one way to say yes.
+            if (!mcap::decode_frame(again, back) || std::memcmp(&frame.channel, &back.channel, sizeof frame.channel) != 0 ||
+                frame.t_ns != back.t_ns || frame.sequence != back.sequence || frame.missing != back.missing ||
+                frame.device != back.device || frame.lost != back.lost || frame.saturated != back.saturated)
+                std::abort();
         }
     }
     return seen;

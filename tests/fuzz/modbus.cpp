@@ -1,21 +1,17 @@
 // The wall and libmodbus behind it: any bytes as a stream. Oracles: an answer is at most 260 bytes, echoes transaction and
 // unit, is as long as it says, and is a read's or write's answer or an exception; nothing is used beyond what was received.
-#include <cstdlib>
-
 #include "node/modbus/encode.hpp"
 #include "node/modbus/identify.hpp"
 #include "node/modbus/responder.hpp"
 #include "node/modbus/rtu.hpp"
 #include "node/modbus/wall.hpp"
+#include "tests/fuzz/input.hpp"
 
 using namespace tactiled;
 using namespace tactiled::modbus;
+using fuzz::check;
 
 namespace {
-void check(bool holds) {
-    if (!holds) std::abort();
-}
-
 // How long the PDU of a good answer is: 1.1b3, section 6.
 std::size_t length_of_answer(const Request& r) {
     switch (r.function) {

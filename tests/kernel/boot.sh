@@ -4,7 +4,7 @@
 # It is QEMU's emulation on purpose: where /dev/kvm exists it need not work, and a test machine is to be the same everywhere.
 set -euo pipefail
 folder=$1 overlay=$2; shift 2
-{ echo '#!/bin/sh'; echo 'cd /root/project'; printf 'exec'; printf ' %q' "$@"; echo; } >"$overlay/job"; chmod +x "$overlay/job"
+{ echo '#!/bin/sh'; echo 'cd /project'; printf 'exec'; printf ' %q' "$@"; echo; } >"$overlay/job"; chmod +x "$overlay/job"
 initrd=$(mktemp); trap 'rm -f "$initrd"' EXIT
 cp "$folder/base.cpio" "$initrd"
 (cd "$overlay" && find . -print0 | cpio --null -o -H newc --quiet) >>"$initrd"  # Linux unpacks one after the other

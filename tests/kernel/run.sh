@@ -16,7 +16,7 @@ base=$folder/base.cpio
 if [ ! -e "$base" ] || [ -n "$(find "$here"/{init,initramfs.sh,program.sh} -newer "$base")" ]; then "$here/initramfs.sh" "$folder" "$base"; fi
 
 overlay=$(mktemp -d); trap 'rm -rf "$overlay"' EXIT
-root=$overlay/root/project
+root=$overlay/project
 mkdir -p "$root/build/release/bin" "$root/tests" "$root/node"
 cp -r "$project/tests/kernel" "$project/tests/system" "$root/tests/"
 cp -r "$project/node/python" "$root/node/"; cp -r "$project/config" "$root/"

@@ -7,11 +7,8 @@
 //   over           the controller loses messages before the next one
 //   broken 0|1     each start of the controller ends in bus-off
 //   stall 0|1      nothing is sent any more: messages wait in the queue
-#include <arpa/inet.h>
 #include <poll.h>
-#include <sys/socket.h>
 #include <time.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -24,29 +21,13 @@
 #include <utility>
 #include <vector>
 
+#include "tests/kernel/usbip.hpp"
+
 namespace {
 
-// ---- the protocols: usbip (include/uapi of it: Documentation/usb/usbip_protocol.rst) and gs_usb ----
+using namespace tactiled::test::usbip;
 
-struct [[gnu::packed]] Header {  // big endian, but for `setup`
-    std::uint32_t command, sequence, device, direction, endpoint;
-    union {
-        struct {
-            std::uint32_t flags, length, start_frame, packets, interval;
-            std::uint8_t setup[8];
-        } submit;
-        struct {
-            std::uint32_t status, length, start_frame, packets, errors;
-            std::uint8_t unused[8];
-        } answer;
-        struct {
-            std::uint32_t sequence;
-            std::uint8_t unused[24];
-        } unlink;
-    };
-};
-static_assert(sizeof(Header) == 48);
-enum : std::uint32_t { kSubmit = 1, kUnlink = 2, kSubmitted = 3, kUnlinked = 4 };
+// ---- the protocol of gs_usb ----
 
 struct [[gnu::packed]] Message {  // struct gs_host_frame with a classic frame and its stamp
     std::uint32_t echo, id;
@@ -67,16 +48,6 @@ std::uint32_t now_us() {
     timespec t;
     ::clock_gettime(CLOCK_MONOTONIC, &t);
     return std::uint32_t(std::uint64_t(t.tv_sec) * 1'000'000u + std::uint64_t(t.tv_nsec) / 1000);
-}
-
-bool read_all(int fd, void* to, std::size_t size) {
-    for (auto* at = static_cast<char*>(to); size > 0;) {
-        const ssize_t n = ::read(fd, at, size);
-        if (n <= 0) return false;
-        at += n;
-        size -= std::size_t(n);
-    }
-    return true;
 }
 
 // ---- the adapter ----
@@ -222,18 +193,12 @@ private:
 
 }  // namespace
 
-int main(int count, char** words) {
-    int ends[2];
-    if (::socketpair(AF_UNIX, SOCK_STREAM, 0, ends) != 0) return 1;
-    std::FILE* const attach = std::fopen("/sys/devices/platform/vhci_hcd.0/attach", "w");
-    if (attach == nullptr) return std::perror("usbip_can: vhci_hcd"), 1;
-    std::fprintf(attach, "%d %d %d %d", count > 1 ? std::atoi(words[1]) : 0, ends[1], 0x10002, 2);  // 2: full speed
-    if (std::fclose(attach) != 0) return std::perror("usbip_can: attach"), 1;
-    ::close(ends[1]);
-    Adapter adapter(ends[0]);
+int main(int count, char** words) try {
+    const int cable = plug(count > 1 ? std::atoi(words[1]) : 0, 2);
+    Adapter adapter(cable);
     std::string line;
     for (;;) {
-        pollfd waiting[2] = {{ends[0], POLLIN, 0}, {STDIN_FILENO, POLLIN, 0}};
+        pollfd waiting[2] = {{cable, POLLIN, 0}, {STDIN_FILENO, POLLIN, 0}};
         if (::poll(waiting, 2, -1) < 0) return 1;
         if (waiting[1].revents != 0) {
             char bytes[4096];
@@ -247,4 +212,7 @@ int main(int count, char** words) {
         }
         if (waiting[0].revents != 0 && !adapter.request()) return 0;
     }
+} catch (const std::exception& error) {
+    std::fprintf(stderr, "usbip_can: %s\n", error.what());
+    return 1;
 }

@@ -4,15 +4,13 @@
 //     usbip_i2c PORT KIND:ADDRESS[:MUX:CHANNEL]...      such as usbip_i2c 0 ad7746:0x48:0x70:2 nau7802:0x2a
 //
 // Commands, one a line; N counts the chips: dead N 0|1 | reset N | swap N KIND | muxes (reset) | hang 0|1 | unplug | plug |
-// report FILE (counts, as JSON). The end of the input ends it.
-// Wire format: the kernel's Documentation/usb/usbip_protocol.rst; vendor requests: drivers/i2c/busses/i2c-tiny-usb.c.
-#include <arpa/inet.h>
+// line N FILE (of gpio-sim, which falls when a conversion of the chip ends) | select N FILE... (values of gpio-sim's lines,
+// the lowest bit first, that turn the switch before an AD7746) | pF N ELECTRODE NUMBER (what that one then has) | report
+// FILE (counts, as JSON). The end of the input ends it. Vendor requests: the kernel's drivers/i2c/busses/i2c-tiny-usb.c.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <linux/i2c.h>
 #include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <cstdio>
 #include <cstring>
@@ -21,6 +19,7 @@
 #include <sstream>
 
 #include "drivers/clock.hpp"
+#include "tests/kernel/usbip.hpp"
 #include "tests/unit/drivers/chip_bench.hpp"
 
 namespace {
@@ -28,24 +27,8 @@ namespace {
 using namespace tactiled;
 using namespace tactiled::test;
 
-#pragma pack(push, 1)
-struct Header {  // 48 bytes, big endian
-    std::uint32_t command, sequence, device, direction, endpoint;
-    union {
-        struct {
-            std::uint32_t flags, length, start_frame, packets, interval;
-            std::uint8_t setup[8];
-        } submit;
-        struct {
-            std::uint32_t status, length, start_frame, packets, errors;
-            std::uint8_t pad[8];
-        } answer;
-    };
-};
-#pragma pack(pop)
-static_assert(sizeof(Header) == 48);
+using namespace tactiled::test::usbip;
 
-constexpr std::uint32_t kUnlink = 2, kSubmitted = 3, kUnlinked = 4;
 constexpr std::uint8_t kDevice[] = {18, 1, 0x10, 0x01, 0, 0, 0, 8, 0x03, 0x04, 0x31, 0xC6, 0x05, 0x01, 1, 2, 3, 1};
 constexpr std::uint8_t kConfiguration[] = {9, 2, 18, 0, 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 0, 0xFF, 0, 0, 0};
 constexpr const char* kStrings[] = {"", "tactiled-test", "i2c-tiny-usb", "0001"};
@@ -54,16 +37,6 @@ std::unique_ptr<ModelChip> make(const std::string& name) {
     for (const ChipKind& kind : chip_kinds())
         if (kind.name == name) return kind.make_model();
     throw std::runtime_error("no model of a chip " + name);
-}
-
-bool read_all(int fd, void* to, std::size_t size) {
-    for (auto* at = static_cast<char*>(to); size > 0;) {
-        const ssize_t n = ::read(fd, at, size);
-        if (n <= 0) return false;
-        at += n;
-        size -= std::size_t(n);
-    }
-    return true;
 }
 
 class Adapter {
@@ -82,7 +55,7 @@ public:
             places_.push_back({std::uint8_t(address), std::uint8_t(mux), channel});
         }
         wire();
-        plug();
+        fd_ = plug(port_, 1);
     }
 
     void run() {
@@ -116,15 +89,6 @@ private:
         for (std::size_t i = 0; i < models_.size(); ++i)
             wires_.put(places_[i].address, *models_[i], places_[i].mux, places_[i].channel);
     }
-    void plug() {
-        int pair[2];
-        if (::socketpair(AF_UNIX, SOCK_STREAM, 0, pair) != 0) throw std::runtime_error("socketpair");
-        std::ofstream attach("/sys/devices/platform/vhci_hcd.0/attach");
-        attach << port_ << ' ' << pair[1] << " 65537 2" << std::flush;  // 2: full speed
-        if (!attach) throw std::runtime_error("vhci_hcd refused; is the module loaded?");
-        ::close(pair[1]);
-        fd_ = pair[0];
-    }
     void unplug() {
         if (fd_ >= 0) ::close(fd_);
         fd_ = -1;
@@ -140,7 +104,7 @@ private:
         } else if (what == "unplug") {
             unplug();
         } else if (what == "plug") {
-            plug();
+            fd_ = plug(port_, 1);
         } else if (what == "muxes") {
             wires_.reset_muxes();
         } else if (what == "report") {
@@ -155,8 +119,36 @@ private:
             if (what == "dead") words >> models_[n]->is_dead;
             if (what == "reset") models_[n]->reset();
             if (what == "line" && words >> name) lined_ = n, pull_.open(name);
+            if (what == "select") select(n, words);
+            if (what == "pF") set_electrode(n, words);
             if (what == "swap" && words >> name) models_[n] = make(name), wire();
         }
+    }
+
+    void select(std::size_t n, std::istream& words) {
+        switched_ = dynamic_cast<ModelAd7746*>(models_[n].get());
+        select_lines_.clear();
+        for (std::string name; words >> name;) select_lines_.push_back(name);
+    }
+    void set_electrode(std::size_t n, std::istream& words) {
+        unsigned electrode = 0;
+        double pF = 0;
+        words >> electrode >> pF;
+        codes_[electrode] = std::uint32_t(std::lround(0x800000 + pF * (0x800000 / 4.096)));
+        dynamic_cast<ModelAd7746&>(*models_[n]).code_of = [this](unsigned input) {
+            const auto found = codes_.find(input);
+            return found == codes_.end() ? std::nullopt : std::optional(found->second);
+        };
+    }
+    // The switch follows its lines before the chip hears of anything else.
+    void turn_switch() {
+        if (switched_ == nullptr) return;
+        unsigned electrode = 0;
+        for (std::size_t bit = 0; bit < select_lines_.size(); ++bit) {
+            std::ifstream file(select_lines_[bit]);
+            if (file.get() == '1') electrode |= 1u << bit;
+        }
+        switched_->select(electrode, tactiled::now_ns());
     }
 
     // Lets the line of gpio-sim fall when a conversion of its chip has ended. Returns for how long nothing can happen.
@@ -216,6 +208,7 @@ private:
         } else if (request == 3) {
             data.assign(1, acknowledged_ ? 1 : 2);
         } else if (request >= 4 && request <= 7) {
+            turn_switch();
             const std::uint64_t t_ns = tactiled::now_ns();
             ++n_asked_;
             acknowledged_ = in ? wires_.read(address, data, t_ns, t_ns) : wires_.write(address, data, t_ns);
@@ -249,6 +242,9 @@ private:
         std::uint32_t number;  // of the conversion
         std::uint64_t before_ns, after_ns;
     } edge_{};
+    ModelAd7746* switched_ = nullptr;
+    std::vector<std::string> select_lines_;
+    std::map<unsigned, std::uint32_t> codes_;
     int port_, fd_ = -1;
     bool hangs_ = false, acknowledged_ = true;
     unsigned n_nacks_ = 0, n_asked_ = 0;

@@ -1,4 +1,5 @@
 """What is installed: headers, package files and the Python module, used as a user's build would use them."""
+import gzip
 import os
 import pathlib
 import re
@@ -126,7 +127,8 @@ class Installed(unittest.TestCase):
         self.assertEqual(len(out.splitlines()), 100)
 
     def test_the_manual_page_is_there(self):
-        self.assertIn("MAGIC0", (self.prefix / "share/man/man7/tactiled-registers.7").read_text())
+        with gzip.open(self.prefix / "share/man/man7/tactiled-registers.7.gz", "rt") as page:
+            self.assertIn("MAGIC0", page.read())
 
     def test_tradeoff_finds_its_scenes(self):
         done = subprocess.run([self.prefix / "bin/tactilectl", "tradeoff", "--scene", self.prefix / "share/tactiled/scenes/tradeoff_hair_easy.toml",

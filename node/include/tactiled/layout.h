@@ -50,19 +50,19 @@ enum tactiled_quality {
 
 /* Why a sample is not GOOD, and what else there is to say: bits of tactiled_sample.reasons. */
 enum tactiled_reason {
-    TACTILED_NO_DATA_YET = 1 << 0,          /* the sensor has not delivered since the daemon started */
-    TACTILED_STALE = 1 << 1,                /* no frame for longer than stale_ms, or a time that the reader cannot date */
-    TACTILED_DISCONNECTED = 1 << 2,         /* the link is closed and being reopened */
-    TACTILED_MISSING_CHANNEL = 1 << 3,      /* a channel that the model needs is not in the frame */
-    TACTILED_SATURATED = 1 << 4,            /* a channel is at its rail */
-    TACTILED_DISAGREEMENT = 1 << 5,         /* redundant channels contradict each other */
-    TACTILED_OUTSIDE_DOMAIN = 1 << 6,       /* beyond what the calibration saw: extrapolated */
-    TACTILED_UNCALIBRATED = 1 << 7,         /* no calibration, or a default one */
-    TACTILED_NOT_FINITE = 1 << 8,           /* the model's result was not a finite number */
-    TACTILED_DAEMON_STOPPED = 1 << 9,       /* the daemon ended, or another took over the name: attach again */
-    TACTILED_TARING = 1 << 10,              /* a tare is being measured: the value is right, its zero is about to move */
-    TACTILED_READER_OVERRUN = 1 << 11,      /* this read could not be completed in its bounded retries */
-    TACTILED_WRONG_DEVICE = 1 << 12,        /* the frame does not have the channels that the sensor declares */
+    TACTILED_NO_DATA_YET = 1 << 0,     /* the sensor has not delivered since the daemon started, or was calibrated anew */
+    TACTILED_STALE = 1 << 1,           /* no frame for longer than stale_ms, or a time that the reader cannot date */
+    TACTILED_DISCONNECTED = 1 << 2,    /* the link is closed and being reopened */
+    TACTILED_MISSING_CHANNEL = 1 << 3, /* a channel that the model needs is not in the frame */
+    TACTILED_SATURATED = 1 << 4,       /* a channel is at its rail */
+    TACTILED_DISAGREEMENT = 1 << 5,    /* redundant channels contradict each other */
+    TACTILED_OUTSIDE_DOMAIN = 1 << 6,  /* beyond what the calibration saw: extrapolated */
+    TACTILED_UNCALIBRATED = 1 << 7,    /* no calibration, or a default one */
+    TACTILED_NOT_FINITE = 1 << 8,      /* the model's result was not a finite number */
+    TACTILED_DAEMON_STOPPED = 1 << 9,  /* the daemon ended, or another took over the name: attach again */
+    TACTILED_TARING = 1 << 10,         /* a tare is being measured: the value is right, its zero is about to move */
+    TACTILED_READER_OVERRUN = 1 << 11, /* this read could not be completed in its bounded retries */
+    TACTILED_WRONG_DEVICE = 1 << 12,   /* the frame does not have the channels that the sensor declares */
     TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13, /* the standard deviation is not known here: NaN */
     /* Since 1.3: */
     TACTILED_FROZEN = 1 << 14,     /* a channel repeats one number as no living one does; that channel has no value */
@@ -143,7 +143,8 @@ enum tactiled_warning {
     TACTILED_WARN_DRIFT = 1 << 1,  /* a sensor is TACTILED_DRIFTED: maintenance */
     TACTILED_WARN_LOST = 1 << 2,   /* frames were lost within the last second */
     TACTILED_WARN_BUDGET = 1 << 5, /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
-    TACTILED_WARN_RATE = 1 << 6    /* a sensor is TACTILED_WRONG_RATE */
+    TACTILED_WARN_RATE = 1 << 6,   /* a sensor is TACTILED_WRONG_RATE */
+    TACTILED_WARN_RELOAD = 1 << 7  /* the last reload of the configuration was refused: the one before is in force */
 };
 
 /* Who commands: index of tactiled_node.command. Each counts its own commands. */
@@ -269,7 +270,8 @@ struct tactiled_ring {
 };
 #define TACTILED_RECORD_OFFSET 8 /* of the record in its slot */
 
-/* One sensor of the directory; all but `count` is constant while the segment lives. */
+/* One sensor of the directory. Constant while the segment lives are name, model, link, ring and stale_ms; `count` changes,
+ * and since 1.3 the rest, when the daemon reloads its configuration: see tactiled_header.reloads. */
 struct tactiled_sensor {
     char name[TACTILED_NAME_SIZE];
     char model[TACTILED_NAME_SIZE];
@@ -357,7 +359,9 @@ struct tactiled_wake {
 };
 #define TACTILED_WAKE_RECORDS 256 /* how far ahead a reader asks; it asks again at half of that */
 
-/* The start of the file. All but `state` is constant while the segment lives. */
+/* The start of the file. All but `state`, `calibration_id` and `reloads` is constant while the segment lives. Who wants
+ * what belongs together of a directory entry reads `reloads`, the entry, and `reloads` again: even and the same, else anew.
+ */
 struct tactiled_header {
     char magic[8];
     uint32_t byte_order;
@@ -375,8 +379,26 @@ struct tactiled_header {
     uint32_t n_links, link_offset, link_size;       /* directory of struct tactiled_link */
     uint32_t calibration_id;                        /* CRC-16 of the configuration and the calibrations in force */
     struct tactiled_ring node;
+    uint32_t lateness_offset;           /* of the loop's counters of lateness, below; 0 = none: before 1.3 */
     TACTILED_ALIGN(128) uint32_t state; /* enum tactiled_state */
+    uint32_t reloads;                   /* + 2 with each reload that changed something; odd meanwhile. Since 1.3 */
 };
+
+/* How late the pipeline's loop woke: so many 32-bit words, wrapping, each the number of times that it woke up to so many ns
+ * after its deadline: from tactiled_lateness_ns(i) to before that of i + 1; the last without an end. */
+#define TACTILED_LATENESS_BUCKETS 176
+static inline uint64_t tactiled_lateness_ns(uint32_t bucket) {
+    const uint32_t octave = bucket < 16 ? 0 : (bucket - 16) / 8;
+    return (bucket < 16 ? (uint64_t)bucket : (uint64_t)(8 + (bucket - 16) % 8) << (octave + 1)) * 128;
+}
+static inline uint32_t tactiled_lateness_bucket(uint64_t ns) { /* steps of 128 ns, from 2 us on eight an octave, to 1 s */
+    const uint64_t steps = ns / 128;
+    uint32_t log2, bucket;
+    if (steps < 16) return (uint32_t)steps;
+    log2 = 63u - (uint32_t)__builtin_clzll(steps);
+    bucket = 16 + (log2 - 4) * 8 + (uint32_t)(steps >> (log2 - 3) & 7);
+    return bucket < TACTILED_LATENESS_BUCKETS ? bucket : TACTILED_LATENESS_BUCKETS - 1;
+}
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 248);

@@ -85,6 +85,13 @@ static inline int tactiled_ring_fits(const struct tactiled_segment* segment, con
            tactiled_fits(segment, ring->offset, (uint64_t)ring->slots * ring->slot_size, 128) &&
            tactiled_fits(segment, ring->head_offset, 4, 4);
 }
+/* Whether names end where they should: what reads them looks for the zero. */
+static inline int tactiled_names_end(const char* names, uint32_t count, uint32_t size) {
+    uint32_t i;
+    for (i = 0; i < count; ++i)
+        if (memchr(names + (size_t)i * size, 0, size) == NULL) return 0;
+    return 1;
+}
 /* Whether the header describes something that may be read within the mapping; else says in `why` what is wrong. */
 static inline int tactiled_check(struct tactiled_segment* segment, const char* path) {
     const struct tactiled_header* h = tactiled_header_of(segment);
@@ -111,8 +118,19 @@ static inline int tactiled_check(struct tactiled_segment* segment, const char* p
         wrong = "a directory lies outside";
     else if (!tactiled_ring_fits(segment, &h->node))
         wrong = "the node ring lies outside";
-    for (i = 0; wrong == NULL && i < h->n_sensors; ++i)
-        if (!tactiled_ring_fits(segment, &tactiled_sensor_of(segment, i)->ring)) wrong = "a sensor's ring lies outside";
+    else if (!tactiled_names_end(h->boot_id, 1, sizeof h->boot_id) || !tactiled_names_end(h->name, 2, TACTILED_NAME_SIZE) ||
+             !tactiled_names_end(h->control, 1, sizeof h->control))
+        wrong = "a name has no end";
+    for (i = 0; wrong == NULL && i < h->n_sensors; ++i) {
+        const struct tactiled_sensor* sensor = tactiled_sensor_of(segment, i);
+        if (!tactiled_ring_fits(segment, &sensor->ring)) wrong = "a sensor's ring lies outside";
+        if (!tactiled_names_end(sensor->name, 5, TACTILED_NAME_SIZE)) wrong = "a name of a sensor has no end";
+    }
+    for (i = 0; wrong == NULL && i < h->n_links; ++i) {
+        const struct tactiled_link* link = tactiled_link_of(segment, i);
+        if (link->frames.slots != 0 && !tactiled_ring_fits(segment, &link->frames)) wrong = "a link's ring lies outside";
+        if (!tactiled_names_end(link->name, 2, TACTILED_NAME_SIZE)) wrong = "a name of a link has no end";
+    }
     if (wrong != NULL) snprintf(segment->why, sizeof segment->why, "%s: %s", path, wrong);
     return wrong == NULL;
 }

@@ -9,6 +9,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -26,6 +27,20 @@ struct Snapshot {
     std::array<tactiled_sample, TACTILED_MAX_SENSORS> sensor{};  // judged at taken_ns; NO_VALUE beyond n_sensors
 };
 
+// How often the pipeline's loop woke how late: index i is from tactiled_lateness_ns(i) to before that of i + 1.
+using Lateness = std::array<std::uint32_t, TACTILED_LATENESS_BUCKETS>;
+// What the share `q` of the wake-ups did not exceed, between the ends of a step (1/8 octave or 128 ns); NaN without any.
+inline double lateness_quantile_ns(const Lateness& counts, double q) noexcept {
+    double all = 0, below = 0;
+    for (const auto n : counts) all += n;
+    for (std::uint32_t i = 0; i < counts.size(); below += counts[i++]) {
+        if (counts[i] == 0 || below + counts[i] < q * all) continue;
+        const double from = double(tactiled_lateness_ns(i)), to = double(tactiled_lateness_ns(i + 1));
+        return from + (to - from) * (q * all - below) / counts[i];
+    }
+    return std::numeric_limits<double>::quiet_NaN();
+}
+
 // What can be read of a mapped segment.
 class SegmentView {
 public:
@@ -39,6 +54,17 @@ public:
     std::uint32_t n_links() const noexcept { return header().n_links; }
     const tactiled_sensor& sensor(std::uint32_t index) const noexcept { return *tactiled_sensor_of(c_, index); }
     const tactiled_link& link(std::uint32_t index) const noexcept { return *tactiled_link_of(c_, index); }
+    // Of the configuration and the calibrations in force; another one after a reload.
+    std::uint32_t calibration_id() const noexcept { return __atomic_load_n(&header().calibration_id, __ATOMIC_RELAXED); }
+    // Since the daemon's start. All 0: not known.
+    Lateness lateness() const noexcept {
+        Lateness out{};
+        const std::uint32_t at = header().lateness_offset;
+        if (at == 0 || at % 4 != 0 || at > c_->size || c_->size - at < sizeof out) return out;
+        const auto* counts = reinterpret_cast<const std::uint32_t*>(c_->base + at);
+        for (std::size_t i = 0; i < out.size(); ++i) out[i] = __atomic_load_n(counts + i, __ATOMIC_RELAXED);
+        return out;
+    }
     // Index of the sensor of that name, or -1.
     int find(const std::string& sensor_name) const noexcept { return tactiled_find(c_, sensor_name.c_str()); }
 

@@ -448,7 +448,7 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
             EXPECT_NE(text.substr(at + 1, text.find('\n', at + 1) - at).find("  # "), std::string::npos) << key;
         }
     }
-    EXPECT_EQ(n_keys, 71u);
+    EXPECT_EQ(n_keys, 72u);
 }
 
 TEST(DocumentedConfig, NamesTheDefaults) {
@@ -456,6 +456,7 @@ TEST(DocumentedConfig, NamesTheDefaults) {
     const Config &a = documented.config, &b = plain.config;
     EXPECT_EQ(a.node.name, b.node.name);
     EXPECT_EQ(a.node.watchdog_ms, b.node.watchdog_ms);
+    EXPECT_EQ(a.node.stuck_link_ms, b.node.stuck_link_ms);
     EXPECT_EQ(a.node.control, b.node.control);
     EXPECT_EQ(a.realtime.priority, b.realtime.priority);
     EXPECT_EQ(a.realtime.cpu, b.realtime.cpu);

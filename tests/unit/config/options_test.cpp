@@ -221,6 +221,19 @@ TEST(Options, ReportEveryErrorInTheOrderOfTheLines) {
     for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(lines[i].find("t.toml:" + std::to_string(i + 1) + ": "), 0u) << lines[i];
 }
 
+TEST(Options, TellInWhichKeysTwoTablesDiffer) {
+    Problems problems;
+    const auto before = Options::parse_text("a = 1\nb = [1, 2]\nc = 'x'\n[d]\ne = 1\n[[f]]\ng = 1\n", "t", problems);
+    const auto differing = [&](const char* text) {
+        return fmt::format("{}", fmt::join(Options::parse_text(text, "t", problems).differing_keys(before), " "));
+    };
+    EXPECT_EQ(differing("# a comment\nc = \"x\"\nb = [ 1,2 ]\na = 1\nd = {e = 1}\n[[f]]\ng = 1\n"), "");
+    EXPECT_EQ(differing("a = 2\nb = [2, 1]\nc = 'x'\n[d]\ne = 1\n[[f]]\ng = 1\n"), "a b");
+    EXPECT_EQ(differing("a = 1.0\nb = [1, 2]\nc = 'x'\n[d]\ne = 1\n[[f]]\ng = 1\n"), "a");  // another type, another value
+    EXPECT_EQ(differing("a = 1\nb = [1, 2]\nh = 1\n[d]\ne = 2\n[[f]]\ng = 1\n[[f]]\ng = 1\n"), "d f h c");
+    EXPECT_TRUE(problems.empty());
+}
+
 TEST(Options, ProblemsOfOthersStandAtTheirKey) {
     Parsed p("[[link]]\nname = 'a'\ndriver = 'uatr'\n");
     auto link = p.options.tables("link").at(0);

@@ -71,6 +71,7 @@ TEST(Csv, NamesLineAndColumnOfWhatIsWrong) {
     EXPECT_NE(complaint("t_s,R1\n0,1e999\n").find("is no number"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\n0,inf\n").find("is no number"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\n0,0x10\n").find("is no number"), std::string::npos);
+    EXPECT_NE(complaint("t_s,R1\n0,+-3\n").find("is no number"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\n0,1 2\n").find("is no number"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\n0,\"1\n").find(":2: column 2: the quote is not closed"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\n0,\"1\"2\n").find("text after the closing quote"), std::string::npos);

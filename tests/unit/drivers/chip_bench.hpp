@@ -46,9 +46,30 @@ inline const std::vector<ChipKind>& chip_kinds() {
          0,
          make_model<ModelFdc1004>},
         {"mpr121", "", 0x5A, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12}, 1, 0, make_model<ModelMpr121>},
+        {"ad7746",
+         "rate_Hz = 91\nelectrodes = 5",
+         0x48,
+         {0, 1, 2, 3, 4},
+         0x800000 / 4.096,
+         0x800000,
+         make_model<ModelAd7746>},
     };
     return kinds;
 }
+
+class ModelSelector final : public Selector {
+public:
+    ModelSelector(const I2cBus& bus, ModelAd7746& chip) : bus_(bus), chip_(chip) {}
+    bool select(unsigned electrode) noexcept override {
+        if (!is_gone) chip_.select(electrode, bus_.now_ns());
+        return !is_gone;
+    }
+    bool is_gone = false;
+
+private:
+    const I2cBus& bus_;
+    ModelAd7746& chip_;
+};
 
 class ChipBench {
 public:
@@ -68,7 +89,10 @@ public:
             line = std::make_unique<ModelLine>(*models.back());
             bus.line = line.get();
         }
-        schedule.add(kind.name, std::move(chip), {kind.address, mux, channel}, device, counts, line.get());
+        if (chip->electrodes() != 0)
+            selectors.push_back(std::make_unique<ModelSelector>(bus, dynamic_cast<ModelAd7746&>(*models.back())));
+        Selector* const selector = chip->electrodes() != 0 ? selectors.back().get() : nullptr;
+        schedule.add(kind.name, std::move(chip), {kind.address, mux, channel}, device, counts, line.get(), selector);
         return *models.back();
     }
 
@@ -105,6 +129,7 @@ public:
     ModelBus bus;
     LinkCounts counts;
     Schedule schedule;
+    std::vector<std::unique_ptr<ModelSelector>> selectors;
     std::vector<std::unique_ptr<ModelChip>> models;
     std::vector<const ChipKind*> kinds;
     Status status = Status::timeout;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -97,9 +98,10 @@ public:
                 ++n_dropped;
                 continue;
             }
-            const unsigned input = reg[7] >> 6 & 1;
-            const std::uint32_t usual = 0x800000 + input * 0x200000 + ++n_converted % 0x100000;
-            const std::uint32_t code = next_code_.value_or(usual);
+            // What was selected all the while, else what belongs to no electrode.
+            const unsigned input = (reg[7] >> 6 & 1) + (selected_ns_ <= ends_ns_ - conversion() ? selected_ : kTorn);
+            const std::uint32_t usual = 0x800000 + (input & 3) * 0x200000 + ++n_converted % 0x100000;
+            const std::uint32_t code = next_code_.value_or(code_of ? code_of(input).value_or(usual) : usual);
             for (int i = 0; i < 3; ++i) reg[std::size_t(1 + i)] = std::uint8_t(code >> (16 - 8 * i));
             note(input, code, ends_ns_);
             reg[0] = std::uint8_t((reg[0] & ~0x0D) | (next_code_ ? next_status_ : 0));
@@ -111,6 +113,13 @@ public:
         }
         t_ns_ = t_ns;
     }
+    // A switch in front of CIN1 was turned.
+    void select(unsigned electrode, std::uint64_t t_ns) {
+        advance(t_ns);
+        if (electrode != selected_) selected_ns_ = t_ns;
+        selected_ = electrode;
+    }
+    std::function<std::optional<std::uint32_t>(unsigned input)> code_of;  // instead of a number of its own
     // What the next conversion gives, with further bits of the status.
     void ends_at_code(std::uint32_t code, std::uint8_t status) {
         next_code_ = code;
@@ -118,8 +127,11 @@ public:
     }
 
 private:
+    static constexpr unsigned kTorn = 1000;
     std::optional<std::uint32_t> next_code_;
     std::uint8_t next_status_ = 0;
+    unsigned selected_ = 0;
+    std::uint64_t selected_ns_ = 0;
     [[nodiscard]] std::uint64_t conversion() const {
         static constexpr double kMs[] = {11, 11.9, 20, 38, 62, 77, 92, 109.6};
         return scaled((kMs[reg[10] >> 3 & 7] + ((reg[8] & 0x80) != 0 ? 20.1 : 0)) * 1e6);

@@ -117,6 +117,25 @@ TEST(I2cKeys, ADataReadyLineIsForChipsThatConvertByThemselves) {
               std::string::npos);
 }
 
+TEST(I2cKeys, ASwitchInFrontOfAChipNeedsElectrodesAndLinesEnough) {
+    const std::string chip = "[[chip]]\ndevice = 0\nchip = \"ad7746\"\n";
+    const auto select = [](const std::string& lines) {
+        return "select = {chip = \"gpiochip0\", lines = [" + lines + "]}\n";
+    };
+    EXPECT_EQ(problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\", \"MUX_C\"")), "");
+    EXPECT_NE(problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\"")).find("select one of 4, not of 5 electrodes"),
+              std::string::npos);
+    EXPECT_NE(problems_of(chip + "electrodes = 5\n").find("electrodes needs select"), std::string::npos);
+    EXPECT_NE(problems_of(chip + select("\"5\"")).find("ad7746 with electrodes"), std::string::npos);
+    EXPECT_NE(problems_of(chip + "electrodes = 2\nchannels = 2\n" + select("\"5\"")).find("cannot both be there"),
+              std::string::npos);
+    EXPECT_NE(problems_of(chip + "electrodes = 1\n" + select("\"5\"")).find("needs no switch"), std::string::npos);
+    EXPECT_NE(
+        problems_of(chip + "electrodes = 2\n" + select("\"5\"") + "data_ready = {chip = \"gpiochip0\", line = \"7\"}\n")
+            .find("does not convert by itself"),
+        std::string::npos);
+}
+
 TEST(I2cKeys, TwoChipsThatWouldAnswerAtOnceAreRefused) {
     const std::string one = "[[chip]]\ndevice = 0\nchip = \"ad7746\"\n";
     const std::string two = "[[chip]]\ndevice = 1\nchip = \"ads1115\"\ninputs = [\"AIN0\"]\n";

@@ -199,6 +199,58 @@ TEST_F(GraspingTest, OnlyObjectsThatWereTaughtUnderTheScaleInForceAreTold) {
     EXPECT_EQ(grasping_.state().scale_shown, 1u);
 }
 
+TEST_F(GraspingTest, ASuccessorCountsOnAndKnowsNothingElse) {
+    hold_200_g();
+    for (int ms = 0; ms < 300; ++ms) feel(5, -0.981 - 0.0099 * ms, 1);  // to the limit of friction 0.8
+    for (int ms = 0; ms < 5; ++ms) feel(5, -3.95 + 0.17 * ms, 1);       // and over it
+    feel(5, -3.1, 5);
+    const tactiled_grasp before = grasping_.state();
+    ASSERT_GE(before.slips, 1u);
+    ASSERT_NE(before.slip_latch, 0u);
+    Grasping next(two_jaws());
+    next.succeed(grasping_);
+    tactiled_grasp after = next.state();
+    EXPECT_EQ(after.slips, before.slips);
+    EXPECT_EQ(after.grasps, before.grasps);
+    EXPECT_EQ(after.slip_latch, before.slip_latch);
+    EXPECT_EQ(after.slip_count[1], before.slip_count[1]);
+    EXPECT_EQ(after.state, unsigned(TACTILED_GRIP_UNKNOWN));
+    EXPECT_TRUE(std::isnan(after.weight_kg));
+    Command clear = command(Command::Kind::clear_slips);
+    clear.mask = 1u << 1;
+    next.carry_out(clear);
+    after = next.state();
+    EXPECT_EQ(after.slip_latch, before.slip_latch & ~(1u << 1));
+}
+
+TEST_F(GraspingTest, ASuccessorKnowsWhatTheRobotHasTold) {
+    Command gravity = command(Command::Kind::gravity);
+    gravity.robot_G_m_s2 = {NAN, NAN, NAN};
+    EXPECT_TRUE(grasping_.carry_out(gravity));
+    Grasping next(two_jaws());  // whose configuration has a direction that holds no more
+    next.succeed(grasping_);
+    std::swap(grasping_, next);
+    hold_200_g();
+    EXPECT_EQ(grasping_.state().weight_state, unsigned(TACTILED_WEIGHT_NOT_OBSERVABLE));
+    EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
+}
+
+TEST_F(GraspingTest, ASuccessorKnowsWhatWasTaught) {
+    Command teach = command(Command::Kind::objects);
+    TaughtObject nut;
+    nut.id = 5;
+    nut.name = "nut";
+    nut.mass_kg = 0.2;
+    nut.sd_kg = 0.004;
+    teach.objects = {&nut, 1};
+    EXPECT_TRUE(grasping_.carry_out(teach));
+    Grasping next(two_jaws());
+    next.succeed(grasping_);
+    std::swap(grasping_, next);
+    hold_200_g();
+    EXPECT_STREQ(grasping_.state().object, "nut");
+}
+
 TEST(GraspingWithoutASetup, NothingIsKnownAndNoCommandTaken) {
     Grasping none{std::nullopt};
     tactiled_sample s{};

@@ -235,6 +235,24 @@ TEST_F(SegmentTest, AFileThatOthersMayWriteIsNoDaemons) {
     EXPECT_NE(why.find("others than its owner may write it"), std::string::npos);
 }
 
+TEST_F(SegmentTest, CountsHowLateTheLoopWoke) {
+    for (std::uint32_t i = 0; i < TACTILED_LATENESS_BUCKETS; ++i) {  // no gap, no overlap, 1/8 octave or 128 ns wide
+        const std::uint64_t from = tactiled_lateness_ns(i), to = tactiled_lateness_ns(i + 1);
+        EXPECT_EQ(tactiled_lateness_bucket(from), i);
+        EXPECT_EQ(tactiled_lateness_bucket(to - 1), i);
+        EXPECT_LE(to - from, std::max<std::uint64_t>(128, from / 8));
+    }
+    EXPECT_EQ(tactiled_lateness_bucket(UINT64_MAX), TACTILED_LATENESS_BUCKETS - 1u);
+    SegmentWriter writer(plan());
+    const Segment segment = Segment::open(name_);
+    EXPECT_TRUE(std::isnan(lateness_quantile_ns(segment.lateness(), 0.5)));
+    for (int i = 0; i < 99; ++i) writer.count_lateness(10'000);
+    writer.count_lateness(5'000'000);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 0.5), 10'000, 10'000 / 8);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 0.99), 10'000, 10'000 / 8);
+    EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 1), 5'000'000, 5'000'000 / 8);
+}
+
 TEST_F(SegmentTest, SixteenSensorsFitOneMegabyte) {
     SegmentPlan p = plan(16);
     p.history = 0;
@@ -289,6 +307,31 @@ TEST_F(SegmentTest, ARingOrAHeaderThatIsTooSmallIsRefused) {
     };
     EXPECT_NE(why(offsetof(tactiled_header, header_size), sizeof(tactiled_header) - 4).find("truncated"), std::string::npos);
     EXPECT_NE(why(offsetof(tactiled_header, node) + offsetof(tactiled_ring, slots), 4).find("outside"), std::string::npos);
+    EXPECT_TRUE(Segment::open(name_).is_open());
+}
+
+TEST_F(SegmentTest, ALinkWhoseRingLiesOutsideAndANameWithoutAnEndAreRefused) {
+    SegmentPlan p = plan();
+    p.links.resize(1);
+    SegmentWriter writer(p);
+    const auto header = Segment::open(name_).header();
+    const auto why = [&](std::size_t offset, const std::string& bytes) {
+        const int fd = ::open(path_.c_str(), O_RDWR);
+        std::string before(bytes.size(), 0), text;
+        EXPECT_EQ(::pread(fd, before.data(), before.size(), off_t(offset)), ssize_t(before.size()));
+        EXPECT_EQ(::pwrite(fd, bytes.data(), bytes.size(), off_t(offset)), ssize_t(bytes.size()));
+        EXPECT_FALSE(Segment::try_open(name_, text).is_open());
+        EXPECT_EQ(::pwrite(fd, before.data(), before.size(), off_t(offset)), ssize_t(before.size()));
+        ::close(fd);
+        return text;
+    };
+    const std::string name(TACTILED_NAME_SIZE, 'x');
+    EXPECT_NE(why(header.link_offset + offsetof(tactiled_link, frames), "\x80\xFF\xFF\x7F").find("a link's ring"),
+              std::string::npos);
+    EXPECT_NE(why(header.link_offset, name).find("a name of a link"), std::string::npos);
+    EXPECT_NE(why(header.sensor_offset + offsetof(tactiled_sensor, link), name).find("a name of a sensor"),
+              std::string::npos);
+    EXPECT_NE(why(offsetof(tactiled_header, name), name).find("a name has no end"), std::string::npos);
     EXPECT_TRUE(Segment::open(name_).is_open());
 }
 

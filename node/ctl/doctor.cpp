@@ -1,0 +1,115 @@
+// tactilectl doctor: what on this machine stands between the daemon and its deadlines.
+#include <fmt/format.h>
+#include <pwd.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "node/ctl/doctor/doctor.hpp"
+#include "node/ctl/verb.hpp"
+#include "node/setup.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+using doctor::Finding;
+using doctor::Findings;
+using doctor::Machine;
+using doctor::Verdict;
+
+constexpr const char* kVerdict[] = {"good", "advice", "wrong"};
+
+struct Wish {
+    std::string config = "/etc/tactiled/tactiled.toml";
+    std::string user, root, pid;
+    bool json = false;
+};
+
+// The daemon of this configuration: its number, or "" where none runs.
+std::string running_daemon(const std::string& node_name) {
+    std::string unused;
+    const Segment segment = Segment::try_open(node_name, unused);
+    const std::string pid = segment.is_open() ? fmt::format("{}", segment.header().pid) : "";
+    return !pid.empty() && Machine("").line("/proc/" + pid + "/comm") == "tactiled" ? pid : "";
+}
+
+// Who owns the running daemon, else the package's user where there is one, else who asks.
+std::string user_of(const Machine& machine, const std::string& pid) {
+    struct stat process {};
+    if (!pid.empty() && ::stat(machine.path("/proc/" + pid).c_str(), &process) == 0)
+        if (const passwd* owner = ::getpwuid(process.st_uid)) return owner->pw_name;
+    for (const auto& line : machine.lines("/etc/passwd"))
+        if (line.starts_with("tactiled:")) return "tactiled";
+    const passwd* self = ::getpwuid(::geteuid());
+    return self != nullptr ? self->pw_name : "root";
+}
+
+Findings examine(const Wish& wish) {
+    const Machine machine(wish.root);
+    Findings found;
+    Problems problems;
+    Node node = load_node(wish.config, problems);
+    Config& config = node.config;
+    for (const auto& line : problems.lines())
+        found.push_back({"configuration", Verdict::wrong, line, fmt::format("tactilectl check {}", wish.config)});
+    if (problems.empty()) found.push_back({"configuration", Verdict::good, wish.config, ""});
+
+    const std::string pid = !wish.pid.empty() ? wish.pid : machine.is_this_one() ? running_daemon(config.node.name) : "";
+    const std::string user = wish.user.empty() ? user_of(machine, pid) : wish.user;
+    look_at_rights(machine, pid.empty() ? "self" : pid, config.realtime, found);
+    look_at_kernel(machine, found);
+    look_at_clock(machine, found);
+    look_at_processors(machine, config.realtime, found);
+    if (!problems.empty()) return found;
+    look_at_devices(machine, config, user, found);
+    look_at_readers(machine, config, found);
+    look_at_port(machine, config.modbus, !pid.empty(), found);
+    return found;
+}
+
+void print(const Findings& found) {
+    for (const auto& f : found) {
+        fmt::print("{:<7} {:<14} {}\n", kVerdict[int(f.verdict)], f.check, f.says);
+        if (!f.remedy.empty()) fmt::print("{:<7} {:<14}   -> {}\n", "", "", f.remedy);
+    }
+}
+
+nlohmann::json as_json(const Findings& found, bool good) {
+    nlohmann::json out{{"schema", 1}, {"good", good}, {"findings", nlohmann::json::array()}};
+    for (const auto& f : found)
+        out["findings"].push_back(
+            {{"check", f.check}, {"verdict", kVerdict[int(f.verdict)]}, {"says", f.says}, {"remedy", f.remedy}});
+    return out;
+}
+
+}  // namespace
+
+void add_doctor(CLI::App& app, Run& run) {
+    auto wish = std::make_shared<Wish>();
+    auto* verb = app.add_subcommand("doctor",
+                                    "What on this machine stands between the daemon and its deadlines: rights, kernel, "
+                                    "processors, clock, devices; exit status 1 when something is wrong");
+    verb->add_option("--config", wish->config, "the daemon's configuration")->capture_default_str();
+    verb->add_option("--user", wish->user, "the daemon's user; default: the running daemon's, else tactiled, else who asks");
+    verb->add_option("--pid", wish->pid, "the daemon; default: the one that runs under the configuration's name");
+    verb->add_option("--root", wish->root, "the folder of another machine's /proc, /sys, /dev and /etc");
+    verb->add_flag("--json", wish->json, "one JSON object");
+    verb->callback([wish, &run] {
+        run = [wish] {
+            const Findings found = examine(*wish);
+            const bool good =
+                std::none_of(found.begin(), found.end(), [](const Finding& f) { return f.verdict == Verdict::wrong; });
+            if (wish->json)
+                fmt::print("{}\n", as_json(found, good).dump());
+            else
+                print(found);
+            return good ? kGood : kUnhealthy;
+        };
+    });
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,167 @@
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <set>
+#include <sstream>
+
+#include "node/ctl/doctor/doctor.hpp"
+
+namespace tactiled::ctl::doctor {
+namespace {
+
+std::vector<std::string> fields(const std::string& line, char separator) {
+    std::vector<std::string> all;
+    std::istringstream in(line);
+    for (std::string one; std::getline(in, one, separator);) all.push_back(one);
+    return all;
+}
+
+// A user as /etc/passwd and /etc/group know it: the daemon's is a local one.
+struct User {
+    std::string name;
+    long uid = -1;
+    std::set<long> groups;
+};
+
+User find_user(const Machine& machine, const std::string& name) {
+    User user{name, -1, {}};
+    for (const auto& line : machine.lines("/etc/passwd"))
+        if (const auto f = fields(line, ':'); f.size() > 3 && f[0] == name) {
+            user.uid = std::atol(f[2].c_str());
+            user.groups.insert(std::atol(f[3].c_str()));
+        }
+    for (const auto& line : machine.lines("/etc/group"))
+        if (const auto f = fields(line, ':'); f.size() > 3)
+            if (const auto members = fields(f[3], ','); std::find(members.begin(), members.end(), name) != members.end())
+                user.groups.insert(std::atol(f[2].c_str()));
+    return user;
+}
+
+std::string group_name(const Machine& machine, long gid) {
+    for (const auto& line : machine.lines("/etc/group"))
+        if (const auto f = fields(line, ':'); f.size() > 2 && std::atol(f[2].c_str()) == gid) return f[0];
+    return fmt::format("{}", gid);
+}
+
+bool may_read_and_write(const User& user, const struct stat& file) {
+    const unsigned bits = file.st_mode & 0777u;
+    const unsigned own = user.uid == long(file.st_uid)             ? bits >> 6
+                         : user.groups.contains(long(file.st_gid)) ? bits >> 3
+                                                                   : bits;
+    return user.uid == 0 || (own & 6u) == 6u;
+}
+
+void look_at_file(const Machine& machine, const std::string& link, const std::string& device, const User& user,
+                  Findings& found) {
+    struct stat file {};
+    if (::stat(machine.path(device).c_str(), &file) != 0) {
+        found.push_back({"device", Verdict::wrong, fmt::format("{}: {} is not there", link, device),
+                         "plug it in; ls -l /dev/serial/by-id shows the ports that there are"});
+    } else if (!may_read_and_write(user, file)) {
+        const std::string group = group_name(machine, file.st_gid);
+        found.push_back({"device", Verdict::wrong,
+                         fmt::format("{}: user {} may not open {} (group {}, mode {:o})", link, user.name, device, group,
+                                     file.st_mode & 0777u),
+                         (file.st_mode & 060u) == 060u && group != "root"
+                             ? fmt::format("adduser {} {}, then restart the daemon", user.name, group)
+                             : "a udev rule that gives it to a group of the daemon's: systemd/60-tactiled.rules"});
+    } else {
+        found.push_back(
+            {"device", Verdict::good, fmt::format("{}: {} is there, and user {} may open it", link, device, user.name), ""});
+    }
+}
+
+// FTDI's adapters, and those that speak like them, keep received bytes back for so long.
+void look_at_latency_timer(const Machine& machine, const std::string& link, const std::string& device, Findings& found) {
+    std::error_code none;
+    const auto real = std::filesystem::canonical(machine.path(device), none).filename().string();
+    const auto ms = machine.number("/sys/bus/usb-serial/devices/" + real + "/latency_timer");
+    if (!ms) return;
+    if (*ms <= 1)
+        found.push_back(
+            {"latency_timer", Verdict::good, fmt::format("{}: {} hands bytes on within {} ms", link, real, *ms), ""});
+    else
+        found.push_back(
+            {"latency_timer", Verdict::wrong, fmt::format("{}: {} keeps bytes back for {} ms", link, real, *ms),
+             fmt::format("echo 1 > /sys/bus/usb-serial/devices/{}/latency_timer, or the package's udev rules", real)});
+}
+
+void look_at_interface(const Machine& machine, const std::string& link, const std::string& name, Findings& found) {
+    const std::string folder = "/sys/class/net/" + name;
+    const auto flags = std::strtoul(machine.line(folder + "/flags").c_str(), nullptr, 16);
+    if (!machine.has(folder))
+        found.push_back({"device", Verdict::wrong, fmt::format("{}: there is no interface {}", link, name),
+                         "ip link shows those that there are"});
+    else if ((flags & 1u) == 0)  // IFF_UP
+        found.push_back({"device", Verdict::wrong, fmt::format("{}: interface {} is down", link, name),
+                         fmt::format("ip link set {} up type can bitrate 1000000", name)});
+    else
+        found.push_back({"device", Verdict::good, fmt::format("{}: interface {} is up", link, name), ""});
+}
+
+}  // namespace
+
+void look_at_devices(const Machine& machine, Config& config, const std::string& user_name, Findings& found) {
+    const User user = find_user(machine, user_name);
+    if (user.uid < 0) {
+        found.push_back({"user", Verdict::wrong, fmt::format("there is no user {}", user_name),
+                         "install the package, or name another with --user"});
+        return;
+    }
+    const auto port = [&](const std::string& what, const std::string& device) {
+        look_at_file(machine, what, device, user, found);
+        look_at_latency_timer(machine, what, device, found);
+    };
+    for (auto& link : config.links) {
+        const std::string what = fmt::format("link \"{}\"", link.name);
+        if (link.driver == "can")
+            look_at_interface(machine, what, link.options.text("interface"), found);
+        else if (link.driver == "i2c")
+            look_at_file(machine, what, link.options.text("bus"), user, found);
+        else if ((link.driver == "uart" || link.driver == "modbus") && link.options.has("device"))
+            port(what, link.options.text("device"));
+    }
+    if (!config.modbus.rtu.device.empty()) port("[modbus.rtu]", config.modbus.rtu.device);
+    if (config.gpio && config.gpio->chip.starts_with("gpiochip"))
+        look_at_file(machine, "[gpio]", "/dev/" + config.gpio->chip, user, found);
+    else if (config.gpio && config.gpio->chip.starts_with("/"))
+        look_at_file(machine, "[gpio]", config.gpio->chip, user, found);
+}
+
+void look_at_readers(const Machine& machine, const Config& config, Findings& found) {
+    if (config.shm.group.empty()) return;
+    for (const auto& line : machine.lines("/etc/group"))
+        if (line.starts_with(config.shm.group + ":")) {
+            found.push_back({"shm_group", Verdict::good, fmt::format("group {} of [shm] is there", config.shm.group), ""});
+            return;
+        }
+    found.push_back({"shm_group", Verdict::wrong, fmt::format("there is no group {} of [shm]", config.shm.group),
+                     fmt::format("addgroup --system {}", config.shm.group)});
+}
+
+void look_at_port(const Machine& machine, const ModbusSettings& settings, bool daemon_runs, Findings& found) {
+    const auto colon = settings.listen.rfind(':');
+    if (colon == std::string::npos || daemon_runs) return;
+    const unsigned long port = std::strtoul(settings.listen.c_str() + colon + 1, nullptr, 10);
+    for (const char* table : {"/proc/net/tcp", "/proc/net/tcp6"})
+        for (const auto& line : machine.lines(table)) {
+            std::istringstream words(line);
+            std::string number, local, remote, state;
+            words >> number >> local >> remote >> state;
+            const auto at = local.find(':');
+            if (state != "0A" || at == local.npos || std::strtoul(local.c_str() + at + 1, nullptr, 16) != port)
+                continue;  // LISTEN
+            found.push_back({"port", Verdict::wrong,
+                             fmt::format("another program listens on port {} of [modbus] listen", port),
+                             fmt::format("ss -ltnp 'sport = :{}' says which", port)});
+            return;
+        }
+    found.push_back({"port", Verdict::good, fmt::format("port {} is free", port), ""});
+}
+
+}  // namespace tactiled::ctl::doctor

@@ -1,0 +1,70 @@
+// Who of the real-time threads goes round. Each counts its turns; one that looks on, from outside, tells by them who stands
+// still: in the kernel, in a loop of its own, or stopped by a debugger.
+#pragma once
+#include <atomic>
+#include <cstdint>
+#include <list>
+#include <mutex>
+#include <string>
+
+namespace tactiled {
+
+class Progress {
+    struct Entry {
+        std::string name;
+        std::uint64_t limit_ns;
+        std::atomic<std::uint64_t> turns{0};
+        std::uint64_t seen_turns = 0, seen_ns = 0;  // the onlooker's
+    };
+
+public:
+    // One thread's place on the list, for as long as it runs.
+    class Turns {
+    public:
+        // `limit_ns`: a turn that takes longer is a standstill. setup: may wait for a lock
+        Turns(Progress& progress, std::string name, std::uint64_t limit_ns) : progress_(progress) {
+            const std::lock_guard lock(progress_.mutex_);
+            auto& entry = progress_.entries_.emplace_back();
+            entry.name = std::move(name);
+            entry.limit_ns = limit_ns;
+            entry_ = &entry;
+        }
+        ~Turns() {
+            const std::lock_guard lock(progress_.mutex_);
+            progress_.entries_.remove_if([this](const Entry& e) { return &e == entry_; });
+        }
+        Turns(const Turns&) = delete;
+        Turns& operator=(const Turns&) = delete;
+
+        // rt: wait-free. One writer, so no read-modify-write.
+        void count() noexcept {
+            entry_->turns.store(entry_->turns.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+        }
+
+    private:
+        Progress& progress_;
+        Entry* entry_;
+    };
+
+    // "" when each thread has made a turn within its limit, as far as looks so often can tell, else the first that has not.
+    std::string look(std::uint64_t now_ns) {
+        const std::lock_guard lock(mutex_);
+        std::string stuck;
+        for (auto& entry : entries_) {
+            const std::uint64_t turns = entry.turns.load(std::memory_order_relaxed);
+            if (turns != entry.seen_turns || entry.seen_ns == 0) {
+                entry.seen_turns = turns;
+                entry.seen_ns = now_ns;
+            } else if (now_ns - entry.seen_ns > entry.limit_ns && stuck.empty()) {
+                stuck = entry.name;
+            }
+        }
+        return stuck;
+    }
+
+private:
+    std::mutex mutex_;  // of the list, which changes when threads begin and end; never taken by count()
+    std::list<Entry> entries_;
+};
+
+}  // namespace tactiled

@@ -1,0 +1,127 @@
+#include "node/reload.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+
+#include "node/log.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr int kPatienceMs = 1000;  // for the loop to come round
+constexpr char kRestart[] = "cannot change while the daemon runs; restart it (systemctl restart tactiled)";
+// Of [[sensor]]: what stands in the directory, or binds to a link.
+constexpr std::string_view kFixed[] = {"name", "link", "device", "model", "stale_ms"};
+// What changes neither the value nor its zero.
+constexpr std::string_view kTuned[] = {"saturates_at",  "tare_ms",        "filter_hz",    "contact_on_N",
+                                       "contact_off_N", "overload_N",     "frozen_after", "slew_limit_per_s",
+                                       "rate_Hz",       "rate_tolerance", "drift_limit_N"};
+
+template <std::size_t N>
+bool is_one_of(const std::string_view (&keys)[N], std::string_view key) {
+    return std::find(std::begin(keys), std::end(keys), key) != std::end(keys);
+}
+
+bool is_jaw(const std::optional<Grasping::Setup>& grasp, std::uint32_t sensor) {
+    return grasp && std::any_of(grasp->estimator.jaws.begin(), grasp->estimator.jaws.end(),
+                                [&](const grasp::JawSetup& jaw) { return jaw.sensor == sensor; });
+}
+
+}  // namespace
+
+Reloader::Reloader(const Node& running, std::string costs_folder)
+    : path_(running.config.path), costs_folder_(std::move(costs_folder)), now_(accepted(running)) {}
+
+Reloader::Accepted Reloader::accepted(const Node& node) {
+    return {node.config.root,
+            node.config.sensors,
+            node.calibrations,
+            node.grasp,
+            node.config.grasp ? node.config.grasp->objects : "",
+            node.plan.calibration_id};
+}
+
+void Reloader::reload(Pipeline& pipeline) noexcept try {
+    Problems problems;
+    const std::string done = try_reload(pipeline, problems);
+    for (const auto& line : problems.lines()) log_line(LogLevel::error, line);
+    if (!problems.empty()) log_line(LogLevel::error, "SIGHUP: refused, nothing was changed");
+    if (!done.empty()) log_line(LogLevel::info, fmt::format("SIGHUP: {}", done));
+    pipeline.reload_refused(done.empty());
+} catch (const std::exception& error) {  // no memory
+    log_line(LogLevel::error, fmt::format("SIGHUP: refused, nothing was changed: {}", error.what()));
+    pipeline.reload_refused(true);
+}
+
+// What was done, or "" with the reasons in `problems`.
+std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
+    Node fresh = load_node(path_, problems, costs_folder_);
+    if (problems.empty()) refuse_what_needs_a_restart(fresh);
+    if (!problems.empty()) return "";
+
+    Accepted next = accepted(fresh);  // all that may throw comes before the change
+    Replacement replacement = difference(fresh);
+    std::vector<std::string> names;
+    for (const auto& part : replacement.sensors)
+        names.push_back(fmt::format("sensor \"{}\"{}", next.sensors[part.index].name,
+                                    part.measures_alike ? "" : " (a new epoch, without its tare)"));
+    if (replacement.grasping != nullptr) names.push_back("the grasp");
+    const std::string done = names.empty() ? "neither the configuration nor a calibration has changed"
+                                           : fmt::format("changed {}", fmt::join(names, ", "));
+    if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment
+    if (!pipeline.replace(replacement, kPatienceMs)) {
+        problems.add(path_, 0, "the loop does not come round");
+        return "";
+    }
+    now_ = std::move(next);
+    return done;
+}
+
+void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
+    Options& root = fresh.config.root;
+    for (const auto& key : root.differing_keys(now_.root))
+        if (key != "sensor" && key != "grasp") root.problem(key, fmt::format("[{}] {}", key, kRestart));
+    const auto names = [](const auto& sensors) {
+        std::vector<std::string> all;
+        for (const auto& sensor : sensors) all.push_back(sensor.name);
+        return all;
+    };
+    if (names(fresh.config.sensors) != names(now_.sensors))
+        return root.problem("sensor", fmt::format("which [[sensor]] there are {}", kRestart));
+    for (std::size_t i = 0; i < now_.sensors.size(); ++i) {
+        Options& sensor = fresh.config.sensors[i].options;
+        for (const auto& key : sensor.differing_keys(now_.sensors[i].options))
+            if (is_one_of(kFixed, key)) sensor.problem(key, fmt::format("{} {}", key, kRestart));
+    }
+    if (fresh.grasp.has_value() != now_.grasp.has_value())
+        root.problem("grasp", fmt::format("whether there is a [grasp] {}", kRestart));
+    else if (fresh.config.grasp && fresh.config.grasp->objects != now_.objects)
+        root.problem("grasp", fmt::format("[grasp] objects {}", kRestart));
+}
+
+bool Reloader::measures_alike(const Node& fresh, std::size_t i) const {
+    const auto keys = fresh.config.sensors[i].options.differing_keys(now_.sensors[i].options);
+    return fresh.calibrations[i] == now_.calibrations[i] &&
+           std::all_of(keys.begin(), keys.end(), [](const std::string& key) { return is_one_of(kTuned, key); });
+}
+
+Replacement Reloader::difference(Node& fresh) const {
+    Replacement replacement;
+    replacement.calibration_id = fresh.plan.calibration_id;
+    bool regrasp =
+        fresh.grasp && !(fresh.grasp->estimator == now_.grasp->estimator &&
+                         fresh.grasp->settable == now_.grasp->settable);  // objects: as the running one knows them
+    for (std::uint32_t i = 0; i < fresh.sensors.size(); ++i) {
+        const bool alike = measures_alike(fresh, i);
+        if (alike && fresh.config.sensors[i].options.differing_keys(now_.sensors[i].options).empty()) continue;
+        replacement.sensors.push_back(
+            {i, alike, std::make_unique<Sensor>(std::move(fresh.sensors[i])), fresh.plan.sensors[i]});
+        regrasp |= !alike && is_jaw(fresh.grasp, i);  // its forces are others: so is the scale of the weight
+    }
+    if (regrasp) replacement.grasping = std::make_unique<Grasping>(fresh.grasp);
+    return replacement;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,41 @@
+// SIGHUP: reads the configuration and the calibrations again and puts what changed into the running node, all or nothing.
+// What a person tunes and calibrates changes without a lost sample: [[sensor]] but for name, link, device, model and
+// stale_ms, and [grasp] but for its objects' path. For everything else the daemon is to be restarted, and the refusal says
+// so.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "node/setup.hpp"
+
+namespace tactiled {
+
+class Reloader {
+public:
+    // `running` is what the daemon started with. setup
+    Reloader(const Node& running, std::string costs_folder);
+
+    // Logs what changed, or why nothing did. Takes as long as a start; the loop goes on meanwhile.
+    // setup: never throws; in the thread that waits for signals
+    void reload(Pipeline& pipeline) noexcept;
+
+private:
+    struct Accepted {  // of the node that runs
+        Options root;
+        std::vector<SensorSettings> sensors;
+        std::vector<std::string> calibrations;
+        std::optional<Grasping::Setup> grasp;
+        std::string objects;
+        std::uint32_t calibration_id;
+    };
+    [[nodiscard]] static Accepted accepted(const Node& node);
+    [[nodiscard]] std::string try_reload(Pipeline& pipeline, Problems& problems);
+    void refuse_what_needs_a_restart(Node& fresh) const;
+    [[nodiscard]] bool measures_alike(const Node& fresh, std::size_t i) const;
+    [[nodiscard]] Replacement difference(Node& fresh) const;
+
+    std::string path_, costs_folder_;
+    Accepted now_;
+};
+
+}  // namespace tactiled

@@ -1,0 +1,50 @@
+#include "node/watchdog.hpp"
+
+#include <fmt/format.h>
+#include <systemd/sd-daemon.h>
+
+#include "node/log.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+constexpr std::uint64_t kLookNs = 20'000'000;  // short beside WatchdogSec: by so much the last feeding may follow the hang
+constexpr std::uint64_t kFeedNs = 200'000'000;
+}  // namespace
+
+Watchdog::Watchdog(Progress& progress) : progress_(progress) {
+    if (::sd_watchdog_enabled(0, &timeout_us_) <= 0) timeout_us_ = 0;
+    thread_.start("watchdog", 0, -1, [this] { run(); });
+}
+
+Watchdog::~Watchdog() {
+    stop_.store(true);
+    thread_.join();
+}
+
+void Watchdog::run() noexcept {
+    std::string said;
+    std::uint64_t fed_ns = 0;
+    while (!stop_.load()) {
+        const std::uint64_t now_ns = monotonic_ns();
+        const std::string stuck = progress_.look(now_ns);
+        if (stuck.empty() && timeout_us_ != 0 && now_ns - fed_ns >= kFeedNs) {
+            ::sd_notify(0, "WATCHDOG=1");
+            fed_ns = now_ns;
+        }
+        if (stuck != said) {
+            if (stuck.empty())
+                log_line(LogLevel::warning, fmt::format("{}: goes on", said));
+            else
+                log_line(LogLevel::error,
+                         fmt::format("{}: stands still{}", stuck,
+                                     timeout_us_ == 0 ? ""
+                                                      : fmt::format("; systemd restarts the daemon if that lasts {} ms",
+                                                                    timeout_us_ / 1000)));
+            said = stuck;
+        }
+        sleep_until(now_ns + kLookNs);
+    }
+}
+
+}  // namespace tactiled

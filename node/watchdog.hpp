@@ -1,0 +1,28 @@
+// Feeds systemd's watchdog (WatchdogSec=) while the loop and every link go round, so that it restarts a daemon that hangs.
+// Without a watchdog it only says who stands still.
+#pragma once
+#include <atomic>
+#include <cstdint>
+
+#include "node/progress.hpp"
+#include "node/realtime.hpp"
+
+namespace tactiled {
+
+class Watchdog {
+public:
+    explicit Watchdog(Progress& progress);
+    ~Watchdog();
+    Watchdog(const Watchdog&) = delete;
+    Watchdog& operator=(const Watchdog&) = delete;
+
+private:
+    void run() noexcept;
+
+    Progress& progress_;
+    std::uint64_t timeout_us_ = 0;  // 0: nobody waits to be fed
+    std::atomic<bool> stop_{false};
+    RtThread thread_;
+};
+
+}  // namespace tactiled

@@ -1,0 +1,60 @@
+# Three packages of one build: the daemon, the headers, the Python reader. Every install() without a COMPONENT is the daemon's.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME tactiled)
+set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
+# Who builds packages for others says who they are; example.org is nobody.
+set(TACTILED_CONTACT "tactiled contributors <tactiled@example.org>" CACHE STRING "Maintainer of the Debian packages")
+set(CPACK_PACKAGE_CONTACT "${TACTILED_CONTACT}")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_COMPONENTS_ALL Unspecified dev python)
+
+set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_NAME tactiled)
+set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers, init-system-helpers (>= 1.54~)")
+set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SUGGESTS "python3-tactiled, libtactiled-dev, i2c-tools, mbpoll")
+set(CPACK_COMPONENT_UNSPECIFIED_DESCRIPTION "daemon for the tactile sensors of a robot gripper
+It reads tactile sensors over serial ports, CAN, I2C and Modbus, turns
+their channels into forces with their uncertainty, and shows them to
+programs through shared memory and to a PLC through Modbus.
+It is not a safety function.")
+
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME libtactiled-dev)
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEV_PACKAGE_ARCHITECTURE all)
+set(CPACK_COMPONENT_DEV_DESCRIPTION "read the forces of tactiled in C and C++
+Headers alone, for C11 and C++17, with their pkg-config and CMake files:
+nothing to link.")
+
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-tactiled)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS python3)
+set(CPACK_COMPONENT_PYTHON_DESCRIPTION "read the forces of tactiled in Python
+One module, which needs Python's standard library alone.")
+
+set(scripts ${CMAKE_CURRENT_LIST_DIR})
+set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_CONTROL_EXTRA ${scripts}/postinst ${scripts}/prerm ${scripts}/postrm)
+
+# What Debian wants in each package's folder of documents.
+configure_file(debian/changelog changelog @ONLY)
+add_custom_command(OUTPUT changelog.gz DEPENDS ${CMAKE_CURRENT_BINARY_DIR}/changelog VERBATIM
+    COMMAND sh -c "gzip -9nc changelog > changelog.gz")
+add_custom_target(debian_changelog ALL DEPENDS changelog.gz)
+add_dependencies(manual_pages debian_changelog)
+foreach(pair "tactiled Unspecified" "libtactiled-dev dev" "python3-tactiled python")
+    separate_arguments(pair)
+    list(GET pair 0 package)
+    list(GET pair 1 component)
+    install(FILES ${scripts}/copyright ${CMAKE_CURRENT_BINARY_DIR}/changelog.gz DESTINATION ${doc}/${package} COMPONENT ${component})
+endforeach()
+include(CPack)
+# Not CPack's own target `package`: that builds every test first.
+add_custom_target(deb COMMAND ${CMAKE_CPACK_COMMAND} --config ${CMAKE_BINARY_DIR}/CPackConfig.cmake -B ${CMAKE_BINARY_DIR}/deb
+    DEPENDS tactiled tactilectl manual_pages USES_TERMINAL VERBATIM)

@@ -1,0 +1,71 @@
+// A calibration's text, and then any bits as its channels. Oracles: what is accepted is written and read back the same;
+// every method that takes it gives a finite wrench with its quality, or BAD and NaN, whatever the channels hold; the same
+// decoupler, told to forget, gives the same again.
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <string_view>
+
+#include "config/calibration.hpp"
+#include "decoupling/decoupler.hpp"
+#include "tests/fuzz/input.hpp"
+
+namespace {
+
+using namespace tactiled;
+using fuzz::check;
+using fuzz::Input;
+
+void check_estimate(const Estimate& estimate) {
+    const bool good = estimate.quality == TACTILED_GOOD || estimate.quality == TACTILED_UNCERTAIN;
+    check(good || estimate.quality == TACTILED_BAD);
+    if (good == false) check(estimate.reasons != 0);
+    for (std::size_t c = 0; c < 6; ++c) {
+        const double value = estimate.wrench_S[c], sd = estimate.sd[c];
+        if (!good) check(std::isnan(value));
+        check(std::isfinite(value) || std::isnan(value));
+        check(std::isnan(sd) || (std::isfinite(sd) && sd >= 0));
+    }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    if (size > 20'000) return 0;
+    // The text ends at the first zero; what follows are the channels.
+    const auto* const end = static_cast<const std::uint8_t*>(size == 0 ? nullptr : std::memchr(data, 0, size));
+    const std::size_t length = end == nullptr ? size : std::size_t(end - data);
+    const std::string text(reinterpret_cast<const char*>(data), length);
+    Problems problems;
+    const Calibration calibration = parse_calibration(text, "fuzz.toml", problems);
+    if (!problems.empty()) return 0;
+    const std::string written = calibration_text(calibration);
+    Problems again;
+    check(calibration_text(parse_calibration(written, "again.toml", again)) == written && again.empty());
+
+    const DecouplerEntry* const entry = find_decoupler(calibration.model);
+    if (entry == nullptr) return 0;
+    for (const std::string& method : entry->methods) {
+        Problems refused;
+        Options options = Options::parse_text("", "fuzz.toml", refused);
+        const auto decoupler = entry->make(calibration, method, options);
+        if (decoupler == nullptr || !refused.empty()) continue;
+        Input input(data + length, size - length);
+        (void)input.byte();
+        std::uint64_t t_ns = 1'000'000'000;
+        std::vector<double> channels(calibration.channels.size());
+        for (int n = 0; n < 20 && (n == 0 || !input.is_empty()); ++n) {
+            Reading reading{channels, 0, 0, t_ns};
+            t_ns += std::uint64_t{1} << input.byte() % 40;
+            for (std::size_t k = 0; k < channels.size(); ++k) {
+                const auto bits = input.take(sizeof(double));
+                if (!bits.empty()) std::memcpy(&channels[k], bits.data(), bits.size());
+                if (std::isnan(channels[k])) reading.missing |= 1u << k;
+            }
+            reading.saturated = input.byte();
+            check_estimate(decoupler->decouple(reading));
+            if (input.byte() % 8 == 0) decoupler->forget();
+        }
+    }
+    return 0;
+}

@@ -1,0 +1,158 @@
+// A Modbus RTU line: bytes in pieces with gaps, to the server behind a pty. Oracle, against a model of the standard's frames
+// with a bit by bit CRC: a frame is answered that is whole, for us and no echo of our answer; nothing else is, and every
+// frame is counted once.
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <array>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "node/modbus/rtu.hpp"
+#include "tests/fuzz/input.hpp"
+
+namespace {
+
+using namespace tactiled;
+using namespace tactiled::modbus;
+using fuzz::check;
+using fuzz::Input;
+
+using Bytes = std::vector<std::uint8_t>;
+constexpr std::uint8_t kUs = 5;
+constexpr std::uint64_t kSilence_ns = 1'750'000;
+
+std::uint16_t slow_crc(std::span<const std::uint8_t> bytes) {
+    unsigned crc = 0xFFFF;
+    for (const std::uint8_t byte : bytes) {
+        crc ^= byte;
+        for (int bit = 0; bit < 8; ++bit) crc = (crc & 1) != 0 ? crc >> 1 ^ 0xA001 : crc >> 1;
+    }
+    return std::uint16_t(crc);
+}
+
+Bytes with_crc(Bytes bytes) {
+    const std::uint16_t crc = slow_crc(bytes);
+    bytes.push_back(std::uint8_t(crc & 0xFF));
+    bytes.push_back(std::uint8_t(crc >> 8));
+    return bytes;
+}
+
+bool is_frame(const Bytes& bytes) {
+    return bytes.size() >= 4 && bytes.size() <= kMostRtu && slow_crc(bytes) == 0;  // a CRC over itself is 0
+}
+
+std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+    std::copy_n(adu.begin(), 8, out.begin());
+    out[5] = 4;
+    out[8] = std::uint8_t(adu.size());
+    out[9] = adu.back();
+    return 10;
+}
+
+class Line {
+public:
+    Line() : master_(::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK)) {
+        check(master_ >= 0 && ::grantpt(master_) == 0 && ::unlockpt(master_) == 0);
+        path_ = ::ptsname(master_);
+    }
+    const std::string& path() const { return path_; }
+    // A pty hands bytes over when the kernel comes to it.
+    void say(const Bytes& bytes, int other_end) const {
+        check(::write(master_, bytes.data(), bytes.size()) == ssize_t(bytes.size()));
+        for (int there = 0; std::size_t(there) < bytes.size();) ::ioctl(other_end, FIONREAD, &there);
+    }
+    Bytes hear(std::size_t least) const {
+        Bytes bytes;
+        std::array<std::uint8_t, 4096> some;
+        for (;;) {
+            const ssize_t n = ::read(master_, some.data(), some.size());
+            if (n > 0) bytes.insert(bytes.end(), some.begin(), some.begin() + n);
+            if (n <= 0 && bytes.size() >= least) return bytes;
+        }
+    }
+
+private:
+    int master_;
+    std::string path_;
+};
+
+// What the standard says of a line, and of an adapter that hears itself.
+struct Model {
+    Bytes pending, sent;
+    std::uint64_t last_ns = 0, echo_until_ns = 0, frames = 0, refused = 0;
+    bool has_sent = false;
+
+    void receive(const Bytes& bytes, std::uint64_t now_ns) {
+        if (!pending.empty() && now_ns > last_ns + kSilence_ns) {  // nobody has looked while the line was silent
+            ++refused;
+            pending.clear();
+        }
+        pending.insert(pending.end(), bytes.begin(), bytes.end());
+        last_ns = now_ns;
+    }
+    // What is answered.
+    Bytes tick(std::uint64_t now_ns) {
+        if (pending.empty() || now_ns < last_ns + kSilence_ns) return {};
+        const Bytes frame = std::exchange(pending, {});
+        if (frame.size() > kMostRtu) return ++refused, Bytes{};
+        if (std::exchange(has_sent, false) && now_ns <= echo_until_ns && frame == sent) return {};
+        if (!is_frame(frame)) return ++refused, Bytes{};
+        if (frame[0] != kUs && frame[0] != 0) return {};
+        ++frames;
+        if (frame[0] == 0) return {};
+        sent = with_crc({kUs, frame[1], std::uint8_t(frame.size() + 4), frame[frame.size() - 3]});
+        has_sent = true;
+        echo_until_ns = now_ns + std::uint64_t(double(sent.size()) * 11 * 1e9 / 115200) + 2 * kSilence_ns + 2'000'000;
+        return sent;
+    }
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    static const Line wire;
+    static RtuLine line({wire.path(), 115200, "none", kUs, 0, false});
+    static std::uint64_t now_ns = 1;
+    now_ns += 2'000'000'000;  // whatever the input before has left is over
+    line.tick(answer, now_ns);
+    check(line.fd() >= 0);
+    (void)wire.hear(0);
+    const RtuLine::Counts began = line.counts();
+    Input input(data, size);
+    Model model;
+    while (!input.is_empty()) {
+        const unsigned what = input.byte();
+        now_ns += what / 8 % 4 == 0 ? kSilence_ns / 4 : kSilence_ns - 1 + what / 8 % 4;
+        if (what / 32 % 2 == 0) {
+            line.tick(answer, now_ns);
+            const Bytes expected = model.tick(now_ns);
+            check(wire.hear(expected.size()) == expected);
+        }
+        Bytes bytes;
+        switch (what % 4) {
+            case 0: {
+                const auto taken = input.take(input.byte());
+                bytes.assign(taken.begin(), taken.end());
+                break;
+            }
+            case 1: bytes = with_crc({kUs, 4, 0, input.byte(), 0, input.byte()}); break;
+            case 2: bytes = with_crc({input.byte(), 6, 0, input.byte(), 0, input.byte()}); break;
+            case 3: bytes = model.sent; break;
+        }
+        if (bytes.empty()) continue;
+        wire.say(bytes, line.fd());
+        check(line.receive(now_ns));
+        model.receive(bytes, now_ns);
+    }
+    now_ns += 2 * kSilence_ns;
+    line.tick(answer, now_ns);
+    const Bytes expected = model.tick(now_ns);
+    check(wire.hear(expected.size()) == expected);
+    check(line.counts().frames - began.frames == model.frames);
+    check(line.counts().bad_frames - began.bad_frames == model.refused);
+    return 0;
+}

@@ -1,0 +1,173 @@
+#!/usr/bin/env python3
+"""seeds.py FOLDER: a few good inputs for each fuzz target, FOLDER/TARGET/: what no fuzzer would guess, such as a right checksum."""
+import pathlib
+import random
+import struct
+import sys
+import zlib
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def crc16(data, reflected_polynomial=0xA001, crc=0xFFFF):
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ reflected_polynomial if crc & 1 else crc >> 1
+    return crc
+
+
+def cobs_crc(data):  # CRC-16/CCITT-FALSE, as drivers/wire/cobs_frame.md says
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1021) & 0xFFFF if crc & 0x8000 else crc << 1 & 0xFFFF
+    return crc
+
+
+def cobs(data):
+    out, block = b"", b""
+    for byte in data:
+        if byte == 0 or len(block) == 254:
+            out += bytes([len(block) + 1]) + block
+            block = b""
+            if byte == 0:
+                continue
+        block += bytes([byte])
+    return out + bytes([len(block) + 1]) + block + b"\0"
+
+
+def checked_line(text):
+    check = 0
+    for c in text.encode():
+        check ^= c
+    return f"{text}*{check:02X}\n".encode()
+
+
+def wire(put):
+    formats = 9
+    stream = b"".join(checked_line(f"{n},{1000 * n},{n * 0.5},,nan") for n in range(5))
+    put(bytes([0]) + stream)
+    put(bytes([formats * 3]) + b"1,2,3,4,5\r\n2,3,4,5,6\r\n# nothing\n")
+    for chunk in (0, 6, 40):
+        frame = b"\x20\x4e" + struct.pack("<6h", 1, -2, 300, 4, -5, 6)
+        put(bytes([formats * chunk % 252 + 2]) + (frame + struct.pack("<H", crc16(frame))) * 3)
+        put(bytes([formats * chunk % 252 + 3]) + b"F={1.5,-2.0,3.25,0.1,0.2,0.3},%d\n" % (10 + chunk) * 3)
+    answer = bytes([9, 3, 4, 0, 1, 0xFF, 0xFE])
+    put(bytes([4]) + answer + struct.pack("<H", crc16(answer)))
+    refusal = bytes([9, 0x83, 2])
+    put(bytes([4 + formats]) + refusal + struct.pack("<H", crc16(refusal)))
+    put(bytes([5]) + bytes.fromhex("202000000007") + answer)
+    put(bytes([5 + formats * 2]) + bytes.fromhex("202000000003") + refusal)
+    for kind, width in ((1, 3), (2, 4)):
+        for flags in range(4):
+            body = bytes([kind, 2, 3, flags]) + struct.pack("<HI", 7, 1000) + (struct.pack("<I", 2) if flags & 1 else b"") + bytes(range(3 * width))
+            put(bytes([1]) + cobs(body + struct.pack("<H", cobs_crc(body))) * 2)
+            put(bytes([6]) + body)  # the target adds the rest
+    for channels in (32, 33, 60):
+        put(bytes([6]) + bytes([1, 0, channels, 0]) + bytes(6) + bytes(range(3 * channels)))
+        put(bytes([0]) + checked_line(",".join(str(n) for n in range(channels + 2))) + b"0,0,inf,-inf,1\n")
+    put(bytes([0]) + b"\n0,0,inf,-inf,1\n1,2,1e999,3,4\n")
+    put(bytes([7]) + struct.pack("<6h", 1, -2, 300, 4, -5, 6))
+    put(bytes([8]) + answer)
+
+
+def dbc(put):
+    put(b"BO_ 256 Tip: 8 X\n SG_ Fx : 0|16@1- (0.01,0) [-10|10] \"N\" X\n SG_ Count : 56|8@1+ (1,0) [0|0] \"\" X\n")
+    put(b"BO_ 2147484000 Ext: 64 X\n SG_ S M : 0|8@1+ (1,0)\n SG_ A m0 : 15|16@0- (1,0)\n SG_ B m1 : 8|32@1- (1,0)\nSIG_VALTYPE_ 2147484000 B : 1;\n")
+    put(b"VERSION \"\"\nNS_ :\nBS_:\nBU_: X\nBO_ 1 D: 8 X\n SG_ V : 0|64@1+ (0.5,-3)\nSIG_VALTYPE_ 1 V : 2;\nSG_MUL_VAL_ 1 V V 0-0;\nCM_ \"text\";\n")
+
+
+def modbus(put):
+    for pdu in ("01 0000 0008", "02 0000 0010", "03 0000 0020", "04 0064 0019", "05 0000 FF00", "06 13EC 0001", "0F 0000 0004 01 0F",
+                "10 13EC 0002 04 0001 0002", "16 13EC 00F2 0025", "17 0000 0004 13EC 0001 02 0005", "2B 0E 01 00", "07", "03 2328 000C"):
+        body = bytes.fromhex(pdu)
+        put(struct.pack(">HHHB", 1, 0, len(body) + 1, 1) + body)
+    put(bytes.fromhex("000100000006010300000020") * 4)
+
+
+def record(op, content):
+    return bytes([op]) + struct.pack("<Q", len(content)) + content
+
+
+def text(value):
+    return struct.pack("<I", len(value)) + value
+
+
+def mcap(put):
+    schema = record(3, struct.pack("<H", 1) + text(b"tactiled_msgs/msg/Frame") + text(b"ros2msg") + text(b"uint64 t_ns"))
+    metadata = text(b"link") + text(b"usb0")
+    channel = record(4, struct.pack("<HH", 1, 1) + text(b"/node/link/usb0/frames") + text(b"cdr") + text(metadata))
+    body = b"\0\1\0\0" + struct.pack("<iIQQIIIIHBxI2d", 1, 2, 3, 4, 5, 1, 0, 0, 0, 1, 2, 2.5, -1)
+    message = record(5, struct.pack("<HIQQ", 1, 0, 3, 3) + body)
+    header = record(1, text(b"") + text(b"tactiled"))
+    end = record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + b"\x89MCAP0\r\n"
+    put(header + schema + channel + message * 2 + end)
+    inside = schema + channel + message
+    for crc in (0, zlib.crc32(inside), 1):
+        chunk = record(6, struct.pack("<QQQI", 3, 3, len(inside), crc) + text(b"") + struct.pack("<Q", len(inside)) + inside)
+        put(header + chunk + end)
+    put(header + record(9, struct.pack("<QQ", 1, 1) + text(b"config.toml") + text(b"text/plain") + struct.pack("<Q", 3) + b"abc" + struct.pack("<I", 0)))
+
+
+def tomls(*folders):
+    def given(put):
+        for folder in folders:
+            for file in sorted((ROOT / folder).glob("*.toml")):
+                if file.stat().st_size < 20_000:
+                    put(file.read_bytes())
+    return given
+
+
+def decouple(put):
+    rng = random.Random(1)
+    for file in sorted((ROOT / "config/calibration").glob("*.toml")):
+        if file.stat().st_size < 20_000:
+            put(file.read_bytes() + b"\0" + b"".join(struct.pack("<d", rng.uniform(-0.01, 2)) for _ in range(40)))
+    put(b'format = 1\nmodel = "generic"\nmethod = "matrix"\ncontact_model = "unknown"\nchannels = ["a", "b"]\nchannel_unit = "N"\nzero = [0.0, 0.0]\n'
+        b'components = ["fx", "fz"]\nmatrix = [[1.0, 0.0], [0.0, 1.0]]\nsd = [0.01, 0.01]\nfull_scale = [10.0, 10.0]\n\0' + struct.pack("<4d", 1, 2, 3, 4) * 5)
+
+
+def csv(put):
+    put(b"t_s,R1,R3\n0,0.5,\n0.01,nan,-1e-3\n")
+    put(b'\xef\xbb\xbf"t_s" , "fx ""N"""\r\n\r\n+1.5 ,"2"\r\n')
+    put(b"t_s;R1\n0;1\n")
+
+
+def address(put):
+    for line in (b"192.168.0.0/24\0\0\0\1", b"10.1.2.3/32", b"fd00::/8\0abcdefghijklmnop", b"::1/128", b"0.0.0.0/0", b"127.0.0.1:1502", b"[::1]:502", b"0.0.0.0:502", b"192.168.0.5/24"):
+        put(line)
+
+
+def blocks(seed, count, size):  # decisions: any bytes are good ones
+    def given(put):
+        rng = random.Random(seed)
+        for _ in range(count):
+            put(bytes(rng.randrange(256) for _ in range(size)))
+    return given
+
+
+def config(put):
+    tomls("config", "config/calibration", "config/devices")(put)
+
+
+TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
+           "address": address, "can": blocks(1, 8, 60), "i2c": blocks(2, 16, 80), "registers": blocks(3, 8, 300), "clocks": blocks(4, 8, 60),
+           "shm": blocks(5, 8, 60), "server": blocks(6, 8, 120), "rtu": blocks(7, 8, 80), "controls": blocks(8, 8, 120)}
+
+
+def main(folder):
+    for target, make in TARGETS.items():
+        (folder / target).mkdir(parents=True, exist_ok=True)
+        count = 0
+
+        def put(data):
+            nonlocal count
+            (folder / target / f"seed{count:03}").write_bytes(data)
+            count += 1
+        make(put)
+
+
+if __name__ == "__main__":
+    main(pathlib.Path(sys.argv[1]))

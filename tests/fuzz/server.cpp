@@ -1,0 +1,128 @@
+// Bytes of several Modbus TCP clients, in any pieces, with time that passes and clients that take their answers late.
+// Oracle, against a model that cuts each client's whole stream at leisure: a client gets the answers to its own requests, in
+// order, each once, and all of them unless its stream stops being Modbus; no call answers or keeps more than it may.
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "node/modbus/connection.hpp"
+#include "tests/fuzz/input.hpp"
+
+namespace {
+
+using namespace tactiled;
+using namespace tactiled::modbus;
+using fuzz::check;
+using fuzz::Input;
+
+using Bytes = std::vector<std::uint8_t>;
+
+// An answer that tells which request it is for, as long as a real one can be.
+std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+    std::uint8_t sum = 0;
+    for (const std::uint8_t byte : adu) sum = std::uint8_t(sum * 31 + byte);
+    const std::size_t size = 9 + sum % (kMostAdu - 8);
+    std::fill(out.begin(), out.end(), sum);
+    std::copy_n(adu.begin(), 8, out.begin());
+    return size;
+}
+
+struct Client {
+    std::unique_ptr<Connection> connection;
+    int fd = -1;
+    Bytes said, heard;
+    std::string closed;
+
+    explicit Client(int most_per_s) {
+        int pair[2];
+        check(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair) == 0);
+        const int least = 1;
+        ::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &least, sizeof least);
+        connection = std::make_unique<Connection>(pair[0], 1, most_per_s);
+        fd = pair[1];
+    }
+    ~Client() { ::close(fd); }
+    Client(const Client&) = delete;
+    Client& operator=(const Client&) = delete;
+
+    void say(std::span<const std::uint8_t> bytes) {
+        const ssize_t n = ::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+        if (n > 0) said.insert(said.end(), bytes.begin(), bytes.begin() + n);
+    }
+    void hear() {
+        std::array<std::uint8_t, 65536> bytes;
+        for (ssize_t n; (n = ::recv(fd, bytes.data(), bytes.size(), 0)) > 0;)
+            heard.insert(heard.end(), bytes.begin(), bytes.begin() + n);
+    }
+    void serve(std::uint64_t now_ns) {
+        if (!closed.empty()) return;
+        int answered = 0;
+        closed = connection->serve(
+            [&](std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+                ++answered;
+                return answer(adu, out);
+            },
+            now_ns);
+        check(answered <= 16);
+        if (closed.empty()) (void)connection->overdue(now_ns);
+    }
+    // What it is owed for all that it has said; false where it has said something that is not Modbus.
+    bool owed(Bytes& all) const {
+        for (std::size_t used = 0; used < said.size();) {
+            std::size_t size = 0;
+            const Cut cut = cut_adu(std::span(said).subspan(used), size);
+            if (cut == Cut::close) return false;
+            if (cut == Cut::more) return true;
+            std::array<std::uint8_t, kMostAdu> out;
+            const std::size_t length = answer(std::span(said).subspan(used, size), out);
+            all.insert(all.end(), out.begin(), out.begin() + long(length));
+            used += size;
+        }
+        return true;
+    }
+};
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    Input input(data, size);
+    const int most_per_s = input.byte() % 2 == 0 ? 0 : 1000;
+    std::array<Client, 3> clients{Client(most_per_s), Client(most_per_s), Client(most_per_s)};
+    std::uint64_t now_ns = 1;
+    while (!input.is_empty()) {
+        const unsigned what = input.byte();
+        Client& client = clients[what % 3];
+        switch (what / 3 % 5) {
+            case 0: client.say(input.take(input.byte())); break;
+            case 1: {  // a whole request, many times
+                const std::uint8_t request[12] = {input.byte(), 0, 0, 0, 0, 6, 1, 4, 0, input.byte(), 0, 2};
+                for (unsigned n = input.byte() % 64; n > 0; --n) client.say(request);
+                break;
+            }
+            case 2: client.hear(); break;
+            case 3: client.serve(now_ns); break;
+            case 4: now_ns += std::uint64_t(input.byte()) * 1'000'000; break;
+        }
+    }
+    for (Client& client : clients) {
+        std::size_t before = 0;
+        for (int idle = 0; idle < 3 && client.closed.empty(); idle = client.heard.size() == before ? idle + 1 : 0) {
+            before = client.heard.size();
+            now_ns += 1'000'000'000;
+            client.serve(now_ns);
+            client.hear();
+        }
+        client.hear();
+        Bytes owed;
+        const bool is_modbus = client.owed(owed);
+        check(client.heard.size() <= owed.size() && std::equal(client.heard.begin(), client.heard.end(), owed.begin()));
+        if (is_modbus) check(client.closed.empty() && client.heard.size() == owed.size());
+        if (!is_modbus) check(client.closed == "not Modbus/TCP");
+    }
+    return 0;
+}
