@@ -161,7 +161,7 @@ class Reload(unittest.TestCase):
         (self.d.folder / "a.toml").write_text(calibration[:200])
         self.reload(r"a\.toml:\d+(.|\n)*refused")
         (self.d.folder / "a.toml").write_text(calibration)
-        self.reload("nothing has changed")
+        self.reload("neither the configuration nor a calibration has changed")
         self.assertEqual(self.register(WARN), 0)
         for samples in self.samples().values():
             self.check_untouched(samples)
