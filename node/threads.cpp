@@ -1,6 +1,7 @@
 #include "node/threads.hpp"
 
 #include <fmt/format.h>
+#include <sys/resource.h>
 
 #include <algorithm>
 
@@ -38,6 +39,25 @@ private:
     std::string text_;
     std::uint64_t said_ns_ = 0;
     unsigned times_ = 0;
+};
+
+// A device that always has more would never let its thread wait: other links starve, and LimitRTTIME= takes the daemon for
+// one that is out of control. Such a thread waits here.
+class Breather {
+public:
+    // rt: wait-free, but one system call each kTurns turns, and where the thread has not waited since the last one, 1 ms
+    void turn() noexcept {
+        if (++turns_ % kTurns != 0) return;
+        rusage used{};
+        ::getrusage(RUSAGE_THREAD, &used);
+        if (used.ru_nvcsw == waits_) sleep_until(monotonic_ns() + 1'000'000u);
+        waits_ = used.ru_nvcsw;
+    }
+
+private:
+    static constexpr unsigned kTurns = 256;  // at 10 us a frame 3 ms; LimitRTTIME= is 200 ms
+    unsigned turns_ = 0;
+    long waits_ = -1;
 };
 
 }  // namespace
@@ -84,6 +104,7 @@ void Threads::pause(int ms, Progress::Turns& turns) const noexcept {
 }
 
 void Threads::run_link(Link& link) noexcept {
+    Breather breather;
     Complaint refused, gone;  // two: a device may be refused and gone by turns
     int pause_ms = kLeastPauseMs;
     bool announce = true;  // false after an opening that came to nothing: then "open" is said of one that works
@@ -114,6 +135,7 @@ void Threads::run_link(Link& link) noexcept {
                 present = acquire(link, segment_, kReadTimeoutMs);
             }
             turns.count();
+            breather.turn();
             if (worked || counts[TACTILED_LINK_FRAMES] == frames || monotonic_ns() - opened_ns < kWorkedNs) continue;
             worked = true;
             if (!announce) log_line(LogLevel::info, fmt::format("link \"{}\": open", link.name));

@@ -241,6 +241,17 @@ class Service(unittest.TestCase):
         finally:
             path.write_text(CONFIG)
 
+    def test_a_reload_keeps_the_daemon_and_refuses_a_wrong_file(self):
+        path, pid = self.tree.path / "etc/tactiled/tactiled.toml", self.machine.show("MainPID")
+        try:
+            path.write_text(CONFIG + "stale_ms = 200\n")
+            self.machine.run("systemctl", "reload", "tactiled")
+            path.write_text("[node]\nnam = 1\n")
+            self.machine.run("systemctl", "reload", "tactiled", status=1)
+        finally:
+            path.write_text(CONFIG)
+        self.assertEqual((self.machine.show("MainPID"), self.machine.show("ActiveState")), (pid, "active"))
+
     def test_a_crash_loop_ends(self):
         until = time.monotonic() + 25
         while self.machine.show("ActiveState") != "failed" and time.monotonic() < until:

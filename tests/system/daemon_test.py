@@ -10,6 +10,7 @@ import stat
 import subprocess
 import sys
 import termios
+import threading
 import time
 import unittest
 
@@ -141,6 +142,28 @@ class TheDaemon(unittest.TestCase):
                 device.close()
                 ended = time.monotonic()
                 wait_for(lambda: d.log().count("is gone") == 1 + turn, 2, "its end in the log")
+
+    def test_a_device_that_floods_its_link_is_no_thread_out_of_control(self):
+        """Under the unit's LimitRTTIME=: SIGXCPU for who runs 200 ms in real time without waiting."""
+        server = socket.create_server(("127.0.0.1", 0))
+        where = f'driver = "tcp"\naddress = "127.0.0.1:{server.getsockname()[1]}"'
+        config = CONFIG.replace('driver = "uart"\ndevice = "{folder}/dev"', where).replace("sequence = true\n", "")
+
+        def flood():
+            device = server.accept()[0]
+            try:
+                while True:
+                    device.sendall(b"1,2,-3\n" * 2000)
+            except OSError:
+                device.close()
+
+        with server, unit_daemon(rate=0, config=config) as d:
+            threading.Thread(target=flood, daemon=True).start()
+            d.start("prlimit", "--rttime=200000:1000000")
+            time.sleep(2)
+            self.assertIsNone(d.process.poll(), "ended by a signal")
+            self.assertGreater(json.loads(d.ctl("status", "--json").stdout)["links"][0]["frames"], 10_000)
+            wait_for(quality_is(d, "good"), 3, "a good sample")
 
     def test_a_silent_device_is_stale_and_its_registers_are_sentinels(self):
         with unit_daemon() as d:
