@@ -27,7 +27,8 @@ TEST(World, WithoutAFaultEverySampleIsGoodAndRight) {
     EXPECT_EQ(f.total(), 0u) << f.first;
     EXPECT_EQ(f.samples - f.good, before);
     EXPECT_GT(f.samples, 40'000u);
-    fmt::print("{} samples, {} answers of registers, 0 not GOOD\n", f.samples, f.reads);
+    fmt::print("{} samples, {} answers of registers, {} not GOOD after the start\n", f.samples, f.reads,
+               f.samples - f.good - before);
 }
 
 TEST(World, NoFaultAndNoPairOfFaultsMakesALieOrHarmsAnotherSensor) {
