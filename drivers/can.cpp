@@ -26,6 +26,7 @@
 #include "drivers/driver.hpp"
 #include "drivers/wire/can_sample.hpp"
 #include "drivers/wire/clock_fit.hpp"
+#include "drivers/wire/isotp.hpp"
 
 namespace tactiled {
 namespace {
@@ -49,6 +50,7 @@ public:
             const bool extended = (id & kCanExtended) != 0;
             filters_.push_back({id, (extended ? CAN_EFF_MASK : CAN_SFF_MASK) | CAN_EFF_FLAG | CAN_RTR_FLAG});
         }
+        for (const CanTransport& transport : plan.transports) transports_.push_back({transport, {}});
         samples_ = std::make_unique<CanSamples>(std::move(plan.devices), counts);
     }
     ~Can() override { close(); }
@@ -67,6 +69,7 @@ public:
             return why;
         }
         samples_->reset();
+        for (auto& transport : transports_) transport.receiver.reset();
         fit_.reset();
         arrival_ = {};
         drained_ns_ = heard_ns_ = now_ns();
@@ -280,8 +283,31 @@ private:
             const bool fits = hardware_stamps_ && stamps.hardware_ns != 0 && clocks_agree_;
             const std::uint64_t t_ns =
                 fits ? std::min(fit_.monotonic_ns(stamps.hardware_ns, software_ns), software_ns) : software_ns;
-            samples_->take({frame.can_id, {frame.data, frame.len}, t_ns, stamps.hardware_ns / 1000});
+            take_frame({frame.can_id, {frame.data, frame.len}, t_ns, stamps.hardware_ns / 1000});
         }
+    }
+
+    // A message, or a part of one that comes in several frames.
+    void take_frame(const CanArrival& arrival) noexcept {
+        for (auto& [about, receiver] : transports_) {
+            if (about.id != arrival.id) continue;
+            const IsoTp::Found found = receiver.take(arrival.bytes, arrival.t_ns);
+            samples_->lost(arrival.id, receiver.take_lost());
+            if (found == IsoTp::Found::bad) ++counts[TACTILED_LINK_BAD_LENGTH];
+            if (found == IsoTp::Found::first) answer(about.reply_id, receiver.answer());
+            if (found != IsoTp::Found::message) return;
+            return samples_->take({arrival.id, receiver.message(), receiver.t_ns(), arrival.device_time_us});
+        }
+        samples_->take(arrival);
+    }
+
+    // Where the queue is full the device's patience ends, and the message is lost. rt: one system call, does not wait
+    void answer(std::uint32_t id, const std::array<std::uint8_t, 8>& bytes) noexcept {
+        can_frame frame{};
+        frame.can_id = id;
+        frame.len = std::uint8_t(bytes.size());
+        std::copy(bytes.begin(), bytes.end(), frame.data);
+        if (::send(fd_, &frame, sizeof frame, MSG_DONTWAIT) != sizeof frame) ++counts[TACTILED_LINK_BUS_ERROR];
     }
 
     void take_error(const canfd_frame& frame) noexcept {
@@ -310,6 +336,11 @@ private:
     bool hardware_stamps_ = false, restarts_ = false;
     std::size_t most_bytes_ = 0;
     std::vector<can_filter> filters_;
+    struct Transport {
+        CanTransport about;
+        IsoTp receiver;
+    };
+    std::vector<Transport> transports_;
     std::unique_ptr<CanSamples> samples_;
     int fd_ = -1, index_ = 0;
     CanNetlink netlink_;

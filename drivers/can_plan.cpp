@@ -6,6 +6,7 @@
 #include <map>
 
 #include "drivers/wire/dbc.hpp"
+#include "drivers/wire/isotp.hpp"
 
 namespace tactiled {
 namespace {
@@ -28,7 +29,7 @@ struct Sequence {
     CanSignal signal;
 };
 
-constexpr Range kStarts{0, 8 * double(kCanMostBytes) - 1}, kLengths{1, 64}, kFinite{-1e300, 1e300};
+constexpr Range kStarts{0, 8 * double(IsoTp::kMostBytes) - 1}, kLengths{1, 64}, kFinite{-1e300, 1e300};
 
 CanSignal read_place(Options& table) {
     CanSignal signal;
@@ -48,7 +49,8 @@ std::uint32_t read_id(Options& table, std::string_view key, bool extended) {
 std::vector<Wanted> read_signals(Options& device, std::optional<Sequence>& sequence) {
     const bool extended = device.flag("extended", false);
     const std::uint32_t id = read_id(device, "id", extended);
-    const auto bytes = std::size_t(device.integer("bytes", {1, double(kCanMostBytes)}, 8));
+    const auto most = double(device.has("isotp_reply_id") ? IsoTp::kMostBytes : kCanMostBytes);
+    const auto bytes = std::size_t(device.integer("bytes", {1, most}, 8));
     std::optional<CanSignal> selector;
     if (device.has("selector")) {
         Options table = device.table("selector");
@@ -241,6 +243,17 @@ void add_sequence(Options& device, CanDevice& plan, const Sequence& sequence) {
     if (!found) device.problem("sequence", "sequence is in a message that none of the signals is in");
 }
 
+// A sample that comes as one message of several frames: the whole message is what signals are places in.
+void read_transport(Options& device, const CanDevice& read, CanPlan& plan) {
+    const bool extended = device.flag("extended", false);
+    const std::uint32_t reply_id = read_id(device, "isotp_reply_id", extended);
+    if (device.has("dbc")) return device.problem("isotp_reply_id", "isotp_reply_id is for signals in place, without dbc");
+    for (const auto& part : read.parts)
+        if (part.id != read.parts.front().id)
+            return device.problem("isotp_reply_id", "with isotp_reply_id all signals are in the device's own message");
+    plan.transports.push_back({read.parts.front().id, reply_id});
+}
+
 void read_window(Options& device, CanDevice& plan) {
     constexpr Range kWindows{0.1, 1000};
     const bool by_counter = plan.is_assembled_by_counter();
@@ -282,8 +295,10 @@ CanPlan read_can_plan(Options& link) {
         if (sequence) add_sequence(table, device, *sequence);
         for (const auto& [id, each] : sequences) add_sequence(table, device, each);
         read_window(table, device);
+        const bool has_transport = table.has("isotp_reply_id");
+        if (has_transport) read_transport(table, device, plan);
         for (const auto& signal : signals) {
-            plan.most_bytes = std::max(plan.most_bytes, signal.bytes);
+            if (!has_transport) plan.most_bytes = std::max(plan.most_bytes, signal.bytes);
             if (std::find(plan.ids.begin(), plan.ids.end(), signal.id) == plan.ids.end()) plan.ids.push_back(signal.id);
         }
         plan.devices.push_back(std::move(device));

@@ -10,10 +10,16 @@ namespace tactiled {
 inline constexpr std::size_t kCanMostDevices = 64;  // of a link
 inline constexpr std::size_t kCanMostIds = 512;     // CAN_RAW_FILTER_MAX of the kernel
 
+// A device whose samples come as one message of several frames.
+struct CanTransport {
+    std::uint32_t id = 0, reply_id = 0;  // with kCanExtended: of its frames, of our flow control
+};
+
 struct CanPlan {
     std::vector<CanDevice> devices;
+    std::vector<CanTransport> transports;
     std::vector<std::uint32_t> ids;  // with kCanExtended; each once
-    std::size_t most_bytes = 0;      // of a message: more than 8 needs CAN FD
+    std::size_t most_bytes = 0;      // of a frame: more than 8 needs CAN FD
 };
 
 // Errors go to the options' Problems. setup

@@ -85,8 +85,8 @@ bool Grasping::carry_out(const Command& command) noexcept {
             return true;
         }
         case Kind::objects: take(command.objects); return true;
-        case Kind::hint: estimator_->hint(command.gripper); return true;
-        case Kind::gravity: estimator_->gravity(command.robot_G_m_s2); return true;
+        case Kind::hint: estimator_->hint(told_hint_ = command.gripper); return true;
+        case Kind::gravity: estimator_->gravity(*(told_gravity_G_m_s2_ = command.robot_G_m_s2)); return true;
         case Kind::acceleration: estimator_->acceleration(command.robot_G_m_s2, command.told_ns); return true;
         default: return false;
     }
@@ -109,6 +109,11 @@ void Grasping::succeed(const Grasping& before) noexcept {
     before_.slip_latch = was.slip_latch;
     std::copy(std::begin(was.slip_count), std::end(was.slip_count), before_.slip_count);
     set(before.wish_);
+    told_gravity_G_m_s2_ = before.told_gravity_G_m_s2_;
+    told_hint_ = before.told_hint_;
+    if (estimator_ && told_gravity_G_m_s2_) estimator_->gravity(*told_gravity_G_m_s2_);
+    if (estimator_) estimator_->hint(told_hint_);
+    if (estimator_) take({before.taught_.data(), before.n_taught_});
 }
 
 tactiled_grasp Grasping::state() const noexcept {

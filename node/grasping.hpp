@@ -32,8 +32,8 @@ public:
     // NaN: as configured. rt: wait-free
     void set(const GraspSettable& wish) noexcept;
 
-    // Goes on in the place of `before`, which was configured otherwise: what was counted, latched and wished stays, what the
-    // robot told and the shown scale do not. rt: wait-free
+    // Goes on in the place of `before`, which was configured otherwise: what was counted, latched, wished, taught and told
+    // by the robot stays, the shown scale does not. rt: wait-free
     void succeed(const Grasping& before) noexcept;
 
     // rt: wait-free
@@ -45,6 +45,8 @@ private:
 
     std::optional<grasp::Grasp> estimator_;
     GraspSettable configured_, wish_{kNaN, kNaN};
+    std::optional<grasp::Vector> told_gravity_G_m_s2_;  // NaN: told that it is not known any more
+    grasp::Hint told_hint_ = grasp::Hint::none;
     tactiled_grasp before_{};                                // what was counted and latched before this one; the rest is 0
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};

@@ -1,12 +1,9 @@
 #include "node/pipeline.hpp"
 
 #include <algorithm>
-#include <type_traits>
 #include <utility>
 
-#include "node/realtime.hpp"
 #include "node/shm/frame_record.hpp"
-#include "tactiled/reader.hpp"
 
 namespace tactiled {
 namespace {
@@ -61,8 +58,7 @@ bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     return status != Status::gone;
 }
 
-// ---- ring -> decouple -> grasp -> publish
-// -------------------------------------------------------------------------------------
+// ---- ring -> decouple -> grasp -> publish ------------------------------------------------------------------------------
 
 Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
                    std::uint32_t status, const std::optional<Grasping::Setup>& grasp)
@@ -292,40 +288,6 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     ++node_.sequence;
     last_node_ns_ = now_ns;
     news_ = false;
-}
-
-bool Pipeline::replace(Replacement& replacement, int patience_ms) noexcept {
-    taken_.store(false, std::memory_order_relaxed);
-    replacement_.store(&replacement, std::memory_order_release);  // pairs with the exchange in deliver()
-    for (int ms = 0; !taken_.load(std::memory_order_acquire); ++ms) {
-        // Taken back, unless the loop has it in its hands just now: then it is done in microseconds.
-        if (ms >= patience_ms && replacement_.exchange(nullptr, std::memory_order_relaxed) != nullptr) return false;
-        sleep_until(monotonic_ns() + kMs);
-    }
-    return true;
-}
-
-// A sensor that measures otherwise begins a new epoch with a BAD sample: what follows is not comparable to what was.
-void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
-    static_assert(std::is_nothrow_swappable_v<Sensor>);
-    segment_.begin_reload();
-    for (auto& part : replacement.sensors) segment_.set_sensor(part.index, part.entry);
-    segment_.end_reload(replacement.calibration_id);
-    if (replacement.grasping != nullptr) {
-        replacement.grasping->succeed(*grasping_);
-        std::swap(grasping_, replacement.grasping);
-    }
-    for (auto& part : replacement.sensors) {
-        Sensor& running = sensors_[part.index];
-        if (part.measures_alike) {
-            running.retune(*part.sensor);
-            continue;
-        }
-        part.sensor->succeed(running, now_ns);
-        std::swap(running, *part.sensor);
-        publish_break(part.index, running.marker(now_ns));
-    }
-    news_ = true;
 }
 
 void Pipeline::account(std::uint64_t turn_ns, std::uint64_t missed) noexcept {

@@ -23,8 +23,8 @@ bool is_idle_number(double value) noexcept {
 
 }  // namespace
 
-void StreamQuality::succeed(const StreamQuality& before, std::uint64_t now_ns) noexcept {
-    last_frame_ns_ = now_ns;
+void StreamQuality::succeed(const StreamQuality& before) noexcept {
+    last_frame_ns_ = before.last_frame_ns_;
     opening_ = before.opening_;
     breaks_ = before.breaks_ + 1;
     lost_ = before.lost_;
@@ -66,6 +66,7 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
     for (std::size_t k = 0; k < raw.size(); ++k)
         if ((usable >> k & 1u) != 0) raw_[k] = raw[k];
     known_ |= usable;
+    newest_ = usable;
     return reasons;
 }
 
@@ -109,7 +110,7 @@ bool StreamQuality::has_stepped(std::span<const double> raw, std::uint32_t usabl
     const double step_s = std::max(double(step_ns_) * 1e-9, (1 + double(lost_now_)) / declared_Hz);
     const double most = limits_.slew_per_s * step_s;
     for (std::size_t k = 0; k < raw.size(); ++k)
-        if ((usable & known_ & 1u << k) != 0 && std::abs(raw[k] - raw_[k]) > most) return true;
+        if ((usable & newest_ & 1u << k) != 0 && std::abs(raw[k] - raw_[k]) > most) return true;
     return false;
 }
 

@@ -28,7 +28,9 @@ public:
     void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
 
     // Goes on counting where `before` ends, after a break of its own. rt: wait-free
-    void succeed(const StreamQuality& before, std::uint64_t now_ns) noexcept;
+    void succeed(const StreamQuality& before) noexcept;
+    // Judges by these from now on; what is known of the stream stays. rt: wait-free
+    void judge_by(const StreamLimits& limits) noexcept { limits_ = limits; }
 
     // The stream delivers; true: again, after a break. rt: wait-free
     bool arrive(const Frame& frame) noexcept;
@@ -62,7 +64,7 @@ private:
     std::uint32_t broken_ = TACTILED_NO_DATA_YET, breaks_ = 0, lost_ = 0, lost_now_ = 0;
 
     std::array<double, kMaxChannels> raw_{};  // of the frame before
-    std::uint32_t known_ = 0;                 // bit k: raw_[k] is a number
+    std::uint32_t known_ = 0, newest_ = 0;    // bit k: raw_[k] is a number; of the frame right before
     std::array<unsigned, kMaxChannels> equal_{},
         moved_{};               // readings in a row: like the one before; that frozen ones changed
     std::uint32_t frozen_ = 0;  // bit k
@@ -79,6 +81,8 @@ private:
 class ZeroDrift {
 public:
     explicit ZeroDrift(double limit_N) : limit_N_(limit_N) {}
+    // rt: wait-free
+    void judge_by(double limit_N) noexcept { limit_N_ = limit_N; }
     // rt: wait-free
     [[nodiscard]] bool has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept;
 

@@ -15,8 +15,9 @@ constexpr char kRestart[] = "cannot change while the daemon runs; restart it (sy
 // Of [[sensor]]: what stands in the directory, or binds to a link.
 constexpr std::string_view kFixed[] = {"name", "link", "device", "model", "stale_ms"};
 // What changes neither the value nor its zero.
-constexpr std::string_view kTuned[] = {"saturates_at", "tare_ms",       "filter_hz",
-                                       "contact_on_N", "contact_off_N", "overload_N"};
+constexpr std::string_view kTuned[] = {"saturates_at",  "tare_ms",        "filter_hz",    "contact_on_N",
+                                       "contact_off_N", "overload_N",     "frozen_after", "slew_limit_per_s",
+                                       "rate_Hz",       "rate_tolerance", "drift_limit_N"};
 
 template <std::size_t N>
 bool is_one_of(const std::string_view (&keys)[N], std::string_view key) {
@@ -46,8 +47,7 @@ void Reloader::reload(Pipeline& pipeline) noexcept try {
     Problems problems;
     const std::string done = try_reload(pipeline, problems);
     for (const auto& line : problems.lines()) log_line(LogLevel::error, line);
-    if (!problems.empty())
-        log_line(LogLevel::error, "SIGHUP: refused, nothing was changed: the configuration above is wrong");
+    if (!problems.empty()) log_line(LogLevel::error, "SIGHUP: refused, nothing was changed");
     if (!done.empty()) log_line(LogLevel::info, fmt::format("SIGHUP: {}", done));
     pipeline.reload_refused(done.empty());
 } catch (const std::exception& error) {  // no memory
@@ -68,7 +68,8 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
         names.push_back(fmt::format("sensor \"{}\"{}", next.sensors[part.index].name,
                                     part.measures_alike ? "" : " (a new epoch, without its tare)"));
     if (replacement.grasping != nullptr) names.push_back("the grasp");
-    const std::string done = names.empty() ? "nothing has changed" : fmt::format("changed {}", fmt::join(names, ", "));
+    const std::string done = names.empty() ? "neither the configuration nor a calibration has changed"
+                                           : fmt::format("changed {}", fmt::join(names, ", "));
     if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment
     if (!pipeline.replace(replacement, kPatienceMs)) {
         problems.add(path_, 0, "the loop does not come round");

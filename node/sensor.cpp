@@ -90,13 +90,15 @@ void Sensor::retune(const Sensor& other) noexcept {
     setup_.saturates_above = other.setup_.saturates_above;
     setup_.tare_ns = other.setup_.tare_ns;
     setup_.settable = other.setup_.settable;
+    stream_.judge_by(other.setup_.stream);
+    drift_.judge_by(other.setup_.drift_N);
     set(wish_);
 }
 
-void Sensor::succeed(const Sensor& before, std::uint64_t now_ns) noexcept {
+void Sensor::succeed(const Sensor& before) noexcept {
     sequence_ = before.sequence_;
     daemon_epoch_ = before.daemon_epoch_;
-    stream_.succeed(before.stream_, now_ns);
+    stream_.succeed(before.stream_);
     set(before.wish_);
 }
 

@@ -79,7 +79,7 @@ public:
     void retune(const Sensor& other) noexcept;
     // Goes on in the place of `before`, which measured otherwise, in a new epoch and without its tare. Publish marker()
     // then. rt: wait-free
-    void succeed(const Sensor& before, std::uint64_t now_ns) noexcept;
+    void succeed(const Sensor& before) noexcept;
     // The peak starts again with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
 

@@ -134,6 +134,7 @@ Grasp::Grasp(const Setup& setup) : state_(std::make_unique<State>(setup)) {
 }
 Grasp::~Grasp() = default;
 Grasp::Grasp(Grasp&&) noexcept = default;
+Grasp& Grasp::operator=(Grasp&&) noexcept = default;
 
 void Grasp::sample(std::size_t jaw, const JawSample& sample) noexcept {
     if (jaw < state_->jaws.size()) state_->take(jaw, sample);

@@ -66,6 +66,7 @@ public:
     explicit Grasp(const Setup& setup);
     ~Grasp();
     Grasp(Grasp&&) noexcept;
+    Grasp& operator=(Grasp&&) noexcept;
 
     // One sample of jaw `jaw`, in the order in which they come. rt: wait-free
     void sample(std::size_t jaw, const JawSample& sample) noexcept;

@@ -51,6 +51,15 @@ bool CanSamples::next(Frame& frame) noexcept {
     return false;
 }
 
+void CanSamples::lost(std::uint32_t id, std::uint32_t samples) noexcept {
+    for (const Route& route : routes_)
+        if (route.id == id && samples != 0) {
+            pending_[route.device].lost += samples;
+            counts_[TACTILED_LINK_LOST] += samples;
+            return;  // one device's
+        }
+}
+
 void CanSamples::reset() noexcept {
     for (auto& pending : pending_) {
         pending.parts = pending.orphans = pending.lost = 0;

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <bit>
 #include <cassert>
 #include <cmath>
@@ -18,7 +19,8 @@ std::string why_no_signal(const CanSignal& signal, std::size_t bytes) {
     if (signal.length < 1 || signal.length > 64) return fmt::format("length {} is outside 1 .. 64 bits", signal.length);
     if (signal.type == CanSignal::Type::is_float && signal.length != 32 && signal.length != 64)
         return fmt::format("a float has 32 or 64 bits, not {}", signal.length);
-    if (signal.start >= 8 * kCanMostBytes) return fmt::format("start bit {} is outside 0 .. 511", signal.start);
+    const std::size_t most = std::max(bytes, kCanMostBytes);
+    if (signal.start >= 8 * most) return fmt::format("start bit {} is outside 0 .. {}", signal.start, 8 * most - 1);
     if (!std::isfinite(signal.factor) || signal.factor == 0)
         return fmt::format("factor {} makes no number of it; a factor is finite and not 0", signal.factor);
     if (!std::isfinite(signal.offset)) return "the offset is not finite";

@@ -24,7 +24,8 @@ struct CanSignal {
     bool operator==(const CanSignal&) const = default;
 };
 
-// "" where the signal is one and lies in a message of `bytes`, else what is wrong. setup
+// "" where the signal is one and lies in a message of `bytes`, else what is wrong: more than 64 bytes come in several frames
+// (isotp.hpp). setup
 std::string why_no_signal(const CanSignal& signal, std::size_t bytes);
 
 // How many bytes a message must have to hold the signal. rt: wait-free

@@ -46,10 +46,11 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     const Lateness late = segment.lateness();
     std::string out = fmt::format(
         "{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  woken late by {:.0f} us, p99 {:.0f}  "
-        "missed {}{}{}\n",
+        "missed {}{}{}{}\n",
         h.name, h.version, h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, lateness_quantile_ns(late, 0.5) / 1000,
         lateness_quantile_ns(late, 0.99) / 1000, node.missed_cycles,
         (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
+        (node.warning & TACTILED_WARN_RELOAD) != 0 ? "  reload refused: see the log" : "",
         (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "");
     out += fmt::format("{:<12} {:>10} {:>10} {:>10} {:>8} {:>8} {:>8} {:>6}  {}\n", "sensor", "fx/N", "fy/N", "fz/N",
                        "sd fz/N", "Hz", "age/ms", "lost", "quality");
@@ -113,6 +114,7 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                        {"lateness_us", lateness_json(segment.lateness())},
                        {"rt_degraded", (snapshot.node.status & TACTILED_RT_DEGRADED) != 0},
                        {"grasp", grasp_json(segment, snapshot.node.grasp)},
+                       {"reload_refused", (snapshot.node.warning & TACTILED_WARN_RELOAD) != 0},
                        {"simulated", (snapshot.node.status & TACTILED_SIMULATED) != 0}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         const auto& s = snapshot.sensor[i];

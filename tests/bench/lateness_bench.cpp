@@ -59,7 +59,7 @@ Lateness operator-(Lateness a, const Lateness& b) {
     return a;
 }
 
-// A daemon in a folder of its own; `before`: words of a command that runs it.
+// A program that ends with this object.
 class Program {
 public:
     Program(std::vector<std::string> words) {
@@ -89,7 +89,7 @@ Segment wait_for(const std::string& node) {
         ::usleep(5000);
     }
     fmt::print(stderr, "lateness_bench: the daemon \"{}\" does not start\n", node);
-    std::exit(1);
+    return {};
 }
 
 // When in its period the loop's deadlines are: the earliest that its turns begin.
@@ -166,6 +166,7 @@ int main(int argc, char** argv) {
                                                                        "--clear-groups", "--inh-caps=-all", daemon,
                                                                        "--config", folder + "/other/tactiled.toml"});
         const Segment ours = wait_for(node), theirs = hogs > 0 ? wait_for(node + "-other") : Segment();
+        if (!ours.is_open() || (hogs > 0 && !theirs.is_open())) return 1;
         tactiled_node now;
         if (!ours.latest_node(now) || (now.status & TACTILED_RT_DEGRADED) != 0) {
             fmt::print(stderr, "lateness_bench: the daemon may not be real-time here\n");

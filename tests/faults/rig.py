@@ -6,6 +6,7 @@ import os
 import pathlib
 import pty
 import random
+import signal
 import socket
 import struct
 import subprocess
@@ -65,6 +66,15 @@ def count_of(sensor, sequence, k):
     return 20000 * (sensor + 1) + 1000 * k + 8 * min(phase, 512 - phase) + (mixed >> 26) - 32
 
 
+def with_ptys_of_its_own():
+    """Begins anew in a mount name space with ttys of its own: those of other programs' tests have the same numbers by turns."""
+    if os.environ.get("TACTILED_OWN_PTYS") or os.geteuid() != 0:
+        return
+    mounts = "mount -t devpts -o newinstance,ptmxmode=0666 devpts /dev/pts && mount --bind /dev/pts/ptmx /dev/ptmx"
+    os.environ["TACTILED_OWN_PTYS"] = "1"
+    os.execvp("unshare", ["unshare", "-m", "sh", "-c", mounts + ' && exec "$@"', "sh", sys.executable, *sys.argv])
+
+
 def hurry():
     """Devices and witness are not to be late where the machine is busy; what they start is as ever."""
     with contextlib.suppress(PermissionError):
@@ -104,6 +114,7 @@ class Device(threading.Thread):
         path.symlink_to(self.slave_path)
 
     def unplug(self):
+        self.path.unlink()  # as udev does: the tty of that number may be another's next
         master, self.master = self.master, None
         os.close(master)
 
@@ -133,7 +144,7 @@ class Device(threading.Thread):
         self.ended.set()
         self.join()
         if self.master is not None:
-            self.unplug()
+            os.close(self.master)
 
 
 class Witness(threading.Thread):
@@ -277,4 +288,20 @@ class Rig:
             self.witness.close()
         for device in self.devices:
             device.close()
+        # What is run by strace goes on without it.
+        for pid in self.pids():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+                os.kill(pid, signal.SIGTERM)
         self.daemon.__exit__()
+        wait_for(lambda: not self.pids(), 5, "the end of the daemon")
+
+    def pids(self):
+        """Of the daemon, however it was started."""
+        found = []
+        for entry in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
+            with contextlib.suppress(OSError):
+                words = entry.read_bytes().split(b"\0")
+                if words[0] == str(BIN / "tactiled").encode() and str(self.daemon.config).encode() in words:
+                    found.append(int(entry.parent.name))
+        return found

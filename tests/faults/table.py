@@ -13,7 +13,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 import real_faults as real  # noqa: E402
-from rig import ROOT  # noqa: E402
+from rig import ROOT, with_ptys_of_its_own  # noqa: E402
 
 PAGE = pathlib.Path(__file__).parent / "README.md"
 BEGIN, END = "<!-- table.py writes from here -->", "<!-- to here -->"
@@ -137,6 +137,7 @@ def row_of(number, name, how, strike):
 
 
 def main():
+    with_ptys_of_its_own()
     only = {int(word) for word in sys.argv[1:] if word.isdigit()}
     commit = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"], capture_output=True, text=True).stdout.strip()
     dirty = subprocess.run(["git", "-C", ROOT, "status", "--porcelain", "-uno"], capture_output=True, text=True).stdout.strip()

@@ -71,7 +71,6 @@ TEST(Witness, FindsEveryPlantedBug) {
         EXPECT_GT(found, 0u) << plant.name << " is not found as: " << name_of(plant.found_as);
         fmt::print("{}: found as \"{}\" in {}\n", plant.name, name_of(plant.found_as), name_of_seed(seed));
     }
-    for (std::uint64_t seed = 0; seed < faults().size(); ++seed) EXPECT_EQ(run_seed(seed).total(), 0u) << name_of_seed(seed);
 }
 
 }  // namespace

@@ -140,6 +140,18 @@ def address(put):
         put(line)
 
 
+def registers(put):
+    blocks(3, 8, 300)(put)
+    put(bytes.fromhex("00000000 04 00 00 01 7F800000"))  # a float32 at 0 that is infinite; then one that is none
+    put(bytes.fromhex("00000000 04 00 00 01 7FC00000"))
+
+
+def isotp(put):
+    blocks(9, 8, 120)(put)
+    frames = [bytes([0x1F, 0xFF]) + bytes(6)] + [bytes([0x20 | n & 15]) + bytes(7) for n in range(1, 90)]
+    put(b"".join(b"\0\x08" + frame for frame in frames))  # longer than there is room for
+
+
 def blocks(seed, count, size):  # decisions: any bytes are good ones
     def given(put):
         rng = random.Random(seed)
@@ -153,7 +165,7 @@ def config(put):
 
 
 TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
-           "address": address, "can": blocks(1, 8, 60), "i2c": blocks(2, 16, 80), "registers": blocks(3, 8, 300), "clocks": blocks(4, 8, 60),
+           "address": address, "can": blocks(1, 8, 60), "isotp": isotp, "i2c": blocks(2, 16, 80), "registers": registers, "clocks": blocks(4, 8, 60),
            "shm": blocks(5, 8, 60), "server": blocks(6, 8, 120), "rtu": blocks(7, 8, 80), "controls": blocks(8, 8, 120)}
 
 

@@ -3,6 +3,7 @@
 import os
 import pathlib
 import signal
+import socket
 import struct
 import time
 import unittest
@@ -10,6 +11,9 @@ import unittest
 from can_bus import BUS_OFF, CONTROLLER, ERROR, EXTENDED, IP, PROTOCOL, REMOTE, VALUE, Bus, Case, link
 from machine import link_of, now_ns, sh, wait_for
 from tactiled import GOOD
+
+
+SOL_CAN_ISOTP, CAN_ISOTP_OPTS, WAIT_TX_DONE = 106, 1, 0x400  # linux/can/isotp.h
 
 
 class Vcan(Case):
@@ -35,6 +39,42 @@ class Vcan(Case):
                 time.sleep(max(0, began + (n + 1) / 4000 - time.monotonic()))
         print(f"FD: {count / (time.monotonic() - began):.0f} messages of 64 bytes a second; 4000 were asked for", flush=True)
         self.expect(frames=count, bytes=64 * count, lost=0, overrun=0, ring_full=0, skipped_bytes=0, bad_length=0)
+
+    def isotp(self):
+        """A device whose sample is a message of 100 bytes: value and counter at its front, and both at its end again."""
+        self.start("[realtime]\nperiod_us = 20000\n" + link("vcan0", device="id = 0x7E8\nisotp_reply_id = 0x7E0\nbytes = 100"))
+        sender = socket.socket(socket.AF_CAN, socket.SOCK_DGRAM, socket.CAN_ISOTP)
+        self.addCleanup(sender.close)
+        sender.setsockopt(SOL_CAN_ISOTP, CAN_ISOTP_OPTS, struct.pack("=IIBBBB", WAIT_TX_DONE, 0, 0, 0xCC, 0xCC, 0))
+        sender.bind(("vcan0", 0x7E0, 0x7E8))
+        return sender
+
+    def message(self, number):
+        return struct.pack("<hH", VALUE, number) + bytes(range(96))
+
+    def test_the_kernels_own_isotp_is_understood_and_answered(self):
+        sender = self.isotp()
+        for number in range(200):
+            sender.send(self.message(number))  # returns when the last frame is out: each waits for our flow control
+        self.expect(frames=200, lost=0, bad_length=0, bus_error=0, skipped_bytes=0)
+        self.all_values_are_right()
+
+    def test_an_isotp_message_with_a_frame_missing_doubled_or_swapped_is_dropped_whole_and_counted(self):
+        sender = self.isotp()
+        sender.send(self.message(0))
+        payload = self.message(1)
+        frames = [bytes([0x10, 100]) + payload[:6]]
+        frames += [bytes([0x20 | n & 15]) + payload[7 * n - 1:7 * n + 6] for n in range(1, 15)]
+        broken = (frames[:5] + frames[6:], frames[:5] + frames[4:], frames[:3] + [frames[4], frames[3]] + frames[5:], frames[:9])
+        for turn in broken:
+            for frame in turn:
+                self.bus.send(0x7E8, frame)
+            time.sleep(0.05)
+        sender.send(self.message(len(broken) + 1))
+        self.bus.send(0x7E8, bytes([0x45, 1, 2]))  # no frame of the protocol
+        self.expect(frames=2, lost=len(broken), bad_length=1)
+        self.assertEqual(self.tip.last().lost, len(broken))
+        self.all_values_are_right()
 
     def test_error_frames_are_counted_and_end_nothing(self):
         self.start(link("vcan0"))

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# run.sh [NAME...]: the tests tests/kernel/NAME_test.py (all, without a name), each in a machine of its own: Debian's kernel with CAN,
-# I2C, GPIO and USB under QEMU, the daemon's release build in it. TACTILED_PRESET=asan takes another build.
+# run.sh [NAME[:CLASS.TEST]...]: the tests tests/kernel/NAME_test.py (all, without a name), each in a machine of its own: Debian's kernel with CAN,
+# I2C, GPIO and USB under QEMU, the daemon's release build in it. TACTILED_PRESET=asan takes another build; KERNEL_TEST="NAME=VALUE ..." is
+# what the test finds in its environment.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd); project=$(cd "$here/../.." && pwd)
 preset=${TACTILED_PRESET:-release} folder=$project/build/kernel
@@ -32,14 +33,15 @@ fi
 
 failed=()
 [ $# = 0 ] && set -- $(cd "$here" && ls ./*_test.py | sed 's#^\./##; s#_test.py$##')
-for name in "$@"; do
+for wanted in "$@"; do
+    name=${wanted%%:*} test=${wanted#"$name"} test=${test#:}
     echo "== $name"
     began=$SECONDS
     # A test's own hardware stands in its lines "# QEMU: "; HOST is a folder for the sockets to host.py.
     host=$(mktemp -d); host_pid=
     words=$(sed -n "s/^# QEMU: //p" "$here/${name}_test.py" | sed "s#HOST/#$host/#g" | tr '\n' ' ')
     case $words in *control.sock*) /usr/bin/python3 "$here/host.py" "$host" & host_pid=$! ;; esac
-    QEMU_WORDS=$words "$here/boot.sh" "$folder" "$overlay" python3 "tests/kernel/${name}_test.py" -v || failed+=("$name")
+    QEMU_WORDS=$words "$here/boot.sh" "$folder" "$overlay" env ${KERNEL_TEST:-} python3 "tests/kernel/${name}_test.py" -v $test || failed+=("$name")
     [ -z "$host_pid" ] || kill "$host_pid" 2>/dev/null || true
     rm -rf "$host"
     echo "== $name: $((SECONDS - began)) s"

@@ -50,19 +50,19 @@ enum tactiled_quality {
 
 /* Why a sample is not GOOD, and what else there is to say: bits of tactiled_sample.reasons. */
 enum tactiled_reason {
-    TACTILED_NO_DATA_YET = 1 << 0,          /* the sensor has not delivered since the daemon started */
-    TACTILED_STALE = 1 << 1,                /* no frame for longer than stale_ms, or a time that the reader cannot date */
-    TACTILED_DISCONNECTED = 1 << 2,         /* the link is closed and being reopened */
-    TACTILED_MISSING_CHANNEL = 1 << 3,      /* a channel that the model needs is not in the frame */
-    TACTILED_SATURATED = 1 << 4,            /* a channel is at its rail */
-    TACTILED_DISAGREEMENT = 1 << 5,         /* redundant channels contradict each other */
-    TACTILED_OUTSIDE_DOMAIN = 1 << 6,       /* beyond what the calibration saw: extrapolated */
-    TACTILED_UNCALIBRATED = 1 << 7,         /* no calibration, or a default one */
-    TACTILED_NOT_FINITE = 1 << 8,           /* the model's result was not a finite number */
-    TACTILED_DAEMON_STOPPED = 1 << 9,       /* the daemon ended, or another took over the name: attach again */
-    TACTILED_TARING = 1 << 10,              /* a tare is being measured: the value is right, its zero is about to move */
-    TACTILED_READER_OVERRUN = 1 << 11,      /* this read could not be completed in its bounded retries */
-    TACTILED_WRONG_DEVICE = 1 << 12,        /* the frame does not have the channels that the sensor declares */
+    TACTILED_NO_DATA_YET = 1 << 0,     /* the sensor has not delivered since the daemon started, or was calibrated anew */
+    TACTILED_STALE = 1 << 1,           /* no frame for longer than stale_ms, or a time that the reader cannot date */
+    TACTILED_DISCONNECTED = 1 << 2,    /* the link is closed and being reopened */
+    TACTILED_MISSING_CHANNEL = 1 << 3, /* a channel that the model needs is not in the frame */
+    TACTILED_SATURATED = 1 << 4,       /* a channel is at its rail */
+    TACTILED_DISAGREEMENT = 1 << 5,    /* redundant channels contradict each other */
+    TACTILED_OUTSIDE_DOMAIN = 1 << 6,  /* beyond what the calibration saw: extrapolated */
+    TACTILED_UNCALIBRATED = 1 << 7,    /* no calibration, or a default one */
+    TACTILED_NOT_FINITE = 1 << 8,      /* the model's result was not a finite number */
+    TACTILED_DAEMON_STOPPED = 1 << 9,  /* the daemon ended, or another took over the name: attach again */
+    TACTILED_TARING = 1 << 10,         /* a tare is being measured: the value is right, its zero is about to move */
+    TACTILED_READER_OVERRUN = 1 << 11, /* this read could not be completed in its bounded retries */
+    TACTILED_WRONG_DEVICE = 1 << 12,   /* the frame does not have the channels that the sensor declares */
     TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13, /* the standard deviation is not known here: NaN */
     /* Since 1.3: */
     TACTILED_FROZEN = 1 << 14,     /* a channel repeats one number as no living one does; that channel has no value */
@@ -381,7 +381,7 @@ struct tactiled_header {
     struct tactiled_ring node;
     uint32_t lateness_offset;           /* of the loop's counters of lateness, below; 0 = none: before 1.3 */
     TACTILED_ALIGN(128) uint32_t state; /* enum tactiled_state */
-    uint32_t reloads;                   /* + 2 with each reload that changed a directory entry; odd meanwhile. Since 1.3 */
+    uint32_t reloads;                   /* + 2 with each reload that changed something; odd meanwhile. Since 1.3 */
 };
 
 /* How late the pipeline's loop woke: so many 32-bit words, wrapping, each the number of times that it woke up to so many ns

@@ -98,6 +98,24 @@ TEST_F(CanKeys, ReadSignalsInPlace) {
     EXPECT_EQ(plan.most_bytes, 12u);
 }
 
+TEST_F(CanKeys, ASampleOfSeveralFramesHasItsSignalsAnywhereInTheMessage) {
+    const CanPlan& plan = plan_of("[[device]]\ndevice = 0\nid = 0x7E8\nisotp_reply_id = 0x7E0\nbytes = 300\nsignals = [" +
+                                  kFx + ", {start = 2368, length = 32, order = \"intel\", type = \"float\"}]");
+    EXPECT_EQ(plan.devices.at(0).parts.at(0).bytes, 300u);
+    ASSERT_EQ(plan.transports.size(), 1u);
+    EXPECT_EQ(plan.transports[0].id, 0x7E8u);
+    EXPECT_EQ(plan.transports[0].reply_id, 0x7E0u);
+    EXPECT_EQ(plan.most_bytes, 0u);  // its frames are classic ones
+    const std::string head = "[[device]]\ndevice = 0\nid = 0x7E8\nisotp_reply_id = 0x7E0\n";
+    EXPECT_NE(problems_of(head + "bytes = 513\nsignals = [" + kFx + "]").at(0).find("bytes = 513 is outside 1 .. 512"),
+              std::string::npos);
+    EXPECT_NE(
+        problems_of(head + "signals = [" + kFx + ", {id = 0x7E9, start = 16, length = 8, order = \"intel\"}]\nwindow_ms = 1")
+            .at(0)
+            .find("in the device's own message"),
+        std::string::npos);
+}
+
 TEST_F(CanKeys, ReadSignalsOfADbcFileBesideTheConfiguration) {
     const CanPlan& plan = plan_of(
         "[[device]]\ndevice = 0\ndbc = \"g.dbc\"\nsignals = [\"Tip.Fx\", \"Torque.Mx\", \"Tip.Fy\"]\n"

@@ -223,6 +223,34 @@ TEST_F(GraspingTest, ASuccessorCountsOnAndKnowsNothingElse) {
     EXPECT_EQ(after.slip_latch, before.slip_latch & ~(1u << 1));
 }
 
+TEST_F(GraspingTest, ASuccessorKnowsWhatTheRobotHasTold) {
+    Command gravity = command(Command::Kind::gravity);
+    gravity.robot_G_m_s2 = {NAN, NAN, NAN};
+    EXPECT_TRUE(grasping_.carry_out(gravity));
+    Grasping next(two_jaws());  // whose configuration has a direction that holds no more
+    next.succeed(grasping_);
+    std::swap(grasping_, next);
+    hold_200_g();
+    EXPECT_EQ(grasping_.state().weight_state, unsigned(TACTILED_WEIGHT_NOT_OBSERVABLE));
+    EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
+}
+
+TEST_F(GraspingTest, ASuccessorKnowsWhatWasTaught) {
+    Command teach = command(Command::Kind::objects);
+    TaughtObject nut;
+    nut.id = 5;
+    nut.name = "nut";
+    nut.mass_kg = 0.2;
+    nut.sd_kg = 0.004;
+    teach.objects = {&nut, 1};
+    EXPECT_TRUE(grasping_.carry_out(teach));
+    Grasping next(two_jaws());
+    next.succeed(grasping_);
+    std::swap(grasping_, next);
+    hold_200_g();
+    EXPECT_STREQ(grasping_.state().object, "nut");
+}
+
 TEST(GraspingWithoutASetup, NothingIsKnownAndNoCommandTaken) {
     Grasping none{std::nullopt};
     tactiled_sample s{};

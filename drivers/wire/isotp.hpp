@@ -1,0 +1,50 @@
+// Messages longer than a CAN frame, ISO 15765-2 (ISO-TP), as their receiver: frames -> messages, pure. A message is whole or
+// is none.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+
+namespace tactiled {
+
+class IsoTp {
+public:
+    static constexpr std::size_t kMostBytes = 512;                // of a message here; the standard's field holds 4095
+    static constexpr std::uint64_t kPatience_ns = 1'000'000'000;  // N_Cr: between two frames of a message
+
+    enum class Found : std::uint8_t {
+        nothing,
+        message,  // message() is whole
+        first,    // of several frames: answer() is to be sent, else the others do not come
+        bad       // no frame of the protocol
+    };
+    // Takes a frame that came at `t_ns`. rt: bounded by 64 bytes
+    Found take(std::span<const std::uint8_t> frame, std::uint64_t t_ns) noexcept;
+
+    // Valid until the next take(). rt: wait-free
+    [[nodiscard]] std::span<const std::uint8_t> message() const noexcept { return {bytes_.data(), wanted_}; }
+    // When its first frame came: a number in it is never older. rt: wait-free
+    [[nodiscard]] std::uint64_t t_ns() const noexcept { return began_ns_; }
+    // A flow control frame: send all, without pauses; or, for a message that has no room here, send none. rt: wait-free
+    [[nodiscard]] std::array<std::uint8_t, 8> answer() const noexcept;
+
+    // Messages that began and did not end, since the last call; never one whose beginning nobody saw. rt: wait-free
+    [[nodiscard]] std::uint32_t take_lost() noexcept;
+    // The bus was opened anew. rt: wait-free
+    void reset() noexcept;
+
+private:
+    Found begin(std::span<const std::uint8_t> frame, std::uint64_t t_ns) noexcept;
+    Found go_on(std::span<const std::uint8_t> frame, std::uint64_t t_ns) noexcept;
+    Found single(std::span<const std::uint8_t> frame, std::uint64_t t_ns) noexcept;
+    void drop() noexcept;
+
+    std::array<std::uint8_t, kMostBytes> bytes_{};
+    std::size_t wanted_ = 0, size_ = 0;
+    bool under_way_ = false;
+    std::uint8_t next_ = 0;  // number of the next frame, 4 bits
+    std::uint64_t began_ns_ = 0, last_ns_ = 0;
+    std::uint32_t lost_ = 0;
+};
+
+}  // namespace tactiled
