@@ -93,7 +93,7 @@ class Report(unittest.TestCase):
 
     def test_a_report_that_cannot_be_written_is_an_error_and_the_calibration_stands(self):
         done = self.calibrate(LABELLED, self.folder / "nowhere" / "skin.html")
-        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertEqual(done.returncode, 1, done.stderr)
         self.assertIn("nowhere", done.stderr)
         self.assertTrue((self.folder / "skin.toml").exists())
 
