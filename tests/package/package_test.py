@@ -18,7 +18,7 @@ DEB = ROOT / "build/release/deb"
 TREES = pathlib.Path(os.environ.get("TREES", "/var/tmp/tactiled-trees"))
 # What dpkg, apt and the tools for users keep for themselves.
 BOOKKEEPING = re.compile(r"/(var/(lib/(dpkg|apt|systemd/deb-systemd-helper-enabled)|log|cache)|etc/(passwd|group|shadow|gshadow|\.pwd\.lock|subuid|subgid)-?$"
-                         r"|root/deb|tmp|proc|run/lock|etc/ld.so.cache)")
+                         r"|srv/deb|tmp|proc|run/lock|etc/ld.so.cache)")
 
 
 def cannot(test, why):
@@ -90,7 +90,7 @@ class Packages(unittest.TestCase):
         self.before = self.tree.files()
 
     def install(self):
-        return self.tree.run("dpkg", "-i", "/root/deb/" + deb("tactiled").name)
+        return self.tree.run("dpkg", "-i", "/srv/deb/" + deb("tactiled").name)
 
     def configure(self):
         """As a user does it: the example, and a calibration of their own."""
@@ -125,8 +125,8 @@ class Packages(unittest.TestCase):
         self.install()
         self.configure()
         self.tree.run("systemctl", "disable", "tactiled")
-        next_version(self.tree.path / "root/deb")
-        self.tree.run("dpkg", "-i", "/root/deb/next.deb")
+        next_version(self.tree.path / "srv/deb")
+        self.tree.run("dpkg", "-i", "/srv/deb/next.deb")
         self.assertIn("+next", self.tree.run("dpkg-query", "-W", "-f", "${Version}", "tactiled"))
         self.assertEqual(self.tree.run("systemctl", "is-enabled", "tactiled", status=None).strip(), "disabled")
         for kept in ("etc/tactiled/tactiled.toml", "etc/tactiled/mine.toml", "var/lib/tactiled/gripper.settings.toml"):

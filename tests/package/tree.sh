@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # tree.sh TREE PACKAGES: a fresh Debian 12 in the folder TREE with these packages (a comma-separated list, "" = none) and
-# nothing else, and the packages under test, not yet installed, in its /root/deb. Debian's part is made once, in base beside TREE.
+# nothing else, and the packages under test, not yet installed, in its /srv/deb. Debian's part is made once, in base beside TREE.
 # Needs root, debootstrap and this machine's apt settings. Exit status 77: cannot be done here, and why.
 set -euo pipefail
 tree=$1 packages=$2
@@ -25,14 +25,14 @@ if [ ! -e "$base/bootstrapped" ]; then
     touch "$base/bootstrapped"
 fi
 if [ ! -e "$base/downloaded" ]; then  # once, so that the trees need no network
-    mkdir -p "$base/root/deb" && cp "$here"/build/release/deb/*.deb "$base/root/deb/"
+    mkdir -p "$base/srv/deb" && cp "$here"/build/release/deb/*.deb "$base/srv/deb/"
     chroot "$base" bash -c 'apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends \
-        --download-only /root/deb/*.deb systemd systemd-sysv dbus udev i2c-tools strace python3' >>"$base.log" 2>&1 ||
+        --download-only /srv/deb/*.deb systemd systemd-sysv dbus udev i2c-tools strace python3' >>"$base.log" 2>&1 ||
         no "downloading failed, no network? $base.log"
-    rm -rf "$base/root/deb"
+    rm -rf "$base/srv/deb"
     touch "$base/downloaded"
 fi
 rm -rf "$tree" && cp -a "$base" "$tree"
-mkdir "$tree/root/deb" && cp "$here"/build/release/deb/*.deb "$tree/root/deb/"
+mkdir -p "$tree/srv/deb" && cp "$here"/build/release/deb/*.deb "$tree/srv/deb/"
 [ -z "$packages" ] || chroot "$tree" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends ${packages//,/ } \
     >"$tree.log" 2>&1

@@ -75,7 +75,7 @@ int main() {
     attempt("open_physical_memory", [] { return opens("/dev/mem", O_RDONLY); });
     attempt("write_the_configuration", [] { return opens("/etc/tactiled/tactiled.toml", O_WRONLY); });
     attempt("write_the_programs", [] { return opens("/usr/bin/planted", O_WRONLY | O_CREAT); });
-    attempt("read_a_home", [] { return opens("/root/secret", O_RDONLY); });
+    attempt("read_a_home", [] { return opens("/home/secret", O_RDONLY); });
     attempt("read_the_passwords", [] { return opens("/etc/shadow", O_RDONLY); });
     attempt("read_another_process", [] { return opens("/proc/1/environ", O_RDONLY); });
     attempt("change_the_kernel", [] { return opens("/proc/sys/kernel/core_pattern", O_WRONLY); });

@@ -151,10 +151,10 @@ class Service(unittest.TestCase):
     def setUpClass(cls):
         TREES.mkdir(parents=True, exist_ok=True)
         cls.tree = tree = make_tree(cls(), "service", ",".join([*dependencies("tactiled"), "systemd-sysv"]))
-        tree.run("dpkg", "-i", "/root/deb/" + deb("tactiled").name)
+        tree.run("dpkg", "-i", "/srv/deb/" + deb("tactiled").name)
         (tree.path / "etc/tactiled/tactiled.toml").write_text(CONFIG)
         (tree.path / "etc/tactiled/good.toml").write_text(CALIBRATION)
-        (tree.path / "root/secret").write_text("of the administrator\n")
+        (tree.path / "home/secret").write_text("of the administrator\n")
         (tree.path / "usr/lib/sandbox-probe").write_bytes((BIN / "sandbox_probe").read_bytes())
         (tree.path / "usr/lib/sandbox-probe").chmod(0o755)
         if resource.getrlimit(resource.RLIMIT_RTPRIO)[1] < 98:
