@@ -14,14 +14,14 @@ build() { # preset targets...
 }
 build release shipped_tests
 
-# Unit tests run under sanitizers, below. Most of the shipped programs' tests wait, one after the other, for what other programs
-# do: the compiler uses that time.
-ctest --test-dir build/release -LE unit -E NOT_BUILT -j "$jobs" --output-on-failure >build/release-tests.log 2>&1 &
+# Most of the shipped programs' tests wait, one after the other, for what other programs do: the compiler uses that time.
+ctest --test-dir build/release -LE 'bytes|numbers' -E NOT_BUILT -j "$jobs" --output-on-failure >build/release-tests.log 2>&1 &
 release_tests=$!
 trap 'kill "$release_tests" 2>/dev/null || true' EXIT
 
 status=0
-build asan unit_tests
+build release number_tests
+build asan sanitized_tests
 build tsan node_test modbus_test
 beside_compilers=0
 wait "$release_tests" || beside_compilers=1
@@ -31,6 +31,7 @@ if [ $beside_compilers != 0 ]; then
     echo "run.sh: what failed beside the compilers, once more with the machine to itself:"
     ctest --test-dir build/release --rerun-failed --output-on-failure || status=1
 fi
-ctest --test-dir build/asan -L unit -j "$jobs" --output-on-failure || status=1
+ctest --test-dir build/release -L numbers -j "$jobs" --output-on-failure || status=1
+ctest --test-dir build/asan -L bytes -j "$jobs" --output-on-failure || status=1
 ctest --test-dir build/tsan -R '^(node|modbus)\.' -j "$jobs" --output-on-failure || status=1
 exit $status
