@@ -175,7 +175,7 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     ++findings_.good;
     for (unsigned k = 0; k < kChannels; ++k)
         if (!is_force_of(i, s.device_sequence, k, s.raw_force_S_N[k])) {
-            if (may_be_unseen(i, truth, first_of_a_level)) return;
+            if (may_be_unseen(i, device, truth, first_of_a_level)) return;
             return findings_.add(kWrongValue, i,
                                  fmt::format("{} N of frame {}, channel {}", s.raw_force_S_N[k], s.device_sequence, k));
         }
@@ -183,7 +183,7 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
 
 // A step is none in the first reading of a level; what repeats is found after frozen_after readings, each time that a
 // daemon begins anew; what only the other sensor of the pair shows, while that one can be compared with.
-bool Witness::may_be_unseen(unsigned i, const Device::Truth& truth, bool first_of_a_level) {
+bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, bool first_of_a_level) {
     if (truth.spike) return first_of_a_level;
     if (truth.lie == 0) return false;
     if (unseen_[i].lie != truth.lie) unseen_[i] = {truth.lie, 0};
@@ -191,7 +191,8 @@ bool Witness::may_be_unseen(unsigned i, const Device::Truth& truth, bool first_o
         const tactiled_sample other = latest(1 - i);
         if (other.quality == TACTILED_BAD || (other.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) return true;
     }
-    return ++unseen_[i].readings <= (truth.beside ? kDifferAfter : kFrozenAfter - 1);
+    const auto differ_after = unsigned(kDifferAfter * std::max(kPeriodNs, device.period_ns) / device.period_ns);  // a time
+    return ++unseen_[i].readings <= (truth.beside ? differ_after : kFrozenAfter - 1);
 }
 
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
