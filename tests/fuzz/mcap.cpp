@@ -28,6 +28,9 @@ Seen read_all(mcap::Reader& reader, std::string_view file) {
     while (const auto message = reader.next()) {
         if (message->data.data() < file.data() || message->data.data() + message->data.size() > file.data() + file.size())
             std::abort();
+        bool declared = false;
+        for (const auto& [number, channel] : reader.channels()) declared |= &channel == message->channel;
+        if (!declared) std::abort();
         ++seen.messages;
         seen.bytes += message->data.size();
         if (mcap::decode_frame(message->data, frame)) {

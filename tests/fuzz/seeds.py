@@ -106,6 +106,8 @@ def mcap(put):
     end = record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + b"\x89MCAP0\r\n"
     put(header + schema + channel + message * 2 + end)
     inside = schema + channel + message
+    stranger = record(5, struct.pack("<HIQQ", 9, 0, 3, 3) + body)  # of no channel
+    put(header + record(6, struct.pack("<QQQI", 3, 3, len(stranger), 0) + text(b"") + struct.pack("<Q", len(stranger)) + stranger) + end)
     for crc in (0, zlib.crc32(inside), 1):
         chunk = record(6, struct.pack("<QQQI", 3, 3, len(inside), crc) + text(b"") + struct.pack("<Q", len(inside)) + inside)
         put(header + chunk + end)
