@@ -39,7 +39,11 @@ if [ -n "$guard" ]; then
 fi
 
 failed=()
-[ $# = 0 ] && set -- $(cd "$here" && ls ./*_test.py | sed 's#^\./##; s#_test.py$##')
+if [ $# = 0 ]; then
+    set -- $(cd "$here" && ls ./*_test.py | sed 's#^\./##; s#_test.py$##')
+    # without the guard it has nothing to judge; rates are those of what is shipped
+    if [ -z "$guard" ]; then set -- $(printf '%s\n' "$@" | grep -v -e '^guard$' -e '^four_links$'); fi
+fi
 for wanted in "$@"; do
     name=${wanted%%:*} test=${wanted#"$name"} test=${test#:}
     echo "== $name"
