@@ -109,9 +109,10 @@ public:
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return Status::gone;  // 0 on a tty is a hang-up, not an end of file to be read again
         const std::uint64_t t_ns = now_ns();
-        if (with_suspend_ns() - empty_ns_ > turn_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
+        const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
+        if (waited_ns > turn_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
         if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a full tty gives one byte less
-        decoder_->push({bytes_.data(), std::size_t(size)}, t_ns);
+        decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!decoder_->next(frame)) return Status::timeout;
         asked_ns_ = frame.t_ns;
         streamed_ = true;

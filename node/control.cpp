@@ -110,8 +110,7 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     if (!group.empty())
         if (const ::group* found = ::getgrnam(group.c_str()))
             if (::chown(path.c_str(), uid_t(-1), found->gr_gid) != 0)
-                log_line(LogLevel::warning,
-                         fmt::format("control socket {}: group {}: {}", path, group, std::strerror(errno)));
+                log_line(LogLevel::warning, "control socket {}: group {}: {}", path, group, std::strerror(errno));
     segment_ = Segment::open(node_name);
     thread_.start("control", 0, -1, [this] { serve(); });
 }
@@ -130,8 +129,9 @@ void ControlSocket::serve() noexcept {
         if (asker_ >= 0) follow();
         if (!asked) continue;
         const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-        if (client >= 0)
-            take(client);
+        if (client >= 0) try {
+                take(client);
+            } catch (const std::exception&) { ::close(client); }  // no memory: it is not answered
         else
             sleep_until(monotonic_ns() + std::uint64_t(kLookMs) * 1'000'000u);  // out of descriptors: do not spin
     }

@@ -124,6 +124,29 @@ TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewStampEither) 
     EXPECT_EQ(frame.sequence, 2u);
 }
 
+TEST_F(UartTest, FramesThatWaitedWhileTheReaderStoodStillAreAsFarApartAsTheyWereSent) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    Frame frame;
+    send_frame(0);
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    const std::uint64_t began_ns = frame.t_ns;
+    constexpr unsigned kFrames = 10;
+    for (unsigned n = 1; n <= kFrames; ++n) {
+        ::usleep(20'000);
+        send_frame(n);
+    }
+    wait_until_waiting(int(kFrames) * frame_bytes_);
+    std::vector<std::uint64_t> steps_ns;
+    for (std::uint64_t last_ns = began_ns; steps_ns.size() < kFrames; last_ns = frame.t_ns) {
+        ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+        steps_ns.push_back(frame.t_ns - last_ns);
+    }
+    for (std::size_t n = 2; n < kFrames; ++n) EXPECT_NEAR(double(steps_ns[n]), double(steps_ns[1]), 1e3);
+    EXPECT_GT(steps_ns[1], 15'000'000u);
+    EXPECT_GE(frame.t_ns - began_ns, kFrames * std::uint64_t{20'000'000});
+}
+
 TEST_F(UartTest, WhatAnFt300SentBeforeItWasStoppedIsNoReading) {
     const auto driver = make("format = \"ft300\"\nbaud = 600");  // a pty does not mind; the pause is 853 ms then
     std::array<std::uint8_t, kFt300Bytes> out;
