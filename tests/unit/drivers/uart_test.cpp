@@ -179,6 +179,26 @@ TEST_F(UartTest, ADeviceThatIsOnlyLateAtTheFirstOpeningWasNotRestarted) {
     EXPECT_EQ(driver->counts[TACTILED_LINK_RESTARTED], 0u);
 }
 
+TEST_F(UartTest, AHexStreamIsAskedForReadAndStoppedAsConfigured) {
+    const auto driver =
+        make("format = \"hex\"\nchannels = 2\nmost = 0x3FFF\ndigit = \"ignored\"\nstart = \"S\"\nstop = \"E\"");
+    ASSERT_TRUE(problems_.empty());
+    ASSERT_EQ(driver->open(), "");
+    char heard[3] = {};
+    ASSERT_EQ(::read(master_, heard, 2), 2);
+    EXPECT_STREQ(heard, "ES");  // first what it may still be sending is stopped
+    send("12001200a\r\n", 11);
+    Frame read;
+    ASSERT_EQ(driver->read(read, 1000), Status::frame);
+    EXPECT_EQ(read.channel[1], 0x200A);
+    driver->close();
+    ASSERT_EQ(::read(master_, heard, 1), 1);
+    EXPECT_EQ(heard[0], 'E');
+    (void)make("format = \"hex\"\nchannels = 2\ndigits = 2\nmost = 256");
+    ASSERT_EQ(problems_.lines().size(), 1u);
+    EXPECT_NE(problems_.lines()[0].find("most = 256 is outside 1 .. 255"), std::string::npos) << problems_.lines()[0];
+}
+
 TEST_F(UartTest, SetsRawModeAndAnyRate) {
     const auto driver = make("format = \"cobs\"\nbaud = 123456");
     ASSERT_EQ(driver->open(), "");
