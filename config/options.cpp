@@ -165,15 +165,15 @@ Options Options::parse_text(std::string_view text, const std::string& name, Prob
     document->problems = &problems;
     if (const auto why = unfit(text)) {
         problems.add(name, why->first, why->second);
-    } else if (auto result = toml::parse(text, std::string_view(name))) {
-        document->readable = true;
-        document->root = std::move(result).table();
-    } else {
-        const auto& error = result.error();
-        const std::string description = in_quotes(error.description());
-        problems.add(name, error.source().begin.line, description.substr(1, description.size() - 2),
-                     error.source().begin.column);
-    }
+    } else
+        try {
+            document->root = toml::parse(text);  // without a name: it has no memory to lose
+            document->readable = true;
+        } catch (const toml::parse_error& error) {
+            const std::string description = in_quotes(error.description());
+            problems.add(name, error.source().begin.line, description.substr(1, description.size() - 2),
+                         error.source().begin.column);
+        }
     const toml::table* root = &document->root;
     return Options(std::make_shared<Node>(Node{.document = document, .table = root, .label = ""}));
 }

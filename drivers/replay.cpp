@@ -5,16 +5,19 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
 #include <vector>
 
 #include "drivers/clock.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/mcap/frame_message.hpp"
-#include "drivers/mcap/reader.hpp"
+#include "drivers/mcap/message_file.hpp"
 
 namespace tactiled {
 namespace {
+
+constexpr std::uint64_t kMostAtOpening = 16u << 20;  // bytes in which open() looks for the first frame; then read() goes on
+constexpr std::uint64_t kMostATurn = 1u << 20;       // bytes in which read() does
+constexpr long kPause_ns = 1'000'000;                // after as many: nothing else may make this thread wait
 
 class Replay final : public Driver {
 public:
@@ -27,87 +30,111 @@ public:
     }
 
     std::string open() override {
-        if (at_ == frames_.size() && at_ != 0 && !again_)
-            return "the recording has ended; at_end = \"again\" plays it again";
-        if (frames_.empty()) {  // once: later openings only begin again
-            std::string wrong = read_file();
-            if (wrong.empty()) wrong = find_frames();
-            if (!wrong.empty()) return wrong;
-        }
-        at_ = 0;
-        began_ns_ = now_ns();
-        return "";
+        if (ended_ && has_begun_ && !again_) return "the recording has ended; at_end = \"again\" plays it again";
+        has_begun_ = has_ahead_ = ended_ = false;
+        left_out_ = {};
+        if (std::string wrong = file_.open(path_); !wrong.empty()) return wrong;
+        ended_ = look_ahead(kMostAtOpening) == Ahead::end;
+        file_.declare_all();
+        return choose_link();
     }
 
     Status read(Frame& frame, int timeout_ms) noexcept override {
-        if (at_ == frames_.size()) return Status::gone;
-        if (!mcap::decode_frame(frames_[at_], frame)) {  // looked at in open()
-            ++at_;
-            ++counts[TACTILED_LINK_BAD_LENGTH];
-            return Status::timeout;
+        if (!has_ahead_ && !ended_) {
+            const Ahead found = look_ahead(kMostATurn);
+            count_left_out();
+            ended_ = found == Ahead::end;
+            if (found == Ahead::later) {
+                const timespec pause{0, kPause_ns};
+                ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
+                return Status::timeout;
+            }
         }
-        const auto due_ns = began_ns_ + std::uint64_t(double(frame.t_ns - first_ns_) / speed_);
+        if (!has_ahead_) return Status::gone;
+        const auto due_ns = began_ns_ + std::uint64_t(double(ahead_.t_ns - first_ns_) / speed_);
         const std::uint64_t until_ns = now_ns() + std::uint64_t(timeout_ms) * 1'000'000u;
         const std::uint64_t wake_ns = std::min(due_ns, until_ns);
         const timespec wake{time_t(wake_ns / 1'000'000'000u), long(wake_ns % 1'000'000'000u)};
         while (now_ns() < wake_ns) ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
         if (due_ns > until_ns) return Status::timeout;
-        ++at_;
+        has_ahead_ = false;
+        frame = ahead_;
         frame.t_ns = due_ns;
         ++counts[TACTILED_LINK_FRAMES];
         counts[TACTILED_LINK_LOST] += frame.lost;
         return Status::frame;
     }
 
-    void close() noexcept override {}
+    void close() noexcept override { file_.close(); }
 
 private:
-    // Into memory, not mapped: a file that somebody shortens while it is mapped would end the daemon.
-    std::string read_file() {
-        std::error_code error;
-        const auto size = std::filesystem::file_size(path_, error);
-        if (error) return fmt::format("{}: {}", path_, error.message());
-        if (size > kMostBytes) return fmt::format("{}: has {} bytes; this driver takes {}", path_, size, kMostBytes);
-        std::ifstream in(path_, std::ios::binary);
-        bytes_.resize(std::size_t(size));
-        if (!in.read(bytes_.data(), std::streamsize(size))) return fmt::format("{}: cannot be read", path_);
+    enum class Ahead { frame, later, end };
+
+    // The link's next frame becomes `ahead_`; later: not within `most_bytes`. rt: blocks on the disk; bounded by
+    // `most_bytes` and a chunk
+    Ahead look_ahead(std::uint64_t most_bytes) noexcept {
+        const std::uint64_t until = file_.bytes_read() + most_bytes;
+        while (const auto message = file_.next(until - std::min(until, file_.bytes_read()))) {
+            if (message->channel->schema != mcap::kFrameSchema) continue;
+            if (!link_.empty() && link_of(*message->channel) != link_) continue;
+            if (!mcap::decode_frame(message->data, ahead_)) {
+                ++counts[TACTILED_LINK_BAD_LENGTH];
+                continue;
+            }
+            if (!has_begun_) {
+                has_begun_ = true;
+                first_ns_ = ahead_.t_ns;
+                began_ns_ = now_ns();
+            }
+            if (ahead_.t_ns < first_ns_) continue;
+            has_ahead_ = true;
+            return Ahead::frame;
+        }
+        return file_.at_end() ? Ahead::end : Ahead::later;
+    }
+
+    static std::string_view link_of(const mcap::Channel& channel) noexcept {
+        for (const auto& [key, value] : channel.metadata)
+            if (key == mcap::kLinkKey) return value;
         return "";
     }
 
-    // Where each frame of the link stands in the file, so that read() only looks. "" or what is wrong.
-    std::string find_frames() {
-        frames_.clear();
-        mcap::Reader reader(bytes_);
-        std::vector<std::string> links;  // that the file has
-        Frame frame;
-        while (const auto message = reader.next()) {
-            if (message->channel->schema != mcap::kFrameSchema) continue;
-            const auto& about = message->channel->metadata;
-            const auto found = about.find(std::string(mcap::kLinkKey));
-            const std::string name = found == about.end() ? "" : found->second;
-            if (std::find(links.begin(), links.end(), name) == links.end()) links.push_back(name);
-            if ((link_.empty() || name == link_) && mcap::decode_frame(message->data, frame)) {
-                if (frames_.empty()) first_ns_ = frame.t_ns;
-                if (frame.t_ns >= first_ns_) frames_.push_back(message->data);
-            }
-        }
+    void count_left_out() noexcept {
+        const unsigned bad_crc = file_.reader().bad_crc(), unreadable = file_.reader().unreadable() + file_.too_long();
+        counts[TACTILED_LINK_BAD_CHECKSUM] += bad_crc - left_out_.bad_crc;
+        counts[TACTILED_LINK_BAD_LENGTH] += unreadable - left_out_.unreadable;
+        left_out_ = {bad_crc, unreadable};
+    }
+
+    // Which link is played. "" or what is wrong.
+    std::string choose_link() {
+        std::vector<std::string> links;
+        for (const auto& [number, channel] : file_.reader().channels())
+            if (const std::string name(link_of(channel));
+                channel.schema == mcap::kFrameSchema && std::ranges::find(links, name) == links.end())
+                links.push_back(name);
         std::string known;
         for (const auto& name : links) known += (known.empty() ? "" : ", ") + name;
         if (link_.empty() && links.size() > 1) return fmt::format("{}: has several links: link = one of {}", path_, known);
-        if (!frames_.empty()) return "";
-        if (!links.empty()) return fmt::format("{}: no frames of link \"{}\"; it has {}", path_, link_, known);
-        const std::string why = reader.why();
-        return fmt::format("{}: {}", path_, why.empty() ? "holds no frames (tactilectl record makes such files)" : why);
+        const bool is_there = std::ranges::find(links, link_) != links.end() || (link_.empty() && !links.empty());
+        if (!links.empty() && (!is_there || (ended_ && !has_begun_)))
+            return fmt::format("{}: no frames of link \"{}\"; it has {}", path_, link_, known);
+        const std::string why = file_.why();
+        if (links.empty())
+            return fmt::format("{}: {}", path_, why.empty() ? "holds no frames (tactilectl record makes such files)" : why);
+        return "";
     }
 
-    std::string path_, link_;
+    std::string path_, link_;  // "": the file has but one link
     double speed_;
     bool again_;
-    static constexpr std::uintmax_t kMostBytes = 1u << 30;  // half an hour of a sensor at 1 kHz; some seconds to read
-    std::string bytes_;
-    std::vector<std::span<const char>> frames_;
-    std::size_t at_ = 0;
+    mcap::MessageFile file_;
+    bool has_begun_ = false, has_ahead_ = false, ended_ = false;
+    Frame ahead_;
     std::uint64_t first_ns_ = 0, began_ns_ = 0;
+    struct {
+        unsigned bad_crc = 0, unreadable = 0;
+    } left_out_;  // as it was counted last
 };
 
 const DriverEntry entry{"replay",

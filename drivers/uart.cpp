@@ -19,6 +19,7 @@
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
 #include "drivers/wire/ft300_frame.hpp"
+#include "drivers/wire/hex_line.hpp"
 #include "drivers/wire/kms40_line.hpp"
 
 namespace tactiled {
@@ -28,6 +29,19 @@ constexpr int kConnectMs = 800;                     // open() may block for a se
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // 100 frames of the FT 300
 constexpr std::uint64_t kAwayMs = 950;              // bytes may wait so long, and for the turn of read() (50 ms in the node)
 constexpr std::uint64_t kStopMs = 20;               // two of its frames: what it was sending has ended
+
+HexFormat read_hex_format(Options& options) {
+    HexFormat format;
+    format.channels = unsigned(options.integer("channels", {1, double(kMaxChannels)}));
+    format.digits = unsigned(options.integer("digits", {1, 8}, 4));
+    const auto highest = std::int64_t((std::uint64_t{1} << 4 * format.digits) - 1);
+    format.most = std::uint32_t(options.integer("most", {1, double(highest)}, highest));
+    const std::string digit = options.one_of("digit", {"none", "ignored", "counter"}, "none");
+    if (digit != "none") format.first = digit == "counter" ? HexFormat::Digit::counter : HexFormat::Digit::ignored;
+    format.start = options.text("start", "");
+    format.stop = options.text("stop", "");
+    return format;
+}
 
 class Stream final : public Driver {
 public:
@@ -39,7 +53,7 @@ public:
         } else {
             baud_ = unsigned(options.integer("baud", {50, 12'000'000}, 115'200));
         }
-        const std::string format_name = options.one_of("format", {"cobs", "lines", network ? "kms40" : "ft300"});
+        const std::string format_name = options.one_of("format", {"cobs", "lines", "hex", network ? "kms40" : "ft300"});
         if (format_name == "kms40") {
             decoder_ = std::make_unique<Kms40Decoder>(counts);
         } else if (format_name == "ft300") {
@@ -51,6 +65,8 @@ public:
             format.sequence = options.flag("sequence", false);
             format.time_us = options.flag("time_us", false);
             decoder_ = std::make_unique<AsciiDecoder>(format, counts);
+        } else if (format_name == "hex") {
+            decoder_ = std::make_unique<HexDecoder>(read_hex_format(options), counts);
         } else {
             decoder_ = std::make_unique<CobsDecoder>(counts);
         }
@@ -93,9 +109,10 @@ public:
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return Status::gone;  // 0 on a tty is a hang-up, not an end of file to be read again
         const std::uint64_t t_ns = now_ns();
-        if (with_suspend_ns() - empty_ns_ > turn_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
+        const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
+        if (waited_ns > turn_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
         if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a full tty gives one byte less
-        decoder_->push({bytes_.data(), std::size_t(size)}, t_ns);
+        decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!decoder_->next(frame)) return Status::timeout;
         asked_ns_ = frame.t_ns;
         streamed_ = true;

@@ -112,8 +112,7 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     if (!group.empty())
         if (const ::group* found = ::getgrnam(group.c_str()))
             if (::chown(path.c_str(), uid_t(-1), found->gr_gid) != 0)
-                log_line(LogLevel::warning,
-                         fmt::format("control socket {}: group {}: {}", path, group, std::strerror(errno)));
+                log_line(LogLevel::warning, "control socket {}: group {}: {}", path, group, std::strerror(errno));
     segment_ = Segment::open(node_name);
     thread_.start("control", 0, -1, [this] { serve(); });
 }
@@ -133,8 +132,9 @@ void ControlSocket::serve() noexcept {
         log_refused_tares();
         if (!asked) continue;
         const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
-        if (client >= 0)
-            take(client);
+        if (client >= 0) try {
+                take(client);
+            } catch (const std::exception&) { ::close(client); }  // no memory: it is not answered
         else
             sleep_until(monotonic_ns() + std::uint64_t(kLookMs) * 1'000'000u);  // out of descriptors: do not spin
     }
@@ -236,16 +236,14 @@ void ControlSocket::log_refused_tares() {
         const bool moving = command.result == TACTILED_COMMAND_MOVING;
         if (!moving && command.result != TACTILED_COMMAND_UNDER_LOAD) continue;
         if (command.acknowledged == std::exchange(refusal_seen_[commander], command.acknowledged)) continue;
-        ++untold_;
+        ++refused_tares_;
         const std::uint64_t now_ns = monotonic_ns();
         if (now_ns < silent_until_ns_) continue;
         silent_until_ns_ = now_ns + kLogEachNs;
-        log_line(LogLevel::warning,
-                 fmt::format("tare refused: {}{}",
-                             moving ? "the force moved while the zero was averaged; wait until it rests, or raise tare_ms"
-                                    : "a sensor is under load, beyond its tare_limit_N",
-                             untold_ > 1 ? fmt::format(" ({} refused since the last such line)", untold_) : ""));
-        untold_ = 0;
+        log_line(LogLevel::warning, "tare refused: {} ({} refused since the start)",
+                 moving ? "the force moved while the zero was averaged; wait until it rests, or raise tare_ms"
+                        : "a sensor is under load, beyond its tare_limit_N",
+                 refused_tares_);
     }
 }
 

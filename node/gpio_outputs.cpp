@@ -51,35 +51,38 @@ GpioOutputs::~GpioOutputs() {
     thread_.join();
 }
 
-void GpioOutputs::run() {
-    std::uint64_t pause_ns = kLeastPauseNs, open_ns = 0, set_ns = 0;
+void GpioOutputs::run() noexcept {
     while (!stop_.load(std::memory_order_acquire)) {
         const std::uint64_t now_ns = monotonic_ns();
-        if (now_ns >= open_ns && driven() < lines_.size()) {
-            if (open_missing()) set_ns = 0;
-            open_ns = now_ns + pause_ns;
-            pause_ns = std::min(2 * pause_ns, kMostPauseNs);
+        try {
+            turn(now_ns);
+        } catch (const std::exception&) {  // no memory
+            signs_ = {};
+            set_ns_ = 0;
+            (void)set_driven();
         }
-        if (driven() == 0) {
-            sleep_until(std::min(open_ns, now_ns + kLeastPauseNs));
-            continue;
-        }
-        const GpioSigns signs = look(now_ns);
-        if (set_ns == 0 || signs != signs_ || now_ns - set_ns >= kSetAgainNs) {
-            signs_ = signs;
-            set_ns = now_ns;
-            if (!set_driven()) {
-                say(said_gone_, LogLevel::warning,
-                    fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
-                pause_ns = kLeastPauseNs;
-                open_ns = now_ns + pause_ns;
-            }
-        }
-        sleep_until(now_ns + kTurnNs);
+        sleep_until(driven() > 0 ? now_ns + kTurnNs : std::min(open_ns_, now_ns + kLeastPauseNs));
     }
     signs_ = {};
     (void)set_driven();
     for (auto& line : lines_) line.output.close();
+}
+
+void GpioOutputs::turn(std::uint64_t now_ns) {
+    if (now_ns >= open_ns_ && driven() < lines_.size()) {
+        pause_ns_ = std::clamp(2 * pause_ns_, kLeastPauseNs, kMostPauseNs);
+        open_ns_ = now_ns + pause_ns_;
+        if (open_missing()) set_ns_ = 0;
+    }
+    if (driven() == 0) return;
+    const GpioSigns signs = look(now_ns);
+    if (set_ns_ != 0 && signs == signs_ && now_ns - set_ns_ < kSetAgainNs) return;
+    signs_ = signs;
+    set_ns_ = now_ns;
+    if (set_driven()) return;
+    pause_ns_ = 0;
+    open_ns_ = now_ns + kLeastPauseNs;
+    say(said_gone_, LogLevel::warning, fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
 }
 
 GpioSigns GpioOutputs::look(std::uint64_t now_ns) {
@@ -127,7 +130,7 @@ std::size_t GpioOutputs::driven() const noexcept {
 void GpioOutputs::say(Said& last, LogLevel level, const std::string& text) {
     const std::uint64_t now_ns = monotonic_ns();
     if (text == last.text && now_ns - last.t_ns < kRepeatNs) return;
-    log_line(level, fmt::format("[gpio]: {}", text));
+    log_line(level, "[gpio]: {}", text);
     last = {text, now_ns};
 }
 

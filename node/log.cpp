@@ -35,7 +35,13 @@ void hold_standard_descriptors() noexcept {
     if (fd > STDERR_FILENO) ::close(fd);
 }
 
-void log_line(LogLevel level, std::string_view text) noexcept {
+void log_formatted(LogLevel level, fmt::string_view format, fmt::format_args values) noexcept {
+    std::array<char, 960> text;
+    const std::size_t size = fmt::vformat_to_n(text.data(), text.size(), format, values).size;
+    log_text(level, {text.data(), std::min(size, text.size())});
+}
+
+void log_text(LogLevel level, std::string_view text) noexcept {
     static const bool journal = ::isatty(STDERR_FILENO) == 0;
     std::array<char, 8> prefix{};
     if (journal)

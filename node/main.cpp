@@ -16,6 +16,7 @@
 #include "node/method_costs.hpp"
 #include "node/modbus/server.hpp"
 #include "node/reload.hpp"
+#include "node/sandbox.hpp"
 #include "node/setup.hpp"
 #include "node/threads.hpp"
 #include "node/watchdog.hpp"
@@ -41,8 +42,8 @@ std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, 
                                                node.config.grasp ? node.config.grasp->objects : "",
                                                pipeline.commands[TACTILED_FROM_SOCKET]);
     } catch (const std::exception& error) {
-        log_line(LogLevel::warning,
-                 fmt::format("{}; tactilectl tare will not work, sleeping readers poll each millisecond", error.what()));
+        log_line(LogLevel::warning, "{}; tactilectl tare will not work, sleeping readers poll each millisecond",
+                 error.what());
         return nullptr;
     }
 }
@@ -67,7 +68,7 @@ int run(Node& node, const sigset_t& signals) {
     {
         const auto control = open_control(node, segment, pipeline);
         Threads threads(node, segment, pipeline);
-        for (const auto& refused : threads.start()) log_line(LogLevel::warning, fmt::format("RT_DEGRADED: {}", refused));
+        for (const auto& refused : threads.start()) log_line(LogLevel::warning, "RT_DEGRADED: {}", refused);
         segment.set_state(TACTILED_RUNNING);
         const Watchdog watchdog(threads.progress());
         std::unique_ptr<ModbusServer> modbus;
@@ -76,10 +77,10 @@ int run(Node& node, const sigset_t& signals) {
             modbus = std::make_unique<ModbusServer>(node.plan.name, settings, pipeline.commands[TACTILED_FROM_MODBUS]);
         std::unique_ptr<GpioOutputs> gpio;
         if (node.config.gpio) gpio = std::make_unique<GpioOutputs>(node.plan.name, *node.config.gpio);
-        log_line(LogLevel::info,
-                 fmt::format("tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}",
-                             TACTILED_VERSION, node.plan.name, node.sensors.size(), node.plan.name,
-                             settings.listen.empty() ? settings.enabled() ? "RTU" : "off" : settings.listen));
+        log_line(LogLevel::info, "tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}",
+                 TACTILED_VERSION, node.plan.name, node.sensors.size(), node.plan.name,
+                 settings.listen.empty() ? settings.enabled() ? "RTU" : "off" : settings.listen);
+        if (const std::string refused = enter_sandbox(); !refused.empty()) log_text(LogLevel::warning, refused);
         ::sd_notify(0, "READY=1");
         wait_for_end(signals, reloader, pipeline);
         ::sd_notify(0, "STOPPING=1");
@@ -89,12 +90,7 @@ int run(Node& node, const sigset_t& signals) {
     return EX_OK;
 }
 
-}  // namespace
-}  // namespace tactiled
-
-int main(int argc, char** argv) {
-    using namespace tactiled;
-    hold_standard_descriptors();
+int start(int argc, char** argv) {
     std::string path = "/etc/tactiled/tactiled.toml";
     bool check = false;
     CLI::App app{"Reads tactile sensors and publishes their forces in shared memory and over Modbus.", "tactiled"};
@@ -105,17 +101,29 @@ int main(int argc, char** argv) {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? EX_OK : EX_USAGE; }
     const sigset_t signals = block_signals();
+    Problems problems;
+    Node node = load_node(path, problems, check ? "" : method_costs_folder());
+    for (const auto& line : problems.lines()) log_text(LogLevel::error, line);
+    if (!problems.empty()) return EX_CONFIG;
+    return check ? EX_OK : run(node, signals);
+}
+
+}  // namespace
+}  // namespace tactiled
+
+int main(int argc, char** argv) {
+    using namespace tactiled;
+    hold_standard_descriptors();
     try {
-        Problems problems;
-        Node node = load_node(path, problems, check ? "" : method_costs_folder());
-        for (const auto& line : problems.lines()) log_line(LogLevel::error, line);
-        if (!problems.empty()) return EX_CONFIG;
-        return check ? EX_OK : run(node, signals);
+        return start(argc, argv);
     } catch (const SetupError& error) {
-        log_line(LogLevel::error, error.what());
+        log_text(LogLevel::error, error.what());
         return EX_UNAVAILABLE;
+    } catch (const std::bad_alloc&) {
+        log_text(LogLevel::error, "there is no memory");
+        return EX_OSERR;
     } catch (const std::exception& error) {
-        log_line(LogLevel::error, error.what());
+        log_text(LogLevel::error, error.what());
         return EX_SOFTWARE;
     }
 }

@@ -89,8 +89,7 @@ std::vector<MethodCost> MethodCostFile::load() const {
         if (methods.size() != us.size()) file.problem("us", "as many numbers as methods are needed");
         for (std::size_t i = 0; problems.empty() && i < methods.size(); ++i) costs.push_back({methods[i], us[i]});
     }
-    if (!problems.empty())
-        log_line(LogLevel::warning, fmt::format("{}; the methods are measured again", problems.lines().front()));
+    if (!problems.empty()) log_line(LogLevel::warning, "{}; the methods are measured again", problems.lines().front());
     return costs;
 }
 
@@ -107,7 +106,7 @@ void MethodCostFile::save(const std::vector<MethodCost>& costs) const {
                                         "of = \"{}\"\nmethods = [{}]\nus = [{}]\n",
                                         key_, fmt::join(methods, ", "), fmt::join(us, ", ")));
     } catch (const std::exception& error) {
-        log_line(LogLevel::warning, fmt::format("{}; the next start measures the methods again", error.what()));
+        log_line(LogLevel::warning, "{}; the next start measures the methods again", error.what());
     }
 }
 

@@ -6,6 +6,7 @@
 #include <list>
 #include <mutex>
 #include <string>
+#include <string_view>
 
 namespace tactiled {
 
@@ -46,10 +47,11 @@ public:
         Entry* entry_;
     };
 
-    // "" when each thread has made a turn within its limit, as far as looks so often can tell, else the first that has not.
-    std::string look(std::uint64_t now_ns) {
+    // "" when each thread has made a turn within its limit, as far as looks so often can tell, else the first that has not,
+    // by a name that stands until its Turns end.
+    std::string_view look(std::uint64_t now_ns) noexcept {
         const std::lock_guard lock(mutex_);
-        std::string stuck;
+        std::string_view stuck;
         for (auto& entry : entries_) {
             const std::uint64_t turns = entry.turns.load(std::memory_order_relaxed);
             if (turns != entry.seen_turns || entry.seen_ns == 0) {

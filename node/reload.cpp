@@ -46,12 +46,13 @@ Reloader::Accepted Reloader::accepted(const Node& node) {
 void Reloader::reload(Pipeline& pipeline) noexcept try {
     Problems problems;
     const std::string done = try_reload(pipeline, problems);
-    for (const auto& line : problems.lines()) log_line(LogLevel::error, line);
+    for (const auto& line : problems.lines()) log_text(LogLevel::error, line);
     if (!problems.empty()) log_line(LogLevel::error, "SIGHUP: refused, nothing was changed");
-    if (!done.empty()) log_line(LogLevel::info, fmt::format("SIGHUP: {}", done));
+    if (!done.empty()) log_line(LogLevel::info, "SIGHUP: {}", done);
     pipeline.reload_refused(done.empty());
-} catch (const std::exception& error) {  // no memory
-    log_line(LogLevel::error, fmt::format("SIGHUP: refused, nothing was changed: {}", error.what()));
+} catch (const std::exception& error) {
+    const bool memory = dynamic_cast<const std::bad_alloc*>(&error) != nullptr;
+    log_line(LogLevel::error, "SIGHUP: refused, nothing was changed: {}", memory ? "there is no memory" : error.what());
     pipeline.reload_refused(true);
 }
 
@@ -68,8 +69,8 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
         names.push_back(fmt::format("sensor \"{}\"{}", next.sensors[part.index].name,
                                     part.measures_alike ? "" : " (a new epoch, without its tare)"));
     if (replacement.grasping != nullptr) names.push_back("the grasp");
-    const std::string done = names.empty() ? "neither the configuration nor a calibration has changed"
-                                           : fmt::format("changed {}", fmt::join(names, ", "));
+    std::string done = names.empty() ? "neither the configuration nor a calibration has changed"
+                                     : fmt::format("changed {}", fmt::join(names, ", "));
     if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment
     if (!pipeline.replace(replacement, kPatienceMs)) {
         problems.add(path_, 0, "the loop does not come round");

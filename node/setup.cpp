@@ -6,10 +6,9 @@
 #include <algorithm>
 #include <boost/crc.hpp>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <limits>
 
+#include "config/text_file.hpp"
 #include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/objects.hpp"
@@ -198,21 +197,20 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPl
     setup.settable = {settings.slip_sensitivity, settings.weigh_window_ms};
     setup.objects = load_objects(settings.objects, problems);
     if (std::any_of(setup.objects.begin(), setup.objects.end(), [](const TaughtObject& o) { return o.scaled; }))
-        log_line(
-            LogLevel::warning,
-            fmt::format("{}: objects that were taught after a known weight had set the scale are told only once a known "
-                        "weight is shown again (tactilectl weigh known)",
-                        settings.objects));
+        log_line(LogLevel::warning,
+                 "{}: objects that were taught after a known weight had set the scale are told only once a known "
+                 "weight is shown again (tactilectl weigh known)",
+                 settings.objects);
     return setup;
 }
 
 // CAL_ID: one number that changes when the configuration or any calibration does.
-std::uint16_t identity_of(const Config& config) {
+std::uint16_t identity_of(const Config& config, Problems& problems) {
+    constexpr std::size_t kMostBytes = std::size_t{16} << 20;  // as of a calibration
     boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
     const auto add_file = [&](const std::string& path) {
-        std::ifstream file(path, std::ios::binary);
-        const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-        crc.process_bytes(bytes.data(), bytes.size());
+        const auto bytes = read_text_file(path, kMostBytes, problems);
+        if (bytes) crc.process_bytes(bytes->data(), bytes->size());
     };
     add_file(config.path);
     for (const auto& sensor : config.sensors) add_file(sensor.calibration);
@@ -255,7 +253,7 @@ Node load_node(const std::string& config_path, Problems& problems, const std::st
     node.plan.group = config.shm.group;
     node.plan.watchdog_ms = std::uint32_t(config.node.watchdog_ms);
     node.plan.history = std::uint32_t(config.shm.history);
-    node.plan.calibration_id = identity_of(config);
+    node.plan.calibration_id = identity_of(config, problems);
     return node;
 }
 

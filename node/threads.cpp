@@ -20,23 +20,32 @@ constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about
 constexpr std::uint64_t kPresentNs = 100'000'000;
 constexpr std::uint64_t kWorkedNs = 1'000'000'000;  // and so long: its next trouble is a new one, worth its own lines
 
+// "" when it is open, else why not. A driver throws for want of memory only.
+std::string try_open(Driver& driver) noexcept try { return driver.open(); } catch (const std::exception&) {
+    driver.close();
+    return "no memory";  // short enough to need none
+}
+
 // Says a thing once, then at most each 10 s while it stays the same.
 class Complaint {
 public:
-    void about(const std::string& link, const std::string& text) {
+    void about(const std::string& link, std::string_view text) noexcept {
         const std::uint64_t now = monotonic_ns();
+        const std::size_t hash = std::hash<std::string_view>{}(text);
         ++times_;
-        if (text == text_ && now - said_ns_ < kRepeatNs) return;
-        log_line(LogLevel::warning,
-                 fmt::format("link \"{}\": {}{}", link, text, times_ > 1 ? fmt::format(" ({} times)", times_) : ""));
-        text_ = text;
+        if (said_ == hash && now - said_ns_ < kRepeatNs) return;
+        if (times_ > 1)
+            log_line(LogLevel::warning, "link \"{}\": {} ({} times)", link, text, times_);
+        else
+            log_line(LogLevel::warning, "link \"{}\": {}", link, text);
+        said_ = hash;
         said_ns_ = now;
         times_ = 0;
     }
-    void settled() { text_.clear(); }
+    void settled() noexcept { said_ = 0; }
 
 private:
-    std::string text_;
+    std::size_t said_ = 0;  // hash of the text; 0: nothing
     std::uint64_t said_ns_ = 0;
     unsigned times_ = 0;
 };
@@ -70,15 +79,25 @@ std::vector<std::string> Threads::start() {
             refused.push_back(std::move(what));
     };
     const auto add = [&](const char* name, int priority, std::function<void()> body) {
-        auto thread = std::make_unique<RtThread>();
-        note(thread->start(name, priority, wanted.cpu, std::move(body)));
-        threads_.push_back(std::move(thread));
+        auto& thread = *threads_.emplace_back(std::make_unique<RtThread>());  // first: stop() must find one that runs
+        note(thread.start(name, priority, wanted.cpu, std::move(body)));
     };
     if (wanted.lock_memory) note(lock_memory());
+    const auto watched = [this](std::string name, std::uint64_t limit_ns) {
+        return std::make_shared<Progress::Turns>(progress_, std::move(name), limit_ns);
+    };
+    const std::uint64_t period_ns = std::uint64_t(wanted.period_us) * 1000u;
+    const std::uint64_t link_ns =
+        node_.config.node.stuck_link_ms == 0 ? UINT64_MAX : std::uint64_t(node_.config.node.stuck_link_ms) * 1'000'000u;
     try {
         for (auto& link : node_.links)  // below the pipeline: a flood on one link does not hold back what is there
-            add("link", std::max(1, wanted.priority - 2), [this, &link = *link] { run_link(link); });
-        add("pipeline", wanted.priority, [this] { run_pipeline(); });
+            add("link", std::max(1, wanted.priority - 2),
+                [this, &link = *link, turns = watched(fmt::format("link \"{}\"", link->name), link_ns)] {
+                    run_link(link, *turns);
+                });
+        add("pipeline", wanted.priority, [this, turns = watched("the pipeline", kPipelineNs + 2 * period_ns), period_ns] {
+            run_pipeline(period_ns, *turns);
+        });
         if (!refused.empty() && wanted.required)
             throw SetupError(fmt::format("[realtime] required = true, but {}", refused.front()));
     } catch (...) {
@@ -103,17 +122,14 @@ void Threads::pause(int ms, Progress::Turns& turns) const noexcept {
     }
 }
 
-void Threads::run_link(Link& link) noexcept {
+void Threads::run_link(Link& link, Progress::Turns& turns) noexcept {
     Breather breather;
     Complaint refused, gone;  // two: a device may be refused and gone by turns
     int pause_ms = kLeastPauseMs;
     bool announce = true;  // false after an opening that came to nothing: then "open" is said of one that works
     LinkCounts& counts = link.driver->counts;
-    const int stuck_ms = node_.config.node.stuck_link_ms;
-    Progress::Turns turns(progress_, fmt::format("link \"{}\"", link.name),
-                          stuck_ms == 0 ? UINT64_MAX : std::uint64_t(stuck_ms) * 1'000'000u);
     while (!stop_.load(std::memory_order_acquire)) {
-        const std::string wrong = link.driver->open();
+        const std::string wrong = try_open(*link.driver);
         if (!wrong.empty()) {
             segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
             segment_.set_link_count(link.index, TACTILED_LINK_RESTARTED, counts[TACTILED_LINK_RESTARTED]);  // by open()
@@ -123,7 +139,7 @@ void Threads::run_link(Link& link) noexcept {
             continue;
         }
         ++counts[TACTILED_LINK_OPENED];
-        if (announce) log_line(LogLevel::info, fmt::format("link \"{}\": open", link.name));
+        if (announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
         segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
         link.connected.store(true, std::memory_order_release);
         const std::uint64_t opened_ns = monotonic_ns();
@@ -138,7 +154,7 @@ void Threads::run_link(Link& link) noexcept {
             breather.turn();
             if (worked || counts[TACTILED_LINK_FRAMES] == frames || monotonic_ns() - opened_ns < kWorkedNs) continue;
             worked = true;
-            if (!announce) log_line(LogLevel::info, fmt::format("link \"{}\": open", link.name));
+            if (!announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
             refused.settled();
             gone.settled();
         }
@@ -156,11 +172,9 @@ void Threads::run_link(Link& link) noexcept {
     }
 }
 
-void Threads::run_pipeline() noexcept {
+void Threads::run_pipeline(std::uint64_t period_ns, Progress::Turns& turns) noexcept {
     while (!go_.load(std::memory_order_acquire) && !stop_.load(std::memory_order_acquire))
         sleep_until(monotonic_ns() + 1'000'000u);  // rights are settled first
-    const std::uint64_t period_ns = std::uint64_t(node_.config.realtime.period_us) * 1000u;
-    Progress::Turns turns(progress_, "the pipeline", kPipelineNs + 2 * period_ns);
     std::uint64_t next_ns = monotonic_ns() + period_ns;
     while (!stop_.load(std::memory_order_acquire)) {
         sleep_until(next_ns);

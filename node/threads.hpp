@@ -26,8 +26,8 @@ public:
     void stop() noexcept;
 
 private:
-    void run_link(Link& link) noexcept;
-    void run_pipeline() noexcept;
+    void run_link(Link& link, Progress::Turns& turns) noexcept;
+    void run_pipeline(std::uint64_t period_ns, Progress::Turns& turns) noexcept;
     void pause(int ms, Progress::Turns& turns) const noexcept;
 
     Node& node_;

@@ -23,24 +23,23 @@ Watchdog::~Watchdog() {
 }
 
 void Watchdog::run() noexcept {
-    std::string said;
+    std::string_view said;
     std::uint64_t fed_ns = 0, stuck_ns = 0;
     while (!stop_.load()) {
         const std::uint64_t now_ns = monotonic_ns();
-        const std::string stuck = progress_.look(now_ns);
+        const std::string_view stuck = progress_.look(now_ns);
         if (stuck.empty() && timeout_us_ != 0 && now_ns - fed_ns >= kFeedNs) {
             ::sd_notify(0, "WATCHDOG=1");
             fed_ns = now_ns;
         }
         if (stuck != said) {
             if (stuck.empty())
-                log_line(LogLevel::warning, fmt::format("{}: goes on", said));
+                log_line(LogLevel::warning, "{}: goes on", said);
+            else if (timeout_us_ == 0)
+                log_line(LogLevel::error, "{}: stands still", stuck);
             else
-                log_line(LogLevel::error,
-                         fmt::format("{}: stands still{}", stuck,
-                                     timeout_us_ == 0 ? ""
-                                                      : fmt::format("; systemd restarts the daemon if that lasts {} ms",
-                                                                    timeout_us_ / 1000)));
+                log_line(LogLevel::error, "{}: stands still; systemd restarts the daemon if that lasts {} ms", stuck,
+                         timeout_us_ / 1000);
             said = stuck;
             stuck_ns = now_ns;
         }

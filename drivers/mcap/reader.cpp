@@ -54,6 +54,16 @@ void Reader::rewind() {
     compressed_ = bad_crc_ = damaged_ = 0;
 }
 
+void Reader::feed(std::string_view records) {
+    bytes_ = records;
+    at_ = 0;
+    cut_ = false;
+}
+
+void Reader::declare(std::string_view records) {
+    for (std::size_t at = 0; const auto record = take_record(records, at);) take_named(*record);
+}
+
 std::optional<Reader::Record> Reader::take_record(std::string_view bytes, std::size_t& at) {
     Fields head(bytes.substr(at));
     const auto op = head.number<std::uint8_t>();
@@ -110,6 +120,7 @@ std::optional<Message> Reader::next() {
 }
 
 void Reader::take_named(const Record& record) {
+    if (frozen_) return;
     Fields fields(record.content);
     if (Op(record.op) == Op::schema) {
         const auto id = fields.number<std::uint16_t>();
@@ -117,6 +128,7 @@ void Reader::take_named(const Record& record) {
         if (!fields.failed()) schemas_[id] = name;
     } else if (Op(record.op) == Op::channel) {
         const auto id = fields.number<std::uint16_t>();
+        if (channels_.contains(id)) return;  // the first of a number stays: messages point to it
         const auto schema = schemas_.find(fields.number<std::uint16_t>());
         Channel channel;
         channel.topic = fields.text();
@@ -127,7 +139,6 @@ void Reader::take_named(const Record& record) {
             const std::string key(entries.text());
             channel.metadata[key] = entries.text();
         }
-        // The first of an id stays: messages point to it.
         if (!fields.failed() && !entries.failed()) channels_.try_emplace(id, channel);
     }
 }

@@ -1,6 +1,6 @@
-// Reads the messages of an MCAP file in the order of the file. Pure: bytes in, no I/O. It needs no index, so that a file
-// that was cut is read up to its last whole chunk. Chunks are not compressed, as drivers/mcap/writer.hpp writes them; others
-// are counted.
+// Reads the messages of an MCAP file in the order of the file. Pure: bytes in, no I/O; message_file.hpp reads from the disk.
+// It needs no index, so that a file that was cut is read up to its last whole chunk. Chunks are not compressed, as
+// drivers/mcap/writer.hpp writes them; others are counted.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -29,6 +29,15 @@ public:
     // The whole file; must outlive the Reader. A file that is no MCAP gives no message: why().
     explicit Reader(std::string_view bytes);
 
+    // For a file that comes in pieces, to a Reader of the magic alone: whole records that follow those which next() has used
+    // up. They must outlive the messages in them. rewind() and attachments() have no meaning then.
+    // rt: a channel that is new allocates; see freeze()
+    void feed(std::string_view records);
+    // Schemas and channels that records elsewhere declare, such as the summary's; those that are known stay. setup
+    void declare(std::string_view records);
+    // From now on no channel is new: messages of such a one are records that do not fit.
+    void freeze() { frozen_ = true; }
+
     // The next message, nullopt at the end: of the file, or of what can be read of it: why().
     std::optional<Message> next();
     // The first message comes next again.
@@ -36,6 +45,11 @@ public:
 
     // "" or what is wrong with the file: no MCAP, cut, compressed chunks, chunks with a wrong CRC.
     [[nodiscard]] std::string why() const;
+    // Parts that were left out so far, by kind.
+    [[nodiscard]] unsigned bad_crc() const { return bad_crc_; }
+    [[nodiscard]] unsigned unreadable() const { return compressed_ + damaged_; }
+    // Those that were declared so far, by their number.
+    [[nodiscard]] const std::map<std::uint16_t, Channel>& channels() const { return channels_; }
     struct Attachment {
         std::string name;
         std::string_view data;
@@ -59,7 +73,7 @@ private:
     std::map<std::uint16_t, std::string> schemas_;
     std::map<std::uint16_t, Channel> channels_;
     std::vector<Attachment> attachments_;
-    bool is_mcap_ = false, ended_ = false, cut_ = false;
+    bool is_mcap_ = false, ended_ = false, cut_ = false, frozen_ = false;
     unsigned compressed_ = 0, bad_crc_ = 0, damaged_ = 0;
 };
 

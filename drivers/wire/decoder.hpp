@@ -1,5 +1,6 @@
 // Bytes -> Frame, whatever the wire format: pure, no I/O, bounded, so that it can be fuzzed and replayed.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cstddef>
@@ -21,18 +22,23 @@ public:
     explicit StreamDecoder(LinkCounts& counts) : counts_(counts) {}
     virtual ~StreamDecoder() = default;
 
-    // Takes bytes that arrived at `t_ns`; every earlier one must have been used: next() has returned false.
-    // rt: wait-free
-    void push(std::span<const std::uint8_t> bytes, std::uint64_t t_ns) noexcept {
+    // Takes bytes of which the last one arrived at `t_ns`, and none before `since_ns`; every earlier one must have been
+    // used: next() has returned false. rt: wait-free
+    void push(std::span<const std::uint8_t> bytes, std::uint64_t t_ns, std::uint64_t since_ns) noexcept {
         assert(at_ == size_ && bytes.size() <= kMostBytes);
         std::memcpy(bytes_.data(), bytes.data(), bytes.size());
         at_ = 0;
         size_ = bytes.size();
+        since_ns_ = std::min(t_ns, std::max(since_ns, t_ns_));
         t_ns_ = t_ns;
         counts_[TACTILED_LINK_BYTES] += std::uint32_t(bytes.size());
     }
 
-    // The next complete frame, stamped with the time of the push that brought its last byte. rt: wait-free
+    void push(std::span<const std::uint8_t> bytes, std::uint64_t t_ns) noexcept { push(bytes, t_ns, t_ns); }
+
+    // The next complete frame. Its stamp is when its last byte arrived, as if those of a push had come evenly: several
+    // frames that waited together are as far apart as they were sent, and the newest one has the time of the push. rt:
+    // wait-free
     [[nodiscard]] bool next(Frame& frame) noexcept {
         if (!is_ready()) return false;
         frame = ahead_;
@@ -44,7 +50,7 @@ public:
     [[nodiscard]] bool is_ready() noexcept {
         while (!ready_ && at_ < size_) ready_ = take(bytes_[at_++], ahead_);
         if (ready_ && ahead_.t_ns == 0) {
-            ahead_.t_ns = t_ns_;
+            ahead_.t_ns = t_ns_ - (t_ns_ - since_ns_) / size_ * (size_ - at_);
             ++counts_[TACTILED_LINK_FRAMES];
         }
         return ready_;
@@ -69,7 +75,7 @@ protected:
 private:
     std::array<std::uint8_t, kMostBytes> bytes_{};
     std::size_t at_ = 0, size_ = 0;
-    std::uint64_t t_ns_ = 0;
+    std::uint64_t t_ns_ = 0, since_ns_ = 0;
     Frame ahead_;
     bool ready_ = false;
 };

@@ -1,22 +1,19 @@
 // tactilectl replay FILE: the recorded frames through the very sensors of the daemon, as fast as they go, and whether the
 // samples come out as they were published. For a recording in real time: driver "replay".
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-#include <cerrno>
+#include <algorithm>
+#include <array>
 #include <cstring>
-#include <filesystem>
+#include <deque>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <span>
+#include <utility>
 
 #include "decoupling/fit/csv.hpp"
 #include "drivers/mcap/frame_message.hpp"
-#include "drivers/mcap/reader.hpp"
+#include "drivers/mcap/message_file.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
@@ -27,27 +24,6 @@ namespace {
 struct Wish {
     std::string file, config, sensor, out;
     bool json = false;
-};
-
-class MappedFile {
-public:
-    explicit MappedFile(const std::string& path) {
-        const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-        struct stat status {};
-        if (fd < 0 || ::fstat(fd, &status) != 0) throw SetupError(fmt::format("{}: {}", path, std::strerror(errno)));
-        size_ = std::size_t(status.st_size);
-        map_ = size_ == 0 ? MAP_FAILED : ::mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, fd, 0);
-        ::close(fd);
-        if (map_ == MAP_FAILED) throw SetupError(path + ": cannot be read");
-    }
-    ~MappedFile() { ::munmap(map_, size_); }
-    MappedFile(const MappedFile&) = delete;
-    MappedFile& operator=(const MappedFile&) = delete;
-    [[nodiscard]] std::string_view bytes() const { return {static_cast<const char*>(map_), size_}; }
-
-private:
-    void* map_;
-    std::size_t size_;
 };
 
 // What became of one sensor's samples.
@@ -78,25 +54,73 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is, bo
     return "";
 }
 
-// The samples of one sensor as they were published, and which of them comes next.
-struct Published {
-    struct Place {
-        std::uint64_t t_ns;
-        std::span<const char> message;
-    };
-    std::vector<Place> samples;
-    std::size_t at = 0;
-    bool from_the_start = false;  // no frame came to the sensor before the file began
+std::string name_of(const mcap::Channel& channel, std::string_view key) {
+    const auto found = channel.metadata.find(std::string(key));
+    return found == channel.metadata.end() ? "" : found->second;
+}
 
-    // What a frame became; nullopt where the file does not say. Frames that came in one read() have one stamp: by their
-    // order.
-    std::optional<tactiled_sample> of_frame(std::uint64_t t_ns) {
-        while (at < samples.size() && samples[at].t_ns < t_ns) ++at;
-        tactiled_sample sample;
-        if (at == samples.size() || samples[at].t_ns != t_ns || !decode_sample(samples[at++].message, sample))
-            return std::nullopt;
+void open_file(mcap::MessageFile& file, const std::string& path) {
+    if (const std::string wrong = file.open(path); !wrong.empty()) throw SetupError(wrong);
+}
+
+// The samples as they were published, read from the file beside its frames.
+class Published {
+public:
+    // Bytes of the file that may lie between a frame and its sample. The recorder writes both in one turn, or in two that
+    // follow each other.
+    static constexpr std::uint64_t kMostBetween = 32u << 20;
+
+    Published(const std::string& path, const Node& node) : node_(node), sensors_(node.plan.sensors.size()) {
+        open_file(file_, path);
+    }
+
+    // What a frame became that lies about at byte `frame_at`; nullopt where the file does not say. Frames that came in one
+    // read() have one stamp: by their order.
+    std::optional<tactiled_sample> of_frame(std::size_t i, std::uint64_t t_ns, std::uint64_t frame_at) {
+        auto& waiting = sensors_[i].waiting;
+        for (;;) {
+            while (!waiting.empty() && waiting.front().sample.t_ns < t_ns) waiting.pop_front();
+            if (!waiting.empty()) break;
+            if (file_.bytes_read() > frame_at + kMostBetween || !read_on(frame_at)) return std::nullopt;
+        }
+        if (waiting.front().sample.t_ns != t_ns) return std::nullopt;
+        const tactiled_sample sample = waiting.front().sample;
+        waiting.pop_front();
         return sample;
     }
+    // Whether no frame came to the sensor before the file began.
+    [[nodiscard]] bool from_the_start(std::size_t i) const { return sensors_[i].from_the_start; }
+
+private:
+    // Takes the file's next message; false at its end. Forgets what no frame has claimed for long.
+    bool read_on(std::uint64_t frame_at) {
+        const auto message = file_.next();
+        if (!message) return false;
+        tactiled_sample sample;
+        if (message->channel->schema != kSampleSchema || !decode_sample(message->data, sample)) return true;
+        const std::string name = name_of(*message->channel, kSensorKey);
+        for (std::size_t i = 0; i < sensors_.size(); ++i) {
+            if (name != node_.plan.sensors[i].name) continue;
+            OfSensor& of = sensors_[i];
+            // Before the first frame there are three markers at most: no data yet, and why.
+            if (!std::exchange(of.any, true)) of.from_the_start = sample.sequence <= 2;
+            while (!of.waiting.empty() && of.waiting.front().at + kMostBetween < frame_at) of.waiting.pop_front();
+            of.waiting.push_back({file_.bytes_read(), sample});
+        }
+        return true;
+    }
+
+    struct Waiting {
+        std::uint64_t at;  // byte in the file, about
+        tactiled_sample sample;
+    };
+    struct OfSensor {
+        std::deque<Waiting> waiting;
+        bool any = false, from_the_start = false;
+    };
+    const Node& node_;
+    mcap::MessageFile file_;
+    std::vector<OfSensor> sensors_;
 };
 
 class Replayed {
@@ -111,12 +135,12 @@ public:
         forces_ = std::make_unique<ForcesWriter>(wish.out);
     }
 
-    // A frame of a link; `published`, of each sensor, what it became then.
-    void frame(const std::string& link, const Frame& frame, std::vector<Published>& published) {
+    // A frame of a link that lies about at byte `at` of the file; `published` says what it became then.
+    void frame(const std::string& link, const Frame& frame, std::uint64_t at, Published& published) {
         for (const auto& each : node_.links) {
             if (each->name != link) continue;
             for (const auto& binding : each->bindings)
-                if (binding.device == frame.device) judge(binding.sensor, frame, published[binding.sensor]);
+                if (binding.device == frame.device) judge(binding.sensor, frame, at, published);
         }
     }
     void finish() {
@@ -125,10 +149,10 @@ public:
     [[nodiscard]] const std::vector<Outcome>& outcome() const { return outcome_; }
 
 private:
-    void judge(std::size_t i, const Frame& frame, Published& published) {
+    void judge(std::size_t i, const Frame& frame, std::uint64_t at, Published& published) {
         Outcome& outcome = outcome_[i];
         ++outcome.frames;
-        const std::optional<tactiled_sample> was = published.of_frame(frame.t_ns);
+        const std::optional<tactiled_sample> was = published.of_frame(i, frame.t_ns, at);
         // A break between two frames, seen by the pipeline alone, makes a filter begin anew.
         if (was && last_epoch_[i] != 0 && was->epoch != last_epoch_[i]) {
             (void)node_.sensors[i].has_broken(false, frame.t_ns);
@@ -139,7 +163,8 @@ private:
         if (!was) return;
         last_epoch_[i] = was->epoch;
         ++outcome.compared;
-        const bool raw_only = was->tare_count != 0 || (!published.from_the_start && (was->state & TACTILED_LOW_PASS) != 0);
+        const bool raw_only =
+            was->tare_count != 0 || (!published.from_the_start(i) && (was->state & TACTILED_LOW_PASS) != 0);
         const std::string what = difference(*was, is, raw_only);
         if (what.empty() && raw_only) ++outcome.raw_only;
         if (what.empty())
@@ -167,46 +192,24 @@ private:
     std::unique_ptr<ForcesWriter> forces_;
 };
 
-std::string name_of(const mcap::Channel& channel, std::string_view key) {
-    const auto found = channel.metadata.find(std::string(key));
-    return found == channel.metadata.end() ? "" : found->second;
-}
-
-std::vector<Published> published_in(mcap::Reader& reader, const Node& node) {
-    std::vector<Published> published(node.plan.sensors.size());
-    tactiled_sample sample;
-    while (const auto message = reader.next()) {
-        if (message->channel->schema != kSampleSchema || !decode_sample(message->data, sample)) continue;
-        const std::string name = name_of(*message->channel, kSensorKey);
-        for (std::size_t i = 0; i < published.size(); ++i)
-            if (name == node.plan.sensors[i].name) {
-                // Before the first frame there are three markers at most: no data yet, and why.
-                if (published[i].samples.empty()) published[i].from_the_start = sample.sequence <= 2;
-                published[i].samples.push_back({sample.t_ns, message->data});
-            }
-    }
-    reader.rewind();
-    return published;
-}
-
 int replay(const Wish& wish) {
-    const MappedFile file(wish.file);
-    mcap::Reader reader(file.bytes());
+    mcap::MessageFile file;
+    open_file(file, wish.file);
     Problems problems;
     Node node = load_node(wish.config, problems, "");
     problems.throw_if_any();
-    std::vector<Published> published = published_in(reader, node);
+    Published published(wish.file, node);
     Replayed replayed(node, wish);
     Frame frame;
     std::uint64_t frames = 0;
-    while (const auto message = reader.next())
+    while (const auto message = file.next())
         if (message->channel->schema == mcap::kFrameSchema && mcap::decode_frame(message->data, frame)) {
-            replayed.frame(name_of(*message->channel, mcap::kLinkKey), frame, published);
+            replayed.frame(name_of(*message->channel, mcap::kLinkKey), frame, file.bytes_read(), published);
             ++frames;
         }
     replayed.finish();
-    if (frames == 0)
-        throw SetupError(fmt::format("{}: {}", wish.file, reader.why().empty() ? "holds no frames" : reader.why()));
+    const std::string why = file.why();
+    if (frames == 0) throw SetupError(fmt::format("{}: {}", wish.file, why.empty() ? "holds no frames" : why));
 
     bool all_equal = true;
     nlohmann::json sensors = nlohmann::json::array();
@@ -225,8 +228,8 @@ int replay(const Wish& wish) {
                        o.raw_only != 0 ? fmt::format(" ({} of them before tare and filter)", o.raw_only) : "",
                        o.first_difference.empty() ? "" : "; first difference: " + o.first_difference);
     }
-    if (wish.json) fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"why", reader.why()}, {"sensors", sensors}}.dump());
-    if (!reader.why().empty()) fmt::print(stderr, "tactilectl: {}: {}\n", wish.file, reader.why());
+    if (wish.json) fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"why", why}, {"sensors", sensors}}.dump());
+    if (!why.empty()) fmt::print(stderr, "tactilectl: {}: {}\n", wish.file, why);
     return all_equal ? kGood : kUnhealthy;
 }
 

@@ -249,8 +249,7 @@ void Controls::load() {
         loaded[i] = std::uint16_t(file.number(kKeys[i].name, range) / kKeys[i].scale + 0.5);
     }
     file.finish();
-    for (const auto& line : problems.lines())
-        log_line(LogLevel::warning, fmt::format("{}; stored settings are not used", line));
+    for (const auto& line : problems.lines()) log_line(LogLevel::warning, "{}; stored settings are not used", line);
     unreadable_.store(!problems.empty());
     if (!problems.empty()) return;
     settings_ = loaded;
@@ -272,7 +271,7 @@ void Controls::save() noexcept {
                 unreadable_.store(false);
                 saving_.store(idle);
             } catch (const std::exception& error) {
-                log_line(LogLevel::warning, fmt::format("Modbus SAVE: {}", error.what()));
+                log_line(LogLevel::warning, "Modbus SAVE: {}", error.what());
                 saving_.store(failed);
             }
         });

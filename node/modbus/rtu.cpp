@@ -73,11 +73,11 @@ void RtuLine::open(std::uint64_t now_ns) {
     too_long_ = false;
     sent_size_ = 0;
     if (fd_ >= 0) {
-        log_line(LogLevel::info, fmt::format("Modbus RTU: {}, address {}, {} baud, {} parity", settings_.device,
-                                             settings_.address, settings_.baud, settings_.parity));
+        log_line(LogLevel::info, "Modbus RTU: {}, address {}, {} baud, {} parity", settings_.device, settings_.address,
+                 settings_.baud, settings_.parity);
         complaint_.clear();
     } else if (why != complaint_) {
-        log_line(LogLevel::warning, fmt::format("Modbus RTU: {}; trying again each second", why));
+        log_line(LogLevel::warning, "Modbus RTU: {}; trying again each second", why);
         complaint_ = why;
     }
 }

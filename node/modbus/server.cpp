@@ -61,28 +61,34 @@ ModbusServer::~ModbusServer() {
     ::close(epoll_);
 }
 
-void ModbusServer::serve() {
-    std::array<epoll_event, 64> events;
-    while (!stop_.load()) {
-        const int n = wait_for(events);
-        const std::uint64_t now_ns = monotonic_ns();
-        bool line_readable = false, somebody_knocks = false, ticked = false;
-        for (int i = 0; i < n; ++i) {
-            const auto& event = events[std::size_t(i)];
-            if (event.data.fd == ticks_)
-                ticked = true;
-            else if (event.data.fd == watched_line_)
-                line_readable = true;
-            else if (event.data.fd == listener_)
-                somebody_knocks = true;  // after the batch: a new client must not get an event of the old one of its number
-            else
-                serve_client(event.data.fd, event.events, now_ns);
+void ModbusServer::serve() noexcept {
+    while (!stop_.load()) try {
+            turn();
+        } catch (const std::exception& error) {  // no memory: what is still due comes again with the next turn
+            log_line(LogLevel::warning, "Modbus: {}", error.what());
         }
-        if (somebody_knocks) accept_all(now_ns);
-        if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), line_readable);
-        serve_held_back(now_ns);
-        if (ticked) tick(now_ns);
+}
+
+void ModbusServer::turn() {
+    std::array<epoll_event, 64> events;
+    const int n = wait_for(events);
+    const std::uint64_t now_ns = monotonic_ns();
+    bool line_readable = false, somebody_knocks = false, ticked = false;
+    for (int i = 0; i < n; ++i) {
+        const auto& event = events[std::size_t(i)];
+        if (event.data.fd == ticks_)
+            ticked = true;
+        else if (event.data.fd == watched_line_)
+            line_readable = true;
+        else if (event.data.fd == listener_)
+            somebody_knocks = true;  // after the batch: a new client must not get an event of the old one of its number
+        else
+            serve_client(event.data.fd, event.events, now_ns);
     }
+    if (somebody_knocks) accept_all(now_ns);
+    if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), line_readable);
+    serve_held_back(now_ns);
+    if (ticked) tick(now_ns);
 }
 
 // Without a limit as a rule: to set one makes each wait cost several microseconds more on a virtual machine.
@@ -142,12 +148,12 @@ void ModbusServer::try_to_listen(std::uint64_t now_ns) {
     if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
         ::listen(listener_, kWaitingAtTheDoor) == 0) {
         watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
-        if (!complaint_.empty()) log_line(LogLevel::info, fmt::format("Modbus: listening on {}", settings_.listen));
+        if (!complaint_.empty()) log_line(LogLevel::info, "Modbus: listening on {}", settings_.listen);
         complaint_.clear();
         return;
     }
     const std::string why = fmt::format("Modbus: {}: {}; trying again each second", settings_.listen, std::strerror(errno));
-    if (why != complaint_) log_line(LogLevel::warning, why);
+    if (why != complaint_) log_text(LogLevel::warning, why);
     complaint_ = why;
     stop_listening();
     listen_again_ns_ = now_ns + kRetryNs;
@@ -186,12 +192,23 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &keep_idle_s, sizeof keep_idle_s);
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &keep_interval_s, sizeof keep_interval_s);
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &keep_count, sizeof keep_count);
-        auto client = std::make_unique<Client>(fd, now_ns, settings_.max_requests_per_s, peer, plc);
-        client->session.may_write = settings_.command_allow.empty() || writers_.allows(peer);
-        watch(epoll_, EPOLL_CTL_ADD, fd, client->watched = EPOLLIN);
-        clients_[fd] = std::move(client);
-        ++counts_.accepted;
+        try {
+            admit(fd, peer, plc, now_ns);
+        } catch (const std::bad_alloc&) {
+            clients_.erase(fd);
+            ++counts_.refused;
+            ::close(fd);
+        }
     }
+}
+
+// Takes the descriptor last of what may fail.
+void ModbusServer::admit(int fd, const sockaddr_storage& peer, bool plc, std::uint64_t now_ns) {
+    auto& client = clients_[fd];
+    client = std::make_unique<Client>(fd, now_ns, settings_.max_requests_per_s, peer, plc);
+    client->session.may_write = settings_.command_allow.empty() || writers_.allows(peer);
+    watch(epoll_, EPOLL_CTL_ADD, fd, client->watched = EPOLLIN);
+    ++counts_.accepted;
 }
 
 // Who has never asked anything makes room first, then who has been silent longest. One that polls keeps its place, so a
@@ -220,7 +237,10 @@ void ModbusServer::serve_client(int fd, std::uint32_t events, std::uint64_t now_
     if (found == clients_.end()) return;
     Client& client = *found->second;
     const auto answer = [&](auto adu, auto out) { return service_.answer(adu, client.session, out); };
-    const char* const why = client.serve(answer, now_ns);
+    const char* why = "no memory";
+    try {
+        why = client.serve(answer, now_ns);
+    } catch (const std::bad_alloc&) {}  // nobody knows which of its requests were answered
     if (*why != 0 || (events & (EPOLLERR | EPOLLHUP)) != 0) return close(fd);  // hung up: nobody would hear the rest
     if (client.interest() != client.watched) watch(epoll_, EPOLL_CTL_MOD, fd, client.watched = client.interest());
 }

@@ -41,7 +41,8 @@ private:
         bool plc;  // has a reserved place
     };
 
-    void serve();
+    void serve() noexcept;
+    void turn();
     int wait_for(std::span<epoll_event> events) const noexcept;
     void tick(std::uint64_t now_ns);  // some times a second
     [[nodiscard]] std::uint64_t next_due_ns() const noexcept;
@@ -50,6 +51,7 @@ private:
     void try_to_listen(std::uint64_t now_ns);
     void stop_listening() noexcept;
     void accept_all(std::uint64_t now_ns);
+    void admit(int fd, const sockaddr_storage& peer, bool plc, std::uint64_t now_ns);
     bool make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns);
     void serve_client(int fd, std::uint32_t events, std::uint64_t now_ns);
     void close_overdue(std::uint64_t now_ns);

@@ -15,7 +15,7 @@ void Teaching::begin(std::uint32_t id, const Weighing& weighing) noexcept {
                 store(id, weighing);
                 state_.store(stored, std::memory_order_release);
             } catch (const std::exception& error) {
-                log_line(LogLevel::warning, fmt::format("Modbus TEACH {}: {}", id, error.what()));
+                log_line(LogLevel::warning, "Modbus TEACH {}: {}", id, error.what());
                 state_.store(failed, std::memory_order_release);
             }
         });

@@ -114,7 +114,7 @@ LIST = [
     (96, "killed eleven times at random moments", "SIGKILL, start", real.killed_ten_times),
     (97, "terminated", "SIGTERM, start", real.terminated),
     (98, "signals that nobody waits for", "PIPE WINCH URG CHLD CONT", real.signals),
-    (99, "malloc fails", "", None),
+    (99, "malloc fails", "", "`memory_test`: each allocation of a start and of a reload"),
     (100, "killed for its memory", "", "as 96"),
     (101, "closed descriptors 0, 1, 2", "", real.closed_descriptors),
     (101, "a log that nobody reads", "a full pipe", real.full_log_pipe),

@@ -1,6 +1,7 @@
 // A receiver of ISO-TP, and a device that sends messages by the book, of whose frames the fuzzer loses, doubles, holds up
 // and invents some. Oracles: any bytes give no more than they hold; a message that came undisturbed is given; one that is
-// given after a clean beginning is one that the device has sent; every beginning ends as a message or as a loss.
+// given after a clean beginning is one that the device has sent; every beginning ends as a message or as a loss; what has no
+// room here is not asked for.
 #include <vector>
 
 #include "drivers/wire/isotp.hpp"
@@ -45,7 +46,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         const auto found = receiver.take(frame, t_ns += 1'000'000);
         const std::size_t length = receiver.message().size();
         lost += receiver.take_lost();
-        if (found == IsoTp::Found::first) ++begun;
+        if (found == IsoTp::Found::first) {
+            ++begun;
+            const std::size_t announced = std::size_t(frame[0] & 0x0F) << 8 | frame[1];
+            check((receiver.answer()[0] == 0x32) == (announced > IsoTp::kMostBytes));  // 0x32: no room
+        }
         if (found != IsoTp::Found::message) return false;
         check(length >= 1 && length <= IsoTp::kMostBytes && receiver.t_ns() <= t_ns);
         if ((frame[0] >> 4) == 0)

@@ -1,4 +1,8 @@
-// Any bytes as a recording: the reader ends, stays inside of the bytes, and a second reading gives the same.
+// Any bytes as a recording: the reader ends, stays inside of the bytes, and a second reading gives the same, also one from
+// the disk.
+#include <sys/mman.h>
+#include <unistd.h>
+
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -6,6 +10,7 @@
 
 #include "drivers/mcap/format.hpp"
 #include "drivers/mcap/frame_message.hpp"
+#include "drivers/mcap/message_file.hpp"
 #include "drivers/mcap/reader.hpp"
 
 using namespace tactiled;
@@ -23,6 +28,9 @@ Seen read_all(mcap::Reader& reader, std::string_view file) {
     while (const auto message = reader.next()) {
         if (message->data.data() < file.data() || message->data.data() + message->data.size() > file.data() + file.size())
             std::abort();
+        bool declared = false;
+        for (const auto& [number, channel] : reader.channels()) declared |= &channel == message->channel;
+        if (!declared) std::abort();
         ++seen.messages;
         seen.bytes += message->data.size();
         if (mcap::decode_frame(message->data, frame)) {
@@ -41,6 +49,24 @@ Seen read_all(mcap::Reader& reader, std::string_view file) {
     return seen;
 }
 
+Seen read_from_disk(std::string_view bytes) {
+    static const int fd = ::memfd_create("recording", 0);
+    static const std::string path = "/proc/self/fd/" + std::to_string(fd);
+    if (::ftruncate(fd, 0) != 0 || ::pwrite(fd, bytes.data(), bytes.size(), 0) != ssize_t(bytes.size())) std::abort();
+    static mcap::MessageFile file;
+    if (!file.open(path).empty()) std::abort();
+    Seen seen;
+    Frame frame;
+    for (;;) {
+        const auto message = file.next(100);
+        if (!message && file.at_end()) return seen;
+        if (!message) continue;
+        ++seen.messages;
+        seen.bytes += message->data.size();
+        seen.frames += mcap::decode_frame(message->data, frame);
+    }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -50,6 +76,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const Seen first = read_all(reader, file);
     reader.rewind();
     if (!(read_all(reader, file) == first)) std::abort();
+    if (!(read_from_disk(file) == first)) std::abort();
     if (first.bytes > file.size()) std::abort();  // no byte is given twice
     (void)reader.why();
     return 0;

@@ -46,7 +46,7 @@ def checked_line(text):
 
 
 def wire(put):
-    formats = 9
+    formats = 10
     stream = b"".join(checked_line(f"{n},{1000 * n},{n * 0.5},,nan") for n in range(5))
     put(bytes([0]) + stream)
     put(bytes([formats * 3]) + b"1,2,3,4,5\r\n2,3,4,5,6\r\n# nothing\n")
@@ -71,6 +71,7 @@ def wire(put):
     put(bytes([0]) + b"\n0,0,inf,-inf,1\n1,2,1e999,3,4\n")
     put(bytes([7]) + struct.pack("<6h", 1, -2, 300, 4, -5, 6))
     put(bytes([8]) + answer)
+    put(bytes([9]) + b"31\r\n00aBf\r\n1bf00\n2BF7f\r\n2BF7f\r\n7c012\n80102\n")
 
 
 def dbc(put):
@@ -105,6 +106,8 @@ def mcap(put):
     end = record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + b"\x89MCAP0\r\n"
     put(header + schema + channel + message * 2 + end)
     inside = schema + channel + message
+    stranger = record(5, struct.pack("<HIQQ", 9, 0, 3, 3) + body)  # of no channel
+    put(header + record(6, struct.pack("<QQQI", 3, 3, len(stranger), 0) + text(b"") + struct.pack("<Q", len(stranger)) + stranger) + end)
     for crc in (0, zlib.crc32(inside), 1):
         chunk = record(6, struct.pack("<QQQI", 3, 3, len(inside), crc) + text(b"") + struct.pack("<Q", len(inside)) + inside)
         put(header + chunk + end)

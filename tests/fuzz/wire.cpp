@@ -4,13 +4,16 @@
 // chunks, and what it holds stands in the bytes under a right CRC or our transaction.
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
 #include "drivers/wire/ft300_frame.hpp"
+#include "drivers/wire/hex_line.hpp"
 #include "drivers/wire/kms40_line.hpp"
 #include "drivers/wire/modbus_message.hpp"
 #include "tests/fuzz/input.hpp"
@@ -20,8 +23,8 @@ namespace {
 using namespace tactiled;
 using fuzz::check;
 
-// The last ones get their frame around them here: a right checksum no fuzzer finds.
-enum class Format { lines, cobs, ft300, kms40, modbus_rtu, modbus_tcp, cobs_body, ft300_body, modbus_body, formats };
+// The bodies get their frame around them here: a right checksum no fuzzer finds.
+enum class Format { lines, cobs, ft300, kms40, modbus_rtu, modbus_tcp, cobs_body, ft300_body, modbus_body, hex, formats };
 
 std::uint16_t slow_crc16(std::span<const std::uint8_t> bytes) {  // CRC-16/MODBUS
     unsigned crc = 0xFFFF;
@@ -83,6 +86,8 @@ Bytes dress(Format& format, std::span<const std::uint8_t> bytes) {
     return body;
 }
 
+const HexFormat kHex{2, 2, HexFormat::Digit::counter, 0xBF, "", ""};
+
 std::vector<Frame> decode(Format format, std::span<const std::uint8_t> bytes, std::size_t chunk) {
     LinkCounts counts;
     std::unique_ptr<StreamDecoder> decoder;
@@ -92,6 +97,8 @@ std::vector<Frame> decode(Format format, std::span<const std::uint8_t> bytes, st
         decoder = std::make_unique<Kms40Decoder>(counts);
     else if (format == Format::ft300)
         decoder = std::make_unique<Ft300Decoder>(std::uint8_t(9), counts);
+    else if (format == Format::hex)
+        decoder = std::make_unique<HexDecoder>(kHex, counts);
     else
         decoder = std::make_unique<AsciiDecoder>(AsciiFormat{3, false, true, true}, counts);
     std::vector<Frame> frames;
@@ -134,6 +141,20 @@ void check_cobs(const Frame& frame, std::span<const std::uint8_t> body) {
         check(frame.channel[k] == double(number));
         check(((frame.saturated >> k & 1u) != 0) == (number == top - 1 || number == -top));
     }
+}
+
+// A line of the bytes, all of it, says just this.
+void check_hex(const Frame& frame, std::span<const std::uint8_t> bytes) {
+    std::array<char, 16> text{};
+    const auto width = std::snprintf(text.data(), text.size(), "\n%u%02x%02x", frame.sequence % 10,
+                                     unsigned(frame.channel[0]), unsigned(frame.channel[1]));
+    std::string all = "\n";
+    for (const std::uint8_t byte : bytes) all += byte >= 'A' && byte <= 'F' ? char(byte + 32) : char(byte);
+    const std::string line(text.data(), std::size_t(width));
+    check(all.find(line + "\n") != std::string::npos || all.find(line + "\r\n") != std::string::npos);
+    for (unsigned k = 0; k < 2; ++k)
+        check(frame.channel[k] <= 0xBF &&
+              (frame.channel[k] == 0 || frame.channel[k] == 0xBF) == ((frame.saturated >> k & 1u) != 0));
 }
 
 void check_line(const Frame& frame) {
@@ -223,6 +244,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         for (unsigned k = 0; k < f.n_channels; ++k) check(std::isfinite(f.channel[k]) != ((f.missing >> k & 1u) != 0));
         if (format == Format::ft300) check_ft300(f, bytes);
         if (format == Format::lines) check_line(f);
+        if (format == Format::hex) check_hex(f, bytes);
         if (as_told == Format::cobs_body) check_cobs(f, {data + 1, size - 1});
         if (format != Format::cobs) continue;
         std::array<std::uint8_t, kCobsMostEncoded> again;

@@ -7,6 +7,9 @@
 import json
 import os
 import pathlib
+import random
+import re
+import signal
 import socket
 import struct
 import subprocess
@@ -92,9 +95,39 @@ PLANTS = {  # plant: what must be found at least
 }
 
 
+def reload(d, dice):
+    """SIGHUP with a sensor retuned, one calibrated anew, the grasp changed, a broken file, or nothing new."""
+    kind = dice.randrange(5)
+    good = d.config.read_text()
+    if kind == 0:
+        good = re.sub(r"friction = [\d.]+", f"friction = {dice.uniform(0.2, 1):.3f}", good)
+    elif kind == 1:
+        good = re.sub(r'model = "generic"\n(filter_hz = \d+\n)?', f'model = "generic"\nfilter_hz = {dice.randrange(5, 100)}\n', good)
+    elif kind == 2:
+        (d.folder / "unit.toml").write_text(CALIBRATION.replace('"unit"', f'"{dice.randrange(1000)}"'))
+    d.config.write_text(good[:dice.randrange(len(good))] if kind == 3 else good)
+    before = len(d.log())
+    for _ in range(dice.randrange(1, 4)):
+        d.process.send_signal(signal.SIGHUP)
+    wait_for(lambda: "SIGHUP: " in d.log()[before:], 5, "an answer to SIGHUP")
+    d.config.write_text(good)
+
+
+def misbehave(d, dice):
+    """A device of three channels that says what it must not, then a while nothing."""
+    pty = Pty(d.folder / "text")
+    for number in range(dice.randrange(50, 300)):
+        line = f"{number},1,2,-3\n".encode()
+        pty.send(dice.choice((line, line, line[:dice.randrange(len(line))], bytes(dice.randrange(256) for _ in range(40)), b"7" * 700 + b"\n",
+                              line.replace(b"2", b"nan"), line.replace(b"2", b"1e99"), line + line, b"")))
+        time.sleep(0.002)
+    time.sleep(dice.uniform(0, 0.3))
+    pty.close()
+
+
 def run(seconds, plant=None, thread="pipeline", period=250, stir=False):
     """The daemon under the guard. Returns its exit status and the report's lines."""
-    env = {"LD_PRELOAD": GUARD}
+    env, dice = {"LD_PRELOAD": GUARD}, random.Random(1)
     if plant:
         env.update(RTGUARD_PLANT=plant, RTGUARD_PLANT_THREAD=thread)
     with Daemon((CONFIG + GRASP).replace("{period}", str(period)), env=env) as d:
@@ -112,10 +145,14 @@ def run(seconds, plant=None, thread="pipeline", period=250, stir=False):
                 d.ctl("tare", "all")
                 d.ctl("weigh", "start")
                 d.ctl("teach", "--reload")
+                reload(d, dice)
                 player = d.others.pop()
                 player.terminate()
                 player.wait()
+                misbehave(d, dice)
                 d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "text", "--format", "lines", "--sequence", "--rate", 500, "--loop")
+        if stir:
+            print("reloads:", ", ".join(f"{d.log().count(word)} {word}" for word in ("SIGHUP: changed", "SIGHUP: refused", "SIGHUP: neither")), flush=True)
         status, _ = d.stop()
         return status, [json.loads(line) for line in (d.folder / "guard.json").read_text().splitlines()]
 
@@ -302,7 +339,7 @@ at_end = "again"
             self.assertGreater(link["frames"], 500)
         self.assertGreater(seen[0]["gone"], 0, "the recording never began again")
         calls = {call for t in threads for call in t["allowed_calls"]}
-        self.assertEqual(calls, {"230"})  # clock_nanosleep
+        self.assertEqual(calls, {"0", "230"})  # read, clock_nanosleep
 
     def test_reading_the_clock_is_no_breach(self):
         status, _ = run(0.6, "clock")

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# program.sh ROOT PROGRAM...: copies programs to ROOT/usr/bin, and the libraries that they name to ROOT, each at its own path. Of a
+# program.sh ROOT PROGRAM...: copies programs to ROOT/usr/bin, and the libraries that they name to ROOT, each at its own path if it is the system's. Of a
 # library (.so) only what it names.
 set -euo pipefail
 root=$1; shift
@@ -7,6 +7,7 @@ for program in "$@"; do
     [ -e "$program" ] || program=$(command -v "$program")
     [ "${program##*.}" = so ] || install -D "$(realpath "$program")" "$root/usr/bin/$(basename "$program")"
     ldd "$program" | awk '/=> \// {print $3} $1 ~ /^\// {print $1}' | while read -r library; do
-        [ -e "$root$library" ] || install -D "$(realpath "$library")" "$root$library"
+        case $library in /lib*|/usr/lib*) to=$library ;; *) to=/usr/lib/${library##*/} ;; esac  # a build folder may lie where the machine has none
+        [ -e "$root$to" ] || install -D "$(realpath "$library")" "$root$to"
     done
 done

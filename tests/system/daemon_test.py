@@ -74,6 +74,16 @@ def quality_is(daemon, word):
 
 
 class TheDaemon(unittest.TestCase):
+    def test_all_its_threads_are_in_its_sandbox(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 3, "a good sample")
+            threads = list(pathlib.Path(f"/proc/{d.process.pid}/task").iterdir())
+            self.assertGreaterEqual(len(threads), 5)
+            for thread in threads:
+                self.assertRegex((thread / "status").read_text(), r"NoNewPrivs:\s1\nSeccomp:\s2\n", thread)
+            self.assertNotIn("seccomp", d.log())
+
     def test_reads_a_port_and_ends_cleanly_within_a_second(self):
         with unit_daemon() as d:
             d.start()

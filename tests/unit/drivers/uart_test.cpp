@@ -124,6 +124,29 @@ TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewStampEither) 
     EXPECT_EQ(frame.sequence, 2u);
 }
 
+TEST_F(UartTest, FramesThatWaitedWhileTheReaderStoodStillAreAsFarApartAsTheyWereSent) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    Frame frame;
+    send_frame(0);
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    const std::uint64_t began_ns = frame.t_ns;
+    constexpr unsigned kFrames = 10;
+    for (unsigned n = 1; n <= kFrames; ++n) {
+        ::usleep(20'000);
+        send_frame(n);
+    }
+    wait_until_waiting(int(kFrames) * frame_bytes_);
+    std::vector<std::uint64_t> steps_ns;
+    for (std::uint64_t last_ns = began_ns; steps_ns.size() < kFrames; last_ns = frame.t_ns) {
+        ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+        steps_ns.push_back(frame.t_ns - last_ns);
+    }
+    for (std::size_t n = 2; n < kFrames; ++n) EXPECT_NEAR(double(steps_ns[n]), double(steps_ns[1]), 1e3);
+    EXPECT_GT(steps_ns[1], 15'000'000u);
+    EXPECT_GE(frame.t_ns - began_ns, kFrames * std::uint64_t{20'000'000});
+}
+
 TEST_F(UartTest, WhatAnFt300SentBeforeItWasStoppedIsNoReading) {
     const auto driver = make("format = \"ft300\"\nbaud = 600");  // a pty does not mind; the pause is 853 ms then
     std::array<std::uint8_t, kFt300Bytes> out;
@@ -154,6 +177,26 @@ TEST_F(UartTest, ADeviceThatIsOnlyLateAtTheFirstOpeningWasNotRestarted) {
     send(out.data(), out.size());
     ASSERT_EQ(driver->read(read, 1000), Status::frame);
     EXPECT_EQ(driver->counts[TACTILED_LINK_RESTARTED], 0u);
+}
+
+TEST_F(UartTest, AHexStreamIsAskedForReadAndStoppedAsConfigured) {
+    const auto driver =
+        make("format = \"hex\"\nchannels = 2\nmost = 0x3FFF\ndigit = \"ignored\"\nstart = \"S\"\nstop = \"E\"");
+    ASSERT_TRUE(problems_.empty());
+    ASSERT_EQ(driver->open(), "");
+    char heard[3] = {};
+    ASSERT_EQ(::read(master_, heard, 2), 2);
+    EXPECT_STREQ(heard, "ES");  // first what it may still be sending is stopped
+    send("12001200a\r\n", 11);
+    Frame read;
+    ASSERT_EQ(driver->read(read, 1000), Status::frame);
+    EXPECT_EQ(read.channel[1], 0x200A);
+    driver->close();
+    ASSERT_EQ(::read(master_, heard, 1), 1);
+    EXPECT_EQ(heard[0], 'E');
+    (void)make("format = \"hex\"\nchannels = 2\ndigits = 2\nmost = 256");
+    ASSERT_EQ(problems_.lines().size(), 1u);
+    EXPECT_NE(problems_.lines()[0].find("most = 256 is outside 1 .. 255"), std::string::npos) << problems_.lines()[0];
 }
 
 TEST_F(UartTest, SetsRawModeAndAnyRate) {

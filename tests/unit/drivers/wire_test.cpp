@@ -184,6 +184,34 @@ TEST_P(BothFormats, TheStampIsThatOfTheLastByte) {
     EXPECT_EQ(frames[0].t_ns, bytes.size());
 }
 
+TEST_P(BothFormats, FramesThatWaitedTogetherAreAsFarApartAsTheirBytes) {
+    LinkCounts counts;
+    const auto decoder = GetParam().decoder(counts);
+    Bytes bytes;
+    std::vector<std::size_t> ends;
+    for (std::uint32_t n = 1; n <= 10; ++n) {
+        const Bytes one = GetParam().encode(frame(n));
+        bytes.insert(bytes.end(), one.begin(), one.end());
+        ends.push_back(bytes.size());
+    }
+    decoder->push(bytes, 2'000'000, 1'000'000);
+    Frame f;
+    for (const std::size_t end : ends) {
+        ASSERT_TRUE(decoder->next(f));
+        EXPECT_NEAR(double(f.t_ns), 1e6 + 1e6 * double(end) / double(bytes.size()), double(bytes.size()));
+    }
+    EXPECT_EQ(f.t_ns, 2'000'000u) << "the newest one";
+    decoder->push(GetParam().encode(frame(11)), 2'500'000, 1'500'000);
+    ASSERT_TRUE(decoder->next(f));
+    EXPECT_EQ(f.t_ns, 2'500'000u);
+    // No stamp goes back behind what was given before, whatever the caller thinks of the time.
+    Bytes two = GetParam().encode(frame(12)), more = GetParam().encode(frame(13));
+    two.insert(two.end(), more.begin(), more.end());
+    decoder->push(two, 2'600'000, 1);
+    ASSERT_TRUE(decoder->next(f));
+    EXPECT_GT(f.t_ns, 2'500'000u);
+}
+
 TEST_P(BothFormats, AFirstPartialFrameIsDroppedQuietly) {
     std::vector<std::size_t> starts;
     const Bytes good = stream(0, 4, &starts);

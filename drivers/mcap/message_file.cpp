@@ -1,0 +1,123 @@
+#include "drivers/mcap/message_file.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "drivers/mcap/format.hpp"
+
+namespace tactiled::mcap {
+namespace {
+
+// Others (attachments, indices, the summary) are read over.
+bool is_wanted(char op) {
+    return Op(op) == Op::schema || Op(op) == Op::channel || Op(op) == Op::chunk || Op(op) == Op::data_end;
+}
+
+}  // namespace
+
+std::string MessageFile::open(const std::string& path) {
+    close();
+    fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // no waiting for who writes, should it be a pipe
+    struct stat about {};
+    if (fd_ < 0 || ::fstat(fd_, &about) != 0) return fmt::format("{}: {}", path, std::strerror(errno));
+    if (!S_ISREG(about.st_mode)) return fmt::format("{}: is no file", path);
+    size_ = std::uint64_t(about.st_size);
+    record_.resize(std::size_t(std::clamp<std::uint64_t>(size_, kMagic.size() + kRecordHead, kMostRecord)));
+    have_ = want_ = at_ = bytes_read_ = 0;
+    too_long_ = 0;
+    at_end_ = read(record_.data(), kMagic.size()) == 0;
+    const bool is_mcap = !at_end_ && record_.starts_with(kMagic);
+    at_end_ = !is_mcap;
+    reader_.emplace(is_mcap ? kMagic : std::string_view());
+    return "";
+}
+
+void MessageFile::declare_all() {
+    constexpr std::uint64_t kFooter = kRecordHead + 8 + 8 + 4, kEnd = kFooter + kMagic.size();
+    constexpr std::uint64_t kMostDeclared = 1u << 20;  // they stand at the summary's front
+    std::array<char, kEnd> end{};
+    std::uint64_t summary_at = 0;
+    if (size_ > kEnd && ::pread(fd_, end.data(), kEnd, off_t(size_ - kEnd)) == ssize_t(kEnd) && Op(end[0]) == Op::footer &&
+        std::string_view(&end[kFooter], kMagic.size()) == kMagic)
+        std::memcpy(&summary_at, &end[kRecordHead], sizeof summary_at);
+    if (summary_at != 0 && summary_at < size_ - kEnd) {
+        std::string declared(std::size_t(std::min(kMostDeclared, size_ - kEnd - summary_at)), 0);
+        if (::pread(fd_, declared.data(), declared.size(), off_t(summary_at)) == ssize_t(declared.size()))
+            reader_->declare(declared);
+    }
+    reader_->freeze();
+}
+
+void MessageFile::close() noexcept {
+    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+    at_end_ = true;
+}
+
+std::optional<Message> MessageFile::next(std::uint64_t most_bytes) noexcept {
+    if (!reader_) return std::nullopt;
+    for (const std::uint64_t began = bytes_read_;;) {
+        if (const auto message = reader_->next()) return message;
+        if (at_end_ || bytes_read_ - began >= most_bytes) return std::nullopt;
+        if (read_piece()) reader_->feed(std::string_view(record_).substr(0, std::size_t(std::exchange(want_, 0))));
+    }
+}
+
+bool MessageFile::read_piece() noexcept {
+    if (want_ == 0) read_head();
+    if (at_end_) return false;
+    const bool wanted = is_wanted(record_[0]), fits = want_ <= record_.size();
+    if (have_ < want_) {
+        // What is read over comes to lie on each other, behind the head, which says what it is.
+        const std::uint64_t room =
+            fits ? want_ - have_ : std::min<std::uint64_t>(want_ - have_, record_.size() - kRecordHead);
+        const std::size_t got = read(record_.data() + (fits ? have_ : kRecordHead), room);
+        at_end_ = got == 0;
+        have_ += got;
+    }
+    if (at_end_ || have_ < want_) return false;
+    if (wanted && fits) {
+        at_end_ = Op(record_[0]) == Op::data_end;
+        return true;
+    }
+    if (wanted) ++too_long_;
+    want_ = 0;
+    return false;
+}
+
+void MessageFile::read_head() noexcept {
+    std::uint64_t content = 0;
+    at_end_ = read(record_.data(), kRecordHead) != kRecordHead;
+    if (at_end_) return;
+    std::memcpy(&content, record_.data() + 1, sizeof content);
+    at_end_ = content > size_ || at_ > size_ - content;  // cut
+    have_ = kRecordHead;
+    want_ = kRecordHead + content;
+}
+
+std::size_t MessageFile::read(char* to, std::uint64_t size) noexcept {
+    ssize_t got = -1;
+    do got = ::read(fd_, to, std::min<std::size_t>(size, kMostPiece));
+    while (got < 0 && errno == EINTR);
+    if (got <= 0) return 0;
+    at_ += std::uint64_t(got);
+    bytes_read_ += std::uint64_t(got);
+    return std::size_t(got);
+}
+
+std::string MessageFile::why() const {
+    std::string why = reader_ ? reader_->why() : "";
+    if (too_long_ != 0)
+        why +=
+            fmt::format("{}{} chunks of more than {} MiB left out", why.empty() ? "" : ", ", too_long_, kMostRecord >> 20);
+    return why;
+}
+
+}  // namespace tactiled::mcap

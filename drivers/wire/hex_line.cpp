@@ -1,0 +1,78 @@
+#include "drivers/wire/hex_line.hpp"
+
+#include <charconv>
+
+namespace tactiled {
+namespace {
+
+// All of the text as a number; a sign is none of it.
+bool read_digits(std::string_view text, int base, std::uint32_t& value) noexcept {
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
+    return error == std::errc{} && end == text.data() + text.size();
+}
+
+}  // namespace
+
+void HexDecoder::reset() noexcept {
+    StreamDecoder::reset();
+    length_ = 0;
+    synchronised_ = counted_ = false;
+}
+
+bool HexDecoder::take(std::uint8_t byte, Frame& frame) noexcept {
+    if (byte != '\n') {
+        if (length_ < line_.size()) line_[length_] = char(byte);
+        ++length_;
+        return false;
+    }
+    std::string_view line(line_.data(), std::min(length_, line_.size()));
+    if (length_ <= line_.size() && !line.empty() && line.back() == '\r') line.remove_suffix(1);
+    const std::size_t whole =
+        (format_.first == HexFormat::Digit::none ? 0 : 1) + std::size_t{format_.channels} * format_.digits;
+    const bool complete = line.size() == whole ? finish(line, frame) : reject(TACTILED_LINK_BAD_LENGTH);
+    length_ = 0;
+    synchronised_ = true;
+    return complete;
+}
+
+bool HexDecoder::reject(tactiled_link_count kind) noexcept {
+    if (synchronised_) ++counts_[kind];  // else we came in the middle of a line, which is nobody's fault
+    counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
+    return false;
+}
+
+bool HexDecoder::finish(std::string_view line, Frame& frame) noexcept {
+    frame = Frame{};
+    std::uint32_t digit = 0;
+    if (format_.first != HexFormat::Digit::none) {
+        if (!read_digits(line.substr(0, 1), 10, digit)) return reject(TACTILED_LINK_BAD_VALUE);
+        line.remove_prefix(1);
+    }
+    for (; frame.n_channels < format_.channels; ++frame.n_channels, line.remove_prefix(format_.digits)) {
+        std::uint32_t number = 0;
+        if (!read_digits(line.substr(0, format_.digits), 16, number) || number > format_.most)
+            return reject(TACTILED_LINK_BAD_VALUE);
+        if (number == 0 || number == format_.most) frame.saturated |= 1u << frame.n_channels;
+        frame.channel[frame.n_channels] = number;
+    }
+    return format_.first != HexFormat::Digit::counter || count_on(digit, frame);
+}
+
+// Ten in a row that are lost are not seen by one digit.
+bool HexDecoder::count_on(unsigned digit, Frame& frame) noexcept {
+    const std::uint32_t step = counted_ ? (digit + 10 - counter_ % 10) % 10 : 1;
+    if (step == 0) {
+        ++counts_[TACTILED_LINK_REPEATED];
+        counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
+        return false;
+    }
+    counter_ = counted_ ? counter_ + step : digit;
+    counted_ = true;
+    frame.sequence = counter_;
+    frame.has_sequence = true;
+    frame.lost = step - 1;
+    counts_[TACTILED_LINK_LOST] += frame.lost;
+    return true;
+}
+
+}  // namespace tactiled

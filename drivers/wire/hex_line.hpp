@@ -1,0 +1,56 @@
+// A line of hexadecimal numbers of fixed width without anything between them, as Wacoh's DynPick prints it:
+//
+//     3 2013 1FFA 2100 2000 2001 1FFF    written together: a decimal digit, six unsigned numbers of 4 digits, end of line
+//
+// From public drivers of the product; tried against a simulated device only. Damage is only seen by the line's length, a
+// letter that is no digit, or a number above the converter's last code: it has no checksum.
+#pragma once
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "drivers/wire/decoder.hpp"
+
+namespace tactiled {
+
+struct HexFormat {
+    unsigned channels = 6, digits = 4;  // of each number, 1 .. 8
+    enum class Digit {
+        none,
+        ignored,
+        counter
+    } first = Digit::none;        // a decimal digit before them; a counter runs from 0 to 9
+    std::uint32_t most = 0xFFFF;  // the converter's last code; it and 0 are rails
+    std::string start, stop;      // what the device is sent to begin and to end its stream
+};
+
+class HexDecoder final : public StreamDecoder {
+public:
+    static constexpr std::size_t kMostLine = 1 + kMaxChannels * 8 + 1;  // with the return before its end
+
+    HexDecoder(HexFormat format, LinkCounts& counts) : StreamDecoder(counts), format_(std::move(format)) {}
+    void reset() noexcept override;
+    [[nodiscard]] std::span<const std::uint8_t> start_bytes() const noexcept override { return bytes_of(format_.start); }
+    [[nodiscard]] std::span<const std::uint8_t> stop_bytes() const noexcept override { return bytes_of(format_.stop); }
+
+private:
+    static std::span<const std::uint8_t> bytes_of(const std::string& text) noexcept {
+        return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+    }
+    bool take(std::uint8_t byte, Frame& frame) noexcept override;
+    // A line without its end. rt: bounded by kMostLine
+    bool finish(std::string_view line, Frame& frame) noexcept;
+    bool count_on(unsigned digit, Frame& frame) noexcept;
+    bool reject(tactiled_link_count kind) noexcept;
+
+    HexFormat format_;
+    std::array<char, kMostLine> line_{};
+    std::size_t length_ = 0;     // bytes since the last line's end, also those that did not fit
+    bool synchronised_ = false;  // a line's end was seen since reset()
+    bool counted_ = false;       // `counter_` is of a line since reset()
+    std::uint32_t counter_ = 0;
+};
+
+}  // namespace tactiled

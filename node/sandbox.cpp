@@ -1,0 +1,103 @@
+#include "node/sandbox.hpp"
+
+#include <fmt/format.h>
+#include <linux/audit.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstddef>
+#include <cstring>
+#include <iterator>
+
+namespace tactiled {
+namespace {
+
+#if defined(__x86_64__)
+constexpr std::uint32_t kMachine = AUDIT_ARCH_X86_64;
+#elif defined(__aarch64__)
+constexpr std::uint32_t kMachine = AUDIT_ARCH_AARCH64;
+#else
+constexpr std::uint32_t kMachine = 0;  // numbers of another machine are not known here: nothing is forbidden
+#endif
+
+constexpr int kForbidden[] = {SYS_execve, SYS_execveat,
+                              // other processes, and more of the kernel than a daemon needs
+                              SYS_ptrace, SYS_process_vm_readv, SYS_process_vm_writev, SYS_pidfd_getfd, SYS_bpf,
+                              SYS_perf_event_open, SYS_userfaultfd, SYS_io_uring_setup, SYS_io_uring_enter,
+                              SYS_io_uring_register,
+                              // the machine
+                              SYS_init_module, SYS_finit_module, SYS_delete_module, SYS_kexec_load, SYS_reboot, SYS_swapon,
+                              SYS_swapoff, SYS_settimeofday, SYS_clock_settime,
+                              // what it sees of it
+                              SYS_mount, SYS_umount2, SYS_move_mount, SYS_open_tree, SYS_fsopen, SYS_pivot_root, SYS_chroot,
+                              SYS_unshare, SYS_setns, SYS_open_by_handle_at,
+                              // who it is
+                              SYS_setuid, SYS_setgid, SYS_setreuid, SYS_setregid, SYS_setresuid, SYS_setresgid,
+                              SYS_setgroups, SYS_capset, SYS_add_key, SYS_request_key, SYS_keyctl};
+
+// A call that may not make memory executable, with what else in its third argument.
+struct Restricted {
+    int call;
+    std::uint32_t protection;
+};
+// Memory becomes code when a library is loaded, from its file; never what was written before.
+constexpr Restricted kRestricted[] = {
+    {SYS_mprotect, PROT_EXEC}, {SYS_pkey_mprotect, PROT_EXEC}, {SYS_mmap, PROT_WRITE | PROT_EXEC}};
+
+constexpr sock_filter load(std::size_t at) { return BPF_STMT(BPF_LD | BPF_W | BPF_ABS, std::uint32_t(at)); }
+constexpr sock_filter unless_equal(std::uint32_t value, std::uint8_t skip) {
+    return BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, 0, skip);
+}
+constexpr sock_filter end_with(std::uint32_t action) { return BPF_STMT(BPF_RET | BPF_K, action); }
+
+// The compiler makes the filter, so that nothing is needed to set it up. Language: linux/filter.h, seccomp(2).
+constexpr auto kFilter = [] {
+    constexpr sock_filter refuse = end_with(SECCOMP_RET_ERRNO | EPERM), allow = end_with(SECCOMP_RET_ALLOW);
+    constexpr std::size_t third = offsetof(seccomp_data, args) + 2 * sizeof(std::uint64_t);  // its low half: little endian
+    std::array<sock_filter, 6 + 2 * std::size(kForbidden) + 6 * std::size(kRestricted) + 1> filter{};
+    std::size_t n = 0;
+    const auto add = [&](sock_filter step) { filter[n++] = step; };
+    add(load(offsetof(seccomp_data, arch)));
+    add(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, kMachine, 1, 0));
+    add(refuse);
+    add(load(offsetof(seccomp_data, nr)));
+    add(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, 0x40000000, 0, 1));  // x32: the same calls under other numbers
+    add(refuse);
+    for (const int call : kForbidden) {
+        add(unless_equal(std::uint32_t(call), 1));
+        add(refuse);
+    }
+    for (const Restricted& each : kRestricted) {
+        add(unless_equal(std::uint32_t(each.call), 5));
+        add(load(third));
+        add(BPF_STMT(BPF_ALU | BPF_AND | BPF_K, each.protection));
+        add(unless_equal(each.protection, 1));
+        add(refuse);
+        add(allow);
+    }
+    add(allow);
+    return filter;
+}();
+
+}  // namespace
+
+std::string enter_sandbox() {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    return "";  // the sanitizers trace their own process when it ends
+#else
+    if (kMachine == 0) return "seccomp: not for this machine";
+    sock_fprog program{std::uint16_t(kFilter.size()), const_cast<sock_filter*>(kFilter.data())};  // only read
+    if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+        ::syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program) == 0)
+        return "";
+    return fmt::format("seccomp: {}: the daemon runs without its own sandbox", std::strerror(errno));
+#endif
+}
+
+}  // namespace tactiled

@@ -1,0 +1,163 @@
+// link_feeder SECONDS UART RTU INTERFACE UART_HZ CAN_HZ: devices at fixed rates on three links at once, for
+// four_links_test.py. UART and RTU are paths at which it leaves ptys: binary frames on the first, on the second a Modbus
+// slave that answers any reading of registers. INTERFACE gets CAN FD messages of 64 bytes. Each millisecond, by absolute
+// sleeps, what is due is sent: what a turn was late is caught up, nothing is left out. The first channel of both is the
+// moment of sending, CLOCK_MONOTONIC in us, modulo a second. At the end it prints what it has sent, as JSON.
+#include <fcntl.h>
+#include <linux/can.h>
+#include <linux/can/raw.h>
+#include <net/if.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <sys/socket.h>
+#include <termios.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "drivers/clock.hpp"
+#include "drivers/wire/cobs_frame.hpp"
+#include "drivers/wire/modbus_message.hpp"
+
+namespace {
+
+using namespace tactiled;
+
+int open_pty(const char* path) {
+    const int fd = ::posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
+    if (fd < 0 || ::grantpt(fd) != 0 || ::unlockpt(fd) != 0) throw std::runtime_error("no pty");
+    const int other = ::open(::ptsname(fd), O_RDWR | O_NOCTTY);  // stays open: the line is there before and after the daemon
+    termios raw;
+    ::tcgetattr(other, &raw);
+    ::cfmakeraw(&raw);
+    ::tcsetattr(other, TCSANOW, &raw);
+    ::unlink(path);
+    if (::symlink(::ptsname(fd), path) != 0) throw std::runtime_error(path);
+    return fd;
+}
+
+int open_can(const char* interface) {
+    const int fd = ::socket(PF_CAN, SOCK_RAW, CAN_RAW), on = 1;
+    sockaddr_can address{};
+    address.can_family = AF_CAN;
+    address.can_ifindex = int(::if_nametoindex(interface));
+    if (::setsockopt(fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) != 0 ||
+        ::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+        throw std::runtime_error(interface);
+    return fd;
+}
+
+class Feeder {
+public:
+    Feeder(char** words)
+        : uart_(open_pty(words[2])),
+          rtu_(open_pty(words[3])),
+          can_(open_can(words[4])),
+          uart_Hz_(std::stod(words[5])),
+          can_Hz_(std::stod(words[6])) {}
+
+    // Answers requests until a line of standard input says to go on.
+    void answer_only() {
+        pollfd told{STDIN_FILENO, POLLIN, 0};
+        while (::poll(&told, 1, 1) == 0) answer_rtu();
+        for (int c = 0; c != '\n' && c != EOF;) c = std::getchar();
+    }
+
+    void run(double seconds) {
+        const std::uint64_t began_ns = now_ns(), end_ns = began_ns + std::uint64_t(seconds * 1e9);
+        for (std::uint64_t due_ns = began_ns; due_ns < end_ns; due_ns += 1'000'000) {
+            const timespec wake{time_t(due_ns / 1'000'000'000), long(due_ns % 1'000'000'000)};
+            ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
+            worst_late_ns_ = std::max(worst_late_ns_, now_ns() - due_ns);
+            const double elapsed_s = double(due_ns - began_ns) * 1e-9;
+            while (double(n_uart_) < elapsed_s * uart_Hz_) send_uart();
+            send_can(unsigned(std::ceil(elapsed_s * can_Hz_)) - n_can_);
+            answer_rtu();
+        }
+        std::printf("{\"uart\": %u, \"can\": %u, \"modbus\": %u, \"refused\": %u, \"worst_late_ms\": %.1f}\n", n_uart_,
+                    n_can_, n_rtu_, n_refused_, double(worst_late_ns_) * 1e-6);
+        std::fflush(stdout);
+    }
+
+private:
+    static std::uint32_t sent_us() noexcept { return std::uint32_t(now_ns() / 1000 % 1'000'000); }
+
+    void send_uart() {
+        Frame frame;
+        frame.sequence = n_uart_ & 0xFFFFu;
+        frame.n_channels = 8;
+        frame.channel[0] = double(sent_us());
+        std::array<std::uint8_t, kCobsMostEncoded> bytes;
+        const std::size_t n = encode_cobs(frame, 24, bytes);
+        if (::write(uart_, bytes.data(), n) != ssize_t(n)) ++n_refused_;  // nobody reads
+        ++n_uart_;
+    }
+    // With one system call: a bus's controller has none.
+    void send_can(unsigned count) {
+        constexpr unsigned kMost = 16;
+        for (; count > 0; count -= std::min(count, kMost)) {
+            std::array<canfd_frame, kMost> frames{};
+            std::array<iovec, kMost> parts{};
+            std::array<mmsghdr, kMost> messages{};
+            const unsigned n = std::min(count, kMost);
+            for (unsigned k = 0; k < n; ++k, ++n_can_) {
+                frames[k].can_id = 0x1ABCDE0u | CAN_EFF_FLAG;
+                frames[k].len = CANFD_MAX_DLEN;
+                const std::uint32_t now_us = sent_us();
+                std::memcpy(frames[k].data, &now_us, sizeof now_us);
+                frames[k].data[4] = std::uint8_t(n_can_);
+                frames[k].data[5] = std::uint8_t(n_can_ >> 8);
+                parts[k] = {&frames[k], CANFD_MTU};
+                messages[k].msg_hdr.msg_iov = &parts[k];
+                messages[k].msg_hdr.msg_iovlen = 1;
+            }
+            n_refused_ += n - unsigned(std::max(0, ::sendmmsg(can_, messages.data(), n, 0)));
+        }
+    }
+    void answer_rtu() {
+        std::uint8_t bytes[64];
+        const ssize_t n = ::read(rtu_, bytes, sizeof bytes);
+        if (n <= 0) return;
+        asked_.insert(asked_.end(), bytes, bytes + n);
+        for (; asked_.size() >= 8; asked_.erase(asked_.begin(), asked_.begin() + 8)) {
+            std::vector<std::uint8_t> answer{asked_[0], asked_[1], std::uint8_t(2 * asked_[5])};
+            for (unsigned k = 0; k < asked_[5]; ++k)
+                answer.insert(answer.end(), {std::uint8_t(n_rtu_ >> 8), std::uint8_t(n_rtu_)});
+            const std::uint16_t crc = modbus_crc(answer);
+            answer.insert(answer.end(), {std::uint8_t(crc & 0xFF), std::uint8_t(crc >> 8)});
+            if (::write(rtu_, answer.data(), answer.size()) != ssize_t(answer.size())) ++n_refused_;
+            ++n_rtu_;
+        }
+    }
+
+    int uart_, rtu_, can_;
+    double uart_Hz_, can_Hz_;
+    std::vector<std::uint8_t> asked_;
+    unsigned n_uart_ = 0, n_can_ = 0, n_rtu_ = 0, n_refused_ = 0;
+    std::uint64_t worst_late_ns_ = 0;
+};
+
+}  // namespace
+
+int main(int count, char** words) try {
+    if (count != 7) throw std::runtime_error("usage: link_feeder SECONDS UART RTU INTERFACE UART_HZ CAN_HZ");
+    Feeder feeder(words);
+    std::printf("ready\n");
+    std::fflush(stdout);
+    feeder.answer_only();  // until the daemon has opened its links
+    feeder.run(std::stod(words[1]));
+    feeder.answer_only();  // until the counters were read
+    return 0;
+} catch (const std::exception& error) {
+    std::fprintf(stderr, "link_feeder: %s\n", error.what());
+    return 1;
+}
