@@ -187,6 +187,7 @@ bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Trut
     if (unseen_[i].lie != truth.lie) unseen_[i] = {truth.lie, 0};
     if (truth.beside) {
         const tactiled_sample other = latest(1 - i);
+        if (other.quality == TACTILED_BAD) unseen_[i].readings = 0;  // a wrong one clears this one: compared anew later
         if (other.quality == TACTILED_BAD || (other.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) return true;
     }
     const auto differ_after = unsigned(kDifferAfter * std::max(kPeriodNs, device.period_ns) / device.period_ns);  // a time
