@@ -240,11 +240,10 @@ void ControlSocket::log_refused_tares() {
         const std::uint64_t now_ns = monotonic_ns();
         if (now_ns < silent_until_ns_) continue;
         silent_until_ns_ = now_ns + kLogEachNs;
-        log_line(LogLevel::warning,
-                 fmt::format("tare refused: {}{}",
-                             moving ? "the force moved while the zero was averaged; wait until it rests, or raise tare_ms"
-                                    : "a sensor is under load, beyond its tare_limit_N",
-                             untold_ > 1 ? fmt::format(" ({} refused since the last such line)", untold_) : ""));
+        log_line(LogLevel::warning, "tare refused: {} ({} refused since the last such line)",
+                 moving ? "the force moved while the zero was averaged; wait until it rests, or raise tare_ms"
+                        : "a sensor is under load, beyond its tare_limit_N",
+                 untold_);
         untold_ = 0;
     }
 }
