@@ -165,6 +165,9 @@ def blocks(seed, count, size):  # decisions: any bytes are good ones
 
 def config(put):
     tomls("config", "config/calibration", "config/devices")(put)
+    for serial in ("a\\\\b", "a\\u0001b", "a\\\"b"):  # a backslash, a letter that is none, a quote
+        put(b'format = 1\nmodel = "generic"\nmethod = "matrix"\ncontact_model = "unknown"\nserial = "%s"\nchannels = ["a"]\nchannel_unit = "N"\n'
+            b'zero = [0.0]\ncomponents = ["fz"]\nmatrix = [[1.0]]\nsd = [0.01]\nfull_scale = [10.0]\n' % serial.encode())
 
 
 TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,

@@ -15,8 +15,9 @@ fi
 for each in release "$preset"; do
     [ -e "$project/build/$each/CMakeCache.txt" ] || cmake --preset "$each" -S "$project" -DTACTILED_TESTS=ON >/dev/null
 done
-cmake --build "$project/build/$preset" -j "$(nproc)" --target tactiled kernel_tools $guard
-cmake --build "$project/build/release" -j "$(nproc)" --target tactilectl  # an instrument of the tests, always as shipped
+cmake --build "$project/build/$preset" -j "$(nproc)" --target tactiled gpio_edges $guard
+tools=$project/build/release/bin  # the tests' instruments and emulated devices, as fast as they can be
+cmake --build "$project/build/release" -j "$(nproc)" --target tactilectl kernel_tools
 
 "$here/kernel.sh" "$folder/$(uname -m)"
 folder=$folder/$(uname -m)
@@ -28,7 +29,7 @@ root=$overlay/project
 mkdir -p "$root/build/release/bin" "$root/tests" "$root/node"
 cp -r "$project/tests/kernel" "$project/tests/system" "$root/tests/"
 cp -r "$project/node/python" "$root/node/"; cp -r "$project/config" "$root/"
-for program in "$bin"/{tactiled,usbip_i2c,usbip_can,gpio_edges,link_feeder} "$project/build/release/bin/tactilectl"; do
+for program in "$bin"/{tactiled,gpio_edges} "$tools"/{tactilectl,usbip_i2c,usbip_can,link_feeder}; do
     "$here/program.sh" "$overlay" "$program"
     mv "$overlay/usr/bin/${program##*/}" "$root/build/release/bin/"
     strip --strip-debug "$root/build/release/bin/${program##*/}"  # all of it lives in the machine's memory
