@@ -174,17 +174,26 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
     const double rate_tolerance = table.number("rate_tolerance", {0.01, 1}, 0.2);
     const double drift_limit_N = table.number("drift_limit_N", {0, 1e6}, 0);
     const int tare_ms = small_integer(table, "tare_ms", {1, 10000}, 100);
+    const double tare_limit_N = table.number("tare_limit_N", {0, 1e6}, 0);
     const double filter_Hz = table.number("filter_hz", {0, 10000}, 0);
     const double contact_on_N = table.number("contact_on_N", {0.01, 300}, 0.5);
     const double contact_off_N = table.number("contact_off_N", {0, 300}, contact_on_N / 2);
     const double overload_N = table.number("overload_N", {0, 1e6}, 0);
+    const std::string agrees_with = table.text("agrees_with", "");
+    const double agree_N = table.number("agree_N", {0, 1e6}, 0);
+    const int agree_ms = small_integer(table, "agree_ms", {1, 60'000}, 100);
+    if (!agrees_with.empty() && agree_N == 0)
+        table.problem("agrees_with", "agrees_with needs agree_N: by how many newtons the two may differ");
     if (contact_off_N > contact_on_N)
         table.problem("contact_off_N",
                       fmt::format("contact_off_N = {} is above contact_on_N = {}", contact_off_N, contact_on_N));
     const std::string beside = calibration.empty() ? "" : (folder / calibration).string();  // an absolute path stays itself
-    return {name,          link,    device,    channels,     counts_per_unit, rails.below, rails.above, model,
-            beside,        method,  budget_us, stale_ms,     frozen_after,    slew_per_s,  rate_Hz,     rate_tolerance,
-            drift_limit_N, tare_ms, filter_Hz, contact_on_N, contact_off_N,   overload_N,  table};
+    return {name,           link,          device,       channels,     counts_per_unit,
+            rails.below,    rails.above,   model,        beside,       method,
+            budget_us,      stale_ms,      frozen_after, slew_per_s,   rate_Hz,
+            rate_tolerance, drift_limit_N, tare_ms,      tare_limit_N, filter_Hz,
+            contact_on_N,   contact_off_N, overload_N,   agrees_with,  {-1, agree_N, agree_ms},
+            table};
 }
 
 template <typename Settings>
@@ -213,6 +222,34 @@ void bind_links(std::vector<LinkSettings>& links, std::vector<SensorSettings>& s
         sensor.options.problem("link", fmt::format("link = {} is no [[link]]; {}", in_quotes(sensor.link),
                                                    near ? fmt::format("did you mean \"{}\"?", *near)
                                                         : fmt::format("known: {}", fmt::join(names, ", "))));
+    }
+}
+
+// Two sensors that are compared know of each other, whichever of them names the other.
+void pair_sensors(std::vector<SensorSettings>& sensors) {
+    std::vector<std::string> names;
+    for (const auto& sensor : sensors) names.push_back(sensor.name);
+    for (std::size_t i = 0; i < sensors.size(); ++i) {
+        SensorSettings& one = sensors[i];
+        if (one.agrees_with.empty()) continue;
+        const auto wrong = [&](const std::string& why) {
+            one.options.problem("agrees_with", fmt::format("agrees_with = {} {}", in_quotes(one.agrees_with), why));
+        };
+        const auto at = std::find(names.begin(), names.end(), one.agrees_with);
+        if (at == names.end()) {
+            const auto near = nearest_name(one.agrees_with, names);
+            wrong(near ? fmt::format("is no [[sensor]]; did you mean \"{}\"?", *near) : "is no [[sensor]]");
+            continue;
+        }
+        SensorSettings& other = sensors[std::size_t(at - names.begin())];
+        if (&one == &other) {
+            wrong("is this sensor itself");
+        } else if (one.pair.other >= 0 || other.pair.other >= 0) {
+            wrong("is in a pair already: a sensor is compared with one other, and one of the two says so");
+        } else {
+            one.pair.other = int(at - names.begin());
+            other.pair = {int(i), one.pair.agree_N, one.pair.agree_ms};
+        }
     }
 }
 
@@ -261,6 +298,7 @@ Config load_config(const std::string& path, Problems& problems) {
     check_unique(sensors, "sensor");
     bind_links(links, sensors);
     check_shared_frames(sensors);
+    pair_sensors(sensors);
     auto grasp = read_grasp(root, node.name, sensors, folder.string());
     if (grasp) modbus.objects = grasp->objects;
     auto gpio = read_gpio(root);

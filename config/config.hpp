@@ -33,6 +33,14 @@ struct LinkSettings {
     Options options;  // the driver's own keys, not yet read
 };
 
+// A sensor of the same thing in the same frame: of two, one names the other, and both have this.
+struct PairSettings {
+    int other = -1;      // index of the sensor, -1: none
+    double agree_N = 0;  // the magnitudes of their difference that is allowed
+    int agree_ms = 0;    // and for how long a larger one is
+    bool operator==(const PairSettings&) const = default;
+};
+
 struct SensorSettings {
     std::string name;
     std::string link;
@@ -50,10 +58,13 @@ struct SensorSettings {
     double rate_Hz, rate_tolerance;  // 0 = not declared; of rate_Hz
     double drift_limit_N;            // 0 = none
     int tare_ms;                     // how long a tare averages
+    double tare_limit_N;             // 0 = none
     double filter_Hz;                // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;
-    double overload_N;  // 0 = none
-    Options options;    // the model's own keys, not yet read
+    double overload_N;        // 0 = none
+    std::string agrees_with;  // "" = none, or none that is named here
+    PairSettings pair;
+    Options options;  // the model's own keys, not yet read
 };
 
 struct RtuSettings {

@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <optional>
 #include <sstream>
+#include <utility>
 
 #include "node/log.hpp"
 #include "node/objects.hpp"
@@ -24,6 +25,7 @@ namespace {
 
 constexpr int kLookMs = 100;       // how long stop() may wait
 constexpr int kAnswerMs = 15'000;  // longer than the longest tare
+constexpr std::uint64_t kLogEachNs = 10'000'000'000;
 
 sockaddr_un address_of(const std::string& path) {
     sockaddr_un address{};
@@ -127,6 +129,7 @@ void ControlSocket::serve() noexcept {
     while (!stop_.load()) {
         const bool asked = wait_readable(listener_, asker_ >= 0 ? 1 : kLookMs);
         if (asker_ >= 0) follow();
+        log_refused_tares();
         if (!asked) continue;
         const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
         if (client >= 0) try {
@@ -222,6 +225,27 @@ void ControlSocket::follow() {
         return;
     ::close(asker_);
     asker_ = -1;
+}
+
+// Whoever asked: a PLC that tares through one register sees WARN and no more. At most a line each 10 s.
+void ControlSocket::log_refused_tares() {
+    tactiled_node node{};
+    if (!segment_.latest_node(node)) return;
+    for (std::size_t commander = 0; commander < TACTILED_COMMANDERS; ++commander) {
+        const tactiled_command& command = node.command[commander];
+        const bool moving = command.result == TACTILED_COMMAND_MOVING;
+        if (!moving && command.result != TACTILED_COMMAND_UNDER_LOAD) continue;
+        if (command.acknowledged == std::exchange(refusal_seen_[commander], command.acknowledged)) continue;
+        ++untold_;
+        const std::uint64_t now_ns = monotonic_ns();
+        if (now_ns < silent_until_ns_) continue;
+        silent_until_ns_ = now_ns + kLogEachNs;
+        log_line(LogLevel::warning, "tare refused: {} ({} refused since the last such line)",
+                 moving ? "the force moved while the zero was averaged; wait until it rests, or raise tare_ms"
+                        : "a sensor is under load, beyond its tare_limit_N",
+                 untold_);
+        untold_ = 0;
+    }
 }
 
 std::string ask_daemon(const std::string& path, const std::string& request, int timeout_ms, std::string& why) {

@@ -37,6 +37,7 @@ private:
     void begin(int client, Command command);
     void load_objects(int client);
     void follow();
+    void log_refused_tares();
 
     std::string path_;
     std::string node_name_;
@@ -50,6 +51,9 @@ private:
     int listener_ = -1;
     int asker_ = -1;  // who waits for the command that runs, -1 = none does
     std::uint64_t give_up_ns_ = 0;
+    std::array<std::uint32_t, TACTILED_COMMANDERS> refusal_seen_{};  // number of the command
+    std::uint64_t silent_until_ns_ = 0;                              // of the log
+    unsigned untold_ = 0;
     Segment segment_;
     std::atomic<bool> stop_{false};
     RtThread thread_;

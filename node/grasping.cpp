@@ -45,9 +45,11 @@ void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench
         moved.reasons |= TACTILED_TARING;
         estimator_->sample(std::size_t(jaw), moved);
     }
+    // How far off such a value is nobody knows, so that no weight made of it is stable.
+    const bool doubted = (s.reasons & (TACTILED_STEPPED | TACTILED_SENSORS_DIFFER)) != 0;
     for (std::size_t i = 0; i < 3; ++i) {
         felt.force_S_N[i] = s.raw_force_S_N[i] - zero_S[i];  // not the low-passed one: a slip lasts some ms
-        felt.sd_N[i] = s.sd_force_N[i];
+        felt.sd_N[i] = doubted ? kNaN : s.sd_force_N[i];
     }
     estimator_->sample(std::size_t(jaw), felt);
 }

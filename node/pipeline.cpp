@@ -30,6 +30,15 @@ std::uint32_t take_refused(Link& link, std::uint16_t device) noexcept {
     return frames;
 }
 
+tactiled_command_result result_of(Sensor::Tare ended) noexcept {
+    switch (ended) {
+        case Sensor::Tare::done: return TACTILED_COMMAND_OK;
+        case Sensor::Tare::moved: return TACTILED_COMMAND_MOVING;
+        case Sensor::Tare::loaded: return TACTILED_COMMAND_UNDER_LOAD;
+        default: return TACTILED_COMMAND_FAILED;
+    }
+}
+
 }  // namespace
 
 // ---- link -> frame -> ring -------------------------------------------------------------------------------------------
@@ -127,7 +136,8 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
         if (binding.device != frame.device) continue;
         bound = true;
         Sensor& sensor = sensors_[binding.sensor];
-        const tactiled_sample sample = sensor.sample(frame, now_ns);
+        tactiled_sample sample = sensor.sample(frame, now_ns);
+        if (const int other = sensor.agrees_with(); other >= 0) sample = sensor.compare(sensors_[std::size_t(other)].last());
         grasping_->feel(binding.sensor, sample, sensor.zero_S());
         publish(binding.sensor, sample);
     }
@@ -225,9 +235,9 @@ bool Pipeline::begin_tares(const Command& command, std::uint64_t now_ns) noexcep
     for (std::size_t i = 0; i < sensors_.size(); ++i)
         if (tare && asked(i) && !sensors_[i].can_tare()) return false;
     for (std::size_t i = 0; i < sensors_.size(); ++i)
-        if (asked(i)) tare ? sensors_[i].begin_tare(now_ns) : sensors_[i].begin_untare(now_ns);
+        if (asked(i)) tare ? sensors_[i].begin_tare(now_ns) : sensors_[i].begin_untare();
     taring_ = command.mask;
-    tare_failed_ = false;
+    tare_result_ = TACTILED_COMMAND_OK;
     return true;
 }
 
@@ -251,10 +261,11 @@ void Pipeline::follow_tares(std::uint64_t now_ns) noexcept {
         const auto tare = sensors_[i].poll_tare(now_ns);
         if (tare == Sensor::Tare::running || tare == Sensor::Tare::removing) continue;
         taring_ &= ~(1u << i);
-        tare_failed_ |= tare != Sensor::Tare::done;
+        if (tare_result_ == TACTILED_COMMAND_OK) tare_result_ = result_of(tare);
     }
     if (taring_ != 0 || node_.command[tare_commander_].acknowledged != tare_number_) return;  // a later one stands there
-    finish_command(tare_commander_, TACTILED_COMMAND_DONE, tare_failed_ ? TACTILED_COMMAND_FAILED : TACTILED_COMMAND_OK);
+    const bool refused = tare_result_ == TACTILED_COMMAND_MOVING || tare_result_ == TACTILED_COMMAND_UNDER_LOAD;
+    finish_command(tare_commander_, refused ? TACTILED_COMMAND_REJECTED : TACTILED_COMMAND_DONE, tare_result_);
 }
 
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
@@ -275,7 +286,8 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
     const auto bit = [](bool on, auto value) { return on ? std::uint32_t(value) : 0u; };
     node_.warning = bit((reasons & TACTILED_DRIFTED) != 0, TACTILED_WARN_DRIFT) |
-                    bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST) | bit(budget, TACTILED_WARN_BUDGET) |
+                    bit(now_ns < lost_until_ns_, TACTILED_WARN_LOST) |
+                    bit(tare_result_ != TACTILED_COMMAND_OK, TACTILED_WARN_TARE) | bit(budget, TACTILED_WARN_BUDGET) |
                     bit((reasons & TACTILED_WRONG_RATE) != 0, TACTILED_WARN_RATE) |
                     bit(reload_refused_.load(std::memory_order_relaxed), TACTILED_WARN_RELOAD);
     node_.status = fixed_status_ | bit(ready, TACTILED_READY) | bit(contact, TACTILED_ANY_CONTACT) |

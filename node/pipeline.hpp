@@ -124,7 +124,7 @@ private:
     std::uint32_t taring_ = 0;        // mask
     std::size_t tare_commander_ = 0;  // who began it
     std::uint32_t tare_number_ = 0;
-    bool tare_failed_ = false;
+    tactiled_command_result tare_result_ = TACTILED_COMMAND_OK;  // of the last one, so far
     std::uint32_t lost_seen_ = 0;
 };
 

@@ -23,11 +23,19 @@ bool is_idle_number(double value) noexcept {
 
 }  // namespace
 
-void StreamQuality::succeed(const StreamQuality& before) noexcept {
+void StreamQuality::succeed(const StreamQuality& before, bool same_channels) noexcept {
     last_frame_ns_ = before.last_frame_ns_;
     opening_ = before.opening_;
     breaks_ = before.breaks_ + 1;
     lost_ = before.lost_;
+    if (!same_channels) return;
+    raw_ = before.raw_;
+    known_ = before.known_;
+    equal_ = before.equal_;
+    moved_ = before.moved_;
+    frozen_ = before.frozen_;
+    has_frozen_ = before.has_frozen_;
+    idle_ = before.idle_;
 }
 
 bool StreamQuality::arrive(const Frame& frame) noexcept {

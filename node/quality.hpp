@@ -27,8 +27,9 @@ public:
     // Call once, before the first frame. setup
     void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
 
-    // Goes on counting where `before` ends, after a break of its own. rt: wait-free
-    void succeed(const StreamQuality& before) noexcept;
+    // Goes on counting where `before` ends, after a break of its own. With the same channels what is dead stays dead.
+    // rt: bounded by the channels
+    void succeed(const StreamQuality& before, bool same_channels) noexcept;
     // Judges by these from now on; what is known of the stream stays. rt: wait-free
     void judge_by(const StreamLimits& limits) noexcept { limits_ = limits; }
 

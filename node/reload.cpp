@@ -15,9 +15,9 @@ constexpr char kRestart[] = "cannot change while the daemon runs; restart it (sy
 // Of [[sensor]]: what stands in the directory, or binds to a link.
 constexpr std::string_view kFixed[] = {"name", "link", "device", "model", "stale_ms"};
 // What changes neither the value nor its zero.
-constexpr std::string_view kTuned[] = {"saturates_at",  "tare_ms",        "filter_hz",    "contact_on_N",
-                                       "contact_off_N", "overload_N",     "frozen_after", "slew_limit_per_s",
-                                       "rate_Hz",       "rate_tolerance", "drift_limit_N"};
+constexpr std::string_view kTuned[] = {"saturates_at",  "tare_ms",      "filter_hz",        "contact_on_N", "contact_off_N",
+                                       "overload_N",    "frozen_after", "slew_limit_per_s", "rate_Hz",      "rate_tolerance",
+                                       "drift_limit_N", "tare_limit_N", "agrees_with",      "agree_N",      "agree_ms"};
 
 template <std::size_t N>
 bool is_one_of(const std::string_view (&keys)[N], std::string_view key) {
@@ -116,7 +116,8 @@ Replacement Reloader::difference(Node& fresh) const {
                          fresh.grasp->settable == now_.grasp->settable);  // objects: as the running one knows them
     for (std::uint32_t i = 0; i < fresh.sensors.size(); ++i) {
         const bool alike = measures_alike(fresh, i);
-        if (alike && fresh.config.sensors[i].options.differing_keys(now_.sensors[i].options).empty()) continue;
+        const bool same_pair = fresh.config.sensors[i].pair == now_.sensors[i].pair;  // the other may have named it
+        if (alike && same_pair && fresh.config.sensors[i].options.differing_keys(now_.sensors[i].options).empty()) continue;
         replacement.sensors.push_back(
             {i, alike, std::make_unique<Sensor>(std::move(fresh.sensors[i])), fresh.plan.sensors[i]});
         regrasp |= !alike && is_jaw(fresh.grasp, i);  // its forces are others: so is the scale of the weight

@@ -10,7 +10,8 @@ namespace {
 // What may be wrong with a value that is nevertheless fit to be a zero: a mounted sensor may well rest outside the
 // calibrated domain, but a saturated or incomplete one has no known zero.
 constexpr std::uint32_t kTareMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN |
-                                       TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED;
+                                       TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED |
+                                       TACTILED_SENSORS_DIFFER;
 // A zero that a method without a past finds of one reading is to be sure.
 constexpr std::uint32_t kOtherZeroMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
 constexpr std::uint64_t kTareLimitNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
@@ -59,10 +60,9 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
         tared[i] = s.raw_force_S_N[i] - zero_[i];
         tared[i + 3] = s.raw_torque_S_Nm[i] - zero_[i + 3];
     }
-    if (s.quality == TACTILED_BAD)
-        low_pass_.reset();
-    else
-        low_pass_.apply(tared, s.t_ns);
+    // What was doubtful, a rail for instance, is not to be in what is GOOD.
+    if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && last_.quality == TACTILED_UNCERTAIN)) low_pass_.reset();
+    if (s.quality != TACTILED_BAD) low_pass_.apply(tared, s.t_ns);
     std::copy_n(tared.begin(), 3, s.force_S_N);
     std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
     s.tare_count = tare_count_;
@@ -89,17 +89,26 @@ void Sensor::retune(const Sensor& other) noexcept {
     setup_.saturates_below = other.setup_.saturates_below;
     setup_.saturates_above = other.setup_.saturates_above;
     setup_.tare_ns = other.setup_.tare_ns;
+    setup_.tare_limit_N = other.setup_.tare_limit_N;
     setup_.settable = other.setup_.settable;
     stream_.judge_by(other.setup_.stream);
     drift_.judge_by(other.setup_.drift_N);
+    agreement_.judge_by(other.setup_.agreement);
     set(wish_);
 }
 
 void Sensor::succeed(const Sensor& before) noexcept {
     sequence_ = before.sequence_;
     daemon_epoch_ = before.daemon_epoch_;
-    stream_.succeed(before.stream_);
+    stream_.succeed(before.stream_, setup_.channel_of_frame == before.setup_.channel_of_frame);
     set(before.wish_);
+}
+
+const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
+    if (!agreement_.differs(last_, others) || last_.quality == TACTILED_BAD) return last_;
+    last_.reasons |= TACTILED_SENSORS_DIFFER;
+    last_.quality = TACTILED_UNCERTAIN;
+    return last_;
 }
 
 // Contact, overload and peak, from the components that the sensor sees. No value, no contact: the last one is not kept.
@@ -209,7 +218,7 @@ void Sensor::find_other_zero() noexcept {
     Reading reading;
     const std::size_t n = setup_.channel_of_frame.size();
     for (std::size_t k = 0; k < n; ++k) {
-        mean[k] = tare_channel_sum_[k] / tare_samples_;
+        mean[k] = tare_channel_sum_[k] / tare_window_.samples();
         if (!std::isfinite(mean[k])) reading.missing |= 1u << k;
     }
     reading.channel = {mean.data(), n};
@@ -243,21 +252,18 @@ bool Sensor::can_tare() const noexcept {
 
 void Sensor::begin_tare(std::uint64_t now_ns) noexcept {
     tare_ = Tare::running;
-    tare_begin_ns_ = now_ns;
-    tare_samples_ = 0;
-    tare_sum_ = {};
+    tare_window_.begin(now_ns, setup_.tare_ns);
     tare_channel_sum_ = {};
     tare_is_unsure_ = false;
     zeros_to_find_ = 0;
 }
 
-void Sensor::begin_untare(std::uint64_t now_ns) noexcept {
+void Sensor::begin_untare() noexcept {
     zero_ = {};
     zero_of_method_ = {};
     zero_unknown_ = zeros_to_find_ = 0;
     tare_count_ = 0;
     low_pass_.reset();
-    tare_begin_ns_ = now_ns;
     tare_ = is_delivering() ? Tare::removing : Tare::done;
 }
 
@@ -266,16 +272,16 @@ void Sensor::advance_tare(const tactiled_sample& s) noexcept {
         tare_ = Tare::failed;
         return;
     }
-    if (s.t_ns < tare_begin_ns_) return;  // measured before the command
-    for (std::size_t i = 0; i < 3; ++i) {
-        tare_sum_[i] += s.raw_force_S_N[i];
-        tare_sum_[i + 3] += s.raw_torque_S_Nm[i];
-    }
+    if (s.t_ns < tare_window_.begin_ns()) return;  // measured before the command
+    const double *f = s.raw_force_S_N, *m = s.raw_torque_S_Nm;
+    const bool complete = tare_window_.add({f[0], f[1], f[2], m[0], m[1], m[2]}, s.t_ns);
     for (std::size_t k = 0; k < setup_.channel_of_frame.size(); ++k) tare_channel_sum_[k] += channel_[k];
     tare_is_unsure_ |= (s.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0;  // the method's own: judge_zero() comes later
-    ++tare_samples_;
-    if (s.t_ns - tare_begin_ns_ < setup_.tare_ns) return;
-    for (std::size_t i = 0; i < zero_.size(); ++i) zero_[i] = std::isfinite(tare_sum_[i]) ? tare_sum_[i] / tare_samples_ : 0;
+    if (!complete) return;
+    tare_ = verdict(s);
+    if (tare_ != Tare::done) return;
+    const Wrench mean = tare_window_.mean_S();
+    for (std::size_t i = 0; i < zero_.size(); ++i) zero_[i] = std::isfinite(mean[i]) ? mean[i] : 0;
     ++tare_count_;
     low_pass_.reset();
     zero_unknown_ = tare_is_unsure_ ? 1u << method_ : 0;
@@ -286,15 +292,26 @@ void Sensor::advance_tare(const tactiled_sample& s) noexcept {
         zero_unknown_ |= zeros_to_find_;
         tare_end_ns_ = s.t_ns;
     }
-    tare_ = Tare::done;
+}
+
+// Whether what was averaged is fit to be a zero.
+Sensor::Tare Sensor::verdict(const tactiled_sample& last) const noexcept {
+    const double *f = last.sd_force_N, *m = last.sd_torque_Nm;
+    if (tare_window_.has_moved({f[0], f[1], f[2], m[0], m[1], m[2]})) return Tare::moved;
+    if (setup_.tare_limit_N <= 0) return Tare::done;
+    const Wrench mean = tare_window_.mean_S();
+    double squares = 0;
+    for (std::size_t i = 0; i < 3; ++i)
+        if (std::isfinite(mean[i])) squares += mean[i] * mean[i];
+    return squares > setup_.tare_limit_N * setup_.tare_limit_N ? Tare::loaded : Tare::done;
 }
 
 Sensor::Tare Sensor::poll_tare(std::uint64_t now_ns) noexcept {
-    if (tare_ == Tare::running && (!is_delivering() || now_ns > tare_begin_ns_ + setup_.tare_ns + kTareLimitNs))
+    if (tare_ == Tare::running && (!is_delivering() || now_ns > tare_window_.begin_ns() + setup_.tare_ns + kTareLimitNs))
         tare_ = Tare::failed;
     if (tare_ == Tare::removing && !is_delivering()) tare_ = Tare::done;
     const Tare told = tare_;
-    if (tare_ == Tare::done || tare_ == Tare::failed) tare_ = Tare::none;
+    if (tare_ != Tare::running && tare_ != Tare::removing) tare_ = Tare::none;
     return told;
 }
 

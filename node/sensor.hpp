@@ -10,8 +10,10 @@
 #include "decoupling/auto_method.hpp"
 #include "drivers/clock.hpp"
 #include "drivers/frame.hpp"
+#include "node/agreement.hpp"
 #include "node/low_pass.hpp"
 #include "node/quality.hpp"
+#include "node/tare_window.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -36,12 +38,15 @@ public:
         StreamLimits stream;
         double drift_N = 0;  // of the zero at rest from the calibration's, 0 = not judged
         std::uint64_t tare_ns = 100'000'000;
+        double tare_limit_N = 0;  // of a new zero from the calibration's, 0 = none
+        Agreement::Limits agreement;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, where it is method "auto"
         std::uint64_t (*clock_ns)() noexcept = &now_ns;  // what it is timed with
     };
-    explicit Sensor(Setup setup) : setup_(std::move(setup)), stream_(setup_.stream), drift_(setup_.drift_N) {
+    explicit Sensor(Setup setup)
+        : setup_(std::move(setup)), stream_(setup_.stream), drift_(setup_.drift_N), agreement_(setup_.agreement) {
         set(SensorSettable::as_configured());
         all_ = std::uint32_t((std::uint64_t(1) << setup_.channel_of_frame.size()) - 1);
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
@@ -53,6 +58,11 @@ public:
     // The sample for a frame that arrived. rt: bounded by the model's decouple(); with method "auto", in as many samples
     // after a tare as it has other methods, by one of these without a past on top, as in the first sample after a step
     [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns) noexcept;
+
+    // The sensor that this one is compared with, -1: none.
+    [[nodiscard]] int agrees_with() const noexcept { return agreement_.other(); }
+    // The last sample, compared with the other sensor's: UNCERTAIN when they differ for too long. rt: wait-free
+    const tactiled_sample& compare(const tactiled_sample& others) noexcept;
 
     // True when the stream has just broken, or the reason has changed: publish marker(). `connected` is the link's state.
     // rt: wait-free
@@ -68,9 +78,10 @@ public:
     // Begins to average a new zero; can_tare() must be true. rt: wait-free
     void begin_tare(std::uint64_t now_ns) noexcept;
     // Goes back to the calibration's zero with the next sample, at once where none is coming. rt: wait-free
-    void begin_untare(std::uint64_t now_ns) noexcept;
-    enum class Tare { none, running, removing, done, failed };
-    // How the tare stands; a finished one is told once. rt: wait-free
+    void begin_untare() noexcept;
+    // Ends: done, or with the zero as it was: failed for want of a value, moved meanwhile, loaded beyond tare_limit_N.
+    enum class Tare { none, running, removing, done, failed, moved, loaded };
+    // How the tare stands; one that has ended is told once. rt: wait-free
     [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept;
 
     // Takes effect with the next sample. rt: wait-free
@@ -97,12 +108,14 @@ private:
     void judge_zero(tactiled_sample& sample) const noexcept;
     void find_other_zero() noexcept;
     void advance_tare(const tactiled_sample& sample) noexcept;
+    [[nodiscard]] Tare verdict(const tactiled_sample& last) const noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
     Setup setup_;
     SensorSettable wish_, in_force_;
     StreamQuality stream_;
     ZeroDrift drift_;
+    Agreement agreement_;
     std::uint32_t all_ = 0;  // bit k: channel k of the model
     std::array<double, kMaxChannels> raw_{}, channel_{};
     Wrench zero_{};  // subtracted from the raw wrench
@@ -115,9 +128,7 @@ private:
     std::uint32_t tare_count_ = 0;
 
     Tare tare_ = Tare::none;
-    std::uint64_t tare_begin_ns_ = 0;
-    std::uint32_t tare_samples_ = 0;
-    Wrench tare_sum_{};
+    TareWindow tare_window_;
     bool tare_is_unsure_ = false;  // the method did not know how wrong one of its samples was
 
     // Method "auto". A tare is a zero of each method: what one reads of nothing is not what another does.

@@ -132,6 +132,8 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.stream.rate_tolerance = settings.rate_tolerance;
     setup.drift_N = settings.drift_limit_N;
     setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
+    setup.tare_limit_N = settings.tare_limit_N;
+    setup.agreement = {settings.pair.other, settings.pair.agree_N, std::uint64_t(settings.pair.agree_ms) * 1'000'000u};
     setup.settable = {settings.filter_Hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     if (setup.automatic != nullptr) put_front(node.plan.sensors.back(), *setup.automatic, settings.budget_us);
@@ -147,6 +149,20 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
                                                                     : 0);
     node.sensors.emplace_back(std::move(setup));
     node.calibrations.push_back(calibration_text(calibration));
+}
+
+// Sensors that see no component of the force in common agree whatever they tell.
+void check_pairs(Node& node) {
+    constexpr std::uint32_t kForces = 7;
+    for (std::size_t i = 0; i < node.config.sensors.size(); ++i) {
+        SensorSettings& one = node.config.sensors[i];
+        if (one.agrees_with.empty()) continue;
+        const tactiled_sensor& other = node.plan.sensors[std::size_t(one.pair.other)];
+        if ((node.plan.sensors[i].components & other.components & kForces) == 0)
+            one.options.problem("agrees_with", fmt::format("agrees_with = \"{}\" sees no component of the force that this "
+                                                           "sensor sees, too",
+                                                           one.agrees_with));
+    }
 }
 
 // The estimator's view of [grasp]; index and full scale of each jaw's sensor are those of the directory.
@@ -226,6 +242,8 @@ Node load_node(const std::string& config_path, Problems& problems, const std::st
     }
     for (auto& settings : config.sensors) add_sensor(node, settings, problems, costs_folder);
     config.root.finish();
+    if (!problems.empty()) return node;
+    check_pairs(node);
     if (!problems.empty()) return node;
 
     node.grasp = grasp_setup(config, node.plan, problems);

@@ -37,8 +37,9 @@ bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(
 
 // "" or the first part that differs. `raw_only`: what a tare or a filter had seen is not in the file.
 std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only) {
-    const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED;
-    if (was.quality != is.quality) return "quality";
+    const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER;
+    const bool compared = (was.reasons & TACTILED_SENSORS_DIFFER) != 0;  // with another sensor: not here
+    if (was.quality != is.quality && !compared) return "quality";
     if ((was.reasons & ~of_the_moment) != (is.reasons & ~of_the_moment)) return "reasons";
     if (was.missing != is.missing || was.saturated != is.saturated) return "channels";
     if (!same(was.raw_force_S_N, is.raw_force_S_N, 3)) return "raw_force_S_N";

@@ -22,6 +22,11 @@ const char* result_text(int result) {
             return "refused: a sensor has no trustworthy value now, or a tare is running (tactilectl status)";
         case TACTILED_COMMAND_BAD_MASK: return "refused: no such sensor";
         case TACTILED_COMMAND_FAILED: return "failed: a sensor lost its value while the zero was averaged";
+        case TACTILED_COMMAND_MOVING:
+            return "refused: the force moved while the zero was averaged (tare_ms); wait until it rests";
+        case TACTILED_COMMAND_UNDER_LOAD:
+            return "refused: a sensor is under load, beyond its tare_limit_N; unload it, or calibrate it where its zero has "
+                   "moved";
         case TACTILED_COMMAND_TIMED_OUT: return "timed out";
         default: return "refused";
     }

@@ -27,6 +27,7 @@ constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2,
                                {4, "calibration missing"}, {6, "storage"},   {7, "bus error"},  {8, "internal"}};
 constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved"},
                               {2, "lost samples"},
+                              {4, "the last tare was refused or failed: the zero before is in force"},
                               {5, "a sensor's method auto has stepped down or misses its budget"},
                               {6, "a sensor's rate is not the declared one"},
                               {7, "the last reload was refused: the configuration before is in force"}};
@@ -47,8 +48,16 @@ constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
                                       {14, "maintenance: the zero at rest has moved"},
                                       {15, "fault: no value; FAULT says why"}};
 constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3, "rejected or failed"}};
-constexpr Name kCommandResults[] = {{0, "ok"},      {1, "unknown"}, {2, "bad mask"}, {3, "bad parameter"},
-                                    {4, "not now"}, {5, "locked"},  {6, "failed"},   {7, "timed out"}};
+constexpr Name kCommandResults[] = {{0, "ok"},
+                                    {1, "unknown"},
+                                    {2, "bad mask"},
+                                    {3, "bad parameter"},
+                                    {4, "not now"},
+                                    {5, "locked"},
+                                    {6, "failed"},
+                                    {7, "timed out"},
+                                    {8, "refused: a sensor moved while its zero was averaged"},
+                                    {9, "refused: a sensor is under load, beyond tare_limit_N"}};
 constexpr Name kCommands[] = {{1, "tare"},          {2, "untare"},      {3, "clear latches"}, {4, "start weighing"},
                               {5, "stop weighing"}, {6, "reset peaks"}, {7, "zero weight"},   {8, "self-test"},
                               {9, "known weight"},  {10, "teach"}};
@@ -80,6 +89,7 @@ constexpr Fault kSensorFaults[] = {
     {TACTILED_UNCALIBRATED, {8, "uncalibrated"}},
     {TACTILED_SATURATED, {9, "saturated channel"}},
     {TACTILED_DISAGREEMENT, {10, "channels contradict each other"}},
+    {TACTILED_SENSORS_DIFFER, {19, "differs from the sensor that it should agree with"}},
     {TACTILED_STEPPED, {18, "a channel has changed faster than it can"}},
     {TACTILED_OUTSIDE_DOMAIN, {11, "outside the calibrated domain"}},
     {TACTILED_UNKNOWN_UNCERTAINTY, {12, "uncertainty unknown"}},

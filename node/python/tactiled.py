@@ -33,7 +33,7 @@ import stat
 import struct
 import time
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 3
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 4
 MAX_SENSORS = MAX_LINKS = 16
 NAME_SIZE = 32  # with the terminating zero
 
@@ -41,11 +41,11 @@ NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 
 (NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
  DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY, FROZEN, STEPPED, IDLE_BUS, WRONG_RATE,
- DRIFTED) = (1 << bit for bit in range(19))
+ DRIFTED, SENSORS_DIFFER) = (1 << bit for bit in range(20))
 REASON_WORDS = (  # bit 0 first, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
     "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown",
-    "frozen", "stepped", "idle-bus", "wrong-rate", "drifted")
+    "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ")
 
 CONTACT, OVERLOAD, LOW_PASS, STEPPED_DOWN, OVER_BUDGET = 1, 2, 4, 8, 16  # Sample.state
 

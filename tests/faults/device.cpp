@@ -19,15 +19,21 @@ bool happens(double rate, Random& random) { return rate > 0 && std::uniform_real
 
 }  // namespace
 
+int level_of(unsigned sensor, std::uint32_t sequence, unsigned k) {
+    const int phase = int(sequence % 512);
+    const auto ramp = [&](int from, int to) { return std::clamp(double(phase - from) / (to - from), 0.0, 1.0); };
+    double felt = 8 * std::min(phase, 512 - phase);
+    if (is_jaw(sensor))
+        felt = k == 0 ? 3000 * (ramp(192, 240) - ramp(416, 440)) : k == 2 ? -8000 * (ramp(64, 160) - ramp(448, 480)) : 0;
+    return place_of(sensor, k) + int(felt);
+}
+
 int count_of(unsigned sensor, std::uint32_t sequence, unsigned k) {
     const std::uint32_t n = sequence & 0xFFFF;
     std::uint32_t hash = n * 2654435761u + sensor * 40503u + k * 2246822519u;
     hash ^= hash >> 15;
     hash *= 2246822519u;
-    const int noise = int(hash >> 26) - 32;
-    const int phase = int(n % 512);
-    const int wave = 8 * (phase < 256 ? phase : 512 - phase);
-    return int(20'000 * (sensor + 1)) + int(1000 * k) + wave + noise;
+    return level_of(sensor, sequence, k) + int(hash >> 26) - 32;
 }
 
 Cable::Cable(bool text) : is_text(text) {
@@ -104,7 +110,7 @@ void Device::send_one(std::uint64_t t_ns, Random& random) {
     frame.sequence = sequence_;
     frame.device = std::uint16_t(foreign ? 9 : number_);
     frame.n_channels = other_shape ? kChannels + 1 : kChannels;
-    for (unsigned k = 0; k < kChannels; ++k) frame.channel[k] = count_of(sensor_, sequence_, k);
+    for (unsigned k = 0; k < kChannels; ++k) frame.channel[k] = count_of(sensor_, sequence_, k) + offset;
     const bool stuck = frozen || zeros;
     if (!stuck) std::copy_n(frame.channel.begin(), kChannels, frozen_at_.begin());
     if (frozen) std::copy_n(frozen_at_.begin(), kChannels, frame.channel.begin());
@@ -117,10 +123,13 @@ void Device::send_one(std::uint64_t t_ns, Random& random) {
     const bool spike = !spiked_ && happens(spikes, random);  // two in a row are a level
     spiked_ = spike;
     if (spike) frame.channel[0] += 200'000;
-    wrong_readings_ = stuck ? wrong_readings_ + 1 : 0;
+    const int lie = zeros ? 1 : frozen ? 2 : offset != 0 ? 3 : 0;
+    if (lie != std::exchange(lie_before_, lie) && lie != 0) ++lies_;
     Truth& truth = truth_[sequence_ & 0xFFFF];
     truth.arrived_ns = cable_.arrival_ns(t_ns);
-    truth.excused = (stuck && wrong_readings_ < (alone ? kFrozenAfter : 30 * kFrozenAfter)) || (spike && !alone);
+    truth.lie = lie != 0 ? lies_ : 0;
+    truth.beside = lie == 3;
+    truth.spike = spike;
     sent_[n_sent_++ % sent_.size()] = sequence_++;
     if (happens(drops, random)) return;
 

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <climits>
 #include <iterator>
 
 #include "clock.hpp"
@@ -17,10 +16,10 @@ void each(World& world, unsigned link, void (*change)(Device&)) {
 }
 
 template <auto kMember, auto kOn, auto kOff>
-constexpr Fault on_devices(const char* name, int number, std::uint64_t recovers_ms = 30) {
+constexpr Fault on_devices(const char* name, int number, Reach reach = Reach::link, std::uint64_t recovers_ms = 30) {
     return {name,
             number,
-            false,
+            reach,
             recovers_ms,
             0,
             [](World& world, unsigned link) { each(world, link, [](Device& d) { d.*kMember = kOn; }); },
@@ -31,8 +30,9 @@ void nothing(World&, unsigned) {}
 
 // The rates are those of a bad cable, not of a dead one.
 constexpr Fault kFaults[] = {
-    {"cable pulled", 1, false, 1100, 0, [](World& w, unsigned l) { w.unplug(l); }, [](World& w, unsigned l) { w.plug(l); }},
-    {"cable pulled, then the port cannot be opened", 4, false, 1100, 0,
+    {"cable pulled", 1, Reach::link, 1100, 0, [](World& w, unsigned l) { w.unplug(l); },
+     [](World& w, unsigned l) { w.plug(l); }},
+    {"cable pulled, then the port cannot be opened", 4, Reach::link, 1100, 0,
      [](World& w, unsigned l) {
          w.unplug(l);
          w.cable(l).opens = false;
@@ -41,7 +41,7 @@ constexpr Fault kFaults[] = {
          w.plug(l);
          w.cable(l).opens = true;
      }},
-    {"loose plug: gone for 5 ms again and again", 102, false, 1100, 0,
+    {"loose plug: gone for 5 ms again and again", 102, Reach::link, 1100, 0,
      [](World& w, unsigned l) {
          w.unplug(l);
          w.run_ms(5);
@@ -54,52 +54,61 @@ constexpr Fault kFaults[] = {
     on_devices<&Device::flips, 0.1, 0.0>("a bit flipped in every tenth frame", 6),
     on_devices<&Device::wrong_length, true, false>("a wrong byte in the header", 7),
     on_devices<&Device::cuts, 0.2, 0.0>("frames cut in half", 8),
-    {"one byte a read", 9, false, 30, 0, [](World& w, unsigned l) { w.cable(l).chop = 1; },
+    {"one byte a read", 9, Reach::link, 30, 0, [](World& w, unsigned l) { w.cable(l).chop = 1; },
      [](World& w, unsigned l) { w.cable(l).chop = 0; }},
-    {"several frames in one read", 9, false, 30, 8,
+    {"several frames in one read", 9, Reach::link, 30, 8,
      [](World& w, unsigned l) { w.cable(l).hold_until_ns = world_ns + 8 * kMs; }, nothing},
     on_devices<&Device::drops, 0.2, 0.0>("frames lost by the device", 10),
     on_devices<&Device::repeats, 0.2, 0.0>("frames sent twice", 10),
     on_devices<&Device::swaps, 0.2, 0.0>("frames overtaken", 10),
-    {"the counter wraps", 93, false, 30, 0,
+    {"the counter wraps", 93, Reach::link, 30, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.jump_to(d.is_text() ? 0xFFFFFFF0u : 0xFFF0u); }); }, nothing},
-    {"the device restarts", 30, false, 30, 0, [](World& w, unsigned l) { each(w, l, [](Device& d) { d.jump_to(0); }); },
-     nothing},
+    {"the device restarts", 30, Reach::link, 30, 0,
+     [](World& w, unsigned l) { each(w, l, [](Device& d) { d.jump_to(0); }); }, nothing},
     on_devices<&Device::silent, true, false>("silent stop", 11),
-    {"half the rate", 12, false, 2100, 0,
+    {"half the rate", 12, Reach::link, 2100, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.period_ns = 2 * kPeriodNs; }); },
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.period_ns = kPeriodNs; }); }},
-    {"twice the rate", 12, false, 2100, 0,
+    {"twice the rate", 12, Reach::link, 2100, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.period_ns = kPeriodNs / 2; }); },
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.period_ns = kPeriodNs; }); }},
     on_devices<&Device::other_shape, true, false>("another device under the name", 3),
     on_devices<&Device::foreign, true, false>("frames of a device that nobody reads", 20),
-    on_devices<&Device::zeros, true, false>("all zeros", 29),
+    on_devices<&Device::zeros, true, false>("all zeros", 29, Reach::twin),
     on_devices<&Device::frozen, true, false>("frozen", 34),
     on_devices<&Device::rail, true, false>("a channel at its rail", 35),
-    on_devices<&Device::spikes, 0.3, 0.0>("single impossible steps", 36),
+    on_devices<&Device::spikes, 0.3, 0.0>("single impossible steps", 36, Reach::twin),
     on_devices<&Device::nan, true, false>("NaN in the stream", 37),
     on_devices<&Device::missing, true, false>("a channel missing", 40),
-    {"no sensor has power", 11, true, 30, 0,
+    {"no sensor has power", 11, Reach::node, 30, 0,
      [](World& w, unsigned) {
          for (unsigned i = 0; i < kSensors; ++i) w.device(i).silent = true;
      },
      [](World& w, unsigned) {
          for (unsigned i = 0; i < kSensors; ++i) w.device(i).silent = false;
      }},
-    {"the loop stands for 60 ms", 84, true, 40, 60, [](World& w, unsigned) { w.stall_pipeline(60); }, nothing},
-    {"the loop stands: rings full", 90, true, 60, 1200, [](World& w, unsigned) { w.stall_pipeline(1200); }, nothing},
-    {"the daemon is killed", 96, true, 200, 100,
+    {"the loop stands for 60 ms", 84, Reach::node, 40, 60, [](World& w, unsigned) { w.stall_pipeline(60); }, nothing},
+    {"the loop stands: rings full", 90, Reach::node, 60, 1200, [](World& w, unsigned) { w.stall_pipeline(1200); }, nothing},
+    {"the daemon is killed", 96, Reach::node, 200, 100,
      [](World& w, unsigned) {
          if (w.is_running()) w.kill();
      },
      [](World& w, unsigned) { w.restart(); }},
-    {"the daemon is stopped and started", 97, true, 200, 50,
+    {"the daemon is stopped and started", 97, Reach::node, 200, 50,
      [](World& w, unsigned) {
          if (w.is_running()) w.stop();
      },
      [](World& w, unsigned) { w.restart(); }},
-    {"a reader is stopped", 62, true, 30, 1000, [](World& w, unsigned) { w.witness().follows = false; },
+    // 60 N on the diagonal: the pair is 20 N apart on each axis by its places, and may be 45 N.
+    {"a sensor reads 30 N less than it feels, its twin does not", 43, Reach::pair, 60, 0,
+     [](World& w, unsigned) { w.device(0).offset = -30'000; }, [](World& w, unsigned) { w.device(0).offset = 0; }},
+    {"reload: a low pass, a time to tare", 46, Reach::nobody, 0, 0, [](World& w, unsigned) { w.retune(); },
+     [](World& w, unsigned) { w.retune(); }},
+    {"reload: a broken file", 46, Reach::nobody, 0, 0, [](World& w, unsigned) { w.reload_broken(); },
+     [](World& w, unsigned) { w.retune(); }},
+    {"reload: another calibration of a sensor", 47, Reach::jaw, 30, 0, [](World& w, unsigned) { w.recalibrate(); },
+     [](World& w, unsigned) { w.recalibrate(); }},
+    {"a reader is stopped", 62, Reach::node, 30, 1000, [](World& w, unsigned) { w.witness().follows = false; },
      [](World& w, unsigned) { w.witness().follows = true; }},
 };
 
@@ -109,12 +118,27 @@ struct Act {
     std::uint64_t begin_ms, end_ms;
 };
 
+// Bit i: sensor i.
+unsigned sensors_of(const Act& act) {
+    unsigned mask = 0;
+    for (unsigned i = 0; i < kSensors; ++i) {
+        const bool of_link = World::link_of(i) == act.link;
+        const Reach reach = act.fault->reach;
+        if (reach == Reach::node || ((reach == Reach::link || reach == Reach::twin) && of_link) ||
+            (reach == Reach::twin && !is_jaw(i) && act.link < 2) || (reach == Reach::pair && !is_jaw(i)) ||
+            (reach == Reach::jaw && i == kRecalibrated))
+            mask |= 1u << i;
+    }
+    return mask;
+}
+
 }  // namespace
 
 std::span<const Fault> faults() { return kFaults; }
 
 Findings run(std::uint64_t seed, const Fault* first, const Fault* second, const Plant* plant) {
     World world(seed, plant);
+    world.tares = true;
     Random& random = world.random();
     std::vector<Act> acts;
     for (const Fault* fault : {first, second}) {
@@ -123,8 +147,7 @@ Findings run(std::uint64_t seed, const Fault* first, const Fault* second, const 
         const std::uint64_t lasts_ms = fault->lasts_ms != 0 ? fault->lasts_ms : 30 + random() % 270;
         acts.push_back({fault, unsigned(random() % kLinks), begin_ms, begin_ms + lasts_ms});
     }
-    const bool alone = acts.size() == 1;
-    for (unsigned i = 0; i < kSensors; ++i) world.device(i).alone = alone;
+    const bool together = acts.size() == 2 && (sensors_of(acts[0]) & sensors_of(acts[1])) != 0;
     struct Event {
         std::uint64_t at_ms;
         const Act* act;
@@ -142,14 +165,13 @@ Findings run(std::uint64_t seed, const Fault* first, const Fault* second, const 
         const std::uint64_t now_ms = (world_ns - zero_ns) / kMs;
         if (event.at_ms > now_ms) world.run_ms(event.at_ms - now_ms);
         const Fault& fault = *event.act->fault;
-        const unsigned suffers = fault.is_of_node ? UINT_MAX : event.act->link;
-        // A fault on top of another can make the way back longer than either.
-        const std::uint64_t back_ms = alone ? fault.recovers_ms : 1200;
-        world.suffer(suffers, at_ns(std::max(event.act->end_ms, now_ms) + back_ms + 70));
+        // On top of another the way back may be as long as both in a row.
+        const std::uint64_t back_ms = together ? acts[0].fault->recovers_ms + acts[1].fault->recovers_ms : fault.recovers_ms;
+        world.suffer(sensors_of(*event.act), at_ns(std::max(event.act->end_ms, now_ms) + back_ms + 70));
         (event.begins ? fault.begin : fault.end)(world, event.act->link);
     }
     std::uint64_t rest_ms = 100;
-    for (const Act& act : acts) rest_ms = std::max(rest_ms, alone ? act.fault->recovers_ms + 100 : std::uint64_t(1400));
+    for (const Act& act : acts) rest_ms += act.fault->recovers_ms;
     world.run_ms(rest_ms);
     for (unsigned i = 0; i < kSensors; ++i)
         if (const tactiled_sample s = world.witness().latest(i); s.quality != TACTILED_GOOD)

@@ -7,10 +7,14 @@
 
 namespace tactiled::faults {
 
+// Who may suffer: the sensors of the link; also the one that one of them is compared with; the two that are compared; the
+// one that is calibrated anew; all; none.
+enum class Reach { link, twin, pair, jaw, node, nobody };
+
 struct Fault {
     const char* name;
-    int number;                 // in the list
-    bool is_of_node;            // every sensor suffers, else those of one link
+    int number;  // in the list
+    Reach reach;
     std::uint64_t recovers_ms;  // after its end
     std::uint64_t lasts_ms;     // 0: 30 .. 300, at random
     void (*begin)(World&, unsigned link);

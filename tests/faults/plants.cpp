@@ -1,6 +1,7 @@
 #include "plants.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "clock.hpp"
 
@@ -72,6 +73,53 @@ std::vector<Plant> plants() {
     all.push_back({.name = "any step is possible",
                    .found_as = kWrongValue,
                    .configuration = {"slew_limit_per_s = 1e5", "slew_limit_per_s = 1e300"}});
+    all.push_back(
+        {.name = "a tare is in force before it is told", .found_as = kWrongForce, .sample = [](Sample& s, const Sample&) {
+             if ((s.reasons & TACTILED_TARING) != 0) s.force_S_N[0] -= 0.02;
+         }});
+    all.push_back({.name = "a tare is forgotten", .found_as = kWrongForce, .sample = [](Sample& s, const Sample& before) {
+                       if (s.tare_count != 0 && before.tare_count == s.tare_count)
+                           std::copy_n(s.raw_force_S_N, 3, s.force_S_N);
+                   }});
+    all.push_back(
+        {.name = "a zero is the last reading", .found_as = kWrongForce, .sample = [](Sample& s, const Sample& before) {
+             static std::array<double, 3> zero_N{};
+             if (s.tare_count == 0 || s.quality == TACTILED_BAD) return;
+             if (before.tare_count + 1 == s.tare_count) std::copy_n(s.raw_force_S_N, 3, zero_N.begin());
+             for (int k = 0; k < 3; ++k) s.force_S_N[k] = s.raw_force_S_N[k] - zero_N[std::size_t(k)];
+         }});
+    all.push_back({.name = "a tare under load is taken",
+                   .found_as = kWrongForce,
+                   .configuration = {"tare_limit_N = 1", "tare_limit_N = 0"}});
+    all.push_back(
+        {.name = "the tare outlives its calibration", .found_as = kWrongForce, .sample = [](Sample& s, const Sample&) {
+             if (s.tare_count == 0 && (s.epoch & 0xFFFF) != 0) s.force_S_N[0] -= 0.02;
+         }});
+    all.push_back({.name = "the low pass goes on over a break",
+                   .found_as = kWrongForce,
+                   .sample = [](Sample& s, const Sample& before) {
+                       if ((s.state & TACTILED_LOW_PASS) != 0 && is_good(s) && !is_good(before)) s.force_S_N[1] /= 2;
+                   }});
+    all.push_back({.name = "two sensors of a pair are not compared",
+                   .found_as = kWrongValue,
+                   .configuration = {"agree_N = 45", "agree_N = 4500"}});
+    all.push_back(
+        {.name = "a weight stays stable while a jaw is BAD", .found_as = kWrongGrasp, .node = [](tactiled_node& n) {
+             static double last_kg = 0.6;
+             if (n.grasp.weight_state == TACTILED_WEIGHT_STABLE) last_kg = n.grasp.weight_kg;
+             n.grasp.weight_state = TACTILED_WEIGHT_STABLE;
+             n.grasp.weight_kg = last_kg;
+         }});
+    all.push_back({.name = "a weight is half of what hangs", .found_as = kWrongGrasp, .node = [](tactiled_node& n) {
+                       n.grasp.weight_kg /= 2;
+                   }});
+    all.push_back({.name = "a refused reload is not told", .found_as = kReload, .node = [](tactiled_node& n) {
+                       n.warning &= ~std::uint32_t(TACTILED_WARN_RELOAD);
+                   }});
+    all.push_back(
+        {.name = "the new calibration is half in force", .found_as = kWrongValue, .sample = [](Sample& s, const Sample&) {
+             if ((s.epoch & 0xFFFF) == 1 && s.reasons == 0) s.raw_force_S_N[1] = s.force_S_N[1] = 1.5 * s.force_S_N[1];
+         }});
     all.push_back({.name = "a sensor stays broken", .found_as = kNotRecovered, .sample = [](Sample& s, const Sample&) {
                        if ((s.epoch & 0xFFFF) != 0) tactiled_invalidate(&s, TACTILED_STALE);
                    }});

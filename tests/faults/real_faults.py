@@ -2,6 +2,7 @@
 import contextlib
 import json
 import os
+import pathlib
 import signal
 import socket
 import struct
@@ -9,7 +10,7 @@ import subprocess
 import threading
 import time
 
-from rig import BIN, FROZEN_AFTER, STALE_MS, Rig, ask, tactiled, wait_for
+from rig import BIN, CONFIG, FROZEN_AFTER, STALE_MS, Rig, ask, tactiled, wait_for
 
 # Ahead of what else the machine does: the daemon waits for it at each call. The daemon itself starts as ever.
 STRACE = ("chrt", "-R", "-f", "50", "strace", "-f", "-qq", "-o", "/dev/null")
@@ -248,6 +249,58 @@ def tare_while_bad():
     return strike(begin, end, lasts=0, then=lambda rig: rig.note)
 
 
+def refused_tare(why, config=CONFIG, values_of=None):
+    """tactilectl tare of the left sensor is refused for `why`, told in the log and in WARN, and the force stays as it is."""
+    def begin(rig):
+        rig.left.values_of = values_of
+        if values_of is not None:
+            rig.left.excused.update(range(rig.left.sequence, rig.left.sequence + 1000))  # of another truth
+        time.sleep(0.1)
+        done = rig.daemon.ctl("tare", "left")
+        warned = ask_once(rig, 9)[0] & 1 << 4
+        tared = json.loads(rig.daemon.ctl("status", "--json").stdout)["sensors"][0]["tare_count"]
+        wait_for(lambda: "tare refused: " in rig.daemon.log(), 1, "a line in the log")
+        good = done.returncode == 1 and why in done.stderr and warned and tared == 0
+        rig.note = f"refused: exit 1, {why}" if good else f"not GOOD: exit {done.returncode}, {done.stdout}{done.stderr}, WARN {warned}, {tared} tares"
+
+    def end(rig):
+        rig.left.values_of = None
+    # What it sends is its own truth: a step at the end is told as one.
+    return strike(begin, end, lasts=0, expect=None, both=values_of is not None, config=config, then=lambda rig: rig.note)
+
+
+def ask_once(rig, at, count=1):
+    with socket.create_connection(("127.0.0.1", rig.daemon.port), timeout=1) as client:
+        return ask(client, at, count)
+
+
+def tare_in_motion():
+    """The force grows by 10 N a second."""
+    return refused_tare("the force moved", values_of=lambda values, device: [v + 100 * (device.sequence % 512) for v in values])
+
+
+def tare_under_load():
+    """20 N and more on each axis."""
+    return refused_tare("under load", CONFIG.replace('name = "left"\nlink', 'name = "left"\ntare_limit_N = 5\nlink'))
+
+
+def redundant_sensors_differ():
+    """The left sensor's force creeps away from the right one's by 40 N a second. 32 frames: until they are 45 N apart, and for agree_ms."""
+    since = {}
+
+    def creep(values, device):
+        first = since.setdefault("left", device.sequence)
+        return [v - 400 * min(device.sequence - first, 75) for v in values]
+
+    def then(rig):
+        found = [r for _, q, r in rig.witness.history["right"] if q == UNCERTAIN]
+        faults = {values[58 + 1] for _, values in rig.witness.registers}
+        return "both told, FAULT 19" if found and all(r == tactiled.SENSORS_DIFFER for r in found) and 19 in faults else \
+            f"not GOOD: the right one said {found}, FAULT {faults}"
+    pair = CONFIG.replace('name = "left"\nlink', 'name = "left"\nagrees_with = "right"\nagree_N = 45\nagree_ms = 100\nlink')
+    return strike(*valued(creep, 32), expect=UNCERTAIN, lasts=1, both=True, config=pair, then=then)
+
+
 def counter_wraps():
     return strike(lambda rig: None, lasts=2.5, expect=None, first=0xFFFFFFFF - 100, then=lambda rig: f"lost {counter(rig, 'lost')}")
 
@@ -257,6 +310,18 @@ def counter_wraps():
 def end_daemon(rig, number):
     rig.daemon.process.send_signal(number)
     rig.daemon.process.wait()
+
+
+def runaway_thread():
+    """The pipeline's thread runs without end, under the limits of the unit: SIGXCPU. Who starts it again is systemd."""
+    def begin(rig):
+        pid = next(p for p in rig.pids())
+        threads = {(task / "comm").read_text().strip(): task.name for task in pathlib.Path(f"/proc/{pid}/task").iterdir()}
+        subprocess.run([BIN / "runaway", threads["pipeline"]], check=True)
+        ended = rig.daemon.process.wait(timeout=5)
+        rig.note = "ended by SIGXCPU" if ended == -signal.SIGXCPU else f"not GOOD: ended with {ended}"
+    return strike(begin, lambda rig: rig.daemon.start(), lasts=0.3, both=True, before=("prlimit", "--rttime=200000:1000000", "--core=0"),
+                  then=lambda rig: rig.note)
 
 
 def killed():

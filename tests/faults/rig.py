@@ -147,6 +147,32 @@ class Device(threading.Thread):
             os.close(self.master)
 
 
+class TtyFloor(threading.Thread):
+    """How long the kernel takes to hand a byte through a pty that nobody else uses, all the time: its worker has no priority."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        self.late = collections.deque(maxlen=1000)  # ns, from and to, where a byte took longer than 5 ms
+        self.ended = threading.Event()
+        self.start()
+
+    def run(self):
+        hurry()
+        master, slave = pty.openpty()
+        tty.setraw(slave)
+        while not self.ended.wait(0.005):
+            began_ns = time.monotonic_ns()
+            os.write(master, b"x")
+            os.read(slave, 1)
+            if time.monotonic_ns() - began_ns > 5_000_000:
+                self.late.append((began_ns, time.monotonic_ns()))
+        os.close(master)
+        os.close(slave)
+
+    def was_late(self, since_ns, until_ns):
+        return any(begin <= until_ns and end >= since_ns for begin, end in list(self.late))
+
+
 class Witness(threading.Thread):
     """Looks all the time, as a control program and as a PLC do."""
 
@@ -154,6 +180,7 @@ class Witness(threading.Thread):
         super().__init__(daemon=True)
         self.name_, self.port, self.devices = name, port, devices
         self.lies, self.looks, self.answers = collections.Counter(), 0, 0
+        self.floor, self.excused = None, 0  # a TtyFloor, and how many old values it explains
         self.history = {name: [] for name in SENSORS}  # (time_ns, quality, reasons) at each change
         self.epochs = {name: set() for name in SENSORS}
         self.registers = []  # (time_ns, 32 + 50 registers) at each change of what matters
@@ -200,7 +227,10 @@ class Witness(threading.Thread):
         sent_ns = device.sent.get(s.device_sequence, 0)
         # 20 ms: between this program's own look at its clock and the sample; what it waits for the processor is not counted
         if now_ns - sent_ns > (STALE_MS + 20) * 1_000_000 and time.monotonic_ns() - now_ns < 5_000_000:
-            self.lie("too old", f"{name}: {(now_ns - sent_ns) / 1e6:.1f} ms")
+            if self.floor is not None and self.floor.was_late(sent_ns, now_ns):
+                self.excused += 1
+            else:
+                self.lie("too old", f"{name}: {(now_ns - sent_ns) / 1e6:.1f} ms")
 
     def poll(self):
         hurry()

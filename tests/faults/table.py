@@ -39,7 +39,8 @@ LIST = [
     *((n, what, "", "kernel: `can`, `can_adapter`") for n, what in (
         (17, "bus-off"), (18, "error-passive, warning"), (19, "interface down or removed"), (20, "flood of foreign identifiers"), (21, "wrong DLC, RTR, short record"))),
     (22, "ENOBUFS on send", "", "nothing is sent on CAN"),
-    (23, "two nodes with one identifier", "", None),
+    (23, "two nodes with one identifier", "", "not judged: where both count, the stream of the one that is ahead stays and the other's frames are counted as repeated, "
+     "each of them; a step is told with slew_limit_per_s, two uncounted ones by the rate with rate_Hz"),
     (24, "a sample of several messages with one missing", "", "kernel: `can`, `test_a_sample_of_two_messages_of_a_dbc_file_is_whole_or_lost`"),
     (25, "stamps of the controller jump", "", "`bin/stamps`; kernel: `can_adapter`"),
     *((n, what, "", "kernel: `i2c`; `i2c_chips_test`") for n, what in (
@@ -55,7 +56,9 @@ LIST = [
     (40, "one of several channels dead", "", "`three_sensors_test`: `test_missing_gauge`, `test_stuck_gauge`"),
     (41, "the zero drifts", "", "`StreamQuality.AZeroThatWandersAtRestAsksForMaintenanceAndAPressDoesNot`"),
     (42, "tare while BAD", "tactilectl tare beside a silent device", real.tare_while_bad),
-    (43, "redundant channels disagree", "", "stability H12; redundant sensors are not compared"),
+    (42, "tare in motion", "tactilectl tare while the force grows by 10 N/s", real.tare_in_motion),
+    (42, "tare under load", "tactilectl tare with 20 N, tare_limit_N = 5", real.tare_under_load),
+    (43, "redundant sensors disagree", "one creeps away, agrees_with, agree_ms = 100; channels of one sensor: stability H12", real.redundant_sensors_differ),
     (44, "configuration missing, binary, with BOM, huge", "", "`Options.*`, `DocumentedConfig.*`"),
     (45, "configuration cut anywhere", "", "`DocumentedConfig.CutAnywhereIsNoCrash`"),
     (46, "reload with a broken file", "", "`reload_test`: `test_what_is_wrong_or_needs_a_restart_changes_nothing_at_all`"),
@@ -100,7 +103,7 @@ LIST = [
     (85, "a driver's thread blocks for ever", "", "`tests/service`: a link's thread is stopped; systemd starts the daemon again"),
     (86, "a driver's thread throws", "", "drivers are noexcept: the process ends, 96"),
     (87, "the main thread hangs", "", "`tests/service`: the loop's thread is stopped; systemd starts the daemon again"),
-    (88, "a runaway real-time thread", "", None),
+    (88, "a runaway real-time thread", "the loop jumps to itself, LimitRTTIME= of the unit", real.runaway_thread),
     (89, "memory pressure", "", "`tests/guard`: no page fault in a million turns"),
     (90, "rings full", "", "world: the loop stands for 1.2 s; `PipelineTest.RefusesTheNewestWhenTheLoopIsLateAndTellsHowMany`"),
     (91, "the wall clock is set", "", "kernel: `can`, `test_the_wall_clock_may_be_set_at_any_moment`"),

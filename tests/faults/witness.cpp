@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
@@ -11,18 +12,29 @@ namespace tactiled::faults {
 namespace {
 
 constexpr double kN_per_count = 0.001;
+constexpr std::uint64_t kWeightMemoryNs = 300 * kMs;
 constexpr std::uint64_t kTurnNs = 2 * kMs;   // within which a waiting frame is taken and published
 constexpr std::uint64_t kHeldNs = 12 * kMs;  // the same where a cable holds frames back
-
-double force_of(unsigned sensor, std::uint32_t sequence, unsigned k) { return kN_per_count * count_of(sensor, sequence, k); }
 
 }  // namespace
 
 std::string name_of(Finding finding) {
-    constexpr const char* kNames[] = {
-        "wrong value",  "too old",        "wrong stamp",    "late",           "no sentinel",
-        "out of order", "unmarked break", "uncounted loss", "wrong register", "register without sentinel",
-        "heartbeat",    "false alarm",    "not recovered"};
+    constexpr const char* kNames[] = {"wrong value",
+                                      "wrong force",
+                                      "wrong grasp",
+                                      "reload",
+                                      "too old",
+                                      "wrong stamp",
+                                      "late",
+                                      "no sentinel",
+                                      "out of order",
+                                      "unmarked break",
+                                      "uncounted loss",
+                                      "wrong register",
+                                      "register without sentinel",
+                                      "heartbeat",
+                                      "false alarm",
+                                      "not recovered"};
     static_assert(std::size(kNames) == kFindings);
     return kNames[finding];
 }
@@ -46,13 +58,46 @@ void Findings::mix(const void* bytes, std::size_t size) {
 Witness::Witness(const std::string& node, const ModbusSettings& settings, Ring<Command>& commands, Findings& findings)
     : findings_(findings),
       service_(node, settings, commands),
-      readers_{Reader{node, "s0"}, Reader{node, "s1"}, Reader{node, "s2"}, Reader{node, "s3"}} {}
+      readers_{Reader{node, "s0"}, Reader{node, "s1"}, Reader{node, "s2"}, Reader{node, "s3"}},
+      forces_{ForceTruth{0, 0}, ForceTruth{1, 0}, ForceTruth{2, kTareLimit_N}, ForceTruth{3, kTareLimit_N}} {
+    gain_.fill(kN_per_count);
+}
+
+double Witness::force_of(unsigned i, std::uint32_t sequence, unsigned k) const {
+    return gain_[i] * (count_of(i, sequence, k) - (is_jaw(i) ? place_of(i, k) : 0));
+}
+
+bool Witness::is_force_of(unsigned i, std::uint32_t sequence, unsigned k, double force_N) const {
+    const double now_N = force_of(i, sequence, k);
+    return std::abs(force_N - now_N) <= 1e-9 ||
+           (wanted_gain_[i] != 0 && std::abs(force_N - now_N / gain_[i] * wanted_gain_[i]) <= 1e-9);
+}
+
+void Witness::tare_begins(std::uint32_t mask) noexcept {
+    for (unsigned i = 0; i < kSensors; ++i) {
+        if ((mask >> i & 1u) == 0) continue;
+        is_up_to_date_ ? forces_[i].tare_begins(world_ns) : forces_[i].missed(false);
+    }
+}
+
+void Witness::expect_gain(unsigned i, double gain, std::array<Device*, kSensors> devices) {
+    follow(i, *devices[i]);
+    wanted_gain_[i] = gain;
+}
+
+void Witness::settle_gain(unsigned i, bool replaced, std::array<Device*, kSensors> devices) {
+    follow(i, *devices[i]);
+    if (replaced) gain_[i] = wanted_gain_[i];
+    wanted_gain_[i] = 0;
+}
 
 void Witness::look(std::array<Device*, kSensors> devices, const Expectation& expected) {
     for (unsigned i = 0; i < kSensors; ++i) look_at_latest(i, *devices[i], expected);
+    is_up_to_date_ = follows;
     if (follows)
         for (unsigned i = 0; i < kSensors; ++i) follow(i, *devices[i]);
-    if (expected.plc_reads) look_at_registers(devices);
+    look_at_grasp();
+    if (expected.plc_reads) look_at_registers(devices, expected);
 }
 
 // Every record, as it lies in the ring: not judged by its age, and so with the daemon's own quality.
@@ -65,6 +110,8 @@ void Witness::follow(unsigned i, const Device& device) {
         cursors_[i] = {};
         seen_[i] = false;
         last_value_[i].lost = 0;
+        forces_[i].missed(true);
+        unseen_[i] = {};
         broken_[i] = last_value_[i].quality != TACTILED_NO_VALUE;
     }
     tactiled_sample s;
@@ -72,7 +119,10 @@ void Witness::follow(unsigned i, const Device& device) {
     while (tactiled_ring_next(segment.base(), &ring, &cursors_[i], &s, sizeof s) != 0) {
         if (seen_[i] && s.sequence != last_[i].sequence + 1 + (cursors_[i].lost - lost))
             findings_.add(kOutOfOrder, i, fmt::format("record {} after {}", s.sequence, last_[i].sequence));
-        if (cursors_[i].lost != lost) last_value_[i].quality = TACTILED_NO_VALUE;  // a slow reader: nothing to compare with
+        if (cursors_[i].lost != lost) {  // a slow reader: nothing to compare with
+            last_value_[i].quality = TACTILED_NO_VALUE;
+            forces_[i].missed(false);
+        }
         lost = cursors_[i].lost;
         judge(i, device, s);
         last_[i] = s;
@@ -85,6 +135,7 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     findings_.mix(&s, sizeof s);
     const bool has_value = s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN;
     if (!has_value) {
+        forces_[i].gap();
         for (unsigned k = 0; k < kChannels; ++k)
             if (!std::isnan(s.force_S_N[k]) || !std::isnan(s.raw_force_S_N[k]))
                 findings_.add(kNoSentinel, i, fmt::format("{} N beside BAD", s.force_S_N[k]));
@@ -94,6 +145,9 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     }
     tactiled_sample& before = last_value_[i];
     const bool comparable = before.quality != TACTILED_NO_VALUE;
+    const bool first_of_a_stream = !comparable || s.epoch != before.epoch;
+    // Or the frame between two spikes was lost: a step that stays is a level.
+    const bool first_of_a_level = std::exchange(was_a_spike_[i], device.truth(s.device_sequence).spike) || first_of_a_stream;
     if (std::exchange(broken_[i], false) && comparable && s.epoch == before.epoch)
         findings_.add(kUnmarkedBreak, i, fmt::format("epoch {:x} before and after", s.epoch));
     const bool jumped = before.t_ns <= device.jumped_ns + kHeldNs && device.jumped_ns <= s.t_ns;
@@ -114,14 +168,30 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
         findings_.add(
             kWrongStamp, i,
             fmt::format("{} us after its arrival", (std::int64_t(s.t_ns) - std::int64_t(truth.arrived_ns)) / 1000));
+    if (const std::string wrong = forces_[i].judge(s, truth.lie == 0 && !truth.spike); !wrong.empty())
+        findings_.add(kWrongForce, i, wrong);
+    findings_.tares += std::exchange(forces_[i].tares, 0);
     if (s.quality != TACTILED_GOOD) return;
     ++findings_.good;
-    if (truth.excused) return;
     for (unsigned k = 0; k < kChannels; ++k)
-        if (std::abs(s.raw_force_S_N[k] - force_of(i, s.device_sequence, k)) > 1e-9)
+        if (!is_force_of(i, s.device_sequence, k, s.raw_force_S_N[k])) {
+            if (may_be_unseen(i, truth, first_of_a_level)) return;
             return findings_.add(kWrongValue, i,
                                  fmt::format("{} N of frame {}, channel {}", s.raw_force_S_N[k], s.device_sequence, k));
-    if (s.tare_count == 0 && s.force_S_N[2] != s.raw_force_S_N[2]) findings_.add(kWrongValue, i, "tared without a tare");
+        }
+}
+
+// A step is none in the first reading of a level; what repeats is found after frozen_after readings, each time that a
+// daemon begins anew; what only the other sensor of the pair shows, while that one can be compared with.
+bool Witness::may_be_unseen(unsigned i, const Device::Truth& truth, bool first_of_a_level) {
+    if (truth.spike) return first_of_a_level;
+    if (truth.lie == 0) return false;
+    if (unseen_[i].lie != truth.lie) unseen_[i] = {truth.lie, 0};
+    if (truth.beside) {
+        const tactiled_sample other = latest(1 - i);
+        if (other.quality == TACTILED_BAD || (other.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) return true;
+    }
+    return ++unseen_[i].readings <= (truth.beside ? kDifferAfter : kFrozenAfter - 1);
 }
 
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
@@ -133,7 +203,7 @@ void Witness::look_at_latest(unsigned i, const Device& device, const Expectation
         return;
     }
     const Device::Truth& truth = device.truth(s.device_sequence);
-    if (!truth.excused && std::abs(s.raw_force_S_N[1] - force_of(i, s.device_sequence, 1)) > 1e-9)
+    if (truth.lie == 0 && !truth.spike && !is_force_of(i, s.device_sequence, 1, s.raw_force_S_N[1]))
         findings_.add(kWrongValue, i, "latest()");
     if (world_ns > truth.arrived_ns + kStaleMs * kMs + kTurnNs)
         findings_.add(kTooOld, i,
@@ -160,8 +230,10 @@ Witness::Registers Witness::read_registers() {
     return out;
 }
 
-void Witness::look_at_registers(const std::array<Device*, kSensors>& devices) {
+void Witness::look_at_registers(const std::array<Device*, kSensors>& devices, const Expectation& expected) {
     const Registers now = read_registers();
+    if (expected.reload_refused >= 0 && (now.global[9] >> 7 & 1) != expected.reload_refused)
+        findings_.add(kReload, 0, fmt::format("WARN {:#06x}", now.global[9]));
     if (now.global[0] != 0x5441 || now.global[4] != now.global[31]) findings_.add(kWrongRegister, 0, "global block");
     bool all_silent = true;
     for (unsigned i = 0; i < kSensors; ++i) {
@@ -174,15 +246,32 @@ void Witness::look_at_registers(const std::array<Device*, kSensors>& devices) {
         if (!ok) continue;
         bool found = false;
         const Device& device = *devices[i];
+        // Tared or low-passed: what shared memory says in the same instant, and that is held against the truth.
+        if (expected.new_daemon && i == 1) continue;  // low-passed from the first sample on
+        if (const tactiled_sample s = latest(i); s.tare_count != 0 || (s.state & TACTILED_LOW_PASS) != 0) {
+            for (unsigned k = 0; k < kChannels; ++k)
+                if (std::abs(std::int16_t(block[4 + k]) * 0.01 - std::clamp(s.force_S_N[k], -327.67, 327.67)) >
+                        0.005 + 1e-9 ||
+                    s.quality != TACTILED_GOOD)
+                    findings_.add(kWrongRegister, i,
+                                  fmt::format("{} cN, {} N in memory", std::int16_t(block[4 + k]), s.force_S_N[k]));
+            continue;
+        }
         for (std::uint32_t back = 1; back <= 32 && !found; ++back) {
             const std::uint32_t sequence = device.sent(back);
             const Device::Truth& truth = device.truth(sequence);
             if (truth.arrived_ns == 0 || world_ns > truth.arrived_ns + kStaleMs * kMs + kTurnNs) break;
-            found = truth.excused;
-            bool same = true;
-            for (unsigned k = 0; k < kChannels; ++k)
-                same &= std::int16_t(block[4 + k]) == std::lround(force_of(i, sequence, k) * 100) ||
-                        std::int16_t(block[4 + k]) == std::lround(std::nearbyint(force_of(i, sequence, k) / 0.01));
+            found = truth.lie != 0 || truth.spike;
+            const auto is_told = [&](double gain) {
+                bool same = true;
+                for (unsigned k = 0; k < kChannels; ++k) {
+                    const double force_N = force_of(i, sequence, k) / gain_[i] * gain;
+                    same &= std::int16_t(block[4 + k]) == std::lround(force_N * 100) ||
+                            std::int16_t(block[4 + k]) == std::lround(std::nearbyint(force_N / 0.01));
+                }
+                return same;
+            };
+            const bool same = is_told(gain_[i]) || (wanted_gain_[i] != 0 && is_told(wanted_gain_[i]));
             const auto age_ms = std::int64_t((world_ns - truth.arrived_ns) / kMs);
             found = found || (same && std::abs(age_ms - std::int64_t(block[3])) <= 12);
         }
@@ -196,6 +285,51 @@ void Witness::look_at_registers(const std::array<Device*, kSensors>& devices) {
     if (all_silent && beats && world_ns > silent_since_ns_ + 100 * kMs)
         findings_.add(kHeartbeat, 0, "it beats though every sensor is silent");
     heartbeat_ = now.global[5];
+}
+
+void Witness::look_at_grasp() {
+    if (!readers_[0].is_attached()) return;
+    const SegmentView segment = readers_[0].segment();
+    tactiled_node node{};
+    if (!segment.latest_node(node) || node.t_ns == node_.t_ns) return;
+    bool all_known = true, all_good = true;
+    for (unsigned i = 0; i < kSensors; ++i) {
+        tactiled_sample s{};
+        const tactiled_ring& ring = segment.sensor(i).ring;
+        if (!is_jaw(i) || tactiled_ring_read(segment.base(), &ring, std::uint32_t(node.count[i] - 1), &s, sizeof s) == 0)
+            continue;
+        all_known &= s.quality != TACTILED_BAD;
+        all_good &= s.quality == TACTILED_GOOD;
+    }
+    const tactiled_grasp& g = node.grasp;
+    if (!all_good) doubtful_until_ns_ = world_ns + kWeightMemoryNs;
+    if (!all_known && (g.state != TACTILED_GRIP_UNKNOWN || g.weight_state != TACTILED_WEIGHT_NONE ||
+                       !std::isnan(g.weight_kg) || !std::isnan(g.grip_N)))
+        findings_.add(kWrongGrasp, 2,
+                      fmt::format("state {}, {} kg, state {}, and a jaw is BAD", g.state, g.weight_kg, g.weight_state));
+    if (g.weight_state == TACTILED_WEIGHT_STABLE && !all_good)
+        findings_.add(kWrongGrasp, 2, fmt::format("{} kg is stable, and a jaw is not GOOD", g.weight_kg));
+    const bool same_daemon = std::exchange(node_epoch_, segment.header().epoch) == segment.header().epoch;
+    if (same_daemon && (g.grasps < node_.grasp.grasps || g.slips < node_.grasp.slips))
+        findings_.add(kWrongGrasp, 2, fmt::format("{} grasps after {}", g.grasps, node_.grasp.grasps));
+    if (g.weight_state == TACTILED_WEIGHT_STABLE) judge_weight(node);
+    node_ = node;
+}
+
+// The object hangs on both jaws alike.
+void Witness::judge_weight(const tactiled_node& node) {
+    ++findings_.stable_weights;
+    if (world_ns < doubtful_until_ns_) return;
+    constexpr double kG_m_s2 = 9.81, kSlack = 0.1;
+    double mass_kg = 0;
+    for (unsigned i = 0; i < kSensors; ++i) {
+        if (!is_jaw(i)) continue;
+        const tactiled_sample s = latest(i);
+        if (s.quality != TACTILED_GOOD || wanted_gain_[i] != 0 || !is_held(s.device_sequence)) return;
+        mass_kg += gain_[i] * (level_of(i, s.device_sequence, 0) - place_of(i, 0)) / kG_m_s2;
+    }
+    if (std::abs(node.grasp.weight_kg - mass_kg) > kSlack * mass_kg)
+        findings_.add(kWrongGrasp, 2, fmt::format("{} kg is stable, {} kg hangs", node.grasp.weight_kg, mass_kg));
 }
 
 }  // namespace tactiled::faults

@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <climits>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
@@ -18,41 +17,65 @@ namespace tactiled::faults {
 namespace {
 
 constexpr std::uint64_t kMostPauseMs = 1000;
+constexpr std::uint64_t kFoundMs = 150;  // until whoever reads has found a new daemon
+constexpr std::uint64_t kToldMs = 20;    // a node record comes each 10 ms
+double gain_of(bool second_calibration) { return second_calibration ? 0.002 : 0.001; }  // N a count
 
-// Links 0 (binary) and 1 (text) carry one sensor, link 2 (binary) two. Files of this process; a planted one is its own.
-std::string configuration(const std::string& name, const Plant* plant) {
-    static const std::string folder = [] {
-        const std::string made = fmt::format("/tmp/world-{}", ::getpid());
-        std::filesystem::create_directory(made);
-        std::ofstream(made + "/unit.toml")
-            << "format = 1\nmodel = \"generic\"\nmethod = \"matrix\"\nchannels = [\"a\", \"b\", \"c\"]\n"
-               "channel_unit = \"counts\"\nzero = [0.0, 0.0, 0.0]\ncomponents = [\"fx\", \"fy\", \"fz\"]\n"
-               "matrix = [[0.001, 0.0, 0.0], [0.0, 0.001, 0.0], [0.0, 0.0, 0.001]]\nsd = [0.01, 0.01, 0.01]\n"
-               "full_scale = [500.0, 500.0, 500.0]\n";
-        return made;
-    }();
-    const std::string path = folder + (plant == nullptr ? "/tactiled.toml" : "/planted.toml");
-    if (plant == nullptr && std::filesystem::exists(path)) return path;
+// Files of this process.
+const std::string& folder() {
+    static const std::string made = fmt::format("/tmp/world-{}", ::getpid());
+    std::filesystem::create_directory(made);
+    return made;
+}
+
+// In newtons a count `gain`; a jaw's zero is its own place.
+void write_calibration(const std::string& name, double gain, unsigned sensor) {
+    const auto zero = [&](unsigned k) { return is_jaw(sensor) ? place_of(sensor, k) : 0; };
+    std::ofstream(folder() + "/" + name) << fmt::format(
+        "format = 1\nmodel = \"generic\"\nmethod = \"matrix\"\nchannels = [\"a\", \"b\", \"c\"]\n"
+        "channel_unit = \"counts\"\nzero = [{}.0, {}.0, {}.0]\ncomponents = [\"fx\", \"fy\", \"fz\"]\n"
+        "matrix = [[{}, 0.0, 0.0], [0.0, {}, 0.0], [0.0, 0.0, {}]]\nsd = [0.01, 0.01, 0.01]\n"
+        "full_scale = [500.0, 500.0, 500.0]\n",
+        zero(0), zero(1), zero(2), gain, gain, gain);
+}
+
+}  // namespace
+
+// Links 0 (binary) and 1 (text) carry one sensor each, which are compared; link 2 (binary) two, the jaws of a gripper.
+std::string World::write_configuration() const {
     std::string text =
-        fmt::format("[node]\nname = \"{}\"\n[modbus]\nlisten = \"\"\nsettings = \"{}/settings.toml\"\n", name, folder);
+        fmt::format("[node]\nname = \"{}\"\n[modbus]\nlisten = \"\"\nsettings = \"{}/settings.toml\"\n", name_, folder());
     for (unsigned link = 0; link < kLinks; ++link)
         text += fmt::format(
             "[[link]]\nname = \"l{}\"\ndriver = \"uart\"\ndevice = \"/dev/none\"\n{}", link,
             link == 1 ? "format = \"lines\"\nchannels = 3\nsequence = true\nchecksum = true\n" : "format = \"cobs\"\n");
-    for (unsigned i = 0; i < kSensors; ++i)
+    for (unsigned i = 0; i < kSensors; ++i) {
+        const bool second = i == kRecalibrated && knobs_.second_calibration;
+        const std::string file = fmt::format("unit{}{}.toml", i, second ? "b" : "");
+        write_calibration(file, gain_of(second), i);
         text += fmt::format(
-            "[[sensor]]\nname = \"s{}\"\nlink = \"l{}\"\ndevice = {}\nmodel = \"generic\"\ncalibration = \"unit.toml\"\n"
+            "[[sensor]]\nname = \"s{}\"\nlink = \"l{}\"\ndevice = {}\nmodel = \"generic\"\ncalibration = \"{}\"\n"
             "stale_ms = {}\nfrozen_after = {}\nslew_limit_per_s = 1e5\nrate_Hz = 250\nsaturates_at = [-8388608, 8388607]\n",
-            i, World::link_of(i), i == 3 ? 1 : 0, kStaleMs, kFrozenAfter);
-    if (plant != nullptr && !plant->configuration[0].empty())
-        for (std::size_t at = 0; (at = text.find(plant->configuration[0], at)) != text.npos;
-             at += plant->configuration[1].size())
-            text.replace(at, plant->configuration[0].size(), plant->configuration[1]);
+            i, World::link_of(i), i == 3 ? 1 : 0, file, kStaleMs, kFrozenAfter);
+        if (i == 0) text += fmt::format("agrees_with = \"s1\"\nagree_N = 45\nagree_ms = {}\n", kAgreeMs);
+        if (i == 1) text += fmt::format("filter_hz = {}\n", knobs_.filter_Hz);
+        if (is_jaw(i)) text += fmt::format("tare_ms = {}\ntare_limit_N = {}\n", knobs_.tare_ms, kTareLimit_N);
+    }
+    text += fmt::format(
+        "[grasp]\ngravity_G_m_s2 = [0, 0, 9.81]\nlift_accelerates_ms = 50\nweigh_window_ms = 50\n"
+        "objects = \"{}/objects.toml\"\n",
+        folder());
+    for (const unsigned jaw : {2u, 3u})
+        text += fmt::format("[[grasp.jaw]]\nsensor = \"s{}\"\nx_S_in_G = [0, 0, 1]\nz_S_in_G = [{}, 0, 0]\n", jaw,
+                            jaw == 2 ? 1 : -1);
+    if (plant_ != nullptr && !plant_->configuration[0].empty())
+        for (std::size_t at = 0; (at = text.find(plant_->configuration[0], at)) != text.npos;
+             at += plant_->configuration[1].size())
+            text.replace(at, plant_->configuration[0].size(), plant_->configuration[1]);
+    const std::string path = folder() + "/tactiled.toml";
     std::ofstream(path) << text;
     return path;
 }
-
-}  // namespace
 
 World::World(std::uint64_t seed, const Plant* plant)
     : random_(seed), plant_(plant), name_(fmt::format("world-{}", ::getpid())) {
@@ -62,8 +85,9 @@ World::World(std::uint64_t seed, const Plant* plant)
         cables_[link] = cable.get();
         unused_[link] = std::move(cable);
     }
+    std::uint32_t first = 0;
     for (unsigned i = 0; i < kSensors; ++i) {
-        const auto first = std::uint32_t(random_());
+        if (i != 3) first = std::uint32_t(random_());  // the jaws feel the same at the same time
         devices_[i] = std::make_unique<Device>(i, i == 3 ? 1 : 0, *cables_[link_of(i)], i == 1 ? first >> 1 : first & 0x7FFF,
                                                world_ns + random_() % kPeriodNs);
     }
@@ -78,17 +102,28 @@ World::~World() {
 
 void World::start() {
     Problems problems;
-    node_ = std::make_unique<Node>(load_node(configuration(name_, plant_), problems));
+    node_ = std::make_unique<Node>(load_node(write_configuration(), problems));
     if (!problems.empty()) throw std::runtime_error(problems.lines().front());
     if (plant_ != nullptr && plant_->setup) plant_->setup(*node_);
     for (unsigned link = 0; link < kLinks; ++link) node_->links[link]->driver = std::move(unused_[link]);
     segment_ = std::make_unique<SegmentWriter>(node_->plan);
-    pipeline_ = std::make_unique<Pipeline>(node_->links, node_->sensors, *segment_, 0);
+    pipeline_ = std::make_unique<Pipeline>(node_->links, node_->sensors, *segment_, 0, node_->grasp);
+    reloader_ = std::make_unique<Reloader>(*node_, "");
     pipeline_->start(world_ns);
     segment_->set_state(TACTILED_RUNNING);
     threads_ = {};
     next_turn_ns_ = world_ns;
-    suffer(UINT_MAX, world_ns + 100 * kMs);
+    seen_ = Segment::open(name_);
+    asked_ = 0;
+    refused_ = false;
+    in_force_ = knobs_;
+    if (witness_ != nullptr) {
+        witness_->expect_gain(kRecalibrated, gain_of(knobs_.second_calibration), devices());
+        witness_->settle_gain(kRecalibrated, true, devices());
+    }
+    started_ns_ = world_ns;
+    told_from_ns_ = world_ns + kToldMs * kMs;
+    suffer(~0u, world_ns + 100 * kMs);
     planted_ = {};
     before_ = {};
     if (plant_ == nullptr) return;
@@ -106,6 +141,7 @@ void World::take_cables_back() {
         cables_[link]->close();
         unused_[link] = std::move(node_->links[link]->driver);
     }
+    reloader_.reset();
     pipeline_.reset();
     node_.reset();
 }
@@ -148,9 +184,9 @@ void World::restart() {
     start();
 }
 
-void World::suffer(unsigned link, std::uint64_t until_ns) {
+void World::suffer(unsigned mask, std::uint64_t until_ns) {
     for (unsigned i = 0; i < kSensors; ++i)
-        if (link == UINT_MAX || link_of(i) == link) suffers_until_ns_[i] = std::max(suffers_until_ns_[i], until_ns);
+        if ((mask >> i & 1u) != 0) suffers_until_ns_[i] = std::max(suffers_until_ns_[i], until_ns);
 }
 
 void World::stall_pipeline(std::uint64_t ms) { stalled_until_ns_ = std::max(stalled_until_ns_, world_ns + ms * kMs); }
@@ -167,12 +203,74 @@ void World::plug(unsigned link) {
         if (link_of(i) == link) gone_since_ns_[i] = 0;
 }
 
+std::array<Device*, kSensors> World::devices() {
+    std::array<Device*, kSensors> all{};
+    for (unsigned i = 0; i < kSensors; ++i) all[i] = devices_[i].get();
+    return all;
+}
+
+void World::retune() {
+    knobs_.filter_Hz = 65 - knobs_.filter_Hz;  // 25, 40
+    knobs_.tare_ms = 81 - knobs_.tare_ms;      // 40, 41
+    write_configuration();
+    reload();
+}
+
+void World::recalibrate() {
+    knobs_.second_calibration = !knobs_.second_calibration;
+    write_configuration();
+    if (!is_running()) return;
+    witness_->expect_gain(kRecalibrated, gain_of(knobs_.second_calibration), devices());
+    reload();
+    witness_->settle_gain(kRecalibrated, in_force_ == knobs_, devices());
+}
+
+void World::reload_broken() {
+    std::ofstream(write_configuration()) << "[[sensor]]\n";
+    reload();
+    refused_ = true;
+    write_configuration();
+}
+
+// SIGHUP. While the daemon waits for its loop the world goes on. What it logs is not shown.
+void World::reload() {
+    if (!is_running()) return;
+    const std::uint32_t before = seen_.header().reloads;
+    told_from_ns_ = UINT64_MAX;
+    const int standard_error = ::dup(STDERR_FILENO), nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
+    ::dup2(nowhere, STDERR_FILENO);
+    while_asleep = [this](std::uint64_t until_ns) { run_ms((until_ns - world_ns + kMs - 1) / kMs); };
+    reloader_->reload(*pipeline_);
+    while_asleep = nullptr;
+    ::dup2(standard_error, STDERR_FILENO);
+    ::close(standard_error);
+    ::close(nowhere);
+    if (seen_.header().reloads != before) in_force_ = knobs_;
+    refused_ = in_force_ != knobs_;
+    told_from_ns_ = std::max(world_ns, stalled_until_ns_) + kToldMs * kMs;
+}
+
+tactiled_node World::latest_node() const {
+    tactiled_node node{};
+    (void)seen_.latest_node(node);
+    return node;
+}
+
+void World::tare_at_random() {
+    if (!tares || asked_ != 0 || random_() % 60 != 0) return;
+    Command* const slot = pipeline_->commands[TACTILED_FROM_SOCKET].claim();
+    if (slot == nullptr) return;
+    asked_ = std::uint32_t(random_() % 3 + 1) << 2;
+    *slot = {.kind = Command::Kind::tare, .mask = asked_, .number = ++command_};
+    pipeline_->commands[TACTILED_FROM_SOCKET].push();
+    pipeline_->commands[TACTILED_FROM_SOCKET].commit();
+}
+
 void World::run_ms(std::uint64_t ms) {
-    std::array<Device*, kSensors> devices{};
-    for (unsigned i = 0; i < kSensors; ++i) devices[i] = devices_[i].get();
+    const std::array<Device*, kSensors> devices = this->devices();
     for (; ms > 0; --ms) {
         const std::uint64_t began_ns = world_ns;
-        if (plant_ != nullptr && plant_->devices) plant_->devices(devices);
+        if (is_running()) tare_at_random();
         for (auto& device : devices_) device->send(world_ns, random_);
         std::array<unsigned, kLinks + 1> actors{0, 1, 2, kLinks};
         std::shuffle(actors.begin(), actors.end(), random_);
@@ -183,6 +281,9 @@ void World::run_ms(std::uint64_t ms) {
         }
         Expectation expected;
         expected.plc_reads = ++turns_ % 10 == 0;
+        const bool told = is_running() && world_ns > told_from_ns_ && world_ns > stalled_until_ns_ + kToldMs * kMs;
+        expected.new_daemon = world_ns < started_ns_ + kFoundMs * kMs;
+        if (told && !expected.new_daemon) expected.reload_refused = refused_ ? 1 : 0;
         for (unsigned i = 0; i < kSensors; ++i) {
             expected.may_suffer[i] = world_ns < suffers_until_ns_[i];
             if (gone_since_ns_[i] != 0 && is_running())
@@ -234,6 +335,11 @@ void World::turn_pipeline() {
     if (world_ns < std::max(next_turn_ns_, stalled_until_ns_)) return;
     const std::uint64_t missed = (world_ns - next_turn_ns_) / kMs;
     pipeline_->deliver(world_ns);
+    if (const tactiled_command said = latest_node().command[TACTILED_FROM_SOCKET];
+        asked_ != 0 && said.acknowledged == command_) {
+        if (said.state == TACTILED_COMMAND_RUNNING) witness_->tare_begins(asked_);
+        asked_ = 0;
+    }
     pipeline_->account(10'000, missed);
     next_turn_ns_ += (missed + 1) * kMs;
     if (plant_ != nullptr) plant_samples();

@@ -9,6 +9,7 @@
 
 #include "device.hpp"
 #include "node/pipeline.hpp"
+#include "node/reload.hpp"
 #include "node/setup.hpp"
 #include "witness.hpp"
 
@@ -22,7 +23,6 @@ struct Plant {
     std::function<void(tactiled_sample&, const tactiled_sample&)> sample = nullptr;
     std::function<void(tactiled_node&)> node = nullptr;
     std::function<void(Node&)> setup = nullptr;  // before the daemon runs
-    std::function<void(std::array<Device*, kSensors>&)> devices = nullptr;
     std::array<std::string, 2> configuration{};  // this text of it is replaced by that
     bool break_is_hidden = false;                // the link's thread does not tell that its device is gone
 };
@@ -44,14 +44,20 @@ public:
     Findings& findings() { return findings_; }
     Random& random() { return random_; }
 
-    // Not GOOD is no alarm for this sensor until then. "All": UINT_MAX.
-    void suffer(unsigned link_or_all, std::uint64_t until_ns);
+    // Not GOOD is no alarm for the sensors of `mask` until then.
+    void suffer(unsigned mask, std::uint64_t until_ns);
     void unplug(unsigned link);
     void plug(unsigned link);
     void stall_pipeline(std::uint64_t ms);
     void kill();     // the process is gone, its file stays
     void stop();     // SIGTERM
     void restart();  // another process takes over
+    // SIGHUP, after the file was changed: another low pass and time to tare; another calibration; one that is none.
+    void retune();
+    void recalibrate();
+    void reload_broken();
+
+    bool tares = false;  // somebody tares the jaws at random moments
 
 private:
     struct LinkThread {
@@ -59,6 +65,18 @@ private:
         std::uint64_t retry_ns = 0, pause_ms = 50, opened_ns = 0;
         std::uint32_t frames_at_open = 0;
     };
+    // What is changed of the configuration.
+    struct Knobs {
+        double filter_Hz = 25;
+        int tare_ms = 40;
+        bool second_calibration = false;
+        bool operator==(const Knobs&) const = default;
+    };
+    std::string write_configuration() const;  // its path
+    void reload();
+    [[nodiscard]] std::array<Device*, kSensors> devices();
+    void tare_at_random();
+    [[nodiscard]] tactiled_node latest_node() const;
     void start();
     void take_cables_back();
     void turn_link(unsigned link);
@@ -68,15 +86,21 @@ private:
 
     Random random_;
     const Plant* plant_;
-    std::string name_, folder_;
+    std::string name_;
     Findings findings_;
     std::array<std::unique_ptr<Driver>, kLinks> unused_;  // the cables, while no daemon runs
     std::array<Cable*, kLinks> cables_{};
     std::array<std::unique_ptr<Device>, kSensors> devices_;
     std::unique_ptr<Node> node_;
     std::unique_ptr<SegmentWriter> segment_;
+    Segment seen_;  // the same, as a reader has it
     std::unique_ptr<Pipeline> pipeline_;
+    std::unique_ptr<Reloader> reloader_;
     std::unique_ptr<Witness> witness_;
+    Knobs knobs_, in_force_;
+    std::uint32_t command_ = 0, asked_ = 0;            // number and mask of the tare that is asked for
+    bool refused_ = false;                             // the last reload
+    std::uint64_t started_ns_ = 0, told_from_ns_ = 0;  // what became of it is told by then
     Ring<Command> plc_{16};
     std::array<LinkThread, kLinks> threads_{};
     std::array<std::uint64_t, kSensors> suffers_until_ns_{}, gone_since_ns_{};

@@ -151,6 +151,8 @@ def run(seconds, plant=None, thread="pipeline", period=250, stir=False):
                 player.wait()
                 misbehave(d, dice)
                 d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "text", "--format", "lines", "--sequence", "--rate", 500, "--loop")
+        if stir:
+            print("reloads:", ", ".join(f"{d.log().count(word)} {word}" for word in ("SIGHUP: changed", "SIGHUP: refused", "SIGHUP: neither")), flush=True)
         status, _ = d.stop()
         return status, [json.loads(line) for line in (d.folder / "guard.json").read_text().splitlines()]
 

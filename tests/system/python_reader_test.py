@@ -534,7 +534,7 @@ class AFile(unittest.TestCase):
 
     def test_that_is_no_segment_of_ours_is_refused_with_the_reason(self):
         cases = (
-            ("its layout is version 2.7, this reader knows 1.3", [("major", 2), ("minor", 7)]),
+            (f"its layout is version 2.7, this reader knows {tactiled.MAJOR}.{tactiled.MINOR}", [("major", 2), ("minor", 7)]),
             ("no tactiled segment", [("magic", b"TACTILES")]),
             ("the other byte order", [("byte_order", 0x04030201)]),
             ("truncated", [("header_size", 508)]),

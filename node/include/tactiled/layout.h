@@ -1,4 +1,4 @@
-/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.3.
+/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.4.
  *
  * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
  * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
@@ -32,7 +32,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 3
+#define TACTILED_MINOR 4
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* of a frame */
@@ -69,7 +69,9 @@ enum tactiled_reason {
     TACTILED_STEPPED = 1 << 15,    /* a channel has changed faster than slew_limit_per_s since the frame before */
     TACTILED_IDLE_BUS = 1 << 16,   /* all channels read all zeros or all ones: nobody answers */
     TACTILED_WRONG_RATE = 1 << 17, /* measured beside the declared rate_Hz; the value is right, and may be GOOD */
-    TACTILED_DRIFTED = 1 << 18     /* the zero at rest has moved by drift_limit_N: tare; the value may be GOOD */
+    TACTILED_DRIFTED = 1 << 18,    /* the zero at rest has moved by drift_limit_N: tare; the value may be GOOD */
+    /* Since 1.4: */
+    TACTILED_SENSORS_DIFFER = 1 << 19 /* the sensor that agrees_with names tells another force: one of them is wrong */
 };
 
 /* One sample of one sensor. SI units, frame S. A component that the sensor cannot see is NaN, not 0. */
@@ -142,6 +144,7 @@ enum tactiled_fault {
 enum tactiled_warning {
     TACTILED_WARN_DRIFT = 1 << 1,  /* a sensor is TACTILED_DRIFTED: maintenance */
     TACTILED_WARN_LOST = 1 << 2,   /* frames were lost within the last second */
+    TACTILED_WARN_TARE = 1 << 4,   /* the last tare was refused or failed while it was measured. Since 1.4 */
     TACTILED_WARN_BUDGET = 1 << 5, /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
     TACTILED_WARN_RATE = 1 << 6,   /* a sensor is TACTILED_WRONG_RATE */
     TACTILED_WARN_RELOAD = 1 << 7  /* the last reload of the configuration was refused: the one before is in force */
@@ -256,7 +259,10 @@ enum tactiled_command_result {
     TACTILED_COMMAND_NOT_NOW = 4,
     TACTILED_COMMAND_LOCKED = 5,
     TACTILED_COMMAND_FAILED = 6,
-    TACTILED_COMMAND_TIMED_OUT = 7
+    TACTILED_COMMAND_TIMED_OUT = 7,
+    /* Since 1.4, of a tare; the zero before stays: */
+    TACTILED_COMMAND_MOVING = 8,    /* the force moved while it was averaged */
+    TACTILED_COMMAND_UNDER_LOAD = 9 /* the new zero would be further than tare_limit_N from the calibration's */
 };
 
 /* A ring of slots. Slot i of a ring starts at offset + i * slot_size: a lock word, four zero bytes, then the record.

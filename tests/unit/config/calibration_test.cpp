@@ -243,6 +243,14 @@ TEST(Calibration, RefusesWhatDoesNotFitTogether) {
         {with("channel_units = 'pF'"), "unknown key \"channel_units\"; did you mean \"channel_unit\"?"},
         {with("[parameters]\na = 'x'"), "[parameters]: a = \"x\" is a string, should be a number"},
         {with("[parameters]\na = inf"), "[parameters]: a = inf is not a finite number"},
+        {with("[tables]\nt = [[1, 2], [3]]"), "[tables]: t: its rows have 2 and 1 numbers; all need as many"},
+        {with("[tables]\n'a.b' = [[1]]"),
+         "[tables]: table \"a.b\"; a name has 1 .. 31 of A-Z a-z 0-9 _ . -, and no dot here"},
+        {with("method = 'a b'"), "method = \"a b\"; a name has 1 .. 31 of A-Z a-z 0-9 _ . -"},
+        {with("[[other]]\nzero = [0, 0]\nmatrix = [[1, 2], [3, 4]]"), "[[other]]: key \"method\" is missing"},
+        {with("[[other]]\nmethod = 'b'\nzero = [0, 0]\nmatrix = [[1, 2]]"), "[[other]]: matrix has 1 rows for 2 components"},
+        {with("date = '2026-x2-20'"), "date = \"2026-x2-20\" should be a day as YYYY-MM-DD"},
+        {with("date = '2026-13-01'"), "date = \"2026-13-01\" should be a day as YYYY-MM-DD"},
         {with("[parameters]\n'a b' = 1"),
          "[parameters]: parameter \"a b\"; a name has 1 .. 31 of A-Z a-z 0-9 _ . -, and no dot here"},
     };
@@ -251,6 +259,22 @@ TEST(Calibration, RefusesWhatDoesNotFitTogether) {
         ASSERT_EQ(lines.size(), 1u) << error << "\n" << (lines.empty() ? "" : lines[1]);
         EXPECT_EQ(lines[0].substr(lines[0].find(": ") + 2), error);
     }
+}
+
+TEST(Calibration, HoldsTablesAndOtherMethodsOfWhichOneIsChosenByName) {
+    Problems problems;
+    const Calibration c = parse_calibration(with("method = 'first'\n[tables]\nt = [[1, 2], [3, 4]]\n[[other]]\nmethod = "
+                                                 "'second'\nzero = [5, 6]\nmatrix = [[7, 8], [9, 10]]"),
+                                            "c.toml", problems);
+    EXPECT_EQ(problems.lines(), Lines{});
+    EXPECT_EQ(c.tables.at("t"), (std::vector<std::vector<double>>{{1, 2}, {3, 4}}));
+    const Calibration second = c.with_method("second"), first = c.with_method("first");
+    EXPECT_EQ(second.matrix[0][0], 7);
+    EXPECT_EQ(second.zero[0], 5);
+    EXPECT_EQ(second.method, "second");
+    EXPECT_EQ(first.matrix, c.matrix);
+    EXPECT_TRUE(first.others.empty() && second.others.empty());
+    EXPECT_EQ(parse_calibration(calibration_text(c), "c.toml", problems).others.size(), 1u);
 }
 
 TEST(Calibration, SaysWhichFileIsMissingOrTooLarge) {

@@ -84,6 +84,8 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(s.rate_tolerance, 0.2);
     EXPECT_EQ(s.drift_limit_N, 0.0);
     EXPECT_EQ(s.tare_ms, 100);
+    EXPECT_EQ(s.tare_limit_N, 0.0);
+    EXPECT_EQ(s.pair, PairSettings{.agree_ms = 100});
 }
 
 TEST(Config, ReadsEveryKey) {
@@ -98,7 +100,7 @@ TEST(Config, ReadsEveryKey) {
         "'m'\ncalibration = '/c'\n"
         "method = 'x'\nstale_ms = 1\ntare_ms = 10000\nfrozen_after = 2\nslew_limit_per_s = 3.5\nrate_Hz = 4\nrate_tolerance "
         "= 0.5\n"
-        "drift_limit_N = 0.25\n");
+        "drift_limit_N = 0.25\ntare_limit_N = 1.5\n");
     EXPECT_EQ(loaded.lines(), Lines{});
     const Config& c = loaded.config;
     EXPECT_EQ(c.node.name, "a.b_c-1");
@@ -137,6 +139,7 @@ TEST(Config, ReadsEveryKey) {
     EXPECT_EQ(s.rate_tolerance, 0.5);
     EXPECT_EQ(s.drift_limit_N, 0.25);
     EXPECT_EQ(s.tare_ms, 10000);
+    EXPECT_EQ(s.tare_limit_N, 1.5);
 }
 
 TEST(Config, LeavesTheDriversKeysToTheDriver) {
@@ -247,6 +250,29 @@ TEST(Config, NamesTheNearestLink) {
               Lines{"t.toml:8: sensor \"s\": link = \"usb1\" is no [[link]]; did you mean \"usb0\"?"});
     EXPECT_EQ(errors(std::string(kLink) + sensor("s", "link = 'can'\n")),
               Lines{"t.toml:8: sensor \"s\": link = \"can\" is no [[link]]; known: usb0"});
+}
+
+TEST(Config, PairsTwoSensorsOfWhichOneNamesTheOther) {
+    const auto three = [](const std::string& of_a, const std::string& of_b, const std::string& of_c = "") {
+        return std::string(kLink) + sensor("a", "link = 'usb0'\n" + of_a) +
+               sensor("b", "link = 'usb0'\ndevice = 1\n" + of_b) + sensor("c", "link = 'usb0'\ndevice = 2\n" + of_c);
+    };
+    const std::string names_a = "agrees_with = 'a'\nagree_N = 2\nagree_ms = 30\n";
+    const Loaded loaded(three("", "", names_a));
+    EXPECT_EQ(loaded.lines(), Lines{});
+    EXPECT_EQ(loaded.config.sensors[0].pair, (PairSettings{2, 2, 30}));
+    EXPECT_EQ(loaded.config.sensors[1].pair.other, -1);
+    EXPECT_EQ(loaded.config.sensors[2].pair, (PairSettings{0, 2, 30}));
+
+    const std::string at_b = "t.toml:15: sensor \"b\": agrees_with ";
+    EXPECT_EQ(errors(three("", "agrees_with = 'a'\n")),
+              Lines{at_b + "needs agree_N: by how many newtons the two may differ"});
+    EXPECT_EQ(errors(three("", "agrees_with = 'b'\nagree_N = 1\n")), Lines{at_b + "= \"b\" is this sensor itself"});
+    EXPECT_EQ(errors(three("", "agrees_with = 'cc'\nagree_N = 1\n")),
+              Lines{at_b + "= \"cc\" is no [[sensor]]; did you mean \"c\"?"});
+    const Lines twice = errors(three("", names_a, names_a));
+    ASSERT_EQ(twice.size(), 1u);
+    EXPECT_NE(twice[0].find("sensor \"c\": agrees_with = \"a\" "), std::string::npos) << twice[0];
 }
 
 TEST(Config, ChecksChannelsOfASensor) {
@@ -448,7 +474,7 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
             EXPECT_NE(text.substr(at + 1, text.find('\n', at + 1) - at).find("  # "), std::string::npos) << key;
         }
     }
-    EXPECT_EQ(n_keys, 72u);
+    EXPECT_EQ(n_keys, 76u);
 }
 
 TEST(DocumentedConfig, NamesTheDefaults) {

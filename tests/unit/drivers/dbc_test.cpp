@@ -114,6 +114,42 @@ TEST(Dbc, TellsFileAndLineOfWhatIsWrong) {
         "g.dbc:2: message \"B\": id 0x800 is larger than 0x7ff; an id of 29 bits is written with bit 31 set, + 2147483648");
     EXPECT_EQ(one("BO_ 4294967296 B: 8 X"),
               "g.dbc:2: the message's id is no number of 32 bits; should be: BO_ ID NAME: BYTES SENDER");
+    const std::string is_129(129, 'n');
+    EXPECT_EQ(one("BO_ 292 : 8 X"), "g.dbc:2: should be: BO_ ID NAME: BYTES SENDER");
+    EXPECT_EQ(one("BO_ 292 B 8 X"), "g.dbc:2: should be: BO_ ID NAME: BYTES SENDER");
+    EXPECT_EQ(one("BO_ 292 B: many X"), "g.dbc:2: should be: BO_ ID NAME: BYTES SENDER");
+    EXPECT_EQ(one("BO_ 292 B: -8 X"), "g.dbc:2: should be: BO_ ID NAME: BYTES SENDER");
+    EXPECT_NE(one("BO_ 292 " + is_129 + ": 8 X").find(": the name has more than 128 letters"), std::string::npos);
+    EXPECT_NE(one("BO_ 292 B: 5000000 X").find("5000000 bytes; a message has at most "), std::string::npos);
+    EXPECT_NE(one("BO_ 3758096384 B: 8 X").find("is larger than 0x1fffffff"), std::string::npos);
+    EXPECT_EQ(one(" SG_ : 0|8@1+ (1,0)"), "g.dbc:2: the signal's name is missing or has more than 128 letters");
+    EXPECT_EQ(one(" SG_ " + is_129 + " : 0|8@1+ (1,0)"),
+              "g.dbc:2: the signal's name is missing or has more than 128 letters");
+    for (const char* place : {" F 0|8@1+", " F : x|8@1+", " F : 0-8@1+", " F : 0|x@1+", " F : 0|8#1+", " F : 0|8@x+"})
+        EXPECT_NE(one(std::string(" SG_") + place + " (1,0)").find("should be"), std::string::npos) << place;
+    for (const char* numbers : {"1,0)", "(x,0)", "(1;0)", "(1,x)", "(1,0", "(+-1,0)", "(.,0)", "(-,0)"})
+        EXPECT_EQ(one(std::string(" SG_ F : 0|8@1+ ") + numbers),
+                  "g.dbc:2: signal \"F\": then comes (FACTOR,OFFSET), two numbers")
+            << numbers;
+    EXPECT_EQ(one(" SG_ F : 0|8@1+ (-.5,+1e1)"), "accepted");
+    EXPECT_EQ(one(" SG_ F mx : 0|8@1+ (1,0)"),
+              "g.dbc:2: signal \"F\": \"mx\" is no multiplexer; should be M, or m and a number");
+    EXPECT_EQ(one(" SG_ F m1x : 0|8@1+ (1,0)"),
+              "g.dbc:2: signal \"F\": \"m1x\" is no multiplexer; should be M, or m and a number");
+    EXPECT_EQ(one(" SG_ F M : 0|8@1- (1,0)"), "g.dbc:2: signal \"F\" selects (M), but is not unsigned");
+    EXPECT_EQ(one(" SG_ F M : 0|8@1+ (1,0)\n SG_ G M : 8|8@1+ (1,0)"),
+              "g.dbc:3: signal \"G\" selects (M), but so does \"F\"");
+    EXPECT_EQ(one("SIG_VALTYPE_ x F : 1;"), "g.dbc:2: should be: SIG_VALTYPE_ ID SIGNAL : TYPE;");
+    EXPECT_EQ(one("SIG_VALTYPE_ 291 : 1;"), "g.dbc:2: should be: SIG_VALTYPE_ ID SIGNAL : TYPE;");
+    for (const char* type : {"3", "x"})
+        EXPECT_EQ(one(std::string(" SG_ F : 0|8@1+ (1,0)\nSIG_VALTYPE_ 291 F : ") + type + ";"),
+                  "g.dbc:3: the type of SIG_VALTYPE_ should be 0 (integer), 1 (float) or 2 (double)");
+    EXPECT_EQ(one(" SG_ F : 0|8@1+ (1,0)\nSIG_VALTYPE_ 291 F 0;"), "accepted");
+    EXPECT_EQ(one(" SG_ F : 0|64@1+ (1,0)\nSIG_VALTYPE_ 291 F : 2;"), "accepted");
+    EXPECT_EQ(one("SIG_VALTYPE_ 3221225472 Lost : 1;"), "accepted");  // of the message for signals of no message
+    EXPECT_EQ(one("SG_MUL_VAL_ x F S 0-3;"), "g.dbc:2: should be: SG_MUL_VAL_ ID SIGNAL SELECTOR RANGES;");
+    EXPECT_EQ(one("SG_MUL_VAL_ 9 F S 0-3;"), "accepted");
+    EXPECT_EQ(one("CM_ \"a \\\" and a \\\\\";"), "accepted");
     EXPECT_EQ(one("CM_ \"never closed"), "g.dbc:2: a quoted text that begins here never ends; close it with \"");
     EXPECT_EQ(problems_of("BO_ x A: 8 X\n SG_ F : 0|8@1+ (1,0)\n SG_ G : 0|8@1+ (1,0)\n").size(), 1u);
     EXPECT_EQ(problems_of(" SG_ F : 0|8@1+ (1,0)"),
@@ -128,6 +164,19 @@ TEST(Dbc, MarksNestedMultiplexersSoThatTheyAreRefusedWhereUsed) {
     EXPECT_EQ(parse_dbc(nested, "g.dbc", problems).messages[0].nested_mux_line, 4u);
     EXPECT_EQ(parse_dbc(plain + "SG_MUL_VAL_ 1 F S 0-3;\n", "g.dbc", problems).messages[0].nested_mux_line, 4u);
     EXPECT_TRUE(problems.empty());
+}
+
+TEST(Dbc, HasRoomForOnlySoMuch) {
+    std::string text = "BO_ 1 Long: 4095 X\n SG_ Far : 4000|8@1+ (1,0)\n";
+    EXPECT_EQ(problems_of(text), Lines{}) << "a transport protocol's message: what lies beyond a frame is nothing to us";
+    for (int n = 0; n < 2000; ++n) text += " SG_ S" + std::to_string(n) + " : 0|8@1+ (1,0)\n";
+    ASSERT_FALSE(problems_of(text).empty());
+    EXPECT_NE(problems_of(text)[0].find(" signals in a message"), std::string::npos) << problems_of(text)[0];
+    text.clear();
+    for (int n = 0; n < 20'000; ++n)
+        text += "BO_ " + std::to_string(0x80000000u + unsigned(n)) + " M" + std::to_string(n) + ": 8 X\n";
+    ASSERT_FALSE(problems_of(text).empty());
+    EXPECT_NE(problems_of(text)[0].find(" messages"), std::string::npos) << problems_of(text)[0];
 }
 
 TEST(Dbc, ReportsAtMostTwentyProblems) {

@@ -50,7 +50,7 @@ TEST(RegisterMap, AreasHoldWholeRequestsOnly) {
 
 TEST(RegisterMap, EverySensorReasonHasItsOwnFaultNumber) {
     std::set<std::uint16_t> numbers;
-    for (int bit = 0; bit <= 18; ++bit) {
+    for (int bit = 0; bit <= 19; ++bit) {
         if ((1 << bit & (TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED)) != 0)
             continue;  // no weakness of the value
         const auto fault = fault_of(1u << bit);

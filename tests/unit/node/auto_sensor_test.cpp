@@ -116,7 +116,7 @@ TEST(AutoSensor, ATareHoldsForTheMethodThatComesAfterIt) {
     EXPECT_NEAR(s.force_S_N[2], -2, 1e-12);  // not -2.75, which the other method's zero would make of it
     EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
     EXPECT_EQ(s.raw_force_S_N[2], -3.5);
-    bench.sensor.begin_untare(bench.t_ns);
+    bench.sensor.begin_untare();
     EXPECT_EQ(bench.next(-3).force_S_N[2], -3.5);
     clock_step_ns = 1'000;
     const tactiled_sample back = bench.after(11'000, -3);  // calm enough for a step up

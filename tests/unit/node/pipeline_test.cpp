@@ -37,6 +37,29 @@ public:
     std::string_view method() const noexcept override { return "constant"; }
 };
 
+// One channel as fx, with a deviation.
+class Certain final : public Decoupler {
+public:
+    Estimate decouple(const Reading& r) noexcept override {
+        Estimate e;
+        e.wrench_S = {r.channel[0], 0, 0, kNaN, kNaN, kNaN};
+        e.sd = {0.01, 0.01, 0.01, kNaN, kNaN, kNaN};
+        e.quality = TACTILED_GOOD;
+        return e;
+    }
+    std::string_view method() const noexcept override { return "certain"; }
+};
+
+Sensor certain(double tare_limit_N, const Agreement::Limits& agreement = {}) {
+    Sensor::Setup setup;
+    setup.tare_limit_N = tare_limit_N;
+    setup.agreement = agreement;
+    setup.channel_of_frame = {0};
+    setup.frame_channels = 1;
+    setup.decoupler = std::make_unique<Certain>();
+    return Sensor(std::move(setup));
+}
+
 class PipelineTest : public testing::Test {
 protected:
     PipelineTest() : segment_((fill_plan(), plan_)) {
@@ -228,6 +251,68 @@ TEST_F(PipelineTest, ATareIsAcknowledgedWhenItIsDone) {
     EXPECT_EQ(s.sensor[0].raw_force_S_N[0], 3);
     tell(Command::Kind::clear_latches, 0, 4);
     EXPECT_EQ(look().node.fault, 0u);
+}
+
+TEST_F(PipelineTest, ARefusedTareSaysWhyAndWarnsUntilTheNextOne) {
+    sensors_[0] = certain(4);
+    sensors_[0].start(segment_.epoch(), now_);
+    std::uint32_t number = 0;
+    const auto tare = [&](Command::Kind kind, auto force_N) {
+        auto& ring = pipeline_->commands[TACTILED_FROM_MODBUS];
+        send(0, force_N(0));
+        acquire_all(0);
+        turn();
+        *ring.claim() = {kind, 1, ++number, {}};
+        ring.push();
+        ring.commit();
+        for (int i = 0; i < 110; ++i) {
+            send(0, force_N(i));
+            acquire_all(0);
+            turn();
+        }
+        const tactiled_node node = look().node;
+        EXPECT_EQ(node.command[TACTILED_FROM_MODBUS].acknowledged, number);
+        EXPECT_EQ((node.warning & TACTILED_WARN_TARE) != 0,
+                  node.command[TACTILED_FROM_MODBUS].result != TACTILED_COMMAND_OK);
+        return node.command[TACTILED_FROM_MODBUS];
+    };
+    auto said = tare(Command::Kind::tare, [](int i) { return 0.01 * i; });
+    EXPECT_EQ(said.state, unsigned(TACTILED_COMMAND_REJECTED));
+    EXPECT_EQ(said.result, unsigned(TACTILED_COMMAND_MOVING));
+    said = tare(Command::Kind::tare, [](int) { return 5.0; });
+    EXPECT_EQ(said.state, unsigned(TACTILED_COMMAND_REJECTED));
+    EXPECT_EQ(said.result, unsigned(TACTILED_COMMAND_UNDER_LOAD));
+    EXPECT_EQ(look().sensor[0].force_S_N[0], 5);
+    EXPECT_EQ(tare(Command::Kind::untare, [](int) { return 5.0; }).result, unsigned(TACTILED_COMMAND_OK));
+    EXPECT_EQ(tare(Command::Kind::tare, [](int) { return 3.0; }).result, unsigned(TACTILED_COMMAND_OK));
+    EXPECT_EQ(look().sensor[0].force_S_N[0], 0);
+}
+
+TEST_F(PipelineTest, TwoSensorsOfOneForceThatDifferAreBothUncertainUntilTheyAgree) {
+    for (const int i : {0, 1}) {
+        sensors_[std::size_t(i)] = certain(0, {1 - i, 1, 20'000'000});
+        sensors_[std::size_t(i)].start(segment_.epoch(), now_);
+    }
+    const auto both = [&](double a, double b, int ms) {
+        for (; ms > 0; --ms) {
+            send(0, a);
+            send(1, b);
+            for (const int link : {0, 1}) acquire_all(link);
+            turn();
+        }
+        const Snapshot s = look();
+        for (const auto& sensor : {s.sensor[0], s.sensor[1]})
+            EXPECT_EQ(sensor.reasons, sensor.quality == TACTILED_GOOD ? 0u : unsigned(TACTILED_SENSORS_DIFFER));
+        EXPECT_EQ(s.sensor[0].force_S_N[0], a);  // the value is told
+        return s.sensor[0].quality == s.sensor[1].quality ? s.sensor[0].quality : 0u;
+    };
+    EXPECT_EQ(both(5, 5.9, 100), unsigned(TACTILED_GOOD));
+    EXPECT_EQ(both(5, 6.1, 19), unsigned(TACTILED_GOOD));
+    EXPECT_EQ(both(5, 6.1, 3), unsigned(TACTILED_UNCERTAIN));
+    EXPECT_GT(tactiled_reason_count(Segment::open(plan_.name).c(), 0, 19), 0u);
+    EXPECT_GT(tactiled_reason_count(Segment::open(plan_.name).c(), 1, 19), 0u);
+    EXPECT_EQ(both(5, 5.1, 19), unsigned(TACTILED_UNCERTAIN));
+    EXPECT_EQ(both(5, 5.1, 3), unsigned(TACTILED_GOOD));
 }
 
 TEST_F(PipelineTest, WithoutAGraspNothingOfItIsKnownAndNoWeighingBegins) {

@@ -8,28 +8,12 @@
 #include <random>
 
 #include "node/sensor.hpp"
+#include "through.hpp"
 
 namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
-
-// Channels as they are; without one of them, no value.
-class Through final : public Decoupler {
-public:
-    Estimate decouple(const Reading& r) noexcept override {
-        Estimate e;
-        if (r.missing != 0) {
-            e.reasons = TACTILED_MISSING_CHANNEL;
-            return e;
-        }
-        for (std::size_t i = 0; i < 3; ++i) e.wrench_S[i] = r.channel[i], e.sd[i] = 0.01;
-        e.reasons = r.saturated != 0 ? unsigned(TACTILED_SATURATED) : 0u;
-        e.quality = e.reasons != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
-        return e;
-    }
-    std::string_view method() const noexcept override { return "through"; }
-};
 
 class Stream {
 public:
@@ -89,6 +73,17 @@ TEST(StreamQuality, ADeviceThatComesBackWithTheSameNumberIsStillFrozen) {
     ASSERT_TRUE(stream.sensor().has_broken(false, stream.t_ns()));
     EXPECT_EQ(stream.send(9, 9, 7).quality, kBad);
     EXPECT_EQ(stream.send(10, 8, 7).reasons, unsigned(TACTILED_FROZEN));
+}
+
+TEST(StreamQuality, ADeadChannelStaysDeadUnderAnotherCalibration) {
+    Stream stream({.frozen_after = 5});
+    for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
+    Stream next({.frozen_after = 5});
+    next.sensor().succeed(stream.sensor());
+    next.t_ns() = stream.t_ns();
+    EXPECT_EQ(next.send(6, -6, 7).reasons, unsigned(TACTILED_FROZEN));
+    (void)next.send(7, -7, 8);
+    EXPECT_EQ(next.send(8, -8, 9).quality, kGood);
 }
 
 TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsABreakThoughNobodySawIt) {

@@ -138,7 +138,7 @@ TEST_F(ReplaceTest, ARetunedSensorKeepsEpochTareAndWhatThePlcHasSet) {
     EXPECT_EQ(after.sequence, before.sequence + 1);
     EXPECT_NE(after.state & TACTILED_OVERLOAD, 0u);
     EXPECT_NE(after.reasons & TACTILED_TARING, 0u);
-    sensors_[0].begin_untare(monotonic_ns());
+    sensors_[0].begin_untare();
     EXPECT_NE(turn(0.3).state & TACTILED_CONTACT, 0u);
 }
 

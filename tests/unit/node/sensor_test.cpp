@@ -4,31 +4,12 @@
 
 #include <cmath>
 
+#include "through.hpp"
+
 namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
-
-// Hands the first three channels through as a force; the reasons of a real model are tested with the models.
-class Through final : public Decoupler {
-public:
-    Estimate decouple(const Reading& r) noexcept override {
-        Estimate e;
-        if (r.missing != 0) {
-            e.reasons = TACTILED_MISSING_CHANNEL;
-            return e;
-        }
-        for (std::size_t i = 0; i < 3; ++i) e.wrench_S[i] = r.channel[i], e.sd[i] = 0.01;
-        e.quality = r.saturated != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
-        if (r.saturated != 0) e.reasons = TACTILED_SATURATED;
-        if (r.channel[1] > 100) {  // as a method does whose past is not known yet
-            e.quality = TACTILED_UNCERTAIN;
-            e.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-        }
-        return e;
-    }
-    std::string_view method() const noexcept override { return "through"; }
-};
 
 Sensor make(double counts_per_unit = 1) {
     Sensor::Setup setup;
@@ -37,7 +18,7 @@ Sensor make(double counts_per_unit = 1) {
     setup.counts_per_unit = counts_per_unit;
     setup.saturates_below = -1000;
     setup.saturates_above = 1000;
-    setup.decoupler = std::make_unique<Through>();
+    setup.decoupler = std::make_unique<Through>(100);
     Sensor sensor(std::move(setup));
     sensor.start(7, 0);
     return sensor;
@@ -149,7 +130,7 @@ TEST(Sensor, TareAveragesAndKeepsTheRawForce) {
     EXPECT_EQ(s.raw_force_S_N[2], -4);
     EXPECT_EQ(s.tare_count, 1u);
     EXPECT_EQ(s.reasons & TACTILED_TARING, 0u);
-    sensor.begin_untare(112 * kMs);
+    sensor.begin_untare();
     EXPECT_EQ(sensor.poll_tare(112 * kMs), Sensor::Tare::removing);  // not acknowledged before a sample shows it
     EXPECT_EQ(sensor.sample(frame(112 * kMs, 5, 1, -4), 112 * kMs).force_S_N[2], -4);
     EXPECT_EQ(sensor.poll_tare(112 * kMs), Sensor::Tare::done);
@@ -179,7 +160,7 @@ TEST(Sensor, AZeroOfValuesOfUnknownUncertaintyIsUncertainUntilTheNextTare) {
         ASSERT_TRUE(sensor.can_tare());
         sensor.begin_tare(at * kMs);
         for (std::uint64_t t = at; t <= at + 100; ++t)
-            (void)sensor.sample(frame(t * kMs, 0, t < at + unsure ? 101 : 0, 0), t * kMs);
+            (void)sensor.sample(frame(t * kMs, 0, t < at + unsure ? 100.001 : 99.999, 0), t * kMs);
         ASSERT_EQ(sensor.poll_tare((at + 100) * kMs), Sensor::Tare::done);
     };
     tare(10, 5);
@@ -189,7 +170,7 @@ TEST(Sensor, AZeroOfValuesOfUnknownUncertaintyIsUncertainUntilTheNextTare) {
     tare(300, 0);
     EXPECT_EQ(sensor.sample(frame(500 * kMs, 0, 0, 0), 500 * kMs).quality, unsigned(TACTILED_GOOD));
     tare(600, 5);
-    sensor.begin_untare(800 * kMs);
+    sensor.begin_untare();
     EXPECT_EQ(sensor.sample(frame(801 * kMs, 0, 0, 0), 801 * kMs).quality, unsigned(TACTILED_GOOD));
 }
 
@@ -252,6 +233,16 @@ TEST(Sensor, TheLowPassStartsAnewAfterABreak) {
     ASSERT_TRUE(sensor.has_broken(false, 4 * kMs));
     (void)sensor.marker(4 * kMs);
     EXPECT_EQ(sensor.sample(frame(5 * kMs, 1, 0, 0), 5 * kMs).force_S_N[0], 1);
+}
+
+TEST(Sensor, WhatTheLowPassSawOfADoubtfulValueIsInNoGoodOne) {
+    Sensor sensor = make();
+    sensor.set({.filter_Hz = 1, .contact_on_N = 1, .contact_off_N = 0.5, .overload_N = 0});
+    for (std::uint64_t t = 1; t <= 5; ++t) (void)sensor.sample(frame(t * kMs, 1, 0, 0), t * kMs);
+    EXPECT_EQ(sensor.sample(frame(6 * kMs, 1000, 0, 0), 6 * kMs).quality, unsigned(TACTILED_UNCERTAIN));  // its rail
+    const auto s = sensor.sample(frame(7 * kMs, 1, 0, 0), 7 * kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(s.force_S_N[0], 1);
 }
 
 TEST(Sensor, MeasuresItsRate) {

@@ -1,0 +1,66 @@
+#include "node/tare_window.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tactiled {
+namespace {
+
+// The zero is then off by half of that at most, which is little more than what each sample says of itself.
+constexpr double kMostSd = 3;
+// The range of four means of white noise reaches 6 of their deviations once in some 10^4 tares.
+constexpr double kMostNoise = 6;
+constexpr unsigned kLeastForNoise = 8;  // fewer neighbours do not tell a ramp from noise: the model's sd alone counts
+
+}  // namespace
+
+void TareWindow::begin(std::uint64_t now_ns, std::uint64_t length_ns) noexcept {
+    *this = {};
+    begin_ns_ = now_ns;
+    length_ns_ = length_ns;
+}
+
+bool TareWindow::add(const Wrench& raw_S, std::uint64_t t_ns) noexcept {
+    const std::uint64_t age_ns = t_ns - begin_ns_;
+    const std::size_t part = std::min<std::size_t>(length_ns_ == 0 ? 0 : age_ns * kParts / length_ns_, kParts - 1);
+    for (std::size_t i = 0; i < raw_S.size(); ++i) {
+        sum_[part][i] += raw_S[i];
+        if (samples_ == 0) continue;
+        const double square = (raw_S[i] - before_[i]) * (raw_S[i] - before_[i]);
+        steps_[i] += square;
+        second_[i] = std::max(second_[i], std::min(square, largest_[i]));
+        largest_[i] = std::max(largest_[i], square);
+    }
+    ++n_[part];
+    ++samples_;
+    before_ = raw_S;
+    return age_ns >= length_ns_;
+}
+
+Wrench TareWindow::mean_S() const noexcept {
+    Wrench mean{};
+    for (std::size_t i = 0; i < mean.size(); ++i) {
+        for (const Wrench& sum : sum_) mean[i] += sum[i];
+        mean[i] /= samples_;
+    }
+    return mean;
+}
+
+bool TareWindow::has_moved(const Wrench& sd) const noexcept {
+    for (std::size_t i = 0; i < sd.size(); ++i) {
+        double least = HUGE_VAL, most = -HUGE_VAL;
+        for (std::size_t part = 0; part < kParts; ++part) {
+            if (n_[part] == 0) continue;
+            least = std::min(least, sum_[part][i] / n_[part]);
+            most = std::max(most, sum_[part][i] / n_[part]);
+        }
+        // Without the two largest steps: a push and its end are a motion, however large.
+        const double noise = std::max(0.0, steps_[i] - largest_[i] - second_[i]);
+        const double variance = samples_ < kLeastForNoise ? 0 : noise / (2.0 * (samples_ - 3));
+        const double of_a_mean = std::sqrt(variance * kParts / samples_);
+        if (most - least > kMostSd * sd[i] + kMostNoise * of_a_mean) return true;  // false with NaN
+    }
+    return false;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,105 @@
+#include "force_truth.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace tactiled::faults {
+namespace {
+
+constexpr double kExact_N = 1e-9;
+// What moves by less within a tare is not asked to be seen: a tenth of a second of 10 frames, noise of 18 mN on each.
+constexpr int kSeen = 400;                     // counts
+constexpr std::uint64_t kMemoryNs = 60 * kMs;  // 15 time constants of a low pass of 25 Hz: what came before is forgotten
+constexpr double kForgotten_N = 0.002, kForgotten = 2e-5;  // of what it may have been, a rail of 8389 N
+
+}  // namespace
+
+void ForceTruth::tare_begins(std::uint64_t now_ns) noexcept {
+    begin_ns_ = now_ns;
+    missed_ = false;
+    measured_ = true;
+    samples_ = 0;
+    sum_N_ = {};
+}
+
+void ForceTruth::missed(bool another_daemon) noexcept {
+    window_.clear();
+    if (another_daemon)
+        zero_N_ = {}, count_ = 0;
+    else
+        missed_ = true;
+}
+
+std::string ForceTruth::judge(const tactiled_sample& s, bool is_measured) {
+    std::array<double, kChannels> force_N;
+    std::copy_n(s.raw_force_S_N, kChannels, force_N.begin());
+    if (begin_ns_ != 0 && s.t_ns >= begin_ns_) {
+        for (unsigned k = 0; k < kChannels; ++k) {
+            const int level = level_of(sensor_, s.device_sequence, k);
+            least_[k] = samples_ == 0 ? level : std::min(least_[k], level);
+            most_[k] = samples_ == 0 ? level : std::max(most_[k], level);
+            sum_N_[k] += s.raw_force_S_N[k];
+        }
+        ++samples_;
+        measured_ &= is_measured;
+    }
+    std::string wrong;
+    if (s.tare_count != count_) {
+        wrong = new_zero(s);
+        window_.clear();
+    }
+    // What was doubtful is not in what is GOOD.
+    if (s.epoch != std::exchange(epoch_, s.epoch) || (s.quality == TACTILED_GOOD && before_ != TACTILED_GOOD))
+        window_.clear();
+    before_ = s.quality;
+    for (unsigned k = 0; k < kChannels; ++k) force_N[k] -= zero_N_[k];
+    window_.push_back({s.t_ns, force_N});
+    while (s.t_ns - window_.front().t_ns > kMemoryNs) window_.pop_front();
+    if ((s.state & TACTILED_LOW_PASS) != 0) return wrong.empty() ? low_passed(s) : wrong;
+    for (unsigned k = 0; k < kChannels && wrong.empty(); ++k)
+        if (std::abs(s.force_S_N[k] - force_N[k]) > kExact_N)
+            wrong = fmt::format("{} N, raw less tare {} N", s.force_S_N[k], force_N[k]);
+    return wrong;
+}
+
+// The count has changed with this record: back to 0, or on by one with a zero that is the mean since the command.
+std::string ForceTruth::new_zero(const tactiled_sample& s) {
+    const bool next = s.tare_count == count_ + 1;
+    count_ = s.tare_count;
+    if (count_ == 0) {
+        zero_N_ = {};
+        return "";
+    }
+    for (unsigned k = 0; k < kChannels; ++k) zero_N_[k] = s.raw_force_S_N[k] - s.force_S_N[k];
+    if (missed_) return "";
+    if (std::exchange(begin_ns_, 0) == 0) return "a tare that nobody asked for";
+    ++tares;
+    if (!next) return fmt::format("tare {} is no next one", count_);
+    double squares = 0;
+    for (unsigned k = 0; k < kChannels; ++k) {
+        const double mean_N = sum_N_[k] / samples_;
+        squares += mean_N * mean_N;
+        if (std::abs(zero_N_[k] - mean_N) > kExact_N)
+            return fmt::format("zero {} N, the mean since the command is {} N", zero_N_[k], mean_N);
+        if (measured_ && most_[k] - least_[k] > kSeen)
+            return fmt::format("a tare of a force that moved by {} counts", most_[k] - least_[k]);
+    }
+    return limit_N_ > 0 && squares > limit_N_ * limit_N_ ? "a tare under load" : "";
+}
+
+// It does not overshoot: within what it has seen of late.
+std::string ForceTruth::low_passed(const tactiled_sample& s) {
+    for (unsigned k = 0; k < kChannels; ++k) {
+        double least = HUGE_VAL, most = -HUGE_VAL;
+        for (const Past& past : window_) least = std::min(least, past.force_N[k]), most = std::max(most, past.force_N[k]);
+        const double slack_N = kForgotten_N + kForgotten * std::max(std::abs(least), std::abs(most));
+        if (s.force_S_N[k] < least - slack_N || s.force_S_N[k] > most + slack_N)
+            return fmt::format("low-passed {} N, of {} .. {} N", s.force_S_N[k], least, most);
+    }
+    return "";
+}
+
+}  // namespace tactiled::faults

@@ -1,0 +1,82 @@
+// Which tares are refused: of a force that moved, and beyond tare_limit_N.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "node/sensor.hpp"
+#include "through.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+struct Tared {
+    Sensor::Tare end;
+    tactiled_sample after;  // of the force (1, 2, -3) N
+};
+
+// What becomes of a tare of 100 ms while the z force is force_N(i) at its i-th sample of `samples`.
+template <typename Force>
+Tared tare(unsigned samples, double limit_N, Force force_N) {
+    Sensor::Setup setup;
+    setup.channel_of_frame = {0, 1, 2};
+    setup.frame_channels = 3;
+    setup.tare_limit_N = limit_N;
+    setup.decoupler = std::make_unique<Through>();
+    Sensor sensor(std::move(setup));
+    sensor.start(7, 0);
+    const auto send = [&](std::uint64_t t_ns, double x, double y, double z) {
+        Frame f;
+        f.t_ns = t_ns;
+        f.n_channels = 3;
+        f.channel = {x, y, z};
+        return sensor.sample(f, t_ns);
+    };
+    (void)send(kMs, 0, 0, force_N(0));
+    EXPECT_TRUE(sensor.can_tare());
+    sensor.begin_tare(10 * kMs);
+    for (unsigned i = 0; i <= samples; ++i) (void)send(10 * kMs + i * 100 * kMs / samples, 0, 0, force_N(i));
+    const auto end = sensor.poll_tare(110 * kMs);
+    return {end, send(115 * kMs, 1, 2, -3)};
+}
+
+TEST(Tare, OfAForceThatMovesIsRefusedAndTheZeroBeforeStays) {
+    const auto moves = [](unsigned samples, auto force_N) {
+        const Tared tared = tare(samples, 0, force_N);
+        EXPECT_EQ(tared.end, Sensor::Tare::moved) << samples;
+        EXPECT_EQ(tared.after.force_S_N[2], -3);
+        EXPECT_EQ(tared.after.tare_count, 0u);
+    };
+    for (const unsigned n : {4u, 10u, 100u}) {
+        moves(n, [n](unsigned i) { return 0.1 * i / n; });                           // 0.1 N in 0.1 s
+        moves(n, [n](unsigned i) { return i * 2 > n ? -0.1 : 0.0; });                // a touch
+        moves(n, [n](unsigned i) { return i * 4 > n && i * 4 < 3 * n ? 0.1 : 0; });  // and gone again
+    }
+}
+
+TEST(Tare, OfWhatMovesByLessThanItsDeviationIsDone) {
+    const Tared tared = tare(100, 0, [](unsigned i) { return 5 + 2 * Through::kSd_N * i / 100; });
+    EXPECT_EQ(tared.end, Sensor::Tare::done);
+    EXPECT_NEAR(tared.after.force_S_N[2], -8, 2 * Through::kSd_N);
+}
+
+TEST(Tare, NoiseOfManyTimesTheStatedDeviationIsNoMotion) {
+    std::mt19937 random(3);
+    std::normal_distribution<double> noise(0, 10 * Through::kSd_N);
+    for (int i = 0; i < 1000; ++i)
+        EXPECT_EQ(tare(100, 0, [&](unsigned) { return noise(random); }).end, Sensor::Tare::done) << i;
+}
+
+TEST(Tare, BeyondTheLimitIsRefusedAsALoadAndWithoutALimitTaken) {
+    const auto at_rest = [](double force_N) { return [force_N](unsigned) { return force_N; }; };
+    EXPECT_EQ(tare(100, 2, at_rest(-2.01)).end, Sensor::Tare::loaded);
+    EXPECT_EQ(tare(100, 2, at_rest(-2.01)).after.force_S_N[2], -3);
+    EXPECT_EQ(tare(100, 2, at_rest(-1.99)).end, Sensor::Tare::done);
+    EXPECT_NEAR(tare(100, 2, at_rest(-1.99)).after.force_S_N[2], -1.01, 1e-9);
+    EXPECT_EQ(tare(100, 0, at_rest(-200)).end, Sensor::Tare::done);
+}
+
+}  // namespace
+}  // namespace tactiled

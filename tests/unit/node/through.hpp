@@ -1,0 +1,34 @@
+// A model whose force a test knows: the first three channels as they are. The reasons of real models are tested with them.
+#pragma once
+#include <limits>
+
+#include "decoupling/decoupler.hpp"
+
+namespace tactiled {
+
+class Through final : public Decoupler {
+public:
+    static constexpr double kSd_N = 0.01;
+    // Where the second channel is above `unsure_above` it does not know how wrong it is, as a method whose past is not known
+    // yet.
+    explicit Through(double unsure_above = std::numeric_limits<double>::infinity()) : unsure_above_(unsure_above) {}
+
+    Estimate decouple(const Reading& r) noexcept override {
+        Estimate e;
+        if (r.missing != 0) {
+            e.reasons = TACTILED_MISSING_CHANNEL;
+            return e;
+        }
+        for (std::size_t i = 0; i < 3; ++i) e.wrench_S[i] = r.channel[i], e.sd[i] = kSd_N;
+        if (r.saturated != 0) e.reasons |= TACTILED_SATURATED;
+        if (r.channel[1] > unsure_above_) e.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        e.quality = e.reasons != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
+        return e;
+    }
+    std::string_view method() const noexcept override { return "through"; }
+
+private:
+    double unsure_above_;
+};
+
+}  // namespace tactiled
