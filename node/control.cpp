@@ -236,15 +236,14 @@ void ControlSocket::log_refused_tares() {
         const bool moving = command.result == TACTILED_COMMAND_MOVING;
         if (!moving && command.result != TACTILED_COMMAND_UNDER_LOAD) continue;
         if (command.acknowledged == std::exchange(refusal_seen_[commander], command.acknowledged)) continue;
-        ++untold_;
+        ++refused_tares_;
         const std::uint64_t now_ns = monotonic_ns();
         if (now_ns < silent_until_ns_) continue;
         silent_until_ns_ = now_ns + kLogEachNs;
-        log_line(LogLevel::warning, "tare refused: {} ({} refused since the last such line)",
+        log_line(LogLevel::warning, "tare refused: {} ({} refused since the start)",
                  moving ? "the force moved while the zero was averaged; wait until it rests, or raise tare_ms"
                         : "a sensor is under load, beyond its tare_limit_N",
-                 untold_);
-        untold_ = 0;
+                 refused_tares_);
     }
 }
 

@@ -53,7 +53,7 @@ private:
     std::uint64_t give_up_ns_ = 0;
     std::array<std::uint32_t, TACTILED_COMMANDERS> refusal_seen_{};  // number of the command
     std::uint64_t silent_until_ns_ = 0;                              // of the log
-    unsigned untold_ = 0;
+    unsigned refused_tares_ = 0;
     Segment segment_;
     std::atomic<bool> stop_{false};
     RtThread thread_;

@@ -31,6 +31,7 @@ int count_of(unsigned sensor, std::uint32_t sequence, unsigned k);
 int level_of(unsigned sensor, std::uint32_t sequence, unsigned k);
 // Its own place: what it carries where nothing touches it.
 constexpr int place_of(unsigned sensor, unsigned k) { return int(20'000 * (sensor + 1) + 1000 * k); }
+inline constexpr double kN_per_count = 0.001;
 inline constexpr unsigned kRecalibrated = 2;  // the sensor that a reload calibrates anew
 inline constexpr double kTareLimit_N = 1;     // of the jaws
 // The object hangs on the jaws, and has for 50 ms and more.

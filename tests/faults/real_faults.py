@@ -249,12 +249,11 @@ def tare_while_bad():
     return strike(begin, end, lasts=0, then=lambda rig: rig.note)
 
 
-def refused_tare(why, config=CONFIG, values_of=None):
+def refused_tare(why, config, values_of):
     """tactilectl tare of the left sensor is refused for `why`, told in the log and in WARN, and the force stays as it is."""
     def begin(rig):
         rig.left.values_of = values_of
-        if values_of is not None:
-            rig.left.excused.update(range(rig.left.sequence, rig.left.sequence + 1000))  # of another truth
+        rig.left.excused.update(range(rig.left.sequence, rig.left.sequence + 1000))  # of another truth
         time.sleep(0.1)
         done = rig.daemon.ctl("tare", "left")
         warned = ask_once(rig, 9)[0] & 1 << 4
@@ -265,8 +264,8 @@ def refused_tare(why, config=CONFIG, values_of=None):
 
     def end(rig):
         rig.left.values_of = None
-    # What it sends is its own truth: a step at the end is told as one.
-    return strike(begin, end, lasts=0, expect=None, both=values_of is not None, config=config, then=lambda rig: rig.note)
+    # Begin and end are steps, and told as such.
+    return strike(begin, end, lasts=0, expect=None, both=True, config=config, then=lambda rig: rig.note)
 
 
 def ask_once(rig, at, count=1):
@@ -276,12 +275,13 @@ def ask_once(rig, at, count=1):
 
 def tare_in_motion():
     """The force grows by 10 N a second."""
-    return refused_tare("the force moved", values_of=lambda values, device: [v + 100 * (device.sequence % 512) for v in values])
+    return refused_tare("the force moved", CONFIG, lambda values, device: [v + 100 * (device.sequence % 512) for v in values])
 
 
 def tare_under_load():
-    """20 N and more on each axis."""
-    return refused_tare("under load", CONFIG.replace('name = "left"\nlink', 'name = "left"\ntare_limit_N = 5\nlink'))
+    """20 N on each axis, at rest."""
+    return refused_tare("under load", CONFIG.replace('name = "left"\nlink', 'name = "left"\ntare_limit_N = 5\nlink'),
+                        lambda values, device: [20000 + v % 50 for v in values])
 
 
 def redundant_sensors_differ():

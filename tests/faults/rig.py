@@ -136,7 +136,7 @@ class Device(threading.Thread):
                 continue
             self.sent[sequence & 0xFFFFFFFF] = now_ns = time.monotonic_ns()
             if now_ns - due * 1e9 > 40e6:
-                self.late.append((now_ns - 200_000_000, now_ns + 50_000_000))
+                self.late.append((int(due * 1e9), now_ns + 50_000_000))
             with contextlib.suppress(OSError, TypeError):
                 os.write(self.master, line)
 

@@ -168,7 +168,8 @@ def main():
             fresh |= {f" {entry[1]} ": row_of(*entry)[0] for entry in LIST if not callable(entry[3])}
             old = text.split(BEGIN)[1].split(END)[0].strip().splitlines()
             said = old[0]
-            rows = [fresh.get(row.split("|")[2], row) for row in old if row.startswith("| ") and row[2].isdigit()]
+            fresh = {row.split("|")[2]: row for row in old if row.startswith("| ") and row[2].isdigit()} | fresh
+            rows = [fresh[f" {name} "] for _, name, *_ in sorted(LIST, key=lambda entry: entry[0])]
         PAGE.write_text(before + "\n".join([BEGIN, "", said, "", *head, *rows, "", END]) + after)
     return 0 if fine else 1
 

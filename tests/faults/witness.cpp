@@ -11,8 +11,6 @@
 namespace tactiled::faults {
 namespace {
 
-constexpr double kN_per_count = 0.001;
-constexpr std::uint64_t kWeightMemoryNs = 300 * kMs;
 constexpr std::uint64_t kTurnNs = 2 * kMs;   // within which a waiting frame is taken and published
 constexpr std::uint64_t kHeldNs = 12 * kMs;  // the same where a cable holds frames back
 
@@ -175,7 +173,7 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     ++findings_.good;
     for (unsigned k = 0; k < kChannels; ++k)
         if (!is_force_of(i, s.device_sequence, k, s.raw_force_S_N[k])) {
-            if (may_be_unseen(i, truth, first_of_a_level)) return;
+            if (may_be_unseen(i, device, truth, first_of_a_level)) return;
             return findings_.add(kWrongValue, i,
                                  fmt::format("{} N of frame {}, channel {}", s.raw_force_S_N[k], s.device_sequence, k));
         }
@@ -183,15 +181,17 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
 
 // A step is none in the first reading of a level; what repeats is found after frozen_after readings, each time that a
 // daemon begins anew; what only the other sensor of the pair shows, while that one can be compared with.
-bool Witness::may_be_unseen(unsigned i, const Device::Truth& truth, bool first_of_a_level) {
+bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, bool first_of_a_level) {
     if (truth.spike) return first_of_a_level;
     if (truth.lie == 0) return false;
     if (unseen_[i].lie != truth.lie) unseen_[i] = {truth.lie, 0};
     if (truth.beside) {
         const tactiled_sample other = latest(1 - i);
+        if (other.quality == TACTILED_BAD) unseen_[i].readings = 0;  // a wrong one clears this one: compared anew later
         if (other.quality == TACTILED_BAD || (other.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) return true;
     }
-    return ++unseen_[i].readings <= (truth.beside ? kDifferAfter : kFrozenAfter - 1);
+    const auto differ_after = unsigned(kDifferAfter * std::max(kPeriodNs, device.period_ns) / device.period_ns);  // a time
+    return ++unseen_[i].readings <= (truth.beside ? differ_after : kFrozenAfter - 1);
 }
 
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
@@ -285,51 +285,6 @@ void Witness::look_at_registers(const std::array<Device*, kSensors>& devices, co
     if (all_silent && beats && world_ns > silent_since_ns_ + 100 * kMs)
         findings_.add(kHeartbeat, 0, "it beats though every sensor is silent");
     heartbeat_ = now.global[5];
-}
-
-void Witness::look_at_grasp() {
-    if (!readers_[0].is_attached()) return;
-    const SegmentView segment = readers_[0].segment();
-    tactiled_node node{};
-    if (!segment.latest_node(node) || node.t_ns == node_.t_ns) return;
-    bool all_known = true, all_good = true;
-    for (unsigned i = 0; i < kSensors; ++i) {
-        tactiled_sample s{};
-        const tactiled_ring& ring = segment.sensor(i).ring;
-        if (!is_jaw(i) || tactiled_ring_read(segment.base(), &ring, std::uint32_t(node.count[i] - 1), &s, sizeof s) == 0)
-            continue;
-        all_known &= s.quality != TACTILED_BAD;
-        all_good &= s.quality == TACTILED_GOOD;
-    }
-    const tactiled_grasp& g = node.grasp;
-    if (!all_good) doubtful_until_ns_ = world_ns + kWeightMemoryNs;
-    if (!all_known && (g.state != TACTILED_GRIP_UNKNOWN || g.weight_state != TACTILED_WEIGHT_NONE ||
-                       !std::isnan(g.weight_kg) || !std::isnan(g.grip_N)))
-        findings_.add(kWrongGrasp, 2,
-                      fmt::format("state {}, {} kg, state {}, and a jaw is BAD", g.state, g.weight_kg, g.weight_state));
-    if (g.weight_state == TACTILED_WEIGHT_STABLE && !all_good)
-        findings_.add(kWrongGrasp, 2, fmt::format("{} kg is stable, and a jaw is not GOOD", g.weight_kg));
-    const bool same_daemon = std::exchange(node_epoch_, segment.header().epoch) == segment.header().epoch;
-    if (same_daemon && (g.grasps < node_.grasp.grasps || g.slips < node_.grasp.slips))
-        findings_.add(kWrongGrasp, 2, fmt::format("{} grasps after {}", g.grasps, node_.grasp.grasps));
-    if (g.weight_state == TACTILED_WEIGHT_STABLE) judge_weight(node);
-    node_ = node;
-}
-
-// The object hangs on both jaws alike.
-void Witness::judge_weight(const tactiled_node& node) {
-    ++findings_.stable_weights;
-    if (world_ns < doubtful_until_ns_) return;
-    constexpr double kG_m_s2 = 9.81, kSlack = 0.1;
-    double mass_kg = 0;
-    for (unsigned i = 0; i < kSensors; ++i) {
-        if (!is_jaw(i)) continue;
-        const tactiled_sample s = latest(i);
-        if (s.quality != TACTILED_GOOD || wanted_gain_[i] != 0 || !is_held(s.device_sequence)) return;
-        mass_kg += gain_[i] * (level_of(i, s.device_sequence, 0) - place_of(i, 0)) / kG_m_s2;
-    }
-    if (std::abs(node.grasp.weight_kg - mass_kg) > kSlack * mass_kg)
-        findings_.add(kWrongGrasp, 2, fmt::format("{} kg is stable, {} kg hangs", node.grasp.weight_kg, mass_kg));
 }
 
 }  // namespace tactiled::faults

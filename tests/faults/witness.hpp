@@ -76,7 +76,8 @@ public:
 private:
     void follow(unsigned sensor, const Device& device);
     void judge(unsigned sensor, const Device& device, const tactiled_sample& s);
-    [[nodiscard]] bool may_be_unseen(unsigned sensor, const Device::Truth& truth, bool first_of_a_level);
+    [[nodiscard]] bool may_be_unseen(unsigned sensor, const Device& device, const Device::Truth& truth,
+                                     bool first_of_a_level);
     void look_at_latest(unsigned sensor, const Device& device, const Expectation& expected);
     void look_at_registers(const std::array<Device*, kSensors>& devices, const Expectation& expected);
     void look_at_grasp();

@@ -65,11 +65,13 @@ private:
         std::uint64_t retry_ns = 0, pause_ms = 50, opened_ns = 0;
         std::uint32_t frames_at_open = 0;
     };
+    static constexpr std::uint64_t kToldMs = 20;  // a node record comes each 10 ms
     // What is changed of the configuration.
     struct Knobs {
         double filter_Hz = 25;
         int tare_ms = 40;
         bool second_calibration = false;
+        [[nodiscard]] double gain_N() const { return (second_calibration ? 2 : 1) * kN_per_count; }
         bool operator==(const Knobs&) const = default;
     };
     std::string write_configuration() const;  // its path
