@@ -182,6 +182,8 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
     const std::string agrees_with = table.text("agrees_with", "");
     const double agree_N = table.number("agree_N", {0, 1e6}, 0);
     const int agree_ms = small_integer(table, "agree_ms", {1, 60'000}, 100);
+    if (agrees_with.empty() && agree_N != 0)
+        table.problem("agree_N", "agree_N stands beside agrees_with, on one of the two sensors");
     if (!agrees_with.empty() && agree_N == 0)
         table.problem("agrees_with", "agrees_with needs agree_N: by how many newtons the two may differ");
     if (contact_off_N > contact_on_N)

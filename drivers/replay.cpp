@@ -72,7 +72,7 @@ private:
 
     // The link's next frame becomes `ahead_`; later: not within `most_bytes`. rt: blocks on the disk; bounded by
     // `most_bytes` and a chunk
-    Ahead look_ahead(std::uint64_t most_bytes) noexcept {
+    Ahead look_ahead(std::uint64_t most_bytes) {
         const std::uint64_t until = file_.bytes_read() + most_bytes;
         while (const auto message = file_.next(until - std::min(until, file_.bytes_read()))) {
             if (message->channel->schema != mcap::kFrameSchema) continue;

@@ -9,9 +9,9 @@ namespace {
 constexpr std::uint32_t kRight = TACTILED_SENSORS_DIFFER | TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED |
                                  TACTILED_UNCALIBRATED | TACTILED_UNKNOWN_UNCERTAINTY;
 
-// What shows that it was this one that lied.
-constexpr std::uint32_t kCulprit = TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_MISSING_CHANNEL | TACTILED_SATURATED |
-                                   TACTILED_DISAGREEMENT | TACTILED_NOT_FINITE | TACTILED_WRONG_DEVICE;
+// What shows that it was this one that lied. Not a rail: a force that is too large for one tells nothing of the other.
+constexpr std::uint32_t kCulprit =
+    TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_MISSING_CHANNEL | TACTILED_NOT_FINITE | TACTILED_WRONG_DEVICE;
 
 bool is_comparable(const tactiled_sample& s) noexcept {
     return (s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN) && (s.reasons & ~kRight) == 0;
@@ -20,30 +20,39 @@ bool is_comparable(const tactiled_sample& s) noexcept {
 }  // namespace
 
 void Agreement::judge_by(const Limits& limits) noexcept {
-    if (limits == limits_) return;
-    *this = Agreement(limits);
+    if (limits.other != limits_.other) *this = Agreement(limits);
+    limits_ = limits;
+}
+
+void Agreement::succeed(const Agreement& before) noexcept {
+    if (limits_.other == before.limits_.other) differs_ = before.differs_;
+}
+
+// Whether that has been so since `since_ns` for as long as the patience; a first time, or one that goes back, begins it.
+bool Agreement::has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const noexcept {
+    if (since_ns == 0 || now_ns < since_ns) since_ns = now_ns;
+    return now_ns - since_ns >= limits_.patience_ns;
 }
 
 bool Agreement::differs(const tactiled_sample& mine, const tactiled_sample& others) noexcept {
-    if ((others.reasons & kCulprit) != 0) {
+    if ((others.reasons & kCulprit) == 0)
+        guilty_since_ns_ = 0;
+    else if (has_lasted(guilty_since_ns_, mine.t_ns))
         differs_ = false;
+    const std::uint64_t between_ns = mine.t_ns > others.t_ns ? mine.t_ns - others.t_ns : others.t_ns - mine.t_ns;
+    if (!is_comparable(mine) || !is_comparable(others) || between_ns > limits_.patience_ns) {
         otherwise_since_ns_ = 0;
+        return differs_;
     }
-    if (!is_comparable(mine) || !is_comparable(others)) return differs_;
     double squares = 0;  // of the components that both see
     for (std::size_t i = 0; i < 3; ++i) {
         const double apart_N = mine.force_S_N[i] - others.force_S_N[i];
         if (std::isfinite(apart_N)) squares += apart_N * apart_N;
     }
     const bool apart = squares > limits_.most_N * limits_.most_N;
-    if (apart == differs_) {
-        otherwise_since_ns_ = 0;
-    } else if (otherwise_since_ns_ == 0) {
-        otherwise_since_ns_ = mine.t_ns;
-    } else if (mine.t_ns - otherwise_since_ns_ >= limits_.patience_ns) {
-        differs_ = apart;
-        otherwise_since_ns_ = 0;
-    }
+    if (apart != differs_ && !has_lasted(otherwise_since_ns_, mine.t_ns)) return differs_;
+    differs_ = apart;
+    otherwise_since_ns_ = 0;
     return differs_;
 }
 

@@ -17,17 +17,22 @@ public:
     explicit Agreement(const Limits& limits) : limits_(limits) {}
 
     [[nodiscard]] int other() const noexcept { return limits_.other; }
-    // rt: wait-free
+    // By these from now on; what was said of the same two stays until they agree. rt: wait-free
     void judge_by(const Limits& limits) noexcept;
+    // Goes on where `before` ends. rt: wait-free
+    void succeed(const Agreement& before) noexcept;
     // True: they have differed for longer than allowed, and not agreed for as long since. A sample that is doubtful for a
-    // reason of its own proves nothing, neither way: what was said last stays, until the other one's own channels show that
-    // it was the wrong one. rt: wait-free
+    // reason of its own, or further away in time than the patience, proves nothing, neither way: what was said last stays,
+    // until the other one's own channels have shown for as long that it was the wrong one. rt: wait-free
     [[nodiscard]] bool differs(const tactiled_sample& mine, const tactiled_sample& others) noexcept;
 
 private:
+    [[nodiscard]] bool has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const noexcept;
+
     Limits limits_;
     bool differs_ = false;
-    std::uint64_t otherwise_since_ns_ = 0;  // the comparisons contradict differs_; 0 = they do not
+    std::uint64_t otherwise_since_ns_ = 0;  // the comparisons contradict differs_, without a gap; 0 = they do not
+    std::uint64_t guilty_since_ns_ = 0;     // the other one is known to be wrong; 0 = it is not
 };
 
 }  // namespace tactiled

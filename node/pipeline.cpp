@@ -228,7 +228,8 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
     reject(TACTILED_COMMAND_UNKNOWN);
 }
 
-// All that are asked for, or none: half a tare is nobody's wish.
+// Of all that are asked for, or of none: half a tare is nobody's wish. Those that then rest take their zero, each for
+// itself.
 bool Pipeline::begin_tares(const Command& command, std::uint64_t now_ns) noexcept {
     const bool tare = command.kind == Command::Kind::tare;
     const auto asked = [&](std::size_t i) { return (command.mask >> i & 1u) != 0; };
@@ -238,6 +239,7 @@ bool Pipeline::begin_tares(const Command& command, std::uint64_t now_ns) noexcep
         if (asked(i)) tare ? sensors_[i].begin_tare(now_ns) : sensors_[i].begin_untare();
     taring_ = command.mask;
     tare_result_ = TACTILED_COMMAND_OK;
+    has_new_zero_ = false;
     return true;
 }
 
@@ -262,10 +264,12 @@ void Pipeline::follow_tares(std::uint64_t now_ns) noexcept {
         if (tare == Sensor::Tare::running || tare == Sensor::Tare::removing) continue;
         taring_ &= ~(1u << i);
         if (tare_result_ == TACTILED_COMMAND_OK) tare_result_ = result_of(tare);
+        has_new_zero_ |= tare == Sensor::Tare::done;
     }
     if (taring_ != 0 || node_.command[tare_commander_].acknowledged != tare_number_) return;  // a later one stands there
     const bool refused = tare_result_ == TACTILED_COMMAND_MOVING || tare_result_ == TACTILED_COMMAND_UNDER_LOAD;
-    finish_command(tare_commander_, refused ? TACTILED_COMMAND_REJECTED : TACTILED_COMMAND_DONE, tare_result_);
+    finish_command(tare_commander_, refused && !has_new_zero_ ? TACTILED_COMMAND_REJECTED : TACTILED_COMMAND_DONE,
+                   tare_result_);
 }
 
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {

@@ -125,6 +125,7 @@ private:
     std::size_t tare_commander_ = 0;  // who began it
     std::uint32_t tare_number_ = 0;
     tactiled_command_result tare_result_ = TACTILED_COMMAND_OK;  // of the last one, so far
+    bool has_new_zero_ = false;                                  // of the last one: a sensor of it
     std::uint32_t lost_seen_ = 0;
 };
 

@@ -26,27 +26,27 @@ constexpr std::uint32_t kMachine = AUDIT_ARCH_AARCH64;
 constexpr std::uint32_t kMachine = 0;  // numbers of another machine are not known here: nothing is forbidden
 #endif
 
-constexpr int kForbidden[] = {SYS_execve, SYS_execveat,
-                              // other processes, and more of the kernel than a daemon needs
-                              SYS_ptrace, SYS_process_vm_readv, SYS_process_vm_writev, SYS_pidfd_getfd, SYS_bpf,
-                              SYS_perf_event_open, SYS_userfaultfd, SYS_io_uring_setup, SYS_io_uring_enter,
-                              SYS_io_uring_register,
-                              // the machine
-                              SYS_init_module, SYS_finit_module, SYS_delete_module, SYS_kexec_load, SYS_reboot, SYS_swapon,
-                              SYS_swapoff, SYS_settimeofday, SYS_clock_settime,
-                              // what it sees of it
-                              SYS_mount, SYS_umount2, SYS_move_mount, SYS_open_tree, SYS_fsopen, SYS_pivot_root, SYS_chroot,
-                              SYS_unshare, SYS_setns, SYS_open_by_handle_at,
-                              // who it is
-                              SYS_setuid, SYS_setgid, SYS_setreuid, SYS_setregid, SYS_setresuid, SYS_setresgid,
-                              SYS_setgroups, SYS_capset, SYS_add_key, SYS_request_key, SYS_keyctl};
+constexpr int kForbidden[] = {
+    SYS_execve, SYS_execveat,
+    // other processes, and more of the kernel than a daemon needs
+    SYS_ptrace, SYS_process_vm_readv, SYS_process_vm_writev, SYS_pidfd_getfd, SYS_memfd_create, SYS_bpf, SYS_perf_event_open,
+    SYS_userfaultfd, SYS_io_uring_setup, SYS_io_uring_enter, SYS_io_uring_register,
+    // the machine
+    SYS_init_module, SYS_finit_module, SYS_delete_module, SYS_kexec_load, SYS_kexec_file_load, SYS_reboot, SYS_swapon,
+    SYS_swapoff, SYS_settimeofday, SYS_clock_settime, SYS_clock_adjtime, SYS_adjtimex, SYS_personality,
+    // what it sees of it
+    SYS_mount, SYS_umount2, SYS_move_mount, SYS_mount_setattr, SYS_open_tree, SYS_fsopen, SYS_fspick, SYS_pivot_root,
+    SYS_chroot, SYS_unshare, SYS_setns, SYS_open_by_handle_at,
+    // who it is
+    SYS_setuid, SYS_setgid, SYS_setreuid, SYS_setregid, SYS_setresuid, SYS_setresgid, SYS_setfsuid, SYS_setfsgid,
+    SYS_setgroups, SYS_capset, SYS_add_key, SYS_request_key, SYS_keyctl};
 
 // A call that may not make memory executable, with what else in its third argument.
 struct Restricted {
     int call;
     std::uint32_t protection;
 };
-// Memory becomes code when a library is loaded, from its file; never what was written before.
+// Memory becomes code from a file, as when a library is loaded; not what was written in memory.
 constexpr Restricted kRestricted[] = {
     {SYS_mprotect, PROT_EXEC}, {SYS_pkey_mprotect, PROT_EXEC}, {SYS_mmap, PROT_WRITE | PROT_EXEC}};
 
@@ -93,10 +93,11 @@ std::string enter_sandbox() {
 #else
     if (kMachine == 0) return "seccomp: not for this machine";
     sock_fprog program{std::uint16_t(kFilter.size()), const_cast<sock_filter*>(kFilter.data())};  // only read
-    if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
-        ::syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program) == 0)
-        return "";
-    return fmt::format("seccomp: {}: the daemon runs without its own sandbox", std::strerror(errno));
+    long refused = ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
+    if (refused == 0) refused = ::syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program);
+    if (refused == 0) return "";
+    return fmt::format("seccomp: {}: the daemon runs without its own sandbox",
+                       refused > 0 ? "a thread has another filter" : std::strerror(errno));
 #endif
 }
 

@@ -1,11 +1,13 @@
-// What a running daemon never does, forbidden by the kernel for all its threads and for good: whoever takes it over, through
-// a hole in a parser, gets no shell. Under systemd the unit forbids more (systemd/); this holds without it.
+// System calls that a running daemon never makes, forbidden by the kernel for all its threads and for good: who takes it
+// over, through a hole in a parser, starts no program. Files stay what the user's rights allow. Under systemd the unit
+// forbids more (systemd/); this holds without it.
 #pragma once
 #include <string>
 
 namespace tactiled {
 
-// Other programs, other processes' memory, new code, kernel modules, mounts, name spaces, keys, io_uring: EPERM from now on.
+// The calls that start programs, trace processes, make written memory executable, load kernel modules, mount, change name
+// spaces, identity, clock or keys, and io_uring: EPERM from now on.
 // Call when all is set up. Returns "" or what was refused; the daemon runs all the same. setup
 std::string enter_sandbox();
 

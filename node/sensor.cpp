@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 namespace tactiled {
 namespace {
@@ -55,21 +56,15 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     if (tare_ == Tare::removing) tare_ = Tare::done;
     if (tare_ == Tare::running) s.reasons |= TACTILED_TARING;
     if (zero_unknown_ != 0) judge_zero(s);
-    Wrench tared;
-    for (std::size_t i = 0; i < 3; ++i) {
-        tared[i] = s.raw_force_S_N[i] - zero_[i];
-        tared[i + 3] = s.raw_torque_S_Nm[i] - zero_[i + 3];
-    }
     // What was doubtful, a rail for instance, is not to be in what is GOOD.
-    if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && last_.quality == TACTILED_UNCERTAIN)) low_pass_.reset();
-    if (s.quality != TACTILED_BAD) low_pass_.apply(tared, s.t_ns);
-    std::copy_n(tared.begin(), 3, s.force_S_N);
-    std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
+    if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && own_quality_ == TACTILED_UNCERTAIN)) low_pass_.reset();
+    put_tared(s);
     s.tare_count = tare_count_;
     judge_magnitude(s);
     if (drift_.has_drifted(s.raw_force_S_N, (s.state & TACTILED_CONTACT) == 0 && s.quality != TACTILED_BAD, s.t_ns))
         s.reasons |= TACTILED_DRIFTED;
     if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
+    own_quality_ = s.quality;
     last_ = s;
     return s;
 }
@@ -101,11 +96,29 @@ void Sensor::succeed(const Sensor& before) noexcept {
     sequence_ = before.sequence_;
     daemon_epoch_ = before.daemon_epoch_;
     stream_.succeed(before.stream_, setup_.channel_of_frame == before.setup_.channel_of_frame);
+    agreement_.succeed(before.agreement_);
     set(before.wish_);
 }
 
+// The raw wrench less the zero, low-passed.
+void Sensor::put_tared(tactiled_sample& s) noexcept {
+    Wrench tared;
+    for (std::size_t i = 0; i < 3; ++i) {
+        tared[i] = s.raw_force_S_N[i] - zero_[i];
+        tared[i + 3] = s.raw_torque_S_Nm[i] - zero_[i + 3];
+    }
+    if (s.quality != TACTILED_BAD) low_pass_.apply(tared, s.t_ns);
+    std::copy_n(tared.begin(), 3, s.force_S_N);
+    std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
+}
+
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
-    if (!agreement_.differs(last_, others) || last_.quality == TACTILED_BAD) return last_;
+    const bool differed = std::exchange(differs_, agreement_.differs(last_, others));
+    if (differed && !differs_) {  // here, too, nothing doubtful is to be in what is GOOD
+        low_pass_.reset();
+        put_tared(last_);
+    }
+    if (!differs_ || last_.quality == TACTILED_BAD) return last_;
     last_.reasons |= TACTILED_SENSORS_DIFFER;
     last_.quality = TACTILED_UNCERTAIN;
     return last_;

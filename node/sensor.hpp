@@ -109,6 +109,7 @@ private:
     void find_other_zero() noexcept;
     void advance_tare(const tactiled_sample& sample) noexcept;
     [[nodiscard]] Tare verdict(const tactiled_sample& last) const noexcept;
+    void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
     Setup setup_;
@@ -123,6 +124,8 @@ private:
     bool contact_ = false;
     float peak_N_ = 0;
     tactiled_sample last_{};
+    std::uint32_t own_quality_ = TACTILED_BAD;  // of last_, before it was compared
+    bool differs_ = false;                      // from the other sensor, as last compared
     std::uint64_t sequence_ = 0;
     std::uint32_t daemon_epoch_ = 0;
     std::uint32_t tare_count_ = 0;

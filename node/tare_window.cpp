@@ -8,7 +8,7 @@ namespace {
 
 // The zero is then off by half of that at most, which is little more than what each sample says of itself.
 constexpr double kMostSd = 3;
-// The range of four means of white noise reaches 6 of their deviations once in some 10^4 tares.
+// The range of four means of white noise reaches 6 of their deviations in one component of some 10^4: of six, once in 10^3.
 constexpr double kMostNoise = 6;
 constexpr unsigned kLeastForNoise = 8;  // fewer neighbours do not tell a ramp from noise: the model's sd alone counts
 
@@ -58,7 +58,9 @@ bool TareWindow::has_moved(const Wrench& sd) const noexcept {
         const double noise = std::max(0.0, steps_[i] - largest_[i] - second_[i]);
         const double variance = samples_ < kLeastForNoise ? 0 : noise / (2.0 * (samples_ - 3));
         const double of_a_mean = std::sqrt(variance * kParts / samples_);
-        if (most - least > kMostSd * sd[i] + kMostNoise * of_a_mean) return true;  // false with NaN
+        // A model that does not know its sd leaves the noise alone to judge by, where there is enough of it.
+        const double of_a_sample = std::isnan(sd[i]) && samples_ >= kLeastForNoise ? 0 : sd[i];
+        if (most - least > kMostSd * of_a_sample + kMostNoise * of_a_mean) return true;  // false with NaN
     }
     return false;
 }

@@ -20,7 +20,8 @@ public:
     // NaN where the sensor does not see.
     [[nodiscard]] Wrench mean_S() const noexcept;
     // Whether the means of the quarters lie further apart than 3 standard deviations `sd` of a sample, as its model states
-    // them, and what the samples' own noise explains. A component whose sd is NaN is not judged. rt: wait-free
+    // them, and what the samples' own noise explains. A component whose sd is NaN is judged by its noise alone, from 8
+    // samples on; fewer than two quarters with samples, and nothing is seen of a motion. rt: wait-free
     [[nodiscard]] bool has_moved(const Wrench& sd) const noexcept;
 
 private:

@@ -8,11 +8,13 @@ cmake --preset coverage >/dev/null
 cmake --build --preset coverage -j "${TESTS_JOBS:-$(nproc)}" --target config_test drivers_test modbus_test node_test tactiled tactilectl follow reader_cxx17
 find build/coverage -name '*.gcda' -delete
 for program in config drivers modbus node; do (cd build/coverage && ./bin/${program}_test >/dev/null); done
+status=0
 for script in reload save daemon modbus_rtu modbus_hostile auto teach record three_sensors; do
     TACTILED_BIN=$PWD/build/coverage/bin /usr/bin/python3 tests/system/${script}_test.py >"build/coverage/$script.log" 2>&1 ||
-        echo "coverage.sh: $script failed, see build/coverage/$script.log" >&2
+        { echo "coverage.sh: $script failed, see build/coverage/$script.log" >&2; status=1; }
 done
 gcovr --root . --object-directory build/coverage --exclude-throw-branches --exclude-unreachable-branches --branches --sort-uncovered \
     --exclude-branches-by-pattern ".*assert\(.*" \
     --filter 'config/(options|config|calibration|problems|network_address|text_file|grasp|gpio)\.cpp' --filter 'drivers/wire/.*' \
     --filter 'node/(quality|objects|method_costs|reload)\.cpp' --filter 'node/modbus/(responder|connection|controls|controls_write|rtu|allow_list|teaching)\.cpp' "$@"
+exit $status

@@ -61,7 +61,7 @@ void MessageFile::close() noexcept {
     at_end_ = true;
 }
 
-std::optional<Message> MessageFile::next(std::uint64_t most_bytes) noexcept {
+std::optional<Message> MessageFile::next(std::uint64_t most_bytes) {
     if (!reader_) return std::nullopt;
     for (const std::uint64_t began = bytes_read_;;) {
         if (const auto message = reader_->next()) return message;

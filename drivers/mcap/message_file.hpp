@@ -28,8 +28,8 @@ public:
 
     // The next message, valid until the next call; nullopt at_end(), or once it has read `most_bytes` and there is more.
     // Read, not mapped: a file that somebody shortens while it is mapped would end the process.
-    // rt: blocks on the disk; bounded by `most_bytes` and a chunk
-    std::optional<Message> next(std::uint64_t most_bytes = UINT64_MAX) noexcept;
+    // rt: blocks on the disk; bounded by `most_bytes` and a chunk. Throws for want of memory before declare_all(), never after
+    std::optional<Message> next(std::uint64_t most_bytes = UINT64_MAX);
     // Nothing more comes: the end of the file, or of what is whole of it.
     [[nodiscard]] bool at_end() const { return at_end_; }
 

@@ -60,13 +60,14 @@ bool HexDecoder::finish(std::string_view line, Frame& frame) noexcept {
 
 // Ten in a row that are lost are not seen by one digit.
 bool HexDecoder::count_on(unsigned digit, Frame& frame) noexcept {
-    const std::uint32_t step = counted_ ? (digit + 10 - counter_ % 10) % 10 : 1;
+    const std::uint32_t step = counted_ ? (digit + 10 - digit_) % 10 : 1;
     if (step == 0) {
         ++counts_[TACTILED_LINK_REPEATED];
         counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
         return false;
     }
     counter_ = counted_ ? counter_ + step : digit;
+    digit_ = digit;
     counted_ = true;
     frame.sequence = counter_;
     frame.has_sequence = true;

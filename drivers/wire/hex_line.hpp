@@ -51,6 +51,7 @@ private:
     bool synchronised_ = false;  // a line's end was seen since reset()
     bool counted_ = false;       // `counter_` is of a line since reset()
     std::uint32_t counter_ = 0;
+    unsigned digit_ = 0;  // of that line: 10 does not divide 2^32
 };
 
 }  // namespace tactiled

@@ -74,8 +74,8 @@ public:
         open_file(file_, path);
     }
 
-    // What a frame became that lies about at byte `frame_at`; nullopt where the file does not say. Frames that came in one
-    // read() have one stamp: by their order.
+    // What a frame became that lies about at byte `frame_at`; nullopt where the file does not say. Frames may have
+    // one stamp: by their order.
     std::optional<tactiled_sample> of_frame(std::size_t i, std::uint64_t t_ns, std::uint64_t frame_at) {
         auto& waiting = sensors_[i].waiting;
         for (;;) {

@@ -65,7 +65,9 @@ void ModbusServer::serve() noexcept {
     while (!stop_.load()) try {
             turn();
         } catch (const std::exception& error) {  // no memory: what is still due comes again with the next turn
-            log_line(LogLevel::warning, "Modbus: {}", error.what());
+            if (monotonic_ns() >= complain_again_ns_) log_line(LogLevel::warning, "Modbus: {}", error.what());
+            complain_again_ns_ = monotonic_ns() + kRetryNs;
+            sleep_until(monotonic_ns() + kTickNs);
         }
 }
 

@@ -64,7 +64,7 @@ private:
     int watched_line_ = -1;
 
     int epoll_ = -1, ticks_ = -1, listener_ = -1;
-    std::uint64_t listen_again_ns_ = 0;
+    std::uint64_t listen_again_ns_ = 0, complain_again_ns_ = 0;
     bool looks_away_ = false;  // out of descriptors: the port stays ours, who waits there waits a second
     std::string complaint_;
     std::map<int, std::unique_ptr<Client>> clients_;  // by descriptor

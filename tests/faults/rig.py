@@ -169,8 +169,9 @@ class TtyFloor(threading.Thread):
         os.close(master)
         os.close(slave)
 
-    def was_late(self, since_ns, until_ns):
-        return any(begin <= until_ns and end >= since_ns for begin, end in list(self.late))
+    def late_ns(self, since_ns, until_ns):
+        """How long bytes were held up in that time."""
+        return sum(max(0, min(end, until_ns) - max(begin, since_ns)) for begin, end in list(self.late))
 
 
 class Witness(threading.Thread):
@@ -227,7 +228,8 @@ class Witness(threading.Thread):
         sent_ns = device.sent.get(s.device_sequence, 0)
         # 20 ms: between this program's own look at its clock and the sample; what it waits for the processor is not counted
         if now_ns - sent_ns > (STALE_MS + 20) * 1_000_000 and time.monotonic_ns() - now_ns < 5_000_000:
-            if self.floor is not None and self.floor.was_late(sent_ns, now_ns):
+            held_ns = self.floor.late_ns(sent_ns, now_ns) if self.floor is not None else 0
+            if now_ns - sent_ns - held_ns <= (STALE_MS + 20) * 1_000_000:
                 self.excused += 1
             else:
                 self.lie("too old", f"{name}: {(now_ns - sent_ns) / 1e6:.1f} ms")

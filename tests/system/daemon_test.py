@@ -80,8 +80,8 @@ class TheDaemon(unittest.TestCase):
             wait_for(quality_is(d, "good"), 3, "a good sample")
             threads = list(pathlib.Path(f"/proc/{d.process.pid}/task").iterdir())
             self.assertGreaterEqual(len(threads), 5)
-            for thread in threads:
-                self.assertRegex((thread / "status").read_text(), r"NoNewPrivs:\s1\nSeccomp:\s2\n", thread)
+            for thread in threads:  # the line of the log that says that it is up comes a moment before
+                wait_for(lambda: "NoNewPrivs:\t1\nSeccomp:\t2\n" in (thread / "status").read_text(), 2, f"the sandbox of {thread}")
             self.assertNotIn("seccomp", d.log())
 
     def test_reads_a_port_and_ends_cleanly_within_a_second(self):

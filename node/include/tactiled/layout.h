@@ -260,7 +260,7 @@ enum tactiled_command_result {
     TACTILED_COMMAND_LOCKED = 5,
     TACTILED_COMMAND_FAILED = 6,
     TACTILED_COMMAND_TIMED_OUT = 7,
-    /* Since 1.4, of a tare; the zero before stays: */
+    /* Since 1.4, of a tare. Rejected: every zero stays; done: those of sensors that rested are new. */
     TACTILED_COMMAND_MOVING = 8,    /* the force moved while it was averaged */
     TACTILED_COMMAND_UNDER_LOAD = 9 /* the new zero would be further than tare_limit_N from the calibration's */
 };

@@ -270,6 +270,8 @@ TEST(Config, PairsTwoSensorsOfWhichOneNamesTheOther) {
     EXPECT_EQ(errors(three("", "agrees_with = 'b'\nagree_N = 1\n")), Lines{at_b + "= \"b\" is this sensor itself"});
     EXPECT_EQ(errors(three("", "agrees_with = 'cc'\nagree_N = 1\n")),
               Lines{at_b + "= \"cc\" is no [[sensor]]; did you mean \"c\"?"});
+    EXPECT_EQ(errors(three("agree_N = 1\n", "", names_a)),
+              Lines{"t.toml:9: sensor \"a\": agree_N stands beside agrees_with, on one of the two sensors"});
     const Lines twice = errors(three("", names_a, names_a));
     ASSERT_EQ(twice.size(), 1u);
     EXPECT_NE(twice[0].find("sensor \"c\": agrees_with = \"a\" "), std::string::npos) << twice[0];

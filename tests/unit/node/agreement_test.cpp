@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
+
+#include "node/sensor.hpp"
+#include "through.hpp"
 
 namespace tactiled {
 namespace {
@@ -56,17 +60,72 @@ TEST(Agreement, AValueWithADoubtOfItsOwnProvesNothing) {
     }
     for (std::uint64_t ms = 50; ms <= 60; ++ms) (void)pair.differs(at(ms, -5), at(ms, -9));
     for (std::uint64_t ms = 61; ms < 100; ++ms) EXPECT_TRUE(pair.differs(at(ms, -5), silent));  // one of them was wrong
-    EXPECT_FALSE(pair.differs(at(100, -5), railed));                                            // that one
-    EXPECT_FALSE(pair.differs(at(101, -5), at(101, -9)));
+    EXPECT_TRUE(pair.differs(at(100, -5), railed)) << "a force that is too large for one tells nothing of the other";
+    tactiled_sample frozen = at(101, -9);
+    frozen.quality = TACTILED_BAD;
+    frozen.reasons = TACTILED_FROZEN;
+    for (std::uint64_t ms = 101; ms < 111; ++ms) EXPECT_TRUE(pair.differs(at(ms, -5), frozen));
+    EXPECT_FALSE(pair.differs(at(111, -5), frozen)) << "that one";
+    EXPECT_FALSE(pair.differs(at(112, -5), at(112, -9)));
 }
 
-TEST(Agreement, OtherLimitsBeginAnewAndTheSameOnesDoNot) {
+TEST(Agreement, TheTimesOnBothSidesOfAGapAreNotAdded) {
+    Agreement pair = within(1, 10);
+    tactiled_sample silent = at(1, kNaN);
+    silent.quality = TACTILED_BAD;
+    for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.differs(at(ms, -5), at(ms, -9));
+    EXPECT_TRUE(pair.differs(at(12, -5), at(12, -5)));  // by chance
+    for (std::uint64_t ms = 13; ms < 100; ++ms) EXPECT_TRUE(pair.differs(at(ms, -5), silent));
+    EXPECT_TRUE(pair.differs(at(100, -5), at(100, -5))) << "the second sample that agrees is no agreement for 10 ms";
+}
+
+TEST(Agreement, IsNotWithASampleOfAnotherTime) {
+    Agreement pair = within(1, 10);
+    for (std::uint64_t ms = 100; ms < 200; ++ms) EXPECT_FALSE(pair.differs(at(ms, -double(ms)), at(89, -89)));
+    for (std::uint64_t ms = 200; ms <= 210; ++ms) (void)pair.differs(at(ms, -5), at(ms - 9, -9));
+    EXPECT_TRUE(pair.differs(at(211, -5), at(202, -9)));
+    EXPECT_TRUE(pair.differs(at(1, -5), at(1, -5))) << "a time that goes back begins anew";
+}
+
+TEST(Agreement, ASensorInDoubtKeepsItsLowPass) {
+    Sensor::Setup setup;
+    setup.channel_of_frame = {0, 1, 2};
+    setup.frame_channels = 3;
+    setup.settable.filter_Hz = 5;
+    setup.agreement = {1, 1, 10 * kMs};
+    setup.decoupler = std::make_unique<Through>();
+    Sensor sensor(std::move(setup));
+    sensor.start(7, 0);
+    for (unsigned ms = 1; ms <= 1000; ++ms) {
+        Frame f;
+        f.t_ns = ms * kMs;
+        f.n_channels = 3;
+        f.channel = {0, 0, ms % 2 == 0 ? -4.0 : -6.0};
+        (void)sensor.sample(f, f.t_ns);
+        const tactiled_sample& compared = sensor.compare(at(ms, -50));
+        EXPECT_EQ(compared.quality, ms <= 10 ? TACTILED_GOOD : TACTILED_UNCERTAIN) << ms;
+        EXPECT_NEAR(compared.force_S_N[2], -5, ms > 500 ? 0.1 : 2);
+    }
+}
+
+TEST(Agreement, OtherLimitsAndAReplacedSensorKeepTheDoubtUntilTheyAgree) {
     Agreement pair = within(1, 10);
     for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.differs(at(ms, -5), at(ms, -7));
     pair.judge_by({1, 1, 10 * kMs});
     EXPECT_TRUE(pair.differs(at(12, -5), at(12, -7)));
     pair.judge_by({1, 3, 10 * kMs});
-    EXPECT_FALSE(pair.differs(at(13, -5), at(13, -7)));
+    Agreement successor = within(3, 10), of_another({2, 3, 10 * kMs});
+    successor.succeed(pair);
+    of_another.succeed(pair);
+    for (std::uint64_t ms = 13; ms < 23; ++ms) {
+        EXPECT_TRUE(pair.differs(at(ms, -5), at(ms, -7)));
+        EXPECT_TRUE(successor.differs(at(ms, -5), at(ms, -7)));
+        EXPECT_FALSE(of_another.differs(at(ms, -5), at(ms, -7)));
+    }
+    EXPECT_FALSE(pair.differs(at(23, -5), at(23, -7)));
+    EXPECT_FALSE(successor.differs(at(23, -5), at(23, -7)));
+    pair.judge_by({-1, 0, 0});
+    EXPECT_EQ(pair.other(), -1);
 }
 
 }  // namespace

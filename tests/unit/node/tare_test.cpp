@@ -69,6 +69,23 @@ TEST(Tare, NoiseOfManyTimesTheStatedDeviationIsNoMotion) {
         EXPECT_EQ(tare(100, 0, [&](unsigned) { return noise(random); }).end, Sensor::Tare::done) << i;
 }
 
+TEST(Tare, OfAModelWithoutADeviationIsJudgedByTheNoise) {
+    TareWindow still, moving, few;
+    const Wrench unknown{NAN, NAN, NAN, NAN, NAN, NAN};
+    std::mt19937 random(4);
+    std::normal_distribution<double> noise(0, 0.1);
+    for (TareWindow* window : {&still, &moving, &few}) window->begin(0, 100);
+    for (unsigned i = 0; i <= 100; ++i) {
+        const double n = noise(random);
+        (void)still.add({NAN, 0, n, 0, 0, 0}, i);
+        (void)moving.add({NAN, 0, n + 0.02 * i, 0, 0, 0}, i);
+        if (i % 25 == 0) (void)few.add({NAN, 0, 0.02 * i, 0, 0, 0}, i);
+    }
+    EXPECT_FALSE(still.has_moved(unknown));
+    EXPECT_TRUE(moving.has_moved(unknown));
+    EXPECT_FALSE(few.has_moved(unknown)) << "five samples alone tell nothing";
+}
+
 TEST(Tare, BeyondTheLimitIsRefusedAsALoadAndWithoutALimitTaken) {
     const auto at_rest = [](double force_N) { return [force_N](unsigned) { return force_N; }; };
     EXPECT_EQ(tare(100, 2, at_rest(-2.01)).end, Sensor::Tare::loaded);
