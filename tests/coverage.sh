@@ -13,7 +13,7 @@ for script in reload save daemon modbus_rtu modbus_hostile auto teach record thr
     TACTILED_BIN=$PWD/build/coverage/bin /usr/bin/python3 tests/system/${script}_test.py >"build/coverage/$script.log" 2>&1 ||
         { echo "coverage.sh: $script failed, see build/coverage/$script.log" >&2; status=1; }
 done
-gcovr --root . --object-directory build/coverage --exclude-throw-branches --exclude-unreachable-branches --branches --sort-uncovered \
+gcovr --root . --object-directory build/coverage --gcov-ignore-parse-errors --exclude-throw-branches --exclude-unreachable-branches --branches --sort-uncovered \
     --exclude-branches-by-pattern ".*assert\(.*" \
     --filter 'config/(options|config|calibration|problems|network_address|text_file|grasp|gpio)\.cpp' --filter 'drivers/wire/.*' \
     --filter 'node/(quality|objects|method_costs|reload)\.cpp' --filter 'node/modbus/(responder|connection|controls|controls_write|rtu|allow_list|teaching)\.cpp' "$@"
