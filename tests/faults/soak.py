@@ -174,6 +174,8 @@ def main():
                 back(rig)
             except TimeoutError as error:
                 wrong.append(f"{error}, after {name}")
+                print(rig.daemon.ctl("status").stdout, rig.daemon.log()[-2000:], sep="\n")
+                print({name: rig.witness.history[name][-5:] for name in SENSORS}, time.monotonic_ns(), [device.sequence for device in rig.devices], flush=True)
             if rig.daemon.process.poll() is not None:
                 wrong.append(f"the daemon ended: {rig.daemon.process.returncode}")
                 break
