@@ -126,11 +126,12 @@ class Device(threading.Thread):
             time.sleep(max(0, due - time.monotonic()))
             sequence = self.sequence
             values = [count_of(self.index, sequence, k) for k in range(3)]
-            if self.values_of is not None:
-                values = self.values_of(values, self)
+            values_of, spoil = self.values_of, self.spoil  # they are taken away from another thread
+            if values_of is not None:
+                values = values_of(values, self)
             line = line_of(sequence, values)
-            if self.spoil is not None:
-                line = self.spoil(line, self)
+            if spoil is not None:
+                line = spoil(line, self)
             self.sequence += 1
             if line is None:
                 continue
