@@ -42,17 +42,8 @@ private:
 
 }  // namespace
 
-Reader::Reader(std::string_view bytes) : bytes_(bytes), is_mcap_(bytes.substr(0, kMagic.size()) == kMagic) { rewind(); }
-
-void Reader::rewind() {
-    at_ = is_mcap_ ? kMagic.size() : bytes_.size();
-    chunk_ = {};
-    chunk_at_ = 0;
-    schemas_.clear();
-    attachments_.clear();
-    ended_ = cut_ = false;
-    compressed_ = bad_crc_ = damaged_ = 0;
-}
+Reader::Reader(std::string_view bytes)
+    : bytes_(bytes), is_mcap_(bytes.substr(0, kMagic.size()) == kMagic), at_(is_mcap_ ? kMagic.size() : bytes.size()) {}
 
 void Reader::feed(std::string_view records) {
     bytes_ = records;

@@ -30,7 +30,7 @@ public:
     explicit Reader(std::string_view bytes);
 
     // For a file that comes in pieces, to a Reader of the magic alone: whole records that follow those which next() has used
-    // up. They must outlive the messages in them. rewind() and attachments() have no meaning then.
+    // up. They must outlive the messages in them. attachments() has no meaning then.
     // rt: a channel that is new allocates; see freeze()
     void feed(std::string_view records);
     // Schemas and channels that records elsewhere declare, such as the summary's; those that are known stay. setup
@@ -40,8 +40,6 @@ public:
 
     // The next message, nullopt at the end: of the file, or of what can be read of it: why().
     std::optional<Message> next();
-    // The first message comes next again.
-    void rewind();
 
     // "" or what is wrong with the file: no MCAP, cut, compressed chunks, chunks with a wrong CRC.
     [[nodiscard]] std::string why() const;
@@ -67,13 +65,14 @@ private:
     void take_attachment(std::string_view content);
 
     std::string_view bytes_;
+    bool is_mcap_ = false;
     std::size_t at_ = 0;
     std::string_view chunk_;
     std::size_t chunk_at_ = 0;
     std::map<std::uint16_t, std::string> schemas_;
     std::map<std::uint16_t, Channel> channels_;
     std::vector<Attachment> attachments_;
-    bool is_mcap_ = false, ended_ = false, cut_ = false, frozen_ = false;
+    bool ended_ = false, cut_ = false, frozen_ = false;
     unsigned compressed_ = 0, bad_crc_ = 0, damaged_ = 0;
 };
 

@@ -90,16 +90,14 @@ struct Mcap : testing::Test {
 };
 
 TEST_F(Mcap, GivesBackEveryBitOfEveryFrame) {
-    Reader reader(bytes);
-    for (int turn = 0; turn < 2; ++turn, reader.rewind()) {
-        const std::vector<Frame> back = frames_of(reader);
-        ASSERT_EQ(back.size(), frames.size());
-        for (std::size_t i = 0; i < back.size(); ++i) EXPECT_TRUE(same_bits(back[i], frames[i])) << i;
-        EXPECT_EQ(reader.why(), "");
-        ASSERT_EQ(reader.attachments().size(), 1u);
-        EXPECT_EQ(reader.attachments()[0].data, "[node]\n");
-    }
-    const auto first = reader.next();
+    Reader reader(bytes), another(bytes);
+    const std::vector<Frame> back = frames_of(reader);
+    ASSERT_EQ(back.size(), frames.size());
+    for (std::size_t i = 0; i < back.size(); ++i) EXPECT_TRUE(same_bits(back[i], frames[i])) << i;
+    EXPECT_EQ(reader.why(), "");
+    ASSERT_EQ(reader.attachments().size(), 1u);
+    EXPECT_EQ(reader.attachments()[0].data, "[node]\n");
+    const auto first = another.next();
     EXPECT_EQ(first->channel->topic, "/n/link/usb0/frames");
     EXPECT_EQ(first->channel->metadata.at("link"), "usb0");
 }
