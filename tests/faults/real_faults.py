@@ -275,7 +275,7 @@ def ask_once(rig, at, count=1):
 
 def tare_in_motion():
     """The force grows by 10 N a second."""
-    return refused_tare("the force moved", CONFIG, lambda values, device: [v + 100 * (device.sequence % 512) for v in values])
+    return refused_tare("the force of a sensor moved", CONFIG, lambda values, device: [v + 100 * (device.sequence % 512) for v in values])
 
 
 def tare_under_load():
