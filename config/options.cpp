@@ -58,6 +58,22 @@ std::optional<std::pair<std::uint32_t, std::string>> unfit(std::string_view text
     return std::nullopt;
 }
 
+// Empty: not TOML; told.
+std::optional<toml::table> parse(std::string_view text, const std::string& name, Problems& problems) {
+    if (const auto why = unfit(text)) {
+        problems.add(name, why->first, why->second);
+        return std::nullopt;
+    }
+    try {
+        return toml::parse(text);  // without a name: it has no memory to lose
+    } catch (const toml::parse_error& error) {
+        const std::string description = in_quotes(error.description());
+        problems.add(name, error.source().begin.line, description.substr(1, description.size() - 2),
+                     error.source().begin.column);
+        return std::nullopt;
+    }
+}
+
 }  // namespace
 
 struct Options::Node {
@@ -163,17 +179,10 @@ Options Options::parse_text(std::string_view text, const std::string& name, Prob
     auto document = std::make_shared<Node::Document>();
     document->file = name;
     document->problems = &problems;
-    if (const auto why = unfit(text)) {
-        problems.add(name, why->first, why->second);
-    } else
-        try {
-            document->root = toml::parse(text);  // without a name: it has no memory to lose
-            document->readable = true;
-        } catch (const toml::parse_error& error) {
-            const std::string description = in_quotes(error.description());
-            problems.add(name, error.source().begin.line, description.substr(1, description.size() - 2),
-                         error.source().begin.column);
-        }
+    if (auto root = parse(text, name, problems)) {
+        document->readable = true;
+        document->root = std::move(*root);
+    }
     const toml::table* root = &document->root;
     return Options(std::make_shared<Node>(Node{.document = document, .table = root, .label = ""}));
 }
