@@ -34,7 +34,7 @@ bool Agreement::has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const 
     return now_ns - since_ns >= limits_.patience_ns;
 }
 
-bool Agreement::differs(const tactiled_sample& mine, const tactiled_sample& others) noexcept {
+bool Agreement::compare(const tactiled_sample& mine, const tactiled_sample& others) noexcept {
     if ((others.reasons & kCulprit) == 0)
         guilty_since_ns_ = 0;
     else if (has_lasted(guilty_since_ns_, mine.t_ns))

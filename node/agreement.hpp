@@ -12,7 +12,6 @@ public:
         int other = -1;                 // index of the sensor to compare with, -1: none
         double most_N = 0;              // magnitude of the difference of the tared forces
         std::uint64_t patience_ns = 0;  // so long they may differ by more; so long they agree before they are believed again
-        bool operator==(const Limits&) const = default;
     };
     explicit Agreement(const Limits& limits) : limits_(limits) {}
 
@@ -21,10 +20,12 @@ public:
     void judge_by(const Limits& limits) noexcept;
     // Goes on where `before` ends. rt: wait-free
     void succeed(const Agreement& before) noexcept;
-    // True: they have differed for longer than allowed, and not agreed for as long since. A sample that is doubtful for a
+    // They have differed for longer than allowed, and not agreed for as long since. rt: wait-free
+    [[nodiscard]] bool differs() const noexcept { return differs_; }
+    // So with these samples. A sample that is doubtful for a
     // reason of its own, or further away in time than the patience, proves nothing, neither way: what was said last stays,
     // until the other one's own channels have shown for as long that it was the wrong one. rt: wait-free
-    [[nodiscard]] bool differs(const tactiled_sample& mine, const tactiled_sample& others) noexcept;
+    bool compare(const tactiled_sample& mine, const tactiled_sample& others) noexcept;
 
 private:
     [[nodiscard]] bool has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const noexcept;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <utility>
 
 namespace tactiled {
 namespace {
@@ -113,12 +112,12 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
 }
 
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
-    const bool differed = std::exchange(differs_, agreement_.differs(last_, others));
-    if (differed && !differs_) {  // here, too, nothing doubtful is to be in what is GOOD
+    const bool differed = agreement_.differs(), differs = agreement_.compare(last_, others);
+    if (differed && !differs) {  // here, too, nothing doubtful is to be in what is GOOD
         low_pass_.reset();
         put_tared(last_);
     }
-    if (!differs_ || last_.quality == TACTILED_BAD) return last_;
+    if (!differs || last_.quality == TACTILED_BAD) return last_;
     last_.reasons |= TACTILED_SENSORS_DIFFER;
     last_.quality = TACTILED_UNCERTAIN;
     return last_;

@@ -125,7 +125,6 @@ private:
     float peak_N_ = 0;
     tactiled_sample last_{};
     std::uint32_t own_quality_ = TACTILED_BAD;  // of last_, before it was compared
-    bool differs_ = false;                      // from the other sensor, as last compared
     std::uint64_t sequence_ = 0;
     std::uint32_t daemon_epoch_ = 0;
     std::uint32_t tare_count_ = 0;

@@ -29,22 +29,22 @@ Agreement within(double most_N, std::uint64_t patience_ms) { return Agreement({1
 
 TEST(Agreement, IsOverAfterItsTimeAndBackAfterAsLong) {
     Agreement pair = within(1, 10);
-    for (std::uint64_t ms = 1; ms <= 10; ++ms) EXPECT_FALSE(pair.differs(at(ms, -5), at(ms, -7)));
-    for (std::uint64_t ms = 11; ms <= 20; ++ms) EXPECT_TRUE(pair.differs(at(ms, -5), at(ms, -7)));
-    for (std::uint64_t ms = 21; ms <= 30; ++ms) EXPECT_TRUE(pair.differs(at(ms, -5), at(ms, -5.5)));
-    EXPECT_FALSE(pair.differs(at(31, -5), at(31, -5.5)));
+    for (std::uint64_t ms = 1; ms <= 10; ++ms) EXPECT_FALSE(pair.compare(at(ms, -5), at(ms, -7)));
+    for (std::uint64_t ms = 11; ms <= 20; ++ms) EXPECT_TRUE(pair.compare(at(ms, -5), at(ms, -7)));
+    for (std::uint64_t ms = 21; ms <= 30; ++ms) EXPECT_TRUE(pair.compare(at(ms, -5), at(ms, -5.5)));
+    EXPECT_FALSE(pair.compare(at(31, -5), at(31, -5.5)));
 }
 
 TEST(Agreement, AShortDifferenceIsNone) {
     Agreement pair = within(1, 10);
-    for (std::uint64_t ms = 1; ms < 500; ++ms) EXPECT_FALSE(pair.differs(at(ms, -5), at(ms, ms % 10 == 0 ? -5 : -9)));
+    for (std::uint64_t ms = 1; ms < 500; ++ms) EXPECT_FALSE(pair.compare(at(ms, -5), at(ms, ms % 10 == 0 ? -5 : -9)));
 }
 
 TEST(Agreement, IsOfWhatBothSee) {
     Agreement pair = within(1, 10);
-    for (std::uint64_t ms = 1; ms < 50; ++ms) EXPECT_FALSE(pair.differs(at(ms, -5, 30), at(ms, -5, kNaN)));
-    for (std::uint64_t ms = 50; ms < 60; ++ms) (void)pair.differs(at(ms, -5, 0.8), at(ms, -5.8, 0));
-    EXPECT_TRUE(pair.differs(at(60, -5, 0.8), at(60, -5.8, 0)));  // the magnitude: 1.13 N
+    for (std::uint64_t ms = 1; ms < 50; ++ms) EXPECT_FALSE(pair.compare(at(ms, -5, 30), at(ms, -5, kNaN)));
+    for (std::uint64_t ms = 50; ms < 60; ++ms) (void)pair.compare(at(ms, -5, 0.8), at(ms, -5.8, 0));
+    EXPECT_TRUE(pair.compare(at(60, -5, 0.8), at(60, -5.8, 0)));  // the magnitude: 1.13 N
 }
 
 TEST(Agreement, AValueWithADoubtOfItsOwnProvesNothing) {
@@ -55,36 +55,36 @@ TEST(Agreement, AValueWithADoubtOfItsOwnProvesNothing) {
     railed.quality = TACTILED_UNCERTAIN;
     railed.reasons = TACTILED_SATURATED;
     for (std::uint64_t ms = 1; ms < 50; ++ms) {
-        EXPECT_FALSE(pair.differs(at(ms, -5), silent));
-        EXPECT_FALSE(pair.differs(at(ms, -5), railed));
+        EXPECT_FALSE(pair.compare(at(ms, -5), silent));
+        EXPECT_FALSE(pair.compare(at(ms, -5), railed));
     }
-    for (std::uint64_t ms = 50; ms <= 60; ++ms) (void)pair.differs(at(ms, -5), at(ms, -9));
-    for (std::uint64_t ms = 61; ms < 100; ++ms) EXPECT_TRUE(pair.differs(at(ms, -5), silent));  // one of them was wrong
-    EXPECT_TRUE(pair.differs(at(100, -5), railed)) << "a force that is too large for one tells nothing of the other";
+    for (std::uint64_t ms = 50; ms <= 60; ++ms) (void)pair.compare(at(ms, -5), at(ms, -9));
+    for (std::uint64_t ms = 61; ms < 100; ++ms) EXPECT_TRUE(pair.compare(at(ms, -5), silent));  // one of them was wrong
+    EXPECT_TRUE(pair.compare(at(100, -5), railed)) << "a force that is too large for one tells nothing of the other";
     tactiled_sample frozen = at(101, -9);
     frozen.quality = TACTILED_BAD;
     frozen.reasons = TACTILED_FROZEN;
-    for (std::uint64_t ms = 101; ms < 111; ++ms) EXPECT_TRUE(pair.differs(at(ms, -5), frozen));
-    EXPECT_FALSE(pair.differs(at(111, -5), frozen)) << "that one";
-    EXPECT_FALSE(pair.differs(at(112, -5), at(112, -9)));
+    for (std::uint64_t ms = 101; ms < 111; ++ms) EXPECT_TRUE(pair.compare(at(ms, -5), frozen));
+    EXPECT_FALSE(pair.compare(at(111, -5), frozen)) << "that one";
+    EXPECT_FALSE(pair.compare(at(112, -5), at(112, -9)));
 }
 
 TEST(Agreement, TheTimesOnBothSidesOfAGapAreNotAdded) {
     Agreement pair = within(1, 10);
     tactiled_sample silent = at(1, kNaN);
     silent.quality = TACTILED_BAD;
-    for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.differs(at(ms, -5), at(ms, -9));
-    EXPECT_TRUE(pair.differs(at(12, -5), at(12, -5)));  // by chance
-    for (std::uint64_t ms = 13; ms < 100; ++ms) EXPECT_TRUE(pair.differs(at(ms, -5), silent));
-    EXPECT_TRUE(pair.differs(at(100, -5), at(100, -5))) << "the second sample that agrees is no agreement for 10 ms";
+    for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.compare(at(ms, -5), at(ms, -9));
+    EXPECT_TRUE(pair.compare(at(12, -5), at(12, -5)));  // by chance
+    for (std::uint64_t ms = 13; ms < 100; ++ms) EXPECT_TRUE(pair.compare(at(ms, -5), silent));
+    EXPECT_TRUE(pair.compare(at(100, -5), at(100, -5))) << "the second sample that agrees is no agreement for 10 ms";
 }
 
 TEST(Agreement, IsNotWithASampleOfAnotherTime) {
     Agreement pair = within(1, 10);
-    for (std::uint64_t ms = 100; ms < 200; ++ms) EXPECT_FALSE(pair.differs(at(ms, -double(ms)), at(89, -89)));
-    for (std::uint64_t ms = 200; ms <= 210; ++ms) (void)pair.differs(at(ms, -5), at(ms - 9, -9));
-    EXPECT_TRUE(pair.differs(at(211, -5), at(202, -9)));
-    EXPECT_TRUE(pair.differs(at(1, -5), at(1, -5))) << "a time that goes back begins anew";
+    for (std::uint64_t ms = 100; ms < 200; ++ms) EXPECT_FALSE(pair.compare(at(ms, -double(ms)), at(89, -89)));
+    for (std::uint64_t ms = 200; ms <= 210; ++ms) (void)pair.compare(at(ms, -5), at(ms - 9, -9));
+    EXPECT_TRUE(pair.compare(at(211, -5), at(202, -9)));
+    EXPECT_TRUE(pair.compare(at(1, -5), at(1, -5))) << "a time that goes back begins anew";
 }
 
 TEST(Agreement, ASensorInDoubtKeepsItsLowPass) {
@@ -110,20 +110,20 @@ TEST(Agreement, ASensorInDoubtKeepsItsLowPass) {
 
 TEST(Agreement, OtherLimitsAndAReplacedSensorKeepTheDoubtUntilTheyAgree) {
     Agreement pair = within(1, 10);
-    for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.differs(at(ms, -5), at(ms, -7));
+    for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.compare(at(ms, -5), at(ms, -7));
     pair.judge_by({1, 1, 10 * kMs});
-    EXPECT_TRUE(pair.differs(at(12, -5), at(12, -7)));
+    EXPECT_TRUE(pair.compare(at(12, -5), at(12, -7)));
     pair.judge_by({1, 3, 10 * kMs});
     Agreement successor = within(3, 10), of_another({2, 3, 10 * kMs});
     successor.succeed(pair);
     of_another.succeed(pair);
     for (std::uint64_t ms = 13; ms < 23; ++ms) {
-        EXPECT_TRUE(pair.differs(at(ms, -5), at(ms, -7)));
-        EXPECT_TRUE(successor.differs(at(ms, -5), at(ms, -7)));
-        EXPECT_FALSE(of_another.differs(at(ms, -5), at(ms, -7)));
+        EXPECT_TRUE(pair.compare(at(ms, -5), at(ms, -7)));
+        EXPECT_TRUE(successor.compare(at(ms, -5), at(ms, -7)));
+        EXPECT_FALSE(of_another.compare(at(ms, -5), at(ms, -7)));
     }
-    EXPECT_FALSE(pair.differs(at(23, -5), at(23, -7)));
-    EXPECT_FALSE(successor.differs(at(23, -5), at(23, -7)));
+    EXPECT_FALSE(pair.compare(at(23, -5), at(23, -7)));
+    EXPECT_FALSE(successor.compare(at(23, -5), at(23, -7)));
     pair.judge_by({-1, 0, 0});
     EXPECT_EQ(pair.other(), -1);
 }
