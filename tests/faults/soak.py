@@ -17,7 +17,7 @@ import threading
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from rig import BIN, CONFIG, FROZEN_AFTER, SENSORS, Rig, TtyFloor, tactiled, with_ptys_of_its_own  # noqa: E402
+from rig import BIN, FROZEN_AFTER, SENSORS, Rig, TtyFloor, tactiled, with_ptys_of_its_own  # noqa: E402
 
 WARM_UP = 1 / 3  # of the run: what is allocated once, such as for the largest crowd at the port, is there by then
 MOST_GROWTH_KB = 64  # of resident memory, from then to the end: a page a minute is a leak
@@ -63,9 +63,7 @@ def stand(rig, device, dice):
 
 
 def reload(rig, device, dice):
-    text = CONFIG.replace("{folder}", str(rig.daemon.folder)).replace("{{", "{").replace("}}", "}")
-    head = rig.daemon.config.read_text().split("[[link]]")[0]
-    text = head + text.lstrip()
+    text = rig.text
     kind = dice.randrange(3)
     if kind == 0:
         text = text.replace('name = "left"\nlink', f'name = "left"\ncontact_on_N = {dice.uniform(1, 2):.3f}\nlink')
@@ -164,7 +162,7 @@ def main():
     with Rig() as rig:
         began = time.monotonic()
         rig.witness.floor = TtyFloor()
-        rig.rest = usage(rig.daemon.process.pid)
+        rig.rest, rig.text = usage(rig.daemon.process.pid), rig.daemon.config.read_text()
         minute, first = 1, None
         while time.monotonic() - began < minutes * 60 and not wrong:
             try:
