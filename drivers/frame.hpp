@@ -13,7 +13,7 @@ struct Frame {
     std::uint64_t device_time_us = 0;  // the device's own clock, any origin; 0 if it sends none
     std::uint32_t sequence = 0;        // the device's counter, valid where has_sequence
     std::uint16_t device = 0;          // which device of the link: CAN id, mux channel, 0 where a link has but one
-    std::uint8_t n_channels = 0;
+    std::uint8_t n_channels = 0;       // 0 also where two devices send under this one's name: nobody knows whose a number is
     bool has_sequence = false;
     std::uint32_t missing = 0;    // bit n: channel n has no value; its number is NaN
     std::uint32_t saturated = 0;  // bit n: channel n is at a rail that the driver knows of

@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 namespace tactiled {
@@ -56,42 +57,15 @@ std::uint8_t xor_of(std::string_view text) noexcept {
 }  // namespace
 
 void AsciiDecoder::reset() noexcept {
-    StreamDecoder::reset();
-    length_ = 0;
-    synchronised_ = time_seen_ = false;
+    LineDecoder::reset();
+    time_seen_ = false;
     sequence_.reset();
 }
 
-bool AsciiDecoder::take(std::uint8_t byte, Frame& frame) noexcept {
-    if (byte != '\n') {
-        if (length_ < line_.size()) line_[length_] = char(byte);
-        ++length_;
-        return false;
-    }
-    bool complete = false;
-    if (length_ > line_.size()) {
-        reject(TACTILED_LINK_BAD_LENGTH);
-    } else {
-        std::string_view line(line_.data(), length_);
-        if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
-        const std::string_view text = trimmed(line);
-        if (text.empty() || text.front() == '#')
-            counts_[TACTILED_LINK_SKIPPED] += text.empty() ? 0 : std::uint32_t(length_ + 1);  // a comment
-        else
-            complete = finish(line, frame);
-    }
-    length_ = 0;
-    synchronised_ = true;
-    return complete;
-}
-
-bool AsciiDecoder::reject(tactiled_link_count kind) noexcept {
-    if (synchronised_) ++counts_[kind];  // else we came in the middle of a line, which is nobody's fault
-    counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
-    return false;
-}
-
-bool AsciiDecoder::finish(std::string_view line, Frame& frame) noexcept {
+bool AsciiDecoder::read_line(std::string_view line, Frame& frame) noexcept {
+    const std::string_view text = trimmed(line);
+    if (text.empty()) return false;
+    if (text.front() == '#') return skip();  // a comment
     const std::size_t star = line.rfind('*');
     if (star == std::string_view::npos) {
         if (format_.checksum) return reject(TACTILED_LINK_BAD_CHECKSUM);
@@ -102,11 +76,12 @@ bool AsciiDecoder::finish(std::string_view line, Frame& frame) noexcept {
         line = line.substr(0, star);
     }
     // An unchecked first line may have lost its beginning and still look whole.
-    if (!synchronised_ && star == std::string_view::npos) return reject(TACTILED_LINK_BAD_LENGTH);
+    if (!is_synchronised() && star == std::string_view::npos) return reject(TACTILED_LINK_BAD_LENGTH);
     return read_cells(line, frame);
 }
 
 bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
+    const auto content = std::uint32_t(std::hash<std::string_view>{}(line));
     const char separator = separator_of(line);
     if (separator == ' ') line = trimmed(line);  // else a blank or a tab at an end may bound an empty cell
     std::uint32_t sequence = 0, time_us = 0;
@@ -128,7 +103,7 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     const auto elapsed_us = std::int32_t(time_us - std::uint32_t(time_us_));
     const bool clock_went_back = format_.time_us && time_seen_ && elapsed_us < 0;
     if (format_.sequence) {
-        const auto verdict = sequence_.next(sequence, 32, clock_went_back);
+        const auto verdict = sequence_.next(sequence, 32, content, clock_went_back);
         if (!verdict.accept) {
             ++counts_[TACTILED_LINK_REPEATED];
             return false;
@@ -137,6 +112,7 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
         frame.lost = verdict.lost;
         frame.sequence = sequence;
         frame.has_sequence = true;
+        if (verdict.contested) frame.n_channels = 0;
     }
     if (format_.time_us) {
         time_us_ = time_seen_ && !clock_went_back ? time_us_ + std::uint32_t(elapsed_us) : time_us;

@@ -5,7 +5,8 @@
 #include <span>
 #include <string_view>
 
-#include "drivers/wire/decoder.hpp"
+#include "drivers/wire/delimited.hpp"
+#include "drivers/wire/sequence_tracker.hpp"
 
 namespace tactiled {
 
@@ -18,22 +19,16 @@ struct AsciiFormat {
     bool time_us = false;   // the next column is the device's clock, microseconds modulo 2^32
 };
 
-class AsciiDecoder final : public StreamDecoder {
+class AsciiDecoder final : public LineDecoder<kAsciiMostBytes> {
 public:
-    AsciiDecoder(const AsciiFormat& format, LinkCounts& counts) : StreamDecoder(counts), format_(format) {}
+    AsciiDecoder(const AsciiFormat& format, LinkCounts& counts) : LineDecoder(counts), format_(format) {}
     void reset() noexcept override;
 
 private:
-    bool take(std::uint8_t byte, Frame& frame) noexcept override;
-    // A line without its end. rt: bounded by kAsciiMostBytes
-    bool finish(std::string_view line, Frame& frame) noexcept;
+    bool read_line(std::string_view line, Frame& frame) noexcept override;
     bool read_cells(std::string_view line, Frame& frame) noexcept;
-    bool reject(tactiled_link_count kind) noexcept;
 
     AsciiFormat format_;
-    std::array<char, kAsciiMostBytes> line_{};
-    std::size_t length_ = 0;     // bytes since the last line's end, also those that did not fit
-    bool synchronised_ = false;  // a line's end was seen since reset()
     SequenceTracker sequence_;
     std::uint64_t time_us_ = 0;
     bool time_seen_ = false;

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <string_view>
 #include <utility>
 
 namespace tactiled {
@@ -112,6 +114,7 @@ bool CanSamples::belongs_by_counter(const CanDevice& device, Pending& pending, u
     if (pending.parts != 0 && (pending.count != count || !is_within(1, device, pending.frame.t_ns))) lose(pending);
     if (pending.parts == 0) begin(device, pending);
     if ((pending.parts >> part & 1u) == 0) return true;
+    pending.sequence.suspect();
     ++counts_[TACTILED_LINK_REPEATED];
     return false;
 }
@@ -172,7 +175,10 @@ bool CanSamples::finish(const CanDevice& device, Pending& pending) noexcept {
     if (device.has_sequence()) {
         const auto part =
             std::find_if(device.parts.begin(), device.parts.end(), [](const CanPart& p) { return p.sequence.has_value(); });
-        const auto verdict = pending.sequence.next(pending.count, part->sequence->length, false);
+        const std::string_view numbers(reinterpret_cast<const char*>(frame.channel.data()),
+                                       frame.n_channels * sizeof(double));
+        const auto content = std::uint32_t(std::hash<std::string_view>{}(numbers));
+        const auto verdict = pending.sequence.next(pending.count, part->sequence->length, content, false);
         if (!verdict.accept) {
             ++counts_[TACTILED_LINK_REPEATED];
             return false;
@@ -182,6 +188,7 @@ bool CanSamples::finish(const CanDevice& device, Pending& pending) noexcept {
         pending.lost += unseen;
         frame.sequence = pending.count;
         frame.has_sequence = true;
+        if (verdict.contested) frame.n_channels = 0;
     }
     frame.lost = std::exchange(pending.lost, 0);
     ++counts_[TACTILED_LINK_FRAMES];

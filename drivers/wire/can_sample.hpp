@@ -11,7 +11,7 @@
 #include "drivers/driver.hpp"
 #include "drivers/frame.hpp"
 #include "drivers/wire/can_signal.hpp"
-#include "drivers/wire/decoder.hpp"
+#include "drivers/wire/sequence_tracker.hpp"
 
 namespace tactiled {
 

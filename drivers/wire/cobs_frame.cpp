@@ -41,42 +41,22 @@ std::size_t uncobs(std::span<const std::uint8_t> encoded, std::uint8_t* plain) n
 }  // namespace
 
 void CobsDecoder::reset() noexcept {
-    StreamDecoder::reset();
+    DelimitedDecoder::reset();
     devices_.fill({});
-    length_ = 0;
-    synchronised_ = false;
 }
 
-bool CobsDecoder::take(std::uint8_t byte, Frame& frame) noexcept {
-    if (byte != 0) {
-        if (length_ < encoded_.size()) encoded_[length_] = byte;
-        ++length_;
-        return false;
-    }
-    const bool complete = length_ != 0 && finish(frame);  // zeros in a row are idle line
-    length_ = 0;
-    synchronised_ = true;
-    return complete;
-}
-
-bool CobsDecoder::reject(tactiled_link_count kind) noexcept {
-    if (synchronised_) ++counts_[kind];  // else we came in the middle of a frame, which is nobody's fault
-    counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
-    return false;
-}
-
-bool CobsDecoder::finish(Frame& frame) noexcept {
-    if (length_ >= encoded_.size()) return reject(TACTILED_LINK_BAD_LENGTH);
+bool CobsDecoder::finish(std::span<const std::uint8_t> encoded, Frame& frame) noexcept {
+    if (encoded.empty()) return false;  // zeros in a row are idle line
     std::array<std::uint8_t, kCobsMostEncoded> plain;
-    const std::size_t n = uncobs({encoded_.data(), length_}, plain.data());
+    const std::size_t n = uncobs(encoded, plain.data());
     if (n < kHeader + 3 + 2) return reject(TACTILED_LINK_BAD_LENGTH);
     Crc16 crc;
     crc.process_bytes(plain.data(), n - 2);
     if (crc.checksum() != get(&plain[n - 2], 2)) return reject(TACTILED_LINK_BAD_CHECKSUM);
-    return read_plain({plain.data(), n - 2}, frame);
+    return read_plain({plain.data(), n - 2}, crc.checksum(), frame);
 }
 
-bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, Frame& frame) noexcept {
+bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t crc, Frame& frame) noexcept {
     const std::uint8_t format = plain[0], device = plain[1], channels = plain[2], flags = plain[3];
     const int bytes = format == kFormat24 ? 3 : 4;
     const std::size_t mask_bytes = (flags & kFlagMissing) != 0 ? 4 : 0;
@@ -90,7 +70,7 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, Frame& frame) 
     const bool has_time = (flags & kFlagTime) != 0;
     const auto elapsed_us = std::int32_t(time_us - std::uint32_t(known.time_us));
     const bool clock_went_back = has_time && known.seen && elapsed_us < 0;
-    const auto verdict = known.sequence.next(sequence, 16, clock_went_back);
+    const auto verdict = known.sequence.next(sequence, 16, crc, clock_went_back);
     if (!verdict.accept) {
         ++counts_[TACTILED_LINK_REPEATED];
         return false;
@@ -115,6 +95,7 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, Frame& frame) 
         frame.channel[k] = missing ? std::numeric_limits<double>::quiet_NaN() : double(value);
         if (!missing && (value >= top || value <= -top - 1)) frame.saturated |= 1u << k;
     }
+    if (verdict.contested) frame.n_channels = 0;
     return true;
 }
 

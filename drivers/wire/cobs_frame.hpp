@@ -4,7 +4,8 @@
 #include <cstdint>
 #include <span>
 
-#include "drivers/wire/decoder.hpp"
+#include "drivers/wire/delimited.hpp"
+#include "drivers/wire/sequence_tracker.hpp"
 
 namespace tactiled {
 
@@ -12,17 +13,14 @@ inline constexpr std::size_t kCobsMostDevices = 16;
 inline constexpr std::size_t kCobsMostPlain = 10 + 4 + 4 * kMaxChannels + 2;  // bytes before COBS
 inline constexpr std::size_t kCobsMostEncoded = kCobsMostPlain + 1 + 1;       // with COBS' byte and the delimiter
 
-class CobsDecoder final : public StreamDecoder {
+class CobsDecoder final : public DelimitedDecoder<0, kCobsMostEncoded - 1> {
 public:
-    using StreamDecoder::StreamDecoder;
+    using DelimitedDecoder::DelimitedDecoder;
     void reset() noexcept override;
 
 private:
-    bool take(std::uint8_t byte, Frame& frame) noexcept override;
-    // The bytes between two delimiters. rt: bounded by kCobsMostEncoded
-    bool finish(Frame& frame) noexcept;
-    bool read_plain(std::span<const std::uint8_t> plain, Frame& frame) noexcept;
-    bool reject(tactiled_link_count kind) noexcept;
+    bool finish(std::span<const std::uint8_t> encoded, Frame& frame) noexcept override;
+    bool read_plain(std::span<const std::uint8_t> plain, std::uint32_t crc, Frame& frame) noexcept;
 
     struct Device {
         SequenceTracker sequence;
@@ -30,9 +28,6 @@ private:
         bool seen = false;
     };
     std::array<Device, kCobsMostDevices> devices_{};
-    std::array<std::uint8_t, kCobsMostEncoded> encoded_{};
-    std::size_t length_ = 0;     // bytes since the last delimiter, also those that did not fit
-    bool synchronised_ = false;  // a delimiter was seen since reset()
 };
 
 // What a device sends for `frame`: channels rounded to integers and held at the rails. Returns the number of bytes, the

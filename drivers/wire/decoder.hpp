@@ -80,39 +80,4 @@ private:
     bool ready_ = false;
 };
 
-// Follows a device's sequence counter: gaps, repeats, restarts.
-//
-// A step ahead by less than half the counter's range is a gap of that many frames. A step back is a frame that was
-// sent twice or overtaken: it is dropped, unless the device has restarted: its clock went back, or the frame after it
-// counts on from it. So a restart costs no frame of a device that sends its time, and one frame of another.
-class SequenceTracker {
-public:
-    struct Verdict {
-        bool accept;
-        std::uint32_t lost;  // frames missing right before this one
-    };
-
-    // `bits`: width of the counter. rt: wait-free
-    Verdict next(std::uint32_t sequence, unsigned bits, bool clock_went_back) noexcept {
-        const std::uint32_t mask = bits >= 32 ? ~0u : (1u << bits) - 1;
-        const std::uint32_t step = (sequence - last_ - 1) & mask;  // 0: the one that follows
-        const bool counts_on = dropped_ && ((sequence - last_dropped_ - 1) & mask) == 0;
-        const bool restart = !started_ || clock_went_back || counts_on;
-        if (!restart && step > mask / 2) {
-            dropped_ = true;
-            last_dropped_ = sequence;
-            return {false, 0};
-        }
-        started_ = true;
-        dropped_ = false;
-        last_ = sequence;
-        return {true, restart ? 0 : step};
-    }
-    void reset() noexcept { started_ = dropped_ = false; }
-
-private:
-    std::uint32_t last_ = 0, last_dropped_ = 0;
-    bool started_ = false, dropped_ = false;
-};
-
 }  // namespace tactiled

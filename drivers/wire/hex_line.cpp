@@ -14,34 +14,14 @@ bool read_digits(std::string_view text, int base, std::uint32_t& value) noexcept
 }  // namespace
 
 void HexDecoder::reset() noexcept {
-    StreamDecoder::reset();
-    length_ = 0;
-    synchronised_ = counted_ = false;
+    LineDecoder::reset();
+    counted_ = false;
 }
 
-bool HexDecoder::take(std::uint8_t byte, Frame& frame) noexcept {
-    if (byte != '\n') {
-        if (length_ < line_.size()) line_[length_] = char(byte);
-        ++length_;
-        return false;
-    }
-    std::string_view line(line_.data(), std::min(length_, line_.size()));
-    if (length_ <= line_.size() && !line.empty() && line.back() == '\r') line.remove_suffix(1);
+bool HexDecoder::read_line(std::string_view line, Frame& frame) noexcept {
     const std::size_t whole =
         (format_.first == HexFormat::Digit::none ? 0 : 1) + std::size_t{format_.channels} * format_.digits;
-    const bool complete = line.size() == whole ? finish(line, frame) : reject(TACTILED_LINK_BAD_LENGTH);
-    length_ = 0;
-    synchronised_ = true;
-    return complete;
-}
-
-bool HexDecoder::reject(tactiled_link_count kind) noexcept {
-    if (synchronised_) ++counts_[kind];  // else we came in the middle of a line, which is nobody's fault
-    counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
-    return false;
-}
-
-bool HexDecoder::finish(std::string_view line, Frame& frame) noexcept {
+    if (line.size() != whole) return reject(TACTILED_LINK_BAD_LENGTH);
     frame = Frame{};
     std::uint32_t digit = 0;
     if (format_.first != HexFormat::Digit::none) {
@@ -63,8 +43,7 @@ bool HexDecoder::count_on(unsigned digit, Frame& frame) noexcept {
     const std::uint32_t step = counted_ ? (digit + 10 - digit_) % 10 : 1;
     if (step == 0) {
         ++counts_[TACTILED_LINK_REPEATED];
-        counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
-        return false;
+        return skip();
     }
     counter_ = counted_ ? counter_ + step : digit;
     digit_ = digit;

@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "drivers/wire/decoder.hpp"
+#include "drivers/wire/delimited.hpp"
 
 namespace tactiled {
 
@@ -26,11 +26,11 @@ struct HexFormat {
     std::string start, stop;      // what the device is sent to begin and to end its stream
 };
 
-class HexDecoder final : public StreamDecoder {
-public:
-    static constexpr std::size_t kMostLine = 1 + kMaxChannels * 8 + 1;  // with the return before its end
+inline constexpr std::size_t kHexMostLine = 1 + kMaxChannels * 8 + 1;  // with the return before its end
 
-    HexDecoder(HexFormat format, LinkCounts& counts) : StreamDecoder(counts), format_(std::move(format)) {}
+class HexDecoder final : public LineDecoder<kHexMostLine> {
+public:
+    HexDecoder(HexFormat format, LinkCounts& counts) : LineDecoder(counts), format_(std::move(format)) {}
     void reset() noexcept override;
     [[nodiscard]] std::span<const std::uint8_t> start_bytes() const noexcept override { return bytes_of(format_.start); }
     [[nodiscard]] std::span<const std::uint8_t> stop_bytes() const noexcept override { return bytes_of(format_.stop); }
@@ -39,17 +39,11 @@ private:
     static std::span<const std::uint8_t> bytes_of(const std::string& text) noexcept {
         return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
     }
-    bool take(std::uint8_t byte, Frame& frame) noexcept override;
-    // A line without its end. rt: bounded by kMostLine
-    bool finish(std::string_view line, Frame& frame) noexcept;
+    bool read_line(std::string_view line, Frame& frame) noexcept override;
     bool count_on(unsigned digit, Frame& frame) noexcept;
-    bool reject(tactiled_link_count kind) noexcept;
 
     HexFormat format_;
-    std::array<char, kMostLine> line_{};
-    std::size_t length_ = 0;     // bytes since the last line's end, also those that did not fit
-    bool synchronised_ = false;  // a line's end was seen since reset()
-    bool counted_ = false;       // `counter_` is of a line since reset()
+    bool counted_ = false;  // `counter_` is of a line since reset()
     std::uint32_t counter_ = 0;
     unsigned digit_ = 0;  // of that line: 10 does not divide 2^32
 };

@@ -9,40 +9,10 @@ namespace {
 constexpr std::uint8_t kStart[] = {'L', '1', '(', ')', '\n'}, kStop[] = {'L', '0', '(', ')', '\n'};
 constexpr std::string_view kHead = "F={";
 
-}  // namespace
-
-std::span<const std::uint8_t> Kms40Decoder::start_bytes() const noexcept { return kStart; }
-std::span<const std::uint8_t> Kms40Decoder::stop_bytes() const noexcept { return kStop; }
-
-void Kms40Decoder::reset() noexcept {
-    StreamDecoder::reset();
-    length_ = 0;
-}
-
-bool Kms40Decoder::take(std::uint8_t byte, Frame& frame) noexcept {
-    if (byte != '\n') {
-        if (length_ < line_.size()) line_[length_] = char(byte);
-        ++length_;
-        return false;
-    }
-    const std::size_t length = length_;
-    length_ = 0;
-    if (length > line_.size()) {
-        ++counts_[TACTILED_LINK_BAD_LENGTH];
-    } else {
-        std::string_view line(line_.data(), length);
-        if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
-        if (read_line(line, frame)) return true;
-        if (line.starts_with(kHead)) ++counts_[TACTILED_LINK_BAD_VALUE];  // else the answer to a command
-    }
-    counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length + 1);
-    return false;
-}
-
-bool Kms40Decoder::read_line(std::string_view line, Frame& frame) noexcept {
-    if (!line.starts_with(kHead)) return false;
-    const char* at = line.data() + kHead.size();
-    const char* const end = line.data() + line.size();
+// "fx,fy,fz,mx,my,mz},time" and nothing after it.
+bool read_forces(std::string_view text, Frame& frame) noexcept {
+    const char* at = text.data();
+    const char* const end = text.data() + text.size();
     frame = Frame{};
     for (; frame.n_channels < 6; ++frame.n_channels) {
         double& number = frame.channel[frame.n_channels];
@@ -55,6 +25,18 @@ bool Kms40Decoder::read_line(std::string_view line, Frame& frame) noexcept {
     if (at == end || *at != ',') return false;
     const auto [after, error] = std::from_chars(at + 1, end, time);
     return error == std::errc{} && after == end;
+}
+
+}  // namespace
+
+std::span<const std::uint8_t> Kms40Decoder::start_bytes() const noexcept { return kStart; }
+std::span<const std::uint8_t> Kms40Decoder::stop_bytes() const noexcept { return kStop; }
+
+bool Kms40Decoder::read_line(std::string_view line, Frame& frame) noexcept {
+    if (!line.starts_with(kHead)) return skip();  // the answer to a command
+    if (read_forces(line.substr(kHead.size()), frame)) return true;
+    ++counts_[TACTILED_LINK_BAD_VALUE];
+    return skip();
 }
 
 }  // namespace tactiled

@@ -7,23 +7,18 @@
 #include <span>
 #include <string_view>
 
-#include "drivers/wire/decoder.hpp"
+#include "drivers/wire/delimited.hpp"
 
 namespace tactiled {
 
-class Kms40Decoder final : public StreamDecoder {
+class Kms40Decoder final : public LineDecoder<256> {
 public:
-    using StreamDecoder::StreamDecoder;
-    void reset() noexcept override;
+    using LineDecoder::LineDecoder;
     [[nodiscard]] std::span<const std::uint8_t> start_bytes() const noexcept override;
     [[nodiscard]] std::span<const std::uint8_t> stop_bytes() const noexcept override;
 
 private:
-    bool take(std::uint8_t byte, Frame& frame) noexcept override;
-    bool read_line(std::string_view line, Frame& frame) noexcept;
-
-    std::array<char, 256> line_{};
-    std::size_t length_ = 0;  // bytes since the last line's end, also those that did not fit
+    bool read_line(std::string_view line, Frame& frame) noexcept override;
 };
 
 }  // namespace tactiled

@@ -7,7 +7,7 @@
 
 #include "drivers/driver.hpp"
 #include "drivers/frame.hpp"
-#include "drivers/wire/decoder.hpp"
+#include "drivers/wire/sequence_tracker.hpp"
 
 namespace tactiled {
 

@@ -32,7 +32,7 @@ TEST(Kms40, TakesNothingFromALineThatIsNotWhole) {
     }
     LinkCounts counts;
     Kms40Decoder decoder(counts);
-    EXPECT_TRUE(decode(decoder, bytes_of("F={" + std::string(300, '1') + "\n")).empty());
+    EXPECT_TRUE(decode(decoder, bytes_of("L1\nF={" + std::string(300, '1') + "\n")).empty());
     EXPECT_EQ(counts[TACTILED_LINK_BAD_LENGTH], 1u);
 }
 

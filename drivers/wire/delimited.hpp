@@ -1,0 +1,76 @@
+// What COBS frames and lines of text have in common: each ends with a byte that is nowhere else in it.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "drivers/wire/decoder.hpp"
+
+namespace tactiled {
+
+template <std::uint8_t kEnd, std::size_t kMost>
+class DelimitedDecoder : public StreamDecoder {
+public:
+    using StreamDecoder::StreamDecoder;
+    void reset() noexcept override {
+        StreamDecoder::reset();
+        length_ = 0;
+        synchronised_ = false;
+    }
+
+protected:
+    // The bytes between two ends, at most kMost; true when they are `frame`. rt: wait-free
+    [[nodiscard]] virtual bool finish(std::span<const std::uint8_t> bytes, Frame& frame) noexcept = 0;
+
+    // What does not give a frame, its end included. Each returns false. rt: wait-free
+    bool skip() noexcept {
+        counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
+        return false;
+    }
+    bool reject(tactiled_link_count kind) noexcept {
+        if (synchronised_) ++counts_[kind];  // else we came in the middle of it, which is nobody's fault
+        return skip();
+    }
+
+    // An end was seen since reset(): what is finished now began at its beginning. rt: wait-free
+    [[nodiscard]] bool is_synchronised() const noexcept { return synchronised_; }
+
+private:
+    [[nodiscard]] bool take(std::uint8_t byte, Frame& frame) noexcept final {
+        if (byte != kEnd) {
+            if (length_ < bytes_.size()) bytes_[length_] = byte;
+            ++length_;
+            return false;
+        }
+        const bool complete = length_ > kMost ? reject(TACTILED_LINK_BAD_LENGTH) : finish({bytes_.data(), length_}, frame);
+        length_ = 0;
+        synchronised_ = true;
+        return complete;
+    }
+
+    std::array<std::uint8_t, kMost> bytes_{};
+    std::size_t length_ = 0;  // bytes since the last end, also those that did not fit
+    bool synchronised_ = false;
+};
+
+// Text: each line ends with "\n" or "\r\n", together at most kMost + 1 bytes.
+template <std::size_t kMost>
+class LineDecoder : public DelimitedDecoder<'\n', kMost> {
+public:
+    using DelimitedDecoder<'\n', kMost>::DelimitedDecoder;
+
+protected:
+    // A line without its end; true when it is `frame`. rt: wait-free
+    [[nodiscard]] virtual bool read_line(std::string_view line, Frame& frame) noexcept = 0;
+
+private:
+    [[nodiscard]] bool finish(std::span<const std::uint8_t> bytes, Frame& frame) noexcept final {
+        std::string_view line(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+        if (line.ends_with('\r')) line.remove_suffix(1);
+        return read_line(line, frame);
+    }
+};
+
+}  // namespace tactiled
