@@ -9,8 +9,9 @@ namespace tactiled {
 // sent twice or overtaken: it is dropped, unless the device has restarted: its clock went back, or the frame after it
 // counts on from it. So a restart costs no frame of a device that sends its time, and one frame of another.
 //
-// One step back is a disturbance. Steps back again and again, more than one in kOrderly frames, are a second device under
-// the same name; nobody knows then whose a number is, until at most kMostDoubt frames in a row have come in order.
+// One restart, or another frame of a number that was here, is a disturbance. More than one in kOrderly frames are a second
+// device under the same name; nobody knows then whose a number is, until at most kMostDoubt frames in a row have come in
+// order.
 class SequenceTracker {
 public:
     static constexpr unsigned kOrderly = 32, kContested = 4 * kOrderly, kMostDoubt = 6 * kOrderly;
@@ -28,21 +29,25 @@ public:
         const std::uint32_t step = (sequence - last_ - 1) & mask;  // 0: the one that follows
         const bool behind = step > mask / 2;
         const bool counts_on = behind && dropped_ && ((sequence - last_dropped_ - 1) & mask) == 0;
-        const bool restart = !started_ || clock_went_back || counts_on, back = behind || restart;
-        if (!back)
-            trust();
-        else if (started_ && !(step == mask && content == content_))
-            suspect();
-        if (back && !restart) {
+        const bool restart = !started_ || clock_went_back || counts_on;
+        if (behind && !restart) {
+            const std::uint32_t back = (last_ - sequence) & mask;
+            if (is_overtaken(back)) return {false, contested_, 0};
+            if (back != 0 || content != content_) suspect();
             dropped_ = true;
             last_dropped_ = sequence;
             return {false, contested_, 0};
         }
+        if (!restart)
+            trust();
+        else if (started_)
+            suspect();
+        seen_ = restart ? 0xFF : step >= 8 ? 0 : std::uint8_t(seen_ << (step + 1) | 1u << step);
         started_ = true;
         dropped_ = false;
         last_ = sequence;
         content_ = content;
-        return {true, contested_, restart ? 0 : step};
+        return {true, contested_, restart || contested_ ? 0 : step};
     }
     // A part of a sample came that cannot be of the device of the others. rt: wait-free
     void suspect() noexcept {
@@ -52,12 +57,19 @@ public:
     void reset() noexcept { *this = {}; }
 
 private:
+    // One of the last eight, that was missing. It is not any more.
+    bool is_overtaken(std::uint32_t back) noexcept {
+        if (back == 0 || back > 8 || (seen_ >> (back - 1) & 1u) != 0) return false;
+        seen_ = std::uint8_t(seen_ | 1u << (back - 1));
+        return true;
+    }
     void trust() noexcept {
         doubt_ -= doubt_ == 0 ? 0 : 1;
         contested_ = contested_ && doubt_ != 0;
     }
 
     std::uint32_t last_ = 0, last_dropped_ = 0, content_ = 0;
+    std::uint8_t seen_ = 0xFF;  // bit n: number last_ - 1 - n was here, or is of another life
     bool started_ = false, dropped_ = false, contested_ = false;
     unsigned doubt_ = 0;  // frames in order until there is none
 };

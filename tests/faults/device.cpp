@@ -82,8 +82,12 @@ Device::Device(unsigned sensor, unsigned number, Cable& cable, std::uint32_t fir
     : sensor_(sensor), number_(number), cable_(cable), sequence_(first_sequence), next_ns_(first_ns), truth_(65536) {}
 
 void Device::send(std::uint64_t until_ns, Random& random) {
-    for (; next_ns_ <= until_ns; next_ns_ += period_ns)
+    for (; next_ns_ <= until_ns; next_ns_ += period_ns) {
+        const bool second_first = doubled && random() % 2 == 0;
+        if (second_first) send_of_the_second(next_ns_);
         if (!silent) send_one(next_ns_, random);
+        if (doubled && !second_first) send_of_the_second(next_ns_);
+    }
 }
 
 void Device::jump_to(std::uint32_t sequence) {
@@ -102,6 +106,21 @@ std::vector<std::uint8_t> Device::encode(const Frame& frame) const {
     std::array<std::uint8_t, kCobsMostEncoded> out;
     const std::size_t size = encode_cobs(frame, 24, out);
     return {out.begin(), out.begin() + std::ptrdiff_t(size)};
+}
+
+// It feels what the sensor's neighbour feels.
+void Device::send_of_the_second(std::uint64_t t_ns) {
+    if (second_sequence_ == 0) second_sequence_ = sequence_ + 10'000;
+    Frame frame;
+    frame.has_sequence = true;
+    frame.sequence = is_text() ? second_sequence_ : second_sequence_ & 0xFFFF;
+    frame.device = std::uint16_t(number_);
+    frame.n_channels = kChannels;
+    for (unsigned k = 0; k < kChannels; ++k) frame.channel[k] = count_of((sensor_ + 1) % kSensors, second_sequence_, k);
+    sent_[n_sent_++ % sent_.size()] = second_sequence_;
+    truth_[second_sequence_++ & 0xFFFF] = {.arrived_ns = cable_.arrival_ns(t_ns), .lie = lies_ + 1};
+    jumped_ns = world_ns;
+    cable_.carry(t_ns, encode(frame));
 }
 
 void Device::send_one(std::uint64_t t_ns, Random& random) {

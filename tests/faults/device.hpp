@@ -91,7 +91,8 @@ public:
 
     bool silent = false, frozen = false, zeros = false, rail = false, nan = false, missing = false, other_shape = false,
          foreign = false, garbage = false, wrong_length = false;
-    int offset = 0;  // counts on every channel: it lies, and no number of its own says so
+    bool doubled = false;  // a second device counts and measures under its name
+    int offset = 0;        // counts on every channel: it lies, and no number of its own says so
     double flips = 0, cuts = 0, drops = 0, repeats = 0, swaps = 0, spikes = 0;  // rates
     std::uint64_t period_ns = kPeriodNs;
     std::uint64_t jumped_ns = 0;  // when its counter has jumped
@@ -99,10 +100,11 @@ public:
 private:
     std::vector<std::uint8_t> encode(const Frame& frame) const;
     void send_one(std::uint64_t t_ns, Random& random);
+    void send_of_the_second(std::uint64_t t_ns);
 
     unsigned sensor_, number_;
     Cable& cable_;
-    std::uint32_t sequence_;
+    std::uint32_t sequence_, second_sequence_ = 0;
     std::uint64_t next_ns_;
     std::array<std::uint32_t, 64> sent_{};
     std::uint32_t n_sent_ = 0;

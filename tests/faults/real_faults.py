@@ -10,7 +10,7 @@ import subprocess
 import threading
 import time
 
-from rig import BIN, CONFIG, FROZEN_AFTER, STALE_MS, Rig, ask, tactiled, wait_for
+from rig import BIN, CONFIG, FROZEN_AFTER, STALE_MS, Rig, ask, count_of, line_of, tactiled, wait_for
 
 # Ahead of what else the machine does: the daemon waits for it at each call. The daemon itself starts as ever.
 STRACE = ("chrt", "-R", "-f", "50", "strace", "-f", "-qq", "-o", "/dev/null")
@@ -168,6 +168,22 @@ def gaps_repeats_and_overtakings():
 
 def silent():
     return strike(*spoiled(lambda line, device: None), lasts=0.5)
+
+
+def two_devices_of_one_name():
+    """The second one counts 10,000 ahead and feels what the right sensor does; by turns it sends before the first and after it."""
+    excused = 12  # readings of the second one, until it is told
+
+    def mix(line, device):
+        nonlocal excused
+        number = device.sequence + 10_000
+        device.sent[number] = time.monotonic_ns()
+        if excused > 0:
+            device.excused.add(number)
+            excused -= 1
+        second = line_of(number, [count_of(device.index + 1, number, k) for k in range(3)])
+        return line + second if device.sequence % 2 else second + line
+    return strike(*spoiled(mix), lasts=1, recovers_s=5, then=lambda rig: f"repeated {counter(rig, 'repeated')}")
 
 
 def half_rate():

@@ -39,8 +39,7 @@ LIST = [
     *((n, what, "", "kernel: `can`, `can_adapter`") for n, what in (
         (17, "bus-off"), (18, "error-passive, warning"), (19, "interface down or removed"), (20, "flood of foreign identifiers"), (21, "wrong DLC, RTR, short record"))),
     (22, "ENOBUFS on send", "", "nothing is sent on CAN"),
-    (23, "two nodes with one identifier", "", "not judged: where both count, the stream of the one that is ahead stays and the other's frames are counted as repeated, "
-     "each of them; a step is told with slew_limit_per_s, two uncounted ones by the rate with rate_Hz"),
+    (23, "two nodes with one identifier", "a second device's lines among the first's", real.two_devices_of_one_name),
     (24, "a sample of several messages with one missing", "", "kernel: `can`, `test_a_sample_of_two_messages_of_a_dbc_file_is_whole_or_lost`"),
     (25, "stamps of the controller jump", "", "`bin/stamps`; kernel: `can_adapter`"),
     *((n, what, "", "kernel: `i2c`; `i2c_chips_test`") for n, what in (

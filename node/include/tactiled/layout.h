@@ -62,7 +62,7 @@ enum tactiled_reason {
     TACTILED_DAEMON_STOPPED = 1 << 9,  /* the daemon ended, or another took over the name: attach again */
     TACTILED_TARING = 1 << 10,         /* a tare is being measured: the value is right, its zero is about to move */
     TACTILED_READER_OVERRUN = 1 << 11, /* this read could not be completed in its bounded retries */
-    TACTILED_WRONG_DEVICE = 1 << 12,   /* the frame does not have the channels that the sensor declares */
+    TACTILED_WRONG_DEVICE = 1 << 12,   /* not the channels that the sensor declares, or two devices count under its name */
     TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13, /* the standard deviation is not known here: NaN */
     /* Since 1.3: */
     TACTILED_FROZEN = 1 << 14,     /* a channel repeats one number as no living one does; that channel has no value */
