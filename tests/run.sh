@@ -5,7 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 jobs=${TESTS_JOBS:-$(nproc)}
 
-./node/install-packages.sh build tests
+./node/install-packages.sh build tests kernel
 build() { # preset targets...
     local preset=$1; shift
     cmake --preset "$preset" -DTACTILED_TESTS=ON >/dev/null  # run.sh may have configured it without

@@ -1,23 +1,27 @@
 #!/usr/bin/env bash
-# run.sh [NAME[:CLASS.TEST]...]: the tests tests/kernel/NAME_test.py (all, without a name), each in a machine of its own: Debian's kernel with CAN,
-# I2C, GPIO and USB under QEMU, the daemon's release build in it. TACTILED_PRESET=asan takes that one, with sanitizers; KERNEL_TEST="NAME=VALUE ..." is
-# what the test finds in its environment.
+# run.sh [--built] [NAME[:CLASS[.TEST]]...]...: the tests tests/kernel/NAME_test.py (all, without a name; whole, or the ones that are named), each in a
+# machine of its own: Debian's kernel with CAN, I2C, GPIO and USB under QEMU, the daemon's release build in it. --built: packages and programs are there.
+# TACTILED_PRESET=asan takes that build, with sanitizers; KERNEL_TEST="NAME=VALUE ..." is what the test finds in its environment.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd); project=$(cd "$here/../.." && pwd)
 preset=${TACTILED_PRESET:-release} folder=$project/build/kernel
-"$project/node/install-packages.sh" build kernel
+built=; if [ "${1:-}" = --built ]; then built=yes; shift; fi
+if [ -n "$built" ] && ! command -v qemu-system-x86_64 >/dev/null; then echo "run.sh: left out: node/install-packages.sh kernel"; exit 77; fi
 bin=$project/build/$preset/bin
 guard=; if [ "$preset $(uname -m)" = "release x86_64" ]; then guard=rtguard; fi  # what tests/guard can
 if [ "$preset" = asan ]; then  # programs of three times the size, at a third of the speed
     export MEMORY_MB=${MEMORY_MB:-1536} LIMIT_S=${LIMIT_S:-900}
     KERNEL_TEST="PATIENCE=4 ${KERNEL_TEST:-}"
 fi
-for each in release "$preset"; do
-    [ -e "$project/build/$each/CMakeCache.txt" ] || cmake --preset "$each" -S "$project" -DTACTILED_TESTS=ON >/dev/null
-done
-cmake --build "$project/build/$preset" -j "$(nproc)" --target tactiled gpio_edges $guard
 tools=$project/build/release/bin  # the tests' instruments and emulated devices, as fast as they can be
-cmake --build "$project/build/release" -j "$(nproc)" --target tactilectl kernel_tools
+if [ -z "$built" ]; then
+    "$project/node/install-packages.sh" build kernel
+    for each in release "$preset"; do
+        [ -e "$project/build/$each/CMakeCache.txt" ] || cmake --preset "$each" -S "$project" -DTACTILED_TESTS=ON >/dev/null
+    done
+    cmake --build "$project/build/$preset" -j "$(nproc)" --target tactiled gpio_edges $guard
+    cmake --build "$project/build/release" -j "$(nproc)" --target tactilectl kernel_tools
+fi
 
 "$here/kernel.sh" "$folder/$(uname -m)"
 folder=$folder/$(uname -m)
@@ -46,7 +50,7 @@ if [ $# = 0 ]; then
     if [ -z "$guard" ]; then set -- $(printf '%s\n' "$@" | grep -v -e '^guard$' -e '^four_links$'); fi
 fi
 for wanted in "$@"; do
-    name=${wanted%%:*} test=${wanted#"$name"} test=${test#:}
+    name=${wanted%%:*} test=${wanted#"$name"} test=${test//:/ }
     echo "== $name"
     began=$SECONDS
     # A test's own hardware stands in its lines "# QEMU: "; HOST is a folder for the sockets to host.py.
