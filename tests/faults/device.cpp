@@ -83,10 +83,12 @@ Device::Device(unsigned sensor, unsigned number, Cable& cable, std::uint32_t fir
 
 void Device::send(std::uint64_t until_ns, Random& random) {
     for (; next_ns_ <= until_ns; next_ns_ += period_ns) {
-        const bool second_first = doubled && random() % 2 == 0;
+        // A second device that alone is heard is the device, for all that anybody can tell.
+        const bool two = doubled && !silent && !garbage && !wrong_length && !foreign;
+        const bool second_first = two && random() % 2 == 0;
         if (second_first) send_of_the_second(next_ns_);
         if (!silent) send_one(next_ns_, random);
-        if (doubled && !second_first) send_of_the_second(next_ns_);
+        if (two && !second_first) send_of_the_second(next_ns_);
     }
 }
 
