@@ -22,9 +22,9 @@ public:
     void succeed(const Agreement& before) noexcept;
     // They have differed for longer than allowed, and not agreed for as long since. rt: wait-free
     [[nodiscard]] bool differs() const noexcept { return differs_; }
-    // So with these samples. A sample that is doubtful for a
-    // reason of its own, or further away in time than the patience, proves nothing, neither way: what was said last stays,
-    // until the other one's own channels have shown for as long that it was the wrong one. rt: wait-free
+    // The same, after one more look at both. A sample that is doubtful for a reason of its own, or further away in time than
+    // the patience, proves nothing, neither way: what was said last stays, until the other one's own channels have shown for
+    // as long that it was the wrong one. rt: wait-free
     bool compare(const tactiled_sample& mine, const tactiled_sample& others) noexcept;
 
 private:

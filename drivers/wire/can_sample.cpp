@@ -94,8 +94,8 @@ bool CanSamples::give(const Route& route) noexcept {
     used_ = true;
 
     const auto count = part.sequence ? std::uint32_t(raw_of(*part.sequence, bytes)) : 0u;
-    const bool belongs = device.is_assembled_by_counter() ? belongs_by_counter(device, pending, route.part, count)
-                                                          : belongs_by_order(device, pending, route.part);
+    const bool belongs = device.is_assembled_by_counter() ? belongs_by_counter(device, pending, route.part, count, values)
+                                                          : belongs_by_order(device, pending, route.part, values);
     if (!belongs) return false;
     pending.parts |= 1u << route.part;
     if (part.sequence) pending.count = count;
@@ -109,22 +109,39 @@ bool CanSamples::give(const Route& route) noexcept {
     return pending.parts == all && finish(device, pending);
 }
 
+// The message of a part that is in the sample already says nothing else: it was sent twice.
+bool CanSamples::is_again(const CanPart& part, const Pending& pending, std::span<const double> values) noexcept {
+    bool same = true;
+    for (std::size_t k = 0; k < part.channels.size(); ++k) {
+        const double before = pending.frame.channel[part.channels[k].index];
+        same = same && (values[k] == before || (std::isnan(values[k]) && std::isnan(before)));
+    }
+    return same;
+}
+
 // A sample is what has one count. Its parts may come in any order.
-bool CanSamples::belongs_by_counter(const CanDevice& device, Pending& pending, unsigned part, std::uint32_t count) noexcept {
+bool CanSamples::belongs_by_counter(const CanDevice& device, Pending& pending, unsigned part, std::uint32_t count,
+                                    std::span<const double> values) noexcept {
     if (pending.parts != 0 && (pending.count != count || !is_within(1, device, pending.frame.t_ns))) lose(pending);
     if (pending.parts == 0) begin(device, pending);
     if ((pending.parts >> part & 1u) == 0) return true;
-    pending.sequence.suspect();
+    if (!is_again(device.parts[part], pending, values)) pending.sequence.suspect();
     ++counts_[TACTILED_LINK_REPEATED];
     return false;
 }
 
 // A sample begins with the first part; the others follow, in any order, each once. Whatever does not fit costs the sample
 // that it would have fitted.
-bool CanSamples::belongs_by_order(const CanDevice& device, Pending& pending, unsigned part) noexcept {
+bool CanSamples::belongs_by_order(const CanDevice& device, Pending& pending, unsigned part,
+                                  std::span<const double> values) noexcept {
     const std::uint32_t bit = 1u << part;
     if (part == 0) {
-        if (pending.parts != 0) lose(pending);
+        if (pending.parts != 0) {
+            // A second device may have begun its sample within this one, and the parts of both would be taken for one.
+            if (is_within(1, device, pending.frame.t_ns) && !is_again(device.parts[0], pending, values))
+                pending.sequence.suspect();
+            lose(pending);
+        }
         begin(device, pending);
         return true;
     }

@@ -84,8 +84,10 @@ private:
     // True when the message completed the device's sample. rt: bounded by kMaxChannels
     bool give(const Route& route) noexcept;
     bool reject(tactiled_link_count kind) noexcept;
-    bool belongs_by_counter(const CanDevice& device, Pending& pending, unsigned part, std::uint32_t count) noexcept;
-    bool belongs_by_order(const CanDevice& device, Pending& pending, unsigned part) noexcept;
+    bool belongs_by_counter(const CanDevice& device, Pending& pending, unsigned part, std::uint32_t count,
+                            std::span<const double> values) noexcept;
+    bool belongs_by_order(const CanDevice& device, Pending& pending, unsigned part, std::span<const double> values) noexcept;
+    [[nodiscard]] static bool is_again(const CanPart& part, const Pending& pending, std::span<const double> values) noexcept;
     void begin(const CanDevice& device, Pending& pending) noexcept;
     [[nodiscard]] bool is_within(unsigned windows, const CanDevice& device, std::uint64_t since_ns) const noexcept;
     void lose(Pending& pending) noexcept;

@@ -35,7 +35,7 @@ std::span<const std::uint8_t> Kms40Decoder::stop_bytes() const noexcept { return
 bool Kms40Decoder::read_line(std::string_view line, Frame& frame) noexcept {
     if (!line.starts_with(kHead)) return skip();  // the answer to a command
     if (read_forces(line.substr(kHead.size()), frame)) return true;
-    ++counts_[TACTILED_LINK_BAD_VALUE];
+    ++counts_[TACTILED_LINK_BAD_VALUE];  // also of a first line: one with this head has come from its beginning
     return skip();
 }
 

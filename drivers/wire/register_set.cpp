@@ -61,10 +61,12 @@ bool read_registers(const RegisterSet& set, std::span<const std::uint16_t> words
     for (const auto& counter : set.sequence) {  // last: a frame that is dropped must not count as seen
         frame.sequence = bits_of(counter, words, set.at);
         frame.has_sequence = true;
+        // Registers may change while their counter stands: that is no second device.
         const auto verdict = sequence.next(frame.sequence, 16 * words_of(counter.type), 0, false);
         if (!verdict.accept) return refuse(TACTILED_LINK_REPEATED);
         frame.lost = verdict.lost;
         counts[TACTILED_LINK_LOST] += verdict.lost;
+        if (verdict.contested) frame.n_channels = 0;
     }
     return true;
 }

@@ -9,31 +9,39 @@ namespace tactiled {
 // sent twice or overtaken: it is dropped, unless the device has restarted: its clock went back, or the frame after it
 // counts on from it. So a restart costs no frame of a device that sends its time, and one frame of another.
 //
-// One restart, or another frame of a number that was here, is a disturbance. More than one in kOrderly frames are a second
-// device under the same name; nobody knows then whose a number is, until at most kMostDoubt frames in a row have come in
-// order.
+// Whose the frames are is doubted by what one device does seldom: a number that was here already, with another content; a
+// restart, which counts twice. Each takes kDoubt frames in order to forget. Four that are not forgotten are a second device
+// under the same name; nobody knows then whose a number is, until at most six times kDoubt frames in a row come in order. A
+// second device that sends at least each 20th frame is told before 19 of its readings have passed for the first one's; one
+// that sends less than each 32nd may not be (sequence_tracker_test).
 class SequenceTracker {
 public:
-    static constexpr unsigned kOrderly = 32, kContested = 4 * kOrderly, kMostDoubt = 6 * kOrderly;
+    static constexpr unsigned kDoubt = 32, kContested = 4 * kDoubt, kMost = 6 * kDoubt;
+    static constexpr unsigned kOvertaken = 4;   // frames in order that one is worth that comes late
+    static constexpr unsigned kJudgedBits = 8;  // of a shorter counter a few lost frames are as good as a second device
 
     struct Verdict {
         bool accept;
         bool contested;      // two devices count here
-        std::uint32_t lost;  // frames missing right before this one
+        std::uint32_t lost;  // frames missing right before this one; 0 where two count
     };
 
     // `bits`: width of the counter. `content`: of the frame, the same for the same bytes; a frame that was sent twice is no
     // second device's. rt: wait-free
     Verdict next(std::uint32_t sequence, unsigned bits, std::uint32_t content, bool clock_went_back) noexcept {
+        judged_ = bits >= kJudgedBits;
         const std::uint32_t mask = bits >= 32 ? ~0u : (1u << bits) - 1;
         const std::uint32_t step = (sequence - last_ - 1) & mask;  // 0: the one that follows
         const bool behind = step > mask / 2;
         const bool counts_on = behind && dropped_ && ((sequence - last_dropped_ - 1) & mask) == 0;
-        const bool restart = !started_ || clock_went_back || counts_on;
+        const bool restart = !started_ || (clock_went_back && step != 0) || counts_on;
         if (behind && !restart) {
             const std::uint32_t back = (last_ - sequence) & mask;
-            if (is_overtaken(back)) return {false, contested_, 0};
-            if (back != 0 || content != content_) suspect();
+            if (is_overtaken(back)) {
+                doubt(kOvertaken);
+                return {false, contested_, 0};
+            }
+            if (back != 0 || content != content_) doubt(kDoubt);
             dropped_ = true;
             last_dropped_ = sequence;
             return {false, contested_, 0};
@@ -41,7 +49,7 @@ public:
         if (!restart)
             trust();
         else if (started_)
-            suspect();
+            doubt(counts_on ? kDoubt : 2 * kDoubt);  // the frame before was dropped, and doubted, where it counts on
         seen_ = restart ? 0xFF : step >= 8 ? 0 : std::uint8_t(seen_ << (step + 1) | 1u << step);
         started_ = true;
         dropped_ = false;
@@ -49,11 +57,8 @@ public:
         content_ = content;
         return {true, contested_, restart || contested_ ? 0 : step};
     }
-    // A part of a sample came that cannot be of the device of the others. rt: wait-free
-    void suspect() noexcept {
-        doubt_ = std::min(doubt_ + kOrderly, kMostDoubt);
-        contested_ = contested_ || doubt_ >= kContested;
-    }
+    // Something came that cannot be of the device of the rest. rt: wait-free
+    void suspect() noexcept { doubt(kDoubt); }
     void reset() noexcept { *this = {}; }
 
 private:
@@ -63,6 +68,11 @@ private:
         seen_ = std::uint8_t(seen_ | 1u << (back - 1));
         return true;
     }
+    void doubt(unsigned frames) noexcept {
+        if (!judged_) return;
+        doubt_ = std::min(doubt_ + frames, kMost);
+        contested_ = contested_ || doubt_ >= kContested;
+    }
     void trust() noexcept {
         doubt_ -= doubt_ == 0 ? 0 : 1;
         contested_ = contested_ && doubt_ != 0;
@@ -70,7 +80,7 @@ private:
 
     std::uint32_t last_ = 0, last_dropped_ = 0, content_ = 0;
     std::uint8_t seen_ = 0xFF;  // bit n: number last_ - 1 - n was here, or is of another life
-    bool started_ = false, dropped_ = false, contested_ = false;
+    bool started_ = false, dropped_ = false, contested_ = false, judged_ = true;
     unsigned doubt_ = 0;  // frames in order until there is none
 };
 

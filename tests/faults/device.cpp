@@ -112,16 +112,17 @@ std::vector<std::uint8_t> Device::encode(const Frame& frame) const {
 
 // It feels what the sensor's neighbour feels.
 void Device::send_of_the_second(std::uint64_t t_ns) {
-    if (second_sequence_ == 0) second_sequence_ = sequence_ + 10'000;
+    if (!second_sequence_) second_sequence_ = sequence_ + 10'000;
+    const std::uint32_t sequence = (*second_sequence_)++;
     Frame frame;
     frame.has_sequence = true;
-    frame.sequence = is_text() ? second_sequence_ : second_sequence_ & 0xFFFF;
+    frame.sequence = is_text() ? sequence : sequence & 0xFFFF;
     frame.device = std::uint16_t(number_);
     frame.n_channels = kChannels;
-    for (unsigned k = 0; k < kChannels; ++k) frame.channel[k] = count_of((sensor_ + 1) % kSensors, second_sequence_, k);
-    sent_[n_sent_++ % sent_.size()] = second_sequence_;
-    truth_[second_sequence_++ & 0xFFFF] = {.arrived_ns = cable_.arrival_ns(t_ns), .lie = lies_ + 1};
-    jumped_ns = world_ns;
+    for (unsigned k = 0; k < kChannels; ++k) frame.channel[k] = count_of((sensor_ + 1) % kSensors, sequence, k);
+    sent_[n_sent_++ % sent_.size()] = sequence;
+    truth_[sequence & 0xFFFF] = {.arrived_ns = cable_.arrival_ns(t_ns), .lie = lies_ + 1};
+    doubled_ns = world_ns;
     cable_.carry(t_ns, encode(frame));
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -95,7 +96,8 @@ public:
     int offset = 0;        // counts on every channel: it lies, and no number of its own says so
     double flips = 0, cuts = 0, drops = 0, repeats = 0, swaps = 0, spikes = 0;  // rates
     std::uint64_t period_ns = kPeriodNs;
-    std::uint64_t jumped_ns = 0;  // when its counter has jumped
+    std::uint64_t jumped_ns = 0;   // when its counter has jumped
+    std::uint64_t doubled_ns = 0;  // when the second device last sent
 
 private:
     std::vector<std::uint8_t> encode(const Frame& frame) const;
@@ -104,7 +106,8 @@ private:
 
     unsigned sensor_, number_;
     Cable& cable_;
-    std::uint32_t sequence_, second_sequence_ = 0;
+    std::uint32_t sequence_;
+    std::optional<std::uint32_t> second_sequence_;
     std::uint64_t next_ns_;
     std::array<std::uint32_t, 64> sent_{};
     std::uint32_t n_sent_ = 0;

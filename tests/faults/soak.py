@@ -182,7 +182,7 @@ def main():
                 last = settled(rig)
                 first = first or (last if elapsed > WARM_UP * 60 * minutes else None)
                 minute += 1
-                print(f"{elapsed / 60:6.1f} min  {last}  {sum(struck.values())} faults, {sum(rig.witness.lies.values())} lies {rig.witness.first_lie}", flush=True)
+                print(f"{elapsed / 60:6.1f} min  {last}  {sum(struck.values())} faults, {sum(rig.witness.lies.values())} lies", rig.witness.first_lie, flush=True)
         last = settled(rig)
         first = first or last
         for what, most in (("resident_kB", MOST_GROWTH_KB), ("threads", 0), ("descriptors", 0)):

@@ -7,12 +7,14 @@
 #include <numeric>
 
 #include "clock.hpp"
+#include "drivers/wire/sequence_tracker.hpp"
 
 namespace tactiled::faults {
 namespace {
 
 constexpr std::uint64_t kTurnNs = 2 * kMs;   // within which a waiting frame is taken and published
 constexpr std::uint64_t kHeldNs = 12 * kMs;  // the same where a cable holds frames back
+constexpr std::uint64_t kDoubtedNs = SequenceTracker::kMost * 2 * kPeriodNs;  // at half the rate
 
 }  // namespace
 
@@ -149,7 +151,9 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     if (std::exchange(broken_[i], false) && comparable && s.epoch == before.epoch)
         findings_.add(kUnmarkedBreak, i, fmt::format("epoch {:x} before and after", s.epoch));
     const bool jumped = before.t_ns <= device.jumped_ns + kHeldNs && device.jumped_ns <= s.t_ns;
-    if (comparable && s.epoch == before.epoch && !jumped) {
+    // Whose number follows whose nobody knows while two count, nor what of it is still under way when one has ended.
+    const bool two_count = device.doubled_ns != 0 && before.t_ns <= device.doubled_ns + kDoubtedNs;
+    if (comparable && s.epoch == before.epoch && !jumped && !two_count) {
         const std::uint32_t mask = device.is_text() ? ~0u : 0xFFFFu;
         const std::uint32_t gap = (s.device_sequence - before.device_sequence - 1) & mask;
         // BAD frames in between are frames as well.

@@ -236,16 +236,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         check_answers(format == Format::modbus_rtu ? ModbusWire::rtu : ModbusWire::tcp, bytes, chunk);
         return 0;
     }
-    std::uint32_t repeated = 0, backwards = 0;
+    std::uint32_t repeated = 0;
     const auto whole = decode(format, bytes, StreamDecoder::kMostBytes, &repeated);
     const auto cut = decode(format, bytes, chunk);
     check(whole.size() == cut.size());
     for (std::size_t i = 0; i < whole.size(); ++i) {
         check(same(whole[i], cut[i]));
         const Frame& f = whole[i];
-        if (i > 0 && f.sequence <= whole[i - 1].sequence) ++backwards;
-        if (f.n_channels == 0) {  // contested by a second device under the name: not without its frames
-            check(f.has_sequence && backwards + repeated >= 4);
+        if (f.n_channels == 0) {  // contested by a second device under the name: not without frames that fit into no order
+            check(f.has_sequence && i + repeated >= 2);
             continue;
         }
         check(f.n_channels <= kMaxChannels);

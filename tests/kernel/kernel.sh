@@ -6,12 +6,13 @@ mkdir -p "$1"; folder=$(cd "$1" && pwd)
 image=$(apt-cache depends linux-image-amd64 | awk '/Depends: linux-image/ {print $2; exit}')
 version=${image#linux-image-}
 [ "$(cat "$folder/done" 2>/dev/null)" = "$version" ] && exit 0
+there=$folder folder=$folder.new  # what is there stays until the new one is whole
 rm -rf "$folder"; mkdir -p "$folder"/{packages,kernel,headers,module}; cd "$folder"
 
 abi=${version%-amd64}
 headers=("linux-headers-$version" "linux-headers-$abi-common" linux-kbuild-6.1 linux-source-6.1)
 # apt fetches as a user of its own, who may not write here
-(cd packages && chmod 777 . && apt-get download -qq "$image" "${headers[@]}" 2>/dev/null)
+(cd packages && chmod 777 . && apt-get download -qq "$image" "${headers[@]}")
 dpkg -x packages/"$image"_*.deb kernel
 for package in "${headers[@]}"; do dpkg -x packages/"$package"_*.deb headers; done
 depmod -b "$folder/kernel" "$version"  # dpkg -x does not run it
@@ -30,3 +31,4 @@ printf 'obj-m := gpio-sim.o\ngpio-sim-y := gpio-sim-main.o irq_sim.o\n' >module/
 make -s -C "headers/usr/src/linux-headers-$version" M="$folder/module" modules
 rm -rf packages
 echo "$version" >done
+cd "$there/.." && rm -rf "$there" && mv "$folder" "$there"

@@ -117,6 +117,7 @@ class Layout:
 
 LAYOUT = Layout()
 
+
 def segment_bytes(name):
     return bytearray(pathlib.Path(f"/dev/shm/tactiled.{name}").read_bytes())
 

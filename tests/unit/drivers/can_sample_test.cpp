@@ -252,6 +252,67 @@ TEST(CanSamples, WhatCameBeforeItsFirstPartAtTheStartIsNobodysFault) {
     EXPECT_EQ(bus.counts[TACTILED_LINK_LOST], 0u);
 }
 
+// Two nodes with one identifier: frames that pass for the first one's and are not, of 100 samples of each after the first.
+int mixed_or_foreign(Bus& bus, std::size_t first_frame) {
+    int wrong = 0;
+    for (std::size_t i = first_frame; i < bus.frames.size(); ++i)
+        for (unsigned k = 0; k < bus.frames[i].n_channels; ++k) wrong += bus.frames[i].channel[k] >= 30'000 ? 1 : 0;
+    return wrong;
+}
+
+TEST(CanSamples, TwoNodesOfOneIdentifierAreToldByTheirCounters) {
+    for (const int ahead : {0, 7, 100}) {
+        Bus bus({{5, 1, {part(0x10, 0, true)}, 0}});
+        for (int n = 0; n < 300; ++n) {
+            bus.now_ns += 10 * kMs;
+            bus.send(0x10, std::uint16_t(n), std::uint8_t(n));
+            bus.send(0x10, std::uint16_t(30'000 + n), std::uint8_t(n + ahead));
+        }
+        EXPECT_LE(mixed_or_foreign(bus, 0), 18) << ahead;
+        EXPECT_EQ(bus.frames.back().n_channels, 0) << ahead;
+    }
+}
+
+TEST(CanSamples, TwoNodesAreToldWhereTheirMessagesInterleaveWithinASample) {
+    for (const int ahead : {0, 7, 100}) {
+        Bus bus({three(true)});
+        for (int n = 0; n < 300; ++n) {
+            bus.now_ns += 10 * kMs;
+            for (std::uint32_t id = 0x10; id < 0x13; ++id) {
+                bus.send(id, std::uint16_t(n), std::uint8_t(n));
+                bus.send(id, std::uint16_t(30'000 + n), std::uint8_t(n + ahead));
+            }
+        }
+        EXPECT_LE(mixed_or_foreign(bus, 0), 3 * 18) << ahead;
+        if (ahead == 0) { EXPECT_EQ(bus.frames.back().n_channels, 0); }  // else no sample of either is ever whole
+    }
+}
+
+TEST(CanSamples, TwoNodesAreToldWhereOneMessageAloneCounts) {
+    Bus bus({{5, 2, {part(0x10, 0, true), part(0x11, 1, false)}, 2 * kMs}});
+    for (int n = 0; n < 300; ++n) {
+        bus.now_ns += 10 * kMs;
+        for (std::uint32_t id = 0x10; id < 0x12; ++id) {
+            bus.send(id, std::uint16_t(n), std::uint8_t(n));
+            bus.send(id, std::uint16_t(30'000 + n), std::uint8_t(n + 7));
+        }
+    }
+    EXPECT_LE(mixed_or_foreign(bus, 0), 18);
+    EXPECT_EQ(bus.frames.back().n_channels, 0);
+}
+
+TEST(CanSamples, ANodeWhoseMessagesComeTwiceIsOne) {
+    for (const bool counts : {true, false}) {
+        Bus bus({{5, 2, {part(0x10, 0, true), part(0x11, 1, counts)}, 2 * kMs}});
+        for (int n = 0; n < 300; ++n) {
+            bus.now_ns += 10 * kMs;
+            for (const std::uint32_t id : {0x10u, 0x10u, 0x11u, 0x11u}) bus.send(id, std::uint16_t(n), std::uint8_t(n));
+        }
+        ASSERT_GE(bus.frames.size(), 290u) << counts;
+        for (const Frame& frame : bus.frames) ASSERT_EQ(frame.n_channels, 2) << counts << ' ' << frame.sequence;
+    }
+}
+
 TEST(CanSamples, MultiplexedMessagesOfOneIdAreParts) {
     CanPart a, b;
     a.id = b.id = 0x20;

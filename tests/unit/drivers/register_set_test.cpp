@@ -110,6 +110,23 @@ TEST(RegisterSet, AFrozenCounterGivesNoSecondFrameAndAGapIsLost) {
     EXPECT_EQ(counts[TACTILED_LINK_LOST], 2u);
 }
 
+TEST(RegisterSet, ASlaveThatAnswersWithTwoCountersByTurnsHasNoChannels) {
+    const auto one = read(R"(registers = [{name = "a", at = 1}]
+        sequence = {at = 0, type = "uint16"})");
+    SequenceTracker sequence;
+    LinkCounts counts;
+    Frame frame;
+    int of_the_second = 0;
+    for (std::uint16_t n = 0; n < 300; ++n)
+        for (const bool second : {false, true}) {
+            const std::uint16_t words[] = {std::uint16_t(second ? n + 5000 : n), std::uint16_t(second ? 2 : 1)};
+            if (!read_registers(one.device.set, words, sequence, counts, frame) || frame.n_channels == 0) continue;
+            of_the_second += second ? 1 : 0;
+        }
+    EXPECT_LE(of_the_second, 18);
+    EXPECT_EQ(frame.n_channels, 0);
+}
+
 TEST(ModbusDevice, TellsWhatIsWrongAndWhatWouldBeRight) {
     const auto wrong = [](const std::string& text, const std::string& expected) {
         const std::string problems = read(text).problems;
