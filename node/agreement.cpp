@@ -40,10 +40,9 @@ bool Agreement::compare(const tactiled_sample& mine, const tactiled_sample& othe
     else if (has_lasted(guilty_since_ns_, mine.t_ns))
         differs_ = false;
     const std::uint64_t between_ns = mine.t_ns > others.t_ns ? mine.t_ns - others.t_ns : others.t_ns - mine.t_ns;
-    if (!is_comparable(mine) || !is_comparable(others) || between_ns > limits_.patience_ns) {
-        otherwise_since_ns_ = 0;
-        return differs_;
-    }
+    if (!is_comparable(mine) || !is_comparable(others) || between_ns > limits_.patience_ns) return differs_;
+    if (mine.t_ns - compared_ns_ > limits_.patience_ns) otherwise_since_ns_ = 0;  // the times on both sides of a gap
+    compared_ns_ = mine.t_ns;
     double squares = 0;  // of the components that both see
     for (std::size_t i = 0; i < 3; ++i) {
         const double apart_N = mine.force_S_N[i] - others.force_S_N[i];

@@ -32,6 +32,7 @@ private:
 
     Limits limits_;
     bool differs_ = false;
+    std::uint64_t compared_ns_ = 0;         // when two samples last could be
     std::uint64_t otherwise_since_ns_ = 0;  // the comparisons contradict differs_, without a gap; 0 = they do not
     std::uint64_t guilty_since_ns_ = 0;     // the other one is known to be wrong; 0 = it is not
 };

@@ -19,6 +19,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests/system"), str(ROOT / "node/python")]
 import tactiled  # noqa: E402
 from daemon import BIN, Daemon, wait_for  # noqa: E402,F401
+from floors import hurry  # noqa: E402
 
 RATE_HZ, STALE_MS, FROZEN_AFTER = 100, 100, 20
 SENSORS = ("left", "right")
@@ -73,12 +74,6 @@ def with_ptys_of_its_own():
     mounts = "mount -t devpts -o newinstance,ptmxmode=0666 devpts /dev/pts && mount --bind /dev/pts/ptmx /dev/ptmx"
     os.environ["TACTILED_OWN_PTYS"] = "1"
     os.execvp("unshare", ["unshare", "-m", "sh", "-c", mounts + ' && exec "$@"', "sh", sys.executable, *sys.argv])
-
-
-def hurry():
-    """Devices and witness are not to be late where the machine is busy; what they start is as ever."""
-    with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(20))
 
 
 def line_of(sequence, values):
@@ -148,33 +143,6 @@ class Device(threading.Thread):
             os.close(self.master)
 
 
-class TtyFloor(threading.Thread):
-    """How long the kernel takes to hand a byte through a pty that nobody else uses, all the time: its worker has no priority."""
-
-    def __init__(self):
-        super().__init__(daemon=True)
-        self.late = collections.deque(maxlen=1000)  # ns, from and to, where a byte took longer than 5 ms
-        self.ended = threading.Event()
-        self.start()
-
-    def run(self):
-        hurry()
-        master, slave = pty.openpty()
-        tty.setraw(slave)
-        while not self.ended.wait(0.005):
-            began_ns = time.monotonic_ns()
-            os.write(master, b"x")
-            os.read(slave, 1)
-            if time.monotonic_ns() - began_ns > 5_000_000:
-                self.late.append((began_ns, time.monotonic_ns()))
-        os.close(master)
-        os.close(slave)
-
-    def late_ns(self, since_ns, until_ns):
-        """How long bytes were held up in that time."""
-        return sum(max(0, min(end, until_ns) - max(begin, since_ns)) for begin, end in list(self.late))
-
-
 class Witness(threading.Thread):
     """Looks all the time, as a control program and as a PLC do."""
 
@@ -182,7 +150,7 @@ class Witness(threading.Thread):
         super().__init__(daemon=True)
         self.name_, self.port, self.devices = name, port, devices
         self.lies, self.looks, self.answers = collections.Counter(), 0, 0
-        self.floor, self.excused = None, 0  # a TtyFloor, and how many old values it explains
+        self.floor, self.excused = None, 0  # how long others were held up from, to; and how many old values that explains
         self.history = {name: [] for name in SENSORS}  # (time_ns, quality, reasons) at each change
         self.epochs = {name: set() for name in SENSORS}
         self.registers = []  # (time_ns, 32 + 50 registers) at each change of what matters
@@ -229,7 +197,7 @@ class Witness(threading.Thread):
         sent_ns = device.sent.get(s.device_sequence, 0)
         # 20 ms: between this program's own look at its clock and the sample; what it waits for the processor is not counted
         if now_ns - sent_ns > (STALE_MS + 20) * 1_000_000 and time.monotonic_ns() - now_ns < 5_000_000:
-            held_ns = self.floor.late_ns(sent_ns, now_ns) if self.floor is not None else 0
+            held_ns = self.floor(sent_ns, now_ns) if self.floor is not None else 0
             if now_ns - sent_ns - held_ns <= (STALE_MS + 20) * 1_000_000:
                 self.excused += 1
             else:

@@ -17,7 +17,8 @@ import threading
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from rig import BIN, FROZEN_AFTER, SENSORS, Rig, TtyFloor, tactiled, with_ptys_of_its_own  # noqa: E402
+from floors import CpuFloor, TtyFloor  # noqa: E402
+from rig import BIN, FROZEN_AFTER, SENSORS, Rig, tactiled, with_ptys_of_its_own  # noqa: E402
 
 WARM_UP = 1 / 3  # of the run: what is allocated once, such as for the largest crowd at the port, is there by then
 MOST_GROWTH_KB = 64  # of resident memory, from then to the end: a page a minute is a leak
@@ -161,7 +162,8 @@ def main():
     dice, struck, wrong = random.Random(seed), collections.Counter(), []
     with Rig() as rig:
         began = time.monotonic()
-        rig.witness.floor = TtyFloor()
+        ttys, cpus = TtyFloor(), CpuFloor()
+        rig.witness.floor = lambda since_ns, until_ns: max(ttys.late_ns(since_ns, until_ns), cpus.late_ns(since_ns, until_ns))
         rig.rest, rig.text = usage(rig.daemon.process.pid), rig.daemon.config.read_text()
         minute, first = 1, None
         while time.monotonic() - began < minutes * 60 and not wrong:
@@ -192,7 +194,8 @@ def main():
             wrong.append(f"lies: {dict(rig.witness.lies)}, first {rig.witness.first_lie}")
         print(f"{minutes:g} min, seed {seed}: {dict(sorted(struck.items()))}; {rig.witness.looks} looks at shared memory, {rig.witness.answers} at registers, "
               f"{sum(rig.witness.lies.values())} lies, "
-              f"{rig.witness.excused} looks at values that the kernel's own tty worker held up; at the start {rig.rest}, after a third of the time {first}, at the end {last}")
+              f"{rig.witness.excused} looks at values that were held up by a tty's worker in the kernel or by a processor that stood (at most {max((end - begin for late in cpus.late.values() for begin, end in late), default=0) / 1e6:.0f} ms); at the start {rig.rest}, after a third of the time {first}, at the end {last}")
+        cpus.close()
     if workers is not None:
         workers.close()
     for each in wrong:

@@ -73,6 +73,13 @@ bool Witness::is_force_of(unsigned i, std::uint32_t sequence, unsigned k, double
            (wanted_gain_[i] != 0 && std::abs(force_N - now_N / gain_[i] * wanted_gain_[i]) <= 1e-9);
 }
 
+// Published before the change, and found only since: by a reader who had not found the daemon yet.
+bool Witness::is_of_the_gain_before(unsigned i, const tactiled_sample& s, unsigned k) const {
+    const auto [gain, until_ns] = before_gain_[i];
+    return s.t_published_ns < until_ns &&
+           std::abs(s.raw_force_S_N[k] - force_of(i, s.device_sequence, k) / gain_[i] * gain) <= 1e-9;
+}
+
 void Witness::tare_begins(std::uint32_t mask) noexcept {
     for (unsigned i = 0; i < kSensors; ++i) {
         if ((mask >> i & 1u) == 0) continue;
@@ -87,7 +94,10 @@ void Witness::expect_gain(unsigned i, double gain, std::array<Device*, kSensors>
 
 void Witness::settle_gain(unsigned i, bool replaced, std::array<Device*, kSensors> devices) {
     follow(i, *devices[i]);
-    if (replaced) gain_[i] = wanted_gain_[i];
+    if (replaced) {
+        before_gain_[i] = {gain_[i], world_ns};
+        gain_[i] = wanted_gain_[i];
+    }
     wanted_gain_[i] = 0;
 }
 
@@ -133,6 +143,7 @@ void Witness::follow(unsigned i, const Device& device) {
 void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) {
     ++findings_.samples;
     findings_.mix(&s, sizeof s);
+    if ((s.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) ++doubtful_[i];
     const bool has_value = s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN;
     if (!has_value) {
         forces_[i].gap();
@@ -176,7 +187,7 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     if (s.quality != TACTILED_GOOD) return;
     ++findings_.good;
     for (unsigned k = 0; k < kChannels; ++k)
-        if (!is_force_of(i, s.device_sequence, k, s.raw_force_S_N[k])) {
+        if (!is_force_of(i, s.device_sequence, k, s.raw_force_S_N[k]) && !is_of_the_gain_before(i, s, k)) {
             if (may_be_unseen(i, device, truth, first_of_a_level)) return;
             return findings_.add(kWrongValue, i,
                                  fmt::format("{} N of frame {}, channel {}", s.raw_force_S_N[k], s.device_sequence, k));
@@ -188,14 +199,16 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
 bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, bool first_of_a_level) {
     if (truth.spike) return first_of_a_level;
     if (truth.lie == 0) return false;
-    if (unseen_[i].lie != truth.lie) unseen_[i] = {truth.lie, 0};
+    if (unseen_[i].lie != truth.lie) unseen_[i] = {truth.lie, 0, truth.beside ? doubtful_[1 - i] : 0};
+    unsigned incomparable = 0;
     if (truth.beside) {
+        incomparable = doubtful_[1 - i] - unseen_[i].others_doubtful;
         const tactiled_sample other = latest(1 - i);
         if (other.quality == TACTILED_BAD) unseen_[i].readings = 0;  // a wrong one clears this one: compared anew later
         if (other.quality == TACTILED_BAD || (other.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) return true;
     }
     const auto differ_after = unsigned(kDifferAfter * std::max(kPeriodNs, device.period_ns) / device.period_ns);  // a time
-    return ++unseen_[i].readings <= (truth.beside ? differ_after : kFrozenAfter - 1);
+    return ++unseen_[i].readings <= (truth.beside ? differ_after + incomparable : kFrozenAfter - 1);
 }
 
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {

@@ -83,6 +83,7 @@ private:
     void look_at_grasp();
     void judge_weight(const tactiled_node& node);
     [[nodiscard]] double force_of(unsigned sensor, std::uint32_t sequence, unsigned k) const;
+    [[nodiscard]] bool is_of_the_gain_before(unsigned sensor, const tactiled_sample& s, unsigned k) const;
     [[nodiscard]] bool is_force_of(unsigned sensor, std::uint32_t sequence, unsigned k, double force_N) const;
 
     Findings& findings_;
@@ -95,13 +96,20 @@ private:
     std::array<bool, kSensors> broken_{}, seen_{};
     std::array<ForceTruth, kSensors> forces_;
     std::array<double, kSensors> gain_, wanted_gain_{};  // 0 = none is wanted
+    struct BeforeGain {
+        double gain = 0;
+        std::uint64_t until_ns = 0;
+    };
+    std::array<BeforeGain, kSensors> before_gain_{};
     struct Unseen {
         std::uint32_t lie = 0;
         unsigned readings = 0;
+        unsigned others_doubtful = 0;  // doubtful_ of the other one, when it began
     };
-    std::array<Unseen, kSensors> unseen_{};     // of the run of lies that the device is in
-    std::array<bool, kSensors> was_a_spike_{};  // the record before
-    bool is_up_to_date_ = true;                 // with the records, but for those of this turn
+    std::array<Unseen, kSensors> unseen_{};      // of the run of lies that the device is in
+    std::array<unsigned, kSensors> doubtful_{};  // records that nothing can be compared with
+    std::array<bool, kSensors> was_a_spike_{};   // the record before
+    bool is_up_to_date_ = true;                  // with the records, but for those of this turn
     tactiled_node node_{};
     std::uint32_t node_epoch_ = 0;
     std::uint64_t doubtful_until_ns_ = 0;  // a jaw was, and its weight is a mean

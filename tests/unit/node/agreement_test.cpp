@@ -79,6 +79,19 @@ TEST(Agreement, TheTimesOnBothSidesOfAGapAreNotAdded) {
     EXPECT_TRUE(pair.compare(at(100, -5), at(100, -5))) << "the second sample that agrees is no agreement for 10 ms";
 }
 
+TEST(Agreement, ADoubtfulSampleNowAndThenDoesNotBeginTheTimeAnew) {
+    Agreement pair = within(1, 10);
+    for (std::uint64_t ms = 1; ms <= 12; ++ms) {
+        tactiled_sample mine = at(ms, -5);
+        if (ms % 3 == 0) {
+            mine.quality = TACTILED_UNCERTAIN;
+            mine.reasons = TACTILED_STEPPED;
+        }
+        (void)pair.compare(mine, at(ms, -9));
+    }
+    EXPECT_TRUE(pair.differs());
+}
+
 TEST(Agreement, IsNotWithASampleOfAnotherTime) {
     Agreement pair = within(1, 10);
     for (std::uint64_t ms = 100; ms < 200; ++ms) EXPECT_FALSE(pair.compare(at(ms, -double(ms)), at(89, -89)));
