@@ -21,6 +21,7 @@ std::string why_not(const std::string& path, std::size_t most_bytes = 100) {
     EXPECT_EQ(read_text_file(path, most_bytes, problems), std::nullopt);
     const auto lines = problems.lines();
     EXPECT_EQ(lines.size(), 1u);
+    if (lines.empty()) return "";
     const std::string head = (path.empty() ? "\"\"" : path) + ": ";
     EXPECT_EQ(lines.front().substr(0, head.size()), head);
     return lines.front().substr(head.size());
