@@ -29,28 +29,30 @@ Vector unit(const Vector& a) {
     return {a[0] / l, a[1] / l, a[2] / l};
 }
 
-Vector read_axis(Options& table, const char* key, const Vector& otherwise) {
+// Nothing where it is wrong; why has been told then.
+std::optional<Vector> read_axis(Options& table, const char* key) {
     if (!table.has(key)) {
         table.problem(key, fmt::format("{} is missing; it says where this axis of the skin points in the gripper's frame G, "
                                        "for example {} = [0, 1, 0]",
                                        key, key));
-        return otherwise;
+        return std::nullopt;
     }
     const auto v = table.numbers(key, {-1000, 1000}, {3, 3});
-    if (v.size() != 3) return otherwise;  // reported already
+    if (v.size() != 3) return std::nullopt;
     if (v[0] == 0 && v[1] == 0 && v[2] == 0) {
         table.problem(key, fmt::format("{} = [0, 0, 0] has no direction", key));
-        return otherwise;
+        return std::nullopt;
     }
     return unit({v[0], v[1], v[2]});
 }
 
 JawSettings read_jaw(Options table) {
     const std::string sensor = table.text("sensor");
-    const Vector x = read_axis(table, "x_S_in_G", {1, 0, 0}), z = read_axis(table, "z_S_in_G", {0, 0, 1});
+    const auto x_read = read_axis(table, "x_S_in_G"), z_read = read_axis(table, "z_S_in_G");
+    const Vector x = x_read.value_or(Vector{1, 0, 0}), z = z_read.value_or(Vector{0, 0, 1});
     const double share = table.number("share", {0, 1}, 0);
     const double skew_deg = std::abs(std::asin(std::clamp(dot(x, z), -1.0, 1.0))) * kDeg;
-    if (table.has("x_S_in_G") && table.has("z_S_in_G") && skew_deg > kSkewDeg)
+    if (x_read && z_read && skew_deg > kSkewDeg)
         table.problem("z_S_in_G",
                       fmt::format("x_S_in_G and z_S_in_G are axes of one frame and should be perpendicular; they "
                                   "are {:.1f} degrees from it",

@@ -35,7 +35,7 @@ const char* Connection::answer_all(const Answer& answer, std::uint64_t now_ns) {
     std::size_t used = 0;
     const char* why = "";
     request_waits_ = false;
-    for (int n = 0; *why == 0; ++n) {
+    for (int n = 0;; ++n) {
         std::size_t size = 0;
         const std::span<const std::uint8_t> rest(in_.data() + used, received_ - used);
         const Cut cut = cut_adu(rest, size);

@@ -12,8 +12,13 @@
 
 namespace tactiled::modbus {
 
+bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> answer) noexcept {
+    return answer.size() > kMbapSize && std::equal(answer.begin(), answer.begin() + 4, request.begin()) &&
+           std::size_t(answer[4] << 8 | answer[5]) == answer.size() - 6 && answer[6] == request[6];
+}
+
 Responder::Responder() : context_(modbus_new_tcp("127.0.0.1", 1502)) {
-    if (context_ == nullptr || ::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair_.data()) != 0)
+    if (context_ == nullptr || ::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair_.data()) != 0)
         throw SetupError(fmt::format("Modbus: {}", std::strerror(errno)));
     modbus_set_socket(context_.get(), pair_[0]);
     modbus_set_response_timeout(context_.get(), 0,
@@ -34,16 +39,9 @@ std::size_t Responder::answer(std::span<const std::uint8_t> adu, Tables& tables,
     map.tab_bits = tables.coils.data();
     map.nb_input_bits = int(tables.inputs.size());
     map.tab_input_bits = tables.inputs.data();
-    const int sent = modbus_reply(context_.get(), adu.data(), int(adu.size()), &map);
-    const ssize_t size = ::recv(pair_[1], out.data(), out.size(), MSG_DONTWAIT);
-    // The answer must be this request's: same transaction, protocol and unit, and as long as it says.
-    const bool fits = sent > 0 && size == sent && size > ssize_t(kMbapSize) &&
-                      std::equal(out.begin(), out.begin() + 4, adu.begin()) && (out[4] << 8 | out[5]) == int(size) - 6 &&
-                      out[6] == adu[6];
-    if (fits) return std::size_t(size);
-    while (::recv(pair_[1], out.data(), out.size(), MSG_DONTWAIT) > 0) {  // else the rest would answer the next request
-    }
-    return exception_adu(adu, kDeviceFailure, out);
+    (void)modbus_reply(context_.get(), adu.data(), int(adu.size()), &map);  // what came of it is judged by its bytes
+    const auto length = std::size_t(std::max<ssize_t>(::recv(pair_[1], out.data(), out.size(), MSG_DONTWAIT), 0));
+    return is_answer_to(adu, out.first(length)) ? length : exception_adu(adu, kDeviceFailure, out);
 }
 
 }  // namespace tactiled::modbus

@@ -1,6 +1,7 @@
 // libmodbus answers what writes, and what reads bits: it gets a checked request by a call and writes its answer to one end
-// of a socket pair, the other end of which is ours. It never sees a client. Reads of registers, which a PLC asks for all
-// the time, do not come here: wall.hpp, registers_adu().
+// of a socket pair, the other end of which is ours: a packet an answer, so that nothing of one is left for the next
+// request. It never sees a client. Reads of registers, which a PLC asks for all the time, do not come here: wall.hpp,
+// registers_adu().
 #pragma once
 #include <modbus.h>
 
@@ -20,6 +21,9 @@ struct Tables {
     std::array<std::uint8_t, kCoils> coils{};
     std::array<std::uint8_t, kInputs> inputs{};
 };
+
+// Whether `answer` is to `request`: of the same transaction, protocol and unit, and as long as it says. rt: wait-free
+[[nodiscard]] bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> answer) noexcept;
 
 class Responder {
 public:

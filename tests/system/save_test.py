@@ -92,6 +92,56 @@ class Save(unittest.TestCase):
                         self.assertEqual(left, [])
         self.assertGreaterEqual(told, 4 * len(ERRORS), "open, write, fsync and rename must each tell")
 
+    def test_a_write_that_a_signal_interrupts_is_tried_again(self):
+        for name, number in self.calls:
+            if name == "write":
+                self.assertEqual(self.broken_at(name, number, "error=EINTR")[:2], (0, self.new))
+
+    def test_a_file_system_that_cannot_sync_a_folder_is_good_enough(self):
+        last = [call for call in self.calls if call[0] == "fsync"][-1]
+        self.assertEqual(self.broken_at(*last, "error=EINVAL")[:2], (0, self.new))
+
+
+class Load(unittest.TestCase):
+    """The path on which every file is read, broken at each of its calls."""
+
+    def setUp(self):
+        self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
+        self.config = self.folder / "C.toml"
+        self.config.write_text('[node]\nname = "' + 70_000 * "x" + '"\n')  # two pieces; the name is what is wrong with it
+        log = self.folder / "log"
+        self.right = self.check("strace", "-f", "-qq", "-e", "trace=openat,read,fstat,newfstatat", "-o", log)
+        self.assertIn("C.toml:2: [node]: name = ", self.right)
+        counts, self.calls, reading = {}, [], False
+        for line in log.read_text().splitlines():
+            name = re.sub(r"^\d+ +", "", line).split("(")[0]
+            counts[name] = counts.get(name, 0) + 1
+            if "/C.toml" in line:
+                reading = True
+            elif reading:
+                self.calls.append((name, counts[name]))
+                if name == "read" and line.endswith("= 0"):
+                    break
+        self.assertEqual([name.replace("newfstatat", "fstat") for name, _ in self.calls], ["fstat", "read", "read", "read"])
+
+    def check(self, *before):
+        done = subprocess.run([*before, BIN / "tactilectl", "check", self.config], capture_output=True, text=True, timeout=60)
+        self.assertNotEqual(done.returncode, 0)
+        return done.stdout + done.stderr
+
+    def broken_at(self, name, number, error):
+        return self.check("strace", "-f", "-qq", "-o", "/dev/null", "-e", f"trace={name}", "-e", f"inject={name}:error={error}:when={number}")
+
+    def test_a_disk_that_fails_is_told_and_nothing_is_taken_from_half_a_file(self):
+        for name, number in self.calls:
+            said = self.broken_at(name, number, "EIO")
+            self.assertRegex(said, r"C\.toml: cannot be (read|examined): Input/output error")
+            self.assertNotIn("[node]", said)
+
+    def test_a_read_that_a_signal_interrupts_is_tried_again(self):
+        for name, number in self.calls[1:]:
+            self.assertEqual(self.broken_at(name, number, "EINTR"), self.right)
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)

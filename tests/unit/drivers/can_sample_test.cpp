@@ -341,5 +341,27 @@ TEST(CanSamples, MultiplexedMessagesOfOneIdAreParts) {
     EXPECT_EQ(bus.counts[TACTILED_LINK_BAD_LENGTH], 1u);
 }
 
+TEST(CanSamples, SamplesThatNeverBecameMessagesAreOfOneDevice) {
+    Bus bus({three(false), {6, 1, {part(0x10, 0, false)}, 0}});  // both begin with 0x10
+    bus.samples.lost(0x10, 2);
+    bus.samples.lost(0x10, 0);
+    bus.samples.lost(0x99, 5);  // nobody's
+    EXPECT_EQ(bus.counts[TACTILED_LINK_LOST], 2u);
+    bus.sample(100);
+    std::uint32_t told = 0;
+    for (const Frame& frame : bus.frames) told += frame.lost;
+    EXPECT_EQ(told, 2u);
+}
+
+TEST(CanSamples, ByACounterAPartThatComesTwiceIsCountedAndTheSampleWhole) {
+    Bus bus({three(true)});
+    bus.sample(100, "aab");
+    EXPECT_EQ(bus.counts[TACTILED_LINK_REPEATED], 1u);
+    EXPECT_TRUE(bus.frames.empty());
+    bus.send(0x12, 102, 100);
+    EXPECT_EQ(bus.frames.size(), 1u);
+    EXPECT_EQ(bus.counts[TACTILED_LINK_LOST], 0u);
+}
+
 }  // namespace
 }  // namespace tactiled

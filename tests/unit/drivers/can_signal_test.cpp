@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "drivers/wire/can_signal.hpp"
 #include "tests/unit/drivers/can_encode.hpp"
@@ -71,6 +72,23 @@ TEST(CanSignal, RefusesWhatDoesNotFit) {
     EXPECT_EQ(why_no_signal(signal(0, 65, Order::intel, Type::is_signed), 64), "length 65 is outside 1 .. 64 bits");
     EXPECT_EQ(why_no_signal(signal(0, 16, Order::intel, Type::is_float), 8), "a float has 32 or 64 bits, not 16");
     EXPECT_NE(why_no_signal(signal(0, 8, Order::intel, Type::is_signed, 0), 8), "");
+}
+
+// As a DBC file may have them: nothing of it is to reach the arithmetic.
+TEST(CanSignal, RefusesWhatMakesNoNumber) {
+    constexpr double kNaN = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
+    const auto why = [](unsigned start, unsigned length, Type type, double factor = 1, double offset = 0) {
+        return why_no_signal(signal(start, length, Order::intel, type, factor, offset), 8);
+    };
+    EXPECT_EQ(why(0, 0, Type::is_unsigned), "length 0 is outside 1 .. 64 bits");
+    EXPECT_EQ(why(0, 32, Type::is_float), "");
+    EXPECT_EQ(why(0, 64, Type::is_float), "");
+    EXPECT_EQ(why(512, 8, Type::is_signed), "start bit 512 is outside 0 .. 511");
+    EXPECT_EQ(why(4'294'967'295u, 64, Type::is_signed), "start bit 4294967295 is outside 0 .. 511");
+    EXPECT_EQ(why(0, 8, Type::is_signed, kNaN), "factor nan makes no number of it; a factor is finite and not 0");
+    EXPECT_EQ(why(0, 8, Type::is_signed, -kInf), "factor -inf makes no number of it; a factor is finite and not 0");
+    EXPECT_EQ(why(0, 8, Type::is_signed, 1, kInf), "the offset is not finite");
+    EXPECT_EQ(why(0, 8, Type::is_signed, 1, kNaN), "the offset is not finite");
 }
 
 rc::Gen<CanSignal> signals() {

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "drivers/wire/ft300_frame.hpp"
+#include "drivers/wire/modbus_message.hpp"
 #include "tests/unit/drivers/wire_bytes.hpp"
 
 namespace tactiled {
@@ -66,6 +67,25 @@ TEST(Ft300, AnyBitFlippedCostsThatFrameAlone) {
         ASSERT_EQ(frames.size(), 1u) << "bit " << bit;
         EXPECT_EQ(frames[0].channel[0], 5);
     }
+}
+
+TEST(Ft300, AnAxisAtTheEndOfItsRangeIsSaturated) {
+    Bytes bytes = ft300(0, 0);
+    const auto put = [&](std::size_t axis, int number) {
+        bytes[2 + 2 * axis] = std::uint8_t(number);
+        bytes[3 + 2 * axis] = std::uint8_t(number >> 8);
+    };
+    put(1, 32767);
+    put(2, -32768);
+    put(3, -32767);
+    const std::uint16_t crc = modbus_crc({bytes.data(), kFt300Bytes - 2});
+    bytes[kFt300Bytes - 2] = std::uint8_t(crc);
+    bytes[kFt300Bytes - 1] = std::uint8_t(crc >> 8);
+    LinkCounts counts;
+    Ft300Decoder decoder(9, counts);
+    const auto frames = decode(decoder, bytes);
+    ASSERT_EQ(frames.size(), 1u);
+    EXPECT_EQ(frames[0].saturated, 0b000110u);
 }
 
 }  // namespace

@@ -126,5 +126,23 @@ TEST_F(IsoTpTest, FramesOfAMessageWhoseBeginningNobodySawAreNobodysLoss) {
     EXPECT_EQ(receiver_.take_lost(), 0u);
 }
 
+TEST_F(IsoTpTest, WhatIsForSomebodyElseOrHasNothingInItIsNoMessage) {
+    EXPECT_EQ(take({0x30, 0, 0}), Found::nothing);  // flow control, to who speaks to the device
+    Bytes fd(12, 0x55);
+    fd[0] = 0x05;  // a single frame of more than 8 bytes has its length in the second byte, and 0 here
+    fd[1] = 10;
+    EXPECT_EQ(take(fd), Found::bad);
+    fd[0] = 0;
+    EXPECT_EQ(take(fd), Found::message);
+    const Bytes message = message_of(30);
+    auto frames = frames_of(message);
+    for (const std::size_t left : {std::size_t(1), std::size_t(5)}) {  // nothing, or less than fits, in the second frame
+        auto cut = frames;
+        cut[1].resize(left);
+        EXPECT_FALSE(gives(cut, message)) << left;
+        EXPECT_TRUE(gives(frames, message)) << left;
+    }
+}
+
 }  // namespace
 }  // namespace tactiled

@@ -271,5 +271,36 @@ TEST(ModbusTcp, LooksAtUnitFunctionAndLength) {
     }
 }
 
+TEST(ModbusRtu, AWriteIsConfirmedHoweverItsAnswerIsCut) {
+    const ModbusRequest write{.transaction = 7, .unit = 9, .function = 6, .at = 410, .value = 512};
+    const Bytes confirmed = request_bytes(ModbusWire::rtu, write);
+    ModbusAnswers answers(ModbusWire::rtu);
+    answers.expect(write);
+    for (const std::uint8_t byte : Bytes(confirmed.begin(), confirmed.end() - 1)) {
+        feed(answers, {byte});
+        EXPECT_EQ(answers.next(), Found::nothing);
+    }
+    feed(answers, {confirmed.back()});
+    EXPECT_EQ(answers.next(), Found::good);
+    feed(answers, confirmed);  // once more, and nobody has asked
+    EXPECT_EQ(answers.next(), Found::nothing);
+    EXPECT_EQ(answers.skipped, confirmed.size());
+}
+
+TEST(ModbusTcp, AWriteIsConfirmedByItsOwnAddressAndValue) {
+    const ModbusRequest write{.transaction = 7, .unit = 9, .function = 6, .at = 410, .value = 512};
+    struct Case {
+        Bytes body;
+        Found found;
+    };
+    for (const auto& [body, found] : {Case{{9, 6, 1, 0x9A, 2, 0}, Found::good}, Case{{9, 6, 1, 0x9B, 2, 0}, Found::foreign},
+                                      Case{{9, 6, 1, 0x9A, 2, 1}, Found::foreign}}) {
+        ModbusAnswers answers(ModbusWire::tcp);
+        answers.expect(write);
+        feed(answers, with_header(7, body));
+        EXPECT_EQ(answers.next(), found);
+    }
+}
+
 }  // namespace
 }  // namespace tactiled

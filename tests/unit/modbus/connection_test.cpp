@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <sys/epoll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -171,6 +172,70 @@ TEST_F(ConnectionTest, ForWhoTakesNoAnswersFewAreMade) {
     say(requests(300));
     for (int i = 0; i < 100; ++i) ASSERT_STREQ(connection.serve(counted, 1), "");
     EXPECT_LT(asked, 64);  // 17 that wait, and what the kernel took
+}
+
+TEST_F(ConnectionTest, AClientThatIsGoneIsNoticedWhileItIsReadAndWhileItIsAnswered) {
+    {
+        Connection connection(server_, 1);
+        say(requests(1));
+        ASSERT_STREQ(connection.serve(answer, 1), "");
+        ::close(client_);  // with an answer that it has not read: a reset
+        EXPECT_STREQ(connection.serve(answer, 2), "connection broken");
+    }
+    int pair[2];
+    for (const int n : {1, 60}) {  // gone before its answer, and with some of them under way
+        ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair), 0);
+        const int least = 1;
+        ::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &least, sizeof least);
+        server_ = pair[0];
+        client_ = pair[1];
+        Connection connection(server_, 1);
+        say(requests(n));
+        for (int i = 0; n > 1 && i < 10; ++i) ASSERT_STREQ(connection.serve(answer, 1), "");
+        (void)hear();
+        ::close(client_);
+        EXPECT_STREQ(connection.serve(answer, 2), "connection broken") << n;
+    }
+    client_ = ::dup(0);  // for the destructor
+}
+
+TEST_F(ConnectionTest, IsReadOnlyWhileItHasSomethingToSayAndTakesItsAnswers) {
+    Connection connection(server_, 1);
+    EXPECT_EQ(connection.interest(), std::uint32_t(EPOLLIN));
+    say(requests(60));
+    for (int i = 0; i < 10; ++i) (void)connection.serve(answer, 1);
+    EXPECT_EQ(connection.interest(), std::uint32_t(EPOLLOUT));
+    EXPECT_STREQ(connection.overdue(2'000'000'002), "takes no answers");
+    for (int i = 0; i < 200; ++i) {
+        (void)hear();
+        (void)connection.serve(answer, 1);
+    }
+    EXPECT_EQ(connection.interest(), std::uint32_t(EPOLLIN));
+    say({0, 1, 0, 0, 0, 6, 1});  // half a request, and then no more
+    ::shutdown(client_, SHUT_WR);
+    (void)connection.serve(answer, 1);
+    (void)connection.serve(answer, 1);
+    EXPECT_EQ(connection.interest(), 0u);
+}
+
+TEST_F(ConnectionTest, WhatIsNoModbusEndsItAfterWhatIsOwed) {
+    Connection connection(server_, 1);
+    Bytes bytes = requests(2);
+    bytes.insert(bytes.end(), {0, 1, 0x50, 0x4F, 0, 6, 1, 3, 0, 0, 0, 1});  // another protocol
+    say(bytes);
+    EXPECT_STREQ(connection.serve(answer, 1), "not Modbus/TCP");
+    EXPECT_EQ(hear(), 2 * kAnswer);
+}
+
+TEST_F(ConnectionTest, AFullBufferIsAnsweredBeforeMoreIsRead) {
+    constexpr std::uint64_t kSecond = 1'000'000'000;
+    Connection connection(server_, 1, 1);  // a request a second
+    const int most = 1 << 20;
+    ::setsockopt(server_, SOL_SOCKET, SO_SNDBUF, &most, sizeof most);
+    say(requests(5000));
+    for (int i = 0; i < 200; ++i) ASSERT_STREQ(connection.serve(answer, 100 * kSecond), "");
+    EXPECT_EQ(connection.interest(), 0u);  // its own buffer is full, and the next is not yet due
+    EXPECT_EQ(hear(), 65 * kAnswer);
 }
 
 }  // namespace

@@ -60,7 +60,7 @@ protected:
     }
     int ask(Bytes pdu, std::uint64_t now_ns = kSecond) {
         pdu.insert(pdu.begin(), {0, 1, 0, 0, 0, std::uint8_t(pdu.size() + 1), 1});
-        const Request request = check_adu(pdu, false);
+        const Request request = check_adu(pdu, scratch_);
         EXPECT_EQ(request.exception, kNone) << "not a matter of Controls";
         const View view = view_of(segment_);
         controls_->follow(view, now_ns);
@@ -105,6 +105,7 @@ protected:
     Ring<Command> commands_{16};
     std::unique_ptr<Controls> controls_;
     Session session_;
+    bool scratch_ = false;  // whether [modbus] scratch is on
     tactiled_node node_{};
 };
 

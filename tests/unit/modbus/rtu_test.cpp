@@ -7,6 +7,8 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <utility>
 #include <vector>
 
 namespace tactiled::modbus {
@@ -122,6 +124,78 @@ TEST_F(RtuTest, ACharacterHasElevenBits) {
         ASSERT_EQ(::tcgetattr(line_->fd(), &t), 0);
         EXPECT_EQ((t.c_cflag & CSTOPB) != 0, two) << parity;
     }
+}
+
+TEST_F(RtuTest, WhatIsNotForUsIsAnsweredBySilence) {
+    open();
+    Bytes wrong = framed({1, 3, 0, 0, 0, 1});
+    for (const std::size_t at : {wrong.size() - 2, wrong.size() - 1}) {  // each byte of the checksum
+        wrong[at] ^= 1;
+        say(wrong);
+        be_silent();
+        wrong[at] ^= 1;
+    }
+    say(framed({2, 3, 0, 0, 0, 1}));
+    be_silent();
+    EXPECT_EQ(asked_, 0);
+    say(framed({0, 6, 0x13, 0xEC, 0, 7}));  // to everybody: done, and not answered
+    be_silent();
+    EXPECT_EQ(asked_, 1);
+    EXPECT_EQ(line_->counts().bad_frames, 2u);
+    EXPECT_EQ(line_->counts().for_others, 1u);
+    EXPECT_EQ(line_->counts().broadcasts, 1u);
+    pollfd p{master_, POLLIN, 0};
+    EXPECT_EQ(::poll(&p, 1, 20), 0) << "nothing was said";
+}
+
+TEST_F(RtuTest, AnotherRequestOfTheLengthOfOurAnswerIsNoEcho) {
+    open();
+    say(framed({1, 6, 0x13, 0xEC, 0, 7}));
+    be_silent();
+    say(framed({1, 6, 0x13, 0xEC, 0, 8}));
+    be_silent();
+    say(framed({1, 3, 0, 0}));  // nor a shorter one
+    be_silent();
+    EXPECT_EQ(asked_, 3);
+    EXPECT_EQ(line_->counts().echoes, 0u);
+}
+
+TEST_F(RtuTest, AFrameEndsAfterThreeAndAHalfCharactersOrAsConfigured) {
+    struct Case {
+        int baud, silence_us;
+        std::uint64_t ends_ns;
+    };
+    for (const auto& [baud, silence_us, ends_ns] :
+         {Case{9600, 0, 4'010'416}, Case{115200, 0, 1'750'000}, Case{115200, 300, 300'000}}) {
+        settings_.baud = baud;
+        settings_.silence_us = silence_us;
+        open();
+        const int before = asked_;
+        say(framed({1, 3, 0, 0, 0, 1}));
+        be_silent(ends_ns - 1);
+        EXPECT_EQ(asked_, before) << baud;
+        be_silent(1);
+        EXPECT_EQ(asked_, before + 1) << baud;
+    }
+}
+
+TEST_F(RtuTest, AnAdapterThatIsPulledOutIsOpenedAgain) {
+    open();
+    EXPECT_TRUE(line_->receive(now_ns_));  // nothing was there to read
+    ::close(master_);
+    EXPECT_FALSE(line_->receive(now_ns_));
+    EXPECT_EQ(line_->fd(), -1);
+    tick();
+    EXPECT_EQ(line_->fd(), -1);  // not at once
+    const std::string gone = std::exchange(settings_.device, "/dev/no-such-line");
+    line_ = std::make_unique<RtuLine>(settings_);
+    testing::internal::CaptureStderr();
+    for (int i = 0; i < 5; ++i) be_silent(1'000'000'000);
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(line_->fd(), -1);
+    EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;  // once, not each second
+    EXPECT_NE(said.find("/dev/no-such-line"), std::string::npos) << said;
+    EXPECT_EQ(::openpty(&master_, &slave_, nullptr, nullptr, nullptr), 0);
 }
 
 }  // namespace

@@ -152,5 +152,22 @@ TEST_F(ObjectsTest, AFreeIdIsTheLeast) {
     EXPECT_EQ(free_id(std::vector{object(1, "a", 1, 1), object(3, "b", 2, 1)}), 2u);
 }
 
+TEST_F(ObjectsTest, WhereNoLockCanStandNothingIsTaught) {
+    EXPECT_THROW(ObjectsLock(folder_ + "/nowhere/objects.toml"), SetupError);
+    std::filesystem::create_symlink("/etc/passwd", path_ + ".lock");  // somebody else's file is not taken for it
+    EXPECT_THROW(ObjectsLock{path_}, SetupError);
+}
+
+TEST(Objects, OnlyWhatWeighsSomethingForSureIsTaught) {
+    EXPECT_TRUE(is_teachable({0.1, 0.001}));
+    EXPECT_FALSE(is_teachable({0.1, 0.1 / 3}));
+    EXPECT_FALSE(is_teachable({1001, 0.1}));   // the file takes no more
+    EXPECT_FALSE(is_teachable({0.1, 1e-10}));  // nor who is that sure
+    EXPECT_TRUE(summary_of(std::vector<Weighing>{{0.1, 0.004, true}}).scaled);
+    EXPECT_EQ(summary_of({}).grasps, 0u);
+    const std::vector<TaughtObject> none;
+    EXPECT_EQ(find_object(none, "bolt"), nullptr);
+}
+
 }  // namespace
 }  // namespace tactiled

@@ -217,5 +217,48 @@ TEST(StreamQuality, AMillionGoodSamplesAreAllGood) {
     EXPECT_EQ(reasons, 0u);
 }
 
+TEST(StreamQuality, OfOtherChannelsNothingIsKnownAfterAReplacement) {
+    const StreamLimits limits{.stale_ns = 1'000'000'000, .frozen_after = 3};
+    StreamQuality before(limits);
+    Frame f;
+    const std::array<double, 2> still{1, 2};
+    std::uint32_t dead = 0;
+    for (int i = 0; i < 3; ++i) {
+        (void)before.arrive(f);
+        (void)before.judge(still, 0b11, dead);
+    }
+    EXPECT_EQ(dead, 0b11u);
+    for (const bool same_channels : {true, false}) {
+        StreamQuality after(limits);
+        after.succeed(before, same_channels);
+        EXPECT_EQ(after.breaks(), before.breaks() + 1);
+        dead = 0;
+        (void)after.arrive(f);
+        (void)after.judge(still, 0b11, dead);
+        EXPECT_EQ(dead, same_channels ? 0b11u : 0u);
+    }
+}
+
+TEST(StreamQuality, AStepIsJudgedByTheMeasuredRateWhereNoneIsDeclared) {
+    Stream stream({.slew_per_s = 100});
+    EXPECT_EQ(stream.send(0, 0, 0).quality, kGood);
+    EXPECT_EQ(stream.send(50, 0, 0).quality, kGood) << "no rate is known yet";
+    for (int i = 0; i < 1200; ++i) EXPECT_EQ(stream.send(50, 0, 0).quality, kGood);
+    EXPECT_EQ(stream.send(50.09, 0, 0).quality, kGood);  // 0.1 in a millisecond
+    EXPECT_EQ(stream.send(50.3, 0, 0).reasons, unsigned(TACTILED_STEPPED));
+    EXPECT_EQ(stream.send(std::numeric_limits<double>::quiet_NaN(), 0, 0).reasons & TACTILED_STEPPED, 0u);
+}
+
+TEST(ZeroDrift, AComponentThatTheModelDoesNotSeeDoesNotCount) {
+    constexpr std::uint64_t kSecond = 1'000'000'000;
+    const double nan = std::numeric_limits<double>::quiet_NaN();
+    ZeroDrift drift(1);
+    EXPECT_FALSE(drift.has_drifted({nan, nan, 0.9}, true, kSecond));
+    EXPECT_FALSE(drift.has_drifted({nan, nan, 0.9}, true, 4 * kSecond));
+    ZeroDrift drifted(1);
+    EXPECT_FALSE(drifted.has_drifted({nan, nan, 1.1}, true, kSecond));
+    EXPECT_TRUE(drifted.has_drifted({nan, nan, 1.1}, true, 4 * kSecond));
+}
+
 }  // namespace
 }  // namespace tactiled
