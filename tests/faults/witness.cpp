@@ -188,7 +188,7 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     ++findings_.good;
     for (unsigned k = 0; k < kChannels; ++k)
         if (!is_force_of(i, s.device_sequence, k, s.raw_force_S_N[k]) && !is_of_the_gain_before(i, s, k)) {
-            if (may_be_unseen(i, device, truth, first_of_a_level)) return;
+            if (may_be_unseen(i, device, truth, s.t_ns, first_of_a_level)) return;
             return findings_.add(kWrongValue, i,
                                  fmt::format("{} N of frame {}, channel {}", s.raw_force_S_N[k], s.device_sequence, k));
         }
@@ -196,13 +196,17 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
 
 // A step is none in the first reading of a level; what repeats is found after frozen_after readings, each time that a
 // daemon begins anew; what only the other sensor of the pair shows, while that one can be compared with.
-bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, bool first_of_a_level) {
+bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, std::uint64_t t_ns,
+                            bool first_of_a_level) {
     if (truth.spike) return first_of_a_level;
     if (truth.lie == 0) return false;
     if (unseen_[i].lie != truth.lie) unseen_[i] = {truth.lie, 0, truth.beside ? doubtful_[1 - i] : 0};
     unsigned incomparable = 0;
     if (truth.beside) {
         incomparable = doubtful_[1 - i] - unseen_[i].others_doubtful;
+        const std::uint64_t others_ns =
+            last_[1 - i].t_ns;  // after a loop that stood one of them is ahead by all that waited
+        if (std::max(t_ns, others_ns) - std::min(t_ns, others_ns) > kAgreeMs * kMs) return true;
         const tactiled_sample other = latest(1 - i);
         if (other.quality == TACTILED_BAD) unseen_[i].readings = 0;  // a wrong one clears this one: compared anew later
         if (other.quality == TACTILED_BAD || (other.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) return true;

@@ -76,7 +76,7 @@ public:
 private:
     void follow(unsigned sensor, const Device& device);
     void judge(unsigned sensor, const Device& device, const tactiled_sample& s);
-    [[nodiscard]] bool may_be_unseen(unsigned sensor, const Device& device, const Device::Truth& truth,
+    [[nodiscard]] bool may_be_unseen(unsigned sensor, const Device& device, const Device::Truth& truth, std::uint64_t t_ns,
                                      bool first_of_a_level);
     void look_at_latest(unsigned sensor, const Device& device, const Expectation& expected);
     void look_at_registers(const std::array<Device*, kSensors>& devices, const Expectation& expected);
