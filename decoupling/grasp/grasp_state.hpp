@@ -36,6 +36,7 @@ struct Grasp::State {
         for (const JawSetup& jaw : s.jaws) {
             contacts.emplace_back(jaw);
             jaws.push_back({Slip(s.friction), jaw.sensor});
+            closings.emplace_back();
         }
     }
 
@@ -49,6 +50,7 @@ struct Grasp::State {
     Setup setup;
     std::vector<Jaw> jaws;
     std::vector<Contact> contacts;  // by jaw, as `jaws`
+    std::vector<Closing> closings;  // likewise
     Weight weight;
     Phase phase;
     Objects objects;

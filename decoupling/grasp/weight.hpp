@@ -5,6 +5,7 @@
 #include <span>
 
 #include "decoupling/grasp/contact.hpp"
+#include "decoupling/grasp/leak.hpp"
 
 namespace tactiled::grasp {
 
@@ -35,7 +36,10 @@ public:
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
     bool zero() noexcept;  // what hangs, stable, is tare
     void no_tare() noexcept { tare_kg_ = 0; }
-    bool known(double mass_kg) noexcept;
+    // `closings`: by jaw
+    bool known(double mass_kg, std::span<const Closing> closings, std::span<const Contact> jaws) noexcept;
+    [[nodiscard]] Check check() const noexcept;
+    void restore(const Check& check) noexcept;
 
 private:
     // 5 ms of all jaws.
@@ -54,6 +58,8 @@ private:
         double most_acceleration_m_s2 = 0;
     };
     void rescale(double factor) noexcept;
+    void shift(double by_kg) noexcept;
+    void forget_check() noexcept;
     void close_block(std::uint64_t now_ns) noexcept;
     void aim() noexcept;
     void publish_first(const Mean& mean, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept;
@@ -61,6 +67,7 @@ private:
     [[nodiscard]] const Block& block(std::size_t back) const noexcept;
     [[nodiscard]] Mean mean_since(std::uint64_t from_ns) const noexcept;
     [[nodiscard]] double share_sd() const noexcept;
+    [[nodiscard]] double check_age_s() const noexcept;
     [[nodiscard]] bool sure(double mass_kg, double sd_kg) const noexcept;
     [[nodiscard]] double newest_departs_kg() const noexcept;
     [[nodiscard]] std::uint64_t lift_off(double mass_kg) const noexcept;
@@ -70,6 +77,7 @@ private:
     struct Jaw {
         Eigen::Matrix3d S_from_G;
         double share = 0;
+        Leak leak;
         Eigen::Vector3d axis_S;   // along which it carries, tangential; 0 = it carries nothing
         double carries_m_s2 = 0;  // force along the axis a kg of the object
         double sum_N = 0, last_N = 0;
@@ -79,7 +87,7 @@ private:
         bool blind = false;      // the newest sample says nothing along the axis
     };
     std::array<Jaw, kMostJaws> jaws_;
-    std::size_t n_jaws_;
+    std::size_t n_jaws_, jaws_of_gripper_;
     bool all_sensed_, central_;  // three jaws or more: what goes across the palm's axis is shared nobody knows how
     double share_sd_;
     double most_acceleration_m_s2_;
@@ -99,7 +107,9 @@ private:
     std::uint64_t block_ns_ = 0;
 
     bool overloaded_ = false;  // in the last block
-    bool weighing_ = false, held_known_ = false, checked_ = false;
+    bool weighing_ = false, held_known_ = false, checked_ = false, leaks_known_ = false;
+    double check_age_s_ = 0;      // at check_ns_
+    std::uint64_t check_ns_ = 0;  // 0: since the first block
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1, checked_kg_ = 0;
     Weighed now_;
