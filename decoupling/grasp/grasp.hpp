@@ -100,6 +100,7 @@ public:
     void hint(Hint gripper) noexcept;
     void gravity(const Vector& gravity_G_m_s2) noexcept;
     void acceleration(const Vector& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;  // of the hand; good for 100 ms
+    void grip_force(double jaw_N) noexcept;  // commanded: what presses by less than half of it still closes. NaN: not known
 
     // Commands; false: not now. rt: wait-free
     bool start_weighing() noexcept;  // from now on, whatever the state machine thinks of a lift
@@ -111,9 +112,12 @@ public:
     bool known_weight(double mass_kg) noexcept;
     [[nodiscard]] Check check() const noexcept;
     void restore(const Check& check) noexcept;  // of before a restart; between two grasps
+    void forget_leak() noexcept;                // the scale stays
     void clear_slips(std::uint32_t sensor_mask) noexcept;
     void slip_sensitivity(double zero_to_one) noexcept;
     void weigh_window(double ms) noexcept;
+    // For all jaws, in the place of what they were made with; NaN: as that. An end above the beginning is the beginning.
+    void contact_at(double on_N, double off_N) noexcept;
     // At most kMostObjects of them; copied. rt: wait-free
     void objects(std::span<const Object> objects) noexcept;
     static constexpr std::size_t kMostObjects = 32;

@@ -55,6 +55,7 @@ struct Grasp::State {
     Phase phase;
     Objects objects;
     Hint hint = Hint::none;
+    double told_grip_N = 0;                // that a jaw was commanded to; 0 = not known
     bool forced = false, stopped = false;  // weighing, or not, because a command said so
     bool loaded_before = false;
     std::uint64_t t_ns = 0, lift_off_ns = 0;

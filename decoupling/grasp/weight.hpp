@@ -22,6 +22,7 @@ public:
     void gravity(const Eigen::Vector3d& gravity_G_m_s2) noexcept;
     void acceleration(const Eigen::Vector3d& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;
     void window(double ms) noexcept;
+    void least_touch(double all_jaws_N) noexcept { contact_N_ = all_jaws_N; }
 
     // One more sample of a jaw. rt: wait-free
     void take(std::size_t jaw, const Feel& feel) noexcept;
@@ -39,7 +40,11 @@ public:
     // `closings`: by jaw
     bool known(double mass_kg, std::span<const Closing> closings, std::span<const Contact> jaws) noexcept;
     [[nodiscard]] Check check() const noexcept;
+    [[nodiscard]] bool checked() const noexcept { return checked_; }
+    [[nodiscard]] bool leaks_known() const noexcept { return leaks_known_; }
+    [[nodiscard]] double check_age_s() const noexcept;
     void restore(const Check& check) noexcept;
+    void forget_leak() noexcept;
 
 private:
     // 5 ms of all jaws.
@@ -67,7 +72,6 @@ private:
     [[nodiscard]] const Block& block(std::size_t back) const noexcept;
     [[nodiscard]] Mean mean_since(std::uint64_t from_ns) const noexcept;
     [[nodiscard]] double share_sd() const noexcept;
-    [[nodiscard]] double check_age_s() const noexcept;
     [[nodiscard]] bool sure(double mass_kg, double sd_kg) const noexcept;
     [[nodiscard]] double newest_departs_kg() const noexcept;
     [[nodiscard]] std::uint64_t lift_off(double mass_kg) const noexcept;

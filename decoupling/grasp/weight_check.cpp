@@ -48,8 +48,13 @@ bool Weight::known(double mass_kg, std::span<const Closing> closings, std::span<
 // What hangs at this moment is told as before until the next block.
 void Weight::forget_check() noexcept {
     rescale(1 / scale_);
-    checked_ = leaks_known_ = false;
+    checked_ = false;
     checked_kg_ = 0;
+    forget_leak();
+}
+
+void Weight::forget_leak() noexcept {
+    leaks_known_ = false;
     for (Jaw& jaw : jaws_) jaw.leak = {};
 }
 
