@@ -41,7 +41,7 @@ public:
     bool known(double mass_kg, std::span<const Closing> closings, std::span<const Contact> jaws) noexcept;
     [[nodiscard]] Check check() const noexcept;
     [[nodiscard]] bool checked() const noexcept { return checked_; }
-    [[nodiscard]] bool leaks_known() const noexcept { return leaks_known_; }
+    [[nodiscard]] bool leaks_known() const noexcept;
     [[nodiscard]] double check_age_s() const noexcept;
     void restore(const Check& check) noexcept;
     void forget_leak() noexcept;
@@ -111,7 +111,7 @@ private:
     std::uint64_t block_ns_ = 0;
 
     bool overloaded_ = false;  // in the last block
-    bool weighing_ = false, held_known_ = false, checked_ = false, leaks_known_ = false;
+    bool weighing_ = false, held_known_ = false, checked_ = false;
     double check_age_s_ = 0;      // at check_ns_
     std::uint64_t check_ns_ = 0;  // 0: since the first block
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;

@@ -20,23 +20,19 @@ bool Weight::known(double mass_kg, std::span<const Closing> closings, std::span<
     // The share's deviation is what it corrects; the rest would go into every weight from now on.
     if (now_.sd_kg > std::hypot(kKnownSure * now_.mass_kg, held_kg_ * share_sd())) return false;
     bool shown = true;
+    for (std::size_t j = 0; j < n_jaws_; ++j) shown &= jaws_[j].carries_m_s2 <= 0 || closings[j].leak().press_N > 0;
+    const auto leak_of = [&](std::size_t j) { return shown && jaws_[j].carries_m_s2 > 0 ? closings[j].leak() : Leak{}; };
     double leak_kg = 0;  // of what is held now, beyond what is taken off already
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         if (jaws_[j].carries_m_s2 <= 0) continue;
-        const Leak& leak = closings[j].leak();
         const double press_N = jaws[j].feel().press_N;
-        shown &= leak.press_N > 0;
-        leak_kg +=
-            scale_ / carries_ * jaws_[j].axis_S.head<2>().dot(shear_at(leak, press_N) - shear_at(jaws_[j].leak, press_N));
+        const Eigen::Vector2d more_N = shear_at(leak_of(j), press_N) - shear_at(jaws_[j].leak, press_N);
+        leak_kg += scale_ / carries_ * jaws_[j].axis_S.head<2>().dot(more_N);
     }
-    if (!shown) leak_kg = 0;
     const double factor = mass_kg / (now_.mass_kg - leak_kg);
     if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
-    if (shown) {
-        for (std::size_t j = 0; j < n_jaws_; ++j) jaws_[j].leak = jaws_[j].carries_m_s2 > 0 ? closings[j].leak() : Leak{};
-        shift(-leak_kg);
-        leaks_known_ = true;
-    }
+    for (std::size_t j = 0; j < n_jaws_; ++j) jaws_[j].leak = leak_of(j);
+    shift(-leak_kg);
     rescale(factor);
     checked_ = true;
     checked_kg_ = mass_kg;
@@ -54,7 +50,6 @@ void Weight::forget_check() noexcept {
 }
 
 void Weight::forget_leak() noexcept {
-    leaks_known_ = false;
     for (Jaw& jaw : jaws_) jaw.leak = {};
 }
 
@@ -80,11 +75,14 @@ void Weight::restore(const Check& check) noexcept {
     checked_kg_ = check.mass_kg;
     check_ns_ = 0;
     check_age_s_ = check.age_s;
-    leaks_known_ = true;
-    for (std::size_t j = 0; j < n_jaws_; ++j) {
-        jaws_[j].leak = check.leak[j];
-        leaks_known_ &= jaws_[j].carries_m_s2 <= 0 || check.leak[j].press_N > 0;
-    }
+    for (std::size_t j = 0; j < n_jaws_; ++j) jaws_[j].leak = check.leak[j];
+}
+
+// Of each jaw that carries as the hand is turned now.
+bool Weight::leaks_known() const noexcept {
+    bool known = carries_ > 0;
+    for (std::size_t j = 0; j < n_jaws_; ++j) known &= jaws_[j].carries_m_s2 <= 0 || jaws_[j].leak.press_N > 0;
+    return known;
 }
 
 // Mass is scale * (force - leak): a leak less is a shift of all that was weighed under the press of now.

@@ -99,10 +99,11 @@ double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) cons
     }
     // Below a known weight the curve is held at two places, that and the zero before each grasp; beyond, at none.
     const double part = checked_ ? std::abs(mass_kg) / checked_kg_ : 0;
-    const double left = leaks_known_ ? std::min(kBetween * std::abs(4 * part * (1 - part)), 1.0)
-                        : checked_   ? std::clamp(part - 0.7, kLeftByCheck, 1.0)
-                                     : 1;
-    const double slope = leaks_known_ ? kSlope : 0;
+    const bool leaks = leaks_known();
+    const double left = leaks      ? std::min(kBetween * std::abs(4 * part * (1 - part)), 1.0)
+                        : checked_ ? std::clamp(part - 0.7, kLeftByCheck, 1.0)
+                                   : 1;
+    const double slope = leaks ? kSlope : 0;
     const double sensors_N2 = square(left) * ((1 - kAlike) * squares_N2 + kAlike * square(sum_N));
     return std::sqrt(square(scale_ / carries_) * (sensors_N2 + zeros_N2) + square(mass_kg * share_sd()) +
                      square(mass_kg * slope) + square(mass_kg * tilt_ * kDown_rad));

@@ -94,6 +94,36 @@ TEST_F(Leaking, AClampedPhaseThatIsShortOrDriftsOrPullsTeachesTheScaleAlone) {
     EXPECT_TRUE(shown());
 }
 
+TEST_F(Leaking, AKnownWeightThatShowsNoneForgetsTheOneOfBefore) {  // or it would look as young as the scale
+    take(2, 0.2);
+    ASSERT_TRUE(hand.grasp.known_weight(0.2));
+    ASSERT_TRUE(learnt());
+    release();
+    hand.go(0.5, 0, 0).go(0.2, 2, 0).stay(0.03).go(0.15, 2, 0.2 * kG / 2).stay(0.4);
+    ASSERT_TRUE(hand.grasp.known_weight(0.2));
+    EXPECT_FALSE(learnt());
+    EXPECT_EQ(hand.now().scale_shown, 1u);
+    EXPECT_NEAR(hand.now().weight_kg, 0.2, 1e-6);
+    press_N = 2;
+    release();
+    EXPECT_NEAR(error_kg(2, 0.2), 0, 0.0003);
+}
+
+TEST_F(Leaking, OfAJawThatDidNotCarryItIsNotKnown) {
+    take(2, 0.2);
+    ASSERT_TRUE(hand.grasp.known_weight(0.2));
+    EXPECT_EQ(hand.now().scale_shown, 2u);
+    Check check = hand.grasp.check();
+    check.leak[1] = {};
+    grasp::Setup not_told = two_jaws();
+    not_told.gravity_G = {0, 0, 0};
+    Grasp blind(not_told);
+    blind.restore(check);
+    EXPECT_EQ(blind.state().scale_shown, 1u);
+    blind.gravity({0, 0, kG});
+    EXPECT_EQ(blind.state().scale_shown, 1u);
+}
+
 TEST_F(Leaking, OfAGraspBeforeABreakNothingIsLearnt) {
     take(2, 0.2);
     const auto spoil = hand.spoil;
