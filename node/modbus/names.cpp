@@ -115,7 +115,7 @@ std::span<const Name> names_of(std::string_view name) {
     if (name == "global.CMD_STATE") return kCommandStates;
     if (name == "global.CMD_RESULT") return kCommandResults;
     if (name == "global.WEIGHT_STATE") return kWeightStates;
-    if (name == "grasp.SCALE") return kScales;
+    if (name == "grasp.SCALE_STATE") return kScales;
     if (name == "global.GRIP_STATE") return kGripStates;
     if (name == "sensor.SLIP_STATE") return kSlipStates;
     if (name == "sensor.STATUS" || name == "sensor_float.STATUS") return kSensorStatusBits;

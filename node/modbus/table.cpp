@@ -52,7 +52,7 @@ constexpr Register kGraspBlock[] = {
     {kGrasps, "GRASPS", Type::count, "", "one more each time that GRIP_STATE becomes grasped"},
     {kSinceLiftOff, "SINCE_LIFT", Type::u16, "ms", "since lift-off while an object is held; 65534 = that or more"},
     {kGraspSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
-    {kGraspScale, "SCALE", Type::enumeration, "", "what WEIGHT knows of a known weight; kept over a restart"},
+    {kGraspScale, "SCALE_STATE", Type::enumeration, "", "what WEIGHT knows of a known weight; kept over a restart"},
     {kGraspScaleAge, "SCALE_AGE", Type::u16, "1 h", "since that was shown; 65534 = that or more, 0xFFFF = never"},
 };
 
@@ -152,7 +152,8 @@ constexpr Register kControl[] = {
      "1 g",
      "what hangs now, stable, weighs this: sets the scale of WEIGHT, and learns what the press leaks into the shear, for "
      "which "
-     "the weight stood freely on the table until the lift: see SCALE. Only objects that were taught with a scale that was "
+     "the weight stood freely on the table until the lift: see SCALE_STATE. Only objects that were taught with a scale that "
+     "was "
      "set are told then, and without one only the others; reads 0",
      {0, 65534}},
     {kPlcHeartbeat, "PLC_HEARTBEAT", Type::count, "", "any changing value", kAny},

@@ -133,7 +133,7 @@ class StructuredText(unittest.TestCase):
         block = Program(printed("--format", "st")).instance("FB_TACTILED_GRASP")
         block.call(GRASP_REGS=[7, 3, 987, 623, 50, 12, 250, 7, 2, 30])
         self.assertEqual([block.value(f"GRASP.{n}") for n in ("SEQ", "OBJECT_ID", "OBJECT_PROB", "FRICTION", "FRICTION_SD", "GRASPS",
-                                                             "SINCE_LIFT", "SCALE", "SCALE_AGE")], [7, 3, 987, 623, 50, 12, 250, 2, 30])
+                                                             "SINCE_LIFT", "SCALE_STATE", "SCALE_AGE")], [7, 3, 987, 623, 50, 12, 250, 2, 30])
         self.assertFalse(block.value("TORN"))
         block.call(GRASP_REGS=self.read(40, 10))
         self.assertEqual(block.value("GRASP.OBJECT_PROB"), 0xFFFF)  # no [grasp] here
