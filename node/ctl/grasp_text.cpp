@@ -59,11 +59,12 @@ std::string grasp_lines(const Segment& segment, const tactiled_grasp& g) {
         fmt::format("  grip {}  recommended {}  friction {} +- {}  grasps {}", number(double(g.grip_N), 2, " N"),
                     number(double(g.recommended_grip_N), 2, " N"), number(double(g.friction), 2, ""),
                     number(double(g.friction_sd), 2, ""), g.grasps),
-        fmt::format("  {}  slips {}", scale_text(g), g.slips)};
+        fmt::format("  slips {}", g.slips)};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         if (g.slip_state[i] != TACTILED_SLIP_UNKNOWN)
             lines[2] += fmt::format("  {} {} {}{}", segment.sensor(i).name, g.slip_count[i],
                                     slip_state_text(g.slip_state[i]), (g.slip_latch >> i & 1u) != 0 ? " (latched)" : "");
+    lines[2] += "  " + scale_text(g);
     return fmt::format("{:.{}}\n{:.{}}\n{:.{}}\n", lines[0], kColumns, lines[1], kColumns, lines[2], kColumns);
 }
 
