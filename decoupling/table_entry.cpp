@@ -100,7 +100,7 @@ std::optional<GaugeSolver> solver_of_signs(const Calibration& calibration, std::
     std::uint32_t inner = 0;
     for (std::size_t k = 0; k < n; ++k)
         if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
-    GaugeSolver solver(gains_of_signs(calibration), std::vector<double>(n, noise), inner, 3);
+    GaugeSolver solver(gains_of_signs(calibration), std::vector<double>(n, noise), calibration.zero, inner, 3);
     if (!solver.solvable((1u << n) - 1)) {
         fault = "these gains cannot tell the three forces apart";
         return std::nullopt;

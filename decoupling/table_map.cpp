@@ -195,7 +195,9 @@ private:
     // The forces of a load spread over the plate; moments 0, for its middle is the plate's. `true_here`: that is the
     // contact, or nothing touches.
     void spread_evenly(Input& input, Estimate& estimate, bool true_here) noexcept {
-        const auto solved = spread_.solve(input.r.data(), zero_, input.usable & ~dead_);
+        double r[kMostGauges];
+        for (std::size_t k = 0; k < kMostGauges; ++k) r[k] = (dead_ >> k & 1u) != 0 ? 0 : input.r.data()[k];
+        const auto solved = spread_.solve<3>(r, input.usable & ~dead_);
         if (solved.used == 0) return;  // BAD
         if (true_here && !point_) {
             estimate.residual = solved.residual;
@@ -318,7 +320,7 @@ std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, std::s
         fault = "parameter noise (one standard deviation of a gauge, channel_unit) is not above 0";
         return nullptr;
     }
-    GaugeSolver spread(columns, std::vector<double>(n, noise), inner, 3);
+    GaugeSolver spread(columns, std::vector<double>(n, noise), calibration.zero, inner, 3);
     if (!spread.confused().empty() || !spread.solvable((1u << n) - 1)) {
         fault = "a load spread over the plate: these gauges cannot tell fx fy fz apart";
         return nullptr;
