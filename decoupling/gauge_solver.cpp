@@ -88,11 +88,15 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
     return subset;
 }
 
+void GaugeSolver::find_any(const Subset& subset, const double* r, Solved& solved) const noexcept {
+    n_loads_ <= 3 ? find<3>(subset, r, solved) : find<kMostLoads>(subset, r, solved);
+}
+
 // The gauges do not determine the loads, or they disagree: one of them is dead, or which is wrong is not known.
-GaugeSolver::Solved GaugeSolver::doubt(const double* r, std::uint32_t usable) const noexcept {
+GaugeSolver::Solved GaugeSolver::solve_disagreeing(const double* r, std::uint32_t usable) const noexcept {
     Solved all;
     if (!subsets_[usable].solvable) return all;
-    find<kMostLoads>(subsets_[usable], r, all);
+    find_any(subsets_[usable], r, all);
     all.used = usable;
     Solved others = without_dead(r, usable, all);
     others.residual = all.residual;  // it says why one was left out
@@ -135,7 +139,7 @@ GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::uint32_t usa
         Solved solved;
         solved.used = usable & ~(1u << candidate.gauge);
         solved.dead = true;
-        find<kMostLoads>(subsets_[solved.used], live, solved);
+        find_any(subsets_[solved.used], live, solved);
         if (solved.residual > kDoubtful) continue;
         if (found.dead) return {};  // two candidates: not known which
         found = solved;

@@ -35,9 +35,10 @@ public:
     // rt: wait-free
     template <std::size_t kLoads = kMostLoads>
     [[nodiscard]] Solved solve(const double* r, std::uint32_t usable) const noexcept;
-    // The same where the gauges agree, which nearly all readings do; else used = 0. rt: wait-free
+    // Its two halves: where the gauges agree, which nearly all readings do, else used = 0; and for the others. rt: wait-free
     template <std::size_t kLoads = kMostLoads>
     [[nodiscard]] Solved solve_agreeing(const double* r, std::uint32_t usable) const noexcept;
+    [[nodiscard]] Solved solve_disagreeing(const double* r, std::uint32_t usable) const noexcept;
 
     // Standard deviation of each load with the gauges `used`, as a multiple of that with all; kMostLoads + 1 of them.
     // rt: wait-free
@@ -72,7 +73,7 @@ private:
         double condition = 0;
     };
     Subset prepare(std::uint32_t usable, std::vector<std::size_t>* confused) const;
-    Solved doubt(const double* r, std::uint32_t usable) const noexcept;
+    void find_any(const Subset& subset, const double* r, Solved& solved) const noexcept;
     Solved without_dead(const double* r, std::uint32_t usable, const Solved& all) const noexcept;
     template <std::size_t kLoads>
     void find(const Subset& subset, const double* r, Solved& solved) const noexcept;
@@ -139,7 +140,7 @@ inline GaugeSolver::Solved GaugeSolver::solve_agreeing(const double* r, std::uin
 template <std::size_t kLoads>
 inline GaugeSolver::Solved GaugeSolver::solve(const double* r, std::uint32_t usable) const noexcept {
     const Solved solved = solve_agreeing<kLoads>(r, usable);
-    return solved.used != 0 ? solved : doubt(r, usable);
+    return solved.used != 0 ? solved : solve_disagreeing(r, usable);
 }
 
 }  // namespace tactiled

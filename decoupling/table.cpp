@@ -40,7 +40,7 @@ private:
     }
 
     [[gnu::noinline]] void solve_doubtful(Input& input, Estimate& estimate) noexcept {
-        const auto solved = solver_.solve(input.r.data(), input.usable);
+        const auto solved = solver_.solve_disagreeing(input.r.data(), input.usable);
         if (solved.used == 0) return;  // BAD
         if (solved.doubtful || solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT;
         // Which gauge is wrong is not known, so neither is how wrong the forces are.
