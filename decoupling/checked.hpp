@@ -10,13 +10,14 @@
 #include "config/names.hpp"
 #include "decoupling/decoupler.hpp"
 #include "decoupling/domain.hpp"
+#include "decoupling/pairs.hpp"
 
 namespace tactiled {
 
 class CheckedModel : public Decoupler {
 public:
     // rt: as solve()
-    Estimate decouple(const Reading& reading) noexcept final;
+    Estimate decouple(const Reading& reading) noexcept override;
 
 protected:
     // What solve() gets and gives.
@@ -39,28 +40,50 @@ protected:
     // rt: wait-free, no allocation
     virtual void solve(Input& input, Estimate& estimate) noexcept = 0;
 
+    // decouple() around `solve`, all in one function: a model of some 100 instructions overrides decouple() with this and
+    // its own solve(). In checked_loop.hpp. rt: as `solve`
+    template <typename Solve>
+    Estimate checked(const Reading& reading, Solve solve) noexcept;
+
     [[nodiscard]] std::size_t n_channels() const noexcept { return n_; }
     [[nodiscard]] const std::array<bool, 6>& seen() const noexcept { return seen_; }
     [[nodiscard]] const Domain& domain() const noexcept { return domain_; }
+    // One of the channels `mask` is outside of the domain. rt: wait-free
+    [[nodiscard]] bool is_outside(std::span<const double> r, std::uint32_t mask) const noexcept;
 
 private:
-    bool subtract_zeros(const double* channel, double* r) const noexcept;
-    bool look_at_each(const Reading& reading, double* r, Input& input, Estimate& estimate) const noexcept;
-    bool is_finite(const Wrench& wrench) const noexcept;
+    struct Looked {
+        bool bad;
+        bool outside;  // and what follows: as in Input and Estimate
+        std::uint32_t usable, reasons;
+    };
+    template <std::size_t kChannels>
+    bool is_plain(const Reading& reading, double* r) const noexcept;
+    Looked look_at_each(const Reading& reading, double* r) const noexcept;
     void finish(const Input& input, Estimate& estimate) const noexcept;
+    template <std::size_t kPairs>
+    void finish_pairs(const Input& input, Estimate& estimate) const noexcept;
+    void finish_hard(bool outside, const double* sd_factor, Estimate& estimate) const noexcept;
 
     std::size_t n_;
-    std::uint32_t used_, needed_, all_;
+    std::uint32_t used_, all_;
+    // Of every sample: TACTILED_UNCALIBRATED of a nominal calibration, TACTILED_UNKNOWN_UNCERTAINTY of one without sd.
+    std::uint32_t always_;
+    std::uint32_t needed_;
+    bool has_third_;  // pair of components_
+    // A channel within its bounds is in the domain, and less its zero it is finite: all in one comparison.
+    struct ChannelPair {
+        Pair zero{}, least{}, most{};
+    } channels_[kMostChannels / 2];
+    // The same of a component within `most`, whose sd the sum of two squares gives.
+    struct {
+        PairMask seen{};              // -1 where seen, else 0
+        Pair unseen_nan{both(kNaN)};  // 0 where seen
+        Pair most{}, sd_squared{}, slope{};
+    } components_[3];
+    std::array<double, 6> full_scale_, sd_{}, sd_slope_{};
     std::array<bool, 6> seen_{};
-    bool sd_known_;
-    std::uint32_t uncalibrated_;  // TACTILED_UNCALIBRATED where the calibration is nominal, else 0
     Domain domain_;
-    // Plain arrays, read in pairs. A channel within plain_ is in the domain, and less its zero it is finite: all in
-    // one comparison. The same of a component within plain_most_.
-    double zero_[kMostChannels]{}, plain_channel_least_[kMostChannels]{}, plain_channel_most_[kMostChannels]{};
-    double plain_most_[6]{}, full_scale_[6]{}, sd_[6], sd_slope_[6]{};
-    std::int64_t seen_mask_[6]{};  // -1 where seen, else 0
-    double unseen_nan_[6];         // NaN where not seen, else 0
 };
 
 // What is wrong with the parts that a CheckedModel uses, "" where nothing is. setup

@@ -37,15 +37,6 @@ public:
         }
     }
 
-    // True where one of the channels in `mask` is beyond what the calibration saw; never for a NaN.
-    // rt: wait-free
-    [[nodiscard]] bool outside(std::span<const double> channel, std::uint32_t mask) const noexcept {
-        bool any = false;
-        for (std::size_t k = 0; k < channel.size(); ++k)
-            any = any || ((mask >> k & 1u) != 0 && (channel[k] < least_[k] || channel[k] > most_[k]));
-        return any;
-    }
-
     // Never for a NaN. rt: wait-free
     [[nodiscard]] bool is_beyond(std::size_t k, double value) const noexcept {
         return (value < least_[k]) | (value > most_[k]);  // both: cheaper than a branch

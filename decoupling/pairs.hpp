@@ -5,11 +5,16 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
 
 namespace tactiled {
 
 using Pair = double __attribute__((vector_size(16)));
 using PairMask = std::int64_t __attribute__((vector_size(16)));  // -1 where true, else 0
+
+inline constexpr std::int64_t kAllButSign = 0x7fff'ffff'ffff'ffff;
 
 inline Pair load(const double* from) noexcept {
     Pair pair;
@@ -24,6 +29,21 @@ inline PairMask load(const std::int64_t* from) noexcept {
 inline void store(double* to, Pair pair) noexcept { std::memcpy(to, &pair, sizeof pair); }
 inline Pair both(double value) noexcept { return Pair{value, value}; }
 inline Pair root(Pair pair) noexcept { return Pair{std::sqrt(pair[0]), std::sqrt(pair[1])}; }
+inline constexpr PairMask kTrue{-1, -1};
+// Comparisons; false for a NaN. By their own names on x86: g++ 12 takes masks that it joins apart into lone numbers.
+#ifdef __SSE2__
+inline PairMask up_to(Pair value, Pair most) noexcept { return PairMask(_mm_cmple_pd(value, most)); }
+inline PairMask both_true(PairMask a, PairMask b) noexcept { return PairMask(_mm_and_pd(Pair(a), Pair(b))); }
+inline bool hold(PairMask mask) noexcept { return _mm_movemask_pd(Pair(mask)) == 3; }
+#else
+inline PairMask up_to(Pair value, Pair most) noexcept { return value <= most; }
+inline PairMask both_true(PairMask a, PairMask b) noexcept { return a & b; }
+inline bool hold(PairMask mask) noexcept { return (mask[0] & mask[1]) != 0; }
+#endif
+inline PairMask between(Pair least, Pair value, Pair most) noexcept {
+    return both_true(up_to(least, value), up_to(value, most));
+}
+inline Pair magnitude(Pair pair) noexcept { return Pair(PairMask(pair) & PairMask{kAllButSign, kAllButSign}); }
 // 0 where the mask is not set.
 inline Pair only(Pair pair, PairMask mask) noexcept { return Pair(PairMask(pair) & mask); }
 // NaN where `nan` is one and not 0.

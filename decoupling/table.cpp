@@ -13,9 +13,8 @@
 
 #include <algorithm>
 
-#include "decoupling/checked.hpp"
+#include "decoupling/checked_loop.hpp"
 #include "decoupling/gauge_solver.hpp"
-#include "decoupling/pairs.hpp"
 #include "decoupling/table_methods.hpp"
 #include "decoupling/table_signs.hpp"
 
@@ -25,41 +24,41 @@ namespace {
 class Table final : public CheckedModel {
 public:
     Table(const Calibration& calibration, GaugeSolver solver)
-        : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0),
-          zero_(calibration.zero),
-          solver_(std::move(solver)) {}
+        : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0), solver_(std::move(solver)) {}
+    [[gnu::flatten]] Estimate decouple(const Reading& reading) noexcept override {
+        return checked(reading, [this](Input& input, Estimate& estimate) { solve(input, estimate); });
+    }
     [[nodiscard]] std::string_view method() const noexcept override { return "linear"; }
 
 private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        const auto solved = solver_.solve(input.r.data(), zero_, input.usable);
+        const auto solved = solver_.solve_agreeing<3>(input.r.data(), input.usable);
+        if (solved.used == 0) [[unlikely]]
+            return solve_doubtful(input, estimate);
+        put(solved, input, estimate);
+    }
+
+    [[gnu::noinline]] void solve_doubtful(Input& input, Estimate& estimate) noexcept {
+        const auto solved = solver_.solve_disagreeing(input.r.data(), input.usable);
         if (solved.used == 0) return;  // BAD
+        if (solved.doubtful || solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT;
+        // Which gauge is wrong is not known, so neither is how wrong the forces are.
+        if (solved.doubtful) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        if (solved.dead) estimate.reasons |= TACTILED_MISSING_CHANNEL;
+        if (solved.dead) input.outside = is_outside(input.r, solved.used);
+        put(solved, input, estimate);
+    }
+
+    // fz = -N, and 0 rather than -0 at rest. In pairs, as they are read again: a load that spans two stores waits for both.
+    void put(const GaugeSolver::Solved& solved, Input& input, Estimate& estimate) const noexcept {
         estimate.residual = solved.residual;
-        if (solved.doubtful || solved.dead) doubt(solved, input, estimate);
-        // In pairs, as they are read again: a load that spans two stores waits for both. fz = -N, and 0 rather than -0 at
-        // rest.
-        store(estimate.wrench_S.data(), load(solved.load) + both(0));
+        store(estimate.wrench_S.data(), Pair{solved.load[0], solved.load[1]} + both(0));
         store(estimate.wrench_S.data() + 2, Pair{0.0 - solved.load[2], kNaN});
-        store(estimate.wrench_S.data() + 4, both(kNaN));
         store(input.sd_factor.data(), load(solver_.sd_factors(solved.used)));
         store(input.sd_factor.data() + 2, load(solver_.sd_factors(solved.used) + 2));
     }
 
-    // Its own function: the good reading does not pay for it.
-    [[gnu::noinline]] void doubt(const GaugeSolver::Solved& solved, Input& input, Estimate& estimate) const noexcept {
-        estimate.reasons |= TACTILED_DISAGREEMENT;
-        if (solved.doubtful) {  // which gauge is wrong is not known, so neither is how wrong the forces are
-            estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-            return;
-        }
-        estimate.reasons |= TACTILED_MISSING_CHANNEL;
-        std::array<double, kMostGauges> channel{};
-        for (std::size_t k = 0; k < n_channels(); ++k) channel[k] = input.r[k] + zero_[k];
-        input.outside = domain().outside({channel.data(), n_channels()}, solved.used);
-    }
-
-    std::vector<double> zero_;
     GaugeSolver solver_;
 };
 

@@ -24,9 +24,10 @@ std::string fault_of_name(const char* what, const std::string& name, const std::
 
 std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string& method, Options& options) {
     std::string fault;
+    const bool spread_search = options.flag("spread_search", false);
     auto decoupler = method == "signs"       ? make_table_signs(calibration, fault)
                      : method == "matrix"    ? make_table_matrix(calibration, fault)
-                     : method == "map"       ? make_table_map(calibration, fault)
+                     : method == "map"       ? make_table_map(calibration, spread_search, fault)
                      : method == "nonlinear" ? make_table_nonlinear(calibration, fault)
                                              : make_table_linear(calibration, fault);
     if (decoupler != nullptr) return decoupler;
@@ -100,7 +101,7 @@ std::optional<GaugeSolver> solver_of_signs(const Calibration& calibration, std::
     std::uint32_t inner = 0;
     for (std::size_t k = 0; k < n; ++k)
         if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
-    GaugeSolver solver(gains_of_signs(calibration), std::vector<double>(n, noise), inner, 3);
+    GaugeSolver solver(gains_of_signs(calibration), std::vector<double>(n, noise), calibration.zero, inner, 3);
     if (!solver.solvable((1u << n) - 1)) {
         fault = "these gains cannot tell the three forces apart";
         return std::nullopt;

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "decoupling/checked.hpp"
+#include "decoupling/checked_loop.hpp"
 #include "decoupling/gauge_solver.hpp"
 #include "decoupling/generic_methods.hpp"
 #include "decoupling/table_methods.hpp"
@@ -18,17 +18,18 @@ namespace {
 class TableMatrix final : public CheckedModel {
 public:
     TableMatrix(const Calibration& calibration, GaugeSolver solver)
-        : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0),
-          zero_(calibration.zero),
-          solver_(std::move(solver)) {
+        : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0), solver_(std::move(solver)) {
         for (const auto& name : calibration.components) component_.push_back(component_index(name));
+    }
+    [[gnu::flatten]] Estimate decouple(const Reading& reading) noexcept override {
+        return checked(reading, [this](Input& input, Estimate& estimate) { solve(input, estimate); });
     }
     [[nodiscard]] std::string_view method() const noexcept override { return "matrix"; }
 
 private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        const auto solved = solver_.solve(input.r.data(), zero_, input.usable);
+        const auto solved = solver_.solve(input.r.data(), input.usable);
         if (solved.used == 0) return;  // BAD: the gauges that are left do not determine the loads
         estimate.residual = solved.residual;
         if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
@@ -39,7 +40,6 @@ private:
         }
     }
 
-    std::vector<double> zero_;
     GaugeSolver solver_;
     std::vector<std::size_t> component_;
 };
@@ -68,7 +68,7 @@ std::unique_ptr<Decoupler> make_table_matrix(const Calibration& calibration, std
             fault = "noise (one standard deviation of a gauge, channel_unit) is not above 0";
             return nullptr;
         }
-    GaugeSolver solver(*forward, noise, 0, 0);
+    GaugeSolver solver(*forward, noise, calibration.zero, 0, 0);
     if (!solver.confused().empty() || !solver.solvable((1u << n) - 1)) {
         std::vector<std::string> names;
         for (const std::size_t j : solver.confused()) names.push_back(calibration.components[j]);

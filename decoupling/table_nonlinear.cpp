@@ -23,7 +23,6 @@ public:
     TableNonlinear(const Calibration& calibration, GaugeSolver solver, MonotoneCurve normal_of_reading,
                    const std::array<Plays, 3>& undo)
         : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0),
-          zero_(calibration.zero),
           solver_(std::move(solver)),
           normal_of_reading_(std::move(normal_of_reading)),
           has_curve_(calibration.tables.count("normal_curve") != 0),
@@ -33,7 +32,7 @@ public:
 private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        const auto solved = solver_.solve(input.r.data(), zero_, input.usable);
+        const auto solved = solver_.solve<3>(input.r.data(), input.usable);
         if (solved.used == 0) return;  // BAD
         estimate.residual = solved.residual;
         if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
@@ -54,7 +53,6 @@ private:
         for (auto& state : state_) state.forget();
     }
 
-    std::vector<double> zero_;
     GaugeSolver solver_;
     MonotoneCurve normal_of_reading_;
     bool has_curve_;
