@@ -114,8 +114,7 @@ struct GraspSettings {
     double weigh_window_ms;
     double slip_sensitivity;  // 0 .. 1
     double lift_acceleration_m_s2, lift_accelerates_ms;
-    std::string objects;       // path of the file of taught objects
-    std::string known_weight;  // path of the file of what a known weight taught
+    std::string objects;  // path of the file of taught objects
 };
 
 struct GpioSettings {

@@ -114,10 +114,6 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     const std::string objects = table.text("objects", fmt::format("/var/lib/tactiled/{}.objects.toml", node_name));
     if (objects.empty()) table.problem("objects", "objects = \"\" names no file; leave the key out for the default");
     g.objects = (std::filesystem::absolute(folder) / objects).lexically_normal().string();
-    const auto beside = std::filesystem::path(g.objects).parent_path() / (node_name + ".known_weight.toml");
-    const std::string known = table.text("known_weight", beside.string());
-    if (known.empty()) table.problem("known_weight", "known_weight = \"\" names no file; leave the key out for the default");
-    g.known_weight = (std::filesystem::absolute(folder) / known).lexically_normal().string();
     return g;
 }
 

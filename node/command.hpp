@@ -34,8 +34,7 @@ struct Command {
         set = 100,
         hint = 101,
         gravity = 102,
-        acceleration = 103,
-        grip_force = 104
+        acceleration = 103
     };
     Kind kind = Kind::tare;
     std::uint32_t mask = 0;               // bit n: sensor n
@@ -47,7 +46,6 @@ struct Command {
     grasp::Hint gripper{};                // of `hint`
     grasp::Vector robot_G_m_s2{};         // of `gravity` and `acceleration`; NaN = not known
     std::uint64_t told_ns = 0;            // of `acceleration`
-    double grip_N = kNaN;                 // of `grip_force`, a jaw; NaN = not known
     // Of `objects`. Stays the asker's, who keeps it until the command is acknowledged, however long that takes.
     std::span<const TaughtObject> objects{};
 };

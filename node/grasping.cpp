@@ -24,9 +24,7 @@ Grasping::Grasping(const std::optional<Setup>& setup) {
     estimator_->slip_sensitivity(configured_.slip_sensitivity);
     for (auto& object : taught_) object.name.reserve(kLongestNameBytes);
     for (auto& object : told_) object.name.reserve(kLongestNameBytes);
-    belongs_to_ = setup->belongs_to;
     take(setup->objects);
-    if (setup->check) take_up(*setup->check);
 }
 
 void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench& zero_S) noexcept {
@@ -46,7 +44,6 @@ void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench
         moved.quality = TACTILED_BAD;
         moved.reasons |= TACTILED_TARING;
         estimator_->sample(std::size_t(jaw), moved);
-        if (another_method) estimator_->forget_leak();  // of the other one
     }
     // How far off such a value is nobody knows, so that no weight made of it is stable.
     const bool doubted = (s.reasons & (TACTILED_STEPPED | TACTILED_SENSORS_DIFFER)) != 0;
@@ -55,17 +52,6 @@ void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench
         felt.sd_N[i] = doubted ? kNaN : s.sd_force_N[i];
     }
     estimator_->sample(std::size_t(jaw), felt);
-}
-
-void Grasping::take_up(const grasp::Check& check) noexcept {
-    estimator_->restore(check);
-    scale_shown_ = check.mass_kg > 0;
-    hand_over_objects();
-}
-
-KeptCheck Grasping::take_check() noexcept {
-    check_is_news_ = false;
-    return {estimator_ ? estimator_->check() : grasp::Check{}, belongs_to_};
 }
 
 void Grasping::take(std::span<const TaughtObject> objects) noexcept {
@@ -90,8 +76,7 @@ bool Grasping::carry_out(const Command& command) noexcept {
         case Kind::zero_weight: return estimator_->zero_weight();
         case Kind::known_weight:
             if (!estimator_->known_weight(command.mass_kg)) return false;
-            scale_shown_ = command.mass_kg > 0;
-            check_is_news_ = true;
+            scale_shown_ = true;
             hand_over_objects();
             return true;
         case Kind::clear_slips:
@@ -104,19 +89,16 @@ bool Grasping::carry_out(const Command& command) noexcept {
         case Kind::objects: take(command.objects); return true;
         case Kind::hint: estimator_->hint(told_hint_ = command.gripper); return true;
         case Kind::gravity: estimator_->gravity(*(told_gravity_G_m_s2_ = command.robot_G_m_s2)); return true;
-        case Kind::grip_force: estimator_->grip_force(told_grip_N_ = command.grip_N); return true;
         case Kind::acceleration: estimator_->acceleration(command.robot_G_m_s2, command.told_ns); return true;
         default: return false;
     }
 }
 
-void Grasping::set(const GraspSettable& wish, const SensorSettable& of_sensors) noexcept {
+void Grasping::set(const GraspSettable& wish) noexcept {
     wish_ = wish;
-    sensor_wish_ = of_sensors;
     if (!estimator_) return;
     const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
     estimator_->slip_sensitivity(or_configured(wish.slip_sensitivity, configured_.slip_sensitivity));
-    estimator_->contact_at(of_sensors.contact_on_N, of_sensors.contact_off_N);
     estimator_->weigh_window(std::min(or_configured(wish.weigh_window_ms, configured_.weigh_window_ms), kMostWindow_ms));
 }
 
@@ -128,16 +110,12 @@ void Grasping::succeed(const Grasping& before) noexcept {
     before_.slips = was.slips;
     before_.slip_latch = was.slip_latch;
     std::copy(std::begin(was.slip_count), std::end(was.slip_count), before_.slip_count);
-    set(before.wish_, before.sensor_wish_);
-    told_grip_N_ = before.told_grip_N_;
-    if (estimator_) estimator_->grip_force(told_grip_N_);
+    set(before.wish_);
     told_gravity_G_m_s2_ = before.told_gravity_G_m_s2_;
     told_hint_ = before.told_hint_;
     if (estimator_ && told_gravity_G_m_s2_) estimator_->gravity(*told_gravity_G_m_s2_);
     if (estimator_) estimator_->hint(told_hint_);
     if (estimator_) take({before.taught_.data(), before.n_taught_});
-    if (estimator_ && before.estimator_ && belongs_to_ == before.belongs_to_) take_up(before.estimator_->check());
-    check_is_news_ = before.check_is_news_ && belongs_to_ == before.belongs_to_;
 }
 
 tactiled_grasp Grasping::state() const noexcept {
@@ -149,6 +127,7 @@ tactiled_grasp Grasping::state() const noexcept {
         now.slip_latch |= before_.slip_latch;
         for (std::size_t i = 0; i < std::size(now.slip_count); ++i)
             now.slip_count[i] = std::uint16_t(now.slip_count[i] + before_.slip_count[i]);
+        now.scale_shown = scale_shown_ ? 1 : 0;
         return now;
     }
     tactiled_grasp nothing{};

@@ -8,7 +8,6 @@
 
 #include "decoupling/grasp/grasp.hpp"
 #include "node/command.hpp"
-#include "node/known_weight.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -19,8 +18,6 @@ public:
         grasp::Setup estimator;
         GraspSettable settable;
         std::vector<TaughtObject> objects;
-        std::optional<grasp::Check> check;  // of before a restart
-        std::uint32_t belongs_to = 0;       // as KeptCheck has it
     };
     // Without a setup nothing is known and no command is taken. setup
     explicit Grasping(const std::optional<Setup>& setup);
@@ -33,28 +30,21 @@ public:
     // Carries out what is the grasp's; false: not now. rt: wait-free
     bool carry_out(const Command& command) noexcept;
     // NaN: as configured. rt: wait-free
-    void set(const GraspSettable& wish, const SensorSettable& of_sensors) noexcept;
+    void set(const GraspSettable& wish) noexcept;
 
     // Goes on in the place of `before`, which was configured otherwise: what was counted, latched, wished, taught and told
-    // by the robot stays, and where it belongs to the same jaws, what a known weight taught. rt: wait-free
+    // by the robot stays, the shown scale does not. rt: wait-free
     void succeed(const Grasping& before) noexcept;
 
     // rt: wait-free
     [[nodiscard]] tactiled_grasp state() const noexcept;
 
-    // Whether a known weight was shown or forgotten that nobody took yet, to keep it; and what it taught. rt: wait-free
-    [[nodiscard]] bool has_news_of_check() const noexcept { return check_is_news_; }
-    [[nodiscard]] KeptCheck take_check() noexcept;
-
 private:
     void take(std::span<const TaughtObject> objects) noexcept;
-    void take_up(const grasp::Check& check) noexcept;
     void hand_over_objects() noexcept;
 
     std::optional<grasp::Grasp> estimator_;
     GraspSettable configured_, wish_{kNaN, kNaN};
-    SensorSettable sensor_wish_{kNaN, kNaN, kNaN, kNaN};  // of which contacts are the grasp's, too
-    double told_grip_N_ = kNaN;
     std::optional<grasp::Vector> told_gravity_G_m_s2_;  // NaN: told that it is not known any more
     grasp::Hint told_hint_ = grasp::Hint::none;
     tactiled_grasp before_{};                                // what was counted and latched before this one; the rest is 0
@@ -63,8 +53,7 @@ private:
 
     // Weights of another scale than the one in force are of no use: of the objects those are told that were taught as it is
     // now. Their names have room: to copy one allocates nothing.
-    bool scale_shown_ = false, check_is_news_ = false;
-    std::uint32_t belongs_to_ = 0;
+    bool scale_shown_ = false;
     std::size_t n_taught_ = 0;
     std::array<TaughtObject, grasp::Grasp::kMostObjects> taught_;
     std::array<grasp::Object, grasp::Grasp::kMostObjects> told_;

@@ -12,7 +12,6 @@
 
 #include "node/control.hpp"
 #include "node/gpio_outputs.hpp"
-#include "node/known_weight.hpp"
 #include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/modbus/server.hpp"
@@ -72,8 +71,6 @@ int run(Node& node, const sigset_t& signals) {
         for (const auto& refused : threads.start()) log_line(LogLevel::warning, "RT_DEGRADED: {}", refused);
         segment.set_state(TACTILED_RUNNING);
         const Watchdog watchdog(threads.progress());
-        std::unique_ptr<CheckKeeper> keeper;
-        if (node.config.grasp) keeper = std::make_unique<CheckKeeper>(node.config.grasp->known_weight, pipeline.checks);
         std::unique_ptr<ModbusServer> modbus;
         const ModbusSettings& settings = node.config.modbus;
         if (settings.enabled())

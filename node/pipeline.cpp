@@ -102,12 +102,6 @@ bool Pipeline::deliver(std::uint64_t now_ns) noexcept {
             carry_out(commander, *command, now_ns);
             commands[commander].pop();
         }
-    if (grasping_->has_news_of_check())
-        if (KeptCheck* const slot = checks.claim()) {
-            *slot = grasping_->take_check();
-            checks.push();
-            checks.commit();
-        }
     for (auto& link : links_) {
         // Looked at before the ring: what arrived before the link broke is delivered before the break is.
         link->was_connected = link->connected.load(std::memory_order_acquire);
@@ -188,7 +182,7 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
     if (command.kind >= Kind::set) {  // nobody waits for it: the registers say what is set
         if (command.kind == Kind::set) {
             for (auto& sensor : sensors_) sensor.set(command.settable);
-            grasping_->set(command.grasp, command.settable);
+            grasping_->set(command.grasp);
         } else {
             grasping_->carry_out(command);
         }
@@ -229,8 +223,7 @@ void Pipeline::carry_out(std::size_t commander, const Command& command, std::uin
         case Kind::set:
         case Kind::hint:
         case Kind::gravity:
-        case Kind::acceleration:
-        case Kind::grip_force: break;
+        case Kind::acceleration: break;
     }
     reject(TACTILED_COMMAND_UNKNOWN);
 }

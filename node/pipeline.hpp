@@ -94,8 +94,6 @@ public:
 
     // One ring a commander (enum tactiled_commander), each from one other thread: a ring has one producer.
     std::array<Ring<Command>, TACTILED_COMMANDERS> commands{Ring<Command>{16}, Ring<Command>{16}};
-    // What known weights taught, for who keeps it. Where nobody takes it, it waits.
-    Ring<KeptCheck> checks{4};
 
 private:
     void deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept;

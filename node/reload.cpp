@@ -40,7 +40,6 @@ Reloader::Accepted Reloader::accepted(const Node& node) {
             node.calibrations,
             node.grasp,
             node.config.grasp ? node.config.grasp->objects : "",
-            node.config.grasp ? node.config.grasp->known_weight : "",
             node.plan.calibration_id};
 }
 
@@ -101,8 +100,6 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
         root.problem("grasp", fmt::format("whether there is a [grasp] {}", kRestart));
     else if (fresh.config.grasp && fresh.config.grasp->objects != now_.objects)
         root.problem("grasp", fmt::format("[grasp] objects {}", kRestart));
-    else if (fresh.config.grasp && fresh.config.grasp->known_weight != now_.known_weight)
-        root.problem("grasp", fmt::format("[grasp] known_weight {}", kRestart));
 }
 
 bool Reloader::measures_alike(const Node& fresh, std::size_t i) const {

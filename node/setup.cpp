@@ -165,36 +165,10 @@ void check_pairs(Node& node) {
     }
 }
 
-// What a known weight taught is true of these jaws, their calibrations and no others.
-std::uint32_t identity_of(const Config& config, const Node& node) {
-    std::string text = fmt::format("{} jaws", config.grasp->jaws_of_gripper);
-    for (const auto& jaw : config.grasp->jaws)
-        for (std::size_t i = 0; i < config.sensors.size(); ++i) {
-            const SensorSettings& sensor = config.sensors[i];
-            if (sensor.name != jaw.sensor) continue;
-            text += fmt::format("\n{} {} {} {} {:.9g} {} {}\n{}", sensor.name, sensor.link, sensor.device, sensor.method,
-                                sensor.counts_per_unit, jaw.share, jaw.S_from_G, node.calibrations[i]);
-        }
-    boost::crc_32_type crc;
-    crc.process_bytes(text.data(), text.size());
-    return crc.checksum();
-}
-
-// Not with method "auto": which of its methods the leak was seen with is forgotten.
-std::optional<grasp::Check> kept_check(const Config& config, std::uint32_t belongs_to) {
-    std::string why_not;
-    auto check = load_check(config.grasp->known_weight, belongs_to, calendar_s(), why_not);
-    if (!why_not.empty()) log_text(LogLevel::warning, why_not);
-    for (const auto& sensor : config.sensors)
-        if (check && sensor.method == "auto") check->leak = {};
-    return check;
-}
-
 // The estimator's view of [grasp]; index and full scale of each jaw's sensor are those of the directory.
-std::optional<Grasping::Setup> grasp_setup(const Config& config, const Node& node, Problems& problems) {
+std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPlan& plan, Problems& problems) {
     if (!config.grasp) return std::nullopt;
     const GraspSettings& settings = *config.grasp;
-    const SegmentPlan& plan = node.plan;
     Grasping::Setup setup;
     for (const auto& jaw : settings.jaws)
         for (std::size_t i = 0; i < config.sensors.size(); ++i) {
@@ -222,10 +196,7 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const Node& nod
     setup.estimator.lift_accelerates_ms = settings.lift_accelerates_ms;
     setup.settable = {settings.slip_sensitivity, settings.weigh_window_ms};
     setup.objects = load_objects(settings.objects, problems);
-    setup.belongs_to = identity_of(config, node);
-    setup.check = kept_check(config, setup.belongs_to);
-    if (!setup.check &&
-        std::any_of(setup.objects.begin(), setup.objects.end(), [](const TaughtObject& o) { return o.scaled; }))
+    if (std::any_of(setup.objects.begin(), setup.objects.end(), [](const TaughtObject& o) { return o.scaled; }))
         log_line(LogLevel::warning,
                  "{}: objects that were taught after a known weight had set the scale are told only once a known "
                  "weight is shown again (tactilectl weigh known)",
@@ -275,7 +246,7 @@ Node load_node(const std::string& config_path, Problems& problems, const std::st
     check_pairs(node);
     if (!problems.empty()) return node;
 
-    node.grasp = grasp_setup(config, node, problems);
+    node.grasp = grasp_setup(config, node.plan, problems);
     node.plan.name = config.node.name;
     node.plan.version = TACTILED_VERSION;
     node.plan.control = config.node.control;

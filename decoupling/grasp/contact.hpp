@@ -26,10 +26,6 @@ public:
 
     // Nothing is in the gripper, somebody says.
     void opened() noexcept { held_blind_ = false; }
-    void touches_at(double on_N, double off_N) noexcept {
-        setup_.contact_on_N = on_N;
-        setup_.contact_off_N = off_N;
-    }
 
     [[nodiscard]] const Feel& feel() const noexcept { return feel_; }
     [[nodiscard]] bool touching() const noexcept { return touching_; }

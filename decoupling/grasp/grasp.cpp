@@ -52,7 +52,6 @@ Seen Grasp::State::look() const noexcept {
         seen.all &= contact.touching();
         seen.steady &=
             std::abs(jaw.quick_N.value - jaw.slow_N.value) < kSteady * jaw.slow_N.value + kNoises * contact.noise_N(2);
-        seen.closes |= jaw.quick_N.value < told_grip_N / 2;
         seen.loaded |= loaded(j);
         seen.slipping |= jaw.slip.state() == TACTILED_SLIP_GROSS;
         seen.left_at_once |= contact.left_at_once();
@@ -74,8 +73,6 @@ void Grasp::State::act_on(tactiled_grip_state before) noexcept {
             jaw.slip.begin_grasp();
         }
     }
-    if (now == TACTILED_GRIP_LIFTING && before == TACTILED_GRIP_GRASPED)
-        for (Closing& closing : closings) closing.lifted(t_ns);
     if (now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST) weight.no_tare();
     forced &= phase.holds();
     stopped &= phase.hangs();
@@ -111,11 +108,9 @@ void Grasp::State::take(std::size_t j, const JawSample& as_it_came) noexcept {
     t_ns = std::max(t_ns, feel.t_ns);
     if (!feel.known) {
         jaw.slip.forget();
-        closings[j].forget();
         jaw.t_ns = 0;
     } else if (value) {
         follow(j);
-        closings[j].take(feel, contact.touching());
         jaw.slip.take(feel, contact.touching(), phase.now() == TACTILED_GRIP_HOLDING,
                       std::max(contact.noise_N(0), contact.noise_N(1)));
         if (jaw.slip.slips() != jaw.seen_slips) {
@@ -146,7 +141,6 @@ void Grasp::sample(std::size_t jaw, const JawSample& sample) noexcept {
 }
 
 void Grasp::hint(Hint gripper) noexcept { state_->hint = gripper; }
-void Grasp::grip_force(double jaw_N) noexcept { state_->told_grip_N = jaw_N > 0 ? jaw_N : 0; }
 void Grasp::gravity(const Vector& g) noexcept { state_->weight.gravity(Eigen::Vector3d(g.data())); }
 void Grasp::acceleration(const Vector& a, std::uint64_t t_ns) noexcept {
     state_->weight.acceleration(Eigen::Vector3d(a.data()), t_ns);
@@ -172,28 +166,12 @@ bool Grasp::zero_weight() noexcept {
     const tactiled_grip_state now = state_->phase.now();
     return now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST || state_->weight.zero();  // open: no tare is left
 }
-bool Grasp::known_weight(double mass_kg) noexcept {
-    return state_->weight.known(mass_kg, state_->closings, state_->contacts);
-}
-Check Grasp::check() const noexcept { return state_->weight.check(); }
-void Grasp::restore(const Check& check) noexcept { state_->weight.restore(check); }
-void Grasp::forget_leak() noexcept { state_->weight.forget_leak(); }
+bool Grasp::known_weight(double mass_kg) noexcept { return state_->weight.known(mass_kg); }
 void Grasp::clear_slips(std::uint32_t sensor_mask) noexcept { state_->latch &= ~sensor_mask; }
 void Grasp::slip_sensitivity(double zero_to_one) noexcept {
     for (State::Jaw& jaw : state_->jaws) jaw.slip.sensitivity(zero_to_one);
 }
 void Grasp::weigh_window(double ms) noexcept { state_->weight.window(ms); }
-void Grasp::contact_at(double on_N, double off_N) noexcept {
-    double sum_N = 0;
-    for (std::size_t j = 0; j < state_->contacts.size(); ++j) {
-        const JawSetup& made = state_->setup.jaws[j];
-        const double on = std::isnan(on_N) ? made.contact_on_N : on_N;
-        const double off = std::min(std::isnan(off_N) ? made.contact_off_N : off_N, on);
-        state_->contacts[j].touches_at(on, off);
-        sum_N += off;
-    }
-    state_->weight.least_touch(sum_N);
-}
 void Grasp::objects(std::span<const Object> objects) noexcept { state_->objects.teach(objects); }
 
 }  // namespace tactiled::grasp

@@ -50,27 +50,6 @@ struct Object {
     double mass_kg = 0, sd_kg = 0;
 };
 
-// What a jaw's press leaks into its shear, frame S: at press_N * (k + 1) / kKnots the shear is shear_N[k].
-struct Leak {
-    static constexpr std::size_t kKnots = 8;
-    double press_N = 0;  // of the clamped phase that showed it; 0: not known
-    std::array<std::array<double, 2>, kKnots> shear_N{};
-    double sd_N = 0;
-    bool followed = false;  // on the way there, too, not at press_N alone
-
-    bool operator==(const Leak&) const = default;
-};
-
-// What a known weight has taught.
-struct Check {
-    double mass_kg = 0;  // that was shown; 0: none
-    double scale = 1;
-    std::array<Leak, kMostJaws> leak{};  // by jaw
-    double age_s = 0;                    // since it was shown
-
-    bool operator==(const Check&) const = default;
-};
-
 // What one sensor says at one instant: tared, not low-passed, frame S.
 struct JawSample {
     std::uint64_t t_ns = 0;
@@ -100,24 +79,17 @@ public:
     void hint(Hint gripper) noexcept;
     void gravity(const Vector& gravity_G_m_s2) noexcept;
     void acceleration(const Vector& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;  // of the hand; good for 100 ms
-    void grip_force(double jaw_N) noexcept;  // commanded: what presses by less than half of it still closes. NaN: not known
 
     // Commands; false: not now. rt: wait-free
     bool start_weighing() noexcept;  // from now on, whatever the state machine thinks of a lift
     bool stop_weighing() noexcept;
     bool zero_weight() noexcept;  // what hangs now, stable, is no object: tare, until this grasp ends
-    // What hangs now, stable and but for the share's deviation known to 5 %, weighs this: sets the scale of the shares, and,
-    // where every jaw that carries was clamped and at rest before the lift, what presses leak into shears: nothing else
-    // than the jaws may have touched the object there but what it stood on. 0, at any time: all of it is forgotten.
+    // What hangs now, stable and but for the share's deviation known to 5 %, weighs this: sets the scale of the shares.
+    // 0, at any time: the scale is forgotten.
     bool known_weight(double mass_kg) noexcept;
-    [[nodiscard]] Check check() const noexcept;
-    void restore(const Check& check) noexcept;  // of before a restart; between two grasps
-    void forget_leak() noexcept;                // the scale stays
     void clear_slips(std::uint32_t sensor_mask) noexcept;
     void slip_sensitivity(double zero_to_one) noexcept;
     void weigh_window(double ms) noexcept;
-    // For all jaws, in the place of what they were made with; NaN: as that. An end above the beginning is the beginning.
-    void contact_at(double on_N, double off_N) noexcept;
     // At most kMostObjects of them; copied. rt: wait-free
     void objects(std::span<const Object> objects) noexcept;
     static constexpr std::size_t kMostObjects = 32;

@@ -36,7 +36,6 @@ struct Grasp::State {
         for (const JawSetup& jaw : s.jaws) {
             contacts.emplace_back(jaw);
             jaws.push_back({Slip(s.friction), jaw.sensor});
-            closings.emplace_back();
         }
     }
 
@@ -50,12 +49,10 @@ struct Grasp::State {
     Setup setup;
     std::vector<Jaw> jaws;
     std::vector<Contact> contacts;  // by jaw, as `jaws`
-    std::vector<Closing> closings;  // likewise
     Weight weight;
     Phase phase;
     Objects objects;
     Hint hint = Hint::none;
-    double told_grip_N = 0;                // that a jaw was commanded to; 0 = not known
     bool forced = false, stopped = false;  // weighing, or not, because a command said so
     bool loaded_before = false;
     std::uint64_t t_ns = 0, lift_off_ns = 0;

@@ -54,7 +54,7 @@ void Phase::step(const Seen& seen, Hint hint) noexcept {
         case TACTILED_GRIP_CONTACT:
             if (!seen.any) return let_go(seen, hint);
             if (!seen.all) break;
-            if ((seen.steady && !seen.closes) || seen.t_ns - all_since_ns_ > kNeverSteady_ns || hint == Hint::closed ||
+            if (seen.steady || seen.t_ns - all_since_ns_ > kNeverSteady_ns || hint == Hint::closed ||
                 hint == Hint::lifting) {
                 kept_ = hung_ns_ > 0 && all_since_ns_ - hung_ns_ < kJustNow_ns;
                 grasps_ += !resumed_ && !kept_;

@@ -12,7 +12,6 @@ struct Seen {
     bool unknown = false;           // a jaw has no value
     bool any = false, all = false;  // jaws with a sensor that touch
     bool steady = false;            // the press of each
-    bool closes = false;            // a jaw presses by less than half of what it was told to
     bool loaded = false;            // shear came onto the jaws since they were closed
     bool weighed = false;           // and is a stable weight
     bool slipping = false;

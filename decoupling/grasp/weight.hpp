@@ -5,7 +5,6 @@
 #include <span>
 
 #include "decoupling/grasp/contact.hpp"
-#include "decoupling/grasp/leak.hpp"
 
 namespace tactiled::grasp {
 
@@ -22,7 +21,6 @@ public:
     void gravity(const Eigen::Vector3d& gravity_G_m_s2) noexcept;
     void acceleration(const Eigen::Vector3d& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;
     void window(double ms) noexcept;
-    void least_touch(double all_jaws_N) noexcept { contact_N_ = all_jaws_N; }
 
     // One more sample of a jaw. rt: wait-free
     void take(std::size_t jaw, const Feel& feel) noexcept;
@@ -37,14 +35,7 @@ public:
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
     bool zero() noexcept;  // what hangs, stable, is tare
     void no_tare() noexcept { tare_kg_ = 0; }
-    // `closings`: by jaw
-    bool known(double mass_kg, std::span<const Closing> closings, std::span<const Contact> jaws) noexcept;
-    [[nodiscard]] Check check() const noexcept;
-    [[nodiscard]] bool checked() const noexcept { return checked_; }
-    [[nodiscard]] bool leaks_known() const noexcept;
-    [[nodiscard]] double check_age_s() const noexcept;
-    void restore(const Check& check) noexcept;
-    void forget_leak() noexcept;
+    bool known(double mass_kg) noexcept;
 
 private:
     // 5 ms of all jaws.
@@ -63,8 +54,6 @@ private:
         double most_acceleration_m_s2 = 0;
     };
     void rescale(double factor) noexcept;
-    void shift(double by_kg) noexcept;
-    void forget_check() noexcept;
     void close_block(std::uint64_t now_ns) noexcept;
     void aim() noexcept;
     void publish_first(const Mean& mean, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept;
@@ -81,7 +70,6 @@ private:
     struct Jaw {
         Eigen::Matrix3d S_from_G;
         double share = 0;
-        Leak leak;
         Eigen::Vector3d axis_S;   // along which it carries, tangential; 0 = it carries nothing
         double carries_m_s2 = 0;  // force along the axis a kg of the object
         double sum_N = 0, last_N = 0;
@@ -91,7 +79,7 @@ private:
         bool blind = false;      // the newest sample says nothing along the axis
     };
     std::array<Jaw, kMostJaws> jaws_;
-    std::size_t n_jaws_, jaws_of_gripper_;
+    std::size_t n_jaws_;
     bool all_sensed_, central_;  // three jaws or more: what goes across the palm's axis is shared nobody knows how
     double share_sd_;
     double most_acceleration_m_s2_;
@@ -112,8 +100,6 @@ private:
 
     bool overloaded_ = false;  // in the last block
     bool weighing_ = false, held_known_ = false, checked_ = false;
-    double check_age_s_ = 0;      // at check_ns_
-    std::uint64_t check_ns_ = 0;  // 0: since the first block
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1, checked_kg_ = 0;
     Weighed now_;

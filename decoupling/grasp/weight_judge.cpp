@@ -18,10 +18,6 @@ constexpr double kUnchecked = 0.1;  // of a share by symmetry, as long as no kno
 // leaves of them: chosen by grasp_bench weigh, seed 1, so that the published deviation is what it says; judged by other
 // seeds.
 constexpr double kAlike = 0.6, kLeftByCheck = 0.5;
-// With the leak of the press taken off a curve is held at nothing and at the known weight. Between them it is off by so
-// much of the sensors' sd, most in the middle; and its slope comes back so well from grasp to grasp, as a part of the
-// weight. Likewise chosen and judged.
-constexpr double kBetween = 0.22, kSlope = 0.003;
 constexpr double kTold = 0.05;          // of an acceleration that was told: its delay and scale
 constexpr double kDown_rad = 0.01;      // how well gravity's direction is known
 constexpr double kTableFriction = 0.3;  // what is drawn over a table with a force of F presses on it with up to F / 0.3
@@ -73,10 +69,7 @@ std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
 }
 
 double Weight::share_sd() const noexcept {
-    if (!checked_) return all_sensed_ ? 0 : kUnchecked;
-    // Of the mean of n of `all` shares that add up to 1; twice, for the known weight was shared likewise.
-    const auto all = double(jaws_of_gripper_), n = double(n_jaws_);
-    return share_sd_ * std::sqrt(2 * (all - n) / (all * n));
+    return all_sensed_ ? 0 : checked_ ? share_sd_ / std::sqrt(double(n_jaws_)) : kUnchecked;
 }
 
 // What is less than the touch of a contact is nothing, and may be said to be.
@@ -86,7 +79,6 @@ bool Weight::sure(double mass_kg, double sd_kg) const noexcept {
 
 double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
     double squares_N2 = 0, sum_N = 0, zeros_N2 = 0;
-    const double age_s = check_age_s();
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const Eigen::Vector2d axis = jaws_[j].axis_S.head<2>();
         if (axis.norm() == 0) continue;
@@ -94,19 +86,13 @@ double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) cons
         const double one_N = (axis.array() * sd.head<2>().array()).matrix().norm();
         squares_N2 += square(one_N);
         sum_N += one_N;
-        zeros_N2 += (axis.array() * zero.head<2>().array()).matrix().squaredNorm() +
-                    square(sd_at(jaws_[j].leak, jaws[j].feel().press_N, age_s));
+        zeros_N2 += (axis.array() * zero.head<2>().array()).matrix().squaredNorm();
     }
     // Below a known weight the curve is held at two places, that and the zero before each grasp; beyond, at none.
-    const double part = checked_ ? std::abs(mass_kg) / checked_kg_ : 0;
-    const bool leaks = leaks_known();
-    const double left = leaks      ? std::min(kBetween * std::abs(4 * part * (1 - part)), 1.0)
-                        : checked_ ? std::clamp(part - 0.7, kLeftByCheck, 1.0)
-                                   : 1;
-    const double slope = leaks ? kSlope : 0;
+    const double left = checked_ ? std::clamp(std::abs(mass_kg) / checked_kg_ - 0.7, kLeftByCheck, 1.0) : 1;
     const double sensors_N2 = square(left) * ((1 - kAlike) * squares_N2 + kAlike * square(sum_N));
     return std::sqrt(square(scale_ / carries_) * (sensors_N2 + zeros_N2) + square(mass_kg * share_sd()) +
-                     square(mass_kg * slope) + square(mass_kg * tilt_ * kDown_rad));
+                     square(mass_kg * tilt_ * kDown_rad));
 }
 
 // Tangential force across the axis, beyond what a tilted weight and a leak of the press explain, as a mass that may lie on

@@ -18,18 +18,6 @@ std::string number(double value, int digits, const char* unit) {
     return std::isfinite(value) ? fmt::format("{:.{}f}{}", value, digits, unit) : "-";
 }
 
-const char* scale_word(const tactiled_grasp& g) {
-    static constexpr const char* kWords[] = {"none", "known", "known-and-leak"};
-    return word(kWords, g.scale_shown);
-}
-
-std::string scale_text(const tactiled_grasp& g) {
-    if (g.scale_shown == 0) return "scale none";
-    const double hours = double(g.scale_age_s) / 3600;
-    return fmt::format("scale {} {}", scale_word(g),
-                       hours < 48 ? fmt::format("{:.1f} h", hours) : fmt::format("{:.0f} d", hours / 24));
-}
-
 nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
 
 }  // namespace
@@ -64,7 +52,6 @@ std::string grasp_lines(const Segment& segment, const tactiled_grasp& g) {
         if (g.slip_state[i] != TACTILED_SLIP_UNKNOWN)
             lines[2] += fmt::format("  {} {} {}{}", segment.sensor(i).name, g.slip_count[i],
                                     slip_state_text(g.slip_state[i]), (g.slip_latch >> i & 1u) != 0 ? " (latched)" : "");
-    lines[2] += "  " + scale_text(g);
     return fmt::format("{:.{}}\n{:.{}}\n{:.{}}\n", lines[0], kColumns, lines[1], kColumns, lines[2], kColumns);
 }
 
@@ -81,9 +68,7 @@ nlohmann::json grasp_json(const Segment& segment, const tactiled_grasp& g) {
                        {"friction", json_number(double(g.friction))},
                        {"friction_sd", json_number(double(g.friction_sd))},
                        {"grasps", g.grasps},
-                       {"slips", g.slips},
-                       {"scale", scale_word(g)},
-                       {"scale_age_s", g.scale_shown != 0 ? json_number(double(g.scale_age_s)) : nullptr}};
+                       {"slips", g.slips}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         out["jaws"][segment.sensor(i).name] = {{"slip", slip_state_text(g.slip_state[i])},
                                                {"slips", g.slip_count[i]},

@@ -214,8 +214,6 @@ void encode_grasp(const View& view, std::span<std::uint16_t, kGraspSize> out) no
     const std::uint64_t taken_ns = view.snapshot.taken_ns;
     const bool held = is_grasped(g) && g.state != TACTILED_GRIP_GRASPED && g.t_lift_off_ns != 0;
     const double since_ms = taken_ns > g.t_lift_off_ns ? double(taken_ns - g.t_lift_off_ns) / 1e6 : 0;
-    out[kGraspScale] = clamped(g.scale_shown);
-    out[kGraspScaleAge] = g.scale_shown != 0 ? u16_of(std::floor(double(g.scale_age_s) / 3600), 1, unused) : kNoU16;
     out[kSinceLiftOff] = held ? u16_of(std::floor(since_ms), 1, unused) : kNoU16;
 }
 

@@ -69,7 +69,6 @@ constexpr Name kGripStates[] = {{TACTILED_GRIP_OPEN, "open"},       {TACTILED_GR
                                 {TACTILED_GRIP_HOLDING, "holding"}, {TACTILED_GRIP_SLIPPING, "slipping"},
                                 {TACTILED_GRIP_LOST, "lost"}};
 constexpr Name kSlipStates[] = {{0, "none"}, {1, "incipient"}, {2, "gross"}};
-constexpr Name kScales[] = {{0, "none"}, {1, "the scale"}, {2, "the scale, and the leak of the press"}};
 constexpr Name kWeightStates[] = {{0, "none"}, {1, "estimating"}, {2, "stable"}, {3, "overload"}, {4, "not observable"}};
 
 // Gravest first. The numbers are the map's and do not follow the order of enum tactiled_reason.
@@ -116,7 +115,6 @@ std::span<const Name> names_of(std::string_view name) {
     if (name == "global.CMD_STATE") return kCommandStates;
     if (name == "global.CMD_RESULT") return kCommandResults;
     if (name == "global.WEIGHT_STATE") return kWeightStates;
-    if (name == "grasp.SCALE_STATE") return kScales;
     if (name == "global.GRIP_STATE") return kGripStates;
     if (name == "sensor.SLIP_STATE") return kSlipStates;
     if (name == "sensor.STATUS" || name == "sensor_float.STATUS") return kSensorStatusBits;

@@ -35,9 +35,6 @@ std::uint16_t Robot::read(unsigned at) const noexcept {
 void Robot::write(unsigned at, std::uint16_t value, std::uint64_t now_ns) noexcept {
     if (at == kGripperForce) {
         force_ = value;
-        grip_.kind = Command::Kind::grip_force;
-        grip_.grip_N = value > 0 ? value * 0.01 : kNaN;
-        grip_unsent_ = told_ = true;
     } else if (at == kGripperState) {
         gripper_ = value;
         hint_.kind = Command::Kind::hint;
@@ -76,17 +73,12 @@ void Robot::forget() noexcept {
         down_.robot_G_m_s2 = {kNaN, kNaN, kNaN};
         down_unsent_ = true;
     }
-    if (grip_.kind == Command::Kind::grip_force) {
-        grip_.grip_N = kNaN;
-        grip_unsent_ = true;
-    }
     motion_unsent_ = told_ = false;
 }
 
 void Robot::send(Ring<Command>& commands) noexcept {
     if (hint_unsent_) hint_unsent_ = !put(commands, hint_);
     if (down_unsent_) down_unsent_ = !put(commands, down_);
-    if (grip_unsent_) grip_unsent_ = !put(commands, grip_);
     if (motion_unsent_) motion_unsent_ = !put(commands, motion_);
 }
 

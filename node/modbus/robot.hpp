@@ -31,8 +31,8 @@ public:
 private:
     std::uint16_t gripper_ = 0, force_ = 0, count_ = 0;
     std::array<std::uint16_t, 3> gravity_{kNoI16, kNoI16, kNoI16}, acceleration_{kNoI16, kNoI16, kNoI16};
-    Command hint_{}, down_{}, motion_{}, grip_{};
-    bool hint_unsent_ = false, grip_unsent_ = false, down_unsent_ = false, motion_unsent_ = false;
+    Command hint_{}, down_{}, motion_{};
+    bool hint_unsent_ = false, down_unsent_ = false, motion_unsent_ = false;
     bool told_ = false;  // anything, since the last forget()
 };
 

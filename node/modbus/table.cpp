@@ -52,8 +52,6 @@ constexpr Register kGraspBlock[] = {
     {kGrasps, "GRASPS", Type::count, "", "one more each time that GRIP_STATE becomes grasped"},
     {kSinceLiftOff, "SINCE_LIFT", Type::u16, "ms", "since lift-off while an object is held; 65534 = that or more"},
     {kGraspSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
-    {kGraspScale, "SCALE_STATE", Type::enumeration, "", "what WEIGHT knows of a known weight; kept over a restart"},
-    {kGraspScaleAge, "SCALE_AGE", Type::u16, "1 h", "since that was shown; 65534 = that or more, 0xFFFF = never"},
 };
 
 constexpr Register kSensor[] = {
@@ -150,11 +148,8 @@ constexpr Register kControl[] = {
      "KNOWN_WEIGHT",
      Type::u16,
      "1 g",
-     "what hangs now, stable, weighs this: sets the scale of WEIGHT, and learns what the press leaks into the shear, for "
-     "which "
-     "the weight stood freely on the table until the lift: see SCALE_STATE. Only objects that were taught with a scale that "
-     "was "
-     "set are told then, and without one only the others; reads 0",
+     "what hangs now, stable, weighs this: sets the scale of WEIGHT until the daemon ends. Only objects that were taught "
+     "with a scale that was set are told then, and without one only the others; reads 0",
      {0, 65534}},
     {kPlcHeartbeat, "PLC_HEARTBEAT", Type::count, "", "any changing value", kAny},
     {kPlcWatchdog,
@@ -169,16 +164,13 @@ constexpr Register kControl[] = {
      "",
      "a hint for the grasp estimate, from the first write on until PLC_WATCHDOG expires",
      {0, 5}},
-    {kGripperForce, "GRIPPER_FORCE", Type::u16, "0.01 N",
-     "commanded force of a jaw, a hint: presses below half of it are not grasped yet, for up to 0.5 s after all jaws touch; "
-     "0 = not told, and so once PLC_WATCHDOG expires",
-     kAny},
+    {kGripperForce, "GRIPPER_FORCE", Type::u16, "0.01 N", "commanded force, a hint: kept, without effect yet", kAny},
     {kFilterHz, "FILTER_HZ", Type::u16, "Hz", "low pass on force and torque, 0 = off", {0, 1000, true}},
     {kContactOn,
      "CONTACT_ON",
      Type::u16,
      "0.01 N",
-     "magnitude at which a sensor's contact begins, and press at which the grasp's does",
+     "magnitude at which the sensor's contact begins; that of the grasp stays as configured",
      {1, 30000, true}},
     {kContactOff, "CONTACT_OFF", Type::u16, "0.01 N", "magnitude below which it ends; likewise", {0, 30000, true}},
     {kOverloadAt,

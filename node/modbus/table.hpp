@@ -7,7 +7,7 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 4;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 3;
 
 // Not available, as SunSpec has it; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
@@ -34,7 +34,7 @@ enum Global : std::uint16_t {
     kCalId = 28, kPlcHbEcho = 29, kCycleWorst = 30, kSeqEnd = 31
 };
 enum Grasp : std::uint16_t {  // offsets in 40
-    kGraspSeq = 0, kObjectId = 1, kObjectProbability = 2, kFriction = 3, kFrictionSd = 4, kGrasps = 5, kSinceLiftOff = 6, kGraspSeqEnd = 7, kGraspScale = 8, kGraspScaleAge = 9
+    kGraspSeq = 0, kObjectId = 1, kObjectProbability = 2, kFriction = 3, kFrictionSd = 4, kGrasps = 5, kSinceLiftOff = 6, kGraspSeqEnd = 7
 };
 enum PerSensor : std::uint16_t {
     kSensorSeq = 0, kSensorStatus = 1, kSensorFault = 2, kSensorAgeMs = 3, kFx = 4, kFy = 5, kFz = 6, kTx = 7, kTy = 8, kTz = 9,
@@ -62,7 +62,7 @@ enum CommandCode : std::uint16_t {
 // clang-format on
 
 inline constexpr std::uint16_t kGlobalAt = 0, kGlobalSize = 32;
-inline constexpr std::uint16_t kGraspAt = 40, kGraspSize = 10;
+inline constexpr std::uint16_t kGraspAt = 40, kGraspSize = 8;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;
 inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first

@@ -33,7 +33,7 @@ import stat
 import struct
 import time
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 5
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 4
 MAX_SENSORS = MAX_LINKS = 16
 NAME_SIZE = 32  # with the terminating zero
 
@@ -119,7 +119,7 @@ _SAMPLE = _Struct(
 _GRASP = _Struct(
     "t_ns:Q t_lift_off_ns:Q state:I weight_state:I grasps:I slips:I slip_mask:I slip_latch:I object_id:I scale_shown:I "
     "weight_kg:d weight_sd_kg:d grip_N:f recommended_grip_N:f friction:f friction_sd:f object_probability:f "
-    "scale_age_s:f object:32s slip_state:16H slip_count:16H friction_use:16f")
+    "reserved_float:f object:32s slip_state:16H slip_count:16H friction_use:16f")
 _NODE = _Struct(
     "sequence:Q t_ns:Q cycles:Q missed_cycles:Q heartbeat:I status:I fault:I warning:I worst_cycle_us:I command:6I "
     f"-:4x count:16Q grasp:{_GRASP.size}s")

@@ -131,13 +131,13 @@ class StructuredText(unittest.TestCase):
 
     def test_it_unpacks_the_grasp_block(self):
         block = Program(printed("--format", "st")).instance("FB_TACTILED_GRASP")
-        block.call(GRASP_REGS=[7, 3, 987, 623, 50, 12, 250, 7, 2, 30])
+        block.call(GRASP_REGS=[7, 3, 987, 623, 50, 12, 250, 7])
         self.assertEqual([block.value(f"GRASP.{n}") for n in ("SEQ", "OBJECT_ID", "OBJECT_PROB", "FRICTION", "FRICTION_SD", "GRASPS",
-                                                             "SINCE_LIFT", "SCALE_STATE", "SCALE_AGE")], [7, 3, 987, 623, 50, 12, 250, 2, 30])
+                                                             "SINCE_LIFT")], [7, 3, 987, 623, 50, 12, 250])
         self.assertFalse(block.value("TORN"))
-        block.call(GRASP_REGS=self.read(40, 10))
+        block.call(GRASP_REGS=self.read(40, 8))
         self.assertEqual(block.value("GRASP.OBJECT_PROB"), 0xFFFF)  # no [grasp] here
-        block.call(GRASP_REGS=[7, 0, 0, 0, 0, 0, 0, 8, 0, 0])
+        block.call(GRASP_REGS=[7, 0, 0, 0, 0, 0, 0, 8])
         self.assertTrue(block.value("TORN"))
 
     def test_all_sizes_are_accepted(self):

@@ -32,7 +32,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 5
+#define TACTILED_MINOR 4
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* of a frame */
@@ -199,12 +199,11 @@ struct tactiled_grasp {
     uint32_t slips;                            /* gross slips of all jaws since the start of the daemon */
     uint32_t slip_mask, slip_latch;            /* bit n = sensor n: gross slip now; since the last clear */
     uint32_t object_id;                        /* of the taught object that this weight is, 0 = unknown or no weight */
-    uint32_t scale_shown;                      /* 1: a known weight has set the scale; 2: and shown what presses leak */
+    uint32_t scale_shown;                      /* 1: a known weight has set the weight's scale since the daemon's start */
     double weight_kg, weight_sd_kg;            /* net, of the object alone */
     float grip_N, recommended_grip_N;          /* normal force of a jaw, mean; the least that holds, with the margin */
     float friction, friction_sd;               /* coefficient, learnt in this grasp or as configured (then sd NaN) */
-    float object_probability;                  /* that it is object_id and no other, nor an unknown one */
-    float scale_age_s;                         /* since that known weight was shown; since 1.5, 0 before */
+    float object_probability, reserved_float;  /* that it is object_id and no other, nor an unknown one */
     char object[TACTILED_NAME_SIZE];           /* its name, "" = unknown or no weight */
     uint16_t slip_state[TACTILED_MAX_SENSORS]; /* enum tactiled_slip_state, by sensor of the node */
     uint16_t slip_count[TACTILED_MAX_SENSORS]; /* gross slips of this sensor, wraps */

@@ -83,7 +83,6 @@ TEST(GraspConfig, AJawIsTurnedAsItsAxesSay) {
     EXPECT_EQ(in_S(1, 0, 0), (std::array<double, 3>{0, 0, -1}));         // out of the palm's x is into the skin
     EXPECT_EQ(in_S(0, 1, 0), (std::array<double, 3>{0, 1, 0}));          // right-handed: y is z x x
     EXPECT_EQ(loaded.config.grasp->objects, loaded.folder / "o.toml");
-    EXPECT_EQ(loaded.config.grasp->known_weight, loaded.folder / "gripper.known_weight.toml");  // beside the objects
 }
 
 TEST(GraspConfig, SaysWhereItIsWrongAndWhatIsRight) {

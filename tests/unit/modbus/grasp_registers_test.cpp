@@ -114,13 +114,6 @@ TEST_F(GraspRegisters, TheGraspBlockTellsTheObjectAndTheFriction) {
     EXPECT_EQ(g[kGrasps], 1);  // wraps
     EXPECT_GE(g[kSinceLiftOff], 250);
     EXPECT_LT(g[kSinceLiftOff], 5000);
-    EXPECT_EQ(g[kGraspScale], 0);
-    EXPECT_EQ(g[kGraspScaleAge], kNoU16);
-    node_.grasp.scale_shown = 2;
-    node_.grasp.scale_age_s = 2.9F * 3600;
-    writer_.publish(node_);
-    EXPECT_EQ(grasp()[kGraspScale], 2);
-    EXPECT_EQ(grasp()[kGraspScaleAge], 2);
 }
 
 TEST_F(GraspRegisters, ASensorBlockTellsItsOwnSlip) {
