@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace tactiled::grasp {
 namespace {
@@ -17,6 +18,10 @@ constexpr double kUsualTime_s = 10;
 // Of the friction known beforehand or learnt: lower cannot be slip, even where that is 30 % off; and a small fall is one
 // only right at the limit.
 constexpr double kNearCone = 0.7, kAtCone = 0.9, kSmallFall = 0.08;
+// A swing comes up as it goes down. From rest its first fall is at most twice its rise, and where it is slower than 25 Hz
+// and a rise takes longer than this, what falls by enough within 7 ms has been falling before.
+constexpr std::uint64_t kRise_ns = 10'000'000;
+constexpr double kSwing = 2.2, kFellBefore = 0.15;
 constexpr double kLeastRatio = 0.1;  // nothing that a gripper holds slides at less, and a ratio of noise is none
 constexpr double kNoises = 4;
 constexpr double kMeanTime_s = 0.02;  // a peak of vibration is not near the limit; a pull that takes longer is
@@ -46,9 +51,20 @@ Slip::Fall Slip::fall(double noise_N) const noexcept {
         // Only a shear that itself falls, not a press that rises: a grip that is tightened is no slip.
         const double before = p.shear_N / p.press_N, sure_N = p.shear_N - now.shear_N - kNoises * noise_N;
         if (sure_N <= 0 || before <= most.peak) continue;
-        most = {std::min((before - ratio) / before, sure_N / p.shear_N), before};
+        most = {std::min((before - ratio) / before, sure_N / p.shear_N), before, back};
     }
     return most;
+}
+
+bool Slip::swings(const Fall& fall) const noexcept {
+    const auto point = [&](std::size_t back) -> const Point& { return past_[(newest_ + kMost - back) % kMost]; };
+    double least = fall.peak, most = fall.peak;
+    for (std::size_t back = fall.back + 1; back < n_ && point(fall.back).t_ns - point(back).t_ns <= kRise_ns; ++back) {
+        const double ratio = point(back).shear_N / point(back).press_N;
+        least = std::min(least, ratio);
+        most = std::max(most, ratio);
+    }
+    return fall.part * fall.peak < kSwing * (fall.peak - least) || most - fall.peak > kFellBefore * fall.part * fall.peak;
 }
 
 void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) noexcept {
@@ -61,7 +77,7 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
     if (touched_ns_ == 0) {
         mean_N_ = feel.shear_N;
         touched_ns_ = feel.t_ns;
-        usual_ = 0;
+        usual_ = falling_ = 0;
     }
     use_ = friction_.use(feel.shear_N, feel.press_N);
     if (n_ > 0 && feel.t_ns - past_[newest_].t_ns < kStep_ns) return;
@@ -72,22 +88,27 @@ void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) n
 
     const Fall now = fall(noise_N);
     const double cone = friction_.coefficient() * (now.part < kSmallFall ? kAtCone : kNearCone);
+    const bool slides = state_ == TACTILED_SLIP_GROSS;
+    const bool at_cone = now.peak >= kAtCone * friction_.coefficient();  // not known: false
     const bool possible = feel.t_ns - touched_ns_ > kFirm_ns && now.peak >= kLeastRatio &&
                           (std::isnan(cone) ? now.part >= kSmallFall : now.peak >= cone);
-    const bool slides = state_ == TACTILED_SLIP_GROSS;
     const double least = slides ? least_fall_ / 2 : std::max(least_fall_, kOverUsual * usual_);
-    if (possible && now.part > least) {
+    if (possible && now.part > least && (slides || at_cone || !swings(now))) {
         if (!slides) {
             ++slips_;
             friction_.slipped(now.peak);
         }
+        falling_ = 0;
         slid_ns_ = feel.t_ns;
         state_ = TACTILED_SLIP_GROSS;
         return;
     }
     if (slides && feel.t_ns - slid_ns_ < kGoesOn_ns) return;
-    // At once: a vibration that grows is told from a slip by growing over several falls.
-    if (settled) usual_ = std::max(now.part, usual_ * std::exp(-elapsed_s / kUsualTime_s));
+    // A vibration that grows is told from a slip by growing over several falls; but a fall counts when it is over: a slip in
+    // its first milliseconds is no transport.
+    falling_ = std::max(falling_, now.part);
+    const double over = now.part < falling_ / 2 ? std::exchange(falling_, now.part) : 0;
+    if (settled) usual_ = std::max(over, usual_ * std::exp(-elapsed_s / kUsualTime_s));
     if (!slides) friction_.held((feel.shear_N - kNoises * noise_N) / feel.press_N);
     // |shear| > part of the cone + k sd: never a ratio alone, which near no press is one of noise.
     mean_N_ += -std::expm1(-elapsed_s / kMeanTime_s) * (feel.shear_N - mean_N_);

@@ -28,8 +28,10 @@ private:
     // How far shear over press fell from its peak of the last 7 ms, of the peak; and that peak.
     struct Fall {
         double part = 0, peak = 0;
+        std::size_t back = 0;  // points since the peak
     };
     [[nodiscard]] Fall fall(double noise_N) const noexcept;
+    [[nodiscard]] bool swings(const Fall& fall) const noexcept;
 
     static constexpr std::size_t kMost = 64;
     struct Point {
@@ -41,7 +43,7 @@ private:
 
     Friction friction_;
     double near_ = 0.8, least_fall_ = 0.04;  // of sensitivity 0.5
-    double usual_ = 0;                       // falls that transport makes
+    double usual_ = 0, falling_ = 0;         // falls that transport makes; the one that is not over
     double use_ = 0, mean_N_ = 0;            // of the shear
     std::uint64_t touched_ns_ = 0, slid_ns_ = 0;
     std::uint32_t slips_ = 0;

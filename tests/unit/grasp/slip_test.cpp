@@ -31,6 +31,14 @@ TEST(GraspSlip, IsFoundAfterALongHoldAtAnyRate) {
         }
 }
 
+TEST(GraspSlip, IsFoundAtTheLimitHoweverSlowlyItGivesWay) {
+    for (const double fall_s : {0.005, 0.012, 0.03}) {
+        Hand hand;
+        hand.close().go(0.3, 2, 0.8).stay(2).go(0.3, 2, 1.17).go(fall_s, 2, 0.8 * 1.17).stay(0.01);
+        EXPECT_EQ(hand.now().slips, 2u) << fall_s;
+    }
+}
+
 TEST(GraspSlip, EachIsCountedOnceAndStaysLatched) {
     Hand hand;
     hand.close().go(0.3, 2, 1.15);
@@ -72,6 +80,28 @@ TEST(GraspSlip, TheLeastGripHoldsTheLoadWithItsMargin) {
     hand.close().go(0.2, 2, 0.6).stay(0.5);
     EXPECT_NEAR(hand.now().recommended_grip_N, 1.5 * 0.6 / 0.6, 0.05);
     EXPECT_NEAR(hand.now().grip_N, 2, 0.01);
+}
+
+TEST(GraspSlip, AVibrationThatBeginsAtOnceIsNone) {
+    for (const double told : {0.6, 0.0}) {
+        for (const double hz : {8.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 60.0}) {
+            grasp::Setup setup = two_jaws();
+            setup.friction = told;
+            Hand hand(setup);
+            const double load_N = 0.46 * 2;  // of 0.6: a margin of 1.3
+            hand.close().go(0.15, 2, load_N).stay(0.8);
+            for (int i = 1; i <= 500; ++i) hand.go(0.001, 2, load_N * (1 + 0.1 * std::sin(2 * 3.14159265 * hz * i * 1e-3)));
+            EXPECT_EQ(hand.now().slips, 0u) << hz << " Hz, friction " << told;
+        }
+    }
+}
+
+TEST(GraspSlip, AFastPullThatGivesWayBelowTheFrictionThatWasToldIsOne) {
+    Hand hand;
+    hand.close().go(0.15, 2, 0.7).stay(0.8).go(0.05, 2, 0.48 * 2);  // 0.48 of 0.6 that were told
+    ASSERT_EQ(hand.now().slips, 0u);
+    hand.go(0.005, 2, 0.8 * 0.48 * 2).stay(0.004);
+    EXPECT_EQ(hand.now().slips, 2u);  // one a jaw
 }
 
 }  // namespace
