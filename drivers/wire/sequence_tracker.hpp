@@ -10,13 +10,13 @@ namespace tactiled {
 // counts on from it. So a restart costs no frame of a device that sends its time, and one frame of another.
 //
 // Whose the frames are is doubted by what one device does seldom: a number that was here already, with another content; a
-// restart, which counts twice. Each takes kDoubt frames in order to forget. Four that are not forgotten are a second device
-// under the same name; nobody knows then whose a number is, until at most six times kDoubt frames in a row come in order. A
-// second device that sends at least each 20th frame is told before 19 of its readings have passed for the first one's; one
+// restart, which counts twice. Each takes kDoubt frames in order to forget. Five that are not forgotten are a second device
+// under the same name; nobody knows then whose a number is, until at most seven times kDoubt frames in a row come in order.
+// A second device that sends at least each 20th frame is told before 20 of its readings have passed for the first one's; one
 // that sends less than each 32nd may not be (sequence_tracker_test).
 class SequenceTracker {
 public:
-    static constexpr unsigned kDoubt = 32, kContested = 4 * kDoubt, kMost = 6 * kDoubt;
+    static constexpr unsigned kDoubt = 32, kContested = 5 * kDoubt, kMost = 7 * kDoubt;
     static constexpr unsigned kOvertaken = 4;   // frames in order that one is worth that comes late
     static constexpr unsigned kJudgedBits = 8;  // of a shorter counter a few lost frames are as good as a second device
 
@@ -41,7 +41,9 @@ public:
                 doubt(kOvertaken);
                 return {false, contested_, 0};
             }
-            if (back != 0 || content != content_) doubt(kDoubt);
+            // More of what was dropped just before is the same doubt: a restart whose second frame is lost.
+            const bool more = dropped_ && ((sequence - last_dropped_ - 1) & mask) <= mask / 2;
+            if (!more && (back != 0 || content != content_)) doubt(kDoubt);
             dropped_ = true;
             last_dropped_ = sequence;
             return {false, contested_, 0};

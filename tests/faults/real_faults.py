@@ -174,7 +174,7 @@ def silent():
 def two_devices_of_one_name():
     """The second one counts 5 ahead and feels what the right sensor does; who sends first, chance says."""
     dice = random.Random(1)
-    excused = 18  # readings of the second one, until it is told
+    excused = 19  # readings of the second one, until it is told
 
     def mix(line, device):
         nonlocal excused
