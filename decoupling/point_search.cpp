@@ -68,8 +68,6 @@ bool PointSearch::step() noexcept {
         downhill();
     } else if (stage_ == Stage::kAside) {
         aside();
-    } else if (stage_ == Stage::kJudge) {
-        judge();
     }
     return stage_ == Stage::kDone;
 }
@@ -173,21 +171,18 @@ void PointSearch::downhill() noexcept {
     if (round_ == std::size(kRounds) || (round_ == kUsualRounds && explained)) stage_ = Stage::kAside;
 }
 
-// The neighbours of the best along the direction that the gauges tell worst, two on each side; what that direction is comes
-// first.
+// The neighbours of the best along the direction that the gauges tell worst, two on each side.
 void PointSearch::aside() noexcept {
     PointContact& best = candidates_[0].contact;
     if (at_ == 0) {
         solver_.deviations(y_, usable_, variance_, best);
         aside_m_ = kAside_m * best.worst;
         n_candidates_ = std::min(n_candidates_, kMostCandidates - 4);  // the worst make room
-        ++at_;
-        return;
     }
     constexpr double kTimes[] = {1, -1, 2, -2};
     candidates_[n_candidates_++].contact =
-        solver_.refine(y_, usable_, contact_at(best.point_m + kTimes[at_ - 1] * aside_m_), kAsideSteps);
-    if (++at_ > std::size(kTimes)) stage_ = Stage::kJudge;
+        solver_.refine(y_, usable_, contact_at(best.point_m + kTimes[at_] * aside_m_), kAsideSteps);
+    if (++at_ == std::size(kTimes)) judge();
 }
 
 void PointSearch::judge() noexcept {

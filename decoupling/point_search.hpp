@@ -20,7 +20,7 @@ public:
 
     // Of these readings; rows outside of `usable` are ignored, at most two may be. `variance`: of a reading. rt: wait-free
     void begin(const Gauges& y, std::uint32_t usable, double variance) noexcept;
-    // The next piece; true where it was the last. rt: wait-free, at most six evaluations of the map
+    // The next piece; true where it was the last. rt: wait-free, some 3 us
     bool step() noexcept;
     // begin() and all steps. rt: wait-free, some 100 us
     void run(const Gauges& y, std::uint32_t usable, double variance) noexcept;
@@ -33,7 +33,7 @@ public:
 
 private:
     static constexpr std::size_t kLanes = 8, kMostCandidates = 16;
-    enum class Stage { kScan, kMinima, kDownhill, kAside, kJudge, kDone };
+    enum class Stage { kScan, kMinima, kDownhill, kAside, kDone };
     // Orthonormal bases of the influence at eight points: [Fx Fy Fz][gauge][point]. Single precision: it chooses where to
     // start, no more.
     struct Block {

@@ -24,10 +24,9 @@ std::string fault_of_name(const char* what, const std::string& name, const std::
 
 std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string& method, Options& options) {
     std::string fault;
-    const bool spread_search = options.flag("spread_search", false);
     auto decoupler = method == "signs"       ? make_table_signs(calibration, fault)
                      : method == "matrix"    ? make_table_matrix(calibration, fault)
-                     : method == "map"       ? make_table_map(calibration, spread_search, fault)
+                     : method == "map"       ? make_table_map(calibration, fault)
                      : method == "nonlinear" ? make_table_nonlinear(calibration, fault)
                                              : make_table_linear(calibration, fault);
     if (decoupler != nullptr) return decoupler;

@@ -13,40 +13,37 @@
 #include <optional>
 
 #include "decoupling/checked.hpp"
-#include "decoupling/contact_search.hpp"
 #include "decoupling/gauge_solver.hpp"
 #include "decoupling/generic_methods.hpp"
+#include "decoupling/point_search.hpp"
 #include "decoupling/table_methods.hpp"
 #include "decoupling/table_signs.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr double kDoubtful = ContactSearch::kDoubtful;
-constexpr double kRest = 3;  // nothing touches: the readings are within 3 sigma of noise, root mean square
-constexpr double kPoor = 3;  // from this residual on a point is not believed
+constexpr double kDoubtful = 6;  // as method "linear"
+constexpr double kRest = 3;      // nothing touches: the readings are within 3 sigma of noise, root mean square
+constexpr double kPoor = 3;      // from this residual on a point is not believed
 constexpr double kDefaultLocate = 5;
 // Shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has a small press or
 // a pull, and what cannot be pushed so is not believed.
 constexpr double kDefaultFriction = 1.5;
 // A search that ends above this may have missed the right minimum, which is found above it once in 150 times.
 constexpr double kSurely = 2;
-constexpr int kFewestGauges = ContactSearch::kFewestGauges;
+constexpr int kFewestGauges = 6;  // five unknowns and something to compare
 constexpr int kWarmSteps = 6;
-constexpr int kPiecesASample = 2;  // of a search that is spread over samples: together less than an ordinary sample takes
 // A point that moved farther than this between two samples has jumped: the minimum beside the last one may be another, and
 // explain the readings well enough with a pull instead of a press. A finger that slides at 100 mm/s moves as far in 1 ms.
 constexpr double kJump_m = 1e-4;
 constexpr unsigned kSearchEvery = 256;  // samples: a minimum that was followed may no longer be the best
 constexpr double kSame = 0.1;           // of the readings: they are those that no point explained a moment ago
-constexpr double kStill = 0.05;         // of the readings' direction, from the first to the last sample of a spread search
 constexpr unsigned kPoorEvery = 16;     // samples between searches while they are
 constexpr unsigned kDeadEvery = 16;     // samples with disagreement between looks for a dead gauge
 
 class TableMap final : public CheckedModel {
 public:
-    TableMap(const Calibration& calibration, InfluenceMap map, GaugeSolver spread, double noise, bool point,
-             bool spread_search)
+    TableMap(const Calibration& calibration, InfluenceMap map, GaugeSolver spread, double noise, bool point)
         : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0),
           zero_(calibration.zero),
           noise_(noise),
@@ -55,8 +52,7 @@ public:
           solver_(std::move(map)),
           search_(solver_),
           spread_(std::move(spread)),
-          point_(point),
-          spread_search_(spread_search) {
+          point_(point) {
         sd_slope_.fill(0);
         for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
             const std::size_t c = component_index(calibration.components[i]);
@@ -67,7 +63,7 @@ public:
     [[nodiscard]] std::string_view method() const noexcept override { return "map"; }
 
 private:
-    // rt: bounded by one search, with a dead gauge nine; spread over samples: by two pieces of it
+    // rt: bounded by one search, with a dead gauge nine
     void solve(Input& input, Estimate& estimate) noexcept override {
         Gauges y = Gauges::Zero();
         for (std::size_t k = 0; k < n_channels(); ++k) y[Eigen::Index(k)] = input.r[k];
@@ -83,20 +79,16 @@ private:
         if (usable == input.usable) dead_ = 0;
         if (!point_ || rests || std::popcount(usable) < kFewestGauges) {
             if (!rests || !point_) lose_point();
-            seeks_ = false;
             return spread_evenly(input, estimate, !point_ || rests);
         }
 
-        std::uint32_t silent = 0;
-        for (std::size_t k = 0; k < n_channels(); ++k)
-            silent |= std::uint32_t(std::abs(input.r[k] + zero_[k]) <= 3 * noise_) << k;
-        PointContact contact;
-        if (!locate(y, usable, silent, variance, contact)) return spread_evenly(input, estimate, false);
-        usable &= ~dead_;
-        estimate.residual = unexplained_by_all_;
+        PointContact contact = locate(y, usable, variance);
+        estimate.residual = residual(contact, usable, variance);
+        if (estimate.residual > kDoubtful && disagreements_++ % kDeadEvery == 0)
+            drop_dead_gauge(input, y, variance, usable, contact);
         if (dead_ != 0) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
-        const double unexplained = residual_of(contact, usable, variance);
-        disagreements_ = unexplained <= kDoubtful ? 0 : disagreements_ + 1;
+        const double unexplained = residual(contact, usable, variance);
+        if (unexplained <= kDoubtful) disagreements_ = 0;
         solver_.deviations(y, usable, variance, contact);
         const double force_sd = noise_ / std::sqrt(variance) * contact.force_sd_N;
         if (!(unexplained <= kDoubtful) || !(contact.force_N.norm() > locate_ * force_sd)) {
@@ -120,81 +112,84 @@ private:
 
     void forget() noexcept override { lose_point(); }
     void lose_point() noexcept {
-        has_point_ = ambiguous_ = poor_ = seeks_ = found_other_ = false;
+        has_point_ = ambiguous_ = false;
         since_search_ = disagreements_ = 0;
+        poor_ = false;
         search_.stop();
         dead_ = 0;
     }
 
-    // On from the last point where that still explains the readings, close by; else a search over the plate. False: which is
-    // not yet at its end.
-    bool locate(const Gauges& y, std::uint32_t usable, std::uint32_t silent, double variance,
-                PointContact& contact) noexcept {
+    // On from the last point where that still explains the readings, close by; else a search over the plate.
+    PointContact locate(const Gauges& y, std::uint32_t usable, double variance) noexcept {
+        PointContact near = unexplained_;
+        near.squares *= y.squaredNorm() / poor_y_.squaredNorm();
         bool jumped = false;
         if (has_point_) {
-            contact = solver_.refine(y, usable, contact_at(point_m_), kWarmSteps);
-            unexplained_by_all_ = residual_of(contact, usable, variance);
-            const bool explains = unexplained_by_all_ <= kPoor;
-            jumped = explains && (contact.point_m - point_m_).norm() > kJump_m;
-            if (explains && !jumped && contact.converged) {
-                look_elsewhere(y, usable, variance, contact);
-                return true;
-            }
+            near = solver_.refine(y, usable, contact_at(point_m_), kWarmSteps);
+            const bool explains = residual(near, usable, variance) <= kPoor;
+            jumped = explains && (near.point_m - point_m_).norm() > kJump_m;
+            if (explains && !jumped && near.converged) return look_elsewhere(y, usable, variance, near);
         }
         // Two fingers: no point explains these readings, nor those that are nearly the same.
-        if (poor_ && !jumped && !seeks_ && usable == search_.usable() &&
-            (y - search_.readings()).norm() <= kSame * y.norm() && ++since_search_ < kPoorEvery) {
-            if (!has_point_) {
-                contact = search_.found();
-                contact.squares *= y.squaredNorm() / search_.readings().squaredNorm();
-                unexplained_by_all_ = residual_of(contact, usable, variance);
-            }
-            return true;
-        }
-        if (!seeks_ || usable != search_.usable()) {
-            search_.begin(y, usable, disagreements_ % kDeadEvery == 0 ? silent : 0, variance);
-            has_point_ = found_other_ = false;
-            seeks_ = true;
-        }
-        for (int i = 0; !search_.step(); ++i)
-            if (spread_search_ && i + 1 == kPiecesASample) return false;
-        seeks_ = false;
-        return take_found(y, usable, variance, contact);
-    }
-
-    // What a search has found, for these readings; where they are others than those that it began with, on from there.
-    bool take_found(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) noexcept {
-        contact = search_.found();
-        if (search_.dead() != 0) dead_ = search_.dead();
-        unexplained_by_all_ = search_.residual_with_all();
-        poor_ = !(search_.residual() <= kPoor);
-        ambiguous_ = search_.is_ambiguous() || search_.residual() > kSurely;
+        if (poor_ && !jumped && usable == poor_usable_ && (y - poor_y_).norm() <= kSame * y.norm() &&
+            ++since_search_ < kPoorEvery)
+            return near;
         since_search_ = 0;
-        if (!spread_search_) return true;
-        const Gauges& then = search_.readings();
-        const bool held_still = (y / y.norm() - then / then.norm()).norm() <= kStill;
-        contact = solver_.refine(y, usable & ~dead_, contact_at(contact.point_m), kWarmSteps);
-        // Else anew: from a place where the finger no longer is, the next minimum may be a wrong one that explains as much.
-        return poor_ || (held_still && residual_of(contact, usable & ~dead_, variance) <= kPoor);
+        search_.run(y, usable, variance);
+        const PointContact& found = search_.found();
+        ambiguous_ = search_.is_ambiguous() || residual(found, usable, variance) > kSurely;
+        poor_ = !(residual(found, usable, variance) <= kPoor);
+        if (poor_) unexplained_ = found, poor_y_ = y, poor_usable_ = usable;
+        return found;
     }
 
     // A minimum that was followed may no longer be the best one: a search of the whole plate goes on beside the samples, a
     // piece each.
-    void look_elsewhere(const Gauges& y, std::uint32_t usable, double variance, PointContact& near) noexcept {
+    PointContact look_elsewhere(const Gauges& y, std::uint32_t usable, double variance, const PointContact& near) noexcept {
         poor_ = false;
-        if (found_other_) {
-            found_other_ = false;
-            const PointContact other = solver_.refine(y, usable, contact_at(search_.found().point_m), kWarmSteps);
-            ambiguous_ = std::abs(other.squares - near.squares) < PointSearch::kOther * variance;
-            if (other.squares < near.squares) near = other;
-        } else if (search_.is_running()) {
-            if (!search_.step()) return;
-            found_other_ = (search_.found().point_m - near.point_m).norm() > kJump_m;
-            if (!found_other_) ambiguous_ = search_.is_ambiguous();
-        } else if (++since_search_ >= kSearchEvery) {
+        if (!search_.is_running()) {
+            if (++since_search_ < kSearchEvery) return near;
             since_search_ = 0;
-            search_.begin(y, usable, 0, variance);
+            search_.begin(y, usable, variance);
         }
+        if (!search_.step()) return near;
+        if ((search_.found().point_m - near.point_m).norm() <= kJump_m) {
+            ambiguous_ = search_.is_ambiguous();
+            return near;
+        }
+        const PointContact other = solver_.refine(y, usable, contact_at(search_.found().point_m), kWarmSteps);
+        ambiguous_ = std::abs(other.squares - near.squares) < PointSearch::kOther * variance;
+        return other.squares < near.squares ? other : near;
+    }
+
+    [[nodiscard]] static double residual(const PointContact& contact, std::uint32_t usable, double variance) noexcept {
+        const int freedom = std::popcount(usable) - 5;
+        return freedom > 0 ? std::sqrt(std::max(0.0, contact.squares) / freedom / variance) : kNaN;
+    }
+
+    // One gauge that delivers 0 although the rest, without it, agree on a point.
+    void drop_dead_gauge(const Input& input, const Gauges& y, double variance, std::uint32_t& usable,
+                         PointContact& contact) noexcept {
+        std::uint32_t found = 0;
+        PointContact best;
+        double best_residual = kDoubtful;
+        for (std::size_t k = 0; k < n_channels(); ++k) {
+            const std::uint32_t rest = usable & ~(1u << k);
+            if (rest == usable || !(std::abs(input.r[k] + zero_[k]) <= 3 * noise_) || std::popcount(rest) < kFewestGauges)
+                continue;
+            search_.run(y, rest, variance);
+            const PointContact one = search_.found();
+            const double unexplained = residual(one, rest, variance);
+            if (!(unexplained < best_residual)) continue;
+            best_residual = unexplained;
+            best = one;
+            found = 1u << k;
+            ambiguous_ = search_.is_ambiguous();
+        }
+        if (found == 0) return;
+        dead_ = found;
+        usable &= ~found;
+        contact = best;
     }
 
     // The forces of a load spread over the plate; moments 0, for its middle is the plate's. `true_here`: that is the
@@ -235,18 +230,19 @@ private:
     std::vector<double> zero_;
     double noise_, locate_, friction_;
     PointSolver solver_;
-    ContactSearch search_;
+    PointSearch search_;
     GaugeSolver spread_;
-    bool point_, spread_search_;
+    bool point_;
     Wrench sd_ = kUnseen, sd_slope_{};
 
     bool has_point_ = false, ambiguous_ = false;
     Eigen::Vector2d point_m_ = Eigen::Vector2d::Zero();
     unsigned since_search_ = 0, disagreements_ = 0;
-    bool poor_ = false;         // the last search found nothing that explains its readings
-    bool seeks_ = false;        // a search goes on, and until its end there is no point
-    bool found_other_ = false;  // a search beside the samples has found another point
-    double unexplained_by_all_ = 0;
+    // The last search found nothing that explains the readings: what it found, of which readings.
+    bool poor_ = false;
+    PointContact unexplained_;
+    Gauges poor_y_ = Gauges::Ones();
+    std::uint32_t poor_usable_ = 0;
     std::uint32_t dead_ = 0;
 };
 
@@ -282,7 +278,7 @@ std::optional<InfluenceMap> influence_of(const Calibration& calibration, std::st
     return InfluenceMap(*rows, gauge, gain);
 }
 
-std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, bool spread_search, std::string& fault) {
+std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, std::string& fault) {
     const TableNeeds needs{{"gauge_factor", "noise", "contact", "locate", "friction"},
                            {"influence", "gauge_scale", "rigid"},
                            {"fx", "fy", "fz", "mx", "my"},
@@ -329,7 +325,7 @@ std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, bool s
         fault = "a load spread over the plate: these gauges cannot tell fx fy fz apart";
         return nullptr;
     }
-    return std::make_unique<TableMap>(calibration, *map, std::move(spread), noise, contact == kPoint, spread_search);
+    return std::make_unique<TableMap>(calibration, *map, std::move(spread), noise, contact == kPoint);
 }
 
 }  // namespace tactiled

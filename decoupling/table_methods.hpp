@@ -19,8 +19,7 @@ inline constexpr double kGainErrorOfGauge = 0.01;
 std::unique_ptr<Decoupler> make_table_linear(const Calibration& calibration, std::string& fault);
 std::unique_ptr<Decoupler> make_table_signs(const Calibration& calibration, std::string& fault);
 std::unique_ptr<Decoupler> make_table_matrix(const Calibration& calibration, std::string& fault);
-// `spread_search`: a search over the plate goes on over several samples, UNCERTAIN until its end.
-std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, bool spread_search, std::string& fault);
+std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, std::string& fault);
 std::unique_ptr<Decoupler> make_table_nonlinear(const Calibration& calibration, std::string& fault);
 
 // What a method may find in a calibration of a table sensor.

@@ -1,14 +1,12 @@
 // What accuracy costs in time: every method of every model, a sample at a time, on 1,024 readings of a simulated load that
 // moves as a finger does (a step of 1/100 of the range a sample), fitted by the product's own fit or read from config/.
 //
-//   decouple_bench [rounds] [--only MODEL/METHOD]  p50 and p99.9 of a sample, ns; all methods take turns within a round
+//   decouple_bench [rounds]                      p50 and p99.9 of a sample, ns; all methods take turns within a round
 //   decouple_bench --allocations                 exit 1 where a method allocates
 //   decouple_bench --only MODEL/METHOD --samples N       just N samples, to be counted by `valgrind --tool=none`-like tools:
 //                                                        tests/bench/decouple_instructions.py does so
 //
-// A reading is a block of 16 samples; the clock's own 30 ns are spread over them; of table/map it is one sample. Its finger
-// jumps once in 1,024 samples. table/map/touch forgets before each sample, so that each is a first touch and one whole
-// search; table/map/spread is the sensor's `spread_search`, and forgets every 64 samples. Not shown: cold caches.
+// A reading is a block of 16 samples; the clock's own 30 ns are spread over them. Not shown: cold caches.
 #include <fmt/format.h>
 #include <malloc.h>
 
@@ -46,7 +44,6 @@ struct Case {
     std::unique_ptr<Decoupler> decoupler;
     std::vector<std::vector<double>> readings;
     std::vector<double> ns;  // a sample, a block each
-    std::size_t forget_every = 0, per_block = kPerBlock;
 };
 
 // fx fy fz that wander: what a finger does within a second. `wanders`: its point, too; else there are no moments.
@@ -147,14 +144,12 @@ Case fitted(const std::string& model, const std::string& method, const Labelled&
 }
 
 // Method map: point contacts whose readings are interpolated between two rings of the influence map itself.
-Case plate(const std::string& name, bool spread, std::size_t forget_every) {
+Case plate() {
     Problems problems;
     const Calibration calibration =
         load_calibration(TACTILED_SOURCE_DIR "/config/calibration/table_influence.toml", problems);
-    Options options = Options::parse_text(spread ? "spread_search = true" : "", "bench", problems);
-    Case result{.name = name, .decoupler = make_decoupler(calibration, "map", 0, options), .readings = {}, .ns = {}};
-    result.forget_every = forget_every;
-    result.per_block = 1;
+    Options none = Options::parse_text("", "bench", problems);
+    Case result{.name = "table/map", .decoupler = make_decoupler(calibration, "map", 0, none), .readings = {}, .ns = {}};
     problems.throw_if_any();
     const auto& map = calibration.tables.at("influence");
     const auto loads = finger(kReadings);
@@ -196,9 +191,7 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n) {
     add("table", "linear", gauge_rows, gauges);
     add("table", "matrix", moment_rows, gauges);
     add("table", "nonlinear", gauge_rows, gauges);
-    if (wanted("table/map")) cases.push_back(plate("table/map", false, 0));
-    if (wanted("table/map/touch")) cases.push_back(plate("table/map/touch", false, 1));
-    if (wanted("table/map/spread")) cases.push_back(plate("table/map/spread", true, 64));
+    if (wanted("table/map")) cases.push_back(plate());
     for (const char* method : {"sum_diff", "matrix", "physics"}) add("hair", method, hair_rows, hairs);
     for (const char* method : {"quadratic", "ratio", "overlap"}) add("capacitive", method, pad_rows, electrodes);
     if (wanted("piezo/fused")) cases.push_back(piezo());
@@ -208,7 +201,6 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n) {
 std::uint64_t t_ns = 0;
 double sum = 0;  // so that nothing is optimised away
 void one(Case& c, std::size_t i) {
-    if (c.forget_every != 0 && i % c.forget_every == 0) c.decoupler->forget();
     sum += c.decoupler->decouple({.channel = c.readings[i % kReadings], .t_ns = t_ns += 1'000'000}).wrench_S[2];
 }
 
@@ -229,7 +221,7 @@ int main(int argc, char** argv) {
             rounds = std::size_t(std::atol(argv[i]));
     }
     std::vector<Case> cases = all_cases(only, count_allocations ? 600 : 2000);
-    if (samples != 0) {
+    if (!only.empty()) {
         for (std::size_t i = 0; i < samples; ++i) one(cases.at(0), i);
         return sum == 1 ? 1 : 0;
     }
@@ -249,10 +241,10 @@ int main(int argc, char** argv) {
     }
     for (std::size_t round = 0; round < rounds; ++round)
         for (Case& c : cases)
-            for (std::size_t i = 0; i < kReadings; i += c.per_block) {
+            for (std::size_t i = 0; i < kReadings; i += kPerBlock) {
                 const std::uint64_t begun = monotonic_ns();
-                for (std::size_t k = 0; k < c.per_block; ++k) one(c, i + k);
-                c.ns.push_back(double(monotonic_ns() - begun) / double(c.per_block));
+                for (std::size_t k = 0; k < kPerBlock; ++k) one(c, i + k);
+                c.ns.push_back(double(monotonic_ns() - begun) / double(kPerBlock));
             }
     fmt::print("{:20} {:>10} {:>10} {:>10} {:>10}   ns a sample\n", "", "mean", "p50", "p99", "p99.9");
     for (Case& c : cases) {

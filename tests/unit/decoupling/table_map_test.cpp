@@ -217,7 +217,6 @@ TEST(TableMap, TheForceIsAsGoodAsTheNoiseAllows) {
     std::mt19937_64 random(9);
     std::normal_distribution<double> one(0, 1);
     std::vector<double> bounds, ratios;
-    std::array<std::vector<double>, 6> bounds_of_ring, errors_of_ring;  // 0.15 mm wide each
     double errors2 = 0, bounds2 = 0;
     int beyond = 0, within = 0, at_the_bound = 0, good = 0;
     const int samples = 4000;
@@ -244,9 +243,6 @@ TEST(TableMap, TheForceIsAsGoodAsTheNoiseAllows) {
         const Estimate estimate = decouple(*map, reading);
         const double error = error_of(estimate, truth).force;
         bounds.push_back(bound);
-        const auto ring = std::min<std::size_t>(5, std::size_t(std::hypot(truth.x_m, truth.y_m) / 0.15e-3));
-        bounds_of_ring[ring].push_back(bound);
-        errors_of_ring[ring].push_back(error);
         beyond += bound > 0.03 ? 1 : 0;
         within += error < 0.03 ? 1 : 0;
         at_the_bound += (inverse.topRows<3>() * e).norm() < 0.03 * force.norm() ? 1 : 0;
@@ -263,13 +259,6 @@ TEST(TableMap, TheForceIsAsGoodAsTheNoiseAllows) {
         "  within 3 %%: %.1f %%, at the bound %.1f %%; GOOD samples (%.1f %%): rms of error / bound %.2f, pooled %.2f\n",
         100.0 * within / samples, 100.0 * at_the_bound / samples, 100.0 * good / samples, ratio,
         std::sqrt(errors2 / bounds2));
-    for (std::size_t ring = 0; ring < 6; ++ring)
-        std::printf(
-            "  %.2f .. %.2f mm from the middle: bound 50 %% %5.2f   90 %% %5.2f %%, at most 3 %% at %4.1f %%; within 3 %%: "
-            "%4.1f %%\n",
-            0.15 * double(ring), 0.15 * double(ring + 1), 100 * Percentiles(bounds_of_ring[ring]).p50,
-            100 * Percentiles(bounds_of_ring[ring]).p90, share_below(bounds_of_ring[ring], 0.03),
-            share_below(errors_of_ring[ring], 0.03));
     EXPECT_GT(beyond, 0.3 * samples);
     EXPECT_GT(within, 0.88 * at_the_bound);
     EXPECT_LT(ratio, 1.35);
@@ -532,75 +521,6 @@ TEST(TableMap, AJumpIsSearchedAnew) {
     EXPECT_EQ(pulls, 0);
     EXPECT_EQ(cold_pulls, 0);
     std::printf("  jumps: %d samples, %d read as a pull; %d if searched anew each time\n", 4 * 2000, pulls, cold_pulls);
-}
-
-// With the sensor's spread_search: no point and no deviation before the end of the search, then what a search in one sample
-// finds.
-TEST(TableMap, ASearchSpreadOverSamplesIsUncertainUntilItsEnd) {
-    Problems problems;
-    Options options = Options::parse_text("spread_search = true", "test", problems);
-    const auto spread = tactiled::make_decoupler(map_calibration(), "map", 0, options),
-               whole = make_decoupler(map_calibration());
-    std::mt19937_64 random(20260401);
-    int most = 0, found = 0, same = 0;
-    for (int touch = 0; touch < 500; ++touch) {
-        const auto reading = noisy(strains(random_contact(random, 0.9e-3)), Noise::kOfEach, random);
-        spread->forget();
-        whole->forget();
-        const Estimate at_once = decouple(*whole, reading);
-        if (std::isnan(at_once.cop_S_m[0])) continue;
-        Estimate estimate = decouple(*spread, reading);
-        int samples = 1;
-        for (; std::isnan(estimate.cop_S_m[0]) && samples < 100; ++samples) {
-            EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
-            EXPECT_TRUE(std::isnan(estimate.sd[2]));
-            estimate = decouple(*spread, reading);
-        }
-        most = std::max(most, samples);
-        ++found;
-        same += estimate.quality == at_once.quality &&
-                        std::hypot(estimate.cop_S_m[0] - at_once.cop_S_m[0], estimate.cop_S_m[1] - at_once.cop_S_m[1]) < 2e-6
-                    ? 1
-                    : 0;
-    }
-    std::printf("a search spread over samples: %d at most; %d of %d as in one sample\n", most, same, found);
-    EXPECT_LE(most, 40);
-    EXPECT_GT(found, 480);
-    EXPECT_GT(same, 0.98 * found);
-
-    // A finger that presses harder and slides while it is sought, then rests: what is GOOD is the finger's force, and in the
-    // end it is GOOD where a search in one sample is.
-    std::uniform_real_distribution<double> unit(0, 1);
-    int good = 0, far = 0, ends_good = 0, whole_ends_good = 0;
-    for (int landing = 0; landing < 300; ++landing) {
-        Contact truth = random_contact(random, 0.5e-3);
-        const auto force_N = truth.force_N;
-        const double turn = 2 * std::numbers::pi * unit(random), step_m = 10e-6 * unit(random);  // 10 mm/s at 1 kHz
-        spread->forget();
-        whole->forget();
-        Estimate estimate, at_once;
-        for (int i = 0; i < 160; ++i) {
-            const double x_m = truth.x_m + step_m * std::cos(turn), y_m = truth.y_m + step_m * std::sin(turn);
-            if (i < 60 && std::hypot(x_m, y_m) < 0.9e-3) truth.x_m = x_m, truth.y_m = y_m;
-            for (std::size_t c = 0; c < 3; ++c) truth.force_N[c] = force_N[c] * std::min(1.0, 0.2 + 0.02 * i);
-            const auto reading = noisy(strains(truth), Noise::kOfEach, random);
-            estimate = decouple(*spread, reading);
-            at_once = decouple(*whole, reading);
-            if (estimate.quality != TACTILED_GOOD) continue;
-            ++good;
-            bool is_far = false;
-            for (std::size_t c = 0; c < 3; ++c)
-                is_far = is_far || !(std::abs(estimate.wrench_S[c] - truth.force_N[c]) <= 5 * estimate.sd[c]);
-            far += is_far ? 1 : 0;
-        }
-        ends_good += estimate.quality == TACTILED_GOOD ? 1 : 0;
-        whole_ends_good += at_once.quality == TACTILED_GOOD ? 1 : 0;
-    }
-    std::printf(
-        "landing and sliding: %d of 300 end GOOD, %d in one sample; of %d GOOD samples %d are farther off than 5 sd\n",
-        ends_good, whole_ends_good, good, far);
-    EXPECT_GT(ends_good, 0.9 * whole_ends_good);
-    EXPECT_LE(far, good / 1000);
 }
 
 TEST(TableMap, CostsFewMicrosecondsWarm) {
