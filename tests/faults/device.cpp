@@ -121,7 +121,7 @@ void Device::send_of_the_second(std::uint64_t t_ns) {
     frame.n_channels = kChannels;
     for (unsigned k = 0; k < kChannels; ++k) frame.channel[k] = count_of((sensor_ + 1) % kSensors, sequence, k);
     sent_[n_sent_++ % sent_.size()] = sequence;
-    truth_[sequence & 0xFFFF] = {.arrived_ns = cable_.arrival_ns(t_ns), .lie = lies_ + 1};
+    truth_[sequence & 0xFFFF] = {.arrived_ns = cable_.arrival_ns(t_ns), .lie = lies_ + 1, .second = true};
     doubled_ns = world_ns;
     cable_.carry(t_ns, encode(frame));
 }

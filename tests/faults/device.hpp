@@ -85,6 +85,7 @@ public:
         std::uint32_t lie = 0;
         bool beside = false;  // of the kind that only the other sensor of the pair can tell
         bool spike = false;
+        bool second = false;  // of the second device under the name
     };
     [[nodiscard]] const Truth& truth(std::uint32_t sequence) const { return truth_[sequence & 0xFFFF]; }
     // The sequence number of the frame `back` before the next one, 1 .. 64.

@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::uint64_t kTurnNs = 2 * kMs;   // within which a waiting frame is taken and published
 constexpr std::uint64_t kHeldNs = 12 * kMs;  // the same where a cable holds frames back
+constexpr unsigned kSecondBelieved = 19;     // sequence_tracker.hpp
 constexpr std::uint64_t kDoubtedNs = SequenceTracker::kMost * 2 * kPeriodNs;  // at half the rate
 
 }  // namespace
@@ -212,7 +213,8 @@ bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Trut
         if (other.quality == TACTILED_BAD || (other.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) return true;
     }
     const auto differ_after = unsigned(kDifferAfter * std::max(kPeriodNs, device.period_ns) / device.period_ns);  // a time
-    return ++unseen_[i].readings <= (truth.beside ? differ_after + incomparable : kFrozenAfter - 1);
+    const unsigned may_be = truth.beside ? differ_after + incomparable : truth.second ? kSecondBelieved : kFrozenAfter - 1;
+    return ++unseen_[i].readings <= may_be;
 }
 
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
