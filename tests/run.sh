@@ -4,36 +4,48 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 jobs=${TESTS_JOBS:-$(nproc)}
+stage() { echo "run.sh: $((SECONDS / 60)) min $((SECONDS % 60)) s: $*"; }
 
-./node/install-packages.sh build tests
+stage packages
+./node/install-packages.sh build tests kernel
 build() { # preset targets...
     local preset=$1; shift
+    stage "building in build/$preset: $*"
     cmake --preset "$preset" -DTACTILED_TESTS=ON >/dev/null  # run.sh may have configured it without
     # chrt --idle: a compiler runs where a test beside it leaves the processor free.
     chrt --idle 0 cmake --build --preset "$preset" -j "$jobs" --target "$@"
 }
-build release shipped_tests
+build release shipped_tests kernel_tools
+./tests/kernel/kernel.sh "build/kernel/$(uname -m)" || true  # not to be had: kernel.links says so
 
 # Most of the shipped programs' tests wait, one after the other, for what other programs do: the compiler uses that time.
 ctest --test-dir build/release -LE 'bytes|numbers|kernel' -E NOT_BUILT -j "$jobs" --output-on-failure >build/release-tests.log 2>&1 &
 release_tests=$!
-trap 'kill "$release_tests" 2>/dev/null || true' EXIT
+# A machine under QEMU with a clock of its own: how much of a processor it is given does not matter to it.
+chrt --idle 0 ctest --test-dir build/release -L kernel --output-on-failure >build/kernel-tests.log 2>&1 &
+kernel_tests=$!
+trap 'kill "$release_tests" "$kernel_tests" 2>/dev/null || true' EXIT
 
 status=0
 build release number_tests
 build asan sanitized_tests
 build tsan node_test modbus_test
+stage "the rest of the shipped programs' tests"
 beside_compilers=0
 wait "$release_tests" || beside_compilers=1
+wait "$kernel_tests" || status=1
 trap - EXIT
-cat build/release-tests.log
+cat build/kernel-tests.log build/release-tests.log
 if [ $beside_compilers != 0 ]; then
     echo "run.sh: what failed beside the compilers, once more with the machine to itself:"
     # By name: numbers and --rerun-failed are no longer those of the list that ran.
     failed=$(sed -n 's/^[[:space:]]*[0-9]* - \(.*\) ([A-Za-z ]*).*$/\1/p' build/release-tests.log | paste -sd'|')
     ctest --test-dir build/release -R "^($failed)\$" --no-tests=error --output-on-failure || status=1
 fi
+stage "units as shipped"
 ctest --test-dir build/release -L numbers -j "$jobs" --output-on-failure || status=1
+stage "units under sanitizers"
 ctest --test-dir build/asan -L bytes -j "$jobs" --output-on-failure || status=1
 ctest --test-dir build/tsan -R '^(node|modbus)\.' -j "$jobs" --output-on-failure || status=1
+stage "the end"
 exit $status

@@ -4,6 +4,7 @@
 # QEMU: -device qemu-xhci -chardev socket,id=u,path=HOST/usb.sock,server=on,wait=off -device usb-serial,chardev=u
 # QEMU: -chardev null,id=n -device isa-serial,chardev=n,index=2
 import pathlib
+import threading
 import time
 import unittest
 
@@ -45,18 +46,28 @@ calibration = "{folder}/unit1.toml"
 
 
 class Cable:
+    """Plugged, a device at its end sends 100 lines a second."""
+
     def __init__(self):
         sh("stty", "-F", "/dev/ttyS1", "raw", "-echo")
+        self._to_host = open("/dev/ttyS1", "wb", buffering=0)
+        self._plugged = False
+        threading.Thread(target=self._device, daemon=True).start()
 
-    def tell(self, command):
-        pathlib.Path("/dev/ttyS1").write_text(command + "\n")
+    def _device(self):
+        while True:
+            if self._plugged:
+                self._to_host.write(b"line\n")
+            time.sleep(0.01)
 
     def plug(self):
-        self.tell("plug 100")
+        self._to_host.write(b"plug\n")
+        self._plugged = True
         wait_for(pathlib.Path("/dev/ttyUSB0").exists, 10, "/dev/ttyUSB0")
 
     def unplug(self):
-        self.tell("unplug")
+        self._plugged = False
+        self._to_host.write(b"unplug\n")
         wait_for(lambda: not pathlib.Path("/dev/ttyUSB0").exists(), 10, "/dev/ttyUSB0 to go")
 
 

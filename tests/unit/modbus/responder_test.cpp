@@ -45,6 +45,9 @@ TEST(Responder, AWrongAnswerIsExceptionFourAndSpoilsNotTheNext) {
 }
 
 TEST(Responder, WithoutADescriptorLeftItSaysSo) {
+#ifdef __SANITIZE_ADDRESS__
+    GTEST_SKIP() << "the undefined-behaviour sanitizer, which is built with it, asks a pipe whether an object can be read";
+#endif
     rlimit was{};
     ASSERT_EQ(::getrlimit(RLIMIT_NOFILE, &was), 0);
     const rlimit none{0, was.rlim_max};
