@@ -1,10 +1,10 @@
 // Model "capacitive", method "overlap": gap and shift together (overlap_solver.hpp), five readings, three unknowns. Then
 // fz = -press(u, dx, dy), fx = k_s(u) dx, fy = k_s(u) dy (pad.hpp). It starts from the pairs' first order (errata 1.7) at
 // each sample and not from the last sample: the same reading gives the same bits, and nothing can be poisoned.
-#include <Eigen/Dense>
 #include <bit>
 
 #include "decoupling/capacitive_methods.hpp"
+#include "decoupling/dense.hpp"
 #include "decoupling/overlap_solver.hpp"
 #include "decoupling/pad.hpp"
 

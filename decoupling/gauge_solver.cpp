@@ -1,10 +1,11 @@
 #include "decoupling/gauge_solver.hpp"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
+
+#include "decoupling/dense.hpp"
 
 namespace tactiled {
 namespace {

@@ -1,10 +1,10 @@
 #include "decoupling/hair_solver.hpp"
 
-#include <Eigen/Dense>
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <vector>
 
+#include "decoupling/dense.hpp"
 #include "decoupling/domain.hpp"
 
 namespace tactiled {

@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "decoupling/dense.hpp"
 #include "decoupling/domain.hpp"
 
 namespace tactiled {

@@ -1,9 +1,10 @@
 // Least squares, scaled, and honest about what the data cannot determine.
 #pragma once
-#include <Eigen/Dense>
 #include <cstddef>
 #include <stdexcept>
 #include <vector>
+
+#include "decoupling/dense.hpp"
 
 namespace tactiled {
 

@@ -15,6 +15,7 @@
 #include "decoupling/fit/hair_fit.hpp"
 #include "decoupling/fit/report.hpp"
 #include "decoupling/fit/table_more_fit.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {

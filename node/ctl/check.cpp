@@ -3,6 +3,7 @@
 
 #include <memory>
 
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
 

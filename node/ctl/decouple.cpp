@@ -11,6 +11,7 @@
 #include "config/calibration.hpp"
 #include "decoupling/decoupler.hpp"
 #include "decoupling/fit/csv.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {

@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/doctor/doctor.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"

@@ -1,5 +1,6 @@
 // tactilectl: everything that a person runs. Each verb is one file.
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>  // all of it, once: command_line.hpp
 
 #include <cstdio>
 #include <cstdlib>

@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/map_text.hpp"
 #include "node/ctl/verb.hpp"
 

@@ -8,6 +8,7 @@
 
 #include "config/options.hpp"
 #include "decoupling/fit/csv.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/port.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"

@@ -1,4 +1,5 @@
 #include "node/ctl/port.hpp"
+#include "node/ctl/command_line.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,11 +1,14 @@
 // A device's end of a pty, so that the daemon opens it as it opens a serial port. What `play` and `simulate --pty` share.
 #pragma once
-#include <CLI/CLI.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <string>
 
 #include "drivers/frame.hpp"
+
+namespace CLI {
+class App;
+}
 
 namespace tactiled::ctl {
 

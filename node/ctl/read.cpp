@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"
 

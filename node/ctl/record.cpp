@@ -14,6 +14,7 @@
 #include "config/options.hpp"
 #include "drivers/mcap/frame_message.hpp"
 #include "drivers/mcap/writer.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/shm/frame_record.hpp"

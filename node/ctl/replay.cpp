@@ -14,6 +14,7 @@
 #include "decoupling/fit/csv.hpp"
 #include "drivers/mcap/frame_message.hpp"
 #include "drivers/mcap/message_file.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"

@@ -1,5 +1,6 @@
 // tactilectl simulate: a scene as signals and truth, without the daemon; or as devices behind ptys, for it.
 #include "node/ctl/simulate.hpp"
+#include "node/ctl/command_line.hpp"
 
 #include <fmt/format.h>
 

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "node/ctl/auto_text.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"

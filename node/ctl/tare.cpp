@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "node/ctl/ask.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {

@@ -8,6 +8,7 @@
 
 #include "config/names.hpp"
 #include "node/ctl/ask.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/objects.hpp"
 

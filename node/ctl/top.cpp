@@ -7,6 +7,7 @@
 #include <memory>
 #include <thread>
 
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"

@@ -1,5 +1,6 @@
 // tactilectl tradeoff: what accuracy costs in time, measured on the machine that it runs on.
 #include "node/ctl/tradeoff.hpp"
+#include "node/ctl/command_line.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,11 +1,14 @@
 // tactilectl's verbs, one file each: NAME.cpp defines add_NAME(), main.cpp calls them all.
 #pragma once
-#include <CLI/CLI.hpp>
 #include <array>
 #include <csignal>
 #include <cstdint>
 #include <functional>
 #include <string>
+
+namespace CLI {
+class App;
+}
 
 namespace tactiled::ctl {
 
