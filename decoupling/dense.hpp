@@ -1,4 +1,4 @@
-// Eigen's decompositions of matrices of any size, compiled once, in dense.cpp: in each file that names them they take 10 s more.
+// Eigen's decompositions of matrices of any size, compiled once, in dense.cpp: 10 s more in each file that names them.
 #pragma once
 #include <Eigen/Dense>
 
