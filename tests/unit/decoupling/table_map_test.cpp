@@ -144,12 +144,6 @@ TEST(TableMap, AUniformContactIsReadWithTheMeanOfTheMap) {
     EXPECT_NEAR(estimate.wrench_S[2], -1.0, 0.04);
 }
 
-std::string refusal(const Calibration& calibration) {
-    Problems problems;
-    EXPECT_EQ(make_decoupler(calibration, problems), nullptr);
-    return problems.empty() ? "" : problems.lines().front();
-}
-
 TEST(TableMap, RefusesCalibrationsThatItCannotUse) {
     Calibration calibration = map_calibration();
     calibration.tables.erase("influence");
