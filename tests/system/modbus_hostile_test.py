@@ -12,10 +12,10 @@ import hostile_cases as cases  # noqa: E402
 import hostile_requests as requests  # noqa: E402
 import hostile_sockets as sockets  # noqa: E402
 from daemon import wait_for  # noqa: E402
-from daemon_test import CONFIG, quality_is, unit_daemon  # noqa: E402
 from hostile_cases import OURS, mb, tcp  # noqa: E402
 from hostile_client import CONTROL, PLACES, PLC, Client, witness  # noqa: E402
 from hostile_suite import Suite  # noqa: E402
+from unit_daemon import CONFIG, quality_is, unit_daemon  # noqa: E402
 
 WRITABLE = f"""commands = true
 scratch = true
