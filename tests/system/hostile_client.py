@@ -4,7 +4,7 @@ import socket
 import struct
 import time
 
-from hostile_cases import CLOSED, adu, read
+from hostile_pdus import CLOSED, adu, read
 
 SILENT = "silent"
 PLACES = 16  # for clients, of the daemon

@@ -3,17 +3,17 @@ import random
 import struct
 import time
 
-import hostile_cases as cases
+import hostile_pdus as pdus
 from daemon import wait_for
-from hostile_cases import GOOD, MAGIC, MAGIC_IS, SCRATCH, UNLOCK, adu, coil, read, register
 from hostile_client import PATIENT_S, Client, show
+from hostile_pdus import GOOD, MAGIC, MAGIC_IS, SCRATCH, UNLOCK, adu, coil, read, register
 
 
 def mutated_frames(port):
     randomly = random.Random(20240229)
-    good = [GOOD, adu(read(1, 0, 34)), adu(read(2, 0, 68)), adu(cases.registers(SCRATCH, range(20))),
-            adu(cases.exchange(0, 32, SCRATCH, range(10))), adu(cases.identity(14, 1, 0)),
-            adu(cases.mask(SCRATCH, 1, 2))]
+    good = [GOOD, adu(read(1, 0, 34)), adu(read(2, 0, 68)), adu(pdus.registers(SCRATCH, range(20))),
+            adu(pdus.exchange(0, 32, SCRATCH, range(10))), adu(pdus.identity(14, 1, 0)),
+            adu(pdus.mask(SCRATCH, 1, 2))]
     with Client(port) as patient:
         for n in range(400):
             frame = bytearray(randomly.choice(good))
@@ -45,7 +45,7 @@ def eight_clients_byte_by_byte(port):
     finally:
         for client in clients:
             client.socket.close()
-    return "" if got == [adu(cases.holds(3, cases.CONSTANTS[n]), n, n) for n in range(8)] else show(got)
+    return "" if got == [adu(pdus.holds(3, pdus.CONSTANTS[n]), n, n) for n in range(8)] else show(got)
 
 
 def greedy(port):
@@ -53,9 +53,9 @@ def greedy(port):
     until, rounds = time.monotonic() + 2, 0
     with Client(port) as client:
         while time.monotonic() < until:
-            client.send(b"".join(cases.HUNDRED))
-            got = [client.frame() for _ in cases.HUNDRED]
-            if got != cases.HUNDRED_ANSWERS:
+            client.send(b"".join(pdus.HUNDRED))
+            got = [client.frame() for _ in pdus.HUNDRED]
+            if got != pdus.HUNDRED_ANSWERS:
                 return f"in round {rounds}: {show(got)}"
             rounds += 1
     return "" if rounds > 5 else f"{rounds} rounds in 2 s"
@@ -67,7 +67,7 @@ def unlock_is_not_inherited(port):
         with Client(port) as client:
             client.ask(UNLOCK)
         with Client(port) as client:
-            if (got := client.ask(setting)) != cases.refusal(setting, 2):
+            if (got := client.ask(setting)) != pdus.refusal(setting, 2):
                 return show(got)
     return ""
 
@@ -81,8 +81,8 @@ def is_idle(client):
 
 
 def tare_while_taring(port, gap_s=0.0):
-    requests = [register(5010, 1), register(5010, 1), coil(0, 0xFF00), cases.registers(5010, (1, 0)),
-                cases.exchange(0, 1, 5010, (1,)), cases.coils(0, 1, b"\1")]
+    requests = [register(5010, 1), register(5010, 1), coil(0, 0xFF00), pdus.registers(5010, (1, 0)),
+                pdus.exchange(0, 1, 5010, (1,)), pdus.coils(0, 1, b"\1")]
     with Client(port) as client:
         wait_for(lambda: is_idle(client), 5, "earlier commands to end")
         before, = values(client, 120, 1)
@@ -95,18 +95,18 @@ def tare_while_taring(port, gap_s=0.0):
             got += map(client.ask, requests[1:])
         wait_for(lambda: values(client, 120, 1) != (before,) and is_idle(client), 5, "the tare to end")
         tares = (values(client, 120, 1)[0] - before) & 0xFFFF
-    want = requests[:1] + [cases.refusal(pdu, 6) for pdu in requests[1:]]
+    want = requests[:1] + [pdus.refusal(pdu, 6) for pdu in requests[1:]]
     if (got, tares) != (want, 1):
         return f"{show(got)}, {tares} tares"
     return ""
 
 
 def save_while_saving(port):
-    save = register(5091, cases.SAVE_WORD)
+    save = register(5091, pdus.SAVE_WORD)
     with Client(port) as client:
         client.send(adu(save) * 20)
         got = [client.frame()[7:] for _ in range(20)]
-        wait_for(lambda: client.ask(read(3, 5091, 1)) != cases.holds(3, 1), 5, "SAVE to end")
+        wait_for(lambda: client.ask(read(3, 5091, 1)) != pdus.holds(3, 1), 5, "SAVE to end")
         end = client.ask(read(3, 5091, 1))
-    bad = [pdu for pdu in got if pdu not in (save, cases.refusal(save, 6))]
-    return "" if got[0] == save and not bad and end == cases.holds(3, 0) else f"{show(got)}, at the end {show(end)}"
+    bad = [pdu for pdu in got if pdu not in (save, pdus.refusal(save, 6))]
+    return "" if got[0] == save and not bad and end == pdus.holds(3, 0) else f"{show(got)}, at the end {show(end)}"

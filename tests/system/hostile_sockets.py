@@ -6,10 +6,10 @@ import signal
 import socket
 import time
 
-import hostile_cases as cases
+import hostile_pdus as pdus
 from daemon import wait_for
-from hostile_cases import CLOSED, GOOD, GOOD_ANSWER, MAGIC, MAGIC_IS, adu, read
 from hostile_client import AT_ONCE_S, PATIENT_S, PLACES, PLC, Client, common, show
+from hostile_pdus import CLOSED, GOOD, GOOD_ANSWER, MAGIC, MAGIC_IS, adu, read
 
 
 def deaf(port):
@@ -37,7 +37,7 @@ def deaf(port):
 def slow_reader(port):
     with Client(port, receive_bytes=4096) as client:
         client.send(adu(read(3, 9000, 12)) * 1000)
-        whole, got = adu(cases.holds(3, *cases.CONSTANTS)) * 1000, b""
+        whole, got = adu(pdus.holds(3, *pdus.CONSTANTS)) * 1000, b""
         while len(got) < len(whole):
             data = client.socket.recv(512)
             if not data:
@@ -49,10 +49,10 @@ def slow_reader(port):
 
 def half_closed(port):
     with Client(port) as client:
-        client.send(b"".join(cases.HUNDRED))
+        client.send(b"".join(pdus.HUNDRED))
         client.socket.shutdown(socket.SHUT_WR)
         got = client.frames()
-        return "" if got == cases.HUNDRED_ANSWERS + [CLOSED] else f"{len(got) - 1} answers, then {got[-1]}"
+        return "" if got == pdus.HUNDRED_ANSWERS + [CLOSED] else f"{len(got) - 1} answers, then {got[-1]}"
 
 
 def half_closed_at_once(port):

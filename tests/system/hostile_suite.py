@@ -1,12 +1,11 @@
-"""Runs cases against one daemon: the tables of hostile_cases, and the clients that tables cannot tell."""
+"""Runs cases against one daemon: the tables of hostile_cases and hostile_frames, and the clients that tables cannot tell."""
 import concurrent.futures
 import re
 import select
 import time
 
-import hostile_cases as cases
-from hostile_cases import CLOSED, GOOD, MAGIC, MAGIC_IS, OURS, SCRATCH, adu, read
 from hostile_client import AT_ONCE_S, PLACES, Client, common, show
+from hostile_pdus import CLOSED, GOOD, MAGIC, MAGIC_IS, OURS, SCRATCH, adu, read, refusal
 
 PROBE = 0xBEEF  # its transaction id
 WRITES = (5, 6, 15, 16, 22, 23)
@@ -22,7 +21,7 @@ def fits(got, wanted):
 
 def wanted_frames(case):
     if isinstance(case.expected, int):
-        return [adu(cases.refusal(case.sent, case.expected))]
+        return [adu(refusal(case.sent, case.expected))]
     if isinstance(case.expected, bytes):
         return [adu(case.expected)]
     return case.expected if isinstance(case.expected, list) else [case.expected]

@@ -9,11 +9,12 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import hostile_cases as cases  # noqa: E402
+import hostile_frames as frames  # noqa: E402
 import hostile_requests as requests  # noqa: E402
 import hostile_sockets as sockets  # noqa: E402
 from daemon import wait_for  # noqa: E402
-from hostile_cases import OURS, mb, tcp  # noqa: E402
 from hostile_client import CONTROL, PLACES, PLC, Client, witness  # noqa: E402
+from hostile_pdus import OURS, Case, mb, tcp  # noqa: E402
 from hostile_suite import Suite  # noqa: E402
 from unit_daemon import CONFIG, quality_is, unit_daemon  # noqa: E402
 
@@ -111,11 +112,11 @@ class Hostile(unittest.TestCase):
 
     def test_a_daemon_that_may_be_written_to(self):
         def run(suite):
-            suite.run_parallel(cases.SLOW, IN_PARALLEL)
+            suite.run_parallel(frames.SLOW, IN_PARALLEL)
             for table in (cases.READS, cases.UNSUPPORTED, cases.WRITES_OF_BAD_FORM, cases.WRITES_TO_BAD_ADDRESSES,
                           cases.WRITES_OF_BAD_VALUES, cases.SETTINGS_OUT_OF_RANGE, cases.UNLOCKING,
                           cases.NOT_FROM_HERE, cases.WRITES_OF_GOOD_FORM, cases.SETTINGS_IN_RANGE, cases.COMMANDS,
-                          cases.FRAMES):
+                          frames.FRAMES):
                 suite.run(table)
             suite.run_each(ONE_BY_ONE)
             suite.judge(BURST, lambda: sockets.burst_while_the_daemon_is_halted(suite), seconds=2)
@@ -128,7 +129,7 @@ class Hostile(unittest.TestCase):
             suite.run(cases.WRITES_OF_BAD_FORM)
             for table in (cases.WRITES_TO_BAD_ADDRESSES, cases.WRITES_OF_BAD_VALUES, cases.WRITES_OF_GOOD_FORM,
                           cases.READS_OF_SCRATCH):
-                suite.run([cases.Case(case.name, case.sent, 2, OURS) for case in table])
+                suite.run([Case(case.name, case.sent, 2, OURS) for case in table])
 
         self.play("", run)
 
