@@ -110,9 +110,7 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
         }
         counts_[TACTILED_LINK_LOST] += verdict.lost;
         frame.lost = verdict.lost;
-        frame.sequence = sequence;
-        frame.has_sequence = true;
-        if (verdict.contested) frame.n_channels = 0;
+        put_number(frame, sequence, verdict);
     }
     if (format_.time_us) {
         time_us_ = time_seen_ && !clock_went_back ? time_us_ + std::uint32_t(elapsed_us) : time_us;

@@ -81,11 +81,10 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t 
 
     frame = Frame{};
     frame.device_time_us = has_time ? known.time_us : 0;
-    frame.sequence = sequence;
-    frame.has_sequence = true;
     frame.device = device;
     frame.n_channels = channels;
     frame.lost = verdict.lost;
+    put_number(frame, sequence, verdict);
     if (mask_bytes != 0) frame.missing = get(&plain[kHeader], 4);
     const std::int32_t top = bytes == 3 ? rail(24) : std::numeric_limits<std::int32_t>::max();
     for (unsigned k = 0; k < channels; ++k) {
@@ -95,7 +94,6 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t 
         frame.channel[k] = missing ? std::numeric_limits<double>::quiet_NaN() : double(value);
         if (!missing && (value >= top || value <= -top - 1)) frame.saturated |= 1u << k;
     }
-    if (verdict.contested) frame.n_channels = 0;
     return true;
 }
 

@@ -59,14 +59,13 @@ bool read_registers(const RegisterSet& set, std::span<const std::uint16_t> words
         ++frame.n_channels;
     }
     for (const auto& counter : set.sequence) {  // last: a frame that is dropped must not count as seen
-        frame.sequence = bits_of(counter, words, set.at);
-        frame.has_sequence = true;
+        const std::uint32_t count = bits_of(counter, words, set.at);
         // Registers may change while their counter stands: that is no second device.
-        const auto verdict = sequence.next(frame.sequence, 16 * words_of(counter.type), 0, false);
+        const auto verdict = sequence.next(count, 16 * words_of(counter.type), 0, false);
         if (!verdict.accept) return refuse(TACTILED_LINK_REPEATED);
-        frame.lost = verdict.lost;
         counts[TACTILED_LINK_LOST] += verdict.lost;
-        if (verdict.contested) frame.n_channels = 0;
+        frame.lost = verdict.lost;
+        put_number(frame, count, verdict);
     }
     return true;
 }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "drivers/frame.hpp"
+
 namespace tactiled {
 
 // A step ahead by less than half the counter's range is a gap of that many frames. A step back is a frame that was
@@ -85,5 +87,13 @@ private:
     bool started_ = false, dropped_ = false, contested_ = false, judged_ = true;
     unsigned doubt_ = 0;  // frames in order until there is none
 };
+
+// An accepted frame gets its number, and loses its n_channels, which are set by then, where two devices count: nobody knows
+// whose they are. rt: wait-free
+inline void put_number(Frame& frame, std::uint32_t sequence, const SequenceTracker::Verdict& verdict) noexcept {
+    frame.sequence = sequence;
+    frame.has_sequence = true;
+    if (verdict.contested) frame.n_channels = 0;
+}
 
 }  // namespace tactiled

@@ -16,7 +16,7 @@ from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
-from daemon_test import CALIBRATION, CONFIG  # noqa: E402
+from unit_daemon import CALIBRATION, CONFIG  # noqa: E402
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(ROOT / "node/python"))

@@ -21,6 +21,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
 from modbus_slaves import Hostile, Pty, Server, crc  # noqa: E402
+from unit_daemon import CALIBRATION  # noqa: E402
 
 GUARD = os.environ.get("RTGUARD", str(ROOT / "build/release/tests/guard/librtguard.so"))
 CONFIG = """
@@ -73,20 +74,6 @@ z_S_in_G = [-1, 0, 0]
 ROWS = "t_s,c1,c2,c3\n" + "".join(
     f"{i / 1000},{-0.98 if 700 <= i < 1500 else 0.01 * (i % 3)},0,{-5 if 300 <= i < 1600 else 0.01 * (i % 2)}\n" for i in range(2000))
 OBJECTS = 'format = 1\n[[object]]\nid = 1\nname = "an-object-whose-name-is-long"\nmass_kg = 0.2\nsd_kg = 0.01\n'
-CALIBRATION = """format = 1
-model = "generic"
-method = "matrix"
-contact_model = "unknown"
-serial = "unit"
-date = "2026-01-01"
-channels = ["c1", "c2", "c3"]
-channel_unit = "N"
-zero = [0.0, 0.0, 0.0]
-components = ["fx", "fy", "fz"]
-matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-sd = [0.01, 0.01, 0.01]
-full_scale = [10.0, 10.0, 10.0]
-"""
 CLEAN = ("malloc", "free", "lock", "syscall", "minor_fault", "major_fault")
 PLANTS = {  # plant: what must be found at least
     "string": ["malloc", "free"], "vector": ["malloc"], "function": ["malloc", "free"], "aligned_new": ["malloc", "free"], "free": ["free"],

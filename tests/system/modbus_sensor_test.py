@@ -12,8 +12,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "node/python"))
 import tactiled  # noqa: E402
 from daemon import ROOT, Daemon, free_port, wait_for  # noqa: E402
-from daemon_test import CALIBRATION  # noqa: E402
 from modbus_slaves import Hostile, Pty, Server, pymodbus_slave  # noqa: E402
+from unit_daemon import CALIBRATION  # noqa: E402
 
 SENSOR = """
 [[sensor]]

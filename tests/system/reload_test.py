@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
 """SIGHUP on the release daemon while two devices stream: what changes, what is refused, and that no sample is lost."""
-import json
 import pathlib
 import random
 import signal
@@ -13,7 +12,7 @@ from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import ROOT, Daemon, wait_for  # noqa: E402
-from daemon_test import CALIBRATION  # noqa: E402
+from unit_daemon import CALIBRATION  # noqa: E402
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(ROOT / "node/python"))

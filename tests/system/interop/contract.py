@@ -8,7 +8,7 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 from daemon import wait_for  # noqa: E402
-from daemon_test import CONFIG, quality_is, unit_daemon  # noqa: E402
+from unit_daemon import CONFIG, quality_is, unit_daemon  # noqa: E402
 
 HERE = pathlib.Path(__file__).resolve().parent
 RTU_ADDRESS = 7

@@ -3,36 +3,21 @@
 
 #include <cmath>
 
-#include "config/config.hpp"
-#include "folder.hpp"
+#include "loaded.hpp"
 
 namespace tactiled {
 namespace {
 
-using Lines = std::vector<std::string>;
-using test::Folder;
+using test::Lines;
 
 constexpr const char* kSensors =
     "[[link]]\nname = 'usb0'\ndriver = 'uart'\n"
     "[[sensor]]\nname = 'left'\nlink = 'usb0'\nmodel = 'generic'\ncalibration = 'l.toml'\n"
     "[[sensor]]\nname = 'right'\nlink = 'usb0'\ndevice = 1\nmodel = 'generic'\ncalibration = 'r.toml'\n";
 
-struct Loaded {
-    Folder folder;
-    Problems problems;
-    Config config;
-    explicit Loaded(const std::string& grasp) : config(load_config(folder.write("t.toml", grasp + kSensors), problems)) {
-        config.root.finish();
-    }
-    [[nodiscard]] Lines lines() const {  // without the folder and without complaints about drivers' keys
-        Lines lines;
-        for (auto line : problems.lines()) {
-            for (auto at = line.find(folder.path() + "/"); at != line.npos; at = line.find(folder.path() + "/"))
-                line.erase(at, folder.path().size() + 1);
-            lines.push_back(line);
-        }
-        return lines;
-    }
+// With two sensors, and without complaints about drivers' keys.
+struct LoadedGrasp : test::Loaded {
+    explicit LoadedGrasp(const std::string& grasp) : Loaded(grasp + kSensors) { config.root.finish(); }
 };
 
 std::string jaw(const std::string& sensor, const std::string& more = "x_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n") {
@@ -47,13 +32,13 @@ bool has(const Lines& lines, const std::string& start, const std::string& part) 
 #define EXPECT_SAYS(lines, start, part) EXPECT_TRUE(has(lines, start, part)) << testing::PrintToString(lines)
 
 TEST(GraspConfig, IsNotThereUnlessItIsWritten) {
-    const Loaded loaded("");
+    const LoadedGrasp loaded("");
     EXPECT_FALSE(loaded.config.grasp.has_value());
     EXPECT_EQ(loaded.config.modbus.objects, "");
 }
 
 TEST(GraspConfig, HasDefaults) {
-    const Loaded loaded("[grasp]\n" + jaw("left") + jaw("right"));
+    const LoadedGrasp loaded("[grasp]\n" + jaw("left") + jaw("right"));
     EXPECT_EQ(loaded.lines(), Lines{});
     const GraspSettings& g = loaded.config.grasp.value();
     EXPECT_EQ(g.jaws_of_gripper, 2);
@@ -71,7 +56,7 @@ TEST(GraspConfig, HasDefaults) {
 
 TEST(GraspConfig, AJawIsTurnedAsItsAxesSay) {
     // The right finger of a parallel gripper: its skin looks along -x of G, its connector along z, out of the palm.
-    const Loaded loaded("[grasp]\nobjects = 'o.toml'\n" + jaw("left", "x_S_in_G = [0, 0, 2]\nz_S_in_G = [-1, 0, 0]\n"));
+    const LoadedGrasp loaded("[grasp]\nobjects = 'o.toml'\n" + jaw("left", "x_S_in_G = [0, 0, 2]\nz_S_in_G = [-1, 0, 0]\n"));
     ASSERT_EQ(loaded.lines(), Lines{});
     const auto& R = loaded.config.grasp->jaws[0].S_from_G;
     const auto in_S = [&](double x, double y, double z) {
@@ -86,28 +71,29 @@ TEST(GraspConfig, AJawIsTurnedAsItsAxesSay) {
 }
 
 TEST(GraspConfig, SaysWhereItIsWrongAndWhatIsRight) {
-    EXPECT_SAYS(Loaded("[grasp]\n").lines(), "t.toml:1: [grasp]", "no [[grasp.jaw]]");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("lef")).lines(), "t.toml:3:", "did you mean \"left\"?");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left") + jaw("left")).lines(), "t.toml:7:", "has a [[grasp.jaw]] already");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", "")).lines(), "t.toml:2:", "x_S_in_G is missing");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", "x_S_in_G = [0, 0, 0]\nz_S_in_G = [0, 1, 0]\n")).lines(),
+    EXPECT_SAYS(LoadedGrasp("[grasp]\n").lines(), "t.toml:1: [grasp]", "no [[grasp.jaw]]");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaw("lef")).lines(), "t.toml:3:", "did you mean \"left\"?");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaw("left") + jaw("left")).lines(), "t.toml:7:", "has a [[grasp.jaw]] already");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaw("left", "")).lines(), "t.toml:2:", "x_S_in_G is missing");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaw("left", "x_S_in_G = [0, 0, 0]\nz_S_in_G = [0, 1, 0]\n")).lines(),
                 "t.toml:4:", "no direction");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", "x_S_in_G = [0, 1, 0]\nz_S_in_G = [0, 1, 1]\n")).lines(),
+    EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaw("left", "x_S_in_G = [0, 1, 0]\nz_S_in_G = [0, 1, 1]\n")).lines(),
                 "t.toml:5:", "45.0 degrees");
-    EXPECT_SAYS(Loaded("[grasp]\ngravity_G_m_s2 = [0, 0, -1]\n" + jaw("left")).lines(), "t.toml:2:", "9.81 m/s^2");
-    EXPECT_SAYS(Loaded("[grasp]\njaws_of_gripper = 1\n" + jaw("left") + jaw("right")).lines(),
+    EXPECT_SAYS(LoadedGrasp("[grasp]\ngravity_G_m_s2 = [0, 0, -1]\n" + jaw("left")).lines(), "t.toml:2:", "9.81 m/s^2");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\njaws_of_gripper = 1\n" + jaw("left") + jaw("right")).lines(),
                 "t.toml:2:", "2 have a sensor");
-    EXPECT_SAYS(Loaded("[grasp]\nmargin = 0.5\n" + jaw("left")).lines(), "t.toml:2:", "1 .. 10");
-    EXPECT_SAYS(Loaded("[grasp]\nfricton = 0.5\n" + jaw("left")).lines(), "t.toml:2:", "friction");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\nmargin = 0.5\n" + jaw("left")).lines(), "t.toml:2:", "1 .. 10");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\nfricton = 0.5\n" + jaw("left")).lines(), "t.toml:2:", "friction");
     const std::string axes = "x_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n";
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", axes + "share = 0.6\n") + jaw("right", axes + "share = 0.6\n")).lines(),
-                "t.toml:2:", "1 at most");
-    EXPECT_SAYS(Loaded("[grasp]\n" + jaw("left", axes + "share = 0.6\n") + jaw("right")).lines(),
+    EXPECT_SAYS(
+        LoadedGrasp("[grasp]\n" + jaw("left", axes + "share = 0.6\n") + jaw("right", axes + "share = 0.6\n")).lines(),
+        "t.toml:2:", "1 at most");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaw("left", axes + "share = 0.6\n") + jaw("right")).lines(),
                 "t.toml:2:", "its share, or none");
 }
 
 TEST(GraspConfig, AxesThatAreNotQuitePerpendicularBecomeAFrame) {
-    const Loaded loaded("[grasp]\n" + jaw("left", "x_S_in_G = [1, 0.01, 0]\nz_S_in_G = [0, 1, 0]\n"));
+    const LoadedGrasp loaded("[grasp]\n" + jaw("left", "x_S_in_G = [1, 0.01, 0]\nz_S_in_G = [0, 1, 0]\n"));
     EXPECT_EQ(loaded.lines(), Lines{});
     const auto& R = loaded.config.grasp->jaws[0].S_from_G;
     EXPECT_NEAR(R[0][0] * R[2][0] + R[0][1] * R[2][1] + R[0][2] * R[2][2], 0, 1e-12);

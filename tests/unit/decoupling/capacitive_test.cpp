@@ -178,11 +178,6 @@ TEST(Capacitive, PressAndShearAreMonotoneInTheirChannels) {
 }
 
 TEST(Capacitive, RefusesCalibrationsThatItCannotUse) {
-    const auto refusal = [](const Calibration& calibration) {
-        Problems problems;
-        EXPECT_EQ(make_decoupler(calibration, problems), nullptr);
-        return problems.empty() ? std::string() : problems.lines().front();
-    };
     Calibration calibration = overlap_calibration();
     calibration.channels[3] = "C5";
     EXPECT_NE(refusal(calibration).find("\"C5\""), std::string::npos);

@@ -26,12 +26,6 @@ Calibration two_by_three() {
     return calibration;
 }
 
-std::string refusal(const Calibration& calibration) {
-    Problems problems;
-    EXPECT_EQ(make_decoupler(calibration, problems), nullptr);
-    return problems.empty() ? "" : problems.lines().front();
-}
-
 TEST(Generic, AppliesTheMatrixToTheReadingsLessTheirZero) {
     const auto decoupler = make_decoupler(two_by_three());
     const Estimate estimate = decouple(*decoupler, {3, 6, 4});

@@ -22,12 +22,6 @@ Calibration paper(const std::string& method) {
     return calibration;
 }
 
-std::string refusal(const Calibration& calibration) {
-    Problems problems;
-    EXPECT_EQ(make_decoupler(calibration, problems), nullptr);
-    return problems.empty() ? "" : problems.lines().front();
-}
-
 class HairBy : public testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(Methods, HairBy, testing::ValuesIn(kHairMethods), [](const auto& method) { return method.param; });
 

@@ -1,5 +1,6 @@
 // Calibrations and readings made by hand, for the tests of the models.
 #pragma once
+#include <gtest/gtest.h>
 #include <unistd.h>
 #include <cstdlib>
 #include <filesystem>
@@ -46,6 +47,13 @@ inline std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration)
     auto decoupler = make_decoupler(calibration, problems);
     problems.throw_if_any();
     return decoupler;
+}
+
+// The first line that is said of a calibration that must be refused; "" where nothing is.
+inline std::string refusal(const Calibration& calibration) {
+    Problems problems;
+    EXPECT_EQ(make_decoupler(calibration, problems), nullptr);
+    return problems.empty() ? "" : problems.lines().front();
 }
 
 inline Estimate decouple(Decoupler& decoupler, const std::vector<double>& channel, std::uint32_t missing = 0,

@@ -279,11 +279,6 @@ TEST(Piezo, ASpikeOfOneSampleIsForgotten) {
 }
 
 TEST(Piezo, RefusesCalibrationsThatItCannotUse) {
-    const auto refusal = [](const Calibration& calibration) {
-        Problems problems;
-        EXPECT_EQ(make_decoupler(calibration, problems), nullptr);
-        return problems.empty() ? std::string() : problems.lines().front();
-    };
     Calibration calibration = piezo_calibration();
     calibration.channels = {"Vp", "C1"};
     EXPECT_NE(refusal(calibration).find("needed are Vp Cn"), std::string::npos);

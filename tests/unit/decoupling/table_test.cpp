@@ -36,12 +36,6 @@ void expect_force(const Estimate& estimate, Force f, double tolerance_N) {
     EXPECT_NEAR(estimate.wrench_S[2], f.z, tolerance_N);
 }
 
-std::string refusal(const Calibration& calibration) {
-    Problems problems;
-    EXPECT_EQ(make_decoupler(calibration, problems), nullptr);
-    return problems.empty() ? "" : problems.lines().front();
-}
-
 class TableOf : public testing::TestWithParam<std::vector<std::string>> {};
 INSTANTIATE_TEST_SUITE_P(Wirings, TableOf,
                          testing::Values(inner_gauges(), all_gauges(), std::vector<std::string>{"R7", "R1", "R5", "R3"},

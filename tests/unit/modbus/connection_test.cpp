@@ -34,15 +34,17 @@ std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kM
 // A client and the server's end of its connection, with as small a send buffer as the kernel gives.
 class ConnectionTest : public testing::Test {
 protected:
-    ConnectionTest() {
+    ConnectionTest() { connect(); }
+    ~ConnectionTest() override { ::close(client_); }
+    void connect() {
         int pair[2];
-        EXPECT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair), 0);
-        const int least = 1;
-        ::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &least, sizeof least);
+        ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair), 0);
         server_ = pair[0];
         client_ = pair[1];
+        set_send_buffer(1);
     }
-    ~ConnectionTest() override { ::close(client_); }
+    // The kernel's, of the server's end: as near to `bytes` as it allows.
+    void set_send_buffer(int bytes) const { ::setsockopt(server_, SOL_SOCKET, SO_SNDBUF, &bytes, sizeof bytes); }
     void say(const Bytes& bytes) const { ASSERT_EQ(::send(client_, bytes.data(), bytes.size(), 0), ssize_t(bytes.size())); }
     std::size_t hear() const {
         std::array<char, 65536> buffer;
@@ -87,8 +89,7 @@ TEST_F(ConnectionTest, AClientThatHasSaidAllStillGetsItsAnswers) {
 TEST_F(ConnectionTest, AboveItsRateAClientWaitsAndLosesNothing) {
     constexpr std::uint64_t kMs = 1'000'000;
     Connection connection(server_, 1, 1000);
-    const int most = 1 << 20;
-    ::setsockopt(server_, SOL_SOCKET, SO_SNDBUF, &most, sizeof most);
+    set_send_buffer(1 << 20);
     say(requests(300));
     std::size_t heard = 0;
     std::uint64_t at = 1000 * kMs;
@@ -154,8 +155,7 @@ TEST_F(ConnectionTest, EachRequestHasItsOwnSecond) {
 TEST_F(ConnectionTest, WhoIsHeldBackIsNotIdle) {
     constexpr std::uint64_t kSecond = 1'000'000'000;
     Connection connection(server_, 1, 1);  // a request a second
-    const int most = 1 << 20;
-    ::setsockopt(server_, SOL_SOCKET, SO_SNDBUF, &most, sizeof most);
+    set_send_buffer(1 << 20);
     say(requests(200));
     for (int i = 0; i < 20; ++i) (void)connection.serve(answer, 100 * kSecond);
     ASSERT_NE(connection.backlog_ns(), 0u);
@@ -182,13 +182,8 @@ TEST_F(ConnectionTest, AClientThatIsGoneIsNoticedWhileItIsReadAndWhileItIsAnswer
         ::close(client_);  // with an answer that it has not read: a reset
         EXPECT_STREQ(connection.serve(answer, 2), "connection broken");
     }
-    int pair[2];
     for (const int n : {1, 60}) {  // gone before its answer, and with some of them under way
-        ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair), 0);
-        const int least = 1;
-        ::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &least, sizeof least);
-        server_ = pair[0];
-        client_ = pair[1];
+        ASSERT_NO_FATAL_FAILURE(connect());
         Connection connection(server_, 1);
         say(requests(n));
         for (int i = 0; n > 1 && i < 10; ++i) ASSERT_STREQ(connection.serve(answer, 1), "");
@@ -230,8 +225,7 @@ TEST_F(ConnectionTest, WhatIsNoModbusEndsItAfterWhatIsOwed) {
 TEST_F(ConnectionTest, AFullBufferIsAnsweredBeforeMoreIsRead) {
     constexpr std::uint64_t kSecond = 1'000'000'000;
     Connection connection(server_, 1, 1);  // a request a second
-    const int most = 1 << 20;
-    ::setsockopt(server_, SOL_SOCKET, SO_SNDBUF, &most, sizeof most);
+    set_send_buffer(1 << 20);
     say(requests(5000));
     for (int i = 0; i < 200; ++i) ASSERT_STREQ(connection.serve(answer, 100 * kSecond), "");
     EXPECT_EQ(connection.interest(), 0u);  // its own buffer is full, and the next is not yet due
