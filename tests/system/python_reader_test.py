@@ -4,6 +4,7 @@ import itertools
 import os
 import pathlib
 import re
+import resource
 import signal
 import statistics
 import struct
@@ -166,16 +167,18 @@ class ARunningDaemon(unittest.TestCase):
                 unittest.mock.patch.object(tactiled.time, "sleep", side_effect=AssertionError("it naps")):
             next(left)
             late_us = []
-            used, began = time.process_time(), time.monotonic()
+            used, waits, began = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw, time.monotonic()
             while time.monotonic() < began + 2:
                 sample = next(left)
                 late_us.append((time.monotonic_ns() - sample.t_published_ns) / 1000)
             share = (time.process_time() - used) / (time.monotonic() - began)
+            waits = (resource.getrusage(resource.RUSAGE_SELF).ru_nvcsw - waits) / len(late_us)
         print(f"events at {len(late_us) / 2:.0f} Hz: median {statistics.median(late_us):.0f} us after publishing, "
-              f"{share:.1%} of a CPU")
+              f"{share:.1%} of a CPU, {waits:.2f} waits a sample")
         self.assertGreater(len(late_us), RATE_HZ)
         self.assertLess(statistics.median(late_us), 500)  # us; 50 on an idle machine, 550 with naps of 1 ms
-        self.assertLess(share, 0.05)
+        self.assertLess(waits, 2.5)  # naps of 1 ms would be 4
+        self.assertLess(share, 0.3)  # 3 % as a rule; one that asks without waiting takes all
 
     def test_a_slow_reader_counts_what_it_lost(self):
         with tactiled.open(self.daemon.name).follow("left", 1) as left:
