@@ -144,8 +144,8 @@ int calibrate(Settings settings) {
 void add_calibrate(CLI::App& app, Run& run) {
     auto settings = std::make_shared<Settings>();
     settings->request.channel_unit.clear();
-    auto* verb = app.add_subcommand(
-        "calibrate", "Fits a calibration to labelled readings and says how good it is on rows it has not seen");
+    auto* verb = add_verb(app, "calibrate",
+                          "Fits a calibration to labelled readings and says how good it is on rows it has not seen");
     verb->add_option("--model", settings->request.model, "generic, table, hair, capacitive or piezo")->required();
     verb->add_option("--method", settings->request.method,
                      "of the model; its first if not given; auto: all that the rows determine");

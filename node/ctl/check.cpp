@@ -11,7 +11,7 @@ namespace tactiled::ctl {
 
 void add_check(CLI::App& app, Run& run) {
     auto path = std::make_shared<std::string>();
-    auto* verb = app.add_subcommand("check", "Checks a configuration and its calibrations; prints every error in them");
+    auto* verb = add_verb(app, "check", "Checks a configuration and its calibrations; prints every error in them");
     verb->add_option("file", *path, "the configuration")->required();
     verb->callback([path, &run] {
         run = [path] {

@@ -88,7 +88,7 @@ int decouple(const Settings& settings) {
 
 void add_decouple(CLI::App& app, Run& run) {
     auto settings = std::make_shared<Settings>();
-    auto* verb = app.add_subcommand("decouple", "Turns a file of readings into forces, with the code of the daemon's loop");
+    auto* verb = add_verb(app, "decouple", "Turns a file of readings into forces, with the code of the daemon's loop");
     verb->add_option("--calibration", settings->calibration, "the calibration file")->required();
     verb->add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
     verb->add_option("--budget-us", settings->budget_us, "what a sample may cost with --method auto")->capture_default_str();

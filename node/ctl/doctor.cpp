@@ -91,9 +91,9 @@ nlohmann::json as_json(const Findings& found, bool good) {
 
 void add_doctor(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("doctor",
-                                    "What on this machine stands between the daemon and its deadlines: rights, kernel, "
-                                    "processors, clock, devices; exit status 1 when something is wrong");
+    auto* verb = add_verb(app, "doctor",
+                          "What on this machine stands between the daemon and its deadlines: rights, kernel, "
+                          "processors, clock, devices; exit status 1 when something is wrong");
     verb->add_option("--config", wish->config, "the daemon's configuration")->capture_default_str();
     verb->add_option("--user", wish->user, "the daemon's user; default: the running daemon's, else tactiled, else who asks");
     verb->add_option("--pid", wish->pid, "the daemon; default: the one that runs under the configuration's name");

@@ -23,6 +23,10 @@ void catch_interrupt() {
     ::sigaction(SIGTERM, &action, nullptr);
 }
 
+CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help) {
+    return app.add_subcommand(name, help);
+}
+
 void add_node_option(CLI::App* verb, std::string& node_name) {
     verb->add_option("--node", node_name, "name of the daemon, as [node] name says")->capture_default_str();
 }

@@ -17,7 +17,7 @@ void add_map(CLI::App& app, Run& run) {
         unsigned sensors = 2;
     };
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("map", "The Modbus register map");
+    auto* verb = add_verb(app, "map", "The Modbus register map");
     verb->add_option("--format", wish->format,
                      "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text; man: manual page")
         ->check(CLI::IsMember({"md", "csv", "st", "man"}))

@@ -94,7 +94,7 @@ int play(const Wish& wish) {
 
 void add_play(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("play", "Plays a recording as a device behind a pty");
+    auto* verb = add_verb(app, "play", "Plays a recording as a device behind a pty");
     verb->add_option("--in", wish->in, "signals.csv: t_s and channels; label columns are left out")->required();
     verb->add_option("--pty", wish->pty, "the name under which the daemon opens it (a symbolic link)")->required();
     wish->wire.add_options(verb);

@@ -104,7 +104,7 @@ int read(const Wish& wish) {
 
 void add_read(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("read", "The newest sample of a sensor, or all of them as they come");
+    auto* verb = add_verb(app, "read", "The newest sample of a sensor, or all of them as they come");
     verb->add_option("sensor", wish->sensor, "name of the sensor")->required();
     add_node_option(verb, wish->node);
     verb->add_flag("--follow", wish->follow, "every sample, as they come");

@@ -210,7 +210,7 @@ int record(const Wish& wish) {
 
 void add_record(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end");
+    auto* verb = add_verb(app, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end");
     verb->add_option("file", wish->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
         ->required();
     add_node_option(verb, wish->node);

@@ -238,7 +238,7 @@ int replay(const Wish& wish) {
 
 void add_replay(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("replay", "A recording through the daemon's own sensors: do the same samples come out?");
+    auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?");
     verb->add_option("file", wish->file, "made by tactilectl record")->required();
     verb->add_option("--config", wish->config, "the daemon's configuration, or another one to try")->required();
     verb->add_option("--out", wish->out, "forces.csv of one sensor; - is standard output");

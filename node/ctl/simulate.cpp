@@ -95,8 +95,7 @@ int simulate(const Wish& wish) {
 
 void add_simulate(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb =
-        app.add_subcommand("simulate", "Computes what sensors would read in a scene, with the effects it calls for");
+    auto* verb = add_verb(app, "simulate", "Computes what sensors would read in a scene, with the effects it calls for");
     verb->add_option("--scene", wish->scene, "the scene, config/scenes/*.toml");
     verb->add_option("--effects", wish->effects,
                      "auto: those that the scene calls for; all; none; or names with commas, see --list")

@@ -157,8 +157,7 @@ bool is_healthy(const Segment& segment, const Snapshot& snapshot) {
 
 void add_status(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb =
-        app.add_subcommand("status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
+    auto* verb = add_verb(app, "status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
     add_node_option(verb, wish->node);
     verb->add_flag("--json", wish->json, "one JSON object");
     verb->callback([wish, &run] { run = [wish] { return status(*wish); }; });

@@ -65,7 +65,7 @@ int tare(const Wish& wish) {
 
 void add_tare(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("tare", "Makes what a sensor reads now its zero; the raw force stays readable");
+    auto* verb = add_verb(app, "tare", "Makes what a sensor reads now its zero; the raw force stays readable");
     verb->add_option("sensor", wish->sensor, "name of the sensor, or all")->required();
     add_node_option(verb, wish->node);
     verb->add_flag("--remove", wish->remove, "back to the calibration's zero");

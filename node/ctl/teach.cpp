@@ -169,8 +169,7 @@ int run_teach(const Wish& wish) {
 
 void add_teach(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb =
-        app.add_subcommand("teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it");
+    auto* verb = add_verb(app, "teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it");
     auto* what = verb->add_option_group("what");
     what->add_option("name", wish->name, "the object's name")->check([](const std::string& name) {
         return valid_name(name) ? std::string() : std::string(kValidName);

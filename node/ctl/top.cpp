@@ -111,7 +111,7 @@ int top(const Wish& wish) {
 
 void add_top(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("top", "Sensors, links and grasp, live");
+    auto* verb = add_verb(app, "top", "Sensors, links and grasp, live");
     add_node_option(verb, wish->node);
     verb->add_flag("--json", wish->json, "one JSON object a line");
     verb->add_option("--count", wish->count, "end after so many")->check(CLI::PositiveNumber);

@@ -112,8 +112,8 @@ int tradeoff(const Wish& wish) {
 
 void add_tradeoff(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand(
-        "tradeoff",
+    auto* verb = add_verb(
+        app, "tradeoff",
         "Measures what accuracy costs in time, on this machine: every method of every model, calibrated on simulated "
         "sensors with all effects, over easy, combined, eccentric, dynamic loads and with a damaged channel");
     verb->add_option("--calibration", wish->calibration,

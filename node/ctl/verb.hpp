@@ -41,6 +41,9 @@ void add_tradeoff(CLI::App& app, Run& run);
 
 // ---- what several verbs share ----
 
+// add_subcommand(), compiled once, in main.cpp: with it comes most of CLI11.
+CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help);
+
 // Adds --node NAME, the daemon to talk to.
 void add_node_option(CLI::App* verb, std::string& node_name);
 

@@ -46,10 +46,10 @@ int weigh(const Wish& wish, const std::string& what) {
 
 void add_weigh(CLI::App& app, Run& run) {
     auto wish = std::make_shared<Wish>();
-    auto* verb = app.add_subcommand("weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds");
+    auto* verb = add_verb(app, "weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds");
     verb->require_subcommand(1);
     const auto add = [&](const char* name, const char* help) {
-        auto* sub = verb->add_subcommand(name, help);
+        auto* sub = add_verb(*verb, name, help);
         add_node_option(sub, wish->node);
         sub->add_option("--timeout", wish->timeout_s, "seconds to wait for the daemon's word")
             ->check(CLI::Range(0.1, 60.0))
