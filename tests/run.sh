@@ -16,15 +16,15 @@ build() { # preset targets...
     chrt --idle 0 cmake --build --preset "$preset" -j "$jobs" --target "$@"
 }
 build release shipped_tests kernel_tools
-./tests/kernel/kernel.sh "build/kernel/$(uname -m)" || true  # not to be had: kernel.links says so
+./tests/kernel/kernel.sh "build/kernel/$(uname -m)" || stage "no kernel: see above; tests/kernel is left out"
 
 # Most of the shipped programs' tests wait, one after the other, for what other programs do: the compiler uses that time.
 ctest --test-dir build/release -LE 'bytes|numbers|kernel' -E NOT_BUILT -j "$jobs" --output-on-failure >build/release-tests.log 2>&1 &
 release_tests=$!
-# A machine under QEMU with a clock of its own: how much of a processor it is given does not matter to it.
-chrt --idle 0 ctest --test-dir build/release -L kernel --output-on-failure >build/kernel-tests.log 2>&1 &
+# A machine under QEMU with a clock of its own: with less of a processor it takes longer and finds the same.
+chrt --idle 0 ctest --test-dir build/release -L kernel --no-tests=error --output-on-failure >build/kernel-tests.log 2>&1 &
 kernel_tests=$!
-trap 'kill "$release_tests" "$kernel_tests" 2>/dev/null || true' EXIT
+trap 'cat build/*-tests.log; pkill -P "$release_tests,$kernel_tests"; kill "$release_tests" "$kernel_tests"' EXIT  # a build failed
 
 status=0
 build release number_tests

@@ -9,7 +9,7 @@ import threading
 import time
 import unittest
 
-from machine import Emulator, Witness, gpio_chip, i2c_bus, link_of, machine_daemon, now_ns, wait_for
+from machine import PATIENCE, Emulator, Witness, gpio_chip, i2c_bus, link_of, machine_daemon, now_ns, wait_for
 from tactiled import BAD, GOOD
 
 CAP_COUNT_PF = 4.096 / 0x800000  # so that a force is the model's number of the conversion
@@ -192,11 +192,9 @@ class I2c(unittest.TestCase):
                   f"machine idle {idle * 100:.0f} %")
             self.assertLessEqual(abs(lost - missed), 2 + 0.05 * missed)
             shares.append((share, idle))
-        # Emulated on a busy host the machine may be too slow for the adapter's 4 USB messages a transfer, and is never idle.
-        if max(idle for _, idle in shares) > 0.2:
+        if PATIENCE == 1:  # sanitizers leave this machine too little for the adapter's 4 USB messages a transfer
+            self.assertGreater(max(idle for _, idle in shares), 0.2)
             self.assertGreater(max(shares)[0], 0.95)
-        else:
-            print("the machine is too slow today to show the full rate")
         counts = link_of(daemon, "bus")
         self.assertEqual((counts["bus_error"], counts["restarted"], counts["gone"]), (0, 0, 0))
         self.assert_true_values(self.cap)

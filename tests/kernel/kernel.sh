@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # kernel.sh FOLDER: Debian's own kernel for the test machine, unpacked there; nothing is installed. And the one module that Debian does
-# not ship, gpio-sim. FOLDER/done says for which version it was made.
+# not ship, gpio-sim. FOLDER/done says for which version it was made. Ends with 77 where the packages are not to be had.
 set -euo pipefail
 mkdir -p "$1"; folder=$(cd "$1" && pwd)
 image=$(apt-cache depends linux-image-amd64 | awk '/Depends: linux-image/ {print $2; exit}')
+[ -n "$image" ] || exit 77
 version=${image#linux-image-}
 [ "$(cat "$folder/done" 2>/dev/null)" = "$version" ] && exit 0
 there=$folder folder=$folder.new  # what is there stays until the new one is whole
@@ -12,7 +13,7 @@ rm -rf "$folder"; mkdir -p "$folder"/{packages,kernel,headers,module}; cd "$fold
 abi=${version%-amd64}
 headers=("linux-headers-$version" "linux-headers-$abi-common" linux-kbuild-6.1 linux-source-6.1)
 # apt fetches as a user of its own, who may not write here
-(cd packages && chmod 777 . && apt-get download -qq "$image" "${headers[@]}")
+(cd packages && chmod 777 . && apt-get download -qq "$image" "${headers[@]}") || exit 77
 dpkg -x packages/"$image"_*.deb kernel
 for package in "${headers[@]}"; do dpkg -x packages/"$package"_*.deb headers; done
 depmod -b "$folder/kernel" "$version"  # dpkg -x does not run it

@@ -177,6 +177,7 @@ class ARunningDaemon(unittest.TestCase):
               f"{share:.1%} of a CPU, {waits:.2f} waits a sample")
         self.assertGreater(len(late_us), RATE_HZ)
         self.assertLess(statistics.median(late_us), 500)  # us; 50 on an idle machine, 550 with naps of 1 ms
+        self.assertGreater(waits, 0.5)  # it waits, and does not ask and ask
         self.assertLess(waits, 2.5)  # naps of 1 ms would be 4
         self.assertLess(share, 0.3)  # 3 % as a rule; one that asks without waiting takes all
 
