@@ -18,8 +18,9 @@ constexpr double kUnchecked = 0.1;  // of a share by symmetry, as long as no kno
 // leaves of them: chosen by grasp_bench weigh, seed 1, so that the published deviation is what it says; judged by other
 // seeds.
 constexpr double kAlike = 0.6, kLeftByCheck = 0.5;
-// With the leak of the press taken off a curve is held at nothing and at the known weight. Between them it is off by so
-// much of the sensors' sd, most in the middle; beyond it goes on as it came. And its slope comes back so well from grasp to
+// With the leak of the press taken off a curve is held at nothing and at the known weight. Between them it is off the
+// straight line by so much of the sensors' sd, most in the middle. Beyond, the known weight is off the line to the greater
+// one likewise, and that error grows with the weight: 4 (1/u) (1 - 1/u) u. And the slope comes back so well from grasp to
 // grasp, as a part of the weight. Likewise chosen and judged.
 constexpr double kBetween = 0.22, kSlope = 0.003;
 constexpr double kTold = 0.05;          // of an acceleration that was told: its delay and scale
@@ -87,7 +88,7 @@ bool Weight::sure(double mass_kg, double sd_kg) const noexcept {
 double Weight::left_of_curves(double part) const noexcept {
     if (!checked_) return 1;
     switch (leaks()) {
-        case Leaks::known: return kBetween * 4 * (part < 1 ? part * (1 - part) : part - 1);
+        case Leaks::known: return kBetween * 4 * (part < 1 ? part * (1 - part) : 1 - 1 / part);
         case Leaks::none: return std::max(kLeftByCheck, part - 0.7);  // the known weight's leak is in the scale
         case Leaks::of_others: break;                                 // it is not, and neither is it taken off now
     }
