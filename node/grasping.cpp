@@ -44,7 +44,6 @@ void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench
         moved.quality = TACTILED_BAD;
         moved.reasons |= TACTILED_TARING;
         estimator_->sample(std::size_t(jaw), moved);
-        if (another_method) estimator_->forget_leak();  // of the other one
     }
     // How far off such a value is nobody knows, so that no weight made of it is stable.
     const bool doubted = (s.reasons & (TACTILED_STEPPED | TACTILED_SENSORS_DIFFER)) != 0;
@@ -77,7 +76,7 @@ bool Grasping::carry_out(const Command& command) noexcept {
         case Kind::zero_weight: return estimator_->zero_weight();
         case Kind::known_weight:
             if (!estimator_->known_weight(command.mass_kg)) return false;
-            scale_shown_ = command.mass_kg > 0;
+            scale_shown_ = true;
             hand_over_objects();
             return true;
         case Kind::clear_slips:
@@ -128,6 +127,7 @@ tactiled_grasp Grasping::state() const noexcept {
         now.slip_latch |= before_.slip_latch;
         for (std::size_t i = 0; i < std::size(now.slip_count); ++i)
             now.slip_count[i] = std::uint16_t(now.slip_count[i] + before_.slip_count[i]);
+        now.scale_shown = scale_shown_ ? 1 : 0;
         return now;
     }
     tactiled_grasp nothing{};

@@ -73,14 +73,7 @@ void Grasp::State::act_on(tactiled_grip_state before) noexcept {
             jaw.slip.begin_grasp();
         }
     }
-    if (now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST) {
-        weight.no_tare();
-        stands = true;
-    } else if (held(before) && !held(now) && now != TACTILED_GRIP_GRASPED) {
-        stands = false;  // a jaw that lost touch, or says nothing: what was held hangs, perhaps, when it touches again
-    }
-    if (now == TACTILED_GRIP_LIFTING && before == TACTILED_GRIP_GRASPED && stands)
-        for (Closing& closing : closings) closing.lifted(t_ns);
+    if (now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST) weight.no_tare();
     forced &= phase.holds();
     stopped &= phase.hangs();
     const bool weighs = (phase.hangs() || forced) && !stopped;
@@ -115,11 +108,9 @@ void Grasp::State::take(std::size_t j, const JawSample& as_it_came) noexcept {
     t_ns = std::max(t_ns, feel.t_ns);
     if (!feel.known) {
         jaw.slip.forget();
-        closings[j].forget();
         jaw.t_ns = 0;
     } else if (value) {
         follow(j);
-        closings[j].take(feel, contact);
         jaw.slip.take(feel, contact.touching(), phase.now() == TACTILED_GRIP_HOLDING,
                       std::max(contact.noise_N(0), contact.noise_N(1)));
         if (jaw.slip.slips() != jaw.seen_slips) {
@@ -175,11 +166,7 @@ bool Grasp::zero_weight() noexcept {
     const tactiled_grip_state now = state_->phase.now();
     return now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST || state_->weight.zero();  // open: no tare is left
 }
-bool Grasp::known_weight(double mass_kg) noexcept {
-    return state_->weight.known(mass_kg, state_->closings, state_->contacts);
-}
-Check Grasp::check() const noexcept { return state_->weight.check(); }
-void Grasp::forget_leak() noexcept { state_->weight.forget_leak(state_->contacts); }
+bool Grasp::known_weight(double mass_kg) noexcept { return state_->weight.known(mass_kg); }
 void Grasp::clear_slips(std::uint32_t sensor_mask) noexcept { state_->latch &= ~sensor_mask; }
 void Grasp::slip_sensitivity(double zero_to_one) noexcept {
     for (State::Jaw& jaw : state_->jaws) jaw.slip.sensitivity(zero_to_one);

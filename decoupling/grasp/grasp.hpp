@@ -50,22 +50,6 @@ struct Object {
     double mass_kg = 0, sd_kg = 0;
 };
 
-// What a jaw's press leaks into its shear, frame S: at press_N * (k + 1) / kKnots the shear is shear_N[k].
-struct Leak {
-    static constexpr std::size_t kKnots = 8;
-    double press_N = 0;  // of the clamped phase that showed it; 0: not known
-    std::array<std::array<double, 2>, kKnots> shear_N{};
-    double sd_N = 0;        // of shear_N at press_N
-    bool followed = false;  // on the way there, too, not at press_N alone
-};
-
-// What a known weight has taught.
-struct Check {
-    double mass_kg = 0;  // that was shown; 0: none
-    double scale = 1, scale_sd = 0;
-    std::array<Leak, kMostJaws> leak{};  // by jaw
-};
-
 // What one sensor says at one instant: tared, not low-passed, frame S.
 struct JawSample {
     std::uint64_t t_ns = 0;
@@ -100,13 +84,9 @@ public:
     bool start_weighing() noexcept;  // from now on, whatever the state machine thinks of a lift
     bool stop_weighing() noexcept;
     bool zero_weight() noexcept;  // what hangs now, stable, is no object: tare, until this grasp ends
-    // What hangs now, stable, without a tare, and but for the share's deviation known to 5 %, weighs this: sets the scale of
-    // the shares, and, where every jaw that carries was clamped and at rest before the lift, what presses leak into shears:
-    // nothing else than the jaws may have touched the object there but what it stood on. 0, at any time: all of it is
-    // forgotten.
+    // What hangs now, stable and but for the share's deviation known to 5 %, weighs this: sets the scale of the shares.
+    // 0, at any time: the scale is forgotten.
     bool known_weight(double mass_kg) noexcept;
-    [[nodiscard]] Check check() const noexcept;  // rt: wait-free
-    void forget_leak() noexcept;                 // a sensor's forces are made otherwise from now on; the scale stays
     void clear_slips(std::uint32_t sensor_mask) noexcept;
     void slip_sensitivity(double zero_to_one) noexcept;
     void weigh_window(double ms) noexcept;

@@ -5,7 +5,6 @@
 
 #include "decoupling/grasp/contact.hpp"
 #include "decoupling/grasp/grasp.hpp"
-#include "decoupling/grasp/leak.hpp"
 #include "decoupling/grasp/objects.hpp"
 #include "decoupling/grasp/phase.hpp"
 #include "decoupling/grasp/slip.hpp"
@@ -37,7 +36,6 @@ struct Grasp::State {
         for (const JawSetup& jaw : s.jaws) {
             contacts.emplace_back(jaw);
             jaws.push_back({Slip(s.friction), jaw.sensor});
-            closings.emplace_back();
         }
     }
 
@@ -51,14 +49,12 @@ struct Grasp::State {
     Setup setup;
     std::vector<Jaw> jaws;
     std::vector<Contact> contacts;  // by jaw, as `jaws`
-    std::vector<Closing> closings;  // likewise
     Weight weight;
     Phase phase;
     Objects objects;
     Hint hint = Hint::none;
     bool forced = false, stopped = false;  // weighing, or not, because a command said so
     bool loaded_before = false;
-    bool stands = false;  // nothing was held before: what the jaws close about stands on something
     std::uint64_t t_ns = 0, lift_off_ns = 0;
     std::uint32_t slips = 0, latch = 0;
 };

@@ -22,7 +22,6 @@ tactiled_grasp Grasp::state() const noexcept {
     g.grasps = s.phase.grasps();
     g.slips = s.slips;
     g.slip_latch = s.latch;
-    g.scale_shown = s.weight.checked() ? s.weight.leaks() == Weight::Leaks::known ? 2 : 1 : 0;
     double grip_N = 0, needed_N = kNaN;
     const Friction* least = nullptr;  // where friction is least it slips first
     for (std::size_t j = 0; j < s.jaws.size(); ++j) {

@@ -12,22 +12,24 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
 constexpr double kObservable = 0.3;  // of the weight must be tangential: gravity 17 degrees out of the skin's normal
 constexpr double kNoPart = 1e-6;     // of an axis: rounding of a rotation
+constexpr double kKnownSure = 0.05;  // of a known weight: the scale cannot be set by noise
 
 }  // namespace
 
 Weight::Weight(const Setup& setup)
     : n_jaws_(setup.jaws.size()),
-      jaws_of_gripper_(std::max<std::size_t>(setup.jaws_of_gripper, n_jaws_)),
       share_sd_(setup.share_sd),
       most_acceleration_m_s2_(setup.lift_acceleration_m_s2),
       accelerates_ns_(std::uint64_t(setup.lift_accelerates_ms * 1e6)) {
-    central_ = jaws_of_gripper_ >= 3;
+    const std::size_t all = std::max<std::size_t>(setup.jaws_of_gripper, n_jaws_);
+    all_sensed_ = all == n_jaws_;
+    central_ = all >= 3;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const JawSetup& s = setup.jaws[j];
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c) jaws_[j].S_from_G(r, c) = s.S_from_G[std::size_t(r)][std::size_t(c)];
         contact_N_ += s.contact_off_N;
-        jaws_[j].share = s.share > 0 ? s.share : 1 / double(jaws_of_gripper_);
+        jaws_[j].share = s.share > 0 ? s.share : 1 / double(all);
     }
     window(setup.weigh_window_ms);
     gravity(Eigen::Vector3d(setup.gravity_G.data()));
@@ -83,10 +85,8 @@ void Weight::take(std::size_t jaw, const Feel& feel) noexcept {
     j.t_ns = feel.t_ns;
     j.overload |= feel.overload;
     double force_N = 0;
-    const Eigen::Vector2d leak_N = shear_at(j.leak, feel.press_N);
     for (int k = 0; k < 2; ++k)
-        if (std::abs(j.axis_S[k]) > kNoPart)  // the other may be unseen
-            force_N += j.axis_S[k] * (feel.force_S_N[k] - leak_N[k]);
+        if (std::abs(j.axis_S[k]) > kNoPart) force_N += j.axis_S[k] * feel.force_S_N[k];  // the other may be unseen
     j.blind = !std::isfinite(force_N);
     if (j.blind) return;
     j.sum_N += force_N;
@@ -135,6 +135,34 @@ bool Weight::zero() noexcept {
     tare_kg_ = held_kg_;
     now_.mass_kg = 0;
     return true;
+}
+
+bool Weight::known(double mass_kg) noexcept {
+    if (mass_kg == 0) {
+        rescale(1 / scale_);
+        checked_ = false;
+        return true;
+    }
+    if (now_.state != TACTILED_WEIGHT_STABLE || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
+    const double factor = mass_kg / now_.mass_kg;
+    if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
+    // The share's deviation is what it corrects; the rest would go into every weight from now on.
+    if (now_.sd_kg > std::hypot(kKnownSure * now_.mass_kg, held_kg_ * share_sd())) return false;
+    rescale(factor);
+    checked_ = true;
+    checked_kg_ = mass_kg;
+    return true;
+}
+
+void Weight::rescale(double factor) noexcept {
+    scale_ *= factor;
+    held_kg_ *= factor;
+    held_sd_kg_ *= factor;
+    held_blocks_sd_kg_ *= factor;
+    tare_kg_ *= factor;
+    now_.mass_kg *= factor;
+    now_.sd_kg *= factor;
+    for (Block& b : blocks_) b.mass_kg *= factor;
 }
 
 }  // namespace tactiled::grasp

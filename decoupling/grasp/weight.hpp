@@ -5,7 +5,6 @@
 #include <span>
 
 #include "decoupling/grasp/contact.hpp"
-#include "decoupling/grasp/leak.hpp"
 
 namespace tactiled::grasp {
 
@@ -36,15 +35,7 @@ public:
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
     bool zero() noexcept;  // what hangs, stable, is tare
     void no_tare() noexcept { tare_kg_ = 0; }
-    // `closings`, `jaws`: by jaw
-    bool known(double mass_kg, std::span<const Closing> closings, std::span<const Contact> jaws) noexcept;
-    [[nodiscard]] Check check() const noexcept;
-    void forget_leak(std::span<const Contact> jaws) noexcept;  // the scale stays
-    // Of the jaws that carry as the hand is turned now; of_others: the scale was shown together with leaks of which one that
-    // counts now is not known.
-    enum class Leaks { none, known, of_others };
-    [[nodiscard]] Leaks leaks() const noexcept;
-    [[nodiscard]] bool checked() const noexcept { return checked_; }
+    bool known(double mass_kg) noexcept;
 
 private:
     // 5 ms of all jaws.
@@ -62,9 +53,6 @@ private:
         bool accelerations_known = true;
         double most_acceleration_m_s2 = 0;
     };
-    [[nodiscard]] double shift_of(const std::array<Leak, kMostJaws>& leaks, std::span<const Contact> jaws) const noexcept;
-    void take_off(const std::array<Leak, kMostJaws>& leaks, std::span<const Contact> jaws) noexcept;
-    void forget_check(std::span<const Contact> jaws) noexcept;
     void rescale(double factor) noexcept;
     void close_block(std::uint64_t now_ns) noexcept;
     void aim() noexcept;
@@ -76,15 +64,12 @@ private:
     [[nodiscard]] bool sure(double mass_kg, double sd_kg) const noexcept;
     [[nodiscard]] double newest_departs_kg() const noexcept;
     [[nodiscard]] std::uint64_t lift_off(double mass_kg) const noexcept;
-    [[nodiscard]] double left_of_curves(double part) const noexcept;
-    [[nodiscard]] double of_this_grasp_N2(std::span<const Contact> jaws, double part) const noexcept;
     [[nodiscard]] double systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] double off_axis_kg(std::span<const Contact> jaws, double mass_kg) const noexcept;
 
     struct Jaw {
         Eigen::Matrix3d S_from_G;
         double share = 0;
-        Leak leak;                // that a known weight has shown
         Eigen::Vector3d axis_S;   // along which it carries, tangential; 0 = it carries nothing
         double carries_m_s2 = 0;  // force along the axis a kg of the object
         double sum_N = 0, last_N = 0;
@@ -94,9 +79,8 @@ private:
         bool blind = false;      // the newest sample says nothing along the axis
     };
     std::array<Jaw, kMostJaws> jaws_;
-    static constexpr double kDown_rad = 0.01;  // how well gravity's direction is known
-    std::size_t n_jaws_, jaws_of_gripper_;
-    bool central_;  // three jaws or more: what goes across the palm's axis is shared nobody knows how
+    std::size_t n_jaws_;
+    bool all_sensed_, central_;  // three jaws or more: what goes across the palm's axis is shared nobody knows how
     double share_sd_;
     double most_acceleration_m_s2_;
     std::uint64_t accelerates_ns_, window_ns_;
@@ -115,12 +99,9 @@ private:
     std::uint64_t block_ns_ = 0;
 
     bool overloaded_ = false;  // in the last block
-    bool weighing_ = false, held_known_ = false;
-    bool checked_ = false, leaks_shown_ = false;  // by a known weight: the scale; with it the leaks
+    bool weighing_ = false, held_known_ = false, checked_ = false;
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
-    std::uint64_t steady_ns_ = 0;  // no block since then belongs to a departure
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1, checked_kg_ = 0;
-    double check_sd_ = 0;  // of the scale, as a part of it, but for shares, sensors' curves and the leak's rest
     Weighed now_;
 };
 

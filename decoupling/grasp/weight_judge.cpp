@@ -18,12 +18,8 @@ constexpr double kUnchecked = 0.1;  // of a share by symmetry, as long as no kno
 // leaves of them: chosen by grasp_bench weigh, seed 1, so that the published deviation is what it says; judged by other
 // seeds.
 constexpr double kAlike = 0.6, kLeftByCheck = 0.5;
-// With the leak of the press taken off a curve is held at nothing and at the known weight. Between them it is off the
-// straight line by so much of the sensors' sd, most in the middle. Beyond, the known weight is off the line to the greater
-// one likewise, and that error grows with the weight: 4 (1/u) (1 - 1/u) u. And the slope comes back so well from grasp to
-// grasp, as a part of the weight. Likewise chosen and judged.
-constexpr double kBetween = 0.22, kSlope = 0.003;
 constexpr double kTold = 0.05;          // of an acceleration that was told: its delay and scale
+constexpr double kDown_rad = 0.01;      // how well gravity's direction is known
 constexpr double kTableFriction = 0.3;  // what is drawn over a table with a force of F presses on it with up to F / 0.3
 constexpr double kLeak = 0.03;          // of the press that may read as a shear
 constexpr double kFollows_s = 1;        // a stable value follows what creeps
@@ -73,10 +69,7 @@ std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
 }
 
 double Weight::share_sd() const noexcept {
-    const auto all = double(jaws_of_gripper_), n = double(n_jaws_);
-    if (!checked_) return all > n ? kUnchecked : 0;
-    // Of the mean of n of `all` shares that add up to 1; twice, for the known weight was shared likewise.
-    return share_sd_ * std::sqrt(2 * (all - n) / (all * n));
+    return all_sensed_ ? 0 : checked_ ? share_sd_ / std::sqrt(double(n_jaws_)) : kUnchecked;
 }
 
 // What is less than the touch of a contact is nothing, and may be said to be.
@@ -84,49 +77,22 @@ bool Weight::sure(double mass_kg, double sd_kg) const noexcept {
     return sd_kg <= kSure * std::max(std::abs(mass_kg), contact_N_ / gravity_G_.norm());  // false for NaN
 }
 
-// Of the errors of the sensors' curves, N^2, what is left of them in a weight that is such a part of the known one.
-double Weight::left_of_curves(double part) const noexcept {
-    if (!checked_) return 1;
-    switch (leaks()) {
-        case Leaks::known: return kBetween * 4 * (part < 1 ? part * (1 - part) : 1 - 1 / part);
-        case Leaks::none: return std::max(kLeftByCheck, part - 0.7);  // the known weight's leak is in the scale
-        case Leaks::of_others: break;                                 // it is not, and neither is it taken off now
-    }
-    return std::hypot(1.0, part);
-}
-
-// N^2 along the axes: how far the zeros may have walked, and the leaks be off. An error of a leak at rest is in the scale,
-// too, the other way: at the known weight and its press they cancel. `part`: of the known weight.
-double Weight::of_this_grasp_N2(std::span<const Contact> jaws, double part) const noexcept {
-    double zeros_N2 = 0, squares_N2 = 0, sum_N = 0;
-    for (std::size_t j = 0; j < n_jaws_; ++j) {
-        const Eigen::Vector2d axis = jaws_[j].axis_S.head<2>();
-        if (axis.norm() == 0) continue;
-        zeros_N2 += (axis.array() * jaws[j].zero_sd_N().head<2>().array()).matrix().squaredNorm();
-        const Leak& leak = jaws_[j].leak;
-        if (!(leak.press_N > 0)) continue;
-        const double press_N = jaws[j].feel().press_N, at = std::clamp(press_N / leak.press_N, 0.0, 1.0);
-        const double leak_N = std::hypot((at - part) * leak.sd_N, shape_sd_N(leak, press_N));
-        squares_N2 += square(leak_N);
-        sum_N += leak_N;
-    }
-    return zeros_N2 + (1 - kAlike) * squares_N2 + kAlike * square(sum_N);
-}
-
 double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
-    double squares_N2 = 0, sum_N = 0;
+    double squares_N2 = 0, sum_N = 0, zeros_N2 = 0;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const Eigen::Vector2d axis = jaws_[j].axis_S.head<2>();
         if (axis.norm() == 0) continue;
-        const double one_N = (axis.array() * jaws[j].feel().sd_N.head<2>().array()).matrix().norm();
+        const Eigen::Vector3d sd = jaws[j].feel().sd_N, zero = jaws[j].zero_sd_N();
+        const double one_N = (axis.array() * sd.head<2>().array()).matrix().norm();
         squares_N2 += square(one_N);
         sum_N += one_N;
+        zeros_N2 += (axis.array() * zero.head<2>().array()).matrix().squaredNorm();
     }
-    const double part = checked_ ? std::abs(mass_kg) / checked_kg_ : 0;
-    const double sensors_N2 = square(left_of_curves(part)) * ((1 - kAlike) * squares_N2 + kAlike * square(sum_N));
-    const double slope = leaks() == Leaks::known ? kSlope : 0;
-    return std::sqrt(square(scale_ / carries_) * (sensors_N2 + of_this_grasp_N2(jaws, part)) +
-                     square(mass_kg) * (square(share_sd()) + square(check_sd_) + square(slope) + square(tilt_ * kDown_rad)));
+    // Below a known weight the curve is held at two places, that and the zero before each grasp; beyond, at none.
+    const double left = checked_ ? std::clamp(std::abs(mass_kg) / checked_kg_ - 0.7, kLeftByCheck, 1.0) : 1;
+    const double sensors_N2 = square(left) * ((1 - kAlike) * squares_N2 + kAlike * square(sum_N));
+    return std::sqrt(square(scale_ / carries_) * (sensors_N2 + zeros_N2) + square(mass_kg * share_sd()) +
+                     square(mass_kg * tilt_ * kDown_rad));
 }
 
 // Tangential force across the axis, beyond what a tilted weight and a leak of the press explain, as a mass that may lie on
@@ -206,7 +172,6 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     held_sd_kg_ = moving_kg;
     held_blocks_sd_kg_ = mean.blocks_sd_kg;
     agreed_ns_ = now_ns;
-    steady_ns_ = now_ns - std::min(now_ns, window_ns_);
 }
 
 // Of the blocks of the newest 20 ms the one that is farthest from what is held.
@@ -231,12 +196,9 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
         held_kg_ += off_kg * std::min(1.0, double(kBlock_ns) * 1e-9 / kFollows_s);
         held_sd_kg_ = std::max(0.1 * kStill * std::abs(held_kg_), held_sd_kg_ * 0.999);
         agreed_ns_ = now_ns;
-    } else {
-        steady_ns_ = now_ns;
-        if (now_ns > agreed_ns_ + accelerates_ns_ + 2 * window_ns_) {
-            held_known_ = false;  // it does weigh something else
-            begun_ns_ = now_ns - std::min(now_ns, window_ns_);
-        }
+    } else if (now_ns > agreed_ns_ + accelerates_ns_ + 2 * window_ns_) {
+        held_known_ = false;  // it does weigh something else
+        begun_ns_ = now_ns - std::min(now_ns, window_ns_);
     }
     const double sd_kg = std::hypot(fixed_sd_kg, agrees ? 0 : off_kg);
     now_ = {agrees ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, held_kg_ - tare_kg_,

@@ -1,4 +1,4 @@
-// tactilectl weigh start|stop|zero|known|forget: what a PLC can command of the weight, acknowledged by the daemon.
+// tactilectl weigh start|stop|zero|known: what a PLC can command of the weight, acknowledged by the daemon.
 #include <fmt/format.h>
 
 #include <memory>
@@ -26,14 +26,6 @@ const char* result_text(int result) {
     }
 }
 
-const char* taught_text(const Segment& segment) {
-    tactiled_node node{};
-    const bool leak = segment.latest_node(node) && node.grasp.scale_shown == 2;
-    return leak ? "; the scale, and what the press leaks into the shear"
-                : "; the scale alone: before the lift the jaws were not clamped and at rest for long enough, or something "
-                  "pulled at the weight";
-}
-
 int weigh(const Wish& wish, const std::string& what) {
     std::string why;
     const Segment segment = Segment::try_open(wish.node, why);
@@ -46,8 +38,7 @@ int weigh(const Wish& wish, const std::string& what) {
     if (answer.exit_status == kNotReachable)
         fmt::print(stderr, "tactilectl: {}\n", answer.text);
     else
-        fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}{}\n", what, result_text(answer.result),
-                   what == "known" && answer.exit_status == kGood ? taught_text(segment) : "");
+        fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}\n", what, result_text(answer.result));
     return answer.exit_status;
 }
 
@@ -69,11 +60,7 @@ void add_weigh(CLI::App& app, Run& run) {
     add("start", "Weighs from now on, whatever the grasp thinks of a lift");
     add("stop", "Stops weighing");
     add("zero", "What hangs now is no object: tare");
-    add("forget", "Forgets the known weight: scale and leak");
-    add("known",
-        "What hangs now, stable, weighs MASS: sets the scale, and learns what the press leaks into the shear. Let the "
-        "weight "
-        "stand freely while the jaws close, wait half a second, lift: nothing else may touch it")
+    add("known", "What hangs now, stable, weighs MASS: sets the scale")
         ->add_option("mass", wish->mass_kg, "its mass in kg")
         ->required()
         ->check(CLI::Range(1e-6, 1000.0));

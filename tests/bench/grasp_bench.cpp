@@ -83,16 +83,13 @@ void print_weigh(int sessions, std::uint64_t seed) {
         {"speeds up for 400 ms, not 150 as configured", {.accelerates_s = 0.4}},
         {"no known weight shown", {.known_kg = 0}},
         {"known weight of 20 g, not 60", {.known_kg = 0.02}},
-        {"known weight of 13.8 g in a firm grip", {.known_kg = 0.0138, .known_grip_N = 0.3}},
-        {"100 samples a second, not 500", {.rate_Hz = 100}},
-        {"60 samples a second", {.rate_Hz = 60}},
         {"calibrated to 2 kPa only, as in the paper", {.calibration = "calibrate_hair.toml"}},
         {"the same, and what lies beyond believed", {.ignore_domain = true, .calibration = "calibrate_hair.toml"}},
     };
     fmt::print("\nAll four objects, one jaw with a sensor, a quarter of the sessions:\n\n");
     print_head();
     print_row("as above", figures(outcomes, SIZE_MAX, 1));
-    print_row("the same, less what jaw 1 read when it was clamped", figures(from_clamped(outcomes), SIZE_MAX, 1));
+    print_row("the same, with the clamped phase as zero", figures(from_clamped(outcomes), SIZE_MAX, 1));
     for (const Other& o : others) {
         const auto these = weigh(seed, std::max(1, sessions / 4), std::max(2, sessions / 10), o.c);
         print_row(o.name, figures(these, SIZE_MAX, 1));
@@ -187,20 +184,6 @@ bool check() {
         limit("stable within 300 ms, %", percent(f.in_300_ms, f.n), 95, 100);
         limit("sd of the weight, %", 100 * f.sd, 0, 3);  // all objects together: their biases differ
         limit("within 2 published sd, %", percent(f.within_2_sd, f.n), 87, 100);
-        limit("weighed with the leak of the press known, %", percent(f.leak_known, f.n), 100, 100);
-        const Figures ball = figures(outcomes, kEggsAndBall_kg.size() - 1, sensed);
-        limit("bias of the ball, %", 100 * ball.bias, -1.5, 1.5);  // 2 sessions scatter; 2.6 with the leak in it
-        limit("ball within 2 published sd, %", percent(ball.within_2_sd, ball.n), 87, 100);
-    }
-    const auto light = weigh(1000, 2, 0, {.known_kg = 0.0138, .known_grip_N = 0.3});
-    for (std::size_t sensed = 1; sensed <= 3; ++sensed) {  // eggs: four times as heavy as the known weight
-        int n = 0, within = 0;
-        for (std::size_t k = 0; k < 3; ++k) {
-            const Figures egg = figures(light, k, sensed);
-            n += egg.n;
-            within += egg.within_2_sd;
-        }
-        limit("eggs after a light known weight within 2 published sd, %", percent(within, n), 87, 100);
     }
     limit("ball and egg mixed up", figures(outcomes, SIZE_MAX, 1).wrong_kind, 0, 0);
     const SlipFigures s = slips(1000, 16, 0.05, 0.7, 0.9);

@@ -101,7 +101,6 @@ std::vector<Plan> plan(std::uint64_t seed, const std::vector<double>& masses_kg,
         p.mass_kg = object == SIZE_MAX ? c.known_kg : masses_kg[object];
         const double jaw_N = p.mass_kg * kGravity_m_s2 / kJaws;
         p.grip_N = uniform(std::max(0.08, 1.35 * jaw_N), 0.30);  // the calibration goes to 0.34
-        if (object == SIZE_MAX && c.known_grip_N > 0) p.grip_N = c.known_grip_N;
         p.free_s = uniform(0.3, 0.6);
         p.clamp_s = uniform(0.2, 0.5);
         p.wait_s = uniform(0.2, 0.4);
@@ -165,7 +164,6 @@ void follow(Outcome& o, const tactiled_grasp& g, double since_off_s) {
     if (since_off_s < -0.5 || !std::isnan(o.stable_after_s) || g.weight_state != TACTILED_WEIGHT_STABLE) return;
     o.stable_after_s = since_off_s;
     o.first_stable = now;
-    o.leak_known = g.scale_shown == 2;
     o.object_id = g.object_id;
     o.probability = g.object_probability;
     o.lift_off_error_s = -1;

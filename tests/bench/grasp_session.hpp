@@ -38,7 +38,6 @@ struct Conditions {
     double least_acceleration_m_s2 = 0.3;
     bool tell_acceleration = false;  // at 125 Hz, 8 ms late, 3 % off
     double known_kg = 0.060;         // lifted twice to begin with and told the second time; 0 = none
-    double known_grip_N = 0;         // 0 = drawn, as for any object
     bool ignore_domain = false;      // believes forces beyond the calibration
     double window_ms = 100;
     std::string calibration = "calibrate_hair_wide.toml";
@@ -66,7 +65,6 @@ struct Outcome {
         0;  // shear along the axis that jaw 1 reads before it is lifted, though there is none, of the weight
     std::array<Moment, kMoments> after{};
     bool grasped = false, lifted = false, opened = false;  // states that it went through
-    bool leak_known = false;                               // the known weight has shown what presses leak
 };
 
 // Lifts objects of `masses_kg`, each `times` times in random order. Deterministic by `seed`.

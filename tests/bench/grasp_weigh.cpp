@@ -49,7 +49,6 @@ Figures figures(const std::vector<Outcome>& outcomes, std::size_t object, std::s
         f.in_300_ms += o.stable_after_s <= 0.3;
         f.within_1_sd += off <= o.first_stable.sd_kg;
         f.within_2_sd += off <= 2 * o.first_stable.sd_kg;
-        f.leak_known += o.leak_known;
         f.right += o.object_id == o.object + 1;
         f.unknown += o.object_id == 0;
         f.wrong += o.object_id != 0 && o.object_id != o.object + 1;

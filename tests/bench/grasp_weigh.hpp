@@ -15,7 +15,6 @@ std::vector<grasp::Object> taught_by(const std::vector<Outcome>& outcomes, std::
 
 struct Figures {
     int n = 0, never = 0, in_300_ms = 0, within_1_sd = 0, within_2_sd = 0, right = 0, unknown = 0, wrong = 0;
-    int leak_known = 0;       // of those that were stable
     int wrong_kind = 0;       // the ball for an egg or an egg for the ball
     double bias = 0, sd = 0;  // of the weight
     double said_sd = 0;       // published, mean

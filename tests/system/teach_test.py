@@ -136,12 +136,8 @@ class Teach(unittest.TestCase):
     def test_weighing_is_commanded(self):
         self.assertEqual(self.daemon.ctl("weigh", "start").returncode, 1)  # nothing is held
         self.hold(0.2)
-        known = self.daemon.ctl("weigh", "known", "0.21")
-        self.assertEqual(known.returncode, 0, known.stderr)
-        self.assertIn("done; the scale", known.stdout)
+        self.assertEqual(self.daemon.ctl("weigh", "known", "0.21").returncode, 0)
         wait_for(lambda: abs(self.node.grasp.weight_kg - 0.21) < 0.001, 2, "the scale")
-        self.assertEqual(self.daemon.ctl("weigh", "forget").returncode, 0)
-        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.2) < 0.002 and self.node.grasp.scale_shown == 0, 2, "no scale")
         self.assertEqual(self.daemon.ctl("weigh", "zero").returncode, 0)
         wait_for(lambda: abs(self.node.grasp.weight_kg) < 0.001, 2, "the tare")
         self.assertEqual(self.daemon.ctl("weigh", "stop").returncode, 0)

@@ -199,7 +199,7 @@ struct tactiled_grasp {
     uint32_t slips;                            /* gross slips of all jaws since the start of the daemon */
     uint32_t slip_mask, slip_latch;            /* bit n = sensor n: gross slip now; since the last clear */
     uint32_t object_id;                        /* of the taught object that this weight is, 0 = unknown or no weight */
-    uint32_t scale_shown;                      /* 1: a known weight has set the scale since the start; 2: and shown leaks */
+    uint32_t scale_shown;                      /* 1: a known weight has set the weight's scale since the daemon's start */
     double weight_kg, weight_sd_kg;            /* net, of the object alone */
     float grip_N, recommended_grip_N;          /* normal force of a jaw, mean; the least that holds, with the margin */
     float friction, friction_sd;               /* coefficient, learnt in this grasp or as configured (then sd NaN) */

@@ -28,8 +28,7 @@ inline Setup two_jaws() {
 
 class Hand {
 public:
-    explicit Hand(const Setup& setup = two_jaws(), std::uint64_t seed = 1)
-        : grasp(setup), jaws_(setup.jaws.size()), random_(seed) {}
+    explicit Hand(const Setup& setup = two_jaws()) : grasp(setup), jaws_(setup.jaws.size()) {}
 
     // Linearly from what is to that, over so many seconds; each jaw alike.
     Hand& go(double seconds, double press_N, double load_N, double across_N = 0) {
@@ -72,7 +71,7 @@ private:
     double noise() { return noise_N * (double(random_() >> 11) * 0x1p-53 - 0.5) * 3.46; }
 
     std::size_t jaws_;
-    std::mt19937_64 random_;
+    std::mt19937_64 random_{1};
     std::uint64_t t_ns_ = 1'000'000'000;
     double press_N_ = 0, load_N_ = 0, across_N_ = 0;
 };

@@ -196,23 +196,6 @@ TEST_F(GraspingTest, OnlyObjectsThatWereTaughtUnderTheScaleInForceAreTold) {
     EXPECT_TRUE(grasping_.carry_out(known));
     feel(5, -0.981, 20);
     EXPECT_EQ(grasping_.state().object_id, 9u);
-    EXPECT_GE(grasping_.state().scale_shown, 1u);
-    known.mass_kg = 0;
-    EXPECT_TRUE(grasping_.carry_out(known));
-    feel(5, -0.981, 20);
-    EXPECT_EQ(grasping_.state().scale_shown, 0u);
-    EXPECT_EQ(grasping_.state().object_id, 0u);  // the nut needs a scale
-}
-
-TEST_F(GraspingTest, AnotherMethodsLeakIsForgottenItsScaleIsNot) {
-    feel(0, 0, 500, 1, 1);
-    feel(5, 0, 600, 1, 1);
-    feel(5, -0.981, 900, 1, 1);
-    Command known = command(Command::Kind::known_weight);
-    known.mass_kg = 0.2;
-    ASSERT_TRUE(grasping_.carry_out(known));
-    EXPECT_EQ(grasping_.state().scale_shown, 2u);
-    feel(5, -0.981, 1, 1, 2);
     EXPECT_EQ(grasping_.state().scale_shown, 1u);
 }
 
