@@ -62,14 +62,14 @@ class Target:
         folder = BUILD / "plants" / f"{self.name}{number}"
         shutil.rmtree(folder, ignore_errors=True)
         (folder / "corpus").mkdir(parents=True)
-        program = planted(self.name, plant, folder)
+        program = planted(self.name, plant, self.about["parses"], folder)
         began = time.monotonic()
         status, _ = run(self.words(program, folder / "corpus", f"-max_total_time={PLANT_S}", "-seed=1"), folder)
         return None if status == 0 else time.monotonic() - began
 
 
-def planted(name, plant, folder):
-    """The target with the bug: a copy of one file is compiled and takes the place of its object."""
+def planted(name, plant, parses, folder):
+    """The target with the bug: a copy of one file is compiled, or what takes it in, and takes the place of its objects."""
     original = ROOT / plant["file"]
     text = original.read_text()
     assert text.count(plant["is"]) == 1, f"targets.toml: {plant['file']} has {text.count(plant['is'])} times: {plant['is']}"
@@ -80,23 +80,25 @@ def planted(name, plant, folder):
             shutil.copy(file, copy.parent)
     copy.write_text(text.replace(plant["is"], plant["becomes"]))
 
-    source = original if copy.suffix == ".cpp" else HERE / f"{name}.cpp"
+    # A header's bug is in each file that takes it in: the target itself and what it is about.
+    sources = {original: copy} if copy.suffix == ".cpp" else {
+        source: source for source in [HERE / f"{name}.cpp", *(ROOT / file for file in parses if file.endswith(".cpp"))]}
     commands = {entry["file"]: entry for entry in json.loads((BUILD / "compile_commands.json").read_text())}
-    words = shlex.split(commands[str(source)]["command"])
-    objects = words[words.index("-o") + 1]
-    words[words.index("-o") + 1] = str(folder / "planted.o")
-    if copy.suffix == ".cpp":
-        words[words.index("-c") + 1] = str(copy)
-    else:
-        at = next(i for i, word in enumerate(words) if word.startswith("-I"))
-        words[at:at] = [f"-I{folder}", f"-I{folder}/node/include"]
-    subprocess.run(words, cwd=BUILD, check=True, capture_output=True)
+    objects = {}
+    for source, compiled in sources.items():
+        words = shlex.split(commands[str(source)]["command"])
+        objects[words[words.index("-o") + 1]] = words[words.index("-o") + 1] = str(folder / f"{source.stem}.o")
+        words[words.index("-c") + 1] = str(compiled)
+        if copy.suffix != ".cpp":
+            at = next(i for i, word in enumerate(words) if word.startswith("-I"))
+            words[at:at] = [f"-I{folder}", f"-I{folder}/node/include"]
+        subprocess.run(words, cwd=BUILD, check=True, capture_output=True)
 
     asked = subprocess.run(["ninja", "-t", "commands", f"fuzz_{name}"], cwd=BUILD, check=True, capture_output=True, text=True).stdout
     link = asked.strip().splitlines()[-1].removeprefix(": && ").removesuffix(" && :")
-    words = [str(folder / "planted.o") if word == objects else word for word in shlex.split(link)]
-    if str(folder / "planted.o") not in words:  # in a library: what stands before it comes first
-        words.insert(next(i for i, word in enumerate(words) if word.endswith(f"fuzz_{name}.dir/{name}.cpp.o")), str(folder / "planted.o"))
+    words = [objects.get(word, word) for word in shlex.split(link)]
+    first = next(i for i, word in enumerate(words) if word.endswith(f"{name}.o") or word.endswith(f"fuzz_{name}.dir/{name}.cpp.o"))
+    words[first:first] = [o for o in objects.values() if o not in words]  # in a library: what stands before it comes first
     words[words.index("-o") + 1] = str(folder / "program")
     subprocess.run(words, cwd=BUILD, check=True, capture_output=True)
     return folder / "program"

@@ -307,6 +307,8 @@ class TheEndOfADaemon(unittest.TestCase):
 
     def test_a_daemon_that_hangs_delays_no_timeout_and_is_asked_again(self):
         self.daemon.process.send_signal(signal.SIGSTOP)
+        state = pathlib.Path(f"/proc/{self.daemon.process.pid}/stat")
+        wait_for(lambda: state.read_text().rsplit(")", 1)[1].split()[0] == "T", 5, "the daemon to stand")  # till then it publishes
         with self.node.follow("left", 0.1) as left:
             next(left)
             began = time.monotonic()
