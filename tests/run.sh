@@ -33,7 +33,8 @@ build tsan node_test modbus_test
 stage "the rest of the shipped programs' tests"
 beside_compilers=0
 wait "$release_tests" || beside_compilers=1
-wait "$kernel_tests" || status=1
+kernel_beside=0
+wait "$kernel_tests" || kernel_beside=1
 trap - EXIT
 cat build/kernel-tests.log build/release-tests.log
 if [ $beside_compilers != 0 ]; then
@@ -41,6 +42,10 @@ if [ $beside_compilers != 0 ]; then
     # By name: numbers and --rerun-failed are no longer those of the list that ran.
     failed=$(sed -n 's/^[[:space:]]*[0-9]* - \(.*\) ([A-Za-z ]*).*$/\1/p' build/release-tests.log | paste -sd'|')
     ctest --test-dir build/release -R "^($failed)\$" --no-tests=error --output-on-failure || status=1
+fi
+if [ $kernel_beside != 0 ]; then
+    stage "tests/kernel once more, with the machine to itself"
+    ctest --test-dir build/release -L kernel --output-on-failure || status=1
 fi
 stage "units as shipped"
 ctest --test-dir build/release -L numbers -j "$jobs" --output-on-failure || status=1
