@@ -1,5 +1,4 @@
 #include "node/ctl/port.hpp"
-#include "node/ctl/command_line.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -18,6 +17,7 @@
 #include "config/options.hpp"
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"
 

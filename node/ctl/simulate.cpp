@@ -1,6 +1,5 @@
 // tactilectl simulate: a scene as signals and truth, without the daemon; or as devices behind ptys, for it.
 #include "node/ctl/simulate.hpp"
-#include "node/ctl/command_line.hpp"
 
 #include <fmt/format.h>
 
@@ -10,6 +9,7 @@
 #include <numeric>
 
 #include "config/text_file.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {

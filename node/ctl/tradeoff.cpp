@@ -1,6 +1,5 @@
 // tactilectl tradeoff: what accuracy costs in time, measured on the machine that it runs on.
 #include "node/ctl/tradeoff.hpp"
-#include "node/ctl/command_line.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <numeric>
 
 #include "config/text_file.hpp"
+#include "node/ctl/command_line.hpp"
 #include "node/ctl/progress.hpp"
 #include "node/ctl/tradeoff_front.hpp"
 #include "node/ctl/verb.hpp"

@@ -97,7 +97,7 @@ def planted(name, plant, parses, folder):
     asked = subprocess.run(["ninja", "-t", "commands", f"fuzz_{name}"], cwd=BUILD, check=True, capture_output=True, text=True).stdout
     link = asked.strip().splitlines()[-1].removeprefix(": && ").removesuffix(" && :")
     words = [objects.get(word, word) for word in shlex.split(link)]
-    first = next(i for i, word in enumerate(words) if word.endswith(f"{name}.o") or word.endswith(f"fuzz_{name}.dir/{name}.cpp.o"))
+    first = next(i for i, word in enumerate(words) if word.endswith(".o"))
     words[first:first] = [o for o in objects.values() if o not in words]  # in a library: what stands before it comes first
     words[words.index("-o") + 1] = str(folder / "program")
     subprocess.run(words, cwd=BUILD, check=True, capture_output=True)
