@@ -67,9 +67,12 @@ void Grasp::State::act_on(tactiled_grip_state before) noexcept {
     const tactiled_grip_state now = phase.now();
     const bool goes_on = held(before) || (phase.kept() && !phase.resumed());
     if (now == TACTILED_GRIP_GRASPED && before != now && !goes_on) {
-        for (Jaw& jaw : jaws) {
-            jaw.clamped_x_N = phase.resumed() ? 0 : jaw.quick_x_N.value;  // 0: all shear counts as load
-            jaw.clamped_y_N = phase.resumed() ? 0 : jaw.quick_y_N.value;
+        for (std::size_t j = 0; j < jaws.size(); ++j) {
+            Jaw& jaw = jaws[j];
+            const Eigen::Vector2d clamped_N(jaw.quick_x_N.value, jaw.quick_y_N.value);
+            jaw.clamped_x_N = phase.resumed() ? 0 : clamped_N.x();  // 0: all shear counts as load
+            jaw.clamped_y_N = phase.resumed() ? 0 : clamped_N.y();
+            weight.rest(j, phase.resumed() ? Eigen::Vector2d(NAN, NAN) : clamped_N);
             jaw.slip.begin_grasp();
         }
     }
@@ -166,7 +169,7 @@ bool Grasp::zero_weight() noexcept {
     const tactiled_grip_state now = state_->phase.now();
     return now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST || state_->weight.zero();  // open: no tare is left
 }
-bool Grasp::known_weight(double mass_kg) noexcept { return state_->weight.known(mass_kg); }
+bool Grasp::known_weight(double mass_kg) noexcept { return state_->weight.known(mass_kg, state_->contacts); }
 void Grasp::clear_slips(std::uint32_t sensor_mask) noexcept { state_->latch &= ~sensor_mask; }
 void Grasp::slip_sensitivity(double zero_to_one) noexcept {
     for (State::Jaw& jaw : state_->jaws) jaw.slip.sensitivity(zero_to_one);

@@ -18,18 +18,17 @@ constexpr double kKnownSure = 0.05;  // of a known weight: the scale cannot be s
 
 Weight::Weight(const Setup& setup)
     : n_jaws_(setup.jaws.size()),
+      n_all_(std::max<std::size_t>(setup.jaws_of_gripper, setup.jaws.size())),
       share_sd_(setup.share_sd),
       most_acceleration_m_s2_(setup.lift_acceleration_m_s2),
       accelerates_ns_(std::uint64_t(setup.lift_accelerates_ms * 1e6)) {
-    const std::size_t all = std::max<std::size_t>(setup.jaws_of_gripper, n_jaws_);
-    all_sensed_ = all == n_jaws_;
-    central_ = all >= 3;
+    central_ = n_all_ >= 3;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const JawSetup& s = setup.jaws[j];
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c) jaws_[j].S_from_G(r, c) = s.S_from_G[std::size_t(r)][std::size_t(c)];
         contact_N_ += s.contact_off_N;
-        jaws_[j].share = s.share > 0 ? s.share : 1 / double(all);
+        jaws_[j].share = s.share > 0 ? s.share : 1 / double(n_all_);
     }
     window(setup.weigh_window_ms);
     gravity(Eigen::Vector3d(setup.gravity_G.data()));
@@ -137,20 +136,23 @@ bool Weight::zero() noexcept {
     return true;
 }
 
-bool Weight::known(double mass_kg) noexcept {
+bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     if (mass_kg == 0) {
         rescale(1 / scale_);
-        checked_ = false;
+        check_ = {};
         return true;
     }
     if (now_.state != TACTILED_WEIGHT_STABLE || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
     const double factor = mass_kg / now_.mass_kg;
     if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
-    // The share's deviation is what it corrects; the rest would go into every weight from now on.
+    // The share's deviation is what it corrects; the rest goes into every weight from now on.
     if (now_.sd_kg > std::hypot(kKnownSure * now_.mass_kg, held_kg_ * share_sd())) return false;
+    if (!(std::abs(rest_kg()) <= kKnownSure * now_.mass_kg)) return false;  // a force that may still be there; NaN: not seen
     rescale(factor);
-    checked_ = true;
-    checked_kg_ = mass_kg;
+    check_ = {.done = true,
+              .mass_kg = mass_kg,
+              .rest_kg = rest_kg(),
+              .sd = std::hypot(held_sd_kg_, zeros_kg(jaws)) / std::abs(held_kg_)};
     return true;
 }
 

@@ -24,6 +24,9 @@ public:
 
     // One more sample of a jaw. rt: wait-free
     void take(std::size_t jaw, const Feel& feel) noexcept;
+    // Tangential force of a jaw at rest in the grip, before the lift, frame S, N; NaN: not seen. It is a leak of the press or a
+    // force that the lift takes away: no part of a weight, and what it may be off. rt: wait-free
+    void rest(std::size_t jaw, const Eigen::Vector2d& force_S_N) noexcept { jaws_[jaw].rest_S_N = force_S_N; }
     // A lift begins: weighs from now on. rt: wait-free
     void begin(std::uint64_t t_ns) noexcept;
     void end() noexcept;
@@ -35,7 +38,7 @@ public:
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
     bool zero() noexcept;  // what hangs, stable, is tare
     void no_tare() noexcept { tare_kg_ = 0; }
-    bool known(double mass_kg) noexcept;
+    bool known(double mass_kg, std::span<const Contact> jaws) noexcept;
 
 private:
     // 5 ms of all jaws.
@@ -61,6 +64,9 @@ private:
     [[nodiscard]] const Block& block(std::size_t back) const noexcept;
     [[nodiscard]] Mean mean_since(std::uint64_t from_ns) const noexcept;
     [[nodiscard]] double share_sd() const noexcept;
+    [[nodiscard]] double rest_kg() const noexcept;
+    [[nodiscard]] double zeros_kg(std::span<const Contact> jaws) const noexcept;
+    [[nodiscard]] double sensors_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] bool sure(double mass_kg, double sd_kg) const noexcept;
     [[nodiscard]] double newest_departs_kg() const noexcept;
     [[nodiscard]] std::uint64_t lift_off(double mass_kg) const noexcept;
@@ -74,13 +80,14 @@ private:
         double carries_m_s2 = 0;  // force along the axis a kg of the object
         double sum_N = 0, last_N = 0;
         int n = 0;
+        Eigen::Vector2d rest_S_N{0, 0};
         std::uint64_t t_ns = 0;  // of the newest sample
         bool overload = false;   // in a sample of this block
         bool blind = false;      // the newest sample says nothing along the axis
     };
     std::array<Jaw, kMostJaws> jaws_;
-    std::size_t n_jaws_;
-    bool all_sensed_, central_;  // three jaws or more: what goes across the palm's axis is shared nobody knows how
+    std::size_t n_jaws_, n_all_;  // with a sensor, and all of the gripper
+    bool central_;  // three jaws or more: what goes across the palm's axis is shared nobody knows how
     double share_sd_;
     double most_acceleration_m_s2_;
     std::uint64_t accelerates_ns_, window_ns_;
@@ -99,9 +106,14 @@ private:
     std::uint64_t block_ns_ = 0;
 
     bool overloaded_ = false;  // in the last block
-    bool weighing_ = false, held_known_ = false, checked_ = false;
+    bool weighing_ = false, held_known_ = false;
+    struct {
+        bool done = false;
+        double mass_kg = 0, rest_kg = 0;
+        double sd = 0;  // of the scale, as a part of it, but for the sensors' and the share's
+    } check_;
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
-    double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1, checked_kg_ = 0;
+    double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;
     Weighed now_;
 };
 

@@ -92,7 +92,9 @@ void steps(Builder& b, Options& m) {
 }
 
 // From one random load to the next, each held: what a calibration needs. Evenly distributed: the press, the shear in any
-// direction up to a part of its most, the place on a disc.
+// direction up to a part of its most, the place on a disc. Mirrored: all of them again in the same order, with shear and
+// place turned by half a turn. What a skin remembers of a shear is then the other way round beside the same press, and a
+// fit does not take it for what the press does.
 void wander(Builder& b, Options& m) {
     const auto count = std::size_t(m.integer("count", {1, 10'000}));
     const Stream random(std::uint64_t(m.integer("seed", {0, 9e15}, 1)), "wander");
@@ -100,15 +102,18 @@ void wander(Builder& b, Options& m) {
     const double shear_N = m.number("shear_to_N", kForce_N, 0), within_m = m.number("within_m", {0, 1}, 0);
     const double in_s = m.number("in_s", kSeconds, 0.05), hold_s = m.number("hold_s", kSeconds, 0.2);
     if (least_N > most_N) m.problem("press_from_N", "press_from_N is more than press_to_N");
+    const bool mirrored = m.flag("mirrored", false);
     const Course course = read_course(m);
     State to = b.state;
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t k = 0; k < (mirrored ? 2 * count : count); ++k) {
+        const std::size_t i = k % count;
+        const double turned_rad = k < count ? 0 : std::numbers::pi;
         to.press_N = least_N + (most_N - least_N) * random.uniform(i, 0);
         to.shear_N = shear_N * std::sqrt(random.uniform(i, 1));
-        to.direction_rad = 2 * std::numbers::pi * random.uniform(i, 2);
+        to.direction_rad = 2 * std::numbers::pi * random.uniform(i, 2) + turned_rad;
         if (within_m > 0) {
             const double away_m = within_m * std::sqrt(random.uniform(i, 3)),
-                         angle = 2 * std::numbers::pi * random.uniform(i, 4);
+                         angle = 2 * std::numbers::pi * random.uniform(i, 4) + turned_rad;
             to.x_m = away_m * std::cos(angle);
             to.y_m = away_m * std::sin(angle);
         }

@@ -69,6 +69,15 @@ void print_weigh(int sessions, std::uint64_t seed) {
     const auto outcomes = weigh(seed, sessions, teaching, {});
     for (std::size_t sensed = 1; sensed <= 3; ++sensed)
         for (std::size_t k = 0; k < 4; ++k) print_row(fmt::format("{}, {}", kName[k], sensed), figures(outcomes, k, sensed));
+    double sum_N = 0, squares_N2 = 0;
+    for (const Outcome& o : outcomes) {
+        const double leak_N = o.clamped_leak * o.mass_kg * 9.80665 / 3;
+        sum_N += leak_N;
+        squares_N2 += leak_N * leak_N;
+    }
+    const double mean_N = sum_N / double(outcomes.size());
+    fmt::print("\nShear along the axis that a jaw reads in the grip, before the lift: {:+.2f} mN, sd {:.2f}\n", 1e3 * mean_N,
+               1e3 * std::sqrt(squares_N2 / double(outcomes.size()) - mean_N * mean_N));
     struct Other {
         const char* name;
         Conditions c;
@@ -83,6 +92,7 @@ void print_weigh(int sessions, std::uint64_t seed) {
         {"speeds up for 400 ms, not 150 as configured", {.accelerates_s = 0.4}},
         {"no known weight shown", {.known_kg = 0}},
         {"known weight of 20 g, not 60", {.known_kg = 0.02}},
+        {"calibrated by loads without their mirror images", {.mirrored = false}},
         {"calibrated to 2 kPa only, as in the paper", {.calibration = "calibrate_hair.toml"}},
         {"the same, and what lies beyond believed", {.ignore_domain = true, .calibration = "calibrate_hair.toml"}},
     };

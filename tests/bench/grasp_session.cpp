@@ -201,10 +201,16 @@ Recording record(const sim::Scene& scene, Decoupler& model) {
     }
 }
 
-Calibration calibrate(const std::string& calibrate_scene, int serial) {
+Calibration calibrate(const std::string& calibrate_scene, int serial, bool mirrored) {
     std::string text = scene_text(calibrate_scene);
-    const std::string model = "model = \"hair\"\n";
-    text.insert(text.find(model) + model.size(), fmt::format("serial = {}\n", serial));
+    const auto put = [&](const std::string& before, const std::string& now) { text.replace(text.find(before), before.size(), now); };
+    put("model = \"hair\"\n", fmt::format("model = \"hair\"\nserial = {}\n", serial));
+    // Loads of its own: what the skin remembers of one and the same course would be the same error of every sensor.
+    put("do = \"wander\"\n", fmt::format("do = \"wander\"\nseed = {}\n", serial));
+    if (!mirrored) {
+        put("count = 100\n", "count = 200\n");
+        put("mirrored = true", "mirrored = false");
+    }
     const sim::Scene scene = parse_scene(text);
     const sim::Sensor& sensor = scene.sensors[0];
     sim::Simulation signals(scene, "all"), world(scene, kWorld);
@@ -251,7 +257,7 @@ std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& mass
     std::vector<Recording> jaws;
     Times when;
     for (std::size_t j = 0; j < kJaws; ++j) {
-        const auto model = decoupler(calibrate(c.calibration, int(seed * kJaws + j + 1)));
+        const auto model = decoupler(calibrate(c.calibration, int(seed * kJaws + j + 1), c.mirrored));
         const sim::Scene scene = parse_scene(scene_of(plans, j, seed, c));
         when = times_of(scene, plans.size());
         jaws.push_back(record(scene, *model));

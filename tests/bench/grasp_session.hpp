@@ -15,7 +15,7 @@ namespace tactiled::bench {
 
 // A jaw's sensor as `tactilectl calibrate` would have made it ready: fitted by `calibrate_scene` (of config/scenes, its
 // first sensor) with that serial.
-Calibration calibrate(const std::string& calibrate_scene, int serial);
+Calibration calibrate(const std::string& calibrate_scene, int serial, bool mirrored = true);
 std::unique_ptr<Decoupler> decoupler(const Calibration& calibration);
 
 sim::Scene parse_scene(const std::string& text);
@@ -41,6 +41,7 @@ struct Conditions {
     bool ignore_domain = false;      // believes forces beyond the calibration
     double window_ms = 100;
     std::string calibration = "calibrate_hair_wide.toml";
+    bool mirrored = true;  // as the scene has it; false: as many loads, none of them turned round
 };
 
 struct Moment {

@@ -163,6 +163,24 @@ TEST(Scene, AWanderStaysWithinItsLoadsAndHangsOnItsSeed) {
     EXPECT_NE(w.fz, wander(2).fz);
 }
 
+TEST(Scene, AMirroredWanderComesAgainTurnedByHalfATurn) {
+    const auto wander = [](const std::string& more) {
+        return world_of(
+            "[[motion]]\ndo = \"wander\"\ncount = 20\npress_to_N = 1\nshear_to_N = 0.5\nwithin_m = 0.001\nin_s = 0.01\n"
+            "hold_s = 0.04\n" +
+            more);
+    };
+    const World once = wander(""), twice = wander("mirrored = true\n");
+    const std::size_t half = 20 * 50;
+    ASSERT_GE(twice.fz.size(), 2 * half);
+    for (std::size_t i = 0; i < half; ++i) EXPECT_EQ(twice.fx[i], once.fx[i]) << i;
+    for (std::size_t i = 50; i < half; ++i) {  // on the way to the first it comes from elsewhere
+        EXPECT_NEAR(twice.fz[half + i], once.fz[i], 1e-12) << i;
+        EXPECT_NEAR(twice.fx[half + i], -once.fx[i], 1e-12) << i;
+        EXPECT_NEAR(twice.fy[half + i], -once.fy[i], 1e-12) << i;
+    }
+}
+
 TEST(Scene, ARepetitionOfATurnGoesAllTheWayRound) {
     const std::string pull = "[[motion]]\ndo = \"shear\"\nto_N = 0.5\nin_s = 0.1\n[[motion]]\ndo = \"rotate\"\nby_deg = ";
     const std::string again = "\nin_s = 0.1\n[[motion]]\ndo = \"repeat\"\ntimes = 3\n";

@@ -1,0 +1,123 @@
+// What a known weight teaches, and what the deviation says of it: before the lift a shear may be a leak of the press, which
+// stays, or a force, which does not.
+#include "tests/unit/grasp/hand.hpp"
+
+namespace tactiled::grasp {
+namespace {
+
+constexpr double kKnown_kg = 0.2;
+
+// Both jaws: so much more shear along gravity, of the weight of `of_kg`; sensors so good that the rest tells.
+void put(Hand& hand, double part, double of_kg) {
+    hand.spoil = [=](std::size_t, JawSample& s) {
+        if (s.force_S_N[2] < -1.9) s.force_S_N[1] -= part * of_kg * kG / 2;  // in the grip only
+        s.sd_N = {0.02, 0.02, 0.02};
+    };
+}
+
+void release(Hand& hand) { hand.go(0.2, 2, 0).go(0.2, 0, 0); }
+
+double error_kg(Hand& hand, double mass_kg) {
+    release(hand);
+    hand.close().lift(mass_kg);
+    EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    return hand.now().weight_kg - mass_kg;
+}
+
+TEST(KnownWeight, ALeakThatIsAlwaysThereIsInTheDeviationOfOtherWeights) {
+    Hand hand;
+    put(hand, 0.008, kKnown_kg);
+    hand.close().lift(kKnown_kg);
+    ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));
+    const double error = error_kg(hand, 0.04);
+    EXPECT_NEAR(error, 0.8 * 0.008 * kKnown_kg, 0.0001);
+    EXPECT_GT(hand.now().weight_sd_kg, error);
+    EXPECT_LT(hand.now().weight_sd_kg, 1.5 * error);
+}
+
+TEST(KnownWeight, AForceThatWasThereOnlyThenIsInTheDeviationOfOtherWeights) {
+    Hand hand;
+    put(hand, 0.04, kKnown_kg);
+    hand.close().lift(kKnown_kg);
+    ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));
+    put(hand, 0, 0);
+    const double error = error_kg(hand, 0.04);
+    EXPECT_NEAR(error, -0.04 * 0.04 / 1.04, 0.0002);
+    EXPECT_GT(hand.now().weight_sd_kg, -error);
+}
+
+TEST(KnownWeight, OfItsOwnSizeALeakIsInTheScale) {
+    Hand hand;
+    put(hand, 0, 0);
+    hand.close().lift(kKnown_kg);
+    ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));
+    (void)error_kg(hand, kKnown_kg);
+    const double without_kg = hand.now().weight_sd_kg;
+    ASSERT_TRUE(hand.grasp.known_weight(0));
+    put(hand, 0.008, kKnown_kg);
+    (void)error_kg(hand, kKnown_kg);
+    ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));
+    EXPECT_NEAR(error_kg(hand, kKnown_kg), 0, 0.0003);
+    EXPECT_NEAR(hand.now().weight_sd_kg, without_kg, 0.1 * without_kg);
+}
+
+TEST(KnownWeight, AForceOnTheTableIsNoWeightButInTheDeviation) {
+    Hand hand;
+    put(hand, 0, 0);
+    hand.close().lift(kKnown_kg);
+    ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));
+    (void)error_kg(hand, 0.1);
+    const double without_kg = hand.now().weight_sd_kg;
+    release(hand);
+    hand.go(0.5, 0, 0).go(0.2, 2, 0.005).stay(0.3).go(0.15, 2, 0.1 * kG / 2).stay(0.4);  // 1 g before, 100 g after
+    ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_NEAR(hand.now().weight_kg, 0.1, 0.0003);
+    EXPECT_NEAR(hand.now().weight_sd_kg, std::hypot(without_kg, 0.001), 0.0001);
+}
+
+TEST(KnownWeight, NoForceMakesTheDeviationLargerThanALeakCanBe) {
+    Hand hand;
+    put(hand, 0, 0);
+    hand.close().lift(kKnown_kg);
+    ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));
+    release(hand);
+    hand.go(0.5, 0, 0).go(0.2, 2, 0.3).stay(0.3).go(0.15, 2, 0.1 * kG / 2).stay(0.4);
+    ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_NEAR(hand.now().weight_kg, 0.1, 0.0005);
+    EXPECT_LT(hand.now().weight_sd_kg, 0.003);  // half of what two sensors of 0.02 N may be off together
+    EXPECT_GT(hand.now().weight_sd_kg, 0.0015);
+}
+
+TEST(KnownWeight, IsRefusedWhereAForceWasThereBeforeTheLift) {
+    Hand hand;
+    put(hand, 0.06, kKnown_kg);
+    hand.close().lift(kKnown_kg);
+    ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_FALSE(hand.grasp.known_weight(kKnown_kg));
+    EXPECT_NEAR(hand.now().weight_kg, 1.06 * kKnown_kg, 0.001);
+}
+
+TEST(KnownWeight, WhatItsZerosWalkedIsInEveryWeightAfterIt) {
+    const auto sd_after = [](double walk_N) {
+        Hand hand;
+        std::mt19937_64 random(1);
+        double y_N = 0;
+        bool walks = true;
+        hand.spoil = [&](std::size_t j, JawSample& s) {
+            if (walks && j == 0) y_N += walk_N * std::sqrt(1e-3) * (random() % 2 == 0 ? 1 : -1);
+            s.force_S_N[1] += y_N;
+            s.sd_N = {1e-4, 1e-4, 1e-4};
+        };
+        hand.go(3, 0, 0).close().lift(0.05);
+        EXPECT_TRUE(hand.grasp.known_weight(0.05));
+        walks = false;
+        release(hand);
+        hand.go(30, 0, 0).close().lift(0.05);
+        EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+        return hand.now().weight_sd_kg;
+    };
+    EXPECT_GT(sd_after(0.005), 2 * sd_after(0));
+}
+
+}  // namespace
+}  // namespace tactiled::grasp
