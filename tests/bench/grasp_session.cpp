@@ -74,7 +74,7 @@ std::string scene_of(const std::vector<Plan>& plans, std::size_t jaw, std::uint6
         "[[sensor]]\nname = \"jaw\"\nmodel = \"hair\"\nserial = {}\nfull_scale_N = 0.34\n",
         seed * 8 + jaw, c.rate_Hz, seed * kJaws + jaw + 1);
     text += "[[motion]]\ndo = \"hold\"\nfor_s = 0.5\n[[motion]]\ndo = \"press\"\nto_N = 0.34\n";
-    for (const int direction : {0, 90, 180, 270})  // exercised as by the calibration
+    for (const int direction : {0, 90, 180, 270})  // exercised, as by the calibration
         text += fmt::format(
             "[[motion]]\ndo = \"shear\"\nto_N = 0.3\ndirection_deg = {}\n[[motion]]\ndo = \"shear\"\nto_N = 0\n", direction);
     text += "[[motion]]\ndo = \"release\"\n";
