@@ -24,8 +24,8 @@ public:
 
     // One more sample of a jaw. rt: wait-free
     void take(std::size_t jaw, const Feel& feel) noexcept;
-    // Tangential force of a jaw at rest in the grip, before the lift, frame S, N; NaN: not seen. It is a leak of the press or a
-    // force that the lift takes away: no part of a weight, and what it may be off. rt: wait-free
+    // Tangential force of a jaw at rest in the grip, before the lift, frame S, N; NaN: not seen. It is a leak of the press
+    // or a force that the lift takes away: no part of a weight, and what it may be off. rt: wait-free
     void rest(std::size_t jaw, const Eigen::Vector2d& force_S_N) noexcept { jaws_[jaw].rest_S_N = force_S_N; }
     // A lift begins: weighs from now on. rt: wait-free
     void begin(std::uint64_t t_ns) noexcept;
@@ -87,7 +87,7 @@ private:
     };
     std::array<Jaw, kMostJaws> jaws_;
     std::size_t n_jaws_, n_all_;  // with a sensor, and all of the gripper
-    bool central_;  // three jaws or more: what goes across the palm's axis is shared nobody knows how
+    bool central_;                // three jaws or more: what goes across the palm's axis is shared nobody knows how
     double share_sd_;
     double most_acceleration_m_s2_;
     std::uint64_t accelerates_ns_, window_ns_;

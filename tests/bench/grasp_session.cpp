@@ -203,7 +203,9 @@ Recording record(const sim::Scene& scene, Decoupler& model) {
 
 Calibration calibrate(const std::string& calibrate_scene, int serial, bool mirrored) {
     std::string text = scene_text(calibrate_scene);
-    const auto put = [&](const std::string& before, const std::string& now) { text.replace(text.find(before), before.size(), now); };
+    const auto put = [&](const std::string& before, const std::string& now) {
+        text.replace(text.find(before), before.size(), now);
+    };
     put("model = \"hair\"\n", fmt::format("model = \"hair\"\nserial = {}\n", serial));
     // Loads of its own: what the skin remembers of one and the same course would be the same error of every sensor.
     put("do = \"wander\"\n", fmt::format("do = \"wander\"\nseed = {}\n", serial));
