@@ -96,9 +96,9 @@ def planted(name, plant, parses, folder):
 
     asked = subprocess.run(["ninja", "-t", "commands", f"fuzz_{name}"], cwd=BUILD, check=True, capture_output=True, text=True).stdout
     link = asked.strip().splitlines()[-1].removeprefix(": && ").removesuffix(" && :")
-    words = [objects.get(word, word) for word in shlex.split(link)]
+    words = [word for word in shlex.split(link) if word not in objects]
     first = next(i for i, word in enumerate(words) if word.endswith(".o"))
-    words[first:first] = [o for o in objects.values() if o not in words]  # in a library: what stands before it comes first
+    words[first:first] = objects.values()  # of what a header defines in many objects the linker takes the first one's
     words[words.index("-o") + 1] = str(folder / "program")
     subprocess.run(words, cwd=BUILD, check=True, capture_output=True)
     return folder / "program"

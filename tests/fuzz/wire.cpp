@@ -1,6 +1,7 @@
 // All stream decoders, and a Modbus master's answers. The first byte chooses the format and the size of the chunks.
 // Oracles: the same frames whatever the chunks; a frame's channels are finite or marked missing; every frame of the binary
-// format survives being encoded and decoded again; bytes in = bytes counted. A Modbus answer is the same whatever the
+// format survives being encoded and decoded again; bytes in = bytes counted; what is longer between two ends than any frame
+// is counted. A Modbus answer is the same whatever the
 // chunks, and what it holds stands in the bytes under a right CRC or our transaction.
 #include <algorithm>
 #include <cmath>
@@ -88,6 +89,23 @@ Bytes dress(Format& format, std::span<const std::uint8_t> bytes) {
 
 const HexFormat kHex{2, 2, HexFormat::Digit::counter, 0xBF, "", ""};
 
+// Between two ends, the last one not counted: how many are longer than a frame may be.
+std::size_t too_long(Format format, std::span<const std::uint8_t> bytes) {
+    const std::uint8_t end = format == Format::cobs ? 0 : '\n';
+    const std::size_t most = format == Format::cobs    ? kCobsMostEncoded - 1
+                             : format == Format::kms40 ? 256
+                             : format == Format::hex   ? kHexMostLine
+                                                       : kAsciiMostBytes;
+    std::size_t n = 0;
+    auto at = std::find(bytes.begin(), bytes.end(), end);  // who comes in the middle of one counts nothing
+    while (at != bytes.end()) {
+        const auto next = std::find(at + 1, bytes.end(), end);
+        n += next != bytes.end() && std::size_t(next - at - 1) > most;
+        at = next;
+    }
+    return n;
+}
+
 std::vector<Frame> decode(Format format, std::span<const std::uint8_t> bytes, std::size_t chunk,
                           std::uint32_t* repeated = nullptr) {
     LinkCounts counts;
@@ -111,6 +129,7 @@ std::vector<Frame> decode(Format format, std::span<const std::uint8_t> bytes, st
     check(counts[TACTILED_LINK_BYTES] == std::uint32_t(bytes.size()));
     check(counts[TACTILED_LINK_FRAMES] == frames.size());
     check(counts[TACTILED_LINK_SKIPPED] <= bytes.size());
+    check(format == Format::ft300 || counts[TACTILED_LINK_BAD_LENGTH] >= too_long(format, bytes));
     if (repeated != nullptr) *repeated = counts[TACTILED_LINK_REPEATED];
     return frames;
 }

@@ -8,10 +8,11 @@ preset=${TACTILED_PRESET:-release} folder=$project/build/kernel
 built=; if [ "${1:-}" = --built ]; then built=yes; shift; fi
 if [ -n "$built" ] && ! command -v qemu-system-x86_64 >/dev/null; then echo "run.sh: left out: node/install-packages.sh kernel"; exit 77; fi
 bin=$project/build/$preset/bin
+speed=3  # of the machine's processor: 2^3 ns an instruction
 guard=; if [ "$preset $(uname -m)" = "release x86_64" ]; then guard=rtguard; fi  # what tests/guard can
 if [ "$preset" = asan ]; then  # programs of three times the size, at a third of the speed
     export MEMORY_MB=${MEMORY_MB:-1536} LIMIT_S=${LIMIT_S:-900}
-    KERNEL_TEST="PATIENCE=4 ${KERNEL_TEST:-}"
+    KERNEL_TEST="PATIENCE=4 ${KERNEL_TEST:-}" speed=1
 fi
 tools=$project/build/release/bin  # the tests' instruments and emulated devices, as fast as they can be
 if [ -z "$built" ]; then
@@ -62,7 +63,7 @@ for wanted in "$@"; do
     # A test's own hardware stands in its lines "# QEMU: "; HOST is a folder for the sockets to host.py.
     host=$(mktemp -d); host_pid=
     words=$(sed -n "s/^# QEMU: //p" "$here/${name}_test.py" | sed "s#HOST/#$host/#g" | tr '\n' ' ')
-    clock=shift=3,sleep=off  # boot.sh
+    clock=shift=$speed,sleep=off  # boot.sh
     case $words in
         *control.sock*) /usr/bin/python3 "$here/host.py" "$host" & host_pid=$! clock=shift=3 ;;  # the host's cable takes the host's time
         *-smp*) clock= ;;  # with it two processors would share the instructions of one
