@@ -6,7 +6,9 @@
 #include <string>
 
 #include "drivers/chips/schedule.hpp"
+#include "tests/unit/drivers/capacitance_chips.hpp"
 #include "tests/unit/drivers/model_bus.hpp"
+#include "tests/unit/drivers/voltage_chips.hpp"
 
 namespace tactiled::test {
 
