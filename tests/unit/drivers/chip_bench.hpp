@@ -3,7 +3,9 @@
 #pragma once
 #include <cmath>
 #include <memory>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "drivers/chips/schedule.hpp"
 #include "tests/unit/drivers/capacitance_chips.hpp"
@@ -57,6 +59,13 @@ inline const std::vector<ChipKind>& chip_kinds() {
          make_model<ModelAd7746>},
     };
     return kinds;
+}
+
+// The first of that name.
+inline const ChipKind& kind_of(const std::string& name) {
+    for (const ChipKind& kind : chip_kinds())
+        if (kind.name == name) return kind;
+    throw std::out_of_range(name);
 }
 
 class ModelSelector final : public Selector {
