@@ -47,7 +47,8 @@ LIST = [
     (24, "a sample of several messages with one missing", "", "kernel: `can`, `test_a_sample_of_two_messages_of_a_dbc_file_is_whole_or_lost`"),
     (25, "stamps of the controller jump", "", "`bin/stamps`; kernel: `can_adapter`"),
     *((n, what, "", "kernel: `i2c`; `i2c_chips_test`") for n, what in (
-        (26, "no acknowledge"), (27, "stuck bus"), (28, "arbitration lost"), (30, "a chip is reset"), (31, "the adapter vanishes"), (32, "another chip at the address"), (33, "data-ready line never or always active"))),
+        (26, "no acknowledge"), (27, "stuck bus"), (28, "arbitration lost"), (30, "a chip is reset"), (31, "the adapter vanishes"), (32, "another chip at the address"))),
+    (33, "data-ready line never or always active", "", "kernel: `i2c`; `i2c_one_chip_test`"),
     (29, "all zeros", "values 0, 0, 0", value_faults.all_zeros),
     (34, "frozen", "the same values under new sequence numbers, 20 allowed", value_faults.frozen),
     (35, "a channel at its rail", "", value_faults.at_its_rail),

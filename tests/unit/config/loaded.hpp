@@ -32,4 +32,13 @@ struct Loaded {
     }
 };
 
+inline Lines errors(const std::string& text) { return Loaded(text).lines(); }
+
+// Errors of a table's lines beside a good link and a good sensor; the text's first line is line 1.
+inline Lines errors_of(const std::string& table) { return errors(table + "\n" + kLink + kSensor); }
+
+inline std::string sensor(const std::string& name, const std::string& keys) {
+    return "[[sensor]]\nname = '" + name + "'\nmodel = 'generic'\ncalibration = 'c.toml'\n" + keys;
+}
+
 }  // namespace tactiled::test

@@ -3,10 +3,14 @@
 #pragma once
 #include <cmath>
 #include <memory>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "drivers/chips/schedule.hpp"
+#include "tests/unit/drivers/capacitance_chips.hpp"
 #include "tests/unit/drivers/model_bus.hpp"
+#include "tests/unit/drivers/voltage_chips.hpp"
 
 namespace tactiled::test {
 
@@ -55,6 +59,13 @@ inline const std::vector<ChipKind>& chip_kinds() {
          make_model<ModelAd7746>},
     };
     return kinds;
+}
+
+// The first of that name.
+inline const ChipKind& kind_of(const std::string& name) {
+    for (const ChipKind& kind : chip_kinds())
+        if (kind.name == name) return kind;
+    throw std::out_of_range(name);
 }
 
 class ModelSelector final : public Selector {

@@ -2,10 +2,14 @@
 #pragma once
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <random>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "drivers/chips/bus.hpp"
-#include "tests/unit/drivers/chip_models.hpp"
+#include "tests/unit/drivers/model_chip.hpp"
 
 namespace tactiled::test {
 
