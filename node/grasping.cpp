@@ -76,7 +76,7 @@ bool Grasping::carry_out(const Command& command) noexcept {
         case Kind::zero_weight: return estimator_->zero_weight();
         case Kind::known_weight:
             if (!estimator_->known_weight(command.mass_kg)) return false;
-            scale_shown_ = true;
+            scale_shown_ = command.mass_kg > 0;
             hand_over_objects();
             return true;
         case Kind::clear_slips:

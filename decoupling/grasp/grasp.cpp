@@ -11,7 +11,6 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kLeak = 0.03;  // of the press that may read as a shear: no load
 constexpr double kNoises = 6;
 constexpr double kSteady = 0.05;                  // of the press, between its means of 10 and of 50 ms
 constexpr double kPeakTime_s = 1;                 // that a peak of the shear counts for the recommended grip
@@ -60,22 +59,26 @@ Seen Grasp::State::look() const noexcept {
     return seen;
 }
 
-void Grasp::State::act_on(tactiled_grip_state before) noexcept {
-    const auto held = [](tactiled_grip_state s) {
-        return s == TACTILED_GRIP_LIFTING || s == TACTILED_GRIP_HOLDING || s == TACTILED_GRIP_SLIPPING;
-    };
+// What a jaw reads before a lift, taken again where the press has changed since: what leaks of it, has changed, too.
+void Grasp::State::rest(std::size_t j) noexcept {
+    Jaw& jaw = jaws[j];
+    jaw.rest_press_N = jaw.quick_N.value;
+    const bool seen = !phase.resumed() && std::isfinite(contacts[j].feel().shear_N);
+    weight.rest(j, seen ? Eigen::Vector2d(jaw.quick_x_N.value, jaw.quick_y_N.value) : Eigen::Vector2d(kNaN, kNaN));
+}
+
+void Grasp::State::act_on(bool held_before) noexcept {
     const tactiled_grip_state now = phase.now();
-    const bool goes_on = held(before) || (phase.kept() && !phase.resumed());
-    if (now == TACTILED_GRIP_GRASPED && before != now && !goes_on) {
-        for (std::size_t j = 0; j < jaws.size(); ++j) {
-            Jaw& jaw = jaws[j];
-            const Eigen::Vector2d clamped_N(jaw.quick_x_N.value, jaw.quick_y_N.value);
-            jaw.clamped_x_N = phase.resumed() ? 0 : clamped_N.x();  // 0: all shear counts as load
-            jaw.clamped_y_N = phase.resumed() ? 0 : clamped_N.y();
-            weight.rest(j, phase.resumed() ? Eigen::Vector2d(NAN, NAN) : clamped_N);
-            jaw.slip.begin_grasp();
-        }
+    const bool goes_on = held_before || (phase.kept() && !phase.resumed());
+    for (std::size_t j = 0; phase.holds() && !goes_on && j < jaws.size(); ++j) {
+        Jaw& jaw = jaws[j];
+        jaw.clamped_x_N = phase.resumed() ? 0 : jaw.quick_x_N.value;  // 0: all shear counts as load
+        jaw.clamped_y_N = phase.resumed() ? 0 : jaw.quick_y_N.value;
+        jaw.slip.begin_grasp();
+        rest(j);
     }
+    for (std::size_t j = 0; now == TACTILED_GRIP_GRASPED && !loaded_before && j < jaws.size(); ++j)
+        if (std::abs(jaws[j].quick_N.value - jaws[j].rest_press_N) > kSteady * jaws[j].rest_press_N) rest(j);
     if (now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST) weight.no_tare();
     forced &= phase.holds();
     stopped &= phase.hangs();
@@ -123,11 +126,11 @@ void Grasp::State::take(std::size_t j, const JawSample& as_it_came) noexcept {
         }
         weight.take(j, feel);
     }
-    const tactiled_grip_state before = phase.now();
+    const bool held_before = phase.holds();
     const Seen seen = look();
     loaded_before = seen.loaded;
     phase.step(seen, hint);
-    act_on(before);
+    act_on(held_before);
     weight.judge(contacts, t_ns);
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
@@ -13,6 +14,7 @@
 namespace tactiled::grasp {
 
 inline constexpr std::size_t kMostJaws = 8;
+inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 using Vector = std::array<double, 3>;
 
 // One jaw that carries a sensor. Its skin's frame S is turned against the gripper's frame G (z out of the palm, the
@@ -23,6 +25,8 @@ struct JawSetup {
     double share = 0;  // of the object's weight that this jaw carries; 0: all jaws of the gripper alike
     double contact_on_N = 0.5, contact_off_N = 0.3;  // of the press; widened to the noise that the free phase shows
     double full_scale_N[3] = {0, 0, 0};              // beyond it a weight is OVERLOAD; 0 = not known
+    bool errs_by_gain = false;  // what its calibration leaves is a smooth curve through 0, as measured for hairs: one known
+                                // weight corrects most of it
 
     bool operator==(const JawSetup&) const = default;
 };
@@ -85,7 +89,8 @@ public:
     bool stop_weighing() noexcept;
     bool zero_weight() noexcept;  // what hangs now, stable, is no object: tare, until this grasp ends
     // What hangs now, stable and but for the share's deviation known to 5 %, weighs this: sets the scale of the shares.
-    // Before its lift it was gripped and read as no more than 5 % of it. 0, at any time: the scale is forgotten.
+    // Before its lift it was gripped and read as no more than 5 % of it, and there is no tare. 0, at any time: the scale is
+    // forgotten.
     bool known_weight(double mass_kg) noexcept;
     void clear_slips(std::uint32_t sensor_mask) noexcept;
     void slip_sensitivity(double zero_to_one) noexcept;

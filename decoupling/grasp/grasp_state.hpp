@@ -27,6 +27,7 @@ struct Grasp::State {
         Low quick_N{}, slow_N{};                  // press
         Low quick_x_N{}, quick_y_N{};             // shear over 10 ms
         double clamped_x_N = 0, clamped_y_N = 0;  // when it was grasped
+        double rest_press_N = 0;                  // at which it was looked at before a lift
         double peak_shear_N = 0;
         std::uint32_t seen_slips = 0;
         std::uint64_t t_ns = 0, ahead_ns = 0;  // ahead: the last stamp that was not believed; 0 = none
@@ -44,7 +45,8 @@ struct Grasp::State {
     void follow(std::size_t j) noexcept;
     [[nodiscard]] Seen look() const noexcept;
     [[nodiscard]] bool loaded(std::size_t j) const noexcept;
-    void act_on(tactiled_grip_state before) noexcept;
+    void rest(std::size_t j) noexcept;
+    void act_on(bool held_before) noexcept;
 
     Setup setup;
     std::vector<Jaw> jaws;

@@ -1,16 +1,11 @@
 // The record of shared memory, from the estimator's state.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "decoupling/grasp/grasp_state.hpp"
 
 namespace tactiled::grasp {
-namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
+namespace {}  // namespace
 
 tactiled_grasp Grasp::state() const noexcept {
     const State& s = *state_;

@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t kLook_ns = 7'000'000;  // static to kinetic takes some 5 ms; vibration below 60 Hz longer
 constexpr std::uint64_t kStep_ns = 900'000;    // points are 1 ms apart or more: a fall between two is as large at any rate
 constexpr std::uint64_t kGoesOn_ns = 60'000'000;  // so long without another fall: it holds again

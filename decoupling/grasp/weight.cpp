@@ -8,7 +8,6 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
 constexpr double kObservable = 0.3;  // of the weight must be tangential: gravity 17 degrees out of the skin's normal
 constexpr double kNoPart = 1e-6;     // of an axis: rounding of a rotation
@@ -28,6 +27,7 @@ Weight::Weight(const Setup& setup)
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c) jaws_[j].S_from_G(r, c) = s.S_from_G[std::size_t(r)][std::size_t(c)];
         contact_N_ += s.contact_off_N;
+        jaws_[j].errs_by_gain = s.errs_by_gain;
         jaws_[j].share = s.share > 0 ? s.share : 1 / double(n_all_);
     }
     window(setup.weigh_window_ms);
@@ -130,7 +130,7 @@ void Weight::close_block(std::uint64_t now_ns) noexcept {
 }
 
 bool Weight::zero() noexcept {
-    if (now_.state != TACTILED_WEIGHT_STABLE) return false;
+    if (now_.state != TACTILED_WEIGHT_STABLE || !held_known_) return false;
     tare_kg_ = held_kg_;
     now_.mass_kg = 0;
     return true;
@@ -140,9 +140,11 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     if (mass_kg == 0) {
         rescale(1 / scale_);
         check_ = {};
+        if (now_.state == TACTILED_WEIGHT_STABLE) now_.state = TACTILED_WEIGHT_ESTIMATING;  // its deviation was of the scale
         return true;
     }
-    if (now_.state != TACTILED_WEIGHT_STABLE || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
+    if (now_.state != TACTILED_WEIGHT_STABLE || !held_known_ || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
+    if (tare_kg_ != 0) return false;  // what leaks would be in the tare and not in the scale
     const double factor = mass_kg / now_.mass_kg;
     if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
     // The share's deviation is what it corrects; the rest goes into every weight from now on.
@@ -152,7 +154,7 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     check_ = {.done = true,
               .mass_kg = mass_kg,
               .rest_kg = rest_kg(),
-              .sd = std::hypot(held_sd_kg_, zeros_kg(jaws)) / std::abs(held_kg_)};
+              .sd = std::hypot(std::hypot(held_sd_kg_, zeros_kg(jaws)) / held_kg_, tilt_ * kDown_rad)};
     return true;
 }
 

@@ -14,6 +14,9 @@ struct Weighed {
     std::uint64_t lift_off_ns = 0;  // when the load first came to nine tenths of this; 0 = not known
 };
 
+inline constexpr double kLeak = 0.03;      // of the press that may read as a shear
+inline constexpr double kDown_rad = 0.01;  // how well gravity's direction is known
+
 class Weight {
 public:
     explicit Weight(const Setup& setup);
@@ -24,8 +27,8 @@ public:
 
     // One more sample of a jaw. rt: wait-free
     void take(std::size_t jaw, const Feel& feel) noexcept;
-    // Tangential force of a jaw at rest in the grip, before the lift, frame S, N; NaN: not seen. It is a leak of the press
-    // or a force that the lift takes away: no part of a weight, and what it may be off. rt: wait-free
+    // Tangential force of a jaw at rest in the grip, before the lift, frame S, N; NaN: not seen. A leak of the press, which
+    // the weight has in it, or a force that the lift takes away: the deviation has it. rt: wait-free
     void rest(std::size_t jaw, const Eigen::Vector2d& force_S_N) noexcept { jaws_[jaw].rest_S_N = force_S_N; }
     // A lift begins: weighs from now on. rt: wait-free
     void begin(std::uint64_t t_ns) noexcept;
@@ -38,6 +41,7 @@ public:
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
     bool zero() noexcept;  // what hangs, stable, is tare
     void no_tare() noexcept { tare_kg_ = 0; }
+    // As Grasp::known_weight(). rt: wait-free
     bool known(double mass_kg, std::span<const Contact> jaws) noexcept;
 
 private:
@@ -66,6 +70,7 @@ private:
     [[nodiscard]] double share_sd() const noexcept;
     [[nodiscard]] double rest_kg() const noexcept;
     [[nodiscard]] double zeros_kg(std::span<const Contact> jaws) const noexcept;
+    [[nodiscard]] double leaks_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] double sensors_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] bool sure(double mass_kg, double sd_kg) const noexcept;
     [[nodiscard]] double newest_departs_kg() const noexcept;
@@ -80,7 +85,8 @@ private:
         double carries_m_s2 = 0;  // force along the axis a kg of the object
         double sum_N = 0, last_N = 0;
         int n = 0;
-        Eigen::Vector2d rest_S_N{0, 0};
+        Eigen::Vector2d rest_S_N{kNaN, kNaN};
+        bool errs_by_gain = false;
         std::uint64_t t_ns = 0;  // of the newest sample
         bool overload = false;   // in a sample of this block
         bool blind = false;      // the newest sample says nothing along the axis
@@ -110,7 +116,7 @@ private:
     struct {
         bool done = false;
         double mass_kg = 0, rest_kg = 0;
-        double sd = 0;  // of the scale, as a part of it, but for the sensors' and the share's
+        double sd = 0;  // of the scale, as a part of it: scatter, zeros and gravity's direction
     } check_;
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;

@@ -1,4 +1,4 @@
-// tactilectl weigh start|stop|zero|known: what a PLC can command of the weight, acknowledged by the daemon.
+// tactilectl weigh start|stop|zero|known|forget: what a PLC can command of the weight, acknowledged by the daemon.
 #include <fmt/format.h>
 
 #include <memory>
@@ -60,7 +60,10 @@ void add_weigh(CLI::App& app, Run& run) {
     add("start", "Weighs from now on, whatever the grasp thinks of a lift");
     add("stop", "Stops weighing");
     add("zero", "What hangs now is no object: tare");
-    add("known", "What hangs now, stable, weighs MASS: sets the scale")
+    add("forget", "Forgets the scale that a known weight has set");
+    add("known",
+        "What hangs now, stable and without a tare, weighs MASS and read as no more than 5 % of it in the grip "
+        "before its lift: sets the scale")
         ->add_option("mass", wish->mass_kg, "its mass in kg")
         ->required()
         ->check(CLI::Range(1e-6, 1000.0));

@@ -64,14 +64,17 @@ std::vector<Outcome> from_clamped(std::vector<Outcome> outcomes) {
 // What a press leaks: shear along the axis that jaw 1 reads in the grip, before a lift, where there is none.
 void print_leak(const std::vector<Outcome>& outcomes) {
     double sum_N = 0, squares_N2 = 0;
+    std::size_t n = 0;
     for (const Outcome& o : outcomes) {
+        if (o.sensed != 1) continue;
+        ++n;
         const double leak_N = o.clamped_leak * o.mass_kg * 9.80665 / 3;
         sum_N += leak_N;
         squares_N2 += leak_N * leak_N;
     }
-    const double n = double(outcomes.size()), mean_N = sum_N / n;
+    const double mean_N = sum_N / double(n);
     fmt::print("shear before the lift {:+.2f} mN, sd {:.2f}\n", 1e3 * mean_N,
-               1e3 * std::sqrt(squares_N2 / n - mean_N * mean_N));
+               1e3 * std::sqrt(squares_N2 / double(n) - mean_N * mean_N));
 }
 
 void print_weigh(int sessions, std::uint64_t seed) {

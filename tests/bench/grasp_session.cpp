@@ -144,7 +144,7 @@ grasp::Setup setup_of(std::size_t sensed, const Conditions& c) {
     setup.weigh_window_ms = c.window_ms;
     setup.lift_accelerates_ms = 150;  // what Conditions::accelerates_s begins with
     for (std::size_t j = 0; j < sensed; ++j) {
-        grasp::JawSetup jaw;
+        grasp::JawSetup jaw{.errs_by_gain = true};
         jaw.sensor = std::uint32_t(j);
         jaw.S_from_G = frame_of(j);
         jaw.contact_on_N = 0.02;
@@ -318,6 +318,7 @@ std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& mass
                 now[0].clamped_leak == 0)  // scaled as the weight is, but for the known weight: of a second order
                 now[0].clamped_leak = -(jaws[0].samples[at].force_S_N[1] - zero_N[0]) / (plan.mass_kg * g / kJaws);
         }
+        if (plan.object == SIZE_MAX && p > 0 && !known) throw std::runtime_error("a known weight was refused");
         if (plan.object == SIZE_MAX) continue;
         outcomes.insert(outcomes.end(), now.begin(), now.end());
     }

@@ -26,6 +26,12 @@ inline Setup two_jaws() {
     return s;
 }
 
+inline Setup hairs() {
+    Setup setup = two_jaws();
+    for (JawSetup& jaw : setup.jaws) jaw.errs_by_gain = true;
+    return setup;
+}
+
 class Hand {
 public:
     explicit Hand(const Setup& setup = two_jaws()) : grasp(setup), jaws_(setup.jaws.size()) {}

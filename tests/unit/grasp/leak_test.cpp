@@ -1,0 +1,62 @@
+// What a press leaks into the shear: the weight has it in it, and the deviation says so.
+#include "tests/unit/grasp/hand.hpp"
+
+namespace tactiled::grasp {
+namespace {
+
+// What a press of 2 N leaks, of the press: 0.4 %, 0.8 g of two jaws.
+void leak(Hand& hand, double part) {
+    hand.spoil = [=](std::size_t, JawSample& s) {
+        s.force_S_N[1] -= part * std::max(0.0, -s.force_S_N[2]);
+        s.sd_N = {0.002, 0.002, 0.002};
+    };
+}
+
+TEST(Leak, IsInTheDeviationWithoutAKnownWeight) {
+    Hand hand;
+    leak(hand, 0.004);
+    hand.close().lift(0.1);
+    EXPECT_NEAR(hand.now().weight_kg - 0.1, 0.0016, 0.0002);
+    EXPECT_GT(hand.now().weight_sd_kg, 0.0015);
+}
+
+TEST(Leak, OfASlowClosingIsThatOfItsEnd) {
+    Hand hand(hairs());
+    leak(hand, 0.004);
+    hand.go(0.5, 0, 0).go(3, 2, 0).stay(0.2).lift(0.05);
+    ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_GT(hand.now().weight_sd_kg, hand.now().weight_kg - 0.05);
+}
+
+TEST(Leak, OfAGripThatWasSqueezedHarderIsThatOfTheEnd) {
+    Hand hand(hairs());
+    leak(hand, 0.03);
+    hand.go(0.5, 0, 0).go(0.2, 0.7, 0).stay(0.3).go(0.5, 4, 0).stay(0.3).lift(0.2);
+    ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_GT(hand.now().weight_sd_kg, 0.02);
+    EXPECT_FALSE(hand.grasp.known_weight(0.2));
+}
+
+TEST(Leak, OfWhatWasPutDownAndSqueezedIsThatOfTheEnd) {
+    Hand hand(hairs());
+    leak(hand, 0.004);
+    hand.go(0.5, 0, 0).go(0.2, 0.6, 0).stay(0.3).lift(0.05).go(0.2, 0.6, 0).stay(0.3);
+    ASSERT_EQ(hand.now().state, TACTILED_GRIP_GRASPED);
+    hand.go(0.3, 4, 0).stay(0.3).go(0.15, 4, 0.05 * kG / 2).stay(0.4);
+    ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_GT(hand.now().weight_sd_kg, 0.95 * (hand.now().weight_kg - 0.05));
+}
+
+TEST(Leak, IsLookedAtWhereAGraspBeginsWithASlip) {
+    Hand hand(hairs());
+    leak(hand, 0);
+    hand.go(0.5, 0, 0).go(0.1, 2, 0.6);
+    hand.grasp.hint(Hint::closed);
+    hand.go(0.004, 2, 0.1).stay(0.3);
+    hand.lift(0.2);
+    ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
+    EXPECT_GT(hand.now().weight_sd_kg, 0.01);
+}
+
+}  // namespace
+}  // namespace tactiled::grasp
