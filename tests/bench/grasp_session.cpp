@@ -318,7 +318,8 @@ std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& mass
                 now[0].clamped_leak == 0)  // scaled as the weight is, but for the known weight: of a second order
                 now[0].clamped_leak = -(jaws[0].samples[at].force_S_N[1] - zero_N[0]) / (plan.mass_kg * g / kJaws);
         }
-        if (plan.object == SIZE_MAX && p > 0 && !known) throw std::runtime_error("a known weight was refused");
+        if (plan.object == SIZE_MAX && p > 0 && !known && !c.ignore_domain)
+            throw std::runtime_error("a known weight was refused");
         if (plan.object == SIZE_MAX) continue;
         outcomes.insert(outcomes.end(), now.begin(), now.end());
     }
