@@ -184,7 +184,7 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPl
                 const float full_scale_N = plan.sensors[i].full_scale[c];
                 if (std::isfinite(full_scale_N)) entry.full_scale_N[c] = double(full_scale_N);
             }
-            entry.errs_by_gain = sensor.model == "hair";
+            entry.errs_by_gain = sensor.model == "hair" && std::string_view(plan.sensors[i].method) == "matrix";
             setup.estimator.jaws.push_back(entry);
         }
     setup.estimator.jaws_of_gripper = unsigned(settings.jaws_of_gripper);

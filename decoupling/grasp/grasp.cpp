@@ -12,6 +12,7 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr double kNoises = 6;
+constexpr std::uint64_t kBeforeLift_ns = 100'000'000;
 constexpr double kSteady = 0.05;                  // of the press, between its means of 10 and of 50 ms
 constexpr double kPeakTime_s = 1;                 // that a peak of the shear counts for the recommended grip
 constexpr std::uint64_t kAhead_ns = 500'000'000;  // a stamp that jumps by more is believed when the next one says so too
@@ -25,9 +26,9 @@ void Grasp::State::follow(std::size_t j) noexcept {
     jaw.t_ns = feel.t_ns;
     jaw.quick_N.take(feel.press_N, elapsed_s, 0.01);
     jaw.slow_N.take(feel.press_N, elapsed_s, 0.05);
+    if (std::isfinite(feel.force_S_N.x())) jaw.quick_x_N.take(feel.force_S_N.x(), elapsed_s, 0.01);
+    if (std::isfinite(feel.force_S_N.y())) jaw.quick_y_N.take(feel.force_S_N.y(), elapsed_s, 0.01);
     if (!std::isfinite(feel.shear_N)) return;
-    jaw.quick_x_N.take(feel.force_S_N.x(), elapsed_s, 0.01);
-    jaw.quick_y_N.take(feel.force_S_N.y(), elapsed_s, 0.01);
     jaw.peak_shear_N = std::max(feel.shear_N, jaw.peak_shear_N * std::exp(-elapsed_s / kPeakTime_s));
 }
 
@@ -59,26 +60,52 @@ Seen Grasp::State::look() const noexcept {
     return seen;
 }
 
-// What a jaw reads before a lift, taken again where the press has changed since: what leaks of it, has changed, too.
-void Grasp::State::rest(std::size_t j) noexcept {
-    Jaw& jaw = jaws[j];
-    jaw.rest_press_N = jaw.quick_N.value;
-    const bool seen = !phase.resumed() && std::isfinite(contacts[j].feel().shear_N);
-    weight.rest(j, seen ? Eigen::Vector2d(jaw.quick_x_N.value, jaw.quick_y_N.value) : Eigen::Vector2d(kNaN, kNaN));
+// What a jaw reads in the grip. rt: wait-free
+Rest Grasp::State::rest(std::size_t j) const noexcept {
+    const Jaw& jaw = jaws[j];
+    const Eigen::Vector3d& force_S_N = contacts[j].feel().force_S_N;
+    const auto seen = [&](int axis, const Low& mean) {
+        return phase.resumed() || !std::isfinite(force_S_N[axis]) ? kNaN : mean.value;
+    };
+    return {{seen(0, jaw.quick_x_N), seen(1, jaw.quick_y_N)}, jaw.quick_N.value};
 }
 
-void Grasp::State::act_on(bool held_before) noexcept {
-    const tactiled_grip_state now = phase.now();
-    const bool goes_on = held_before || (phase.kept() && !phase.resumed());
-    for (std::size_t j = 0; phase.holds() && !goes_on && j < jaws.size(); ++j) {
+// A grasp begins; with a slip, when that is over.
+void Grasp::State::begin_grasp() noexcept {
+    begun = phase.now() != TACTILED_GRIP_SLIPPING;
+    rest_ns = 0;
+    for (std::size_t j = 0; j < jaws.size(); ++j) {
         Jaw& jaw = jaws[j];
         jaw.clamped_x_N = phase.resumed() ? 0 : jaw.quick_x_N.value;  // 0: all shear counts as load
         jaw.clamped_y_N = phase.resumed() ? 0 : jaw.quick_y_N.value;
-        jaw.slip.begin_grasp();
-        rest(j);
+        if (begun) jaw.slip.begin_grasp();
+        weight.rest(j, rest(j));
     }
-    for (std::size_t j = 0; now == TACTILED_GRIP_GRASPED && !loaded_before && j < jaws.size(); ++j)
-        if (std::abs(jaws[j].quick_N.value - jaws[j].rest_press_N) > kSteady * jaws[j].rest_press_N) rest(j);
+}
+
+// The rest before a lift is what was read at least kBeforeLift_ns before a load was seen: not the lift's own beginning.
+void Grasp::State::follow_rest() noexcept {
+    if (phase.now() != TACTILED_GRIP_GRASPED || loaded_before || forced) {
+        rest_ns = 0;
+        return;
+    }
+    if (rest_ns != 0 && t_ns < rest_ns + kBeforeLift_ns) return;
+    for (std::size_t j = 0; j < jaws.size(); ++j) {
+        if (rest_ns != 0) weight.rest(j, jaws[j].rest);
+        jaws[j].rest = rest(j);
+    }
+    rest_ns = t_ns;
+}
+
+void Grasp::State::act_on() noexcept {
+    const tactiled_grip_state now = phase.now();
+    if (!phase.holds())
+        begun = false;
+    else if (!begun && phase.kept() && !phase.resumed())
+        begun = true;  // it goes on
+    else if (!begun)
+        begin_grasp();
+    follow_rest();
     if (now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST) weight.no_tare();
     forced &= phase.holds();
     stopped &= phase.hangs();
@@ -126,11 +153,10 @@ void Grasp::State::take(std::size_t j, const JawSample& as_it_came) noexcept {
         }
         weight.take(j, feel);
     }
-    const bool held_before = phase.holds();
     const Seen seen = look();
     loaded_before = seen.loaded;
     phase.step(seen, hint);
-    act_on(held_before);
+    act_on();
     weight.judge(contacts, t_ns);
 }
 

@@ -27,7 +27,7 @@ struct Grasp::State {
         Low quick_N{}, slow_N{};                  // press
         Low quick_x_N{}, quick_y_N{};             // shear over 10 ms
         double clamped_x_N = 0, clamped_y_N = 0;  // when it was grasped
-        double rest_press_N = 0;                  // at which it was looked at before a lift
+        Rest rest{};                              // at rest_ns
         double peak_shear_N = 0;
         std::uint32_t seen_slips = 0;
         std::uint64_t t_ns = 0, ahead_ns = 0;  // ahead: the last stamp that was not believed; 0 = none
@@ -45,8 +45,10 @@ struct Grasp::State {
     void follow(std::size_t j) noexcept;
     [[nodiscard]] Seen look() const noexcept;
     [[nodiscard]] bool loaded(std::size_t j) const noexcept;
-    void rest(std::size_t j) noexcept;
-    void act_on(bool held_before) noexcept;
+    [[nodiscard]] Rest rest(std::size_t j) const noexcept;
+    void begin_grasp() noexcept;
+    void follow_rest() noexcept;
+    void act_on() noexcept;
 
     Setup setup;
     std::vector<Jaw> jaws;
@@ -57,6 +59,8 @@ struct Grasp::State {
     Hint hint = Hint::none;
     bool forced = false, stopped = false;  // weighing, or not, because a command said so
     bool loaded_before = false;
+    bool begun = false;         // this grasp
+    std::uint64_t rest_ns = 0;  // 0: not at rest
     std::uint64_t t_ns = 0, lift_off_ns = 0;
     std::uint32_t slips = 0, latch = 0;
 };

@@ -5,7 +5,6 @@
 #include "decoupling/grasp/grasp_state.hpp"
 
 namespace tactiled::grasp {
-namespace {}  // namespace
 
 tactiled_grasp Grasp::state() const noexcept {
     const State& s = *state_;

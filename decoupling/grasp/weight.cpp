@@ -10,7 +10,6 @@ namespace {
 
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
 constexpr double kObservable = 0.3;  // of the weight must be tangential: gravity 17 degrees out of the skin's normal
-constexpr double kNoPart = 1e-6;     // of an axis: rounding of a rotation
 constexpr double kKnownSure = 0.05;  // of a known weight: the scale cannot be set by noise
 
 }  // namespace
@@ -149,11 +148,14 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
     // The share's deviation is what it corrects; the rest goes into every weight from now on.
     if (now_.sd_kg > std::hypot(kKnownSure * now_.mass_kg, held_kg_ * share_sd())) return false;
-    if (!(std::abs(rest_kg()) <= kKnownSure * now_.mass_kg)) return false;  // a force that may still be there; NaN: not seen
+    if (!(std::abs(rest_kg(jaws)) <= kKnownSure * now_.mass_kg))
+        return false;  // a force that may still be there; NaN: not seen
     rescale(factor);
     check_ = {.done = true,
               .mass_kg = mass_kg,
-              .rest_kg = rest_kg(),
+              .rest_kg = rest_kg(jaws),
+              .was_force = std::abs(rest_kg(jaws)) > most_leak_kg(jaws),
+              .carrying = carrying(),
               .sd = std::hypot(std::hypot(held_sd_kg_, zeros_kg(jaws)) / held_kg_, tilt_ * kDown_rad)};
     return true;
 }

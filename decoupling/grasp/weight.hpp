@@ -14,8 +14,16 @@ struct Weighed {
     std::uint64_t lift_off_ns = 0;  // when the load first came to nine tenths of this; 0 = not known
 };
 
+inline constexpr double kNoPart = 1e-6;    // of an axis: rounding of a rotation
 inline constexpr double kLeak = 0.03;      // of the press that may read as a shear
 inline constexpr double kDown_rad = 0.01;  // how well gravity's direction is known
+
+// What a jaw reads in the grip before the lift. A leak of the press, which the weight has in it, or a force that the lift
+// takes away: the deviation has it.
+struct Rest {
+    Eigen::Vector2d force_S_N{kNaN, kNaN};  // tangential; NaN: not seen
+    double press_N = 0;
+};
 
 class Weight {
 public:
@@ -27,9 +35,8 @@ public:
 
     // One more sample of a jaw. rt: wait-free
     void take(std::size_t jaw, const Feel& feel) noexcept;
-    // Tangential force of a jaw at rest in the grip, before the lift, frame S, N; NaN: not seen. A leak of the press, which
-    // the weight has in it, or a force that the lift takes away: the deviation has it. rt: wait-free
-    void rest(std::size_t jaw, const Eigen::Vector2d& force_S_N) noexcept { jaws_[jaw].rest_S_N = force_S_N; }
+    // rt: wait-free
+    void rest(std::size_t jaw, const Rest& rest) noexcept { jaws_[jaw].rest = rest; }
     // A lift begins: weighs from now on. rt: wait-free
     void begin(std::uint64_t t_ns) noexcept;
     void end() noexcept;
@@ -68,7 +75,9 @@ private:
     [[nodiscard]] const Block& block(std::size_t back) const noexcept;
     [[nodiscard]] Mean mean_since(std::uint64_t from_ns) const noexcept;
     [[nodiscard]] double share_sd() const noexcept;
-    [[nodiscard]] double rest_kg() const noexcept;
+    [[nodiscard]] double rest_kg(std::span<const Contact> jaws) const noexcept;
+    [[nodiscard]] double most_leak_kg(std::span<const Contact> jaws) const noexcept;
+    [[nodiscard]] std::uint32_t carrying() const noexcept;
     [[nodiscard]] double zeros_kg(std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] double leaks_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] double sensors_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
@@ -85,7 +94,7 @@ private:
         double carries_m_s2 = 0;  // force along the axis a kg of the object
         double sum_N = 0, last_N = 0;
         int n = 0;
-        Eigen::Vector2d rest_S_N{kNaN, kNaN};
+        Rest rest;
         bool errs_by_gain = false;
         std::uint64_t t_ns = 0;  // of the newest sample
         bool overload = false;   // in a sample of this block
@@ -116,7 +125,9 @@ private:
     struct {
         bool done = false;
         double mass_kg = 0, rest_kg = 0;
-        double sd = 0;  // of the scale, as a part of it: scatter, zeros and gravity's direction
+        bool was_force = false;      // rest_kg: more than a leak can be
+        std::uint32_t carrying = 0;  // a bit a jaw
+        double sd = 0;               // of the scale, as a part of it: scatter, zeros and gravity's direction
     } check_;
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;

@@ -1,5 +1,6 @@
 // Whether what hangs is a weight already, and how far off it may be.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 
@@ -66,12 +67,17 @@ std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
     return forgotten ? now_.lift_off_ns : first_ns;
 }
 
+std::uint32_t Weight::carrying() const noexcept {
+    std::uint32_t mask = 0;
+    for (std::size_t j = 0; j < n_jaws_; ++j) mask |= std::uint32_t(jaws_[j].carries_m_s2 > 0) << j;
+    return mask;
+}
+
 // Of n jaws that carry of all, each an equal share but for share_sd_: what their sum is off. The known weight's grasp was
-// no better.
+// no better, and of other jaws it said nothing.
 double Weight::share_sd() const noexcept {
-    const auto n = double(std::count_if(jaws_.begin(), jaws_.begin() + std::ptrdiff_t(n_jaws_),
-                                        [](const Jaw&jaw) { return jaw.carries_m_s2 > 0; })),
-               all = double(n_all_);
+    const auto n = double(std::popcount(carrying())), all = double(n_all_);
+    if (check_.done && carrying() != check_.carrying) return kUnchecked;
     if (n == all) return 0;
     return check_.done ? share_sd_ * std::sqrt(2 * (all - n) / (all * n)) : kUnchecked;
 }
@@ -81,12 +87,24 @@ bool Weight::sure(double mass_kg, double sd_kg) const noexcept {
     return sd_kg <= kSure * std::max(std::abs(mass_kg), contact_N_ / gravity_G_.norm());  // false for NaN
 }
 
-// What read as a weight before the lift; NaN where it was not seen.
-double Weight::rest_kg() const noexcept {
+// What read as a weight before the lift, as much more as the press has grown since; NaN where it was not seen.
+double Weight::rest_kg(std::span<const Contact> jaws) const noexcept {
     double force_N = 0;
-    for (std::size_t j = 0; j < n_jaws_; ++j)
-        if (jaws_[j].carries_m_s2 > 0) force_N += jaws_[j].axis_S.head<2>().dot(jaws_[j].rest_S_N);
+    for (std::size_t j = 0; j < n_jaws_; ++j) {
+        const Jaw& jaw = jaws_[j];
+        if (jaw.carries_m_s2 <= 0) continue;
+        const double grown = std::max(1.0, jaws[j].feel().press_N / jaw.rest.press_N);
+        for (int k = 0; k < 2; ++k)
+            if (std::abs(jaw.axis_S[k]) > kNoPart) force_N += grown * jaw.axis_S[k] * jaw.rest.force_S_N[k];
+    }
     return scale_ * force_N / carries_;
+}
+
+double Weight::most_leak_kg(std::span<const Contact> jaws) const noexcept {
+    double most_N = 0;
+    for (std::size_t j = 0; j < n_jaws_; ++j)
+        if (jaws_[j].carries_m_s2 > 0) most_N += kLeak * std::max(0.0, jaws[j].feel().press_N);
+    return scale_ * most_N / carries_;
 }
 
 double Weight::zeros_kg(std::span<const Contact> jaws) const noexcept {
@@ -114,19 +132,17 @@ double Weight::sensors_kg(double mass_kg, std::span<const Contact> jaws) const n
     const double all_kg = scale_ / carries_ * std::sqrt((1 - kAlike) * squares_N2 + kAlike * square(sum_N));
     if (!check_.done) return all_kg;
     const double u = std::abs(mass_kg) / check_.mass_kg;
-    if (!by_gain) return std::max(kLeftOfOthers, u - kLeftOfOthers) * all_kg;
+    if (!by_gain) return std::max(kLeftOfOthers, u < 1 ? 1 - u : u - kLeftOfOthers) * all_kg;
     return std::hypot(kLeftByCheck, kOffCheck * (u < 1 ? u * (1 - u) : u - 1)) * all_kg;
 }
 
 // What was read before the lift may be a leak of the press: then the weight has it in it, but for what a known weight's
 // scale took of it. More than a leak can be is a force, and there may be a leak under it.
 double Weight::leaks_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
-    double most_N = 0;
-    for (std::size_t j = 0; j < n_jaws_; ++j)
-        if (jaws_[j].carries_m_s2 > 0) most_N += kLeak * std::max(0.0, jaws[j].feel().press_N);
-    const double now_kg = rest_kg(), most_kg = scale_ * most_N / carries_;
+    const double now_kg = rest_kg(jaws), most_kg = most_leak_kg(jaws);
     const double then_kg = check_.done ? std::abs(mass_kg) / check_.mass_kg * check_.rest_kg : 0;
-    return std::abs(now_kg) <= most_kg ? std::abs(now_kg - then_kg) : most_kg + std::abs(then_kg);
+    if (std::abs(now_kg) <= most_kg && !check_.was_force) return std::abs(now_kg - then_kg);
+    return (std::abs(now_kg) <= most_kg ? std::abs(now_kg) : most_kg) + std::abs(then_kg);  // false for NaN
 }
 
 double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {

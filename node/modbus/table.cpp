@@ -149,9 +149,9 @@ constexpr Register kControl[] = {
      Type::u16,
      "1 g",
      "what hangs now, stable and without a tare, weighs this, and read as no more than 5 % of it in the grip before its "
-     "lift: "
-     "sets the scale of WEIGHT until the daemon ends. Only objects that were taught "
-     "with a scale that was set are told then, and without one only the others; reads 0",
+     "lift: sets the scale of WEIGHT until the daemon ends, [grasp] is reloaded, or `tactilectl weigh forget`; 0 does "
+     "nothing. Only objects that were taught with a scale that was set are told then, and without one only the others; "
+     "reads 0",
      {0, 65534}},
     {kPlcHeartbeat, "PLC_HEARTBEAT", Type::count, "", "any changing value", kAny},
     {kPlcWatchdog,
