@@ -112,7 +112,8 @@ int teach(Segment& segment, const std::string& path, const Wish& wish) {
     if (weighings.size() < wish.count) return kUnhealthy;
     for (const Weighing& w : weighings)
         if (w.scaled != weighings.front().scaled)
-            return fail(kUnhealthy, "the scale was set in between (tactilectl weigh known or forget, or a restart): nothing stored");
+            return fail(kUnhealthy,
+                        "the scale was set in between (tactilectl weigh known or forget, or a restart): nothing stored");
     const ObjectsLock lock(path);
     before = taught_in(path);  // others may have been taught meanwhile
     known = find_object(before, wish.name);
