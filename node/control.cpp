@@ -57,9 +57,9 @@ std::optional<Command> weigh_command(const std::string& word) {
                    : word == "stop" ? Command::Kind::stop_weighing
                    : word == "zero" ? Command::Kind::zero_weight
                                     : Command::Kind::known_weight;
-    if (word == "forget") command.mass_kg = 0;
     const bool mass = !word.empty() && *end == 0 && std::isfinite(command.mass_kg) && command.mass_kg > 0;
-    if (command.kind == Command::Kind::known_weight && !mass && word != "forget") return std::nullopt;
+    const bool known = word == "forget" || mass;  // what is no number reads as 0 kg, which forgets
+    if (command.kind == Command::Kind::known_weight && !known) return std::nullopt;
     return command;
 }
 

@@ -12,9 +12,9 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr double kNoises = 6;
-constexpr std::uint64_t kBeforeLift_ns = 100'000'000;
-constexpr double kSteady = 0.05;                  // of the press, between its means of 10 and of 50 ms
-constexpr double kPeakTime_s = 1;                 // that a peak of the shear counts for the recommended grip
+constexpr std::uint64_t kBeforeLift_ns = 100'000'000;  // so long before a load is seen it may have begun
+constexpr double kSteady = 0.05;                       // of the press, between its means of 10 and of 50 ms
+constexpr double kPeakTime_s = 1;                      // that a peak of the shear counts for the recommended grip
 constexpr std::uint64_t kAhead_ns = 500'000'000;  // a stamp that jumps by more is believed when the next one says so too
 
 }  // namespace
