@@ -16,6 +16,7 @@ constexpr std::uint8_t kReset = 0x06, kStart = 0x08, kReadData = 0x10, kReadRegi
 constexpr std::uint8_t kTurbo = 0x10, kContinuous = 0x08, kNoPga = 0x01, kReady = 0x80, kCounter = 0x40, kCrc16 = 0x20;
 constexpr std::uint32_t kResetUs = 1000;
 constexpr unsigned kRates_Hz[] = {20, 45, 90, 175, 330, 600, 1000};
+constexpr unsigned kWithCounter = 2;  // the register that says whether counter and CRC are sent
 constexpr unsigned kSingleEnded = 8;  // the first of those inputs
 const std::vector<std::string> kInputs{"AIN0-AIN1", "AIN0-AIN2", "AIN0-AIN3", "AIN1-AIN0", "AIN1-AIN2", "AIN1-AIN3",
                                        "AIN2-AIN3", "AIN3-AIN2", "AIN0",      "AIN1",      "AIN2",      "AIN3"};
@@ -46,14 +47,14 @@ public:
         const unsigned vref = reference == "internal" ? 0 : reference == "pins" ? 1 : 2;
         set_ = {std::uint8_t(input << 4 | gain << 1 | (single_ended ? kNoPga : 0)),
                 std::uint8_t(rate_ << 5 | (turbo_ ? kTurbo : 0) | kContinuous | vref << 1),
-                std::uint8_t(kCounter | (crc_ ? kCrc16 : 0))};
+                std::uint8_t(kCounter | (crc_ ? kCrc16 : 0)), 0};
     }
 
     Progress set_up(Port& port, unsigned step) noexcept override {
         Answer answer = Answer::ok;
         if (step == 0) return {port.write({kReset}), Progress::more, kResetUs};
         std::uint64_t found = 0;
-        for (unsigned i = 0; i < 4 && answer == Answer::ok; ++i) {
+        for (unsigned i = 0; i < set_.size() && answer == Answer::ok; ++i) {
             std::uint8_t value = 0;
             answer = port.read(at(kReadRegister, i), {&value, 1});
             found = found << 8 | value;
@@ -64,8 +65,8 @@ public:
             answer = port.write({at(kWriteRegister, i), set_[i]});
         std::uint8_t value = 0;
         bool is_good = true;
-        if (answer == Answer::ok) answer = read_checked(port, at(kReadRegister, 2), value, is_good);
-        if (answer == Answer::ok && value != set_[2]) return {.kind = Progress::wrong, .found = value};
+        if (answer == Answer::ok) answer = read_checked(port, at(kReadRegister, kWithCounter), value, is_good);
+        if (answer == Answer::ok && value != set_[kWithCounter]) return {.kind = Progress::wrong, .found = value};
         if (answer == Answer::ok) answer = port.write({kStart});
         if (answer == Answer::ok) answer = read_data(port, is_good);
         if (answer == Answer::ok && !is_good) answer = Answer::failed;
@@ -77,11 +78,10 @@ public:
         bool is_good = false;
         Answer answer = read_data(port, is_good);
         if (answer != Answer::ok || (is_good && data_[0] == count_)) return {answer};
-        // A chip that was reset sends data without counter and CRC.
-        std::uint8_t value = 0;
-        answer = read_checked(port, at(kReadRegister, 2), value, is_good);
+        bool is_same = true;
+        answer = check(port, is_good, is_same);
         if (answer != Answer::ok) return {answer};
-        if ((value & ~kReady) != set_[2]) return {.kind = Reading::was_reset};
+        if (!is_same) return {.kind = Reading::was_reset};
         if (!is_good) return {.kind = Reading::bad};
         const auto lost = std::uint32_t(std::uint8_t(data_[0] - count_ - 1));
         count_ = data_[0];
@@ -114,9 +114,25 @@ private:
         return answer;
     }
 
+    // A chip that was reset sends data without counter and CRC: what may be that has all registers read. Else one after the
+    // other, for the bus has no time for four a value: a setting that changed by itself is seen within four values.
+    Answer check(Port& port, bool& is_good, bool& is_same) noexcept {
+        const bool may_be_reset = !is_good || data_[0] == 0;
+        turn_ = (turn_ + 1) % unsigned(set_.size());
+        Answer answer = Answer::ok;
+        for (unsigned i = 0; i < set_.size() && answer == Answer::ok && is_same; ++i) {
+            if (!may_be_reset && i != turn_ && (crc_ || i != kWithCounter)) continue;
+            std::uint8_t value = 0;
+            answer = read_checked(port, at(kReadRegister, i), value, is_good);
+            is_same = answer != Answer::ok || (i == kWithCounter ? value & ~kReady : value) == set_[i];
+        }
+        return answer;
+    }
+
     unsigned rate_;
     bool turbo_, crc_;
-    std::array<std::uint8_t, 3> set_{};  // registers 0 .. 2; 3, current sources, stays off
+    std::array<std::uint8_t, 4> set_{};  // all registers; the last one, current sources, stays off
+    unsigned turn_ = 0;                  // the one that was read last
     std::array<std::uint8_t, 6> data_{};
     std::uint8_t count_ = 0;  // of the conversion that was taken last
 };

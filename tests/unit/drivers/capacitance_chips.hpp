@@ -22,13 +22,13 @@ public:
     }
     void disturb(unsigned which, std::uint8_t value) override { reg[7 + which % 6] = value; }
     void advance(std::uint64_t t_ns) override {
-        for (; ends_ns_ != 0 && ends_ns_ <= t_ns; ends_ns_ = (reg[10] & 7) == 1 ? ends_ns_ + conversion() : 0) {
+        for (; ends_ns_ != 0 && ends_ns_ <= t_ns; next()) {
             if (ends_ns_ <= held_until_ns_) {  // its registers were being read
                 ++n_dropped;
                 continue;
             }
             // What was selected all the while, else what belongs to no electrode.
-            const unsigned input = (reg[7] >> 6 & 1) + (selected_ns_ <= ends_ns_ - conversion() ? selected_ : kTorn);
+            const unsigned input = (reg[7] >> 6 & 1) + (selected_ns_ <= began_ns_ ? selected_ : kTorn);
             const std::uint32_t usual = 0x800000 + (input & 3) * 0x200000 + ++n_converted % 0x100000;
             const std::uint32_t code = next_code_.value_or(code_of ? code_of(input).value_or(usual) : usual);
             for (int i = 0; i < 3; ++i) reg[std::size_t(1 + i)] = std::uint8_t(code >> (16 - 8 * i));
@@ -61,6 +61,7 @@ private:
     std::uint8_t next_status_ = 0;
     unsigned selected_ = 0;
     std::uint64_t selected_ns_ = 0;
+    std::uint64_t began_ns_ = 0;  // the conversion that runs
     [[nodiscard]] std::uint64_t conversion() const {
         static constexpr double kMs[] = {11, 11.9, 20, 38, 62, 77, 92, 109.6};
         return scaled((kMs[reg[10] >> 3 & 7] + ((reg[8] & 0x80) != 0 ? 20.1 : 0)) * 1e6);
@@ -72,7 +73,12 @@ private:
     void written(std::uint64_t t_ns) override {
         if (!std::exchange(begins_, false)) return;
         const unsigned mode = reg[10] & 7;
+        began_ns_ = t_ns;
         ends_ns_ = mode == 1 || mode == 2 ? t_ns + conversion() : 0;
+    }
+    void next() {
+        began_ns_ = ends_ns_;
+        ends_ns_ = (reg[10] & 7) == 1 ? ends_ns_ + conversion() : 0;
     }
     void begin_read(std::uint8_t first, std::size_t n, std::uint64_t until_ns) override {
         if (first > 3 || first + n < 2) return;

@@ -66,6 +66,25 @@ TEST(Ads122c04, DropsAndCountsWhatItsChecksumRefuses) {
     EXPECT_EQ(bench.counts[TACTILED_LINK_BAD_CHECKSUM], 5u);
 }
 
+// Input and gain, rate, counter and CRC, current sources: a wrong one gives values that look good.
+TEST(Ads122c04, IsSetUpAnewWithinFourValuesOfASettingThatChangedByItself) {
+    for (const std::string crc : {"true", "false"})
+        for (unsigned which = 0; which < 4; ++which) {
+            ChipBench bench;
+            const ChipKind kind{"ads122c04", "rate_Hz = 330\ncrc = " + crc, 0x40, {0}, 1, 0, make_model<ModelAds122c04>};
+            ModelChip& model = bench.add(kind);
+            ASSERT_EQ(bench.schedule.open(), "");
+            bench.run(0.5);
+            model.disturb(which, 0x3A);
+            const std::uint32_t frames = bench.counts[TACTILED_LINK_FRAMES];
+            Frame frame;
+            while (bench.counts[TACTILED_LINK_RESTARTED] == 0 && bench.counts[TACTILED_LINK_FRAMES] < frames + 10)
+                (void)bench.schedule.read(frame, 50);
+            // The last one of them came after it.
+            EXPECT_LE(bench.counts[TACTILED_LINK_FRAMES], frames + 3 + 1) << "register " << which << ", crc " << crc;
+        }
+}
+
 TEST(Fdc1004, ThatNeverSaysDoneIsResetAndAskedSeldom) {
     ChipBench bench;
     auto& model = dynamic_cast<ModelFdc1004&>(bench.add(kind_of("fdc1004")));

@@ -130,7 +130,7 @@ public:
         if (n_flipped > 0 && (command_ & 0xF0) == 0x10) --n_flipped, all[2] ^= 0x10;
         std::copy(all.begin(), all.end(), out.begin());
     }
-    void disturb(unsigned which, std::uint8_t value) override { reg[which % 3] = value; }
+    void disturb(unsigned which, std::uint8_t value) override { reg[which % 4] = value; }
     void advance(std::uint64_t t_ns) override {
         for (; ends_ns_ != 0 && ends_ns_ <= t_ns; ends_ns_ = (reg[1] & 8) != 0 ? ends_ns_ + conversion() : 0) {
             code_ = ++n_converted % 0x100000;
