@@ -1,6 +1,7 @@
 """The release programs under test, as a test drives them: ports, ptys, configurations, start and end."""
 import os
 import pathlib
+import shutil
 import signal
 import socket
 import subprocess
@@ -68,7 +69,7 @@ class Daemon:
     def __enter__(self):
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, failed, *_):
         for process in [self.process, *self.others]:
             if process is not None and process.poll() is None:
                 process.send_signal(signal.SIGTERM)
@@ -80,6 +81,8 @@ class Daemon:
         segment = pathlib.Path(f"/dev/shm/tactiled.{self.name}")
         if segment.exists():
             segment.unlink()
+        if failed is None:
+            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def wait_for(condition, seconds, what):
