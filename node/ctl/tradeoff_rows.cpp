@@ -11,8 +11,9 @@
 namespace tactiled::ctl {
 namespace {
 
-// What the world does, of all effects: friction, ridges, glue. They are part of the truth, all others are the sensor's.
-constexpr const char* kWorld = "friction_limit,partial_slip,stick_slip,texture,adhesion";
+// What the world does, of all effects: friction, ridges, glue. They are part of the truth, all others are the sensor's, but
+// for when it takes its samples: that is their time.
+constexpr const char* kWorld = "clock_drift,sampling_jitter,friction_limit,partial_slip,stick_slip,texture,adhesion";
 
 }  // namespace
 
@@ -29,7 +30,7 @@ Labelled rows_of(const sim::Scene& scene, std::size_t most) {
                             .channel = {},
                             .wrench_S = kUnseen,
                             .session = 0,
-                            .t_ns = std::uint64_t(std::llround(double(block.first + n + 1) / scene.rate_Hz * 1e9))};
+                            .t_ns = std::uint64_t(std::llround((1 + block.t_s[n]) * 1e9))};
             for (std::size_t k = 0; k < sensor.n(); ++k)
                 row.channel.push_back((block.missing[n] >> k & 1u) == 0 ? block.channel[k][n] : kNaN);
             for (std::size_t axis = 0; axis < sim::kAxes; ++axis) row.wrench_S[axis] = world.load[axis][n] + 0.0;
