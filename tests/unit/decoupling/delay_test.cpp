@@ -71,12 +71,39 @@ std::string refusal(const Labelled& rows) {
 }
 
 TEST(Delay, IsFoundFromAFractionOfARowToManyRows) {
-    for (const double delay_s : {0.2e-3, 0.6e-3, 8.4e-3, 84e-3, 0.35}) {
+    for (const double delay_s : {0.2e-3, 0.6e-3, 8.4e-3, 84e-3, 0.35, 0.6, 0.9}) {
         const Delay found = measure_delay(straight(), made({.delay_s = delay_s}));
         EXPECT_NEAR(found.delay_s, delay_s, 5 * found.sd_s + 1e-6) << delay_s;
         EXPECT_LT(found.sd_s, 2e-5);
         EXPECT_GT(found.rows, 4000u);
     }
+}
+
+// As a loading machine goes from load to load: what is on the way is over before the first reading of it comes.
+TEST(Delay, IsFoundThoughItIsLongerThanWhatMoves) {
+    const auto steps = [](double least, double most, int salt) {
+        return [=](double t_s) {
+            const auto load = [&](double i) {
+                return least + (most - least) * std::abs(std::fmod(std::sin(i * 12.9898 + salt) * 43758.5453, 1));
+            };
+            const double at = std::floor(t_s / 0.3), share = std::min(1.0, (t_s - 0.3 * at) / 0.05);
+            return load(at - 1) + share * (load(at) - load(at - 1));
+        };
+    };
+    static const auto press = steps(-9, -1, 1), shear = steps(-1.5, 1.5, 3);
+    for (const double delay_s : {84e-3, 0.2, 0.27}) {
+        const auto rows = made(
+            {.delay_s = delay_s, .rows = 12000}, [](double t_s) { return press(t_s); },
+            [](double t_s) { return shear(t_s); });
+        EXPECT_NEAR(measure_delay(straight(), rows).delay_s, delay_s, 0.1e-3);
+    }
+}
+
+// Between two rows, 20 ms apart.
+TEST(Delay, IsFoundBetweenRows) {
+    for (const double delay_s : {3e-3, 9e-3, 31e-3})
+        EXPECT_NEAR(measure_delay(straight(), made({.delay_s = delay_s, .rate_Hz = 50, .speed = 0.5})).delay_s, delay_s,
+                    0.1e-3);
 }
 
 TEST(Delay, IsNotWhatAWrongGainOrAZeroMakes) {
