@@ -194,7 +194,6 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
         read_fit(other, calibration, calibration.others.emplace_back());
         if (calibration.others.back().method.empty()) other.problem("method", "key \"method\" is missing");
     }
-    calibration.delay_s = file.number("delay_s", {0, 1}, 0);
     calibration.rows = static_cast<int>(file.integer("rows", {0, 1e9}, 0));
     if (file.has("crc")) {
         (void)file.text("crc", "");

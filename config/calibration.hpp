@@ -42,9 +42,7 @@ struct Calibration : Fit {
     std::vector<std::string> components;              // of kComponentNames, those that the sensor sees, in this order
     std::vector<double> full_scale;                   // per component, N or Nm; empty = unknown
     int rows = 0;                                     // labelled rows used
-    // How long a reading lags behind its force, in s: converter, filter, bus. A sample's time is its reading's less this.
-    double delay_s = 0;     // 0 = not measured
-    std::uint16_t crc = 0;  // CRC-16/CCITT-FALSE over the file up to its line `crc = `
+    std::uint16_t crc = 0;                            // CRC-16/CCITT-FALSE over the file up to its line `crc = `
     std::vector<Fit> others;
 
     // As this one, with the fit of `name` where there is one of its own, and without the others.

@@ -95,7 +95,6 @@ std::string calibration_text(const Calibration& calibration) {
     out.numbers("channel_most", calibration.channel_most);
     out.line("components", toml_texts(calibration.components));
     out.numbers("full_scale", calibration.full_scale);
-    if (calibration.delay_s > 0) out.line("delay_s", toml_number(calibration.delay_s));
     out.line("rows", fmt::format("{}", calibration.rows));
     out.fit(calibration);
     for (const Fit& other : calibration.others) {

@@ -30,7 +30,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
 
     tactiled_sample s{};
     s.sequence = sequence_++;
-    s.t_ns = force_ns(frame.t_ns);
+    s.t_ns = frame.t_ns;
     s.t_published_ns = now_ns;
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
     s.lost = stream_.lost();
@@ -244,7 +244,7 @@ void Sensor::find_other_zero() noexcept {
 tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
     tactiled_sample s{};
     s.sequence = sequence_++;
-    s.t_ns = force_ns(stream_.last_frame_ns());
+    s.t_ns = stream_.last_frame_ns();
     s.t_published_ns = now_ns;
     s.epoch = epoch();
     s.tare_count = tare_count_;

@@ -1,7 +1,6 @@
 // One sensor in the pipeline: Frame -> tactiled_sample. Picks its channels, has their stream judged (quality.hpp), asks its
 // model, subtracts the tare. Knows neither links nor shared memory.
 #pragma once
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -37,8 +36,7 @@ public:
         double saturates_below = -std::numeric_limits<double>::infinity();
         double saturates_above = std::numeric_limits<double>::infinity();
         StreamLimits stream;
-        std::uint64_t delay_ns = 0;  // of a reading behind its force
-        double drift_N = 0;          // of the zero at rest from the calibration's, 0 = not judged
+        double drift_N = 0;  // of the zero at rest from the calibration's, 0 = not judged
         std::uint64_t tare_ns = 100'000'000;
         double tare_limit_N = 0;  // of a new zero from the calibration's, 0 = none
         Agreement::Limits agreement;
@@ -102,10 +100,6 @@ public:
 
 private:
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
-    // When the force was that a frame of `t_ns` tells.
-    [[nodiscard]] std::uint64_t force_ns(std::uint64_t t_ns) const noexcept {
-        return t_ns - std::min(t_ns, setup_.delay_ns);
-    }
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
     void judge(std::uint32_t of_stream, Estimate& estimate) const noexcept;
     [[nodiscard]] std::uint32_t epoch() const noexcept { return daemon_epoch_ << 16 | (stream_.breaks() & 0xFFFFu); }

@@ -127,12 +127,6 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.saturates_below = settings.saturates_below;
     setup.saturates_above = settings.saturates_above;
     setup.stream.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
-    if (calibration.delay_s * 1e3 >= settings.stale_ms)
-        settings.options.problem(
-            "stale_ms", fmt::format("stale_ms = {}: the readings lag {:.3g} ms behind the force (delay_s of {}), so that no "
-                                    "sample would be fresh; more than that is needed",
-                                    settings.stale_ms, calibration.delay_s * 1e3, settings.calibration));
-    setup.delay_ns = std::uint64_t(calibration.delay_s * 1e9);
     setup.stream.slew_per_s = settings.slew_limit_per_s;
     setup.stream.rate_Hz = settings.rate_Hz;
     setup.stream.rate_tolerance = settings.rate_tolerance;

@@ -11,7 +11,6 @@
 
 #include "config/calibration.hpp"
 #include "config/text_file.hpp"
-#include "decoupling/fit/delay.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/hair_fit.hpp"
 #include "decoupling/fit/report.hpp"
@@ -23,7 +22,7 @@ namespace tactiled::ctl {
 namespace {
 
 struct Settings {
-    std::string in, out, report, moving;
+    std::string in, out, report;
     Selection selection;
     FitRequest request;
     std::vector<std::string> set;  // "area_m2=3e-5"
@@ -32,7 +31,7 @@ struct Settings {
     bool json = false;
 };
 
-void print_report(const FitReport& report, const std::optional<Delay>& delay, const Settings& settings) {
+void print_report(const FitReport& report, const Settings& settings) {
     const Calibration& calibration = report.calibration;
     fmt::print("{}: model {}, method {}, {} channels\n", settings.out, calibration.model, calibration.method,
                calibration.channels.size());
@@ -62,13 +61,10 @@ void print_report(const FitReport& report, const std::optional<Delay>& delay, co
         }
     for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);
     fmt::print("condition number: {:.3g}\n", calibration.condition);
-    if (delay)
-        fmt::print("delay: {:.3g} ms +- {:.2g} ms, from {} rows that move\n", delay->delay_s * 1e3, delay->sd_s * 1e3,
-                   delay->rows);
     for (const auto& warning : report.warnings) fmt::print(stderr, "warning: {}\n", warning);
 }
 
-void print_json(const FitReport& report, const std::optional<Delay>& delay, const Settings& settings) {
+void print_json(const FitReport& report, const Settings& settings) {
     // What is unknown is null: JSON has no NaN.
     const auto number = [](double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); };
     nlohmann::json json{{"schema", 1},
@@ -92,7 +88,6 @@ void print_json(const FitReport& report, const std::optional<Delay>& delay, cons
                                       {"full_scale", number(c.full_scale)},
                                       {"fitted_rms", number(c.fitted_rms)},
                                       {"held_out_rms", number(c.held_out_rms)}});
-    if (delay) json["delay"] = {{"delay_s", delay->delay_s}, {"sd_s", delay->sd_s}, {"rows", delay->rows}};
     fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
@@ -105,10 +100,8 @@ void check_outputs(const Settings& settings) {
             throw SetupError(fmt::format("{} {}: would replace this file; name another", option, in_quotes(path)));
     };
     check("--out", settings.out, settings.in);
-    if (!settings.moving.empty()) check("--out", settings.out, settings.moving);
     if (settings.report.empty()) return;
     check("--report", settings.report, settings.in);
-    if (!settings.moving.empty()) check("--report", settings.report, settings.moving);
     check("--report", settings.report, settings.out);
 }
 
@@ -134,20 +127,15 @@ int calibrate(Settings settings) {
         request.start["map"] = map;
     }
     if (!settings.elastomer.empty()) request.start["physics"].parameters = hair_parameters(settings.elastomer);
-    FitReport report = fit(read_labelled(settings.in, settings.selection), settings.request);
-    std::optional<Delay> delay;
-    if (!settings.moving.empty()) {
-        delay = measure_delay(report.calibration, read_labelled(settings.moving, {}));
-        report.calibration.delay_s = delay->delay_s;
-    }
+    const FitReport report = fit(read_labelled(settings.in, settings.selection), settings.request);
     save_calibration(report.calibration, settings.out);
     if (!settings.report.empty())
         replace_file(settings.report,
                      html_report(report, "Calibration " + std::filesystem::path(settings.out).filename().string()));
     if (settings.json)
-        print_json(report, delay, settings);
+        print_json(report, settings);
     else
-        print_report(report, delay, settings);
+        print_report(report, settings);
     return kGood;
 }
 
@@ -172,8 +160,6 @@ void add_calibrate(CLI::App& app, Run& run) {
     verb->add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
         ->required();
     verb->add_option("--out", settings->out, "the calibration file to write")->required();
-    verb->add_option("--moving", settings->moving,
-                     "labelled.csv, too, in which the force changes at several speeds: how long the readings lag behind it");
     verb->add_option("--report", settings->report, "also write a report with plots: one HTML file");
     verb->add_option("--session", settings->selection.sessions, "use only these sessions")->take_all();
     verb->add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")

@@ -78,7 +78,7 @@ int decouple(const Settings& settings) {
                 reading.saturated |= 1u << k;
         }
         const Estimate estimate = decoupler->decouple(reading);
-        forces.write(t_s - calibration.delay_s, estimate, quality_text(estimate.quality, estimate.reasons));
+        forces.write(t_s, estimate, quality_text(estimate.quality, estimate.reasons));
     }
     forces.close();
     return kGood;

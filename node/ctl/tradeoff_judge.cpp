@@ -26,17 +26,6 @@ double rms_of(const std::array<std::vector<double>, 6>& errors) {
     return rms(of_axis);
 }
 
-// What was applied at `t_ns`, between rows on a straight line; `at` is the row before it, and moves on.
-Wrench applied_at(const Labelled& rows, std::uint64_t t_ns, std::size_t& at) {
-    while (at + 1 < rows.rows.size() && rows.rows[at + 1].t_ns <= t_ns) ++at;
-    Wrench applied = rows.rows[at].wrench_S;
-    if (at + 1 == rows.rows.size() || t_ns <= rows.rows[at].t_ns) return applied;
-    const LabelledRow &from = rows.rows[at], &to = rows.rows[at + 1];
-    const double share = double(t_ns - from.t_ns) / double(to.t_ns - from.t_ns);
-    for (std::size_t c = 0; c < applied.size(); ++c) applied[c] += share * (to.wrench_S[c] - from.wrench_S[c]);
-    return applied;
-}
-
 }  // namespace
 
 std::size_t first_load(const Labelled& rows) {
@@ -79,7 +68,7 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
         full_scale[component_index(calibration.components[i])] = calibration.full_scale[i];
     const std::size_t begin = first_load(rows);
     std::array<double, 6> sum{};
-    std::size_t at_rest = 0, before = 0;
+    std::size_t at_rest = 0;
     Judged judged;
     std::array<std::vector<double>, 6> errors, good_errors;
     for (std::size_t i = 0; i < readings.size(); ++i) {
@@ -99,11 +88,9 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
         }
         const bool good = e.quality == TACTILED_GOOD;
         ++(good ? judged.good : judged.uncertain);
-        const std::uint64_t delay_ns = std::min(std::uint64_t(calibration.delay_s * 1e9), rows.rows[i].t_ns);
-        const Wrench applied = applied_at(rows, rows.rows[i].t_ns - delay_ns, before);
         bool lies = false;
         for (std::size_t c = 0; c < errors.size(); ++c) {
-            const double error = e.wrench_S[c] - zero[c] - applied[c];
+            const double error = e.wrench_S[c] - zero[c] - rows.rows[i].wrench_S[c];
             if (!std::isfinite(error) || !(full_scale[c] > 0)) continue;
             errors[c].push_back(100 * std::abs(error) / full_scale[c]);
             if (!good) continue;

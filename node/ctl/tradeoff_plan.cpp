@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <future>
 
-#include "decoupling/fit/delay.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/table_more_fit.hpp"
 #include "node/ctl/simulate.hpp"
@@ -68,13 +67,6 @@ bool is_fitted(const std::string& model, const std::string& method) {
     return std::any_of(all.begin(), all.end(), [&](const FitMethod& m) { return m.model == model && m.method == method; });
 }
 
-// 0 where the rows do not tell.
-double delay_of(const Calibration& calibration, const Labelled& rows) {
-    try {
-        return measure_delay(calibration, rows).delay_s;
-    } catch (const Undetermined&) { return 0; }
-}
-
 struct Made {
     std::vector<Candidate> candidates;
     std::vector<std::string> refused;
@@ -85,7 +77,6 @@ Made calibrate(const std::string& folder, const Source& source, const sim::Senso
     CalibrationScene scene = read_calibration_scene(path_of(folder, source.scene));
     if (sensor != nullptr) scene.scene.sensors = {*sensor};
     const Labelled rows = calibration_rows(scene, source.model == "piezo" ? kMostRowsOfMemory : kMostRows);
-    const Labelled moving = rows_of(scene.scene, kMostRowsOfMemory);
     Made made;
     for (const auto& method : source.methods) {
         const bool twice = std::any_of(sources().begin(), sources().end(), [&](const Source& other) {
@@ -107,7 +98,6 @@ Made calibrate(const std::string& folder, const Source& source, const sim::Senso
         }
         try {
             candidate.calibration = fit(rows, request).calibration;
-            candidate.calibration.delay_s = delay_of(candidate.calibration, moving);
             candidate.calibration.path = source.scene;
             made.candidates.push_back(std::move(candidate));
         } catch (const Undetermined& why) {

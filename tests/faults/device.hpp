@@ -38,8 +38,6 @@ inline constexpr double kTareLimit_N = 1;     // of the jaws
 // The object hangs on the jaws, and has for 50 ms and more.
 constexpr bool is_held(std::uint32_t sequence) { return sequence % 512 >= 255 && sequence % 512 <= 412; }
 constexpr bool is_jaw(unsigned sensor) { return sensor >= 2; }
-// How long its readings lag behind its force, as its calibration says: one of the jaws'.
-constexpr std::uint64_t delay_ns(unsigned sensor) { return sensor == 3 ? 2 * kMs : 0; }
 
 // The cable. What the device sends waits in `chunks` until it is readable, as in a kernel's buffer.
 class Cable final : public Driver {

@@ -162,8 +162,7 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     const bool first_of_a_level = std::exchange(was_a_spike_[i], device.truth(s.device_sequence).spike) || first_of_a_stream;
     if (std::exchange(broken_[i], false) && comparable && s.epoch == before.epoch)
         findings_.add(kUnmarkedBreak, i, fmt::format("epoch {:x} before and after", s.epoch));
-    const std::uint64_t arrived_ns = s.t_ns + delay_ns(i);
-    const bool jumped = before.t_ns <= device.jumped_ns + kHeldNs && device.jumped_ns <= arrived_ns;
+    const bool jumped = before.t_ns <= device.jumped_ns + kHeldNs && device.jumped_ns <= s.t_ns;
     // Whose number follows whose nobody knows while two count, nor what of it is still under way when one has ended.
     const bool two_count = device.doubled_ns != 0 && before.t_ns <= device.doubled_ns + kDoubtedNs;
     if (comparable && s.epoch == before.epoch && !jumped && !two_count) {
@@ -179,10 +178,10 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     }
     before = s;
     const Device::Truth& truth = device.truth(s.device_sequence);
-    if (arrived_ns < truth.arrived_ns || arrived_ns > truth.arrived_ns + kHeldNs)
+    if (s.t_ns < truth.arrived_ns || s.t_ns > truth.arrived_ns + kHeldNs)
         findings_.add(
             kWrongStamp, i,
-            fmt::format("{} us after its arrival", (std::int64_t(arrived_ns) - std::int64_t(truth.arrived_ns)) / 1000));
+            fmt::format("{} us after its arrival", (std::int64_t(s.t_ns) - std::int64_t(truth.arrived_ns)) / 1000));
     if (const std::string wrong = forces_[i].judge(s, truth.lie == 0 && !truth.spike); !wrong.empty())
         findings_.add(kWrongForce, i, wrong);
     findings_.tares += std::exchange(forces_[i].tares, 0);
@@ -229,7 +228,7 @@ void Witness::look_at_latest(unsigned i, const Device& device, const Expectation
     const Device::Truth& truth = device.truth(s.device_sequence);
     if (truth.lie == 0 && !truth.spike && !is_force_of(i, s.device_sequence, 1, s.raw_force_S_N[1]))
         findings_.add(kWrongValue, i, "latest()");
-    if (world_ns + delay_ns(i) > truth.arrived_ns + kStaleMs * kMs + kTurnNs)
+    if (world_ns > truth.arrived_ns + kStaleMs * kMs + kTurnNs)
         findings_.add(kTooOld, i,
                       fmt::format("{} ms, says {} ms", (world_ns - truth.arrived_ns) / kMs, (world_ns - s.t_ns) / kMs));
     if (expected.gone_since[i] != 0 && world_ns > expected.gone_since[i] + 10 * kMs)
@@ -284,7 +283,7 @@ void Witness::look_at_registers(const std::array<Device*, kSensors>& devices, co
         for (std::uint32_t back = 1; back <= 32 && !found; ++back) {
             const std::uint32_t sequence = device.sent(back);
             const Device::Truth& truth = device.truth(sequence);
-            if (truth.arrived_ns == 0 || world_ns + delay_ns(i) > truth.arrived_ns + kStaleMs * kMs + kTurnNs) break;
+            if (truth.arrived_ns == 0 || world_ns > truth.arrived_ns + kStaleMs * kMs + kTurnNs) break;
             found = truth.lie != 0 || truth.spike;
             const auto is_told = [&](double gain) {
                 bool same = true;
@@ -296,7 +295,7 @@ void Witness::look_at_registers(const std::array<Device*, kSensors>& devices, co
                 return same;
             };
             const bool same = is_told(gain_[i]) || (wanted_gain_[i] != 0 && is_told(wanted_gain_[i]));
-            const auto age_ms = std::int64_t((world_ns + delay_ns(i) - truth.arrived_ns) / kMs);
+            const auto age_ms = std::int64_t((world_ns - truth.arrived_ns) / kMs);
             found = found || (same && std::abs(age_ms - std::int64_t(block[3])) <= 12);
         }
         if (!found)

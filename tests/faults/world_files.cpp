@@ -27,8 +27,8 @@ void write_calibration(const std::string& name, double gain, unsigned sensor) {
         "format = 1\nmodel = \"generic\"\nmethod = \"matrix\"\nchannels = [\"a\", \"b\", \"c\"]\n"
         "channel_unit = \"counts\"\nzero = [{}.0, {}.0, {}.0]\ncomponents = [\"fx\", \"fy\", \"fz\"]\n"
         "matrix = [[{}, 0.0, 0.0], [0.0, {}, 0.0], [0.0, 0.0, {}]]\nsd = [0.01, 0.01, 0.01]\n"
-        "full_scale = [500.0, 500.0, 500.0]\ndelay_s = {}\n",
-        zero(0), zero(1), zero(2), gain, gain, gain, double(delay_ns(sensor)) * 1e-9);
+        "full_scale = [500.0, 500.0, 500.0]\n",
+        zero(0), zero(1), zero(2), gain, gain, gain);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ auto all_of(const Fit& f) {
 bool same(const Calibration& a, const Calibration& b) {
     const auto about = [](const Calibration& c) {
         return std::tie(c.model, c.contact_model, c.serial, c.date, c.nominal, c.channels, c.channel_unit, c.channel_least,
-                        c.channel_most, c.components, c.full_scale, c.rows, c.delay_s);
+                        c.channel_most, c.components, c.full_scale, c.rows);
     };
     if (about(a) != about(b) || all_of(a) != all_of(b) || a.others.size() != b.others.size()) return false;
     for (std::size_t i = 0; i < a.others.size(); ++i)

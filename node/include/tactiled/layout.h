@@ -77,9 +77,7 @@ enum tactiled_reason {
 /* One sample of one sensor. SI units, frame S. A component that the sensor cannot see is NaN, not 0. */
 struct tactiled_sample {
     TACTILED_ALIGN(8) uint64_t sequence; /* counts this sensor's samples from 0; a jump is a loss of the reader */
-    TACTILED_ALIGN(8)
-    uint64_t t_ns; /* CLOCK_MONOTONIC of the force: when the frame's last byte was taken from the kernel,
-                      less the calibration's delay_s */
+    TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel */
     TACTILED_ALIGN(8) uint64_t t_published_ns;
     uint32_t epoch;           /* differs after each break, in no order: (header's epoch) << 16 | breaks since */
     uint32_t quality;         /* enum tactiled_quality */

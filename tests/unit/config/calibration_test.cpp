@@ -49,7 +49,6 @@ void expect_same(const Calibration& a, const Calibration& b) {
     EXPECT_EQ(bits({a.condition}), bits({b.condition}));
     EXPECT_EQ(a.validation, b.validation);
     EXPECT_EQ(a.rows, b.rows);
-    EXPECT_EQ(bits({a.delay_s}), bits({b.delay_s}));
 }
 
 Calibration example() {
@@ -72,7 +71,6 @@ Calibration example() {
     c.condition = 12.75;
     c.validation = "leave one session out (2 sessions), \"as is\" \\ \t gr\xc3\xbc\xc3\x9f\n";
     c.rows = 1234;
-    c.delay_s = 0.7e-3;
     return c;
 }
 
@@ -241,7 +239,6 @@ TEST(Calibration, RefusesWhatDoesNotFitTogether) {
         {with("model = '../x y'", "model"), "model = \"../x y\"; a name has 1 .. 31 of A-Z a-z 0-9 _ . -"},
         {with("format = 2", "format"), "a later version of tactiled wrote this file; this one reads format = 1"},
         {with("rows = -1"), "rows = -1 is outside 0 .. 1000000000"},
-        {with("delay_s = 1.5"), "delay_s = 1.5 is outside 0 .. 1"},
         {with("condition = nan"), "condition = nan is not a finite number"},
         {with("channel_units = 'pF'"), "unknown key \"channel_units\"; did you mean \"channel_unit\"?"},
         {with("[parameters]\na = 'x'"), "[parameters]: a = \"x\" is a string, should be a number"},

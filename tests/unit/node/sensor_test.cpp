@@ -44,29 +44,6 @@ TEST(Sensor, DividesCountsAndKeepsTheStampOfTheFrame) {
     EXPECT_EQ(s.epoch, 7u << 16);
 }
 
-TEST(Sensor, ASamplesTimeIsThatOfItsForce) {
-    Sensor::Setup setup;
-    setup.channel_of_frame = {0, 1, 2};
-    setup.frame_channels = 3;
-    setup.delay_ns = 3 * kMs;
-    setup.tare_ns = 10 * kMs;
-    setup.stream.stale_ns = 50 * kMs;
-    setup.decoupler = std::make_unique<Through>(100);
-    Sensor sensor(std::move(setup));
-    sensor.start(7, 0);
-    EXPECT_EQ(sensor.sample(frame(100 * kMs, 1, 0, 0), 101 * kMs).t_ns, 97 * kMs);
-    // Of the frames at 102 and 104 ms the force was before the command.
-    sensor.begin_tare(102 * kMs);
-    for (std::uint64_t t_ms = 102; t_ms <= 118; t_ms += 2)
-        (void)sensor.sample(frame(t_ms * kMs, t_ms < 105 ? 50 : 1, 0, 0), t_ms * kMs);
-    EXPECT_EQ(sensor.poll_tare(119 * kMs), Sensor::Tare::done);
-    EXPECT_EQ(sensor.zero_S()[0], 1);
-    // Whether frames come is judged by their own times.
-    EXPECT_FALSE(sensor.has_broken(true, 160 * kMs));
-    EXPECT_TRUE(sensor.has_broken(true, 169 * kMs));
-    EXPECT_EQ(sensor.marker(169 * kMs).t_ns, 115 * kMs);
-}
-
 TEST(Sensor, AMissingChannelIsBadAndItsForceNoNumber) {
     Sensor sensor = make();
     Frame f = frame(kMs, 1, 2, 3);
