@@ -117,15 +117,20 @@ private:
     // A chip that was reset sends data without counter and CRC: what may be that has all registers read. Else one after the
     // other, for the bus has no time for four a value: a setting that changed by itself is seen within four values.
     Answer check(Port& port, bool& is_good, bool& is_same) noexcept {
-        const bool may_be_reset = !is_good || data_[0] == 0;
-        turn_ = (turn_ + 1) % unsigned(set_.size());
+        const bool has_crc = is_good, may_be_reset = !is_good || data_[0] == 0;
+        const unsigned next = (turn_ + 1) % unsigned(set_.size());
         Answer answer = Answer::ok;
         for (unsigned i = 0; i < set_.size() && answer == Answer::ok && is_same; ++i) {
-            if (!may_be_reset && i != turn_ && (crc_ || i != kWithCounter)) continue;
+            if (!may_be_reset && i != next && (crc_ || i != kWithCounter)) continue;
             std::uint8_t value = 0;
-            answer = read_checked(port, at(kReadRegister, i), value, is_good);
-            is_same = answer != Answer::ok || (i == kWithCounter ? value & ~kReady : value) == set_[i];
+            bool is_register_good = true;
+            answer = read_checked(port, at(kReadRegister, i), value, is_register_good);
+            if (answer != Answer::ok) return answer;
+            is_good = is_good && is_register_good;
+            const bool is_told = is_register_good || !has_crc;  // else a bit was disturbed on the way
+            is_same = !is_told || (i == kWithCounter ? value & ~kReady : value) == set_[i];
         }
+        turn_ = next;
         return answer;
     }
 

@@ -64,6 +64,10 @@ TEST(Ads122c04, DropsAndCountsWhatItsChecksumRefuses) {
     model.n_flipped = 5;
     for (const auto& one : bench.run(0.5)) ASSERT_GE(one.age_ns, 0);
     EXPECT_EQ(bench.counts[TACTILED_LINK_BAD_CHECKSUM], 5u);
+    model.n_flipped_registers = 5;
+    for (const auto& one : bench.run(0.5)) ASSERT_GE(one.age_ns, 0);
+    EXPECT_EQ(bench.counts[TACTILED_LINK_BAD_CHECKSUM], 10u);
+    EXPECT_EQ(bench.counts[TACTILED_LINK_RESTARTED], 0u);
 }
 
 // Input and gain, rate, counter and CRC, current sources: a wrong one gives values that look good.

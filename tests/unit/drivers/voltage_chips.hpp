@@ -128,6 +128,7 @@ public:
         }
         all.resize(out.size(), 0xFF);
         if (n_flipped > 0 && (command_ & 0xF0) == 0x10) --n_flipped, all[2] ^= 0x10;
+        if (n_flipped_registers > 0 && (command_ & 0xF0) == 0x20) --n_flipped_registers, all[0] ^= 0x10;
         std::copy(all.begin(), all.end(), out.begin());
     }
     void disturb(unsigned which, std::uint8_t value) override { reg[which % 4] = value; }
@@ -140,7 +141,7 @@ public:
         t_ns_ = t_ns;
     }
     std::array<std::uint8_t, 4> reg{};
-    unsigned n_flipped = 0;  // data to come with a wrong bit
+    unsigned n_flipped = 0, n_flipped_registers = 0;  // data, registers to come with a wrong bit
 
 private:
     [[nodiscard]] std::uint64_t conversion() const {
