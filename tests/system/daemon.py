@@ -1,7 +1,6 @@
 """The release programs under test, as a test drives them: ports, ptys, configurations, start and end."""
 import os
 import pathlib
-import shutil
 import signal
 import socket
 import subprocess
@@ -69,7 +68,7 @@ class Daemon:
     def __enter__(self):
         return self
 
-    def __exit__(self, failed, *_):
+    def __exit__(self, *_):
         for process in [self.process, *self.others]:
             if process is not None and process.poll() is None:
                 process.send_signal(signal.SIGTERM)
@@ -81,8 +80,6 @@ class Daemon:
         segment = pathlib.Path(f"/dev/shm/tactiled.{self.name}")
         if segment.exists():
             segment.unlink()
-        if failed is None:
-            shutil.rmtree(self.folder, ignore_errors=True)
 
 
 def wait_for(condition, seconds, what):
