@@ -45,6 +45,15 @@ protected:
     template <typename Solve>
     Estimate checked(const Reading& reading, Solve solve) noexcept;
 
+    // The two ends of checked(), for a model that is short of time: in between it solves what is plain, and where something
+    // is not, it begins anew with checked(). Channels: there, not at their rails and in the domain; `kChannels` of them, 0 =
+    // any number; `r` as in Input, set in any case. rt: wait-free
+    template <std::size_t kChannels>
+    bool is_plain(const Reading& reading, double* r) const noexcept;
+    // The estimate of `wrench`, fx fy and fz mx and where there are more my mz; `sd_factor` as in Input. rt: wait-free
+    template <std::size_t kPairs>
+    Estimate finished(const Pair (&wrench)[kPairs], const double* sd_factor, double residual) const noexcept;
+
     [[nodiscard]] std::size_t n_channels() const noexcept { return n_; }
     [[nodiscard]] const std::array<bool, 6>& seen() const noexcept { return seen_; }
     [[nodiscard]] const Domain& domain() const noexcept { return domain_; }
@@ -57,12 +66,9 @@ private:
         bool outside;  // and what follows: as in Input and Estimate
         std::uint32_t usable, reasons;
     };
-    template <std::size_t kChannels>
-    bool is_plain(const Reading& reading, double* r) const noexcept;
     Looked look_at_each(const Reading& reading, double* r) const noexcept;
-    void finish(const Input& input, Estimate& estimate) const noexcept;
     template <std::size_t kPairs>
-    void finish_pairs(const Input& input, Estimate& estimate) const noexcept;
+    void finish(bool outside, const double* sd_factor, Estimate& estimate) const noexcept;
     void finish_hard(bool outside, const double* sd_factor, Estimate& estimate) const noexcept;
 
     std::size_t n_;

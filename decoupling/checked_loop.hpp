@@ -27,13 +27,19 @@ inline Estimate CheckedModel::checked(const Reading& reading, Solve solve) noexc
         input.outside = looked.outside;
     }
     solve(input, estimate);
-    finish(input, estimate);
+    // The third pair is my mz: most sensors have none of the two.
+    if (has_third_) {
+        finish<3>(input.outside, input.sd_factor.data(), estimate);
+    } else {
+        store(estimate.wrench_S.data() + 4, both(kNaN));
+        finish<2>(input.outside, input.sd_factor.data(), estimate);
+    }
     if (estimate.quality == TACTILED_BAD) [[unlikely]]
         forget();
     return estimate;
 }
 
-// False where a channel is not plain. `r` is set in any case, with 0 up to 8. `kChannels`: so many, 0 = any number.
+// False where a channel is not plain. `r` is set in any case, with 0 up to 8. `kChannels`: so many (even), 0 = any number.
 template <std::size_t kChannels>
 inline bool CheckedModel::is_plain(const Reading& reading, double* r) const noexcept {
     const double* channel = reading.channel.data();
@@ -47,6 +53,8 @@ inline bool CheckedModel::is_plain(const Reading& reading, double* r) const noex
     if constexpr (kChannels != 0) {
 #pragma GCC unroll 4
         for (std::size_t k = 0; k < kChannels; k += 2) look(load(channel));
+#pragma GCC unroll 4
+        for (std::size_t k = kChannels; k < 8; k += 2, r += 2) store(r, both(0));
     } else {
         const double* const end = channel + n_;
 #pragma GCC unroll 4
@@ -57,16 +65,20 @@ inline bool CheckedModel::is_plain(const Reading& reading, double* r) const noex
     return hold(plain) && ((reading.missing | reading.saturated) & all_) == 0;
 }
 
-// Quality, reasons and deviations of what solve() found.
-inline void CheckedModel::finish(const Input& input, Estimate& estimate) const noexcept {
-    // The third pair is my mz: most sensors have none of the two.
-    if (has_third_) return finish_pairs<3>(input, estimate);
-    store(estimate.wrench_S.data() + 4, both(kNaN));
-    finish_pairs<2>(input, estimate);
+template <std::size_t kPairs>
+inline Estimate CheckedModel::finished(const Pair (&wrench)[kPairs], const double* sd_factor,
+                                       double residual) const noexcept {
+    Estimate estimate;
+    estimate.residual = residual;
+#pragma GCC unroll 3
+    for (std::size_t i = 0; i < kPairs; ++i) store(estimate.wrench_S.data() + 2 * i, wrench[i]);
+    finish<kPairs>(false, sd_factor, estimate);
+    return estimate;
 }
 
+// Quality, reasons and deviations of what solve() found.
 template <std::size_t kPairs>
-inline void CheckedModel::finish_pairs(const Input& input, Estimate& estimate) const noexcept {
+inline void CheckedModel::finish(bool outside, const double* sd_factor, Estimate& estimate) const noexcept {
     double* const wrench = estimate.wrench_S.data();
     Pair seen[kPairs];
     PairMask plain = kTrue;
@@ -76,19 +88,20 @@ inline void CheckedModel::finish_pairs(const Input& input, Estimate& estimate) c
         plain = both_true(plain, up_to(magnitude(seen[i]), components_[i].most));
     }
     if (!hold(plain)) [[unlikely]] {
-        const auto sd_factor = input.sd_factor;
-        return finish_hard(input.outside, sd_factor.data(), estimate);
+        std::array<double, 6> copy;
+        std::copy_n(sd_factor, 6, copy.begin());
+        return finish_hard(outside, copy.data(), estimate);
     }
 #pragma GCC unroll 3
     for (std::size_t i = 0; i < kPairs; ++i) store(wrench + 2 * i, with(seen[i], components_[i].unseen_nan));
-    estimate.reasons |= always_ | (input.outside ? std::uint32_t(TACTILED_OUTSIDE_DOMAIN) : 0u);
+    estimate.reasons |= always_ | (outside ? std::uint32_t(TACTILED_OUTSIDE_DOMAIN) : 0u);
     estimate.quality = estimate.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
     if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) return;
 #pragma GCC unroll 3
     for (std::size_t i = 0; i < kPairs; ++i) {
         const auto& of = components_[i];
         const Pair sloped = of.slope * seen[i];
-        const Pair sd = load(input.sd_factor.data() + 2 * i) * root(of.sd_squared + sloped * sloped);
+        const Pair sd = load(sd_factor + 2 * i) * root(of.sd_squared + sloped * sloped);
         store(estimate.sd.data() + 2 * i, with(sd, of.unseen_nan));
     }
 }

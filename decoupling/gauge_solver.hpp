@@ -117,6 +117,7 @@ inline void GaugeSolver::find(const Subset& subset, const double* r, Solved& sol
     if (same_noise_) [[likely]] {
         unexplained = sum_of(rest[0], rest[1], rest[2], rest[3]) / (noise2_[0][0] + gain_error2);
     } else {
+#pragma GCC unroll 4
         for (std::size_t k = 0; k < kPairs; ++k) rest[k] /= noise2_[k] + both(gain_error2);
         unexplained = sum_of(rest[0], rest[1], rest[2], rest[3]);
     }

@@ -5,12 +5,13 @@
 //
 // The inverse quadratic is as smooth as a Gaussian, falls off more gently between centres, and needs no exponential.
 #include "decoupling/generic_methods.hpp"
+#include "decoupling/pairs.hpp"
 
 namespace tactiled {
 namespace {
 
-// Eight centres at a time, side by side in memory: the compiler turns each line into vector instructions.
-constexpr std::size_t kLanes = 8;
+// Eight centres at a time, side by side in memory: their distances stay in registers from the first channel to the last.
+constexpr std::size_t kLanes = 8, kPairs = kLanes / 2;
 
 class Rbf final : public Correction {
 public:
@@ -32,22 +33,26 @@ public:
     }
     void add(const double* u, double* out) noexcept override {
         if (quadratic_ != nullptr) quadratic_->add(u, out);
-        std::array<std::array<double, kLanes>, 6> sums{};
+        Pair sums[6][kPairs]{};  // a row a component; each lane by itself
+        const double *centre = centres_.data(), *weight = weights_.data();
         for (std::size_t block = 0; block < blocks_; ++block) {
-            const double* centre = &centres_[block * n_ * kLanes];
-            std::array<double, kLanes> d2{};
-            for (std::size_t k = 0; k < n_; ++k, centre += kLanes)
-                for (std::size_t lane = 0; lane < kLanes; ++lane) {
-                    const double d = u[k] - centre[lane];
-                    d2[lane] += d * d;
+            Pair near[kPairs]{};  // the squared distance, then what the centre answers
+            for (std::size_t k = 0; k < n_; ++k) {
+                const Pair at = both(u[k]);
+#pragma GCC unroll 4
+                for (std::size_t i = 0; i < kPairs; ++i, centre += 2) {
+                    const Pair d = load(centre) - at;
+                    near[i] += d * d;
                 }
-            for (auto& d : d2) d = 1 / (1 + d * per_spread2_);
-            const double* weight = &weights_[block * components_ * kLanes];
-            for (std::size_t i = 0; i < components_; ++i, weight += kLanes)
-                for (std::size_t lane = 0; lane < kLanes; ++lane) sums[i][lane] += weight[lane] * d2[lane];
+            }
+#pragma GCC unroll 4
+            for (std::size_t i = 0; i < kPairs; ++i) near[i] = both(1) / (both(1) + near[i] * both(per_spread2_));
+            for (std::size_t c = 0; c < components_; ++c)
+#pragma GCC unroll 4
+                for (std::size_t i = 0; i < kPairs; ++i, weight += 2) sums[c][i] += load(weight) * near[i];
         }
-        for (std::size_t i = 0; i < components_; ++i)
-            for (const double sum : sums[i]) out[i] += sum;
+        for (std::size_t c = 0; c < components_; ++c)
+            for (const Pair sum : sums[c]) out[c] = (out[c] + sum[0]) + sum[1];
     }
 
 private:

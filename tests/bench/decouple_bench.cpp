@@ -3,11 +3,13 @@
 //
 //   decouple_bench [rounds]                      p50 and p99.9 of a sample, ns; all methods take turns within a round
 //   decouple_bench --allocations                 exit 1 where a method allocates
+//   decouple_bench --only MODEL/METHOD [rounds]  the same of one method
 //   decouple_bench --only MODEL/METHOD --samples N       just N samples, to be counted by `valgrind --tool=none`-like tools:
 //                                                        tests/bench/decouple_instructions.py does so
 //
 // A reading is a block of 16 samples; the clock's own 30 ns are spread over them. Not shown: cold caches.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <malloc.h>
 
 #include <algorithm>
@@ -171,8 +173,8 @@ Case plate() {
     return result;
 }
 
-// `skin_n` rows to fit generic: mlp's fit takes a minute with 2,000.
-std::vector<Case> all_cases(const std::string& only, std::size_t skin_n) {
+// `only` of them, "" = all; `known`: their names. `skin_n` rows to fit generic: mlp's fit takes a minute with 2,000.
+std::vector<Case> all_cases(const std::string& only, std::size_t skin_n, std::vector<std::string>& known) {
     std::vector<Case> cases;
     const std::vector<std::string> r{"R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8"}, h{"H1", "H2", "H3", "H4"};
     std::vector<std::string> b;
@@ -183,7 +185,10 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n) {
                    hair_rows = labelled_rows(h, hairs, 600, false, 5e-6),
                    gauge_rows = labelled_rows(r, gauges, 600, false, 2e-5),
                    moment_rows = labelled_rows(r, gauges, 600, true, 2e-5);
-    const auto wanted = [&](const std::string& name) { return only.empty() || only == name; };
+    const auto wanted = [&](const std::string& name) {
+        known.push_back(name);
+        return only.empty() || only == name;
+    };
     const auto add = [&](const char* model, const char* method, const Labelled& rows, const Forward& forward) {
         if (wanted(std::string(model) + "/" + method)) cases.push_back(fitted(model, method, rows, forward));
     };
@@ -204,25 +209,41 @@ void one(Case& c, std::size_t i) {
     sum += c.decoupler->decouple({.channel = c.readings[i % kReadings], .t_ns = t_ns += 1'000'000}).wrench_S[2];
 }
 
+// A number above 0, else 0.
+std::size_t number(const char* text) {
+    char* end = nullptr;
+    const long value = std::strtol(text, &end, 10);
+    return *end == 0 && value > 0 ? std::size_t(value) : 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
     std::string only;
-    bool count_allocations = false;
-    std::size_t samples = 0, rounds = 40;
+    bool count_allocations = false, counts_samples = false;
+    std::size_t samples = 1, rounds = 40;
     for (int i = 1; i < argc; ++i) {
         if (std::strcmp(argv[i], "--allocations") == 0)
             count_allocations = true;
         else if (std::strcmp(argv[i], "--only") == 0 && i + 1 < argc)
             only = argv[++i];
         else if (std::strcmp(argv[i], "--samples") == 0 && i + 1 < argc)
-            samples = std::size_t(std::atol(argv[++i]));
+            samples = number(argv[++i]), counts_samples = true;
         else
-            rounds = std::size_t(std::atol(argv[i]));
+            rounds = number(argv[i]);
     }
-    std::vector<Case> cases = all_cases(only, count_allocations ? 600 : 2000);
-    if (!only.empty()) {
-        for (std::size_t i = 0; i < samples; ++i) one(cases.at(0), i);
+    if (rounds == 0 || samples == 0 || (counts_samples && only.empty())) {
+        fmt::print(stderr, "decouple_bench [--allocations] [--only MODEL/METHOD [--samples N]] [rounds]\n");
+        return 2;
+    }
+    std::vector<std::string> known;
+    std::vector<Case> cases = all_cases(only, count_allocations ? 600 : 2000, known);
+    if (cases.empty()) {
+        fmt::print(stderr, "decouple_bench: no method {}; there are {}\n", only, fmt::join(known, " "));
+        return 2;
+    }
+    if (counts_samples) {
+        for (std::size_t i = 0; i < samples; ++i) one(cases[0], i);
         return sum == 1 ? 1 : 0;
     }
     int failed = 0;

@@ -48,6 +48,68 @@ TEST(Nonlinear, EachFindsWhatTheMatrixCannot) {
     EXPECT_LT(fitted("mlp", rows).components[0].held_out_rms, 0.03);
 }
 
+// The loops go in pairs and in eights: each size that leaves a rest, against the formulas of decoupling/README.md.
+TEST(Nonlinear, TheFormulasHoldForAnyNumberOfChannelsComponentsAndCentres) {
+    std::mt19937_64 random(9);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    const auto numbers = [&](std::size_t n) {
+        std::vector<double> row(n);
+        for (double& number : row) number = uniform(random);
+        return row;
+    };
+    const std::vector<std::string> names{"fx", "fy", "fz", "mx", "my", "mz"};
+    for (int i = 0; i < 1000; ++i) {
+        const std::size_t n = 1 + random() % 11, components = 1 + random() % 6, n_centres = 1 + random() % 19;
+        Calibration calibration;
+        calibration.path = "skin.toml";
+        calibration.model = "generic";
+        calibration.method = i % 3 == 0 ? "quadratic" : "rbf";
+        for (std::size_t k = 0; k < n; ++k) calibration.channels.push_back("A" + std::to_string(k));
+        calibration.zero = numbers(n);
+        calibration.components.assign(names.begin(), names.begin() + std::ptrdiff_t(components));
+        calibration.channel_least.assign(n, -3);
+        calibration.channel_most.assign(n, 3);
+        std::vector<double> width = numbers(n);
+        for (double& w : width) w = 2 + w;
+        auto& tables = calibration.tables;
+        tables["width"] = {width};
+        calibration.matrix.clear();
+        for (std::size_t c = 0; c < components; ++c) {
+            calibration.matrix.push_back(numbers(n));
+            tables["quadratic"].push_back(numbers(1 + n + n * (n + 1) / 2));
+        }
+        if (calibration.method == "rbf") {
+            if (i % 3 == 1) tables.erase("quadratic");
+            for (std::size_t j = 0; j < n_centres; ++j) tables["centres"].push_back(numbers(n));
+            for (std::size_t c = 0; c < components; ++c) tables["weights"].push_back(numbers(n_centres));
+            calibration.parameters["spread"] = 0.7;
+        }
+        const std::vector<double> channel = numbers(n);
+        const Estimate estimate = decouple(*make_decoupler(calibration), channel);
+        std::vector<double> r, u;
+        for (std::size_t k = 0; k < n; ++k) r.push_back(channel[k] - calibration.zero[k]), u.push_back(r[k] / width[k]);
+        for (std::size_t c = 0; c < components; ++c) {
+            double force = 0;
+            for (std::size_t k = 0; k < n; ++k) force += calibration.matrix[c][k] * r[k];
+            if (tables.count("quadratic") != 0) {
+                const double* q = tables["quadratic"][c].data();
+                force += *q++;
+                for (std::size_t k = 0; k < n; ++k) force += *q++ * u[k];
+                for (std::size_t k = 0; k < n; ++k)
+                    for (std::size_t j = k; j < n; ++j) force += *q++ * u[j] * u[k];
+            }
+            for (std::size_t j = 0; calibration.method == "rbf" && j < n_centres; ++j) {
+                double d2 = 0;
+                for (std::size_t k = 0; k < n; ++k)
+                    d2 += (u[k] - tables["centres"][j][k]) * (u[k] - tables["centres"][j][k]);
+                force += tables["weights"][c][j] / (1 + d2 / (0.7 * 0.7));
+            }
+            ASSERT_NEAR(estimate.wrench_S[c], force, 1e-12) << calibration.method << ", " << n << " channels, component "
+                                                            << c << " of " << components << ", " << n_centres << " centres";
+        }
+    }
+}
+
 TEST(Nonlinear, GoesOnAsAStraightLineOutsideAndSaysSo) {
     for (const char* method : {"quadratic", "rbf", "mlp"}) {
         const FitReport report = fitted(method, bent_rows(600, 1e-3));

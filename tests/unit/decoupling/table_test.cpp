@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -114,6 +115,57 @@ TEST_P(TableOf, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
 }
 
 // Lee et al. print eq. 2 as R1 - R5; their sign table and physics say that a force along +x stretches R5.
+// Good readings of four or eight gauges have a way of their own. A domain that nothing is inside of sends each reading the
+// long way instead, which says so and else gives the same to the last bit.
+TEST_P(TableOf, GivesTheSameBitsTheShortWayAndTheLongWay) {
+    std::mt19937_64 random(6);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    const auto bits = [](const Estimate& e) {
+        std::array<std::uint64_t, 13> all{};
+        for (std::size_t c = 0; c < 6; ++c) {
+            all[c] = std::bit_cast<std::uint64_t>(e.wrench_S[c]);
+            all[6 + c] = std::bit_cast<std::uint64_t>(e.sd[c]);
+        }
+        all[12] = std::bit_cast<std::uint64_t>(e.residual);
+        return all;
+    };
+    int good = 0;
+    for (int kind = 0; kind < 24; ++kind) {
+        Calibration calibration = table_calibration(GetParam());
+        for (double& zero : calibration.zero) zero = 1e-3 * uniform(random);
+        calibration.sd_slope = {0.01, 0.02, 0.03};
+        calibration.full_scale = {0.25, 0.35, 0.9};
+        if (kind % 2 == 1) calibration.sd_slope.clear();
+        if (kind % 3 == 1) calibration.sd.clear();
+        calibration.nominal = kind % 4 == 1;
+        if (kind % 6 == 5) {
+            calibration.components = {"fz"};
+            calibration.sd = {0.02};
+            calibration.sd_slope.clear();
+            calibration.full_scale = {0.9};
+        }
+        calibration.channel_least.assign(GetParam().size(), -1);
+        calibration.channel_most.assign(GetParam().size(), 1);
+        const auto short_way = make_decoupler(calibration);
+        calibration.channel_least.assign(GetParam().size(), 7);
+        calibration.channel_most.assign(GetParam().size(), 7);
+        const auto long_way = make_decoupler(calibration);
+        for (int i = 0; i < 2000; ++i) {
+            auto channel = reading_of(GetParam(), {0.3 * uniform(random), 0.3 * uniform(random), uniform(random)});
+            for (std::size_t k = 0; k < channel.size(); ++k)
+                channel[k] += calibration.zero[k] + (i % 4 == 0 ? 1e-3 : 1e-5) * uniform(random);
+            if (i % 5 == 0) channel[std::size_t(i) % channel.size()] = 0;
+            const std::uint32_t saturated = i % 7 == 0 ? 2u : 0u;
+            const Estimate a = decouple(*short_way, channel, 0, saturated), b = decouple(*long_way, channel, 0, saturated);
+            ASSERT_EQ(bits(a), bits(b)) << kind << " " << i;
+            ASSERT_EQ(a.reasons | unsigned(TACTILED_OUTSIDE_DOMAIN), b.reasons) << kind << " " << i;
+            ASSERT_EQ(a.quality, a.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN) << kind << " " << i;
+            good += a.quality == TACTILED_GOOD;
+        }
+    }
+    EXPECT_GT(good, 2000);
+}
+
 TEST(Table, FollowsTheSignTableNotEquationTwo) {
     const auto decoupler = make_decoupler(table_calibration(inner_gauges()));
     expect_force(decouple(*decoupler, {-0.010847, 0, +0.010847, 0}), {+1, 0, 0}, 1e-15);
@@ -214,6 +266,26 @@ TEST(Table, FewerThanThreeInnerGaugesAreBad) {
     EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_SATURATED});
     EXPECT_TRUE(std::isnan(estimate.wrench_S[0]));
     EXPECT_EQ(decouple(*decoupler, reading, 0b10101010u).quality, TACTILED_UNCERTAIN);  // all outer ones
+}
+
+TEST_P(TableOf, IsBadForAnotherNumberOfChannels) {
+    const auto decoupler = make_decoupler(table_calibration(GetParam()));
+    for (std::size_t n = 0; n < 10; ++n) {
+        if (n == GetParam().size()) continue;
+        const Estimate estimate = decouple(*decoupler, std::vector<double>(n, 0.0));
+        EXPECT_EQ(estimate.quality, TACTILED_BAD) << n;
+        EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_WRONG_DEVICE}) << n;
+        EXPECT_TRUE(std::isnan(estimate.wrench_S[2])) << n;
+    }
+}
+
+TEST_P(TableOf, TheDeviationGrowsWithTheForce) {
+    Calibration calibration = table_calibration(GetParam());
+    calibration.sd_slope = {0.01, 0.02, 0.03};
+    const Estimate estimate = decouple(*make_decoupler(calibration), reading_of(GetParam(), {0.3, -0.2, -1}));
+    EXPECT_NEAR(estimate.sd[0], std::hypot(0.01, 0.01 * 0.3), 1e-12);  // N
+    EXPECT_NEAR(estimate.sd[1], std::hypot(0.01, 0.02 * 0.2), 1e-12);
+    EXPECT_NEAR(estimate.sd[2], std::hypot(0.02, 0.03 * 1), 1e-12);
 }
 
 TEST(Table, FlagsForcesBeyondFullScale) {
