@@ -149,6 +149,15 @@ def registers(put):
     put(bytes.fromhex("00000000 04 00 00 01 7FC00000"))
 
 
+def server(put):
+    blocks(6, 8, 120)(put)
+    for size in (8, 12, 40, 100, 130):  # a whole request, then twice that and what is none; each is served, and heard
+        request = bytes.fromhex("00010000") + struct.pack(">HBB", size - 6, 1, 4) + bytes(size - 8)
+        put(bytes([0, 0, size]) + request + bytes([9, 6]))
+        put(bytes([0, 0, size]) + request + bytes([0, size]) + request + bytes([0, 6]) + b"GET / " + bytes([9, 6]))
+    put(bytes([0, 3, 7, 0, 63, 9, 6]))
+
+
 def isotp(put):
     blocks(9, 8, 120)(put)
     frames = [bytes([0x1F, 0xFF]) + bytes(6)] + [bytes([0x20 | n & 15]) + bytes(7) for n in range(1, 90)]
@@ -172,7 +181,7 @@ def config(put):
 
 TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
            "address": address, "can": blocks(1, 8, 60), "isotp": isotp, "i2c": blocks(2, 16, 80), "registers": registers, "clocks": blocks(4, 8, 60),
-           "shm": blocks(5, 8, 60), "server": blocks(6, 8, 120), "rtu": blocks(7, 8, 80), "controls": blocks(8, 8, 120)}
+           "shm": blocks(5, 8, 60), "server": server, "rtu": blocks(7, 8, 80), "controls": blocks(8, 8, 120)}
 
 
 def main(folder):
