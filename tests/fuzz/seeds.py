@@ -158,6 +158,13 @@ def server(put):
     put(bytes([0, 3, 7, 0, 63, 9, 6]))
 
 
+def controls(put):
+    blocks(8, 8, 120)(put)
+    put(bytes([2, 35, 1, 1, 1]))  # TARE and UNTARE
+    for mask in (3, 7):
+        put(bytes([2, 32, 4, 1, mask, 0, 0, 1]))  # CMD .. CMD_SEQ
+
+
 def isotp(put):
     blocks(9, 8, 120)(put)
     frames = [bytes([0x1F, 0xFF]) + bytes(6)] + [bytes([0x20 | n & 15]) + bytes(7) for n in range(1, 90)]
@@ -181,7 +188,7 @@ def config(put):
 
 TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
            "address": address, "can": blocks(1, 8, 60), "isotp": isotp, "i2c": blocks(2, 16, 80), "registers": registers, "clocks": blocks(4, 8, 60),
-           "shm": blocks(5, 8, 60), "server": server, "rtu": blocks(7, 8, 80), "controls": blocks(8, 8, 120)}
+           "shm": blocks(5, 8, 60), "server": server, "rtu": blocks(7, 8, 80), "controls": controls}
 
 
 def main(folder):
