@@ -4,6 +4,7 @@ import pathlib
 import random
 import struct
 import sys
+import tomllib
 import zlib
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -125,11 +126,18 @@ def tomls(*folders):
 
 def decouple(put):
     rng = random.Random(1)
-    for file in sorted((ROOT / "config/calibration").glob("*.toml")):
-        if file.stat().st_size < 20_000:
-            put(file.read_bytes() + b"\0" + b"".join(struct.pack("<d", rng.uniform(-0.01, 2)) for _ in range(40)))
-    put(b'format = 1\nmodel = "generic"\nmethod = "matrix"\ncontact_model = "unknown"\nchannels = ["a", "b"]\nchannel_unit = "N"\nzero = [0.0, 0.0]\n'
-        b'components = ["fx", "fz"]\nmatrix = [[1.0, 0.0], [0.0, 1.0]]\nsd = [0.01, 0.01]\nfull_scale = [10.0, 10.0]\n\0' + struct.pack("<4d", 1, 2, 3, 4) * 5)
+    generic = b'format = 1\nmodel = "generic"\nmethod = "matrix"\ncontact_model = "unknown"\nchannels = ["a", "b", "c"]\nchannel_unit = "N"\n' \
+        b'zero = [0.0, 0.0, 0.0]\ncomponents = ["fx", "fz"]\nmatrix = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]]\nsd = [0.01, 0.01]\nfull_scale = [10.0, 10.0]\n'
+    files = [file.read_bytes() for file in sorted((ROOT / "config/calibration").glob("*.toml")) if file.stat().st_size < 20_000]
+    for text in [generic, *files]:
+        readings = b""
+        for missing, saturated in ((0, 0), (1, 0), (4, 2), (0, 0)):
+            how = (missing != 0) + 2 * (saturated != 0)
+            readings += bytes([20, how]) + (struct.pack(">I", missing) if how & 1 else b"") + (struct.pack(">I", saturated) if how & 2 else b"")
+            readings += b"".join(struct.pack("<d", rng.uniform(-0.01, 2)) for _ in tomllib.loads(text.decode())["channels"])
+        put(text + b"\0" + readings)
+        put(text + b"\0" + readings.replace(bytes([20, 0]), bytes([20, 4]), 1))
+    put(generic + b"\0" + bytes([20, 0]) + struct.pack("<3d", 1.5e308, 1.5e308, 0))  # twice that is too much
 
 
 def csv(put):
