@@ -82,7 +82,7 @@ def dbc(put):
 
 
 def modbus(put):
-    for pdu in ("01 0000 0008", "02 0000 0010", "03 0000 0020", "04 0064 0019", "05 0000 FF00", "06 13EC 0001", "0F 0000 0004 01 0F",
+    for pdu in ("01 0000 0008", "02 0000 0010", "03 0000 0020", "03 0064 007D", "03 0064 007E", "04 0064 0019", "05 0000 FF00", "06 13EC 0001", "0F 0000 0004 01 0F",
                 "10 13EC 0002 04 0001 0002", "16 13EC 00F2 0025", "17 0000 0004 13EC 0001 02 0005", "2B 0E 01 00", "07", "03 2328 000C"):
         body = bytes.fromhex(pdu)
         put(struct.pack(">HHHB", 1, 0, len(body) + 1, 1) + body)
@@ -166,6 +166,13 @@ def server(put):
     put(bytes([0, 3, 7, 0, 63, 9, 6]))
 
 
+def shm(put):
+    blocks(5, 8, 60)(put)
+    for ring in range(4):  # slots of one length, and where they begin; read twice
+        for slot in (0, 1):
+            put(bytes([0, 0, 2, 4 + ring, slot, 7, 140 + ring, slot, 11, 1, 0, 1, 0]))
+
+
 def controls(put):
     blocks(8, 8, 120)(put)
     put(bytes([2, 35, 1, 1, 1]))  # TARE and UNTARE
@@ -196,7 +203,7 @@ def config(put):
 
 TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
            "address": address, "can": blocks(1, 8, 60), "isotp": isotp, "i2c": blocks(2, 16, 80), "registers": registers, "clocks": blocks(4, 8, 60),
-           "shm": blocks(5, 8, 60), "server": server, "rtu": blocks(7, 8, 80), "controls": controls}
+           "shm": shm, "server": server, "rtu": blocks(7, 8, 80), "controls": controls}
 
 
 def main(folder):
