@@ -66,7 +66,13 @@ class Target:
         program = planted(self.name, plant, self.about["parses"], folder)
         began = time.monotonic()
         status, _ = run(self.words(program, folder / "corpus", f"-max_total_time={PLANT_S}", "-seed=1"), folder)
-        return None if status == 0 else time.monotonic() - began
+        took_s = time.monotonic() - began
+        inputs = [file for file in folder.iterdir() if re.fullmatch(r".*-[0-9a-f]{40}", file.name)]
+        # What is found without the bug, too, or not again, is not the bug.
+        fails = [bool(inputs) and run([p, f"-timeout={MOST_S}", *inputs], folder)[0] != 0 for p in (program, self.program)]
+        if status != 0 and fails != [True, False]:
+            print(f"{self.name}: bug {number}: fails with it and without it: {fails}; {inputs}", file=sys.stderr)
+        return took_s if fails == [True, False] else None
 
 
 def planted(name, plant, parses, folder):

@@ -184,6 +184,15 @@ def isotp(put):
     blocks(9, 8, 120)(put)
     frames = [bytes([0x1F, 0xFF]) + bytes(6)] + [bytes([0x20 | n & 15]) + bytes(7) for n in range(1, 90)]
     put(b"".join(b"\0\x08" + frame for frame in frames))  # longer than there is room for
+    for length in range(1, 8):
+        put(bytes([0, length + 1, length]) + bytes(length))
+        put(bytes([0, length, length]) + bytes(length - 1))  # says one more than there are
+
+
+def rtu(put):
+    blocks(7, 8, 80)(put)
+    for address in (0, *(5 ^ 1 << bit for bit in range(8))):  # everybody; all but ours
+        put(bytes([2, address, 1, 2]))
 
 
 def blocks(seed, count, size):  # decisions: any bytes are good ones
@@ -203,7 +212,7 @@ def config(put):
 
 TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
            "address": address, "can": blocks(1, 8, 60), "isotp": isotp, "i2c": blocks(2, 16, 80), "registers": registers, "clocks": blocks(4, 8, 60),
-           "shm": shm, "server": server, "rtu": blocks(7, 8, 80), "controls": controls}
+           "shm": shm, "server": server, "rtu": rtu, "controls": controls}
 
 
 def main(folder):
