@@ -144,6 +144,7 @@ def csv(put):
     put(b"t_s,R1,R3\n0,0.5,\n0.01,nan,-1e-3\n")
     put(b'\xef\xbb\xbf"t_s" , "fx ""N"""\r\n\r\n+1.5 ,"2"\r\n')
     put(b"t_s;R1\n0;1\n")
+    put(b"t_s,R1\n0,+-3\n1,-+3\n2,+3\n")
 
 
 def address(put):
