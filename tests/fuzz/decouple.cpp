@@ -1,6 +1,7 @@
 // A calibration's text, and then any bits as its channels. Oracles: what is accepted is written and read back the same;
-// every method that takes it gives a finite wrench with its quality, or BAD and NaN, whatever the channels hold; the same
-// decoupler, told to forget, gives the same again.
+// every method that takes it gives a finite wrench with its quality, or BAD and NaN, whatever the channels hold; without
+// any channel it is BAD; what a missing channel holds changes nothing; told to forget, a decoupler is as good as new.
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -28,6 +29,14 @@ void check_estimate(const Estimate& estimate) {
     }
 }
 
+bool same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
+
+void check_same(const Estimate& a, const Estimate& b) {
+    check(a.quality == b.quality && a.reasons == b.reasons && a.direction == b.direction && same(a.residual, b.residual));
+    check(same(a.cop_S_m[0], b.cop_S_m[0]) && same(a.cop_S_m[1], b.cop_S_m[1]));
+    for (std::size_t c = 0; c < 6; ++c) check(same(a.wrench_S[c], b.wrench_S[c]) && same(a.sd[c], b.sd[c]));
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -50,6 +59,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         Options options = Options::parse_text("", "fuzz.toml", refused);
         const auto decoupler = entry->make(calibration, method, options);
         if (decoupler == nullptr || !refused.empty()) continue;
+        auto twin = entry->make(calibration, method, options);
         Input input(data + length, size - length);
         (void)input.byte();
         std::uint64_t t_ns = 1'000'000'000;
@@ -57,14 +67,26 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         for (int n = 0; n < 20 && (n == 0 || !input.is_empty()); ++n) {
             Reading reading{channels, 0, 0, t_ns};
             t_ns += std::uint64_t{1} << input.byte() % 40;
+            const unsigned how = input.byte();
+            if ((how & 1) != 0) reading.missing = input.number(4);
+            if ((how & 2) != 0) reading.saturated = input.number(4);
+            if ((how & 4) != 0) reading.missing = ~0u;
             for (std::size_t k = 0; k < channels.size(); ++k) {
                 const auto bits = input.take(sizeof(double));
                 if (!bits.empty()) std::memcpy(&channels[k], bits.data(), bits.size());
                 if (std::isnan(channels[k])) reading.missing |= 1u << k;
             }
-            reading.saturated = input.byte();
-            check_estimate(decoupler->decouple(reading));
-            if (input.byte() % 8 == 0) decoupler->forget();
+            std::vector<double> others = channels;
+            for (std::size_t k = 0; k < others.size(); ++k)
+                if ((reading.missing >> k & 1) != 0)
+                    others[k] = std::bit_cast<double>(~std::bit_cast<std::uint64_t>(others[k]));
+            const Estimate estimate = decoupler->decouple(reading);
+            check_estimate(estimate);
+            if (std::countr_one(reading.missing) >= int(channels.size())) check(estimate.quality == TACTILED_BAD);
+            check_same(estimate, twin->decouple({others, reading.missing, reading.saturated, reading.t_ns}));
+            if ((how & 8) == 0) continue;
+            decoupler->forget();
+            twin = entry->make(calibration, method, options);
         }
     }
     return 0;

@@ -1,7 +1,8 @@
 // Every chip of the i2c driver. The first byte chooses the chip and one of two worlds.
-// A model chip that is reset, disturbed, unplugged, delayed, and whose transfers fail, before or after it took them. Oracle:
-// each value of each frame is one that the model converted for that channel, and no conversion is given twice. A bus that
-// answers whatever the fuzzer says. Oracle: no crash, no endless loop; each channel is finite or marked missing.
+// A model chip that is reset between any two transfers, disturbed, unplugged, delayed, and whose transfers fail, before or
+// after it took them. Oracle: each value of each frame is one that the model converted for that channel, and no conversion
+// is given twice. A bus that answers whatever the fuzzer says. Oracle: no crash, no endless loop; each channel is finite or
+// marked missing.
 #include "tests/fuzz/input.hpp"
 #include "tests/unit/drivers/chip_bench.hpp"
 
@@ -52,12 +53,13 @@ void any_answers(const ChipKind& kind, Input& input) {
 void any_fate(const ChipKind& kind, Input& input) {
     ChipBench bench;
     ModelChip& model = bench.add(kind, 0, 0x70, 3);
+    bench.bus.accident = [&] { model.reset(); };
     bool is_open = bench.schedule.open().empty();
     std::uint64_t converted_ns = 0;
     while (!input.is_empty()) {
         const unsigned what = input.byte();
         switch (what % 8) {
-            case 0: model.reset(); break;
+            case 0: bench.bus.n_until_accident = 1 + input.byte() % 32; break;
             case 1: model.disturb(what / 8, input.byte()); break;
             case 2: model.is_dead = !model.is_dead; break;
             case 3:

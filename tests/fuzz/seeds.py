@@ -4,6 +4,7 @@ import pathlib
 import random
 import struct
 import sys
+import tomllib
 import zlib
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -81,7 +82,7 @@ def dbc(put):
 
 
 def modbus(put):
-    for pdu in ("01 0000 0008", "02 0000 0010", "03 0000 0020", "04 0064 0019", "05 0000 FF00", "06 13EC 0001", "0F 0000 0004 01 0F",
+    for pdu in ("01 0000 0008", "02 0000 0010", "03 0000 0020", "03 0064 007D", "03 0064 007E", "04 0064 0019", "05 0000 FF00", "06 13EC 0001", "0F 0000 0004 01 0F",
                 "10 13EC 0002 04 0001 0002", "16 13EC 00F2 0025", "17 0000 0004 13EC 0001 02 0005", "2B 0E 01 00", "07", "03 2328 000C"):
         body = bytes.fromhex(pdu)
         put(struct.pack(">HHHB", 1, 0, len(body) + 1, 1) + body)
@@ -125,17 +126,25 @@ def tomls(*folders):
 
 def decouple(put):
     rng = random.Random(1)
-    for file in sorted((ROOT / "config/calibration").glob("*.toml")):
-        if file.stat().st_size < 20_000:
-            put(file.read_bytes() + b"\0" + b"".join(struct.pack("<d", rng.uniform(-0.01, 2)) for _ in range(40)))
-    put(b'format = 1\nmodel = "generic"\nmethod = "matrix"\ncontact_model = "unknown"\nchannels = ["a", "b"]\nchannel_unit = "N"\nzero = [0.0, 0.0]\n'
-        b'components = ["fx", "fz"]\nmatrix = [[1.0, 0.0], [0.0, 1.0]]\nsd = [0.01, 0.01]\nfull_scale = [10.0, 10.0]\n\0' + struct.pack("<4d", 1, 2, 3, 4) * 5)
+    generic = b'format = 1\nmodel = "generic"\nmethod = "matrix"\ncontact_model = "unknown"\nchannels = ["a", "b", "c"]\nchannel_unit = "N"\n' \
+        b'zero = [0.0, 0.0, 0.0]\ncomponents = ["fx", "fz"]\nmatrix = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]]\nsd = [0.01, 0.01]\nfull_scale = [10.0, 10.0]\n'
+    files = [file.read_bytes() for file in sorted((ROOT / "config/calibration").glob("*.toml")) if file.stat().st_size < 20_000]
+    for text in [generic, *files]:
+        readings = b""
+        for missing, saturated in ((0, 0), (1, 0), (4, 2), (0, 0)):
+            how = (missing != 0) + 2 * (saturated != 0)
+            readings += bytes([20, how]) + (struct.pack(">I", missing) if how & 1 else b"") + (struct.pack(">I", saturated) if how & 2 else b"")
+            readings += b"".join(struct.pack("<d", rng.uniform(-0.01, 2)) for _ in tomllib.loads(text.decode())["channels"])
+        put(text + b"\0" + readings)
+        put(text + b"\0" + readings.replace(bytes([20, 0]), bytes([20, 4]), 1))
+    put(generic + b"\0" + bytes([20, 0]) + struct.pack("<3d", 1.5e308, 1.5e308, 0))  # twice that is too much
 
 
 def csv(put):
     put(b"t_s,R1,R3\n0,0.5,\n0.01,nan,-1e-3\n")
     put(b'\xef\xbb\xbf"t_s" , "fx ""N"""\r\n\r\n+1.5 ,"2"\r\n')
     put(b"t_s;R1\n0;1\n")
+    put(b"t_s,R1\n0,+-3\n1,-+3\n2,+3\n")
 
 
 def address(put):
@@ -149,10 +158,42 @@ def registers(put):
     put(bytes.fromhex("00000000 04 00 00 01 7FC00000"))
 
 
+def server(put):
+    blocks(6, 8, 120)(put)
+    for size in (8, 12, 40, 100, 130):  # a whole request, then twice that and what is none; each is served, and heard
+        request = bytes.fromhex("00010000") + struct.pack(">HBB", size - 6, 1, 4) + bytes(size - 8)
+        put(bytes([0, 0, size]) + request + bytes([9, 6]))
+        put(bytes([0, 0, size]) + request + bytes([0, size]) + request + bytes([0, 6]) + b"GET / " + bytes([9, 6]))
+    put(bytes([0, 3, 7, 0, 63, 9, 6]))
+
+
+def shm(put):
+    blocks(5, 8, 60)(put)
+    for ring in range(4):  # slots of one length, and where they begin; read twice
+        for slot in (0, 1):
+            put(bytes([0, 0, 2, 4 + ring, slot, 7, 140 + ring, slot, 11, 1, 0, 1, 0]))
+
+
+def controls(put):
+    blocks(8, 8, 120)(put)
+    put(bytes([2, 35, 1, 1, 1]))  # TARE and UNTARE
+    for mask in (3, 7):
+        put(bytes([2, 32, 4, 1, mask, 0, 0, 1]))  # CMD .. CMD_SEQ
+
+
 def isotp(put):
     blocks(9, 8, 120)(put)
     frames = [bytes([0x1F, 0xFF]) + bytes(6)] + [bytes([0x20 | n & 15]) + bytes(7) for n in range(1, 90)]
     put(b"".join(b"\0\x08" + frame for frame in frames))  # longer than there is room for
+    for length in range(1, 8):
+        put(bytes([0, length + 1, length]) + bytes(length))
+        put(bytes([0, length, length]) + bytes(length - 1))  # says one more than there are
+
+
+def rtu(put):
+    blocks(7, 8, 80)(put)
+    for address in (0, *(5 ^ 1 << bit for bit in range(8))):  # everybody; all but ours
+        put(bytes([2, address, 1, 2]))
 
 
 def blocks(seed, count, size):  # decisions: any bytes are good ones
@@ -172,7 +213,7 @@ def config(put):
 
 TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
            "address": address, "can": blocks(1, 8, 60), "isotp": isotp, "i2c": blocks(2, 16, 80), "registers": registers, "clocks": blocks(4, 8, 60),
-           "shm": blocks(5, 8, 60), "server": blocks(6, 8, 120), "rtu": blocks(7, 8, 80), "controls": blocks(8, 8, 120)}
+           "shm": shm, "server": server, "rtu": rtu, "controls": controls}
 
 
 def main(folder):

@@ -96,6 +96,18 @@ void scribble(Input& input, const Memory& memory) {
     }
 }
 
+// A ring's words say what is read: one of them gets a small number, or one that little is missing to the segment's end.
+void bend_ring(Input& input, const Memory& memory) {
+    const tactiled_segment good{good_segment().data(), good_segment().size(), ""};
+    const tactiled_ring* const rings[] = {&tactiled_header_of(&good)->node, &tactiled_sensor_of(&good, 0)->ring,
+                                          &tactiled_sensor_of(&good, 1)->ring, &tactiled_link_of(&good, 0)->frames};
+    const unsigned what = input.byte();
+    const auto at = std::size_t(reinterpret_cast<const char*>(rings[what % 4]) - good.base) + what / 4 % 5 * 4;
+    const std::uint32_t small = std::uint32_t(input.byte()) << input.byte() % 16;
+    const std::uint32_t number = what < 128 ? small : std::uint32_t(memory.size() / 128 * 128) - small;
+    if (at + sizeof number <= memory.size()) std::memcpy(memory.at() + at, &number, sizeof number);
+}
+
 void read_all(Input& input, const tactiled_segment& segment, const Memory& memory) {
     const Constants constants(memory);
     const tactiled_header* const h = tactiled_header_of(&segment);
@@ -152,6 +164,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         const auto bytes = input.take(input.byte() % 8u);
         std::copy_n(bytes.begin(), std::min(bytes.size(), memory.size() - at), memory.at() + at);
     }
+    for (unsigned n = input.byte() % 4; n > 0; --n) bend_ring(input, memory);
     tactiled_segment segment{memory.at(), memory.size(), ""};
     if (tactiled_check(&segment, "fuzz") == 0) {
         check(segment.why[0] != 0);
