@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -62,36 +61,6 @@ TEST(TableMap, AJumpIsSearchedAnew) {
     EXPECT_EQ(pulls, 0);
     EXPECT_EQ(cold_pulls, 0);
     std::printf("  jumps: %d samples, %d read as a pull; %d if searched anew each time\n", 4 * 2000, pulls, cold_pulls);
-}
-
-TEST(TableMap, CostsFewMicrosecondsWarm) {
-    const auto map = make_decoupler(map_calibration());
-    std::mt19937_64 random(3);
-    std::vector<std::vector<double>> readings;
-    for (int i = 0; i < 5000; ++i) {  // a finger that circles: 0.5 mm, one turn in 500 samples
-        const double angle = 2 * std::numbers::pi * i / 500;
-        readings.push_back(
-            noisy(strains({0.5e-3 * std::cos(angle), 0.5e-3 * std::sin(angle), {0.2, 0.1, -1}}), Noise::kOfTheMean, random));
-    }
-    double best_us = 1e9, worst_us = 0;
-    for (int trial = 0; trial < 20; ++trial) {
-        const auto begun = std::chrono::steady_clock::now();
-        for (const auto& reading : readings) (void)decouple(*map, reading);
-        best_us =
-            std::min(best_us, std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begun).count() /
-                                  double(readings.size()));
-    }
-    for (const auto& reading : readings) {
-        (void)map->decouple({.channel = {}});
-        const auto begun = std::chrono::steady_clock::now();
-        (void)decouple(*map, reading);
-        worst_us =
-            std::max(worst_us, std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begun).count());
-    }
-    std::printf("map: %.2f us a sample, warm (mean, best of 20 runs); a search anew: at most %.1f us\n", best_us, worst_us);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-    EXPECT_LT(best_us, 20);  // 5 on a quiet machine
-#endif
 }
 
 }  // namespace
