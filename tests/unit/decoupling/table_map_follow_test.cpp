@@ -1,4 +1,4 @@
-// Method "map" from sample to sample: a finger that slides, lifts and lands elsewhere, and what following it costs.
+// Method "map" from sample to sample: a finger that slides, lifts and lands elsewhere.
 #include <gtest/gtest.h>
 
 #include <algorithm>
