@@ -47,10 +47,11 @@ protected:
 
     // The two ends of checked(), for a model that is short of time: in between it solves what is plain, and where something
     // is not, it begins anew with checked(). Channels: there, not at their rails and in the domain; `kChannels` of them, 0 =
-    // any number; `r` as in Input, set in any case. rt: wait-free
+    // any number; `r` as in Input, set in any case. The caller has compared the number of channels. rt: wait-free
     template <std::size_t kChannels>
     bool is_plain(const Reading& reading, double* r) const noexcept;
-    // The estimate of `wrench`, fx fy and fz mx and where there are more my mz; `sd_factor` as in Input. rt: wait-free
+    // The estimate of `wrench`, fx fy and fz mx and where there are more my mz; `sd_factor` as in Input. Does not forget()
+    // where it is BAD: for models without a memory. rt: wait-free
     template <std::size_t kPairs>
     Estimate finished(const Pair (&wrench)[kPairs], const double* sd_factor, double residual) const noexcept;
 

@@ -1,6 +1,8 @@
 // The way of a good reading through CheckedModel, which nearly all readings take: one comparison for all channels, one for
 // all components, two numbers at a time. All others: checked.cpp.
 #pragma once
+#include <cassert>
+
 #include "decoupling/checked.hpp"
 #include "decoupling/pairs.hpp"
 
@@ -50,6 +52,7 @@ inline bool CheckedModel::is_plain(const Reading& reading, double* r) const noex
         plain = both_true(plain, between(pair->least, value, pair->most));
         channel += 2, r += 2, ++pair;
     };
+    static_assert(kChannels % 2 == 0 && kChannels <= 8);
     if constexpr (kChannels != 0) {
 #pragma GCC unroll 4
         for (std::size_t k = 0; k < kChannels; k += 2) look(load(channel));
@@ -68,6 +71,7 @@ inline bool CheckedModel::is_plain(const Reading& reading, double* r) const noex
 template <std::size_t kPairs>
 inline Estimate CheckedModel::finished(const Pair (&wrench)[kPairs], const double* sd_factor,
                                        double residual) const noexcept {
+    assert(kPairs == 3 || !has_third_);
     Estimate estimate;
     estimate.residual = residual;
 #pragma GCC unroll 3

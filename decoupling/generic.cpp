@@ -87,6 +87,17 @@ std::string fault_of(const Calibration& calibration) {
     return "";
 }
 
+// A component of which the matrix tells nothing would be 0, and GOOD, under any load.
+std::string fault_of_untold(const Calibration& calibration) {
+    for (std::size_t i = 0; i < calibration.matrix.size(); ++i) {
+        const auto& row = calibration.matrix[i];
+        if (std::all_of(row.begin(), row.end(), [](double gain) { return gain == 0; }))
+            return fmt::format("matrix: the row of {} is all 0, no channel tells it; leave it out of components",
+                               calibration.components[i]);
+    }
+    return "";
+}
+
 std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string& method, Options& options) {
     std::string fault = fault_of(calibration);
     std::unique_ptr<Correction> correction;
@@ -94,6 +105,7 @@ std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::strin
                                            : method == "rbf"     ? make_rbf
                                            : method == "mlp"     ? make_mlp
                                                                  : nullptr;
+    if (fault.empty() && make_correction == nullptr) fault = fault_of_untold(calibration);
     if (fault.empty() && make_correction != nullptr) {
         const auto* width = table_of(calibration, "width", 1, calibration.channels.size(), fault);
         if (width != nullptr)

@@ -1,6 +1,6 @@
 // Two doubles side by side, in one register of any x86-64 and any AArch64. Each rounds as a lone double does, so results are
 // those of a for loop to the last bit. For the loops over channels that the compiler does not vectorise by itself: those
-// with comparisons.
+// with comparisons, and those whose sums it would keep in memory.
 #pragma once
 #include <cmath>
 #include <cstdint>

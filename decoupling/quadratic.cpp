@@ -16,11 +16,11 @@ public:
             for (std::size_t f = 0; f < features_.size(); ++f) features_[f].of[c / 2][c % 2] = q[c][f];
     }
     void add(const double* u, double* out) noexcept override {
-        const Feature* q = features_.data();
-        Feature sum = *q++;
+        const Components* q = features_.data();
+        Components sum = *q++;
         for (std::size_t k = 0; k < n_; ++k) add_to(sum, *q++, u[k]);
         for (std::size_t k = 0; k < n_; ++k) {
-            Feature part;
+            Components part;
             for (std::size_t j = k; j < n_; ++j) add_to(part, *q++, u[j]);
             add_to(sum, part, u[k]);
         }
@@ -28,16 +28,16 @@ public:
     }
 
 private:
-    struct Feature {
+    struct Components {
         Pair of[kPairs]{};  // a number a component, then 0
     };
-    static void add_to(Feature& sum, const Feature& q, double u) noexcept {
+    static void add_to(Components& sum, const Components& q, double u) noexcept {
 #pragma GCC unroll 3
         for (std::size_t i = 0; i < kPairs; ++i) sum.of[i] += q.of[i] * both(u);
     }
 
     std::size_t n_, components_;
-    std::vector<Feature> features_;
+    std::vector<Components> features_;
 };
 
 }  // namespace

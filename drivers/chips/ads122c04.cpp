@@ -63,10 +63,12 @@ public:
         if (found != 0) return {.kind = Progress::wrong, .found = found};
         for (unsigned i = 0; i < set_.size() && answer == Answer::ok; ++i)
             answer = port.write({at(kWriteRegister, i), set_[i]});
-        std::uint8_t value = 0;
-        bool is_good = true;
-        if (answer == Answer::ok) answer = read_checked(port, at(kReadRegister, kWithCounter), value, is_good);
-        if (answer == Answer::ok && value != set_[kWithCounter]) return {.kind = Progress::wrong, .found = value};
+        bool is_good = true;  // a write has no checksum
+        for (unsigned i = 0; i < set_.size() && answer == Answer::ok; ++i) {
+            std::uint8_t value = 0;
+            answer = read_checked(port, at(kReadRegister, i), value, is_good);
+            if (answer == Answer::ok && value != set_[i]) return {.kind = Progress::wrong, .found = value};
+        }
         if (answer == Answer::ok) answer = port.write({kStart});
         if (answer == Answer::ok) answer = read_data(port, is_good);
         if (answer == Answer::ok && !is_good) answer = Answer::failed;
@@ -130,7 +132,7 @@ private:
             const bool is_told = is_register_good || !has_crc;  // else a bit was disturbed on the way
             is_same = !is_told || (i == kWithCounter ? value & ~kReady : value) == set_[i];
         }
-        turn_ = next;
+        if (is_good) turn_ = next;
         return answer;
     }
 

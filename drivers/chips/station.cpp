@@ -123,7 +123,8 @@ Station::Turn Station::convert(Frame& frame) noexcept {
     const std::uint64_t before_ns = port_.now_ns();
     const Chip::Reading reading = chip_->read(port_, frame);
     if (reading.answer != Answer::ok) {
-        // Once may be a disturbance: asked again at once, all settings are read along with the value.
+        // Once may be a disturbance: asked again at once. A chip that was reset meanwhile is told by what is read with the
+        // value.
         const bool hard = reading.answer == Answer::gone || reading.answer == Answer::timeout;
         if (hard || is_retry_) return fail(reading.answer);
         is_retry_ = true;

@@ -147,6 +147,9 @@ TEST(Generic, RefusesACalibrationThatDoesNotFitItself) {
     calibration.matrix[0][0] = kNaN;
     EXPECT_NE(refusal(calibration).find("not finite"), std::string::npos);
     calibration = two_by_three();
+    calibration.matrix[1] = {0, -0.0, 0};
+    EXPECT_NE(refusal(calibration).find("is all 0, no channel tells it"), std::string::npos);
+    calibration = two_by_three();
     calibration.channels.assign(33, "X");
     EXPECT_NE(refusal(calibration).find("33 channels"), std::string::npos);
 }

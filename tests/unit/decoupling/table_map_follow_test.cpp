@@ -1,9 +1,6 @@
 // Method "map" from sample to sample: a finger that slides, lifts and lands elsewhere.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <random>
 
 #include "map_contacts.hpp"

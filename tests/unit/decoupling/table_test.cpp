@@ -114,7 +114,6 @@ TEST_P(TableOf, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
     }
 }
 
-// Lee et al. print eq. 2 as R1 - R5; their sign table and physics say that a force along +x stretches R5.
 // Good readings of four or eight gauges have a way of their own. A domain that nothing is inside of sends each reading the
 // long way instead, which says so and else gives the same to the last bit.
 TEST_P(TableOf, GivesTheSameBitsTheShortWayAndTheLongWay) {
@@ -166,6 +165,7 @@ TEST_P(TableOf, GivesTheSameBitsTheShortWayAndTheLongWay) {
     EXPECT_GT(good, 2000);
 }
 
+// Lee et al. print eq. 2 as R1 - R5; their sign table and physics say that a force along +x stretches R5.
 TEST(Table, FollowsTheSignTableNotEquationTwo) {
     const auto decoupler = make_decoupler(table_calibration(inner_gauges()));
     expect_force(decouple(*decoupler, {-0.010847, 0, +0.010847, 0}), {+1, 0, 0}, 1e-15);

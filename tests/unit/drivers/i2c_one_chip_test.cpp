@@ -89,6 +89,41 @@ TEST(Ads122c04, IsSetUpAnewWithinFourValuesOfASettingThatChangedByItself) {
         }
 }
 
+// One that is read with a wrong bit when its turn comes is read again.
+TEST(Ads122c04, IsSetUpAnewWithinFourValuesThoughARegisterIsReadWithAWrongBit) {
+    for (unsigned turn = 0; turn < 4; ++turn) {
+        ChipBench bench;
+        auto& model = dynamic_cast<ModelAds122c04&>(bench.add(kind_of("ads122c04")));
+        ASSERT_EQ(bench.schedule.open(), "");
+        Frame frame;
+        const auto next = [&] {
+            const std::uint32_t frames = bench.counts[TACTILED_LINK_FRAMES];
+            while (bench.counts[TACTILED_LINK_FRAMES] == frames) (void)bench.schedule.read(frame, 50);
+        };
+        for (unsigned n = 0; n < 40 + turn; ++n) next();
+        model.disturb(0, 0x3A);
+        const std::uint32_t frames = bench.counts[TACTILED_LINK_FRAMES];
+        model.n_flipped_registers = 1;
+        while (bench.counts[TACTILED_LINK_RESTARTED] == 0 && bench.counts[TACTILED_LINK_FRAMES] < frames + 10) next();
+        EXPECT_LE(bench.counts[TACTILED_LINK_FRAMES], frames + 3 + 1) << turn;
+    }
+}
+
+TEST(Ads122c04, GivesNoValueWithASettingThatWasWrittenWrongly) {
+    for (unsigned which = 1; which <= 4; ++which) {
+        ChipBench bench;
+        auto& model = dynamic_cast<ModelAds122c04&>(bench.add(kind_of("ads122c04")));
+        model.n_flipped_writes = which;
+        (void)bench.schedule.open();
+        EXPECT_EQ(model.n_flipped_writes, 0u);
+        bench.run(0.5);
+        EXPECT_GT(bench.counts[TACTILED_LINK_BUS_ERROR], 0u) << which;
+        const auto right = model.reg;
+        EXPECT_GT(bench.run(0.5).size(), 100u);
+        EXPECT_EQ(model.reg, right);
+    }
+}
+
 TEST(Fdc1004, ThatNeverSaysDoneIsResetAndAskedSeldom) {
     ChipBench bench;
     auto& model = dynamic_cast<ModelFdc1004&>(bench.add(kind_of("fdc1004")));

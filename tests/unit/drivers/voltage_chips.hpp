@@ -107,7 +107,8 @@ public:
         command_ = bytes[0];
         if ((command_ & 0xFE) == 0x06) reset();
         if ((command_ & 0xFE) == 0x08) ends_ns_ = t_ns + conversion();
-        if ((command_ & 0xF0) == 0x40 && bytes.size() > 1) reg[command_ >> 2 & 3] = bytes[1];
+        if ((command_ & 0xF0) == 0x40 && bytes.size() > 1)
+            reg[command_ >> 2 & 3] = std::uint8_t(bytes[1] ^ (n_flipped_writes > 0 && n_flipped_writes-- == 1 ? 0x10 : 0));
     }
     void read(std::span<std::uint8_t> out, std::uint64_t t_ns, std::uint64_t) override {
         advance(t_ns);
@@ -142,6 +143,7 @@ public:
     }
     std::array<std::uint8_t, 4> reg{};
     unsigned n_flipped = 0, n_flipped_registers = 0;  // data, registers to come with a wrong bit
+    unsigned n_flipped_writes = 0;                    // the one after so many registers is written with a wrong bit
 
 private:
     [[nodiscard]] std::uint64_t conversion() const {
