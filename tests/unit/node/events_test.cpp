@@ -93,8 +93,9 @@ TEST_F(EventsTest, WhoIsGoneLeavesNoDescriptor) {
     const int before = descriptors();
     const auto [connection, event] = subscribe();
     // Each of the two, and the other end of it; and, until the daemon's thread has closed it, what it sent.
-    for (int i = 0; i < 100 && descriptors() != before + 4; ++i) ::usleep(10'000);
-    EXPECT_EQ(descriptors(), before + 4);
+    int with = descriptors();
+    for (int i = 0; i < 100 && with != before + 4; ++i) ::usleep(10'000), with = descriptors();
+    EXPECT_EQ(with, before + 4);
     ::close(connection);
     std::uint64_t news = 0;
     pollfd p{event, POLLIN, 0};
