@@ -17,6 +17,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <functional>
+#include <optional>
 #include <random>
 #include <string>
 #include <vector>
@@ -220,20 +221,22 @@ std::size_t number(const char* text) {
 
 int main(int argc, char** argv) {
     std::string only;
-    bool count_allocations = false, counts_samples = false;
-    std::size_t samples = 1, rounds = 40;
+    bool count_allocations = false;
+    std::optional<std::size_t> samples;
+    std::size_t rounds = 40;
     for (int i = 1; i < argc; ++i) {
         if (std::strcmp(argv[i], "--allocations") == 0)
             count_allocations = true;
         else if (std::strcmp(argv[i], "--only") == 0 && i + 1 < argc)
             only = argv[++i];
         else if (std::strcmp(argv[i], "--samples") == 0 && i + 1 < argc)
-            samples = number(argv[++i]), counts_samples = true;
+            samples = number(argv[++i]);
         else
             rounds = number(argv[i]);
     }
-    if (rounds == 0 || samples == 0 || (counts_samples && only.empty())) {
-        fmt::print(stderr, "decouple_bench [--allocations] [--only MODEL/METHOD [--samples N]] [rounds]\n");
+    if (rounds == 0 || samples == 0u || (samples && (only.empty() || count_allocations))) {
+        fmt::print(stderr,
+                   "decouple_bench [--allocations] [--only MODEL/METHOD] [rounds], or --only MODEL/METHOD --samples N\n");
         return 2;
     }
     std::vector<std::string> known;
@@ -242,8 +245,8 @@ int main(int argc, char** argv) {
         fmt::print(stderr, "decouple_bench: no method {}; there are {}\n", only, fmt::join(known, " "));
         return 2;
     }
-    if (counts_samples) {
-        for (std::size_t i = 0; i < samples; ++i) one(cases[0], i);
+    if (samples) {
+        for (std::size_t i = 0; i < *samples; ++i) one(cases[0], i);
         return sum == 1 ? 1 : 0;
     }
     int failed = 0;

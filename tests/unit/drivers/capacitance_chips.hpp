@@ -22,7 +22,7 @@ public:
     }
     void disturb(unsigned which, std::uint8_t value) override { reg[7 + which % 6] = value; }
     void advance(std::uint64_t t_ns) override {
-        for (; ends_ns_ != 0 && ends_ns_ <= t_ns; next()) {
+        for (; ends_ns_ != 0 && ends_ns_ <= t_ns; begin_next()) {
             if (ends_ns_ <= held_until_ns_) {  // its registers were being read
                 ++n_dropped;
                 continue;
@@ -76,7 +76,7 @@ private:
         began_ns_ = t_ns;
         ends_ns_ = mode == 1 || mode == 2 ? t_ns + conversion() : 0;
     }
-    void next() {
+    void begin_next() {
         began_ns_ = ends_ns_;
         ends_ns_ = (reg[10] & 7) == 1 ? ends_ns_ + conversion() : 0;
     }
