@@ -20,7 +20,7 @@ channel_unit = "dR/R0"
 zero = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 components = ["fx", "fy", "fz", "mx", "my"]
 
-parameters.gauge_factor = 2.0  # Ni-Cr foil; the documents' numbers would need 18 to 46, see decoupling/table.md
+parameters.gauge_factor = 2.0  # Ni-Cr foil; the documents' numbers would need 18 to 46, see decoupling/table/README.md
 parameters.noise = 2e-6        # dR/R0
 parameters.contact = 1         # a point
 

@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoupling/capacitive_methods.hpp"
+#include "decoupling/capacitive/methods.hpp"
 #include "decoupling/fit/capacitive_model.hpp"
 
 namespace tactiled {

@@ -1,4 +1,4 @@
-// Fits of model "capacitive", one a method. See capacitive.md for what is fitted and what is stated.
+// Fits of model "capacitive", one a method. See decoupling/capacitive/README.md for what is fitted and what is stated.
 #pragma once
 #include "decoupling/fit/fit.hpp"
 

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <cstddef>
 
-#include "decoupling/electrodes.hpp"
-#include "decoupling/pad.hpp"
+#include "decoupling/capacitive/electrodes.hpp"
+#include "decoupling/capacitive/pad.hpp"
 
 namespace tactiled {
 

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "decoupling/capacitive_methods.hpp"
+#include "decoupling/capacitive/methods.hpp"
 #include "decoupling/fit/capacitive_fit.hpp"
 
 namespace tactiled {

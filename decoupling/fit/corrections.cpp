@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "decoupling/domain.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 

@@ -8,10 +8,10 @@
 #include <utility>
 
 #include "decoupling/accuracy.hpp"
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/outliers.hpp"
 #include "decoupling/fit/validate.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/recursive.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

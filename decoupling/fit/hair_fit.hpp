@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/hair_physics.hpp"
+#include "decoupling/hair/physics.hpp"
 
 namespace tactiled {
 

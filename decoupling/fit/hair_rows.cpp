@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoupling/domain.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/hair_stages.hpp"
+#include "decoupling/hair/stages.hpp"
 
 namespace tactiled {
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "decoupling/dense.hpp"
-#include "decoupling/domain.hpp"
+#include "decoupling/solve/dense.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

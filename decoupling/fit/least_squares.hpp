@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "decoupling/dense.hpp"
+#include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
 

@@ -1,12 +1,12 @@
 // Which function fits which method. One line each.
-#include "decoupling/electrodes.hpp"
+#include "decoupling/capacitive/electrodes.hpp"
 #include "decoupling/fit/capacitive_fit.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/hair_fit.hpp"
 #include "decoupling/fit/piezo_fit.hpp"
 #include "decoupling/fit/table_more_fit.hpp"
-#include "decoupling/hair_stages.hpp"
-#include "decoupling/table_signs.hpp"
+#include "decoupling/hair/stages.hpp"
+#include "decoupling/table/sign_table.hpp"
 
 namespace tactiled {
 namespace {

@@ -7,9 +7,9 @@
 #include <cmath>
 #include <random>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/corrections.hpp"
 #include "decoupling/fit/mlp_row.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

@@ -7,8 +7,8 @@
 #include <set>
 #include <utility>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/validate.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "decoupling/capacitive_methods.hpp"
+#include "decoupling/capacitive/methods.hpp"
 #include "decoupling/fit/piezo_fit.hpp"
 #include "decoupling/fit/piezo_statistics.hpp"
 

@@ -1,4 +1,5 @@
-// Fit of model "piezo", method "fused". See capacitive.md for what is fitted and what a recording must contain.
+// Fit of model "piezo", method "fused". See decoupling/capacitive/README.md for what is fitted and what a recording must
+// contain.
 #pragma once
 #include <span>
 #include <vector>

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoupling/charge.hpp"
 #include "decoupling/fit/piezo_fit.hpp"
+#include "decoupling/piezo/charge.hpp"
 
 namespace tactiled {
 namespace {

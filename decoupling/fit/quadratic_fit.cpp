@@ -1,8 +1,8 @@
 // Model "generic", method "quadratic": least squares of all products of two channels.
 #include <fmt/format.h>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/corrections.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 

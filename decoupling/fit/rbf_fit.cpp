@@ -6,8 +6,8 @@
 #include <limits>
 #include <random>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/corrections.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

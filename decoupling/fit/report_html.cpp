@@ -6,10 +6,10 @@
 #include <cmath>
 #include <set>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/html.hpp"
 #include "decoupling/fit/report.hpp"
 #include "decoupling/fit/svg.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/report.hpp"
 #include "decoupling/fit/svg.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

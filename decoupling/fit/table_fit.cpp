@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/table_signs.hpp"
+#include "decoupling/table/sign_table.hpp"
 
 namespace tactiled {
 namespace {

@@ -7,10 +7,10 @@
 #include <cmath>
 #include <numeric>
 
-#include "decoupling/domain.hpp"
-#include "decoupling/generic_methods.hpp"
-#include "decoupling/influence_map.hpp"
-#include "decoupling/table_methods.hpp"
+#include "decoupling/generic/methods.hpp"
+#include "decoupling/solve/domain.hpp"
+#include "decoupling/table/influence_map.hpp"
+#include "decoupling/table/methods.hpp"
 
 namespace tactiled {
 namespace {

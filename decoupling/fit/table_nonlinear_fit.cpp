@@ -4,9 +4,9 @@
 #include <numeric>
 
 #include "decoupling/fit/table_more_fit.hpp"
-#include "decoupling/monotone_curve.hpp"
-#include "decoupling/play_hysteresis.hpp"
-#include "decoupling/table_methods.hpp"
+#include "decoupling/solve/monotone_curve.hpp"
+#include "decoupling/solve/play_hysteresis.hpp"
+#include "decoupling/table/methods.hpp"
 
 namespace tactiled {
 namespace {

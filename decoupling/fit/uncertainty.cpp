@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/validate.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

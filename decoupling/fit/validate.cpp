@@ -8,7 +8,7 @@
 #include <numeric>
 #include <utility>
 
-#include "decoupling/domain.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {

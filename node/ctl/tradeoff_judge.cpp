@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoupling/domain.hpp"
+#include "decoupling/solve/domain.hpp"
 #include "node/ctl/tradeoff.hpp"
 
 namespace tactiled::ctl {

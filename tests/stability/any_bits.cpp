@@ -13,7 +13,7 @@
 #include <map>
 #include <random>
 
-#include "decoupling/domain.hpp"
+#include "decoupling/solve/domain.hpp"
 #include "tests/stability/methods.hpp"
 
 namespace {

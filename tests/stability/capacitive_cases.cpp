@@ -4,9 +4,9 @@
 #include <boost/math/constants/constants.hpp>
 #include <cmath>
 
-#include "decoupling/curve.hpp"
-#include "decoupling/overlap.hpp"
-#include "decoupling/pad.hpp"
+#include "decoupling/capacitive/pad.hpp"
+#include "decoupling/capacitive/sector_overlap.hpp"
+#include "decoupling/solve/curve.hpp"
 #include "tests/stability/hard_case.hpp"
 #include "tests/stability/methods.hpp"
 

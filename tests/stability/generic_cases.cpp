@@ -2,7 +2,7 @@
 #include <cmath>
 #include <functional>
 
-#include "decoupling/domain.hpp"
+#include "decoupling/solve/domain.hpp"
 #include "tests/stability/hard_case.hpp"
 #include "tests/stability/methods.hpp"
 

@@ -3,9 +3,9 @@
 #include <boost/math/constants/constants.hpp>
 #include <cmath>
 
-#include "decoupling/domain.hpp"
-#include "decoupling/hair_physics.hpp"
-#include "decoupling/hair_stages.hpp"
+#include "decoupling/hair/physics.hpp"
+#include "decoupling/hair/stages.hpp"
+#include "decoupling/solve/domain.hpp"
 #include "tests/stability/hard_case.hpp"
 #include "tests/stability/methods.hpp"
 

@@ -17,10 +17,10 @@ METHODS = sys.argv[2:] or ("generic/matrix generic/quadratic generic/rbf generic
                            "piezo/fused").split()
 MOST = 3
 STATED = {  # what the pages say: a bound of the method's own, in instructions
-    "table/linear": 2000,  # looking for a dead gauge: table.md
+    "table/linear": 2000,  # looking for a dead gauge: decoupling/table/README.md
     "table/matrix": 2200,  # likewise
-    "table/map": 14e6,  # nine searches of the plate: table.md
-    "capacitive/overlap": 2e5,  # eight steps over clipped edges: capacitive.md
+    "table/map": 14e6,  # nine searches of the plate: decoupling/table/README.md
+    "capacitive/overlap": 2e5,  # eight steps over clipped edges: decoupling/capacitive/README.md
 }
 
 

@@ -5,7 +5,7 @@
 #include <functional>
 #include <random>
 
-#include "decoupling/domain.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled::stability {
 namespace {

@@ -1,7 +1,7 @@
 // Model "piezo" and what integrates over time: leaks, offsets for days, spikes, clocks that stand, go back or jump.
 #include <cmath>
 
-#include "decoupling/charge.hpp"
+#include "decoupling/piezo/charge.hpp"
 #include "tests/stability/hard_case.hpp"
 #include "tests/stability/methods.hpp"
 

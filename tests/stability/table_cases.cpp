@@ -2,9 +2,9 @@
 #include <Eigen/Dense>
 #include <cmath>
 
-#include "decoupling/influence_map.hpp"
-#include "decoupling/play_hysteresis.hpp"
-#include "decoupling/point_contact.hpp"
+#include "decoupling/solve/play_hysteresis.hpp"
+#include "decoupling/table/influence_map.hpp"
+#include "decoupling/table/point_contact.hpp"
 #include "tests/stability/hard_case.hpp"
 #include "tests/stability/methods.hpp"
 

@@ -1,6 +1,7 @@
 /* Prints every sample of a sensor as hexadecimal words. Uses tactiled/layout.h and POSIX alone: what a program of another
  * team would do with nothing but the header.   follow NODE SENSOR SECONDS
- * A line: sequence device_sequence t_ns t_published_ns epoch quality reasons fx fy fz (the doubles' bits), then "end LOST". */
+ * A line: sequence device_sequence t_ns t_published_ns epoch quality reasons fx fy fz (the doubles' bits), then "end LOST".
+ */
 #define _POSIX_C_SOURCE 200809L
 #include <fcntl.h>
 #include <inttypes.h>
@@ -14,22 +15,19 @@
 
 #include "layout.h"
 
-static uint64_t now_ns(void)
-{
+static uint64_t now_ns(void) {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
     return (uint64_t)t.tv_sec * 1000000000u + (uint64_t)t.tv_nsec;
 }
 
-static uint64_t bits(double value)
-{
+static uint64_t bits(double value) {
     uint64_t b;
     memcpy(&b, &value, sizeof b);
     return b;
 }
 
-int main(int argc, char **argv)
-{
+int main(int argc, char** argv) {
     char path[128];
     struct stat status;
     int fd;
@@ -40,13 +38,13 @@ int main(int argc, char **argv)
     while ((fd = open(path, O_RDONLY)) < 0)
         if (now_ns() > until) return 3;
     if (fstat(fd, &status) != 0) return 3;
-    const char *base = mmap(NULL, (size_t)status.st_size, PROT_READ, MAP_SHARED, fd, 0);
+    const char* base = mmap(NULL, (size_t)status.st_size, PROT_READ, MAP_SHARED, fd, 0);
     if (base == MAP_FAILED) return 3;
-    const struct tactiled_header *header = (const void *)base;
+    const struct tactiled_header* header = (const void*)base;
     if (memcmp(header->magic, TACTILED_MAGIC, 8) != 0 || header->major != TACTILED_MAJOR) return 3;
-    const struct tactiled_sensor *sensor = NULL;
+    const struct tactiled_sensor* sensor = NULL;
     for (i = 0; i < header->n_sensors; ++i) {
-        const struct tactiled_sensor *s = (const void *)(base + header->sensor_offset + i * header->sensor_size);
+        const struct tactiled_sensor* s = (const void*)(base + header->sensor_offset + i * header->sensor_size);
         if (strcmp(s->name, argv[2]) == 0) sensor = s;
     }
     if (sensor == NULL) return 3;
@@ -72,8 +70,8 @@ int main(int argc, char **argv)
             continue;
         }
         ++number;
-        printf("%" PRIu64 " %" PRIu32 " %" PRIu64 " %" PRIu64 " %" PRIx32 " %" PRIu32 " %" PRIx32 " %016" PRIx64 " %016" PRIx64
-               " %016" PRIx64 "\n",
+        printf("%" PRIu64 " %" PRIu32 " %" PRIu64 " %" PRIu64 " %" PRIx32 " %" PRIu32 " %" PRIx32 " %016" PRIx64
+               " %016" PRIx64 " %016" PRIx64 "\n",
                sample.sequence, sample.device_sequence, sample.t_ns, sample.t_published_ns, sample.epoch, sample.quality,
                sample.reasons, bits(sample.force_S_N[0]), bits(sample.force_S_N[1]), bits(sample.force_S_N[2]));
     }

@@ -162,7 +162,7 @@ class Table(Sensor):
             near = [node for node in self.nodes if math.hypot(node[0], node[1]) < 0.6e-3 * share ** 2]
             x, y, load["node"] = self.random.choice(near)
             if share < 1:
-                load["fz"] = -self.random.uniform(0.5, share)  # where a lesser press is, noise hides (decoupling/table.md)
+                load["fz"] = -self.random.uniform(0.5, share)  # where a lesser press is, noise hides (decoupling/table/README.md)
             load.update(mx=y * load["fz"], my=-x * load["fz"])
         return load
 

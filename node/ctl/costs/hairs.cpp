@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "decoupling/hair_threshold.hpp"
+#include "decoupling/hair/threshold.hpp"
 #include "node/ctl/costs/cost.hpp"
 #include "node/ctl/costs/turns.hpp"
 

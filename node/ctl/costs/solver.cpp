@@ -7,9 +7,9 @@
 #include <numbers>
 #include <random>
 
-#include "decoupling/overlap_solver.hpp"
-#include "decoupling/pad.hpp"
-#include "decoupling/point_search.hpp"
+#include "decoupling/capacitive/overlap_solver.hpp"
+#include "decoupling/capacitive/pad.hpp"
+#include "decoupling/table/point_search.hpp"
 #include "node/ctl/costs/influence.hpp"
 #include "node/ctl/costs/turns.hpp"
 

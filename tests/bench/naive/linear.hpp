@@ -7,8 +7,8 @@
 
 #include "config/calibration.hpp"
 #include "decoupling/decoupler.hpp"
-#include "decoupling/domain.hpp"
-#include "decoupling/table_signs.hpp"
+#include "decoupling/solve/domain.hpp"
+#include "decoupling/table/sign_table.hpp"
 
 namespace naive {
 

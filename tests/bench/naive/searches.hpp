@@ -9,9 +9,9 @@
 #include <stdexcept>
 #include <vector>
 
-#include "decoupling/electrodes.hpp"
-#include "decoupling/influence_map.hpp"
-#include "decoupling/pad.hpp"
+#include "decoupling/capacitive/electrodes.hpp"
+#include "decoupling/capacitive/pad.hpp"
+#include "decoupling/table/influence_map.hpp"
 #include "naive/linear.hpp"
 
 namespace naive {

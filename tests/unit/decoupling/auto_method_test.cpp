@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "decoupling/play_hysteresis.hpp"
+#include "decoupling/solve/play_hysteresis.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {

@@ -71,7 +71,7 @@ TEST(HairFem, EachMethodReadsCombinedLoads) {
 }
 
 // One-way, 1/E holds: calibrated on PDMS, the modulus alone makes it read the other two. With the hair's own stiffness
-// it does not (hair.md).
+// it does not (decoupling/hair/README.md).
 TEST(HairFem, PhysicsFollowsTheModulus) {
     std::vector<LabelledRow> pdms;
     const auto rows = fem_rows(true);

@@ -3,10 +3,10 @@
 
 #include <functional>
 
-#include "decoupling/hair_physics.hpp"
-#include "decoupling/hair_solver.hpp"
-#include "decoupling/hair_stages.hpp"
-#include "decoupling/hair_threshold.hpp"
+#include "decoupling/hair/physics.hpp"
+#include "decoupling/hair/solver.hpp"
+#include "decoupling/hair/stages.hpp"
+#include "decoupling/hair/threshold.hpp"
 #include "hair_session.hpp"
 
 namespace tactiled {

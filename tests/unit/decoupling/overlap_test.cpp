@@ -1,4 +1,4 @@
-#include "decoupling/overlap.hpp"
+#include "decoupling/capacitive/sector_overlap.hpp"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <random>
 #include <sstream>
 
-#include "decoupling/curve.hpp"
-#include "decoupling/pad.hpp"
+#include "decoupling/capacitive/pad.hpp"
+#include "decoupling/solve/curve.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {

@@ -8,7 +8,7 @@
 #include <limits>
 #include <random>
 
-#include "decoupling/charge.hpp"
+#include "decoupling/piezo/charge.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {

@@ -7,9 +7,9 @@
 #include <regex>
 #include <sstream>
 
-#include "decoupling/domain.hpp"
 #include "decoupling/fit/report.hpp"
 #include "decoupling/fit/svg.hpp"
+#include "decoupling/solve/domain.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "decoupling/influence_map.hpp"
+#include "decoupling/table/influence_map.hpp"
 #include "map_contacts.hpp"
 
 namespace tactiled {

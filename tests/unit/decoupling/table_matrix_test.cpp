@@ -7,7 +7,7 @@
 #include <random>
 
 #include "decoupling/fit/table_more_fit.hpp"
-#include "decoupling/influence_map.hpp"
+#include "decoupling/table/influence_map.hpp"
 #include "fem_table.hpp"
 
 namespace tactiled {

@@ -7,8 +7,8 @@
 #include <random>
 
 #include "decoupling/fit/table_more_fit.hpp"
-#include "decoupling/monotone_curve.hpp"
-#include "decoupling/play_hysteresis.hpp"
+#include "decoupling/solve/monotone_curve.hpp"
+#include "decoupling/solve/play_hysteresis.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {

@@ -1,0 +1,50 @@
+// The parts of model "capacitive" that its files share. See capacitive.cpp.
+#pragma once
+#include <memory>
+#include <string>
+
+#include "decoupling/capacitive/electrodes.hpp"
+#include "decoupling/solve/checked.hpp"
+
+namespace tactiled {
+
+// Each returns nullptr on a fault, and `fault` says why. setup
+std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibration, const Wiring& wiring,
+                                                     std::string& fault);
+std::unique_ptr<Decoupler> make_capacitive_ratio(const Calibration& calibration, const Wiring& wiring, std::string& fault);
+std::unique_ptr<Decoupler> make_capacitive_overlap(const Calibration& calibration, const Wiring& wiring, std::string& fault);
+
+// Where the electrodes are wired; other channels than C1 .. C4, Cn and Vp, and one twice, are a fault. setup
+Wiring electrode_wiring(const Calibration& calibration, std::string& fault);
+
+inline std::uint32_t channels_of(const Wiring& wiring) noexcept {
+    std::uint32_t mask = 0;
+    for (const int k : wiring)
+        if (k >= 0) mask |= 1u << k;
+    return mask;
+}
+
+// The capacitance at rest that answers the pad: zero less stray, of each electrode; all five must be wired. setup
+std::array<double, kElectrodes> active_at_rest(const Calibration& calibration, const Wiring& wiring, const double* stray,
+                                               std::string& fault);
+
+inline constexpr std::array<Parameter, kElectrodes> kStrayParameters{
+    {{"stray_C1", "capacitance of C1 that does not depend on the gap, in channel_unit", -1e12, 1e12},
+     {"stray_C2", "capacitance of C2 that does not depend on the gap, in channel_unit", -1e12, 1e12},
+     {"stray_C3", "capacitance of C3 that does not depend on the gap, in channel_unit", -1e12, 1e12},
+     {"stray_C4", "capacitance of C4 that does not depend on the gap, in channel_unit", -1e12, 1e12},
+     {"stray_Cn", "capacitance of Cn that does not depend on the gap, in channel_unit", -1e12, 1e12}}};
+inline constexpr std::array<Parameter, 3> kPadParameters{
+    {{"normal_stiffness_N", "apparent modulus of the pad times its area, N", 1e-6, 1e9},
+     {"stiffening", "exponent of the compression law, 0 = neo-Hookean", -2, 1, 0},
+     {"shear_gap_exponent", "how shear stiffness rises as the gap closes, 1 = G A / gap", -5, 5, 0}}};
+
+// Behind the last checks of ratio and overlap: what of the pad's state is beyond any pad is cut and flagged.
+// rt: wait-free
+inline double within(double value, double least, double most, bool& cut) noexcept {
+    const double inside = value < least ? least : value > most ? most : value;
+    cut = cut || inside != value;  // a NaN stays one and ends BAD
+    return inside;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,113 @@
+// Model "capacitive", method "overlap": gap and shift together (overlap_solver.hpp), five readings, three unknowns. Then
+// fz = -press(u, dx, dy), fx = k_s(u) dx, fy = k_s(u) dy (pad.hpp). It starts from the pairs' first order (errata 1.7) at
+// each sample and not from the last sample: the same reading gives the same bits, and nothing can be poisoned.
+#include <bit>
+
+#include "decoupling/capacitive/methods.hpp"
+#include "decoupling/capacitive/overlap_solver.hpp"
+#include "decoupling/capacitive/pad.hpp"
+#include "decoupling/solve/dense.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kDoubtful = 6;      // residual in standard deviations, as in model "table"
+constexpr double kGainError = 0.01;  // electrodes that disagree by 1 % of their readings are sound
+constexpr double kWorstCondition = 1000;
+
+class OverlapMethod final : public CheckedModel {
+public:
+    OverlapMethod(const Calibration& calibration, const Wiring& wiring, const std::array<double, kElectrodes>& active,
+                  const ElectrodeGeometry& geometry, PadLaw pad, double noise)
+        : CheckedModel(calibration, channels_of(wiring), 0), solver_(active, geometry), pad_(pad), noise_(noise) {
+        // Lengths in disc radii, as the solver has them: the shear stiffness is per disc radius.
+        pad_.shear_stiffness *= geometry.disc_radius_m;
+        pad_.gap = geometry.gap_m / geometry.disc_radius_m;
+        for (std::size_t e = 0; e < kElectrodes; ++e) channel_[e] = std::size_t(wiring[e]);
+        std::array<double, 3> all{};
+        for (unsigned set = (1u << kElectrodes); set-- > 0;) {  // from all five down
+            OverlapSolver::Electrodes unused;
+            OverlapSolver::Jacobian j;
+            solver_.linearise({0, 0, 0}, OverlapSolver::Electrodes::Zero(), set, unused, j);
+            const OverlapSolver::Jacobian scaled = j / active[kCentre];
+            const Eigen::JacobiSVD<Eigen::MatrixXd> svd(Eigen::MatrixXd(scaled), Eigen::ComputeThinU | Eigen::ComputeThinV);
+            const auto& s = svd.singularValues();
+            subset_[set].solvable = std::popcount(set) >= 3 && s[2] * kWorstCondition > s[0];
+            if (!subset_[set].solvable) continue;
+            // Rows of the pseudo-inverse: how noise reaches each unknown.
+            const Eigen::MatrixXd inverse = svd.solve(Eigen::MatrixXd::Identity(kElectrodes, kElectrodes));
+            for (std::size_t i = 0; i < 3; ++i) {
+                const double noise_gain = inverse.row(Eigen::Index(i)).norm();
+                if (set == (1u << kElectrodes) - 1) all[i] = noise_gain;
+                subset_[set].sd_factor[i] = std::max(1.0, noise_gain / all[i]);
+            }
+        }
+    }
+    [[nodiscard]] std::string_view method() const noexcept override { return "overlap"; }
+
+private:
+    struct Subset {
+        bool solvable = false;
+        std::array<double, 3> sd_factor{1, 1, 1};  // v dx dy
+    };
+
+    // rt: wait-free, at most OverlapSolver::kMostSteps steps
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        unsigned set = 0;
+        OverlapSolver::Electrodes reading = OverlapSolver::Electrodes::Zero();
+        for (std::size_t e = 0; e < kElectrodes; ++e) {
+            if ((input.usable >> channel_[e] & 1u) == 0) continue;
+            set |= 1u << e;
+            reading[Eigen::Index(e)] = input.r[channel_[e]];
+        }
+        if (!subset_[set].solvable) return;  // BAD
+        const auto [state, rest, converged, cut] = solver_.solve(reading, set, solver_.start(reading, set));
+        const int spare = std::popcount(set) - 3;
+        if (spare > 0) {
+            const double gain = kGainError * reading.norm() / std::sqrt(double(spare + 3));
+            estimate.residual = rest.norm() / std::sqrt(double(spare)) / std::hypot(noise_, gain);
+            if (!(estimate.residual <= kDoubtful)) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
+        }
+        if (cut) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY;
+        if (!converged && !cut) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
+        const double shear_N = pad_.shear_stiffness_at(state.v);
+        estimate.wrench_S[0] = shear_N * state.x;
+        estimate.wrench_S[1] = shear_N * state.y;
+        estimate.wrench_S[2] =
+            0.0 - (pad_.press_N(state.v) + pad_.press_by_shift_N(state.v, state.x * state.x + state.y * state.y));
+        const auto& factor = subset_[set].sd_factor;
+        input.sd_factor[0] *= factor[1];
+        input.sd_factor[1] *= factor[2];
+        input.sd_factor[2] *= factor[0];
+    }
+
+    OverlapSolver solver_;
+    std::array<std::size_t, kElectrodes> channel_{};
+    std::array<Subset, 1u << kElectrodes> subset_{};
+    PadLaw pad_;
+    double noise_;  // one standard deviation of an electrode, channel_unit
+};
+
+}  // namespace
+
+std::unique_ptr<Decoupler> make_capacitive_overlap(const Calibration& calibration, const Wiring& wiring,
+                                                   std::string& fault) {
+    std::array<Parameter, 16> known;
+    std::copy(kStrayParameters.begin(), kStrayParameters.end(), known.begin());
+    std::copy(kPadParameters.begin(), kPadParameters.end(), known.begin() + 5);
+    std::copy(kGeometryParameters.begin(), kGeometryParameters.end(), known.begin() + 8);
+    known[14] = {"shear_stiffness_N_per_m", "shear force a shift at rest, N/m", 1e-3, 1e9};
+    known[15] = {"noise", "one standard deviation of an electrode, in channel_unit", 1e-12, 1e12};
+    std::array<double, known.size()> value;
+    fault = read_parameters(calibration, known, value.data());
+    if (!fault.empty()) return nullptr;
+    const ElectrodeGeometry geometry{value[8], value[9], value[10], value[11], value[12], value[13]};
+    fault = geometry.fault();
+    if (!fault.empty()) return nullptr;
+    const auto active = active_at_rest(calibration, wiring, value.data(), fault);
+    if (!fault.empty()) return nullptr;
+    return std::make_unique<OverlapMethod>(calibration, wiring, active, geometry,
+                                           PadLaw{value[5], value[6], value[14], value[7]}, value[15]);
+}
+
+}  // namespace tactiled

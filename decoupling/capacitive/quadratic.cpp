@@ -1,0 +1,142 @@
+// Model "capacitive", method "quadratic": the curves of the thesis, eq. XXXIII and XXXIV, C = C0 + b F + a F^2. They give
+// absolute capacitances (errata 1.4); C0 is the channel's zero. Press N = -fz from Cn alone; then of each pair
+//
+//     C1 = C0 + b1 F + a1 F^2 + press1(N)        C2 = C0 - b2 F + a2 F^2 + press2(N)
+//     (C1 - C2) - (press1 - press2) = (b1 + b2) F + (a1 - a2) F^2
+//
+// The thesis takes one electrode's curve for both signs; the falling one comes near the vertex, where it says nothing
+// (errata 1.9), and the difference of the pair does not. One electrode alone is used while its partner is missing.
+#include "decoupling/capacitive/methods.hpp"
+#include "decoupling/solve/curve.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::array<Parameter, 4> kParameters{
+    {{"normal_b", "slope of Cn at rest, channel_unit a N of press", 1e-12, 1e12},
+     {"normal_a", "curvature of Cn, channel_unit a N^2", -1e12, 1e12, 0},
+     {"normal_range_N", "press up to which Cn was measured, N", 1e-9, 1e9},
+     {"shear_range_N", "shear up to which the pairs were measured, N", 1e-9, 1e9, 0}}};
+
+class Quadratic final : public CheckedModel {
+public:
+    Quadratic(const Calibration& calibration, const Wiring& wiring, std::uint32_t needed, const double* parameter)
+        : CheckedModel(calibration, channels_of(wiring), needed),
+          wiring_(wiring),
+          normal_(parameter[0], parameter[1], 0, parameter[2]),
+          shear_range_N_(parameter[3]) {
+        for (std::size_t i = 0; i < calibration.components.size() && !calibration.sd.empty(); ++i)
+            sd_[component_index(calibration.components[i])] = calibration.sd[i];
+        const auto found = calibration.tables.find("side");
+        if (found == calibration.tables.end()) return;
+        const auto& side = found->second;
+        for (std::size_t e = 0; e < kCentre; ++e) {
+            const double range = parameter[3];
+            single_[e] = Curve(side[e][0], side[e][1], -range, range);
+            press_[e] = Curve(side[e][2], side[e][3], 0, parameter[2]);
+        }
+        for (const std::size_t axis : {0u, 1u}) {
+            const auto &plus = side[2 * axis], &minus = side[2 * axis + 1];
+            pair_[axis] = Curve(plus[0] + minus[0], plus[1] - minus[1], -parameter[3], parameter[3]);
+        }
+    }
+    [[nodiscard]] std::string_view method() const noexcept override { return "quadratic"; }
+
+private:
+    [[nodiscard]] bool is_usable(const Input& input, std::size_t electrode) const noexcept {
+        return wiring_[electrode] >= 0 && (input.usable >> wiring_[electrode] & 1u) != 0;
+    }
+    [[nodiscard]] double r(const Input& input, std::size_t electrode) const noexcept {
+        return input.r[std::size_t(wiring_[electrode])];
+    }
+
+    // rt: wait-free
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        const Curve::Force press = normal_.inverse(r(input, kCentre));
+        flag(press, normal_, 0, normal_.most(), estimate);
+        estimate.wrench_S[2] = 0.0 - press.F;
+        for (const std::size_t axis : {0u, 1u})
+            if (seen()[axis]) shear(axis, press.F, input, estimate);
+    }
+
+    void shear(std::size_t axis, double press_N, Input& input, Estimate& estimate) const noexcept {
+        const std::size_t plus = 2 * axis, minus = plus + 1;
+        const auto unpressed = [&](std::size_t e) { return r(input, e) - press_[e].y(press_N); };
+        const bool has_plus = is_usable(input, plus), has_minus = is_usable(input, minus);
+        if (has_plus && has_minus) {
+            const double difference =
+                (r(input, plus) - r(input, minus)) - (press_[plus].y(press_N) - press_[minus].y(press_N));
+            const Curve::Force force = pair_[axis].inverse(difference);
+            flag(force, pair_[axis], -shear_range_N_, shear_range_N_, estimate);
+            estimate.wrench_S[axis] = force.F;
+        } else if (has_plus || has_minus) {
+            const std::size_t e = has_plus ? plus : minus;
+            const Curve::Force force = single_[e].inverse(unpressed(e));
+            flag(force, single_[e], -shear_range_N_, shear_range_N_, estimate);
+            estimate.wrench_S[axis] = has_plus ? force.F : 0.0 - force.F;
+            if (!(force.slope > 0)) return;
+            // Noise of one electrode through its slope against that of two through the pair's; and what is wrong about
+            // the press no longer cancels.
+            const double noise = pair_[axis].b() / (std::sqrt(2.0) * force.slope);
+            const double leak = press_[e].b() * sd_[2] / (force.slope * sd_[axis]);
+            input.sd_factor[axis] *= std::hypot(std::max(1.0, noise), std::isfinite(leak) ? leak : 0.0);
+        }  // else NaN: BAD
+    }
+
+    // Beyond the range a straight line goes on; beyond the vertex nothing is known about how far.
+    static void flag(const Curve::Force& force, const Curve& curve, double least, double most, Estimate& estimate) noexcept {
+        const double margin = kDomainMargin * (most - least);
+        const bool at_vertex = !(force.slope > 1e-6 * curve.b());
+        if (at_vertex || force.F < least - margin || force.F > most + margin) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        if (at_vertex) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+    }
+
+    Wiring wiring_;
+    Curve normal_;
+    std::array<Curve, kCentre> single_, press_;  // of each electrode: its own shear, and the press
+    std::array<Curve, 2> pair_;
+    double shear_range_N_;
+    Wrench sd_ = kUnseen;
+};
+
+}  // namespace
+
+std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibration, const Wiring& wiring,
+                                                     std::string& fault) {
+    std::array<double, kParameters.size()> value;
+    fault = read_parameters(calibration, kParameters, value.data());
+    if (!fault.empty()) return nullptr;
+    std::uint32_t needed = 0;
+    const auto need = [&](std::size_t e) {
+        if (wiring[e] < 0 && fault.empty()) fault = fmt::format("channels lacks {}", kElectrode[e].name);
+    };
+    need(kCentre);
+    if (wiring[kCentre] >= 0) needed = 1u << wiring[kCentre];
+    Wiring used{-1, -1, -1, -1, wiring[kCentre]};
+    bool shear = false;
+    for (const auto& name : calibration.components) {
+        const std::size_t axis = component_index(name);
+        if (axis > 1) continue;
+        shear = true;
+        for (const std::size_t e : {2 * axis, 2 * axis + 1}) {
+            need(e);
+            used[e] = wiring[e];
+        }
+    }
+    if (shear && fault.empty()) {
+        const auto side = calibration.tables.find("side");
+        if (side == calibration.tables.end() || side->second.size() != 4)
+            fault = "table side is missing or has not 4 rows C1 .. C4 of b a normal_b normal_a";
+        else
+            for (std::size_t e = 0; e < kCentre; ++e)
+                if (fault.empty() && (side->second[e].size() != 4 || !(side->second[e][0] > 0)))
+                    fault =
+                        fmt::format("table side, row {}: needed are b a normal_b normal_a with b > 0", kElectrode[e].name);
+        if (fault.empty() && !(value[3] > 0))
+            fault = "parameter shear_range_N is missing: " + std::string(kParameters[3].what);
+    }
+    if (!fault.empty()) return nullptr;
+    return std::make_unique<Quadratic>(calibration, used, needed, value.data());
+}
+
+}  // namespace tactiled

@@ -1,4 +1,0 @@
-#include "decoupling/dense.hpp"
-
-template class Eigen::JacobiSVD<Eigen::MatrixXd>;
-template class Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;

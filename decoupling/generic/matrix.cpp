@@ -1,0 +1,151 @@
+// Model "generic": any channels, any components.
+//
+//     matrix:      wrench[c] = sum over k of M[c][k] * r[k],    r[k] = channel[k] - zero[k]
+//     quadratic, rbf, mlp:      the same + g(u),    u[k] = r[k] / width[k]
+//
+// The sum of `matrix` runs from k = 0 upwards into one double that starts at 0, every product and every sum rounded once (no
+// fused multiply-add, no reordering), so that anyone with the calibration file can recompute a force to its last bit.
+//
+// The matrix of the corrected methods is the best affine map by itself and g what it leaves over. Outside of the domain g
+// stays at what it is at the nearest point inside: the force goes on as a straight line, whatever g would do there.
+#include "decoupling/generic/methods.hpp"
+
+namespace tactiled {
+namespace {
+
+using MakeCorrection = std::unique_ptr<Correction> (*)(const Calibration&, std::string&);
+
+std::uint32_t used_channels(const Calibration& calibration, bool corrected) {
+    std::uint32_t used = 0;
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k)
+        for (const auto& row : calibration.matrix)
+            if (corrected || row[k] != 0) used |= 1u << k;
+    return used;
+}
+
+class Generic final : public CheckedModel {
+public:
+    Generic(const Calibration& calibration, const std::string& method, std::unique_ptr<Correction> correction)
+        : CheckedModel(calibration, used_channels(calibration, correction != nullptr), ~0u),
+          method_(method),
+          correction_(std::move(correction)) {
+        for (std::size_t i = 0; i < calibration.components.size(); ++i) {
+            component_[i] = component_index(calibration.components[i]);
+            for (std::size_t k = 0; k < n_channels(); ++k) matrix_[k][i / 2][i % 2] = calibration.matrix[i][k];
+        }
+        n_components_ = calibration.components.size();
+        if (correction_ == nullptr) return;
+        const auto& width = calibration.tables.at("width").front();
+        for (std::size_t k = 0; k < n_channels(); ++k) {
+            width_[k] = width[k];
+            zero_[k] = calibration.zero[k];
+        }
+    }
+
+    [[nodiscard]] std::string_view method() const noexcept override { return method_; }
+
+private:
+    // rt: wait-free
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        alignas(16) std::array<double, 6> value{};
+        n_components_ <= 4 ? sum<2>(input.r.data(), value.data()) : sum<3>(input.r.data(), value.data());
+        if (correction_ != nullptr) {
+            std::array<double, kMostChannels> u;
+            for (std::size_t k = 0; k < n_channels(); ++k)
+                u[k] = (domain().nearest(k, input.r[k] + zero_[k]) - zero_[k]) / width_[k];
+            correction_->add(u.data(), value.data());
+        }
+        for (std::size_t i = 0; i < n_components_; ++i) estimate.wrench_S[component_[i]] = value[i];
+    }
+
+    // Each component's own sum runs from the first channel on; two components side by side.
+    template <std::size_t kPairs>
+    void sum(const double* r, double* value) const noexcept {
+        Pair sums[kPairs]{};
+        for (const auto* row = matrix_; row != matrix_ + n_channels(); ++row, ++r)
+#pragma GCC unroll 3
+            for (std::size_t i = 0; i < kPairs; ++i) sums[i] += (*row)[i] * both(*r);
+        for (std::size_t i = 0; i < kPairs; ++i) store(value + 2 * i, sums[i]);
+    }
+
+    std::string method_;
+    std::unique_ptr<Correction> correction_;
+    std::size_t n_components_ = 0;
+    std::array<std::size_t, 6> component_{};
+    Pair matrix_[kMostChannels][3]{};  // a row a channel, 0 beyond the components
+    std::array<double, kMostChannels> width_{}, zero_{};
+};
+
+// What would make the matrix unusable, "" where nothing does. A calibration may come from code as well as from a file.
+std::string fault_of(const Calibration& calibration) {
+    if (std::string fault = fault_of_checked(calibration); !fault.empty()) return fault;
+    const std::size_t n = calibration.channels.size(), rows = calibration.components.size();
+    if (calibration.matrix.size() != rows)
+        return fmt::format("matrix has {} rows for {} components", calibration.matrix.size(), rows);
+    for (const auto& row : calibration.matrix)
+        if (row.size() != n) return fmt::format("a row of matrix has {} numbers for {} channels", row.size(), n);
+    return "";
+}
+
+// A component of which the matrix tells nothing would be 0, and GOOD, under any load.
+std::string fault_of_untold(const Calibration& calibration) {
+    for (std::size_t i = 0; i < calibration.matrix.size(); ++i) {
+        const auto& row = calibration.matrix[i];
+        if (std::all_of(row.begin(), row.end(), [](double gain) { return gain == 0; }))
+            return fmt::format("matrix: the row of {} is all 0, no channel tells it; leave it out of components",
+                               calibration.components[i]);
+    }
+    return "";
+}
+
+std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string& method, Options& options) {
+    std::string fault = fault_of(calibration);
+    std::unique_ptr<Correction> correction;
+    const MakeCorrection make_correction = method == "quadratic" ? make_quadratic
+                                           : method == "rbf"     ? make_rbf
+                                           : method == "mlp"     ? make_mlp
+                                                                 : nullptr;
+    if (fault.empty() && make_correction == nullptr) fault = fault_of_untold(calibration);
+    if (fault.empty() && make_correction != nullptr) {
+        const auto* width = table_of(calibration, "width", 1, calibration.channels.size(), fault);
+        if (width != nullptr)
+            for (const double w : width->front())
+                if (!(w > 0)) fault = "table width has a number that is not above 0";
+        if (fault.empty() && calibration.channel_least.empty()) fault = "channel_least and channel_most are needed";
+        if (fault.empty()) correction = make_correction(calibration, fault);
+    }
+    if (!fault.empty()) {
+        options.problem("calibration",
+                        calibration.path + ": " + (make_correction == nullptr ? "" : "method " + method + ": ") + fault);
+        return nullptr;
+    }
+    return std::make_unique<Generic>(calibration, method, std::move(correction));
+}
+
+const DecouplerEntry entry("generic", {"matrix", "quadratic", "rbf", "mlp"}, make);
+
+}  // namespace
+
+const std::vector<std::vector<double>>* table_of(const Calibration& calibration, const std::string& name, std::size_t rows,
+                                                 std::size_t columns, std::string& fault) {
+    const auto found = calibration.tables.find(name);
+    if (found == calibration.tables.end() || found->second.empty()) {
+        fault = fmt::format("table {} is missing", name);
+        return nullptr;
+    }
+    const auto& table = found->second;
+    if ((rows != 0 && table.size() != rows) || (columns != 0 && table.front().size() != columns)) {
+        fault = fmt::format("table {} has {} rows of {}; needed are {} of {}", name, table.size(), table.front().size(),
+                            rows == 0 ? "any number" : fmt::format("{}", rows),
+                            columns == 0 ? "any number" : fmt::format("{}", columns));
+        return nullptr;
+    }
+    for (const auto& row : table)
+        if (row.size() != table.front().size()) {
+            fault = fmt::format("table {}: its rows are not equally long", name);
+            return nullptr;
+        }
+    return &table;
+}
+
+}  // namespace tactiled

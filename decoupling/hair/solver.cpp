@@ -1,0 +1,111 @@
+#include "decoupling/hair/solver.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <vector>
+
+#include "decoupling/solve/dense.hpp"
+#include "decoupling/solve/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+// Sound sensors are below 5 for any three hairs.
+constexpr double kWorstCondition = 100;
+constexpr int kGrid = 8;  // the leak's slopes are looked at in 9 x 9 x 9 points
+
+}  // namespace
+
+HairLoad HairResponse::nearest(const HairLoad& load) const noexcept {
+    HairLoad inside;
+    for (std::size_t j = 0; j < 3; ++j) inside[j] = std::clamp(load[j], least[j] - kDomainMargin, most[j] + kDomainMargin);
+    return inside;
+}
+
+double HairResponse::reading(std::size_t i, const HairLoad& load, const LeakTerms& terms) const noexcept {
+    return gain[i][0] * load[0] + gain[i][1] * load[1] + gain[i][2] * load[2] + tactiled::leak(leak[i], terms);
+}
+
+HairSolver::HairSolver(const HairResponse& response, std::uint32_t hairs, std::uint32_t unknowns) : response_(response) {
+    for (const auto& row : response_.leak)
+        for (const double coefficient : row) leaks_ = leaks_ || coefficient != 0;
+    for (std::uint32_t subset = 1; subset < subsets_.size(); ++subset)
+        if ((subset & ~hairs) == 0) subsets_[subset] = prepare(subset, unknowns);
+}
+
+HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknowns) const {
+    Subset subset;
+    std::vector<std::size_t> rows, columns;
+    for (std::size_t i = 0; i < 4; ++i)
+        if ((hairs >> i & 1u) != 0) rows.push_back(i);
+    for (std::size_t j = 0; j < 3; ++j)
+        if ((unknowns >> j & 1u) != 0) columns.push_back(j);
+    const auto n = Eigen::Index(rows.size()), m = Eigen::Index(columns.size());
+    if (n < m || m == 0) return subset;
+    Eigen::MatrixXd g(n, m);
+    for (Eigen::Index i = 0; i < n; ++i)
+        for (Eigen::Index j = 0; j < m; ++j)
+            g(i, j) = response_.gain[rows[std::size_t(i)]][columns[std::size_t(j)]] / response_.noise[rows[std::size_t(i)]];
+    const Eigen::RowVectorXd scale = g.colwise().norm();
+    if (!(scale.minCoeff() > 0) || !scale.allFinite()) return subset;
+    const Eigen::MatrixXd scaled = g.array().rowwise() / scale.array();
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled);
+    if (!(svd.singularValues()[m - 1] * kWorstCondition > svd.singularValues()[0])) return subset;
+    const Eigen::MatrixXd inverse = scaled.colPivHouseholderQr().solve(Eigen::MatrixXd::Identity(n, n));
+    for (Eigen::Index j = 0; j < m; ++j) {
+        const std::size_t at = columns[std::size_t(j)];
+        subset.noise_gain[at] = inverse.row(j).norm() / scale[j];
+        for (Eigen::Index i = 0; i < n; ++i)
+            subset.inverse[at][rows[std::size_t(i)]] = inverse(j, i) / scale[j] / response_.noise[rows[std::size_t(i)]];
+    }
+    if (leaks_) {
+        // Greatest size, over the loads where the leak is evaluated, of each entry of inverse * slopes of the leak. The
+        // greatest eigenvalue of these sizes is the factor by which a step shrinks the error (in the maximum norm weighted
+        // by its eigenvector, in which cutting a load off to its range lengthens nothing).
+        Eigen::Matrix3d sizes = Eigen::Matrix3d::Zero();
+        HairLoad load;
+        for (int point = 0; point < (kGrid + 1) * (kGrid + 1) * (kGrid + 1); ++point) {
+            int rest = point;
+            for (std::size_t j = 0; j < 3; ++j, rest /= kGrid + 1)
+                load[j] = std::lerp(response_.least[j] - kDomainMargin, response_.most[j] + kDomainMargin,
+                                    double(rest % (kGrid + 1)) / kGrid);
+            for (const std::size_t axis : columns) {
+                const LeakTerms slopes = leak_slopes(load, axis);
+                for (const std::size_t c : columns) {
+                    double slope = 0;
+                    for (const std::size_t i : rows) slope += subset.inverse[c][i] * leak(response_.leak[i], slopes);
+                    auto& size = sizes(Eigen::Index(c), Eigen::Index(axis));
+                    size = std::max(size, std::abs(slope));
+                }
+            }
+        }
+        if (!sizes.allFinite()) return subset;
+        subset.contraction = sizes.eigenvalues().cwiseAbs().maxCoeff();
+    }
+    subset.solvable =
+        subset.contraction < kSlowest && std::isfinite(subset.noise_gain[0] + subset.noise_gain[1] + subset.noise_gain[2]);
+    return subset;
+}
+
+HairLoad HairSolver::solve(const std::array<double, 4>& r, std::uint32_t hairs) const noexcept {
+    const Subset& subset = subsets_[hairs];
+    HairLoad load{};
+    std::array<double, 4> linear{};
+    for (std::size_t i = 0; i < 4; ++i)
+        if ((hairs >> i & 1u) != 0) linear[i] = r[i];  // else 0 * NaN of an unusable one
+    for (int step = 0; step < kSteps; ++step) {
+        HairLoad next{};
+        for (std::size_t j = 0; j < 3; ++j)
+            for (std::size_t i = 0; i < 4; ++i) next[j] += subset.inverse[j][i] * linear[i];
+        const double change =
+            std::max({std::abs(next[0] - load[0]), std::abs(next[1] - load[1]), std::abs(next[2] - load[2])});
+        load = next;
+        if (!leaks_ || !(change > 1e-14)) break;  // of full scale; a NaN ends it too
+        const LeakTerms terms = leak_terms(response_.nearest(load));
+        for (std::size_t i = 0; i < 4; ++i)
+            if ((hairs >> i & 1u) != 0) linear[i] = r[i] - leak(response_.leak[i], terms);
+    }
+    return load;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,56 @@
+// Loads from any hairs that determine them: weighted least squares, and leak terms taken off by a fixed-point iteration.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "decoupling/hair/stages.hpp"
+
+namespace tactiled {
+
+// What each of H1 .. H4 answers: r_i = gain_i . load + leak_i . leak_terms(load), all in dR/R0 at a load of 1 (full scale).
+struct HairResponse {
+    std::array<HairLoad, 4> gain{};
+    std::array<LeakTerms, 4> leak{};
+    std::array<double, 4> noise{1, 1, 1, 1};   // sd of dR/R0, the weights; must be above 0
+    HairLoad least{0, -1, -1}, most{1, 1, 1};  // of the loads that were calibrated: beyond, leak stays what it is there
+
+    // Where the leak is evaluated: `load`, or the nearest load that was calibrated (and 5 % more). rt: wait-free
+    [[nodiscard]] HairLoad nearest(const HairLoad& load) const noexcept;
+    // What hair i reads at a load. rt: wait-free
+    [[nodiscard]] double reading(std::size_t i, const HairLoad& load, const LeakTerms& terms) const noexcept;
+};
+
+class HairSolver {
+public:
+    // `hairs`: bit i: hair i is wired; `unknowns`: bits of sigma, tau_x, tau_y; the others are 0. setup
+    HairSolver(const HairResponse& response, std::uint32_t hairs, std::uint32_t unknowns);
+
+    [[nodiscard]] bool solvable(std::uint32_t hairs) const noexcept { return subsets_[hairs].solvable; }
+    // How much of an error in the leak one step leaves, at worst; the iteration needs less than kSlowest.
+    [[nodiscard]] double contraction(std::uint32_t hairs) const noexcept { return subsets_[hairs].contraction; }
+    // sd of sigma, tau_x, tau_y from these hairs' noise, in full scales.
+    [[nodiscard]] const HairLoad& noise_gain(std::uint32_t hairs) const noexcept { return subsets_[hairs].noise_gain; }
+    // The load that these (solvable) hairs read. rt: bounded by kSteps
+    [[nodiscard]] HairLoad solve(const std::array<double, 4>& r, std::uint32_t hairs) const noexcept;
+    [[nodiscard]] const HairResponse& response() const noexcept { return response_; }
+
+    // 0.5^40 is 1e-12. A leak of a few per cent has a contraction of about 0.1 and ends after a dozen steps.
+    static constexpr double kSlowest = 0.5;
+    static constexpr int kSteps = 40;
+
+private:
+    struct Subset {
+        std::array<std::array<double, 4>, 3> inverse{};  // load from readings; 0 where a hair is not in the subset
+        HairLoad noise_gain{};
+        double contraction = 0;
+        bool solvable = false;
+    };
+    Subset prepare(std::uint32_t hairs, std::uint32_t unknowns) const;
+
+    HairResponse response_;
+    bool leaks_ = false;
+    std::array<Subset, 16> subsets_{};
+};
+
+}  // namespace tactiled

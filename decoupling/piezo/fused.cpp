@@ -1,0 +1,121 @@
+// Model "piezo", method "fused": press from the piezoelectric film Vp, fast and blind to what lasts, and from the
+// capacitance Cn, slow and absolute. See decoupling/capacitive/README.md and charge.hpp. fz only.
+//
+//     Vp = leak of (gain_b N + gain_a N^2)      thesis, eq. XXXV (its constant is the channel's zero)
+//     Cn = normal_b N + normal_a N^2            thesis, eq. XXXIII, mean over the last window_s
+#include "decoupling/capacitive/methods.hpp"
+#include "decoupling/piezo/charge.hpp"
+#include "decoupling/solve/curve.hpp"
+
+namespace tactiled {
+namespace {
+
+// Beyond this many times the range a reading is no force; cut there, so that the state recovers from it at once.
+constexpr double kMostRanges = 20;
+
+constexpr std::array<Parameter, 8> kParameters{
+    {{"gain_b", "slope of the film at rest, channel_unit of Vp a N of press", 1e-12, 1e12},
+     {"gain_a", "curvature of the film, channel_unit of Vp a N^2", 0, 1e12, 0},
+     {"normal_b", "slope of Cn at rest, channel_unit of Cn a N of press", 1e-12, 1e12},
+     {"normal_a", "curvature of Cn, channel_unit of Cn a N^2", -1e12, 1e12, 0},
+     {"normal_range_N", "press up to which both were measured, N", 1e-9, 1e9},
+     {"leak_tau_s", "time constant of the film with its read-out, R C, s", 1e-3, 1e4},
+     {"fusion_tau_s", "time constant of the fusion, s; at most leak_tau_s, which is the default", 1e-3, 1e4, 0},
+     {"window_s", "time over which the converter of Cn takes its mean, s", 1e-4, 10, 0.1}}};
+
+class Piezo final : public CheckedModel {
+public:
+    Piezo(const Calibration& calibration, std::size_t Vp, std::size_t Cn, const double* p)
+        : CheckedModel(calibration, 1u << Vp | 1u << Cn, 1u << Cn),
+          Vp_(Vp),
+          Cn_(Cn),
+          range_N_(p[4]),
+          film_(p[0], p[1], 0, p[4]),
+          normal_(p[2], p[3], 0, p[4]),
+          longest_gap_s_(std::max(p[5], p[7])),
+          fusion_(p[5], p[6], p[7]) {}
+    [[nodiscard]] std::string_view method() const noexcept override { return "fused"; }
+
+private:
+    void forget() noexcept override {
+        fusion_.forget();
+        has_last_ = false;
+    }
+
+    // rt: wait-free
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        const Curve::Force slow = normal_.inverse(input.r[Cn_]);
+        if (!(slow.slope > 1e-6 * normal_.b())) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY;
+        bool cut = false;
+        const double slow_N = within(slow.F, -kMostRanges * range_N_, kMostRanges * range_N_, cut);
+        double press_N = slow_N;
+        if ((input.usable >> Vp_ & 1u) == 0) {
+            // Cn alone lags; how wrong it is depends on how fast the force moves.
+            forget();
+            estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        } else {
+            const double most_V = film_.y(kMostRanges * range_N_);
+            const double V = within(input.r[Vp_], -most_V, most_V, cut);
+            press_N = film_.inverse(fused_drive(input, V, film_.y(slow_N))).F;
+            if (!fusion_.is_settled()) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        }
+        if (cut) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        if (cut || press_N < -kDomainMargin * range_N_ || press_N > (1 + kDomainMargin) * range_N_)
+            estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        estimate.wrench_S[2] = 0.0 - press_N;
+    }
+
+    double fused_drive(const Input& input, double V, double slow) noexcept {
+        // A clock that went back, or a gap in which the force may have done anything: begin anew, from Cn. Frames of one
+        // time are a jump of the drive.
+        const bool forward = has_last_ && input.t_ns >= last_t_ns_;
+        const double T_s = forward ? double(input.t_ns - last_t_ns_) * 1e-9 : 0;
+        if (!forward || T_s > longest_gap_s_) fusion_.forget();
+        // Cn repeats its last value until the converter has a new one. A force so constant that new ones equal the last
+        // must count as well: after two windows.
+        const bool is_new =
+            !has_last_ || input.r[Cn_] != last_Cn_ || double(input.t_ns - last_new_t_ns_) * 1e-9 >= 2 * fusion_.window_s();
+        if (!forward || is_new) last_new_t_ns_ = input.t_ns;
+        has_last_ = true;
+        last_t_ns_ = input.t_ns;
+        last_Cn_ = input.r[Cn_];
+        return fusion_.update(T_s, V, slow, is_new);
+    }
+
+    std::size_t Vp_, Cn_;
+    double range_N_;
+    Curve film_, normal_;
+    double longest_gap_s_;
+    ChargeFusion fusion_;
+    bool has_last_ = false;
+    std::uint64_t last_t_ns_ = 0, last_new_t_ns_ = 0;
+    double last_Cn_ = 0;
+};
+
+std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string&, Options& options) {
+    std::string fault = fault_of_checked(calibration);
+    Wiring wiring{};
+    if (fault.empty()) wiring = electrode_wiring(calibration, fault);
+    const auto film = std::find(calibration.channels.begin(), calibration.channels.end(), "Vp");
+    if (fault.empty() && (film == calibration.channels.end() || wiring[kCentre] < 0))
+        fault = fmt::format("channels lacks {}; needed are Vp Cn", film == calibration.channels.end() ? "Vp" : "Cn");
+    if (fault.empty() && calibration.components != std::vector<std::string>{"fz"})
+        fault = "model \"piezo\" sees fz and nothing else: components = [\"fz\"]";
+    std::array<double, kParameters.size()> value{};
+    if (fault.empty()) fault = read_parameters(calibration, kParameters, value.data());
+    if (fault.empty() && calibration.parameters.count("fusion_tau_s") == 0) value[6] = value[5];
+    if (fault.empty() && value[6] > value[5])
+        fault = fmt::format("parameter fusion_tau_s = {} is above leak_tau_s = {}: it would amplify the film's offset",
+                            value[6], value[5]);
+    if (!fault.empty()) {
+        options.problem("calibration", calibration.path + ": " + fault);
+        return nullptr;
+    }
+    return std::make_unique<Piezo>(calibration, std::size_t(film - calibration.channels.begin()),
+                                   std::size_t(wiring[kCentre]), value.data());
+}
+
+const DecouplerEntry entry("piezo", {"fused"}, make);
+
+}  // namespace
+}  // namespace tactiled

@@ -1,0 +1,151 @@
+#include "decoupling/table/gauge_solver.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "decoupling/solve/dense.hpp"
+
+namespace tactiled {
+namespace {
+
+// Subsets worse conditioned than this, columns scaled to length 1, are not solved; nor those that determine a load 100
+// times worse than all gauges together.
+constexpr double kWorst = 100;
+
+}  // namespace
+
+GaugeSolver::GaugeSolver(const std::vector<std::vector<double>>& gains, const std::vector<double>& noise,
+                         const std::vector<double>& zero, std::uint32_t inner, int inner_needed)
+    : n_gauges_(gains.size()), n_loads_(gains.front().size()), zero_(zero) {
+    std::fill_n(noise2_, kPairs, both(1));
+    for (std::size_t k = 0; k < n_gauges_; ++k) {
+        noise2_[k / 2][k % 2] = noise[k] * noise[k];
+        same_noise_ = same_noise_ && noise[k] == noise[0];
+        for (std::size_t j = 0; j < n_loads_; ++j) gains_[j][k] = gains[k][j];
+    }
+    subsets_.resize(std::size_t{1} << n_gauges_);
+    subsets_.back() = prepare(std::uint32_t(subsets_.size() - 1), &confused_);
+    for (std::uint32_t usable = 0; usable + 1 < subsets_.size(); ++usable) {
+        if (!subsets_.back().solvable || std::popcount(usable & inner) < inner_needed) continue;
+        Subset subset = prepare(usable, nullptr);
+        for (std::size_t j = 0; j < n_loads_; ++j)
+            subset.solvable = subset.solvable && subset.sd[j] < kWorst * subsets_.back().sd[j];
+        subsets_[usable] = subset;
+    }
+    for (Subset& subset : subsets_)
+        for (std::size_t j = 0; j < n_loads_; ++j)
+            subset.sd_factor[j] = subset.solvable ? subset.sd[j] / subsets_.back().sd[j] : 0;
+}
+
+GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::size_t>* confused) const {
+    Subset subset;
+    std::vector<std::size_t> rows;
+    const auto noise_of = [this](std::size_t k) { return std::sqrt(noise2_[k / 2][k % 2]); };
+    for (std::size_t k = 0; k < n_gauges_; ++k)
+        if ((usable >> k & 1u) != 0) rows.push_back(k);
+    const auto m = Eigen::Index(rows.size()), n = Eigen::Index(n_loads_);
+    if (m < n && confused == nullptr) return subset;
+    // Weighted: each row in units of its gauge's noise; then each column to length 1.
+    Eigen::MatrixXd g = Eigen::MatrixXd::Zero(std::max(m, n), n);
+    for (Eigen::Index i = 0; i < m; ++i)
+        for (Eigen::Index j = 0; j < n; ++j) g(i, j) = gains_[j][rows[std::size_t(i)]] / noise_of(rows[std::size_t(i)]);
+    const Eigen::RowVectorXd length = g.colwise().norm();
+    for (Eigen::Index j = 0; j < n; ++j)
+        if (length[j] > 0) g.col(j) /= length[j];
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(g, Eigen::ComputeFullV);
+    const auto& s = svd.singularValues();
+    subset.condition = s[n - 1] > 0 ? s[0] / s[n - 1] : std::numeric_limits<double>::infinity();
+    // Written so that a NaN is not solvable.
+    subset.solvable = s[n - 1] * kWorst > s[0] && length.minCoeff() > 0 && length.allFinite();
+    if (!subset.solvable) {
+        if (confused != nullptr)
+            for (Eigen::Index j = 0; j < n; ++j) {
+                bool part = false;
+                for (Eigen::Index i = 0; i < n; ++i)
+                    part = part || (!(s[i] * kWorst > s[0]) && !(std::abs(svd.matrixV()(j, i)) < 0.1));
+                if (part) confused->push_back(std::size_t(j));
+            }
+        return subset;
+    }
+    const Eigen::MatrixXd inverse = g.colPivHouseholderQr().solve(Eigen::MatrixXd::Identity(g.rows(), g.rows()));
+    for (Eigen::Index j = 0; j < n; ++j) {
+        for (Eigen::Index i = 0; i < m; ++i) {
+            const std::size_t k = rows[std::size_t(i)];
+            subset.inverse[j][k / 2][k % 2] = inverse(j, i) / length[j] / noise_of(k);
+            subset.gains[j][k / 2][k % 2] = gains_[j][k];
+        }
+        // inverse * inverse' is the covariance of the scaled loads at 1 sd of noise; this is the root of its diagonal.
+        subset.sd[j] = inverse.row(j).norm() / length[j];
+    }
+    for (const std::size_t k : rows) {
+        subset.free[k] = 1;
+        for (std::size_t j = 0; j < n_loads_; ++j) subset.free[k] -= gains_[j][k] * subset.inverse[j][k / 2][k % 2];
+    }
+    subset.gain_error2_per_read2 = kGainError * kGainError / double(m);
+    subset.can_disagree = m > n;
+    if (m > n) subset.per_freedom = 1 / double(m - n);
+    return subset;
+}
+
+void GaugeSolver::find_any(const Subset& subset, const double* r, Solved& solved) const noexcept {
+    n_loads_ <= 3 ? find<3>(subset, r, solved) : find<kMostLoads>(subset, r, solved);
+}
+
+// The gauges do not determine the loads, or they disagree: one of them is dead, or which is wrong is not known.
+GaugeSolver::Solved GaugeSolver::solve_disagreeing(const double* r, std::uint32_t usable) const noexcept {
+    Solved all;
+    if (!subsets_[usable].solvable) return all;
+    find_any(subsets_[usable], r, all);
+    all.used = usable;
+    Solved others = without_dead(r, usable, all);
+    others.residual = all.residual;  // it says why one was left out
+    all.doubtful = true;
+    return others.dead ? others : all;
+}
+
+// Without the one gauge that delivers 0 as no live gauge would: the readings of the others are consistent and demand another
+// value there. `dead` is not set where there is none or more than one such.
+// A gauge that all together leave `rest` of, and whose reading makes the share h of its own prediction, is rest / (1 - h)
+// off what the others predict, and without it the squared residual is less by rest^2 / (1 - h). Only the two that take off
+// most are solved for, however many read 0: where a third left the others consistent, these would, and which is dead would
+// not be known.
+GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::uint32_t usable, const Solved& all) const noexcept {
+    struct {
+        std::size_t gauge = kMostGauges;  // none
+        double taken_off = 0;
+    } most[2];
+    for (std::size_t k = 0; k < n_gauges_; ++k) {
+        const double read = r[k] + zero_[k], noise2 = noise2_[k / 2][k % 2];
+        if ((usable >> k & 1u) == 0 || !(read * read <= 9 * noise2) || !subsets_[usable & ~(1u << k)].solvable) continue;
+        double predicted = 0;
+        for (std::size_t j = 0; j < n_loads_; ++j) predicted += gains_[j][k] * all.load[j];
+        const double rest = r[k] - predicted, free = subsets_[usable].free[k];
+        if (!(rest * rest > kDoubtful * kDoubtful * noise2 * free * free)) continue;
+        const double taken_off = rest * rest / (noise2 * free);
+        if (taken_off > most[0].taken_off) {
+            most[1] = most[0];
+            most[0] = {k, taken_off};
+        } else if (taken_off > most[1].taken_off) {
+            most[1] = {k, taken_off};
+        }
+    }
+    Solved found;
+    double live[kMostGauges];
+    for (const auto& candidate : most) {
+        if (candidate.gauge == kMostGauges) continue;
+        std::copy_n(r, kMostGauges, live);
+        live[candidate.gauge] = 0;
+        Solved solved;
+        solved.used = usable & ~(1u << candidate.gauge);
+        solved.dead = true;
+        find_any(subsets_[solved.used], live, solved);
+        if (solved.residual > kDoubtful) continue;
+        if (found.dead) return {};  // two candidates: not known which
+        found = solved;
+    }
+    return found;
+}
+
+}  // namespace tactiled

@@ -1,0 +1,331 @@
+// Model "table", method "map": where one point touches the plate and with what force, against finite-element strains of the
+// eight gauges per 1 N at every point of the plate. Eight readings, five unknowns (point_contact.hpp). The plate lies in z =
+// 0 of frame S, so the moments are those of the force at the point: mx = y fz, my = -x fz; the centre of pressure is
+// (-my / fz, mx / fz).
+//
+// A point is reported where the force is more than `locate` times the standard deviation that noise gives it (after Dargahi
+// and Najarian 2004: the variance of the position goes with 1 / F^2). Else, and where no point on the plate explains the
+// readings, the forces are those of a load spread evenly over the plate.
+#include <fmt/format.h>
+
+#include <bit>
+#include <cmath>
+#include <optional>
+
+#include "decoupling/generic/methods.hpp"
+#include "decoupling/solve/checked.hpp"
+#include "decoupling/table/gauge_solver.hpp"
+#include "decoupling/table/methods.hpp"
+#include "decoupling/table/point_search.hpp"
+#include "decoupling/table/sign_table.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kDoubtful = 6;  // as method "linear"
+constexpr double kRest = 3;      // nothing touches: the readings are within 3 sigma of noise, root mean square
+constexpr double kPoor = 3;      // from this residual on a point is not believed
+constexpr double kDefaultLocate = 5;
+// Shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has a small press or
+// a pull, and what cannot be pushed so is not believed.
+constexpr double kDefaultFriction = 1.5;
+// A search that ends above this may have missed the right minimum, which is found above it once in 150 times.
+constexpr double kSurely = 2;
+constexpr int kFewestGauges = 6;  // five unknowns and something to compare
+constexpr int kWarmSteps = 6;
+// A point that moved farther than this between two samples has jumped: the minimum beside the last one may be another, and
+// explain the readings well enough with a pull instead of a press. A finger that slides at 100 mm/s moves as far in 1 ms.
+constexpr double kJump_m = 1e-4;
+constexpr unsigned kSearchEvery = 256;  // samples: a minimum that was followed may no longer be the best
+constexpr double kSame = 0.1;           // of the readings: they are those that no point explained a moment ago
+constexpr unsigned kPoorEvery = 16;     // samples between searches while they are
+constexpr unsigned kDeadEvery = 16;     // samples with disagreement between looks for a dead gauge
+
+class TableMap final : public CheckedModel {
+public:
+    TableMap(const Calibration& calibration, InfluenceMap map, GaugeSolver spread, double noise, bool point)
+        : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0),
+          zero_(calibration.zero),
+          noise_(noise),
+          locate_(parameter_or(calibration, "locate", kDefaultLocate)),
+          friction_(parameter_or(calibration, "friction", kDefaultFriction)),
+          solver_(std::move(map)),
+          search_(solver_),
+          spread_(std::move(spread)),
+          point_(point) {
+        sd_slope_.fill(0);
+        for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
+            const std::size_t c = component_index(calibration.components[i]);
+            sd_[c] = calibration.sd[i];
+            if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
+        }
+    }
+    [[nodiscard]] std::string_view method() const noexcept override { return "map"; }
+
+private:
+    // rt: bounded by one search, with a dead gauge nine
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        Gauges y = Gauges::Zero();
+        for (std::size_t k = 0; k < n_channels(); ++k) y[Eigen::Index(k)] = input.r[k];
+        const double reading2 = y.squaredNorm() / std::max(1, std::popcount(input.usable));
+        const double variance = noise_ * noise_ + kGainErrorOfGauge * kGainErrorOfGauge * reading2;
+        const bool rests = reading2 <= kRest * kRest * noise_ * noise_;
+        if (!std::isfinite(variance)) return lose_point();  // readings of 1e154 and more: BAD
+        std::uint32_t usable = input.usable & ~dead_;
+        if ((dead_ & input.usable) != 0) {
+            const auto k = std::size_t(std::countr_zero(dead_));
+            if (!(std::abs(input.r[k] + zero_[k]) <= 3 * noise_)) usable = input.usable;  // it lives again
+        }
+        if (usable == input.usable) dead_ = 0;
+        if (!point_ || rests || std::popcount(usable) < kFewestGauges) {
+            if (!rests || !point_) lose_point();
+            return spread_evenly(input, estimate, !point_ || rests);
+        }
+
+        PointContact contact = locate(y, usable, variance);
+        estimate.residual = residual(contact, usable, variance);
+        if (estimate.residual > kDoubtful && disagreements_++ % kDeadEvery == 0)
+            drop_dead_gauge(input, y, variance, usable, contact);
+        if (dead_ != 0) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
+        const double unexplained = residual(contact, usable, variance);
+        if (unexplained <= kDoubtful) disagreements_ = 0;
+        solver_.deviations(y, usable, variance, contact);
+        const double force_sd = noise_ / std::sqrt(variance) * contact.force_sd_N;
+        if (!(unexplained <= kDoubtful) || !(contact.force_N.norm() > locate_ * force_sd)) {
+            if (!(unexplained <= kDoubtful)) estimate.reasons |= TACTILED_DISAGREEMENT;
+            has_point_ = false;
+            return spread_evenly(input, estimate, false);
+        }
+        has_point_ = true;
+        point_m_ = contact.point_m;
+        const auto& f = contact.force_N;
+        if (!(std::hypot(f.x(), f.y()) <= -friction_ * f.z()))
+            estimate.reasons |= TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY;
+        if (contact.at_rim) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        // The readings that a wrong minimum explains, it explains poorly: 3 sigma is once in 100,000 samples of the right
+        // one.
+        if (ambiguous_ || unexplained > kPoor) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
+        estimate.wrench_S = {f.x(), f.y(), f.z(), contact.point_m.y() * f.z(), -contact.point_m.x() * f.z(), kNaN};
+        estimate.cop_S_m = {contact.point_m.x(), contact.point_m.y()};
+        for (std::size_t c = 0; c < 5; ++c) add_sd(input, estimate, c, contact.sd[c]);
+    }
+
+    void forget() noexcept override { lose_point(); }
+    void lose_point() noexcept {
+        has_point_ = ambiguous_ = false;
+        since_search_ = disagreements_ = 0;
+        poor_ = false;
+        search_.stop();
+        dead_ = 0;
+    }
+
+    // On from the last point where that still explains the readings, close by; else a search over the plate.
+    PointContact locate(const Gauges& y, std::uint32_t usable, double variance) noexcept {
+        PointContact near = unexplained_;
+        near.squares *= y.squaredNorm() / poor_y_.squaredNorm();
+        bool jumped = false;
+        if (has_point_) {
+            near = solver_.refine(y, usable, contact_at(point_m_), kWarmSteps);
+            const bool explains = residual(near, usable, variance) <= kPoor;
+            jumped = explains && (near.point_m - point_m_).norm() > kJump_m;
+            if (explains && !jumped && near.converged) return look_elsewhere(y, usable, variance, near);
+        }
+        // Two fingers: no point explains these readings, nor those that are nearly the same.
+        if (poor_ && !jumped && usable == poor_usable_ && (y - poor_y_).norm() <= kSame * y.norm() &&
+            ++since_search_ < kPoorEvery)
+            return near;
+        since_search_ = 0;
+        search_.run(y, usable, variance);
+        const PointContact& found = search_.found();
+        ambiguous_ = search_.is_ambiguous() || residual(found, usable, variance) > kSurely;
+        poor_ = !(residual(found, usable, variance) <= kPoor);
+        if (poor_) unexplained_ = found, poor_y_ = y, poor_usable_ = usable;
+        return found;
+    }
+
+    // A minimum that was followed may no longer be the best one: a search of the whole plate goes on beside the samples, a
+    // piece each.
+    PointContact look_elsewhere(const Gauges& y, std::uint32_t usable, double variance, const PointContact& near) noexcept {
+        poor_ = false;
+        if (!search_.is_running()) {
+            if (++since_search_ < kSearchEvery) return near;
+            since_search_ = 0;
+            search_.begin(y, usable, variance);
+        }
+        if (!search_.step()) return near;
+        if ((search_.found().point_m - near.point_m).norm() <= kJump_m) {
+            ambiguous_ = search_.is_ambiguous();
+            return near;
+        }
+        const PointContact other = solver_.refine(y, usable, contact_at(search_.found().point_m), kWarmSteps);
+        ambiguous_ = std::abs(other.squares - near.squares) < PointSearch::kOther * variance;
+        return other.squares < near.squares ? other : near;
+    }
+
+    [[nodiscard]] static double residual(const PointContact& contact, std::uint32_t usable, double variance) noexcept {
+        const int freedom = std::popcount(usable) - 5;
+        return freedom > 0 ? std::sqrt(std::max(0.0, contact.squares) / freedom / variance) : kNaN;
+    }
+
+    // One gauge that delivers 0 although the rest, without it, agree on a point.
+    void drop_dead_gauge(const Input& input, const Gauges& y, double variance, std::uint32_t& usable,
+                         PointContact& contact) noexcept {
+        std::uint32_t found = 0;
+        PointContact best;
+        double best_residual = kDoubtful;
+        for (std::size_t k = 0; k < n_channels(); ++k) {
+            const std::uint32_t rest = usable & ~(1u << k);
+            if (rest == usable || !(std::abs(input.r[k] + zero_[k]) <= 3 * noise_) || std::popcount(rest) < kFewestGauges)
+                continue;
+            search_.run(y, rest, variance);
+            const PointContact one = search_.found();
+            const double unexplained = residual(one, rest, variance);
+            if (!(unexplained < best_residual)) continue;
+            best_residual = unexplained;
+            best = one;
+            found = 1u << k;
+            ambiguous_ = search_.is_ambiguous();
+        }
+        if (found == 0) return;
+        dead_ = found;
+        usable &= ~found;
+        contact = best;
+    }
+
+    // The forces of a load spread over the plate; moments 0, for its middle is the plate's. `true_here`: that is the
+    // contact, or nothing touches.
+    void spread_evenly(Input& input, Estimate& estimate, bool true_here) noexcept {
+        double r[kMostGauges];
+        for (std::size_t k = 0; k < kMostGauges; ++k) r[k] = (dead_ >> k & 1u) != 0 ? 0 : input.r.data()[k];
+        const auto solved = spread_.solve<3>(r, input.usable & ~dead_);
+        if (solved.used == 0) return;  // BAD
+        if (true_here && !point_) {
+            estimate.residual = solved.residual;
+            if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
+            if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
+        }
+        if (!true_here) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;  // how wrong depends on where it touches
+        for (std::size_t c = 0; c < 3; ++c) {
+            estimate.wrench_S[c] = solved.load[c] + 0.0;
+            if (point_) {
+                add_sd(input, estimate, c, spread_.sd(c) * spread_.sd_factor(c, solved.used));
+            } else {
+                input.sd_factor[c] = spread_.sd_factor(c, solved.used);
+            }
+        }
+        estimate.wrench_S[3] = estimate.wrench_S[4] = 0;
+    }
+
+    // The calibration's standard deviation and the one of the place together.
+    void add_sd(Input& input, Estimate& estimate, std::size_t c, double local) noexcept {
+        const double sd = std::hypot(sd_[c], sd_slope_[c] * estimate.wrench_S[c]);
+        if (!seen()[c] || std::isnan(sd)) return;
+        if (sd > 0 && std::isfinite(local)) {
+            input.sd_factor[c] = std::hypot(1.0, local / sd);
+        } else {
+            estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        }
+    }
+
+    std::vector<double> zero_;
+    double noise_, locate_, friction_;
+    PointSolver solver_;
+    PointSearch search_;
+    GaugeSolver spread_;
+    bool point_;
+    Wrench sd_ = kUnseen, sd_slope_{};
+
+    bool has_point_ = false, ambiguous_ = false;
+    Eigen::Vector2d point_m_ = Eigen::Vector2d::Zero();
+    unsigned since_search_ = 0, disagreements_ = 0;
+    // The last search found nothing that explains the readings: what it found, of which readings.
+    bool poor_ = false;
+    PointContact unexplained_;
+    Gauges poor_y_ = Gauges::Ones();
+    std::uint32_t poor_usable_ = 0;
+    std::uint32_t dead_ = 0;
+};
+
+// Values of the parameter `contact`.
+constexpr double kUniform = 0, kPoint = 1, kRigid = 2;
+
+}  // namespace
+
+std::optional<InfluenceMap> influence_of(const Calibration& calibration, std::string& fault) {
+    const std::size_t n = calibration.channels.size();
+    const auto* rows = table_of(calibration, "influence", 0, 26, fault);
+    if (rows == nullptr) return std::nullopt;
+    fault = InfluenceMap::fault_of(*rows);
+    if (!fault.empty()) return std::nullopt;
+    const double gauge_factor = parameter_or(calibration, "gauge_factor", 0);
+    if (!(gauge_factor > 0)) {
+        fault = "parameter gauge_factor (channel_unit per strain; about 2 for Ni-Cr and dR/R0) is missing or 0";
+        return std::nullopt;
+    }
+    std::vector<double> scale(n, 1.0);
+    if (calibration.tables.count("gauge_scale") != 0) {
+        const auto* row = table_of(calibration, "gauge_scale", 1, n, fault);
+        if (row == nullptr) return std::nullopt;
+        scale = row->front();
+    }
+    std::array<int, 8> gauge;
+    gauge.fill(-1);
+    std::array<double, 8> gain{};
+    for (std::size_t k = 0; k < n; ++k) {
+        gauge[k] = table_gauge(calibration.channels[k])->number - 1;
+        gain[k] = gauge_factor * scale[k];
+    }
+    return InfluenceMap(*rows, gauge, gain);
+}
+
+std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, std::string& fault) {
+    const TableNeeds needs{{"gauge_factor", "noise", "contact", "locate", "friction"},
+                           {"influence", "gauge_scale", "rigid"},
+                           {"fx", "fy", "fz", "mx", "my"},
+                           true};
+    fault = fault_of_table(calibration, needs);
+    if (!fault.empty()) return nullptr;
+    const auto map = influence_of(calibration, fault);
+    if (!map) return nullptr;
+    const double contact = parameter_or(calibration, "contact", kPoint);
+    if (contact != kUniform && contact != kPoint && contact != kRigid) {
+        fault = fmt::format("parameter contact = {}; it is 0 (uniform), 1 (point) or 2 (rigid)", contact);
+        return nullptr;
+    }
+    const std::size_t n = calibration.channels.size();
+    if (contact == kPoint && n < std::size_t(kFewestGauges)) {
+        fault = fmt::format("{} gauges; a point contact has five unknowns and needs {} or more", n, kFewestGauges);
+        return nullptr;
+    }
+    if (contact != kPoint)
+        for (const auto& name : calibration.components)
+            if (name[0] == 'm') {
+                fault = fmt::format("component \"{}\"; a contact that is not a point has fx fy fz", name);
+                return nullptr;
+            }
+    const Influence mean = map->mean();
+    std::vector<std::vector<double>> columns;
+    for (Eigen::Index k = 0; k < Eigen::Index(n); ++k) columns.push_back({mean(k, 0), mean(k, 1), mean(k, 2)});
+    if (contact == kRigid) {
+        // A row a channel, channel_unit per N of fx fy fz.
+        const auto* rigid = table_of(calibration, "rigid", n, 3, fault);
+        if (rigid == nullptr) return nullptr;
+        columns = *rigid;
+    }
+    const double noise = parameter_or(calibration, "noise", kDefaultNoise_per_reading * mean.cwiseAbs().maxCoeff());
+    std::uint32_t inner = 0;
+    for (std::size_t k = 0; k < n; ++k)
+        if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
+    if (!(noise > 0)) {
+        fault = "parameter noise (one standard deviation of a gauge, channel_unit) is not above 0";
+        return nullptr;
+    }
+    GaugeSolver spread(columns, std::vector<double>(n, noise), calibration.zero, inner, 3);
+    if (!spread.confused().empty() || !spread.solvable((1u << n) - 1)) {
+        fault = "a load spread over the plate: these gauges cannot tell fx fy fz apart";
+        return nullptr;
+    }
+    return std::make_unique<TableMap>(calibration, *map, std::move(spread), noise, contact == kPoint);
+}
+
+}  // namespace tactiled

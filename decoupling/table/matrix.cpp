@@ -1,0 +1,82 @@
+// Model "table", method "matrix": r = G load with a forward gain for each gauge and each of fx fy fz mx my, solved by
+// weighted least squares from whatever gauges are usable. The moments need the outer gauges: the inner four answer Fx and My
+// alike (finite elements, decoupling/table/README.md). Mz is invisible.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+
+#include "decoupling/generic/methods.hpp"
+#include "decoupling/solve/checked_loop.hpp"
+#include "decoupling/table/gauge_solver.hpp"
+#include "decoupling/table/methods.hpp"
+#include "decoupling/table/sign_table.hpp"
+
+namespace tactiled {
+namespace {
+
+class TableMatrix final : public CheckedModel {
+public:
+    TableMatrix(const Calibration& calibration, GaugeSolver solver)
+        : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0), solver_(std::move(solver)) {
+        for (const auto& name : calibration.components) component_.push_back(component_index(name));
+    }
+    [[gnu::flatten]] Estimate decouple(const Reading& reading) noexcept override {
+        return checked(reading, [this](Input& input, Estimate& estimate) { solve(input, estimate); });
+    }
+    [[nodiscard]] std::string_view method() const noexcept override { return "matrix"; }
+
+private:
+    // rt: wait-free
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        const auto solved = solver_.solve(input.r.data(), input.usable);
+        if (solved.used == 0) return;  // BAD: the gauges that are left do not determine the loads
+        estimate.residual = solved.residual;
+        if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
+        if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
+        for (std::size_t j = 0; j < component_.size(); ++j) {
+            estimate.wrench_S[component_[j]] = solved.load[j] + 0.0;  // never -0
+            input.sd_factor[component_[j]] = solver_.sd_factor(j, solved.used);
+        }
+    }
+
+    GaugeSolver solver_;
+    std::vector<std::size_t> component_;
+};
+
+}  // namespace
+
+std::unique_ptr<Decoupler> make_table_matrix(const Calibration& calibration, std::string& fault) {
+    const TableNeeds needs{{"noise"}, {"forward", "noise"}, {"fx", "fy", "fz", "mx", "my"}, false};
+    fault = fault_of_table(calibration, needs);
+    if (!fault.empty()) return nullptr;
+    const std::size_t n = calibration.channels.size(), components = calibration.components.size();
+    // A row a gauge, a column a component, channel_unit per N or Nm.
+    const auto* forward = table_of(calibration, "forward", n, components, fault);
+    if (forward == nullptr) return nullptr;
+    double greatest = 0;
+    for (const auto& row : *forward)
+        for (const double gain : row) greatest = std::max(greatest, std::abs(gain));
+    std::vector<double> noise(n, parameter_or(calibration, "noise", kDefaultNoise_per_reading * greatest));
+    if (calibration.tables.count("noise") != 0) {
+        const auto* row = table_of(calibration, "noise", 1, n, fault);
+        if (row == nullptr) return nullptr;
+        noise = row->front();
+    }
+    for (const double sd : noise)
+        if (!(sd > 0)) {
+            fault = "noise (one standard deviation of a gauge, channel_unit) is not above 0";
+            return nullptr;
+        }
+    GaugeSolver solver(*forward, noise, calibration.zero, 0, 0);
+    if (!solver.confused().empty() || !solver.solvable((1u << n) - 1)) {
+        std::vector<std::string> names;
+        for (const std::size_t j : solver.confused()) names.push_back(calibration.components[j]);
+        fault = fmt::format("the gauges {} cannot tell {} apart: wire the outer gauges, or leave the moments out",
+                            fmt::join(calibration.channels, " "), fmt::join(names, " "));
+        return nullptr;
+    }
+    return std::make_unique<TableMatrix>(calibration, std::move(solver));
+}
+
+}  // namespace tactiled

@@ -1,0 +1,146 @@
+// Model "table", method "signs": the decision table of Lee et al. (their table 2), as a direction class 0 .. 17 and forces
+// in steps. A number of the table below is Estimate::direction:
+//
+//      row  load    R1 R3 R5 R7       row  load      R1 R3 R5 R7        row    load        R1 R3 R5 R7
+//       1   press    +  +  +  +        6   +x +y      -  -  +  +        10     press +x     -  +  +  +
+//       2   +x       -  0  +  0        7   -x +y      +  -  -  +        11     press -x     +  +  -  +
+//       3   -x       +  0  -  0        8   -x -y      +  +  -  -        12     press +y     +  -  +  +
+//       4   +y       0  -  0  +        9   +x -y      -  +  +  -        13     press -y     +  +  +  -
+//       5   -y       0  +  0  -                                         14..17 press and 6..9: the signs of 6..9
+//
+// The signs cannot tell 14..17 from 6..9; the sum of the gauges can: it is 0 but for a press. And rows 10..17 show these
+// signs only where the tangential force is 1.79 times the press or more, for normal outweighs tangential by that (the
+// authors' own sensitivities): a lesser one leaves ++++. So the class comes from the sums and differences, each against its
+// dead band, and where the signs say otherwise, or the sum is near its band, the sample is UNCERTAIN with disagreement.
+#include <cmath>
+
+#include "decoupling/solve/checked.hpp"
+#include "decoupling/table/methods.hpp"
+#include "decoupling/table/sign_table.hpp"
+
+namespace tactiled {
+namespace {
+
+// R1 R3 R5 R7 by row; 14 .. 17 are as 6 .. 9.
+constexpr std::array<std::array<int, 4>, 14> kPattern{{{0, 0, 0, 0},
+                                                       {1, 1, 1, 1},
+                                                       {-1, 0, 1, 0},
+                                                       {1, 0, -1, 0},
+                                                       {0, -1, 0, 1},
+                                                       {0, 1, 0, -1},
+                                                       {-1, -1, 1, 1},
+                                                       {1, -1, -1, 1},
+                                                       {1, 1, -1, -1},
+                                                       {-1, 1, 1, -1},
+                                                       {-1, 1, 1, 1},
+                                                       {1, 1, -1, 1},
+                                                       {1, -1, 1, 1},
+                                                       {1, 1, 1, -1}}};
+// Row of (sign of Fx, sign of Fy) without a press, index 3 (x + 1) + y + 1; and with one.
+constexpr std::array<std::uint32_t, 9> kTangential{8, 3, 7, 5, 0, 4, 9, 2, 6};
+constexpr std::array<std::uint32_t, 9> kPressed{16, 11, 15, 13, 1, 12, 17, 10, 14};
+
+constexpr double kDefaultBand_per_noise = 5;  // 5 sigma: a false sign once in 30 minutes at 1 kHz
+constexpr double kDefaultLevel_N = 0.1;
+constexpr double kDoubtful = 6;      // of the parity, in standard deviations; as method "linear"
+constexpr double kGainError = 0.01;  // as method "linear"
+
+int sign_of(double value, double band) { return int(value > band) - int(value < -band); }
+
+class TableSigns final : public CheckedModel {
+public:
+    TableSigns(const Calibration& calibration, std::uint32_t inner)
+        : CheckedModel(calibration, inner, inner),
+          normal_per_N_(calibration.parameters.at("normal_inner")),
+          tangential_per_N_(calibration.parameters.at("tangential_inner")),
+          noise_(parameter_or(calibration, "noise", kDefaultNoise_per_reading * normal_per_N_)),
+          band_(parameter_or(calibration, "dead_band", kDefaultBand_per_noise * noise_)),
+          level_N_{parameter_or(calibration, "level_tangential", kDefaultLevel_N),
+                   parameter_or(calibration, "level_tangential", kDefaultLevel_N),
+                   parameter_or(calibration, "level_normal", kDefaultLevel_N)} {
+        for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
+            const int number = table_gauge(calibration.channels[k])->number;
+            if (number % 2 == 1) channel_[std::size_t(number / 2)] = k;
+        }
+        sd_slope_.fill(0);
+        for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
+            const std::size_t c = component_index(calibration.components[i]);
+            sd_[c] = calibration.sd[i];
+            if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
+        }
+    }
+    [[nodiscard]] std::string_view method() const noexcept override { return "signs"; }
+
+private:
+    // rt: wait-free
+    void solve(Input& input, Estimate& estimate) noexcept override {
+        std::array<double, 4> r;  // R1 R3 R5 R7
+        for (std::size_t i = 0; i < 4; ++i) r[i] = input.r[channel_[i]];
+        const double x = r[2] - r[0], y = r[3] - r[1], sum = (r[0] + r[2]) + (r[1] + r[3]);
+        // Noise of a difference is sqrt 2 of a gauge's, of the sum twice.
+        const double sum_band = 2 * band_;
+        const int sx = sign_of(x, std::sqrt(2.0) * band_), sy = sign_of(y, std::sqrt(2.0) * band_),
+                  sn = sign_of(sum, sum_band);
+        const auto at = std::size_t(3 * (sx + 1) + sy + 1);
+        estimate.direction = sn > 0 ? kPressed[at] : sn == 0 ? kTangential[at] : 0;
+        if (sn < 0) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;  // a pull: no row of the table
+
+        std::array<int, 4> pattern;
+        for (std::size_t i = 0; i < 4; ++i) pattern[i] = sign_of(r[i], band_);
+        const bool diagonal_press = estimate.direction >= 14;
+        const bool diagonal = diagonal_press || (estimate.direction >= 6 && estimate.direction <= 9);
+        if (sn >= 0 && pattern != kPattern[diagonal_press ? estimate.direction - 8 : estimate.direction])
+            estimate.reasons |= TACTILED_DISAGREEMENT;
+        if (diagonal && std::abs(sum) > sum_band / 2 && std::abs(sum) < 2 * sum_band)
+            estimate.reasons |= TACTILED_DISAGREEMENT;
+
+        // Parity: 0 whatever the force.
+        const double reading = std::hypot(std::hypot(r[0], r[1]), std::hypot(r[2], r[3])) / 2;
+        estimate.residual = std::abs((r[0] + r[2]) - (r[1] + r[3])) / 2 / std::hypot(noise_, kGainError * reading);
+        if (!(estimate.residual <= kDoubtful)) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
+
+        const std::array<double, 3> force{sx == 0 ? 0 : x / (2 * tangential_per_N_),
+                                          sy == 0 ? 0 : y / (2 * tangential_per_N_),
+                                          sn == 0 ? 0 : -sum / (4 * normal_per_N_)};
+        for (std::size_t c = 0; c < 3; ++c) {
+            estimate.wrench_S[c] = level_N_[c] * std::round(force[c] / level_N_[c]) + 0.0;
+            // Rounding to a level is an error spread evenly over one level; a dead band hides as much again.
+            const double hidden_N = std::max(level_N_[c], 2 * band_N(c)) / std::sqrt(12.0);
+            const double sd = std::hypot(sd_[c], sd_slope_[c] * estimate.wrench_S[c]);
+            if (sd > 0) {
+                input.sd_factor[c] = std::hypot(1.0, hidden_N / sd);
+            } else if (sd == 0 && seen()[c]) {
+                estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+            }
+        }
+    }
+
+    // The greatest force that its dead band hides.
+    [[nodiscard]] double band_N(std::size_t c) const noexcept {
+        return c < 2 ? std::sqrt(2.0) * band_ / (2 * tangential_per_N_) : 2 * band_ / (4 * normal_per_N_);
+    }
+
+    double normal_per_N_, tangential_per_N_, noise_, band_;
+    std::array<double, 3> level_N_;
+    std::array<std::size_t, 4> channel_{};
+    Wrench sd_ = kUnseen, sd_slope_{};
+};
+
+}  // namespace
+
+std::unique_ptr<Decoupler> make_table_signs(const Calibration& calibration, std::string& fault) {
+    TableNeeds needs{kLinearParameters, {}, {"fx", "fy", "fz"}, true};
+    for (const char* name : {"dead_band", "level_normal", "level_tangential"}) needs.parameters.emplace_back(name);
+    fault = fault_of_table(calibration, needs);
+    if (fault.empty()) fault = fault_of_gains(calibration);
+    for (const char* name : {"noise", "dead_band", "level_normal", "level_tangential"})
+        if (fault.empty() && !(parameter_or(calibration, name, 1) > 0))
+            fault = std::string("parameter ") + name + " is not above 0";
+    if (!fault.empty()) return nullptr;
+    std::uint32_t inner = 0;
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k)
+        if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
+    return std::make_unique<TableSigns>(calibration, inner);
+}
+
+}  // namespace tactiled
