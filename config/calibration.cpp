@@ -14,8 +14,8 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostBytes = std::size_t{16} << 20;
-constexpr std::size_t kMostMethods = 16;
+constexpr std::size_t kMaxBytes = std::size_t{16} << 20;
+constexpr std::size_t kMaxMethods = 16;
 constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of a few numbers
 constexpr Range kNotNegative{0, 1e300};
 
@@ -79,7 +79,7 @@ void missing(Options& file, const char* key, const std::string& what) {
 
 void read_channels(Options& file, Calibration& calibration) {
     missing(file, "channels", "the names of the channels, in the order of all numbers below");
-    const auto& channels = calibration.channels = file.texts("channels", {1, kMostChannels});
+    const auto& channels = calibration.channels = file.texts("channels", {1, kMaxChannels});
     calibration.channel_unit = file.text("channel_unit", "");
     for (auto at = channels.begin(); at != channels.end(); ++at) {
         if (!valid_channel(*at) || *at == "-")
@@ -90,13 +90,13 @@ void read_channels(Options& file, Calibration& calibration) {
     const Count each = channels.empty() ? Count{} : Count{channels.size(), channels.size()};
     calibration.channel_least = file.numbers("channel_least", kFinite, each);
     calibration.channel_most = file.numbers("channel_most", kFinite, each);
-    const auto &least = calibration.channel_least, &most = calibration.channel_most;
+    const auto &min = calibration.channel_least, &max = calibration.channel_most;
     if (file.has("channel_least") != file.has("channel_most"))
         file.problem("channel_least", "channel_least and channel_most belong together: give both or none");
-    for (std::size_t i = 0; i < std::min(least.size(), most.size()); ++i)
-        if (least[i] > most[i])
+    for (std::size_t i = 0; i < std::min(min.size(), max.size()); ++i)
+        if (min[i] > max[i])
             file.problem("channel_most",
-                         fmt::format("channel_most[{0}] = {1} is below channel_least[{0}] = {2}", i, most[i], least[i]));
+                         fmt::format("channel_most[{0}] = {1} is below channel_least[{0}] = {2}", i, max[i], min[i]));
 }
 
 void read_components(Options& file, Calibration& calibration) {
@@ -190,7 +190,7 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
     read_channels(file, calibration);
     read_components(file, calibration);
     read_fit(file, calibration, calibration);
-    for (Options& other : file.tables("other", kMostMethods)) {
+    for (Options& other : file.tables("other", kMaxMethods)) {
         read_fit(other, calibration, calibration.others.emplace_back());
         if (calibration.others.back().method.empty()) other.problem("method", "key \"method\" is missing");
     }
@@ -215,7 +215,7 @@ Calibration Calibration::with_method(const std::string& name) const {
 }
 
 Calibration load_calibration(const std::string& path, Problems& problems) {
-    const auto text = read_text_file(path, kMostBytes, problems);
+    const auto text = read_text_file(path, kMaxBytes, problems);
     if (text) return parse_calibration(*text, path, problems);
     Calibration nothing;
     nothing.path = path;

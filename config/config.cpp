@@ -15,8 +15,8 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostSensors = 16, kMostLinks = 16;  // TACTILED_MAX_SENSORS and _LINKS
-constexpr std::size_t kLongestSocketPath = 107;            // of sockaddr_un
+constexpr std::size_t kMaxSensors = 16, kMaxLinks = 16;  // TACTILED_MAX_SENSORS and _LINKS
+constexpr std::size_t kLongestSocketPath = 107;          // of sockaddr_un
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 int small_integer(Options& table, std::string_view key, Range range, int fallback) {
@@ -126,7 +126,7 @@ LinkSettings read_link(Options table) {
 }
 
 std::vector<std::string> read_channels(Options& table) {
-    const std::vector<std::string> channels = table.texts("channels", {1, kMostChannels});
+    const std::vector<std::string> channels = table.texts("channels", {1, kMaxChannels});
     const auto wrong = [&](const std::string& why) { table.problem("channels", why); };
     std::size_t used = 0;
     for (auto at = channels.begin(); at != channels.end(); ++at) {
@@ -140,15 +140,15 @@ std::vector<std::string> read_channels(Options& table) {
     return channels;
 }
 
-struct Rails {
+struct SaturationLimits {
     double below = -kInf, above = kInf;
 };
 
-Rails read_rails(Options& table) {
-    const auto rails = table.numbers("saturates_at", {-1e300, 1e300}, {2, 2});
-    if (rails.empty()) return {};
-    if (rails[0] < rails[1]) return {rails[0], rails[1]};
-    table.problem("saturates_at", fmt::format("saturates_at = [{}, {}] should be [lowest, highest]", rails[0], rails[1]));
+SaturationLimits read_saturation_limits(Options& table) {
+    const auto limits = table.numbers("saturates_at", {-1e300, 1e300}, {2, 2});
+    if (limits.empty()) return {};
+    if (limits[0] < limits[1]) return {limits[0], limits[1]};
+    table.problem("saturates_at", fmt::format("saturates_at = [{}, {}] should be [lowest, highest]", limits[0], limits[1]));
     return {};
 }
 
@@ -160,7 +160,7 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
     const int device = small_integer(table, "device", {0, 65535}, 0);
     const auto channels = read_channels(table);
     const double counts_per_unit = table.number("counts_per_unit", {1e-18, 1e18}, 1);
-    const Rails rails = read_rails(table);
+    const SaturationLimits limits = read_saturation_limits(table);
     const std::string model = table.text("model");
     const std::string calibration = table.text("calibration");
     const std::string method = table.text("method", "");
@@ -191,7 +191,7 @@ SensorSettings read_sensor(Options table, const std::filesystem::path& folder) {
                       fmt::format("contact_off_N = {} is above contact_on_N = {}", contact_off_N, contact_on_N));
     const std::string beside = calibration.empty() ? "" : (folder / calibration).string();  // an absolute path stays itself
     return {name,           link,          device,       channels,     counts_per_unit,
-            rails.below,    rails.above,   model,        beside,       method,
+            limits.below,   limits.above,  model,        beside,       method,
             budget_us,      stale_ms,      frozen_after, slew_per_s,   rate_Hz,
             rate_tolerance, drift_limit_N, tare_ms,      tare_limit_N, filter_Hz,
             contact_on_N,   contact_off_N, overload_N,   agrees_with,  {-1, agree_N, agree_ms},
@@ -288,9 +288,9 @@ Config load_config(const std::string& path, Problems& problems) {
     NodeSettings node = read_node(root.table("node"));
     const RealtimeSettings realtime = read_realtime(root.table("realtime"));
     std::vector<LinkSettings> links;
-    for (const auto& table : root.tables("link", kMostLinks)) links.push_back(read_link(table));
+    for (const auto& table : root.tables("link", kMaxLinks)) links.push_back(read_link(table));
     std::vector<SensorSettings> sensors;
-    for (const auto& table : root.tables("sensor", kMostSensors)) sensors.push_back(read_sensor(table, folder));
+    for (const auto& table : root.tables("sensor", kMaxSensors)) sensors.push_back(read_sensor(table, folder));
     ModbusSettings modbus = read_modbus(root.table("modbus"), node.name);
     ShmSettings shm = read_shm(root.table("shm"));
 

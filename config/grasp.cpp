@@ -12,9 +12,9 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostJaws = 8;                     // grasp::kMostJaws
-constexpr double kSkewDeg = 1;                           // of two axes that a person wrote down as perpendicular
-constexpr double kLeastG_m_s2 = 9.7, kMostG_m_s2 = 9.9;  // 9.76 on Huascaran, 9.83 at the poles
+constexpr std::size_t kMaxJaws = 8;                   // grasp::kMaxJaws
+constexpr double kSkewDeg = 1;                        // of two axes that a person wrote down as perpendicular
+constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;  // 9.76 on Huascaran, 9.83 at the poles
 constexpr double kDeg = 57.29577951308232;
 
 using Vector = std::array<double, 3>;
@@ -90,7 +90,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     if (!root.has("grasp")) return std::nullopt;
     Options table = root.table("grasp");
     GraspSettings g{};
-    for (const auto& jaw : table.tables("jaw", kMostJaws)) g.jaws.push_back(read_jaw(jaw));
+    for (const auto& jaw : table.tables("jaw", kMaxJaws)) g.jaws.push_back(read_jaw(jaw));
     if (!table.has("jaw")) table.problem("jaw", "[grasp] has no [[grasp.jaw]]; one for each sensor that sits on a jaw");
     check_jaws(table, g.jaws, sensors);
     g.jaws_of_gripper = static_cast<int>(table.integer("jaws_of_gripper", {1, 16}, std::int64_t(g.jaws.size())));
@@ -100,7 +100,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     const auto gravity = table.numbers("gravity_G_m_s2", {-10, 10}, {3, 3});
     if (gravity.size() == 3) std::copy_n(gravity.begin(), 3, g.gravity_G_m_s2.begin());
     const double pull = length(g.gravity_G_m_s2);
-    if (pull != 0 && (pull < kLeastG_m_s2 || pull > kMostG_m_s2))
+    if (pull != 0 && (pull < kMinG_m_s2 || pull > kMaxG_m_s2))
         table.problem("gravity_G_m_s2", fmt::format("gravity_G_m_s2 has a length of {:.3g}; on Earth it is 9.81 m/s^2, "
                                                     "and [0, 0, 0] where its direction is not known",
                                                     pull));

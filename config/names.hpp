@@ -8,7 +8,7 @@
 namespace tactiled {
 
 inline constexpr std::size_t kLongestNameBytes = 31;  // TACTILED_NAME_SIZE of the shared memory, less its final zero
-inline constexpr std::size_t kMostChannels = 32;      // of a frame
+inline constexpr std::size_t kMaxChannels = 32;       // of a frame
 
 inline bool valid_name(std::string_view name) {
     constexpr std::string_view kAllowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.-";

@@ -32,10 +32,10 @@ std::string text_of(const Address& address) {
     return ::inet_ntop(address.bits == 32 ? AF_INET : AF_INET6, address.bytes.data(), text, sizeof text);
 }
 
-std::optional<unsigned> parse_number(std::string_view text, unsigned least, unsigned most) {
+std::optional<unsigned> parse_number(std::string_view text, unsigned min, unsigned max) {
     unsigned value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc{} || end != text.data() + text.size() || value < least || value > most) return std::nullopt;
+    if (error != std::errc{} || end != text.data() + text.size() || value < min || value > max) return std::nullopt;
     return value;
 }
 

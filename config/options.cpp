@@ -15,8 +15,8 @@ namespace tactiled {
 namespace {
 
 // A table's destructor recurses: with at most 16 nested values a hostile file's depth stays under 5,000 tables, some MiB.
-constexpr std::ptrdiff_t kMostDotsALine = 512;
-constexpr std::size_t kMostUnknownKeys = 20;         // reported of one table
+constexpr std::ptrdiff_t kMaxDotsALine = 512;
+constexpr std::size_t kMaxUnknownKeys = 20;          // reported of one table
 constexpr double kExactIntegers = 9007199254740992;  // 2^53: a float up to here can stand for one integer only
 
 std::string kind_of(const toml::node& node) {
@@ -51,8 +51,8 @@ std::optional<std::pair<std::uint32_t, std::string>> unfit(std::string_view text
         const std::size_t end = std::min(text.find('\n', start), text.size());
         const auto one = text.substr(start, end - start);
         if (one.find('\0') != one.npos) return {{line, "holds a zero byte: not a text file; save it as UTF-8 text"}};
-        if (std::count(one.begin(), one.end(), '.') > kMostDotsALine)
-            return {{line, fmt::format("more than {} dots in one line; break the line", kMostDotsALine)}};
+        if (std::count(one.begin(), one.end(), '.') > kMaxDotsALine)
+            return {{line, fmt::format("more than {} dots in one line; break the line", kMaxDotsALine)}};
         start = end + 1;
     }
     return std::nullopt;
@@ -123,13 +123,12 @@ struct Options::Node {
         const auto* array = found->as_array();
         if (!array)
             wrong_kind(key, *found, wanted);
-        else if (array->size() >= count.least && array->size() <= count.most)
+        else if (array->size() >= count.min && array->size() <= count.max)
             return array;
-        else if (count.least == count.most)
-            problem(key, fmt::format("{} has {} entries, should have {}", key, array->size(), count.least));
+        else if (count.min == count.max)
+            problem(key, fmt::format("{} has {} entries, should have {}", key, array->size(), count.min));
         else
-            problem(key,
-                    fmt::format("{} has {} entries, should have {} .. {}", key, array->size(), count.least, count.most));
+            problem(key, fmt::format("{} has {} entries, should have {} .. {}", key, array->size(), count.min, count.max));
         return nullptr;
     }
 
@@ -140,8 +139,8 @@ struct Options::Node {
             wrong_kind(name, found, "a number");
         else if (!std::isfinite(*value))
             problem(line_of(found), fmt::format("{} = {} is not a finite number", name, *value));
-        else if (!(*value >= range.least && *value <= range.most))
-            problem(line_of(found), fmt::format("{} = {} is outside {} .. {}", name, *value, range.least, range.most));
+        else if (!(*value >= range.min && *value <= range.max))
+            problem(line_of(found), fmt::format("{} = {} is outside {} .. {}", name, *value, range.min, range.max));
         else
             return value;
         return std::nullopt;
@@ -168,8 +167,8 @@ struct Options::Node {
 
 Options::Options(std::shared_ptr<Node> node) : node_(std::move(node)) {}
 
-Options Options::parse_file(const std::string& path, Problems& problems, std::size_t most_bytes) {
-    if (const auto text = read_text_file(path, most_bytes, problems)) return parse_text(*text, path, problems);
+Options Options::parse_file(const std::string& path, Problems& problems, std::size_t max_bytes) {
+    if (const auto text = read_text_file(path, max_bytes, problems)) return parse_text(*text, path, problems);
     auto document = std::make_shared<Node::Document>();
     document->file = path;
     return Options(std::make_shared<Node>(Node{.document = document, .label = ""}));
@@ -211,7 +210,7 @@ std::string Options::text(std::string_view key, std::string_view fallback) {
 double Options::number(std::string_view key, Range range) {
     const toml::node* found = node_->ask(key);
     if (!found) node_->missing(key);
-    return found ? node_->number(key, *found, range).value_or(range.least) : range.least;
+    return found ? node_->number(key, *found, range).value_or(range.min) : range.min;
 }
 
 double Options::number(std::string_view key, Range range, double fallback) {
@@ -221,7 +220,7 @@ double Options::number(std::string_view key, Range range, double fallback) {
 
 std::int64_t Options::integer(std::string_view key, Range range) {
     if (!node_->ask(key)) node_->missing(key);
-    return integer(key, range, static_cast<std::int64_t>(range.least));
+    return integer(key, range, static_cast<std::int64_t>(range.min));
 }
 
 std::int64_t Options::integer(std::string_view key, Range range, std::int64_t fallback) {
@@ -235,8 +234,8 @@ std::int64_t Options::integer(std::string_view key, Range range, std::int64_t fa
     }
     const std::int64_t value = integer ? integer->get() : static_cast<std::int64_t>(number->get());
     const auto rounded = static_cast<double>(value);
-    if (rounded >= range.least && rounded <= range.most) return value;
-    node_->problem(key, fmt::format("{} = {} is outside {} .. {}", key, value, range.least, range.most));
+    if (rounded >= range.min && rounded <= range.max) return value;
+    node_->problem(key, fmt::format("{} = {} is outside {} .. {}", key, value, range.min, range.max));
     return fallback;
 }
 
@@ -304,12 +303,12 @@ std::vector<std::vector<double>> Options::rows(std::string_view key) {
     return all;
 }
 
-std::optional<Options::TextFile> Options::text_file(std::string_view key, std::size_t most_bytes) {
+std::optional<Options::TextFile> Options::text_file(std::string_view key, std::size_t max_bytes) {
     const std::string name = text(key);
     if (name.empty()) return std::nullopt;
     const std::string path = (std::filesystem::path(file()).parent_path() / name).string();  // an absolute path stays itself
     Problems found;
-    auto bytes = read_text_file(path, most_bytes, found);
+    auto bytes = read_text_file(path, max_bytes, found);
     for (const auto& line : found.lines()) problem(key, line);
     if (!bytes) return std::nullopt;
     return TextFile{path, std::move(*bytes)};
@@ -356,7 +355,7 @@ Options Options::table(std::string_view key) {
     return Options(known.front());
 }
 
-std::vector<Options> Options::tables(std::string_view key, std::size_t most) {
+std::vector<Options> Options::tables(std::string_view key, std::size_t max) {
     const toml::node* found = node_->ask(key);
     auto& known = node_->children[std::string(key)];
     const toml::array* array = found ? found->as_array() : nullptr;
@@ -365,10 +364,10 @@ std::vector<Options> Options::tables(std::string_view key, std::size_t most) {
         node_->problem(key, fmt::format("[{0}] can be there more than once: write [[{0}]]", key));
     else if (found && !of_tables)
         node_->wrong_kind(key, *found, fmt::format("tables [[{}]]", key));
-    if (of_tables && array->size() > most)
-        node_->problem((*array)[most].source().begin.line,
-                       fmt::format("this is [[{}]] number {}; at most {} are possible", key, most + 1, most));
-    for (std::size_t i = known.size(); of_tables && i < std::min(array->size(), most); ++i) {
+    if (of_tables && array->size() > max)
+        node_->problem((*array)[max].source().begin.line,
+                       fmt::format("this is [[{}]] number {}; at most {} are possible", key, max + 1, max));
+    for (std::size_t i = known.size(); of_tables && i < std::min(array->size(), max); ++i) {
         const toml::table* one = (*array)[i].as_table();
         const auto name = (*one)["name"].value<std::string_view>();
         const std::string label = name ? fmt::format("{} {}", key, in_quotes(*name)) : fmt::format("[[{}]]", key);
@@ -396,7 +395,7 @@ void Options::Node::finish() const {
             if (std::find(asked.begin(), asked.end(), key.str()) == asked.end())
                 unknown.emplace_back(key.source().begin.line, key.str());
     std::sort(unknown.begin(), unknown.end());
-    for (std::size_t i = 0; i < std::min(unknown.size(), kMostUnknownKeys); ++i) {
+    for (std::size_t i = 0; i < std::min(unknown.size(), kMaxUnknownKeys); ++i) {
         const auto& [at, key] = unknown[i];
         const toml::node& value = *peek(key);
         const std::string what = value.is_table()             ? fmt::format("unknown table [{}]", key)
@@ -406,8 +405,8 @@ void Options::Node::finish() const {
         problem(at, what + (near ? fmt::format("; did you mean \"{}\"?", *near)
                                  : fmt::format("; known: {}", fmt::join(asked, ", "))));
     }
-    if (unknown.size() > kMostUnknownKeys)
-        problem(unknown[kMostUnknownKeys].first, fmt::format("and {} more unknown keys", unknown.size() - kMostUnknownKeys));
+    if (unknown.size() > kMaxUnknownKeys)
+        problem(unknown[kMaxUnknownKeys].first, fmt::format("and {} more unknown keys", unknown.size() - kMaxUnknownKeys));
     for (const auto& [key, nodes] : children)
         for (const auto& node : nodes) node->finish();
 }

@@ -36,11 +36,11 @@ private:
 };
 
 struct Range {
-    double least, most;  // both allowed
+    double min, max;  // both allowed
 };
 
 struct Count {  // of an array's entries
-    std::size_t least = 0, most = SIZE_MAX;
+    std::size_t min = 0, max = SIZE_MAX;
 };
 
 // The name of `known` nearest to `name` by edit distance, where it is near enough to be meant.
@@ -52,9 +52,9 @@ std::string in_quotes(std::string_view text);
 // One table. Copies share the same table and the same record of which keys were read.
 class Options {
 public:
-    // Parses a file. A file that cannot be read, is larger than `most_bytes` or is no TOML adds to `problems` and gives an
+    // Parses a file. A file that cannot be read, is larger than `max_bytes` or is no TOML adds to `problems` and gives an
     // empty table. `problems` must outlive the Options. setup: never throws for bad input
-    static Options parse_file(const std::string& path, Problems& problems, std::size_t most_bytes = 1u << 20);
+    static Options parse_file(const std::string& path, Problems& problems, std::size_t max_bytes = 1u << 20);
     static Options parse_text(std::string_view text, const std::string& name, Problems& problems);
 
     // Look-ups. Without a fallback the key is required. On an error the fallback, or an empty value, or the range's
@@ -78,7 +78,7 @@ public:
     struct TextFile {
         std::string path, text;
     };
-    std::optional<TextFile> text_file(std::string_view key, std::size_t most_bytes);
+    std::optional<TextFile> text_file(std::string_view key, std::size_t max_bytes);
 
     [[nodiscard]] bool has(std::string_view key) const;
     [[nodiscard]] std::vector<std::string> keys() const;  // all of the table; looking does not count as asking
@@ -86,7 +86,7 @@ public:
     [[nodiscard]] std::vector<std::string> differing_keys(const Options& other) const;
     Options table(std::string_view key);  // optional: missing is an empty table
     // [[key]]; optional. More than `most` is an error, and those beyond are neither returned nor checked.
-    std::vector<Options> tables(std::string_view key, std::size_t most = 256);
+    std::vector<Options> tables(std::string_view key, std::size_t max = 256);
 
     // An error at the line of `key` (or of the table where the key is missing).
     void problem(std::string_view key, const std::string& text);

@@ -67,16 +67,16 @@ void Problems::throw_if_any() const {
 std::optional<std::string> nearest_name(std::string_view name, const std::vector<std::string>& known) {
     if (name.size() > kLongestName) return std::nullopt;
     std::optional<std::string> nearest;
-    std::size_t least = 0;
+    std::size_t min = 0;
     for (const auto& candidate : known) {
         if (candidate.size() > kLongestName) continue;
         // One slip in three letters is meant; "baudrate" for "baud" and "stale" for "stale_ms" are, too.
-        const std::size_t most = (std::max(name.size(), candidate.size()) + 1) / 3;
+        const std::size_t max = (std::max(name.size(), candidate.size()) + 1) / 3;
         std::size_t slips = distance(name, candidate);
         if (slips > 1 && one_starts_the_other(name, candidate)) slips = 1;
-        if (slips > most || (nearest && slips >= least)) continue;
+        if (slips > max || (nearest && slips >= min)) continue;
         nearest = candidate;
-        least = slips;
+        min = slips;
     }
     return nearest;
 }

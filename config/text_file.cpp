@@ -55,7 +55,7 @@ bool write_all(int fd, std::string_view bytes) {
 
 }  // namespace
 
-std::optional<std::string> read_text_file(const std::string& path, std::size_t most_bytes, Problems& problems) {
+std::optional<std::string> read_text_file(const std::string& path, std::size_t max_bytes, Problems& problems) {
     const auto refuse = [&](const std::string& why) {
         problems.add(path.empty() ? "\"\"" : path, 0, why);
         return std::nullopt;
@@ -76,9 +76,8 @@ std::optional<std::string> read_text_file(const std::string& path, std::size_t m
         if (n < 0) return refuse(fmt::format("cannot be read: {}", std::strerror(errno)));
         if (n == 0) return bytes;
         bytes.append(piece, std::size_t(n));
-        if (bytes.size() > most_bytes)
-            return refuse(
-                fmt::format("is larger than {} bytes; this is not the kind of file that is read here", most_bytes));
+        if (bytes.size() > max_bytes)
+            return refuse(fmt::format("is larger than {} bytes; this is not the kind of file that is read here", max_bytes));
     }
 }
 

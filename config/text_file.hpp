@@ -8,9 +8,9 @@
 
 namespace tactiled {
 
-// The bytes of a regular file of at most `most_bytes`. Else an error in `problems` that says what to do. Never blocks on a
+// The bytes of a regular file of at most `max_bytes`. Else an error in `problems` that says what to do. Never blocks on a
 // pipe or a device. setup: never throws for bad input
-std::optional<std::string> read_text_file(const std::string& path, std::size_t most_bytes, Problems& problems);
+std::optional<std::string> read_text_file(const std::string& path, std::size_t max_bytes, Problems& problems);
 
 struct SaveError : SetupError {
     using SetupError::SetupError;

@@ -92,7 +92,7 @@ std::vector<FrontMethod> front_of(std::vector<FrontMethod> methods) {
     });
     std::vector<FrontMethod> front;
     for (auto& each : methods)
-        if (front.empty() || (front.size() < MethodChoice::kMost && each.cost.us <= kWorth * front.back().cost.us))
+        if (front.empty() || (front.size() < MethodChoice::kMax && each.cost.us <= kWorth * front.back().cost.us))
             front.push_back(std::move(each));
     return front;
 }

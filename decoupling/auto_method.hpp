@@ -31,7 +31,7 @@ struct FrontMethod {
 
 class AutoMethod final : public Decoupler {
 public:
-    // `front`: most accurate first, costs falling, 1 .. MethodChoice::kMost. setup
+    // `front`: most accurate first, costs falling, 1 .. MethodChoice::kMax. setup
     AutoMethod(std::vector<FrontMethod> front, double budget_us);
 
     // By the method that runs now. rt: as its own

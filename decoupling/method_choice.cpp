@@ -14,7 +14,7 @@ std::uint64_t elapsed_ns(std::uint64_t since_ns, std::uint64_t t_ns) noexcept {
 }  // namespace
 
 MethodChoice::MethodChoice(std::span<const double> us, double budget_us) : n_(us.size()), budget_us_(budget_us) {
-    assert(n_ >= 1 && n_ <= kMost);
+    assert(n_ >= 1 && n_ <= kMax);
     now_ = std::size_t(std::find_if(us.begin(), us.end() - 1, [&](double each) { return each <= budget_us; }) - us.begin());
     first_ = now_;
     over_budget_ = us[now_] > budget_us;
@@ -29,10 +29,10 @@ void MethodChoice::took(std::uint64_t ns, std::uint64_t t_ns) noexcept {
     ++timed_;
     if (us > budget_us_) ++over_;
     if (us * up_ratio_[now_] > kRoom * budget_us_) ++tight_;
-    if (over_ > kMostOver) return step_down(t_ns);
+    if (over_ > kMaxOver) return step_down(t_ns);
     if (timed_ < kWindow) return;
     over_budget_ = false;
-    const bool calm = tight_ <= kMostOver;
+    const bool calm = tight_ <= kMaxOver;
     begin_window();
     if (elapsed_ns(step_ns_, t_ns) >= kHourNs) wait_ns_[now_] = kCalmNs;
     if (!calm)

@@ -17,12 +17,12 @@ namespace tactiled {
 
 class MethodChoice {
 public:
-    static constexpr std::size_t kMost = 8;
-    static constexpr unsigned kWindow = 64, kMostOver = kWindow / 8;
+    static constexpr std::size_t kMax = 8;
+    static constexpr unsigned kWindow = 64, kMaxOver = kWindow / 8;
     static constexpr double kRoom = 0.8;
     static constexpr std::uint64_t kSecond = 1'000'000'000, kCalmNs = 10 * kSecond, kHourNs = 3600 * kSecond;
 
-    // `us`: what a sample of each method is expected to take, most accurate first, falling; 1 .. kMost of them. Begins with
+    // `us`: what a sample of each method is expected to take, most accurate first, falling; 1 .. kMax of them. Begins with
     // the first within the budget, else with the last. setup
     MethodChoice(std::span<const double> us, double budget_us);
 
@@ -42,9 +42,9 @@ private:
 
     std::size_t n_, now_, first_;
     double budget_us_;
-    std::array<double, kMost> up_ratio_{};       // of method i: us[i - 1] / us[i]
-    std::array<std::uint64_t, kMost> wait_ns_;   // calm before a step up onto method i
-    std::array<bool, kMost> came_up_{};          // method i was entered by a step up, and not left downwards since
+    std::array<double, kMax> up_ratio_{};        // of method i: us[i - 1] / us[i]
+    std::array<std::uint64_t, kMax> wait_ns_;    // calm before a step up onto method i
+    std::array<bool, kMax> came_up_{};           // method i was entered by a step up, and not left downwards since
     unsigned timed_ = 0, over_ = 0, tight_ = 0;  // of the window
     bool begun_ = false, over_budget_ = false;
     std::uint64_t calm_since_ns_ = 0, step_ns_ = 0;

@@ -33,7 +33,7 @@ namespace {
 
 constexpr int kReceiveBuffer = 1 << 20;  // asked for; the kernel gives what net.core.rmem_max allows
 constexpr std::uint64_t kSilence_ns = 1'000'000'000;
-constexpr int kMostRestart_ms = 800;  // of the kernel's restart, waited for in open()
+constexpr int kMaxRestart_ms = 800;  // of the kernel's restart, waited for in open()
 
 class Can final : public Driver {
 public:
@@ -41,10 +41,10 @@ public:
         if (name_.size() >= IFNAMSIZ)
             options.problem("interface",
                             fmt::format("interface has {} letters; Linux allows {}", name_.size(), IFNAMSIZ - 1));
-        hardware_stamps_ = options.one_of("stamp", {"software", "hardware"}, "software") == "hardware";
+        hardware_timestamps_ = options.one_of("stamp", {"software", "hardware"}, "software") == "hardware";
         restarts_ = options.one_of("bus_off", {"leave", "restart"}, "leave") == "restart";
         CanPlan plan = read_can_plan(options);
-        most_bytes_ = plan.most_bytes;
+        max_bytes_ = plan.max_bytes;
         for (const std::uint32_t id :
              plan.ids) {  // the flags in the mask: else an id of 11 bits lets one of 29 through, too
             const bool extended = (id & kCanExtended) != 0;
@@ -79,7 +79,7 @@ public:
     }
 
     Status read(Frame& frame, int timeout_ms) noexcept override {
-        if (!ready_ && !receive(timeout_ms)) return Status::gone;
+        if (!ready_ && !receive(timeout_ms)) return Status::disconnected;
         if (!ready_) return Status::timeout;
         frame = ahead_;
         ready_ = false;
@@ -106,15 +106,15 @@ private:
             return fmt::format("there is no interface {}: plug it in; `ip -br link` lists what is there", name_);
         const int on = 1;
         const can_err_mask_t errors = CAN_ERR_MASK;
-        const int stamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_RX_HARDWARE |
-                           SOF_TIMESTAMPING_RAW_HARDWARE;
+        const int timestamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_RX_HARDWARE |
+                               SOF_TIMESTAMPING_RAW_HARDWARE;
         ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &kReceiveBuffer, sizeof kReceiveBuffer);
         if (::setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, filters_.data(),
                          socklen_t(filters_.size() * sizeof filters_[0])) != 0 ||
             ::setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors) != 0 ||
             ::setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) != 0 ||
             ::setsockopt(fd_, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on) != 0 ||
-            ::setsockopt(fd_, SOL_SOCKET, SO_TIMESTAMPING, &stamps, sizeof stamps) != 0)
+            ::setsockopt(fd_, SOL_SOCKET, SO_TIMESTAMPING, &timestamps, sizeof timestamps) != 0)
             return fmt::format("{}: the socket refuses an option: {}", name_, std::strerror(errno));
         sockaddr_can address{};
         address.can_family = AF_CAN;
@@ -135,12 +135,12 @@ private:
         if (about.is_bus_off)
             if (const auto why = follow_bus_off(about); !why.empty()) return why;
         if (std::exchange(bus_off_, false) && about.restart_ms != 0) ++counts[TACTILED_LINK_RESTARTED];
-        if (most_bytes_ > CAN_MAX_DLEN && about.mtu < CANFD_MTU)
+        if (max_bytes_ > CAN_MAX_DLEN && about.mtu < CANFD_MTU)
             return fmt::format(
                 "{0} carries classic messages of 8 bytes only, but one of {1} is configured: ip link set {0} down; "
                 "ip link set {0} mtu 72 (vcan), or: ip link set {0} up type can bitrate 500000 dbitrate 2000000 fd on",
-                name_, most_bytes_);
-        if (hardware_stamps_ && !has_hardware_stamps())
+                name_, max_bytes_);
+        if (hardware_timestamps_ && !has_hardware_timestamps())
             return fmt::format("{} gives no hardware stamps; stamp = \"software\" does without", name_);
         return "";
     }
@@ -156,7 +156,7 @@ private:
         bus_off_ = true;
         if (about.restart_ms != 0) {
             const std::uint64_t until_ns =
-                now_ns() + std::uint64_t(std::min(int(about.restart_ms), kMostRestart_ms)) * 1'000'000u;
+                now_ns() + std::uint64_t(std::min(int(about.restart_ms), kMaxRestart_ms)) * 1'000'000u;
             while (about.is_bus_off && now_ns() < until_ns) {
                 const timespec wait{0, 5'000'000};
                 ::clock_nanosleep(CLOCK_MONOTONIC, 0, &wait, nullptr);
@@ -194,7 +194,7 @@ private:
         return r;
     }
 
-    [[nodiscard]] bool has_hardware_stamps() const noexcept {
+    [[nodiscard]] bool has_hardware_timestamps() const noexcept {
         ethtool_ts_info info{};
         info.cmd = ETHTOOL_GET_TS_INFO;
         ifreq r = request();
@@ -244,7 +244,7 @@ private:
         n_ = unsigned(n);
         heard_ns_ = asked_ns;
         look_at_clocks();
-        if (n_ < CanBatch::kMost) drained_ns_ = asked_ns;
+        if (n_ < CanBatch::kMax) drained_ns_ = asked_ns;
         advance();
         return true;
     }
@@ -256,7 +256,7 @@ private:
         if (!clocks_agree_) fit_.reset();
     }
 
-    // The next frame that the batch holds becomes `ahead_`. rt: bounded by CanBatch::kMost
+    // The next frame that the batch holds becomes `ahead_`. rt: bounded by CanBatch::kMax
     void advance() noexcept {
         while (!ready_) {
             if (samples_->next(ahead_))
@@ -270,20 +270,20 @@ private:
 
     void take(unsigned i) noexcept {
         std::uint32_t overflows = overflows_;
-        const CanBatch::Stamps stamps = batch_.stamps(i, overflows);
+        const CanBatch::Timestamps timestamps = batch_.timestamps(i, overflows);
         counts[TACTILED_LINK_OVERRUN] += overflows - overflows_;
         overflows_ = overflows;
         const canfd_frame& frame = batch_.frame(i);
-        if (batch_.most_bytes(i) == 0) {
+        if (batch_.max_bytes(i) == 0) {
             ++counts[TACTILED_LINK_BAD_LENGTH];
         } else if ((frame.can_id & CAN_ERR_FLAG) != 0) {
             take_error(frame);
         } else {
-            const std::uint64_t software_ns = arrival_.of(stamps.software_ns);
-            const bool fits = hardware_stamps_ && stamps.hardware_ns != 0 && clocks_agree_;
+            const std::uint64_t software_ns = arrival_.of(timestamps.software_ns);
+            const bool fits = hardware_timestamps_ && timestamps.hardware_ns != 0 && clocks_agree_;
             const std::uint64_t t_ns =
-                fits ? std::min(fit_.monotonic_ns(stamps.hardware_ns, software_ns), software_ns) : software_ns;
-            take_frame({frame.can_id, {frame.data, frame.len}, t_ns, stamps.hardware_ns / 1000});
+                fits ? std::min(fit_.monotonic_ns(timestamps.hardware_ns, software_ns), software_ns) : software_ns;
+            take_frame({frame.can_id, {frame.data, frame.len}, t_ns, timestamps.hardware_ns / 1000});
         }
     }
 
@@ -333,8 +333,8 @@ private:
     }
 
     std::string name_;
-    bool hardware_stamps_ = false, restarts_ = false;
-    std::size_t most_bytes_ = 0;
+    bool hardware_timestamps_ = false, restarts_ = false;
+    std::size_t max_bytes_ = 0;
     std::vector<can_filter> filters_;
     struct Transport {
         CanTransport about;

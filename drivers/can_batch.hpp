@@ -14,15 +14,15 @@ namespace tactiled {
 
 class CanBatch {
 public:
-    static constexpr unsigned kMost = 64;
+    static constexpr unsigned kMax = 64;
 
-    struct Stamps {
+    struct Timestamps {
         std::uint64_t software_ns = 0, hardware_ns = 0;  // CLOCK_REALTIME; the adapter's own. 0: none
     };
 
     // Returns what recvmmsg does. rt: one system call, does not wait
     int receive(int fd) noexcept {
-        for (unsigned i = 0; i < kMost; ++i) {
+        for (unsigned i = 0; i < kMax; ++i) {
             pieces_[i] = {&frames_[i], sizeof frames_[i]};
             messages_[i] = {};
             messages_[i].msg_hdr.msg_iov = &pieces_[i];
@@ -30,19 +30,19 @@ public:
             messages_[i].msg_hdr.msg_control = control_[i].bytes;
             messages_[i].msg_hdr.msg_controllen = sizeof control_[i].bytes;
         }
-        return ::recvmmsg(fd, messages_.data(), kMost, MSG_DONTWAIT, nullptr);
+        return ::recvmmsg(fd, messages_.data(), kMax, MSG_DONTWAIT, nullptr);
     }
     [[nodiscard]] const canfd_frame& frame(unsigned i) const noexcept { return frames_[i]; }
     // The record's size says which kind of frame it is. 0 where it is none, or says to have more bytes than it can.
-    [[nodiscard]] std::size_t most_bytes(unsigned i) const noexcept {
-        const std::size_t most = messages_[i].msg_len == CAN_MTU     ? CAN_MAX_DLEN
-                                 : messages_[i].msg_len == CANFD_MTU ? CANFD_MAX_DLEN
-                                                                     : 0;
-        return frames_[i].len <= most ? most : 0;
+    [[nodiscard]] std::size_t max_bytes(unsigned i) const noexcept {
+        const std::size_t max = messages_[i].msg_len == CAN_MTU     ? CAN_MAX_DLEN
+                                : messages_[i].msg_len == CANFD_MTU ? CANFD_MAX_DLEN
+                                                                    : 0;
+        return frames_[i].len <= max ? max : 0;
     }
     // `overflows` is left alone where the kernel says nothing: so it does while nothing was lost.
-    Stamps stamps(unsigned i, std::uint32_t& overflows) noexcept {
-        Stamps stamps;
+    Timestamps timestamps(unsigned i, std::uint32_t& overflows) noexcept {
+        Timestamps timestamps;
         msghdr* const head = &messages_[i].msg_hdr;
         for (cmsghdr* c = CMSG_FIRSTHDR(head); c != nullptr; c = CMSG_NXTHDR(head, c)) {
             if (c->cmsg_level != SOL_SOCKET) continue;
@@ -50,10 +50,10 @@ public:
             if (c->cmsg_type == SCM_TIMESTAMPING) {
                 scm_timestamping t;
                 std::memcpy(&t, CMSG_DATA(c), sizeof t);
-                stamps = {ns_of(t.ts[0]), ns_of(t.ts[2])};
+                timestamps = {ns_of(t.ts[0]), ns_of(t.ts[2])};
             }
         }
-        return stamps;
+        return timestamps;
     }
 
 private:
@@ -65,10 +65,10 @@ private:
     struct Control {
         alignas(cmsghdr) char bytes[CMSG_SPACE(sizeof(scm_timestamping)) + CMSG_SPACE(sizeof(std::uint32_t))];
     };
-    std::array<canfd_frame, kMost> frames_{};
-    std::array<Control, kMost> control_{};
-    std::array<iovec, kMost> pieces_{};
-    std::array<mmsghdr, kMost> messages_{};
+    std::array<canfd_frame, kMax> frames_{};
+    std::array<Control, kMax> control_{};
+    std::array<iovec, kMax> pieces_{};
+    std::array<mmsghdr, kMax> messages_{};
 };
 
 }  // namespace tactiled

@@ -29,7 +29,7 @@ struct Sequence {
     CanSignal signal;
 };
 
-constexpr Range kStarts{0, 8 * double(IsoTp::kMostBytes) - 1}, kLengths{1, 64}, kFinite{-1e300, 1e300};
+constexpr Range kStarts{0, 8 * double(IsoTp::kMaxBytes) - 1}, kLengths{1, 64}, kFinite{-1e300, 1e300};
 
 CanSignal read_place(Options& table) {
     CanSignal signal;
@@ -49,8 +49,8 @@ std::uint32_t read_id(Options& table, std::string_view key, bool extended) {
 std::vector<Wanted> read_signals(Options& device, std::optional<Sequence>& sequence) {
     const bool extended = device.flag("extended", false);
     const std::uint32_t id = read_id(device, "id", extended);
-    const auto most = double(device.has("isotp_reply_id") ? IsoTp::kMostBytes : kCanMostBytes);
-    const auto bytes = std::size_t(device.integer("bytes", {1, most}, 8));
+    const auto max = double(device.has("isotp_reply_id") ? IsoTp::kMaxBytes : kCanMaxBytes);
+    const auto bytes = std::size_t(device.integer("bytes", {1, max}, 8));
     std::optional<CanSignal> selector;
     if (device.has("selector")) {
         Options table = device.table("selector");
@@ -112,9 +112,9 @@ std::optional<Wanted> find_signal(Options& device, std::string_view key, const s
     if (found == nullptr)
         return refuse(fmt::format("{}:{}: message {} has no signal {}; {}", path, message.line, in_quotes(message.name),
                                   in_quotes(name), known_names(message.signals, name)));
-    if (message.bytes > kCanMostBytes)
+    if (message.bytes > kCanMaxBytes)
         return refuse(fmt::format("{}:{}: message {} has {} bytes; a CAN message has at most {}", path, message.line,
-                                  in_quotes(message.name), message.bytes, kCanMostBytes));
+                                  in_quotes(message.name), message.bytes, kCanMaxBytes));
     if (message.nested_mux_line != 0 && found->mux)
         return refuse(
             fmt::format("{}:{}: message {} is multiplexed in several stages or by ranges, which is not understood; "
@@ -153,7 +153,7 @@ class DbcFiles {
 public:
     // nullptr, with errors, where the device's file is none. The same file is read once.
     const Dbc* get(Options& device, std::string& path) {
-        const auto file = device.text_file("dbc", kDbcMostBytes);
+        const auto file = device.text_file("dbc", kDbcMaxBytes);
         if (!file) return nullptr;
         path = file->path;
         const auto known = files_.find(path);
@@ -281,7 +281,7 @@ CanPlan read_can_plan(Options& link) {
     CanPlan plan;
     DbcFiles files;
     std::map<unsigned, bool> seen;
-    for (auto& table : link.tables("device", kCanMostDevices)) {
+    for (auto& table : link.tables("device", kCanMaxDevices)) {
         CanDevice device;
         device.device = std::uint16_t(table.integer("device", {0, 65535}));
         if (!seen.emplace(device.device, true).second)
@@ -298,15 +298,15 @@ CanPlan read_can_plan(Options& link) {
         const bool has_transport = table.has("isotp_reply_id");
         if (has_transport) read_transport(table, device, plan);
         for (const auto& signal : signals) {
-            if (!has_transport) plan.most_bytes = std::max(plan.most_bytes, signal.bytes);
+            if (!has_transport) plan.max_bytes = std::max(plan.max_bytes, signal.bytes);
             if (std::find(plan.ids.begin(), plan.ids.end(), signal.id) == plan.ids.end()) plan.ids.push_back(signal.id);
         }
         plan.devices.push_back(std::move(device));
     }
     if (!link.has("device"))
         link.problem("device", "there is no [[link.device]]: it says which messages carry which channels");
-    if (plan.ids.size() > kCanMostIds)
-        link.problem("device", fmt::format("{} different ids; the kernel filters at most {}", plan.ids.size(), kCanMostIds));
+    if (plan.ids.size() > kCanMaxIds)
+        link.problem("device", fmt::format("{} different ids; the kernel filters at most {}", plan.ids.size(), kCanMaxIds));
     return plan;
 }
 

@@ -7,8 +7,8 @@
 
 namespace tactiled {
 
-inline constexpr std::size_t kCanMostDevices = 64;  // of a link
-inline constexpr std::size_t kCanMostIds = 512;     // CAN_RAW_FILTER_MAX of the kernel
+inline constexpr std::size_t kCanMaxDevices = 64;  // of a link
+inline constexpr std::size_t kCanMaxIds = 512;     // CAN_RAW_FILTER_MAX of the kernel
 
 // A device whose samples come as one message of several frames.
 struct CanTransport {
@@ -19,7 +19,7 @@ struct CanPlan {
     std::vector<CanDevice> devices;
     std::vector<CanTransport> transports;
     std::vector<std::uint32_t> ids;  // with kCanExtended; each once
-    std::size_t most_bytes = 0;      // of a frame: more than 8 needs CAN FD
+    std::size_t max_bytes = 0;       // of a frame: more than 8 needs CAN FD
 };
 
 // Errors go to the options' Problems. setup

@@ -14,9 +14,9 @@
 namespace tactiled {
 
 enum class Status {
-    frame,    // `frame` was filled
-    timeout,  // nothing complete arrived in time: call again
-    gone,     // the device vanished: close(), then open() after a pause
+    frame,         // `frame` was filled
+    timeout,       // nothing complete arrived in time: call again
+    disconnected,  // the device vanished: close(), then open() after a pause
 };
 
 // What a link counts; the index is enum tactiled_link_count. Written by the driver's thread only; the node copies it

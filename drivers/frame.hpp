@@ -4,9 +4,9 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace tactiled {
+#include "config/names.hpp"
 
-inline constexpr std::size_t kMaxChannels = 32;
+namespace tactiled {
 
 struct Frame {
     std::uint64_t t_ns = 0;            // CLOCK_MONOTONIC when the frame's last byte was taken from the kernel

@@ -17,7 +17,7 @@ struct GpioName {
 class GpioEdges {
 public:
     enum class Edge { rising, falling };
-    enum class Wait { edge, timeout, gone };
+    enum class Wait { edge, timeout, disconnected };
 
     GpioEdges();
     ~GpioEdges();

@@ -9,7 +9,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint32_t kWaitingMost = 16;  // of the kernel
+constexpr std::uint32_t kWaitingMax = 16;  // of the kernel
 
 struct Line {
     gpiod_chip* chip = nullptr;
@@ -56,18 +56,18 @@ std::string GpioEdges::open(const GpioName& name, Edge edge) {
 GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::uint32_t& edges) noexcept {
     edges = 0;
     timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};
-    while (edges < kWaitingMost) {
+    while (edges < kWaitingMax) {
         pollfd waiting{::gpiod_line_event_get_fd(held_->line), POLLIN, 0};
         const int ready = ::ppoll(&waiting, 1, &timeout, nullptr);
         if (ready == 0 || (ready < 0 && errno == EINTR)) break;
-        if (ready < 0 || (waiting.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) return Wait::gone;
+        if (ready < 0 || (waiting.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) return Wait::disconnected;
         gpiod_line_event event;
-        if (::gpiod_line_event_read(held_->line, &event) != 0) return Wait::gone;
+        if (::gpiod_line_event_read(held_->line, &event) != 0) return Wait::disconnected;
         t_ns = std::uint64_t(event.ts.tv_sec) * 1'000'000'000u + std::uint64_t(event.ts.tv_nsec);
         ++edges;
         timeout = {};  // the others only if they are there
     }
-    if (edges == kWaitingMost) t_ns = 0;  // newer ones may have been dropped
+    if (edges == kWaitingMax) t_ns = 0;  // newer ones may have been dropped
     return edges != 0 ? Wait::edge : Wait::timeout;
 }
 

@@ -12,7 +12,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kWaitingMost = 256;
+constexpr std::size_t kWaitingMax = 256;
 
 // By path, name or label; nullptr with errno.
 gpiod_chip* open_chip(const std::string& wanted) {
@@ -70,7 +70,7 @@ private:
         if (lines != nullptr && how != nullptr && settings != nullptr &&
             ::gpiod_line_config_add_line_settings(lines, &offset, 1, settings) == 0) {
             ::gpiod_request_config_set_consumer(how, kGpioConsumer);
-            ::gpiod_request_config_set_event_buffer_size(how, kWaitingMost);
+            ::gpiod_request_config_set_event_buffer_size(how, kWaitingMax);
             request = ::gpiod_chip_request_lines(chip, how, lines);
         }
         const int error = errno;
@@ -85,7 +85,7 @@ gpiod_line_value value_of(bool high) { return high ? GPIOD_LINE_VALUE_ACTIVE : G
 }  // namespace
 
 struct GpioEdges::Held : Line {
-    Held() : buffer(::gpiod_edge_event_buffer_new(kWaitingMost)) {}
+    Held() : buffer(::gpiod_edge_event_buffer_new(kWaitingMax)) {}
     ~Held() { ::gpiod_edge_event_buffer_free(buffer); }
     gpiod_edge_event_buffer* buffer;
     unsigned long sequence = 0;  // of the last edge
@@ -121,9 +121,9 @@ GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::u
     const timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};
     const int ready = ::ppoll(&waiting, 1, &timeout, nullptr);
     if (ready == 0 || (ready < 0 && errno == EINTR)) return Wait::timeout;
-    if (ready < 0 || (waiting.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) return Wait::gone;
-    const int n = ::gpiod_line_request_read_edge_events(held_->request, held_->buffer, kWaitingMost);
-    if (n <= 0) return Wait::gone;
+    if (ready < 0 || (waiting.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) return Wait::disconnected;
+    const int n = ::gpiod_line_request_read_edge_events(held_->request, held_->buffer, kWaitingMax);
+    if (n <= 0) return Wait::disconnected;
     gpiod_edge_event* last = ::gpiod_edge_event_buffer_get_event(held_->buffer, static_cast<unsigned long>(n - 1));
     t_ns = ::gpiod_edge_event_get_timestamp_ns(last);
     const unsigned long sequence = ::gpiod_edge_event_get_line_seqno(last);

@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostChips = 32, kMostSelectLines = 4;
+constexpr std::size_t kMaxChips = 32, kMaxSelectLines = 4;
 
 // A chip's data-ready line on a GPIO chip. Where that goes away, the chip is asked by the clock alone until the link is
 // opened again.
@@ -38,7 +38,7 @@ public:
         if (!is_open_) return false;
         std::uint32_t edges = 0;
         const auto wait = edges_.wait_edge(0, t_ns, edges);
-        if (wait == GpioEdges::Wait::gone) {
+        if (wait == GpioEdges::Wait::disconnected) {
             bus_.forget(fd());
             is_open_ = false;  // the line itself is closed with the link: that may allocate
         }
@@ -82,7 +82,7 @@ class I2c final : public Driver {
 public:
     explicit I2c(Options& options)
         : path_(options.text("bus")), timeout_ms_(int(options.integer("timeout_ms", {0, 1000}, 0))) {
-        auto chips = options.tables("chip", kMostChips);
+        auto chips = options.tables("chip", kMaxChips);
         if (chips.empty()) options.problem("chip", "no chip: add [[link.chip]] with device and chip");
         for (Options& chip : chips) add(chip);
     }
@@ -122,10 +122,10 @@ private:
         if (entry == nullptr) return;  // reported
         Place place;
         place.address = std::uint8_t(
-            options.integer("address", {double(entry->least_address), double(entry->most_address)}, entry->least_address));
+            options.integer("address", {double(entry->min_address), double(entry->max_address)}, entry->min_address));
         if (options.has("mux")) {
             Options mux = options.table("mux");
-            place.mux = std::uint8_t(mux.integer("address", {kMuxLeast, kMuxMost}));
+            place.mux = std::uint8_t(mux.integer("address", {kMuxMin, kMuxMax}));
             place.channel = std::uint8_t(mux.integer("channel", {0, kMuxChannels - 1}));
         }
         for (const Place& other : places_) {
@@ -167,7 +167,7 @@ private:
         Options table = options.table("select");
         const std::string chip = table.text("chip");
         std::vector<GpioName> names;
-        for (const auto& line : table.texts("lines", {1, kMostSelectLines})) names.push_back({chip, line});
+        for (const auto& line : table.texts("lines", {1, kMaxSelectLines})) names.push_back({chip, line});
         if (electrodes == 0)
             options.problem("select", "select is for a chip that has electrodes: ad7746 with electrodes = 2 .. 16");
         else if (electrodes > 1u << names.size())

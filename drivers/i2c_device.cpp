@@ -21,7 +21,7 @@ namespace {
 
 // No transfer of 35 bytes lasts so long at 10 kHz; the time-outs of adapters are 0.1 s to 2 s.
 constexpr std::uint64_t kHangNs = 90'000'000;
-constexpr unsigned kMostHard = 8;  // in a row: then the adapter itself is looked for anew
+constexpr unsigned kMaxHard = 8;  // in a row: then the adapter itself is looked for anew
 
 std::string remedy(int error, const std::string& path) {
     switch (error) {
@@ -131,8 +131,8 @@ Answer I2cDevice::classify(int error, std::uint64_t began_ns) noexcept {
     if (error == EAGAIN) return Answer::failed;
     // An adapter that vanished answers EIO for ever, and the kernel sees no other USB device until it is closed.
     char byte;
-    if (error == ENODEV || presence_fd_ < 0 || ::read(presence_fd_, &byte, 1) < 0 || ++n_hard_ >= kMostHard)
-        return Answer::gone;
+    if (error == ENODEV || presence_fd_ < 0 || ::read(presence_fd_, &byte, 1) < 0 || ++n_hard_ >= kMaxHard)
+        return Answer::disconnected;
     if (error == ETIMEDOUT || now_ns() - began_ns >= kHangNs) return Answer::timeout;
     return Answer::failed;  // EIO: with some adapters a byte that was not acknowledged
 }

@@ -30,9 +30,9 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kSecond = 1'000'000'000;
-constexpr int kConnectMs = 800;      // open() may block for a second
-constexpr unsigned kMissedMost = 3;  // in a row: then its counter may begin anywhere
-constexpr std::uint64_t kMostPauseNs = kSecond;
+constexpr int kConnectMs = 800;     // open() may block for a second
+constexpr unsigned kMissedMax = 3;  // in a row: then its counter may begin anywhere
+constexpr std::uint64_t kMaxPauseNs = kSecond;
 
 TtySettings::Parity parity_of(const std::string& name) {
     return name == "even" ? TtySettings::Parity::even : name == "odd" ? TtySettings::Parity::odd : TtySettings::Parity::none;
@@ -76,17 +76,17 @@ public:
                 Device& next = *std::min_element(devices_.begin(), devices_.end(),
                                                  [](const Device& a, const Device& b) { return a.due_ns < b.due_ns; });
                 const std::uint64_t begins_ns = std::max(next.due_ns, quiet_until_ns_);
-                if (!wait(std::min(begins_ns, until_ns), POLLRDHUP)) return Status::gone;
+                if (!wait(std::min(begins_ns, until_ns), POLLRDHUP)) return Status::disconnected;
                 if (now_ns() < begins_ns) return Status::timeout;
-                if (!ask(next)) return Status::gone;
+                if (!ask(next)) return Status::disconnected;
             }
-            if (!wait(std::min(deadline_ns_, until_ns), POLLIN) || !take()) return Status::gone;
+            if (!wait(std::min(deadline_ns_, until_ns), POLLIN) || !take()) return Status::disconnected;
             const auto found = answers_.next();
             const bool late = now_ns() >= deadline_ns_ || with_suspend_ns() >= too_old_ns_;
             counts[TACTILED_LINK_SKIPPED] += std::exchange(answers_.skipped, 0);
             if (found == ModbusAnswers::Found::broken) {
                 ++counts[TACTILED_LINK_BAD_LENGTH];
-                return Status::gone;  // a new connection begins with a message's first byte
+                return Status::disconnected;  // a new connection begins with a message's first byte
             }
             if (late)  // whole or not: if this process stood still (SIGSTOP, suspend), it may be of any age
                 failed(found == ModbusAnswers::Found::nothing ? answers_.missing() : TACTILED_LINK_BUS_ERROR);
@@ -225,7 +225,7 @@ private:
             if (counts[TACTILED_LINK_BYTES] == before) break;
         }
         answers_.expect(request_);
-        std::array<std::uint8_t, kModbusMostRequest> bytes;
+        std::array<std::uint8_t, kModbusMaxRequest> bytes;
         const std::size_t size = encode_modbus(wire_, request_, bytes);
         // Before it is sent: this process may stand still behind send(), and the answer come meanwhile.
         const std::uint64_t may_take_ns = timeout_ns_ + (size + modbus_answer_bytes(wire_, request_)) * byte_ns_;
@@ -271,10 +271,10 @@ private:
         // It may have lost its supply: what it was told and what it counted. A slow poll misses one request at most.
         for (Device& other : devices_)
             if (other.is.unit == device.is.unit) other.started = 0;
-        if (++device.missed >= kMissedMost) device.sequence.reset();
+        if (++device.missed >= kMissedMax) device.sequence.reset();
         // Twice as long each time, so that a unit that is not there takes little from the others of its line.
         const unsigned doublings = std::min(device.missed - 1, 10u);
-        plan(device, doublings == 0 ? 0 : std::min(device.period_ns << doublings, kMostPauseNs));
+        plan(device, doublings == 0 ? 0 : std::min(device.period_ns << doublings, kMaxPauseNs));
     }
 
     // The next place on the device's grid that is at least `pause_ns` away.

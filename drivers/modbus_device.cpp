@@ -9,7 +9,7 @@ namespace tactiled {
 namespace {
 
 constexpr Range kAddress{0, 65535}, kWord{0, 65535};
-constexpr int kMostGap = 124;
+constexpr int kMaxGap = 124;
 
 std::uint16_t word(Options& table, std::string_view key, Range range) { return std::uint16_t(table.integer(key, range)); }
 std::uint16_t word(Options& table, std::string_view key, Range range, int fallback) {
@@ -52,7 +52,7 @@ ModbusDevice::Write read_write(Options table) {
 }
 
 // One request covers all; a hole may be read along where it is small: some devices refuse what they do not have.
-void cover(RegisterSet& set, Options& table, int most_gap) {
+void cover(RegisterSet& set, Options& table, int max_gap) {
     struct Span {
         unsigned first, last;
     };
@@ -65,28 +65,28 @@ void cover(RegisterSet& set, Options& table, int most_gap) {
     std::sort(spans.begin(), spans.end(), [](const Span& a, const Span& b) { return a.first < b.first; });
     unsigned last = spans.front().last;
     for (const auto& span : spans) {
-        if (span.first > last + 1 + unsigned(most_gap)) {
+        if (span.first > last + 1 + unsigned(max_gap)) {
             const unsigned gap = span.first - last - 1;
             table.problem(
                 "registers",
                 fmt::format("between registers {} and {} lie {} that are not used, more than max_gap = {}; a frame "
                             "is one answer: give each group its own [[link.slave]]{}",
-                            last, span.first, gap, most_gap,
-                            gap > unsigned(kMostGap) ? ""
-                                                     : fmt::format(", or set max_gap = {} where the device answers for "
-                                                                   "what lies between",
-                                                                   gap)));
+                            last, span.first, gap, max_gap,
+                            gap > unsigned(kMaxGap) ? ""
+                                                    : fmt::format(", or set max_gap = {} where the device answers for "
+                                                                  "what lies between",
+                                                                  gap)));
             return;
         }
         last = std::max(last, span.last);
     }
     const unsigned first = spans.front().first, count = last - first + 1;
-    if (count > kModbusMostRegisters || last > 65535) {
+    if (count > kModbusMaxRegisters || last > 65535) {
         table.problem(
             "registers",
             fmt::format("registers {} .. {} are {}; one answer has at most {}, up to 65535: give each group its own "
                         "[[link.slave]]",
-                        first, last, count, kModbusMostRegisters));
+                        first, last, count, kModbusMaxRegisters));
         return;
     }
     set.at = std::uint16_t(first);
@@ -97,7 +97,7 @@ void cover(RegisterSet& set, Options& table, int most_gap) {
 void read_kind(ModbusDevice& device, Options& table) {
     device.function = std::uint8_t(table.integer("function", {3, 4}, 3));
     const bool low_word_first = table.one_of("word_order", {"high_first", "low_first"}, "high_first") == "low_first";
-    const int most_gap = int(table.integer("max_gap", {0, kMostGap}, 8));
+    const int max_gap = int(table.integer("max_gap", {0, kMaxGap}, 8));
     for (auto& one : table.tables("registers", kMaxChannels))
         device.set.channel.push_back(read_channel(one, low_word_first));
     if (device.set.channel.empty())
@@ -117,7 +117,7 @@ void read_kind(ModbusDevice& device, Options& table) {
         device.set.sequence.push_back(value);
     }
     for (auto& one : table.tables("start", 16)) device.start.push_back(read_write(one));
-    cover(device.set, table, most_gap);
+    cover(device.set, table, max_gap);
 }
 
 }  // namespace

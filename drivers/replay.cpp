@@ -15,9 +15,9 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kMostAtOpening = 16u << 20;  // bytes in which open() looks for the first frame; then read() goes on
-constexpr std::uint64_t kMostATurn = 1u << 20;       // bytes in which read() does
-constexpr long kPause_ns = 1'000'000;                // after as many: nothing else may make this thread wait
+constexpr std::uint64_t kMaxAtOpening = 16u << 20;  // bytes in which open() looks for the first frame; then read() goes on
+constexpr std::uint64_t kMaxACycle = 1u << 20;      // bytes in which read() does
+constexpr long kPause_ns = 1'000'000;               // after as many: nothing else may make this thread wait
 
 class Replay final : public Driver {
 public:
@@ -34,14 +34,14 @@ public:
         has_begun_ = has_ahead_ = ended_ = false;
         left_out_ = {};
         if (std::string wrong = file_.open(path_); !wrong.empty()) return wrong;
-        ended_ = look_ahead(kMostAtOpening) == Ahead::end;
+        ended_ = look_ahead(kMaxAtOpening) == Ahead::end;
         file_.declare_all();
         return choose_link();
     }
 
     Status read(Frame& frame, int timeout_ms) noexcept override {
         if (!has_ahead_ && !ended_) {
-            const Ahead found = look_ahead(kMostATurn);
+            const Ahead found = look_ahead(kMaxACycle);
             count_left_out();
             ended_ = found == Ahead::end;
             if (found == Ahead::later) {
@@ -50,7 +50,7 @@ public:
                 return Status::timeout;
             }
         }
-        if (!has_ahead_) return Status::gone;
+        if (!has_ahead_) return Status::disconnected;
         const auto due_ns = began_ns_ + std::uint64_t(double(ahead_.t_ns - first_ns_) / speed_);
         const std::uint64_t until_ns = now_ns() + std::uint64_t(timeout_ms) * 1'000'000u;
         const std::uint64_t wake_ns = std::min(due_ns, until_ns);
@@ -70,10 +70,10 @@ public:
 private:
     enum class Ahead { frame, later, end };
 
-    // The link's next frame becomes `ahead_`; later: not within `most_bytes`. rt: blocks on the disk; bounded by
-    // `most_bytes` and a chunk
-    Ahead look_ahead(std::uint64_t most_bytes) {
-        const std::uint64_t until = file_.bytes_read() + most_bytes;
+    // The link's next frame becomes `ahead_`; later: not within `max_bytes`. rt: blocks on the disk; bounded by
+    // `max_bytes` and a chunk
+    Ahead look_ahead(std::uint64_t max_bytes) {
+        const std::uint64_t until = file_.bytes_read() + max_bytes;
         while (const auto message = file_.next(until - std::min(until, file_.bytes_read()))) {
             if (message->channel->schema != mcap::kFrameSchema) continue;
             if (!link_.empty() && link_of(*message->channel) != link_) continue;

@@ -35,7 +35,7 @@ HexFormat read_hex_format(Options& options) {
     format.channels = unsigned(options.integer("channels", {1, double(kMaxChannels)}));
     format.digits = unsigned(options.integer("digits", {1, 8}, 4));
     const auto highest = std::int64_t((std::uint64_t{1} << 4 * format.digits) - 1);
-    format.most = std::uint32_t(options.integer("most", {1, double(highest)}, highest));
+    format.max = std::uint32_t(options.integer("most", {1, double(highest)}, highest));
     const std::string digit = options.one_of("digit", {"none", "ignored", "counter"}, "none");
     if (digit != "none") format.first = digit == "counter" ? HexFormat::Digit::counter : HexFormat::Digit::ignored;
     format.start = options.text("start", "");
@@ -94,23 +94,23 @@ public:
         if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // it may have lost its supply
             asked_ns_ = now_ns();
             asked_again_ = streamed_;
-            if (!ask_for_stream(false)) return Status::gone;
+            if (!ask_for_stream(false)) return Status::disconnected;
         }
         // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its turn.
-        const std::uint64_t turn_ns = std::uint64_t(timeout_ms) * 1'000'000, waits_ns = with_suspend_ns();
+        const std::uint64_t cycle_ns = std::uint64_t(timeout_ms) * 1'000'000, waits_ns = with_suspend_ns();
         pollfd waiting{fd_, POLLIN, 0};
         const timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};
         const int ready = ::ppoll(&waiting, 1, &timeout, nullptr);
-        if (ready == 0) empty_ns_ = waits_ns + turn_ns;  // the kernel looked once more when the time was over
+        if (ready == 0) empty_ns_ = waits_ns + cycle_ns;  // the kernel looked once more when the time was over
         if (ready == 0 || (ready < 0 && errno == EINTR)) return Status::timeout;
-        if (ready < 0) return Status::gone;
+        if (ready < 0) return Status::disconnected;
         const std::uint64_t reads_ns = with_suspend_ns();
         const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
-        if (size <= 0) return Status::gone;  // 0 on a tty is a hang-up, not an end of file to be read again
+        if (size <= 0) return Status::disconnected;  // 0 on a tty is a hang-up, not an end of file to be read again
         const std::uint64_t t_ns = now_ns();
         const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
-        if (waited_ns > turn_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
+        if (waited_ns > cycle_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
         if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a full tty gives one byte less
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!decoder_->next(frame)) return Status::timeout;
@@ -153,7 +153,7 @@ private:
         counts[TACTILED_LINK_BYTES] += std::uint32_t(size) + std::uint32_t(more);
         counts[TACTILED_LINK_SKIPPED] += std::uint32_t(size) + std::uint32_t(more);
         decoder_->reset();
-        return Status::gone;
+        return Status::disconnected;
     }
 
     bool tell(std::span<const std::uint8_t> bytes) noexcept {
@@ -172,7 +172,7 @@ private:
     std::uint64_t asked_ns_ = 0;                   // for the stream, or when it last brought a frame
     bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;
-    std::array<std::uint8_t, StreamDecoder::kMostBytes> bytes_{};
+    std::array<std::uint8_t, StreamDecoder::kMaxBytes> bytes_{};
 };
 
 std::unique_ptr<Driver> make_uart(Options& options) { return std::make_unique<Stream>(options, false); }

@@ -48,7 +48,7 @@ bool Agreement::compare(const tactiled_sample& mine, const tactiled_sample& othe
         const double apart_N = mine.force_S_N[i] - others.force_S_N[i];
         if (std::isfinite(apart_N)) squares += apart_N * apart_N;
     }
-    const bool apart = squares > limits_.most_N * limits_.most_N;
+    const bool apart = squares > limits_.max_N * limits_.max_N;
     if (apart != differs_ && !has_lasted(otherwise_since_ns_, mine.t_ns)) return differs_;
     differs_ = apart;
     otherwise_since_ns_ = 0;

@@ -10,7 +10,7 @@ class Agreement {
 public:
     struct Limits {
         int other = -1;                 // index of the sensor to compare with, -1: none
-        double most_N = 0;              // magnitude of the difference of the tared forces
+        double max_N = 0;               // magnitude of the difference of the tared forces
         std::uint64_t patience_ns = 0;  // so long they may differ by more; so long they agree before they are believed again
     };
     explicit Agreement(const Limits& limits) : limits_(limits) {}

@@ -45,7 +45,7 @@ struct Command {
     double mass_kg = 0;                   // of `known_weight`
     grasp::Hint gripper{};                // of `hint`
     grasp::Vector robot_G_m_s2{};         // of `gravity` and `acceleration`; NaN = not known
-    std::uint64_t told_ns = 0;            // of `acceleration`
+    std::uint64_t reported_ns = 0;        // of `acceleration`
     // Of `objects`. Stays the asker's, who keeps it until the command is acknowledged, however long that takes.
     std::span<const TaughtObject> objects{};
 };

@@ -8,11 +8,11 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kTurnNs = 2 * kMs;         // a PLC's input filters for 3 ms and more
+constexpr std::uint64_t kCycleNs = 2 * kMs;        // a PLC's input filters for 3 ms and more
 constexpr std::uint64_t kSetAgainNs = 100 * kMs;   // notices a chip that is gone, and a line that somebody else has set
 constexpr std::uint64_t kLookAgainNs = 100 * kMs;  // for a segment that is not there
 constexpr std::uint64_t kRepeatNs = 10'000 * kMs;  // the same news at most so often
-constexpr std::uint64_t kLeastPauseNs = 50 * kMs, kMostPauseNs = 1000 * kMs;
+constexpr std::uint64_t kMinPauseNs = 50 * kMs, kMaxPauseNs = 1000 * kMs;
 
 }  // namespace
 
@@ -55,22 +55,22 @@ void GpioOutputs::run() noexcept {
     while (!stop_.load(std::memory_order_acquire)) {
         const std::uint64_t now_ns = monotonic_ns();
         try {
-            turn(now_ns);
+            cycle(now_ns);
         } catch (const std::exception&) {  // no memory
             signs_ = {};
             set_ns_ = 0;
             (void)set_driven();
         }
-        sleep_until(driven() > 0 ? now_ns + kTurnNs : std::min(open_ns_, now_ns + kLeastPauseNs));
+        sleep_until(driven() > 0 ? now_ns + kCycleNs : std::min(open_ns_, now_ns + kMinPauseNs));
     }
     signs_ = {};
     (void)set_driven();
     for (auto& line : lines_) line.output.close();
 }
 
-void GpioOutputs::turn(std::uint64_t now_ns) {
+void GpioOutputs::cycle(std::uint64_t now_ns) {
     if (now_ns >= open_ns_ && driven() < lines_.size()) {
-        pause_ns_ = std::clamp(2 * pause_ns_, kLeastPauseNs, kMostPauseNs);
+        pause_ns_ = std::clamp(2 * pause_ns_, kMinPauseNs, kMaxPauseNs);
         open_ns_ = now_ns + pause_ns_;
         if (open_missing()) set_ns_ = 0;
     }
@@ -81,8 +81,8 @@ void GpioOutputs::turn(std::uint64_t now_ns) {
     set_ns_ = now_ns;
     if (set_driven()) return;
     pause_ns_ = 0;
-    open_ns_ = now_ns + kLeastPauseNs;
-    say(said_gone_, LogLevel::warning, fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
+    open_ns_ = now_ns + kMinPauseNs;
+    say(said_disconnected_, LogLevel::warning, fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
 }
 
 GpioSigns GpioOutputs::look(std::uint64_t now_ns) {

@@ -60,7 +60,7 @@ private:
     };
 
     void run() noexcept;
-    void turn(std::uint64_t now_ns);
+    void cycle(std::uint64_t now_ns);
     GpioSigns look(std::uint64_t now_ns);
     // Opens the lines that are not driven, those of the file's first keys first: fault. True when another one is driven.
     bool open_missing();
@@ -76,7 +76,7 @@ private:
     Segment segment_;
     std::uint64_t segment_tried_ns_ = 0, open_ns_ = 0, pause_ns_ = 0;
     std::uint64_t set_ns_ = 0;  // 0: not set since a line was opened
-    Said said_driving_, said_gone_;
+    Said said_driving_, said_disconnected_;
     std::atomic<bool> stop_{false};
     RtThread thread_;
 };

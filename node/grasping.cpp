@@ -10,7 +10,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kMostWindow_ms = 1000;  // that the estimator remembers; the register takes up to 10 s
+constexpr double kMaxWindow_ms = 1000;  // that the estimator remembers; the register takes up to 10 s
 
 }  // namespace
 
@@ -23,24 +23,24 @@ Grasping::Grasping(const std::optional<Setup>& setup) {
     estimator_.emplace(setup->estimator);
     estimator_->slip_sensitivity(configured_.slip_sensitivity);
     for (auto& object : taught_) object.name.reserve(kLongestNameBytes);
-    for (auto& object : told_) object.name.reserve(kLongestNameBytes);
+    for (auto& object : reported_) object.name.reserve(kLongestNameBytes);
     take(setup->objects);
 }
 
-void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench& zero_S) noexcept {
+void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wrench& zero_S) noexcept {
     const int jaw = jaw_of_sensor_[sensor];
     if (jaw < 0) return;
-    grasp::JawSample felt;
-    felt.t_ns = s.t_ns;
-    felt.quality = tactiled_quality(s.quality);
-    felt.reasons = s.reasons;
+    grasp::JawSample observed;
+    observed.t_ns = s.t_ns;
+    observed.quality = tactiled_quality(s.quality);
+    observed.reasons = s.reasons;
     const std::uint32_t method = TACTILED_METHOD(s.state), before = methods_seen_[sensor];  // 0: BAD, or not "auto"
     if (method != 0) methods_seen_[sensor] = method;
     const bool another_method = method != 0 && before != 0 && method != before;
     if (s.tare_count != std::exchange(tares_seen_[sensor], s.tare_count) || another_method) {
         // Forces before and after a new zero, or of two methods, are in different coordinates: their difference is no
         // event of the world.
-        grasp::JawSample moved = felt;
+        grasp::JawSample moved = observed;
         moved.quality = TACTILED_BAD;
         moved.reasons |= TACTILED_TARING;
         estimator_->sample(std::size_t(jaw), moved);
@@ -48,10 +48,10 @@ void Grasping::feel(std::uint32_t sensor, const tactiled_sample& s, const Wrench
     // How far off such a value is nobody knows, so that no weight made of it is stable.
     const bool doubted = (s.reasons & (TACTILED_STEPPED | TACTILED_SENSORS_DIFFER)) != 0;
     for (std::size_t i = 0; i < 3; ++i) {
-        felt.force_S_N[i] = s.raw_force_S_N[i] - zero_S[i];  // not the low-passed one: a slip lasts some ms
-        felt.sd_N[i] = doubted ? kNaN : s.sd_force_N[i];
+        observed.force_S_N[i] = s.raw_force_S_N[i] - zero_S[i];  // not the low-passed one: a slip lasts some ms
+        observed.sd_N[i] = doubted ? kNaN : s.sd_force_N[i];
     }
-    estimator_->sample(std::size_t(jaw), felt);
+    estimator_->sample(std::size_t(jaw), observed);
 }
 
 void Grasping::take(std::span<const TaughtObject> objects) noexcept {
@@ -63,8 +63,8 @@ void Grasping::take(std::span<const TaughtObject> objects) noexcept {
 void Grasping::hand_over_objects() noexcept {
     std::size_t n = 0;
     for (std::size_t i = 0; i < n_taught_; ++i)
-        if (taught_[i].scaled == scale_shown_) told_[n++] = taught_[i];
-    estimator_->objects({told_.data(), n});
+        if (taught_[i].scaled == scale_shown_) reported_[n++] = taught_[i];
+    estimator_->objects({reported_.data(), n});
 }
 
 bool Grasping::carry_out(const Command& command) noexcept {
@@ -87,19 +87,21 @@ bool Grasping::carry_out(const Command& command) noexcept {
             return true;
         }
         case Kind::objects: take(command.objects); return true;
-        case Kind::hint: estimator_->hint(told_hint_ = command.gripper); return true;
-        case Kind::gravity: estimator_->gravity(*(told_gravity_G_m_s2_ = command.robot_G_m_s2)); return true;
-        case Kind::acceleration: estimator_->acceleration(command.robot_G_m_s2, command.told_ns); return true;
+        case Kind::hint: estimator_->hint(reported_hint_ = command.gripper); return true;
+        case Kind::gravity: estimator_->gravity(*(reported_gravity_G_m_s2_ = command.robot_G_m_s2)); return true;
+        case Kind::acceleration: estimator_->acceleration(command.robot_G_m_s2, command.reported_ns); return true;
         default: return false;
     }
 }
 
-void Grasping::set(const GraspSettable& wish) noexcept {
-    wish_ = wish;
+void Grasping::set(const GraspSettable& settable) noexcept {
+    requested_ = settable;
     if (!estimator_) return;
-    const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
-    estimator_->slip_sensitivity(or_configured(wish.slip_sensitivity, configured_.slip_sensitivity));
-    estimator_->weigh_window(std::min(or_configured(wish.weigh_window_ms, configured_.weigh_window_ms), kMostWindow_ms));
+    const auto or_configured = [](double requested, double configured) {
+        return std::isnan(requested) ? configured : requested;
+    };
+    estimator_->slip_sensitivity(or_configured(settable.slip_sensitivity, configured_.slip_sensitivity));
+    estimator_->weigh_window(std::min(or_configured(settable.weigh_window_ms, configured_.weigh_window_ms), kMaxWindow_ms));
 }
 
 void Grasping::succeed(const Grasping& before) noexcept {
@@ -110,11 +112,11 @@ void Grasping::succeed(const Grasping& before) noexcept {
     before_.slips = was.slips;
     before_.slip_latch = was.slip_latch;
     std::copy(std::begin(was.slip_count), std::end(was.slip_count), before_.slip_count);
-    set(before.wish_);
-    told_gravity_G_m_s2_ = before.told_gravity_G_m_s2_;
-    told_hint_ = before.told_hint_;
-    if (estimator_ && told_gravity_G_m_s2_) estimator_->gravity(*told_gravity_G_m_s2_);
-    if (estimator_) estimator_->hint(told_hint_);
+    set(before.requested_);
+    reported_gravity_G_m_s2_ = before.reported_gravity_G_m_s2_;
+    reported_hint_ = before.reported_hint_;
+    if (estimator_ && reported_gravity_G_m_s2_) estimator_->gravity(*reported_gravity_G_m_s2_);
+    if (estimator_) estimator_->hint(reported_hint_);
     if (estimator_) take({before.taught_.data(), before.n_taught_});
 }
 

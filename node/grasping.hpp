@@ -25,12 +25,12 @@ public:
     // What a sensor says, BAD ones included; `zero_S` is what its tare subtracts. A sensor that is no jaw is nobody's
     // concern.
     // rt: wait-free
-    void feel(std::uint32_t sensor, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
+    void observe(std::uint32_t sensor, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
 
     // Carries out what is the grasp's; false: not now. rt: wait-free
     bool carry_out(const Command& command) noexcept;
     // NaN: as configured. rt: wait-free
-    void set(const GraspSettable& wish) noexcept;
+    void set(const GraspSettable& settable) noexcept;
 
     // Goes on in the place of `before`, which was configured otherwise: what was counted, latched, wished, taught and told
     // by the robot stays, the shown scale does not. rt: wait-free
@@ -44,9 +44,9 @@ private:
     void hand_over_objects() noexcept;
 
     std::optional<grasp::Grasp> estimator_;
-    GraspSettable configured_, wish_{kNaN, kNaN};
-    std::optional<grasp::Vector> told_gravity_G_m_s2_;  // NaN: told that it is not known any more
-    grasp::Hint told_hint_ = grasp::Hint::none;
+    GraspSettable configured_, requested_{kNaN, kNaN};
+    std::optional<grasp::Vector> reported_gravity_G_m_s2_;  // NaN: told that it is not known any more
+    grasp::Hint reported_hint_ = grasp::Hint::none;
     tactiled_grasp before_{};                                // what was counted and latched before this one; the rest is 0
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};
@@ -55,8 +55,8 @@ private:
     // now. Their names have room: to copy one allocates nothing.
     bool scale_shown_ = false;
     std::size_t n_taught_ = 0;
-    std::array<TaughtObject, grasp::Grasp::kMostObjects> taught_;
-    std::array<grasp::Object, grasp::Grasp::kMostObjects> told_;
+    std::array<TaughtObject, grasp::Grasp::kMaxObjects> taught_;
+    std::array<grasp::Object, grasp::Grasp::kMaxObjects> reported_;
 };
 
 }  // namespace tactiled

@@ -16,7 +16,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostBytes = 16384;
+constexpr std::size_t kMaxBytes = 16384;
 
 // The lines of /proc/cpuinfo that name the first CPU's kind (x86: model name; ARM: implementer, part ...), without its
 // clock.
@@ -79,7 +79,7 @@ std::vector<MethodCost> MethodCostFile::load() const {
     if (folder_.empty() || !std::filesystem::exists(path_, none)) return {};
     Problems problems;
     std::vector<MethodCost> costs;
-    if (const auto text = read_text_file(path_, kMostBytes, problems)) {
+    if (const auto text = read_text_file(path_, kMaxBytes, problems)) {
         Options file = Options::parse_text(*text, path_, problems);
         const std::string key = file.text("of");
         const auto methods = file.texts("methods");

@@ -17,15 +17,15 @@ namespace tactiled {
 namespace {
 
 constexpr std::int64_t kFormat = 1;
-constexpr double kLeastKg = 1e-9, kMostKg = 1000;
-constexpr std::int64_t kMostId = 65534;  // OBJECT_ID is a register
+constexpr double kMinKg = 1e-9, kMaxKg = 1000;
+constexpr std::int64_t kMaxId = 65534;  // OBJECT_ID is a register
 
 TaughtObject read_object(Options table) {
     TaughtObject object;
-    object.id = std::uint32_t(table.integer("id", {1, double(kMostId)}));
+    object.id = std::uint32_t(table.integer("id", {1, double(kMaxId)}));
     object.name = table.text("name");
-    object.mass_kg = table.number("mass_kg", {kLeastKg, kMostKg});
-    object.sd_kg = table.number("sd_kg", {kLeastKg, kMostKg});
+    object.mass_kg = table.number("mass_kg", {kMinKg, kMaxKg});
+    object.sd_kg = table.number("sd_kg", {kMinKg, kMaxKg});
     object.grasps = unsigned(table.integer("grasps", {1, 1e9}, 1));
     object.scaled = table.flag("scaled", false);
     if (!object.name.empty() && !valid_name(object.name))
@@ -56,7 +56,7 @@ std::vector<TaughtObject> load_objects(const std::string& path, Problems& proble
     if (!problems.empty()) return objects;
     if (file.integer("format", {1, 1e9}) != kFormat)
         file.problem("format", fmt::format("this tactiled reads format = {}", kFormat));
-    for (auto& table : file.tables("object", grasp::Grasp::kMostObjects)) {
+    for (auto& table : file.tables("object", grasp::Grasp::kMaxObjects)) {
         TaughtObject object = read_object(table);
         for (const auto& other : objects) {
             if (other.id == object.id)
@@ -86,9 +86,7 @@ void store_objects(const std::string& path, std::span<const TaughtObject> object
 
 Weighing weighing_of(const tactiled_grasp& g) { return {g.weight_kg, g.weight_sd_kg, g.scale_shown != 0}; }
 
-bool is_teachable(const Weighing& w) {
-    return w.mass_kg > kApart_sd * w.sd_kg && w.mass_kg <= kMostKg && w.sd_kg >= kLeastKg;
-}
+bool is_teachable(const Weighing& w) { return w.mass_kg > kApart_sd * w.sd_kg && w.mass_kg <= kMaxKg && w.sd_kg >= kMinKg; }
 
 TaughtObject summary_of(std::span<const Weighing> weighings) {
     TaughtObject object;

@@ -64,7 +64,7 @@ bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
             if (kind != TACTILED_LINK_UNBOUND)
                 segment.set_link_count(link.index, tactiled_link_count(kind), driver.counts.count[kind]);
     }
-    return status != Status::gone;
+    return status != Status::disconnected;
 }
 
 // ---- ring -> decouple -> grasp -> publish ------------------------------------------------------------------------------
@@ -84,7 +84,7 @@ Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor
 void Pipeline::start(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         sensors_[i].start(segment_.epoch(), now_ns);
-        publish_break(i, sensors_[i].marker(now_ns));
+        publish_discontinuity(i, sensors_[i].marker(now_ns));
     }
     heartbeat_ns_ = worst_since_ns_ = now_ns;
     publish_node(now_ns);
@@ -105,15 +105,15 @@ bool Pipeline::deliver(std::uint64_t now_ns) noexcept {
     for (auto& link : links_) {
         // Looked at before the ring: what arrived before the link broke is delivered before the break is.
         link->was_connected = link->connected.load(std::memory_order_acquire);
-        const std::size_t most = link->ring.capacity();  // a flood of one link does not starve the others
-        for (std::size_t n = 0; n < most; ++n) {
+        const std::size_t max = link->ring.capacity();  // a flood of one link does not starve the others
+        for (std::size_t n = 0; n < max; ++n) {
             const Frame* const frame = link->ring.front();
             if (frame == nullptr) break;
             deliver(*link, *frame, now_ns);
             link->ring.pop();
         }
     }
-    mark_breaks(now_ns);
+    mark_discontinuities(now_ns);
     follow_tares(now_ns);
     if (now_ns - heartbeat_ns_ >= kHeartbeatNs) {
         heartbeat_ns_ += (now_ns - heartbeat_ns_) / kHeartbeatNs * kHeartbeatNs;
@@ -138,7 +138,7 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
         Sensor& sensor = sensors_[binding.sensor];
         tactiled_sample sample = sensor.sample(frame, now_ns);
         if (const int other = sensor.agrees_with(); other >= 0) sample = sensor.compare(sensors_[std::size_t(other)].last());
-        grasping_->feel(binding.sensor, sample, sensor.zero_S());
+        grasping_->observe(binding.sensor, sample, sensor.zero_S());
         publish(binding.sensor, sample);
     }
     if (!bound) segment_.set_link_count(link.index, TACTILED_LINK_UNBOUND, ++link.unbound);
@@ -158,17 +158,17 @@ void Pipeline::publish(std::uint32_t index, const tactiled_sample& sample) noexc
         node_.fault |= TACTILED_FAULT_SENSOR_LOST;
 }
 
-void Pipeline::publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept {
-    grasping_->feel(index, marker, sensors_[index].zero_S());
+void Pipeline::publish_discontinuity(std::uint32_t index, const tactiled_sample& marker) noexcept {
+    grasping_->observe(index, marker, sensors_[index].zero_S());
     publish(index, marker);
 }
 
-void Pipeline::mark_breaks(std::uint64_t now_ns) noexcept {
+void Pipeline::mark_discontinuities(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         const bool had_data = sensors_[i].is_delivering();
         const bool connected = link_of_sensor_[i]->was_connected;
-        if (!sensors_[i].has_broken(connected, now_ns)) continue;
-        publish_break(i, sensors_[i].marker(now_ns));
+        if (!sensors_[i].has_discontinuity(connected, now_ns)) continue;
+        publish_discontinuity(i, sensors_[i].marker(now_ns));
         if (had_data) node_.fault |= TACTILED_FAULT_SENSOR_LOST | (connected ? 0u : std::uint32_t(TACTILED_FAULT_BUS));
     }
 }
@@ -306,10 +306,10 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     news_ = false;
 }
 
-void Pipeline::account(std::uint64_t turn_ns, std::uint64_t missed) noexcept {
+void Pipeline::account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept {
     ++node_.cycles;
     node_.missed_cycles += missed;
-    worst_ns_ = std::max(worst_ns_, std::uint32_t(std::min<std::uint64_t>(turn_ns, UINT32_MAX)));
+    worst_ns_ = std::max(worst_ns_, std::uint32_t(std::min<std::uint64_t>(cycle_ns, UINT32_MAX)));
     if (last_node_ns_ - worst_since_ns_ >= kSecond) {
         node_.worst_cycle_us = (worst_ns_ + 999) / 1000;
         worst_since_ns_ = last_node_ns_;
@@ -321,7 +321,7 @@ void Pipeline::stop(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         tactiled_sample last = sensors_[i].marker(now_ns);
         tactiled_invalidate(&last, TACTILED_DAEMON_STOPPED);
-        publish_break(i, last);
+        publish_discontinuity(i, last);
     }
     publish_node(now_ns);
 }

@@ -78,7 +78,7 @@ public:
     bool deliver(std::uint64_t now_ns) noexcept;
 
     // After a turn: how long it took and how many periods were slept through before it. rt: wait-free
-    void account(std::uint64_t turn_ns, std::uint64_t missed) noexcept;
+    void account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept;
 
     // Publishes BAD everywhere: nothing else follows. setup
     void stop(std::uint64_t now_ns) noexcept;
@@ -99,12 +99,12 @@ private:
     void deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept;
     void take(Replacement& replacement, std::uint64_t now_ns) noexcept;
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
-    void publish_break(std::uint32_t index, const tactiled_sample& marker) noexcept;
+    void publish_discontinuity(std::uint32_t index, const tactiled_sample& marker) noexcept;
     void carry_out(std::size_t commander, const Command& command, std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool begin_tares(const Command& command, std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool all_have_values(std::uint32_t mask) const noexcept;
     void follow_tares(std::uint64_t now_ns) noexcept;
-    void mark_breaks(std::uint64_t now_ns) noexcept;
+    void mark_discontinuities(std::uint64_t now_ns) noexcept;
     void publish_node(std::uint64_t now_ns) noexcept;
     void finish_command(std::size_t commander, tactiled_command_state state, tactiled_command_result result) noexcept;
 

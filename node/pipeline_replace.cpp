@@ -34,7 +34,7 @@ void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
         }
         part.sensor->succeed(running);
         std::swap(running, *part.sensor);
-        publish_break(part.index, running.marker(now_ns));
+        publish_discontinuity(part.index, running.marker(now_ns));
     }
     // The directory changes behind the samples: an old force beside the new CAL_ID would look like one of the new
     // calibration.

@@ -14,32 +14,32 @@ class Progress {
     struct Entry {
         std::string name;
         std::uint64_t limit_ns;
-        std::atomic<std::uint64_t> turns{0};
-        std::uint64_t seen_turns = 0, seen_ns = 0;  // the onlooker's
+        std::atomic<std::uint64_t> cycles{0};
+        std::uint64_t seen_cycles = 0, seen_ns = 0;  // the onlooker's
     };
 
 public:
     // One thread's place on the list, for as long as it runs.
-    class Turns {
+    class Liveness {
     public:
         // `limit_ns`: a turn that takes longer is a standstill. setup: may wait for a lock
-        Turns(Progress& progress, std::string name, std::uint64_t limit_ns) : progress_(progress) {
+        Liveness(Progress& progress, std::string name, std::uint64_t limit_ns) : progress_(progress) {
             const std::lock_guard lock(progress_.mutex_);
             auto& entry = progress_.entries_.emplace_back();
             entry.name = std::move(name);
             entry.limit_ns = limit_ns;
             entry_ = &entry;
         }
-        ~Turns() {
+        ~Liveness() {
             const std::lock_guard lock(progress_.mutex_);
             progress_.entries_.remove_if([this](const Entry& e) { return &e == entry_; });
         }
-        Turns(const Turns&) = delete;
-        Turns& operator=(const Turns&) = delete;
+        Liveness(const Liveness&) = delete;
+        Liveness& operator=(const Liveness&) = delete;
 
         // rt: wait-free. One writer, so no read-modify-write.
         void count() noexcept {
-            entry_->turns.store(entry_->turns.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+            entry_->cycles.store(entry_->cycles.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
         }
 
     private:
@@ -53,9 +53,9 @@ public:
         const std::lock_guard lock(mutex_);
         std::string_view stuck;
         for (auto& entry : entries_) {
-            const std::uint64_t turns = entry.turns.load(std::memory_order_relaxed);
-            if (turns != entry.seen_turns || entry.seen_ns == 0) {
-                entry.seen_turns = turns;
+            const std::uint64_t cycles = entry.cycles.load(std::memory_order_relaxed);
+            if (cycles != entry.seen_cycles || entry.seen_ns == 0) {
+                entry.seen_cycles = cycles;
                 entry.seen_ns = now_ns;
             } else if (now_ns - entry.seen_ns > entry.limit_ns && stuck.empty()) {
                 stuck = entry.name;

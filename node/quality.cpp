@@ -26,7 +26,7 @@ bool is_idle_number(double value) noexcept {
 void StreamQuality::succeed(const StreamQuality& before, bool same_channels) noexcept {
     last_frame_ns_ = before.last_frame_ns_;
     opening_ = before.opening_;
-    breaks_ = before.breaks_ + 1;
+    discontinuities_ = before.discontinuities_ + 1;
     lost_ = before.lost_;
     if (!same_channels) return;
     raw_ = before.raw_;
@@ -41,19 +41,19 @@ void StreamQuality::succeed(const StreamQuality& before, bool same_channels) noe
 bool StreamQuality::arrive(const Frame& frame) noexcept {
     // The link was closed and opened again while the loop stood still: nobody has seen the break.
     if (broken_ == 0 && frame.opening != opening_) {
-        ++breaks_;
+        ++discontinuities_;
         broken_ = TACTILED_DISCONNECTED;
     }
     opening_ = frame.opening;
-    after_break_ = broken_ != 0;
-    if (after_break_) rate_frames_ = 0;
+    after_discontinuity_ = broken_ != 0;
+    if (after_discontinuity_) rate_frames_ = 0;
     broken_ = 0;
     step_ns_ = frame.t_ns > last_frame_ns_ ? frame.t_ns - last_frame_ns_ : 0;
     last_frame_ns_ = frame.t_ns;
     lost_now_ = frame.lost;
     lost_ += frame.lost;
     measure_rate(frame.t_ns);
-    return after_break_;
+    return after_discontinuity_;
 }
 
 std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept {
@@ -95,7 +95,7 @@ std::uint32_t StreamQuality::find_frozen(std::span<const double> raw, std::uint3
         }
     }
     const std::uint32_t dead = frozen_ & usable;
-    if (dead != 0 && !has_frozen_) ++breaks_;
+    if (dead != 0 && !has_frozen_) ++discontinuities_;
     has_frozen_ = dead != 0;
     return dead;
 }
@@ -107,18 +107,19 @@ bool StreamQuality::is_idle_bus(std::span<const double> raw, std::uint32_t usabl
     const unsigned enough = std::max(kIdleNumbers, kIdleReadings * n);
     const bool before = idle_ >= enough;
     idle_ = idle ? std::min(idle_ + n, enough) : 0;
-    if (!before && idle_ >= enough) ++breaks_;
+    if (!before && idle_ >= enough) ++discontinuities_;
     return idle_ >= enough;
 }
 
 // Against the time since the frame before, or the time that the device took for it where frames of a backlog come at once.
 bool StreamQuality::has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept {
     const double declared_Hz = limits_.rate_Hz > 0 ? limits_.rate_Hz : double(rate_Hz_);
-    if (after_break_ || !(declared_Hz > 0)) return false;  // it may have gone anywhere; not declared and not yet measured
+    if (after_discontinuity_ || !(declared_Hz > 0))
+        return false;  // it may have gone anywhere; not declared and not yet measured
     const double step_s = std::max(double(step_ns_) * 1e-9, (1 + double(lost_now_)) / declared_Hz);
-    const double most = limits_.slew_per_s * step_s;
+    const double max = limits_.slew_per_s * step_s;
     for (std::size_t k = 0; k < raw.size(); ++k)
-        if ((usable & newest_ & 1u << k) != 0 && std::abs(raw[k] - raw_[k]) > most) return true;
+        if ((usable & newest_ & 1u << k) != 0 && std::abs(raw[k] - raw_[k]) > max) return true;
     return false;
 }
 
@@ -132,12 +133,12 @@ void StreamQuality::measure_rate(std::uint64_t t_ns) noexcept {
     }
 }
 
-bool StreamQuality::has_broken(bool connected, std::uint64_t now_ns) noexcept {
+bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noexcept {
     if (connected && now_ns <= last_frame_ns_ + limits_.stale_ns) return false;
     const std::uint32_t waiting = broken_ & TACTILED_NO_DATA_YET;
     const std::uint32_t why = waiting | (connected ? TACTILED_STALE : TACTILED_DISCONNECTED);
     if (why == broken_) return false;
-    if (broken_ == 0) ++breaks_;  // a new break, not a new name for the old one
+    if (broken_ == 0) ++discontinuities_;  // a new break, not a new name for the old one
     broken_ = why;
     rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
     return true;

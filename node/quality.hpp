@@ -40,11 +40,11 @@ public:
     [[nodiscard]] std::uint32_t judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept;
 
     // True when the stream has just broken, or the reason has changed. `connected` is the link's state. rt: wait-free
-    [[nodiscard]] bool has_broken(bool connected, std::uint64_t now_ns) noexcept;
+    [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept;
     // Why there is no stream now, 0 = it delivers.
     [[nodiscard]] std::uint32_t broken() const noexcept { return broken_; }
     // Breaks so far, those of frozen channels included: the lower half of a sample's epoch.
-    [[nodiscard]] std::uint32_t breaks() const noexcept { return breaks_; }
+    [[nodiscard]] std::uint32_t discontinuities() const noexcept { return discontinuities_; }
 
     [[nodiscard]] std::uint64_t last_frame_ns() const noexcept { return last_frame_ns_; }
     // Frames known to be lost since the start.
@@ -60,9 +60,9 @@ private:
 
     StreamLimits limits_;
     std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: from the frame before
-    bool after_break_ = true;                        // this is the first frame of a stream
+    bool after_discontinuity_ = true;                // this is the first frame of a stream
     std::uint32_t opening_ = 0;                      // of the link, that the frame before came through
-    std::uint32_t broken_ = TACTILED_NO_DATA_YET, breaks_ = 0, lost_ = 0, lost_now_ = 0;
+    std::uint32_t broken_ = TACTILED_NO_DATA_YET, discontinuities_ = 0, lost_ = 0, lost_now_ = 0;
 
     std::array<double, kMaxChannels> raw_{};  // of the frame before
     std::uint32_t known_ = 0, newest_ = 0;    // bit k: raw_[k] is a number; of the frame right before

@@ -68,14 +68,17 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     return s;
 }
 
-void Sensor::set(const SensorSettable& wish) noexcept {
-    const auto or_configured = [](double wished, double configured) { return std::isnan(wished) ? configured : wished; };
-    wish_ = wish;
+void Sensor::set(const SensorSettable& settable) noexcept {
+    const auto or_configured = [](double requested, double configured) {
+        return std::isnan(requested) ? configured : requested;
+    };
+    requested_ = settable;
     const SensorSettable& configured = setup_.settable;
-    in_force_.filter_Hz = or_configured(wish.filter_Hz, configured.filter_Hz);
-    in_force_.contact_on_N = or_configured(wish.contact_on_N, configured.contact_on_N);
-    in_force_.contact_off_N = std::min(or_configured(wish.contact_off_N, configured.contact_off_N), in_force_.contact_on_N);
-    in_force_.overload_N = or_configured(wish.overload_N, configured.overload_N);
+    in_force_.filter_Hz = or_configured(settable.filter_Hz, configured.filter_Hz);
+    in_force_.contact_on_N = or_configured(settable.contact_on_N, configured.contact_on_N);
+    in_force_.contact_off_N =
+        std::min(or_configured(settable.contact_off_N, configured.contact_off_N), in_force_.contact_on_N);
+    in_force_.overload_N = or_configured(settable.overload_N, configured.overload_N);
     if (in_force_.filter_Hz != low_pass_.cutoff_Hz()) low_pass_.set_cutoff(in_force_.filter_Hz);
 }
 
@@ -88,7 +91,7 @@ void Sensor::retune(const Sensor& other) noexcept {
     stream_.judge_by(other.setup_.stream);
     drift_.judge_by(other.setup_.drift_N);
     agreement_.judge_by(other.setup_.agreement);
-    set(wish_);
+    set(requested_);
 }
 
 void Sensor::succeed(const Sensor& before) noexcept {
@@ -96,7 +99,7 @@ void Sensor::succeed(const Sensor& before) noexcept {
     daemon_epoch_ = before.daemon_epoch_;
     stream_.succeed(before.stream_, setup_.channel_of_frame == before.setup_.channel_of_frame);
     agreement_.succeed(before.agreement_);
-    set(before.wish_);
+    set(before.requested_);
 }
 
 // The raw wrench less the zero, low-passed.
@@ -322,9 +325,9 @@ Sensor::Tare Sensor::poll_tare(std::uint64_t now_ns) noexcept {
     if (tare_ == Tare::running && (!is_delivering() || now_ns > tare_window_.begin_ns() + setup_.tare_ns + kTareLimitNs))
         tare_ = Tare::failed;
     if (tare_ == Tare::removing && !is_delivering()) tare_ = Tare::done;
-    const Tare told = tare_;
+    const Tare reported = tare_;
     if (tare_ != Tare::running && tare_ != Tare::removing) tare_ = Tare::none;
-    return told;
+    return reported;
 }
 
 }  // namespace tactiled

@@ -66,8 +66,8 @@ public:
 
     // True when the stream has just broken, or the reason has changed: publish marker(). `connected` is the link's state.
     // rt: wait-free
-    [[nodiscard]] bool has_broken(bool connected, std::uint64_t now_ns) noexcept {
-        return stream_.has_broken(connected, now_ns);
+    [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept {
+        return stream_.has_discontinuity(connected, now_ns);
     }
     // The BAD sample that says so. rt: wait-free
     [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
@@ -85,7 +85,7 @@ public:
     [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept;
 
     // Takes effect with the next sample. rt: wait-free
-    void set(const SensorSettable& wish) noexcept;
+    void set(const SensorSettable& settable) noexcept;
     // Takes over how `other`, which measures alike, judges and filters. rt: wait-free
     void retune(const Sensor& other) noexcept;
     // Goes on in the place of `before`, which measured otherwise, in a new epoch and without its tare. Publish marker()
@@ -102,7 +102,9 @@ private:
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
     void judge(std::uint32_t of_stream, Estimate& estimate) const noexcept;
-    [[nodiscard]] std::uint32_t epoch() const noexcept { return daemon_epoch_ << 16 | (stream_.breaks() & 0xFFFFu); }
+    [[nodiscard]] std::uint32_t epoch() const noexcept {
+        return daemon_epoch_ << 16 | (stream_.discontinuities() & 0xFFFFu);
+    }
     void take_over_method() noexcept;
     void say_method(tactiled_sample& sample) const noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
@@ -113,7 +115,7 @@ private:
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
     Setup setup_;
-    SensorSettable wish_, in_force_;
+    SensorSettable requested_, in_force_;
     StreamQuality stream_;
     ZeroDrift drift_;
     Agreement agreement_;
@@ -135,7 +137,7 @@ private:
 
     // Method "auto". A tare is a zero of each method: what one reads of nothing is not what another does.
     std::size_t method_ = 0;  // of the front, that zero_ and low_pass_ belong to
-    std::array<Wrench, MethodChoice::kMost> zero_of_method_{};
+    std::array<Wrench, MethodChoice::kMax> zero_of_method_{};
     std::uint32_t zero_unknown_ = 0;   // bit i: method i has no true one; without "auto", bit 0
     std::uint32_t zeros_to_find_ = 0;  // bit i: of method i, from the last tare
     std::array<double, kMaxChannels> tare_channel_sum_{};

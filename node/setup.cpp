@@ -207,10 +207,10 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPl
 
 // CAL_ID: one number that changes when the configuration or any calibration does.
 std::uint16_t identity_of(const Config& config, Problems& problems) {
-    constexpr std::size_t kMostBytes = std::size_t{16} << 20;  // as of a calibration
+    constexpr std::size_t kMaxBytes = std::size_t{16} << 20;  // as of a calibration
     boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
     const auto add_file = [&](const std::string& path) {
-        const auto bytes = read_text_file(path, kMostBytes, problems);
+        const auto bytes = read_text_file(path, kMaxBytes, problems);
         if (bytes) crc.process_bytes(bytes->data(), bytes->size());
     };
     add_file(config.path);

@@ -7,10 +7,10 @@ namespace tactiled {
 namespace {
 
 // The zero is then off by half of that at most, which is little more than what each sample says of itself.
-constexpr double kMostSd = 3;
+constexpr double kMaxSd = 3;
 // The range of four means of white noise reaches 6 of their deviations in one component of some 10^4: of six, once in 10^3.
-constexpr double kMostNoise = 6;
-constexpr unsigned kLeastForNoise = 8;  // fewer neighbours do not tell a ramp from noise: the model's sd alone counts
+constexpr double kMaxNoise = 6;
+constexpr unsigned kMinForNoise = 8;  // fewer neighbours do not tell a ramp from noise: the model's sd alone counts
 
 }  // namespace
 
@@ -48,19 +48,19 @@ Wrench TareWindow::mean_S() const noexcept {
 
 bool TareWindow::has_moved(const Wrench& sd) const noexcept {
     for (std::size_t i = 0; i < sd.size(); ++i) {
-        double least = HUGE_VAL, most = -HUGE_VAL;
+        double min = HUGE_VAL, max = -HUGE_VAL;
         for (std::size_t part = 0; part < kParts; ++part) {
             if (n_[part] == 0) continue;
-            least = std::min(least, sum_[part][i] / n_[part]);
-            most = std::max(most, sum_[part][i] / n_[part]);
+            min = std::min(min, sum_[part][i] / n_[part]);
+            max = std::max(max, sum_[part][i] / n_[part]);
         }
         // Without the two largest steps: a push and its end are a motion, however large.
         const double noise = std::max(0.0, steps_[i] - largest_[i] - second_[i]);
-        const double variance = samples_ < kLeastForNoise ? 0 : noise / (2.0 * (samples_ - 3));
+        const double variance = samples_ < kMinForNoise ? 0 : noise / (2.0 * (samples_ - 3));
         const double of_a_mean = std::sqrt(variance * kParts / samples_);
         // A model that does not know its sd leaves the noise alone to judge by, where there is enough of it.
-        const double of_a_sample = std::isnan(sd[i]) && samples_ >= kLeastForNoise ? 0 : sd[i];
-        if (most - least > kMostSd * of_a_sample + kMostNoise * of_a_mean) return true;  // false with NaN
+        const double of_a_sample = std::isnan(sd[i]) && samples_ >= kMinForNoise ? 0 : sd[i];
+        if (max - min > kMaxSd * of_a_sample + kMaxNoise * of_a_mean) return true;  // false with NaN
     }
     return false;
 }

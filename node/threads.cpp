@@ -12,7 +12,7 @@ namespace tactiled {
 namespace {
 
 constexpr int kReadTimeoutMs = 50;  // how long a silent device keeps its thread from noticing stop()
-constexpr int kLeastPauseMs = 50, kMostPauseMs = 1000;
+constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
 constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline that makes no turn for so long hangs
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
 // An opening that gave a frame and lasted so long was a device: looked for at once when it is gone. Less is one that only
@@ -55,8 +55,8 @@ private:
 class Breather {
 public:
     // rt: wait-free, but one system call each kTurns turns, and where the thread has not waited since the last one, 1 ms
-    void turn() noexcept {
-        if (++turns_ % kTurns != 0) return;
+    void cycle() noexcept {
+        if (++cycles_ % kCyclesPerYield != 0) return;
         rusage used{};
         ::getrusage(RUSAGE_THREAD, &used);
         if (used.ru_nvcsw == waits_) sleep_until(monotonic_ns() + 1'000'000u);
@@ -64,8 +64,8 @@ public:
     }
 
 private:
-    static constexpr unsigned kTurns = 256;  // at 10 us a frame 3 ms; LimitRTTIME= is 200 ms
-    unsigned turns_ = 0;
+    static constexpr unsigned kCyclesPerYield = 256;  // at 10 us a frame 3 ms; LimitRTTIME= is 200 ms
+    unsigned cycles_ = 0;
     long waits_ = -1;
 };
 
@@ -84,7 +84,7 @@ std::vector<std::string> Threads::start() {
     };
     if (wanted.lock_memory) note(lock_memory());
     const auto watched = [this](std::string name, std::uint64_t limit_ns) {
-        return std::make_shared<Progress::Turns>(progress_, std::move(name), limit_ns);
+        return std::make_shared<Progress::Liveness>(progress_, std::move(name), limit_ns);
     };
     const std::uint64_t period_ns = std::uint64_t(wanted.period_us) * 1000u;
     const std::uint64_t link_ns =
@@ -92,11 +92,11 @@ std::vector<std::string> Threads::start() {
     try {
         for (auto& link : node_.links)  // below the pipeline: a flood on one link does not hold back what is there
             add("link", std::max(1, wanted.priority - 2),
-                [this, &link = *link, turns = watched(fmt::format("link \"{}\"", link->name), link_ns)] {
-                    run_link(link, *turns);
+                [this, &link = *link, cycles = watched(fmt::format("link \"{}\"", link->name), link_ns)] {
+                    run_link(link, *cycles);
                 });
-        add("pipeline", wanted.priority, [this, turns = watched("the pipeline", kPipelineNs + 2 * period_ns), period_ns] {
-            run_pipeline(period_ns, *turns);
+        add("pipeline", wanted.priority, [this, cycles = watched("the pipeline", kPipelineNs + 2 * period_ns), period_ns] {
+            run_pipeline(period_ns, *cycles);
         });
         if (!refused.empty() && wanted.required)
             throw SetupError(fmt::format("[realtime] required = true, but {}", refused.front()));
@@ -114,18 +114,18 @@ void Threads::stop() noexcept {
     threads_.clear();  // joins
 }
 
-void Threads::pause(int ms, Progress::Turns& turns) const noexcept {
+void Threads::pause(int ms, Progress::Liveness& cycles) const noexcept {
     const std::uint64_t until = monotonic_ns() + std::uint64_t(ms) * 1'000'000u;
     while (!stop_.load(std::memory_order_acquire) && monotonic_ns() < until) {
-        turns.count();
+        cycles.count();
         sleep_until(std::min(until, monotonic_ns() + std::uint64_t(kReadTimeoutMs) * 1'000'000u));
     }
 }
 
-void Threads::run_link(Link& link, Progress::Turns& turns) noexcept {
+void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     Breather breather;
-    Complaint refused, gone;  // two: a device may be refused and gone by turns
-    int pause_ms = kLeastPauseMs;
+    Complaint refused, disconnected;  // two: a device may be refused and gone by turns
+    int pause_ms = kMinPauseMs;
     bool announce = true;  // false after an opening that came to nothing: then "open" is said of one that works
     LinkCounts& counts = link.driver->counts;
     while (!stop_.load(std::memory_order_acquire)) {
@@ -134,8 +134,8 @@ void Threads::run_link(Link& link, Progress::Turns& turns) noexcept {
             segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
             segment_.set_link_count(link.index, TACTILED_LINK_RESTARTED, counts[TACTILED_LINK_RESTARTED]);  // by open()
             refused.about(link.name, wrong);
-            pause(pause_ms, turns);
-            pause_ms = std::min(2 * pause_ms, kMostPauseMs);
+            pause(pause_ms, cycles);
+            pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
             continue;
         }
         ++counts[TACTILED_LINK_OPENED];
@@ -150,13 +150,13 @@ void Threads::run_link(Link& link, Progress::Turns& turns) noexcept {
                 const Armed armed;
                 present = acquire(link, segment_, kReadTimeoutMs);
             }
-            turns.count();
-            breather.turn();
+            cycles.count();
+            breather.cycle();
             if (worked || counts[TACTILED_LINK_FRAMES] == frames || monotonic_ns() - opened_ns < kWorkedNs) continue;
             worked = true;
             if (!announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
             refused.settled();
-            gone.settled();
+            disconnected.settled();
         }
         // After the last commit: see Pipeline::deliver. Not where the daemon ends: that is no break of the link.
         if (!present) link.connected.store(false, std::memory_order_release);
@@ -165,20 +165,20 @@ void Threads::run_link(Link& link, Progress::Turns& turns) noexcept {
         if (present) break;
         segment_.set_link_count(link.index, TACTILED_LINK_GONE, ++counts[TACTILED_LINK_GONE]);
         announce = worked;
-        if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kLeastPauseMs;
-        gone.about(link.name, "the device is gone; waiting for it to come back");
-        pause(pause_ms, turns);
-        pause_ms = std::min(2 * pause_ms, kMostPauseMs);
+        if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kMinPauseMs;
+        disconnected.about(link.name, "the device is gone; waiting for it to come back");
+        pause(pause_ms, cycles);
+        pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
     }
 }
 
-void Threads::run_pipeline(std::uint64_t period_ns, Progress::Turns& turns) noexcept {
+void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& cycles) noexcept {
     while (!go_.load(std::memory_order_acquire) && !stop_.load(std::memory_order_acquire))
         sleep_until(monotonic_ns() + 1'000'000u);  // rights are settled first
     std::uint64_t next_ns = monotonic_ns() + period_ns;
     while (!stop_.load(std::memory_order_acquire)) {
         sleep_until(next_ns);
-        turns.count();
+        cycles.count();
         {
             const Armed armed;
             const std::uint64_t now_ns = monotonic_ns();

@@ -26,9 +26,9 @@ public:
     void stop() noexcept;
 
 private:
-    void run_link(Link& link, Progress::Turns& turns) noexcept;
-    void run_pipeline(std::uint64_t period_ns, Progress::Turns& turns) noexcept;
-    void pause(int ms, Progress::Turns& turns) const noexcept;
+    void run_link(Link& link, Progress::Liveness& cycles) noexcept;
+    void run_pipeline(std::uint64_t period_ns, Progress::Liveness& cycles) noexcept;
+    void pause(int ms, Progress::Liveness& cycles) const noexcept;
 
     Node& node_;
     SegmentWriter& segment_;

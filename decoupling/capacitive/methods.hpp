@@ -41,8 +41,8 @@ inline constexpr std::array<Parameter, 3> kPadParameters{
 
 // Behind the last checks of ratio and overlap: what of the pad's state is beyond any pad is cut and flagged.
 // rt: wait-free
-inline double within(double value, double least, double most, bool& cut) noexcept {
-    const double inside = value < least ? least : value > most ? most : value;
+inline double within(double value, double min, double max, bool& cut) noexcept {
+    const double inside = value < min ? min : value > max ? max : value;
     cut = cut || inside != value;  // a NaN stays one and ends BAD
     return inside;
 }

@@ -51,7 +51,7 @@ private:
         std::array<double, 3> sd_factor{1, 1, 1};  // v dx dy
     };
 
-    // rt: wait-free, at most OverlapSolver::kMostSteps steps
+    // rt: wait-free, at most OverlapSolver::kMaxSteps steps
     void solve(Input& input, Estimate& estimate) noexcept override {
         unsigned set = 0;
         OverlapSolver::Electrodes reading = OverlapSolver::Electrodes::Zero();

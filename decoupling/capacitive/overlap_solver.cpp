@@ -12,7 +12,7 @@ namespace {
 constexpr double kConverged = 1e-8;  // of a disc radius, of u; the next step is 1e-14
 
 OverlapSolver::State inside(OverlapSolver::State state, bool& cut) noexcept {
-    state.v = within(state.v, kLeastCloseness - 1, kMostCloseness - 1, cut);
+    state.v = within(state.v, kMinCloseness - 1, kMaxCloseness - 1, cut);
     const double shift = std::hypot(state.x, state.y);
     if (shift > kLargestShift) {
         cut = true;
@@ -52,7 +52,7 @@ OverlapSolver::State OverlapSolver::start(const Electrodes& reading, unsigned se
             }
         if (n > 0) state.v /= n;
     }
-    state.v = within(state.v, kLeastCloseness - 1, kMostCloseness - 1, cut);
+    state.v = within(state.v, kMinCloseness - 1, kMaxCloseness - 1, cut);
     const auto shift = [&](std::size_t plus) {
         const std::size_t minus = plus + 1;
         const auto grown = [&](std::size_t e) { return (relative(e) - state.v) / (1 + state.v) / pair_gain_; };
@@ -65,11 +65,11 @@ OverlapSolver::State OverlapSolver::start(const Electrodes& reading, unsigned se
 }
 
 OverlapSolver::Solved OverlapSolver::solve(const Electrodes& reading, unsigned set, const State& from,
-                                           int most_steps) const noexcept {
+                                           int max_steps) const noexcept {
     Solved solved;
     solved.state = from;
     Jacobian j;
-    for (int step = 0; step < most_steps && !solved.converged; ++step) {
+    for (int step = 0; step < max_steps && !solved.converged; ++step) {
         linearise(solved.state, reading, set, solved.rest, j);
         const Eigen::Vector3d move = j.householderQr().solve(solved.rest);
         solved.cut = false;

@@ -15,7 +15,7 @@ namespace tactiled {
 
 class OverlapSolver {
 public:
-    static constexpr int kMostSteps = 8;  // measured: 3 are enough up to a shift of 0.3 disc radii
+    static constexpr int kMaxSteps = 8;  // measured: 3 are enough up to a shift of 0.3 disc radii
     using Electrodes = Eigen::Matrix<double, kElectrodes, 1>;
     using Jacobian = Eigen::Matrix<double, kElectrodes, 3>;
     struct State {
@@ -34,9 +34,9 @@ public:
     // To first order: u from Cn (else from the sum of the sectors), the shift from each pair or from what is left of it.
     // `set`: bit e = electrode e is used. rt: wait-free
     [[nodiscard]] State start(const Electrodes& reading, unsigned set) const noexcept;
-    // rt: wait-free, at most `most_steps`, one or more
+    // rt: wait-free, at most `max_steps`, one or more
     [[nodiscard]] Solved solve(const Electrodes& reading, unsigned set, const State& from,
-                               int most_steps = kMostSteps) const noexcept;
+                               int max_steps = kMaxSteps) const noexcept;
     // rest = reading - model, and the model's derivatives by v, x, y; rows of electrodes outside of `set` are 0.
     // rt: wait-free
     void linearise(const State& state, const Electrodes& reading, unsigned set, Electrodes& rest,

@@ -6,7 +6,7 @@
 namespace tactiled {
 
 // A pad that is pressed to a fifth of its thickness or torn to five times of it is none any more: u is kept inside.
-inline constexpr double kLeastCloseness = 0.2, kMostCloseness = 5;
+inline constexpr double kMinCloseness = 0.2, kMaxCloseness = 5;
 
 // Apparent modulus (Pa) of a disc bonded on both faces: Gent and Lindley 1959, E (1 + 2 S^2), in series with the bulk
 // modulus. shape = radius / (2 thickness). With the bulk modulus as parameter, not Poisson's ratio: near 0.5 the

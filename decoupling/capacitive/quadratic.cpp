@@ -53,7 +53,7 @@ private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
         const Curve::Force press = normal_.inverse(r(input, kCentre));
-        flag(press, normal_, 0, normal_.most(), estimate);
+        flag(press, normal_, 0, normal_.max(), estimate);
         estimate.wrench_S[2] = 0.0 - press.F;
         for (const std::size_t axis : {0u, 1u})
             if (seen()[axis]) shear(axis, press.F, input, estimate);
@@ -84,10 +84,10 @@ private:
     }
 
     // Beyond the range a straight line goes on; beyond the vertex nothing is known about how far.
-    static void flag(const Curve::Force& force, const Curve& curve, double least, double most, Estimate& estimate) noexcept {
-        const double margin = kDomainMargin * (most - least);
+    static void flag(const Curve::Force& force, const Curve& curve, double min, double max, Estimate& estimate) noexcept {
+        const double margin = kDomainMargin * (max - min);
         const bool at_vertex = !(force.slope > 1e-6 * curve.b());
-        if (at_vertex || force.F < least - margin || force.F > most + margin) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        if (at_vertex || force.F < min - margin || force.F > max + margin) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
         if (at_vertex) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     }
 

@@ -27,7 +27,7 @@ private:
     void solve(Input& input, Estimate& estimate) noexcept override {
         bool cut = false;
         const double centre = active_[kCentre];
-        const double v = within(input.r[channel_[kCentre]] / centre, kLeastCloseness - 1, kMostCloseness - 1, cut);
+        const double v = within(input.r[channel_[kCentre]] / centre, kMinCloseness - 1, kMaxCloseness - 1, cut);
         // The change of the ratio since rest, times what the ratio changes by at one unit of shift; differences first.
         const auto shift = [&](std::size_t plus, std::size_t minus) {
             const double change =

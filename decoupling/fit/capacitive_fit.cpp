@@ -141,9 +141,9 @@ Fitted solve(const Rows& rows, const Wiring& wiring, const CapacitiveModel& mode
     double largest = 0;
     for (const auto* row : rows)
         for (const int k : wiring) largest = std::max(largest, std::abs(row->channel[std::size_t(k)]));
-    const double least_noise = 1e-7 * largest;  // made-up data without noise must not divide by 0
+    const double min_noise = 1e-7 * largest;  // made-up data without noise must not divide by 0
     for (int round = 0; round < 3; ++round) {
-        fitted.noise = std::max(fitted.noise, least_noise);
+        fitted.noise = std::max(fitted.noise, min_noise);
         ceres::Problem problem;
         std::vector<ceres::ResidualBlockId> data;
         for (const auto* row : rows)
@@ -178,7 +178,7 @@ Fitted solve(const Rows& rows, const Wiring& wiring, const CapacitiveModel& mode
         }
         fitted.noise = robust_rms(std::move(errors));
     }
-    fitted.noise = std::max(fitted.noise, least_noise);
+    fitted.noise = std::max(fitted.noise, min_noise);
     return fitted;
 }
 
@@ -220,19 +220,19 @@ void fit_pad(const Rows& rows, Calibration& calibration, std::vector<std::string
             fault = fmt::format("channels lacks {}; needed are C1 C2 C3 C4 Cn", kElectrode[e].name);
     if (!fault.empty()) throw Undetermined(fault);
     Rows whole;
-    double most_press = 0, most_shear = 0;
+    double max_press = 0, max_shear = 0;
     for (const auto* row : rows) {
         const Wrench& force = row->wrench_S;
         if (!std::isfinite(force[0] + force[1] + force[2])) continue;
         whole.push_back(row);
-        most_press = std::max(most_press, -force[2]);
-        most_shear = std::max(most_shear, std::hypot(force[0], force[1]));
+        max_press = std::max(max_press, -force[2]);
+        max_shear = std::max(max_shear, std::hypot(force[0], force[1]));
     }
     if (whole.size() < kUnknowns)
         throw Undetermined(
             fmt::format("{} rows have fx_N, fy_N and fz_N together; {} unknowns", whole.size(), int(kUnknowns)));
     const bool together = std::any_of(whole.begin(), whole.end(), [&](const LabelledRow* row) {
-        return -row->wrench_S[2] > 0.2 * most_press && std::hypot(row->wrench_S[0], row->wrench_S[1]) > 0.2 * most_shear;
+        return -row->wrench_S[2] > 0.2 * max_press && std::hypot(row->wrench_S[0], row->wrench_S[1]) > 0.2 * max_shear;
     });
     if (!together)
         warnings.push_back(

@@ -31,7 +31,7 @@ inline double press_at(const PadLaw& law, double v, double shear_N) {
 
 // v at which the pad of that law carries both: monotone where it matters, so bisection in log u; 60 halvings.
 inline double compression(double press_N, double shear_N, const PadLaw& law) {
-    double low = std::log(kLeastCloseness), high = std::log(kMostCloseness);
+    double low = std::log(kMinCloseness), high = std::log(kMaxCloseness);
     for (int i = 0; i < 60; ++i) {
         const double middle = 0.5 * (low + high);
         (press_at(law, std::expm1(middle), shear_N) < press_N ? low : high) = middle;

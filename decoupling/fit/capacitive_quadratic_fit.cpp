@@ -23,7 +23,7 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
     calibration.parameters.clear();
     calibration.tables.clear();
     calibration.condition = 0;
-    double most_press = 0, most_shear = 0;
+    double max_press = 0, max_shear = 0;
     // Curve of electrode e over its own shear (axis 0, 1; 2 = none) and the press; returns its slopes without the constant.
     const auto fit_curve = [&](std::size_t e, std::size_t axis) {
         const auto channel = std::size_t(wiring[e]);
@@ -41,12 +41,12 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
             const double press = 0.0 - row.wrench_S[2];
             x(i, columns - 2) = press;
             x(i, columns - 1) = press * press;
-            most_press = std::max(most_press, press);
+            max_press = std::max(max_press, press);
             if (axis < 2) {
                 const double shear = row.wrench_S[axis] * (axis == 0 ? kElectrode[e].along_x : kElectrode[e].along_y);
                 x(i, 0) = shear;
                 x(i, 1) = shear * shear;
-                most_shear = std::max(most_shear, std::abs(shear));
+                max_shear = std::max(max_shear, std::abs(shear));
             }
             y[i] = row.channel[channel];
         }
@@ -63,7 +63,7 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
     const Eigen::VectorXd normal = fit_curve(kCentre, 2);
     if (!(normal[0] > 0))
         throw Undetermined(fmt::format("Cn falls by {:.3g} a N of press: it must rise (a press has fz < 0)", -normal[0]));
-    if (!(most_press > 0)) throw Undetermined("no row has a press (fz_N < 0)");
+    if (!(max_press > 0)) throw Undetermined("no row has a press (fz_N < 0)");
     calibration.parameters["normal_b"] = normal[0];
     calibration.parameters["normal_a"] = normal[1];
     if (sees("fx") || sees("fy")) {
@@ -80,9 +80,9 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
             side[e].assign(curve.data(), curve.data() + 4);
         }
         calibration.tables["side"] = side;
-        calibration.parameters["shear_range_N"] = most_shear;
+        calibration.parameters["shear_range_N"] = max_shear;
     }
-    calibration.parameters["normal_range_N"] = most_press;
+    calibration.parameters["normal_range_N"] = max_press;
 }
 
 }  // namespace tactiled

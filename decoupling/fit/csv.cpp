@@ -14,7 +14,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kLongestLine_bytes = 1u << 20;
-constexpr std::size_t kMostColumns = 4096;
+constexpr std::size_t kMaxColumns = 4096;
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
@@ -47,7 +47,7 @@ CsvReader::CsvReader(const std::string& path) : name_(path == "-" ? "standard in
     columns_ = cells_;
     if (columns_.size() == 1 && columns_[0].find(';') != std::string::npos)
         refuse("columns are separated by ';' here; separate them by ',' and write decimals with '.'");
-    if (columns_.size() > kMostColumns) refuse(fmt::format("{} columns; at most {}", columns_.size(), kMostColumns));
+    if (columns_.size() > kMaxColumns) refuse(fmt::format("{} columns; at most {}", columns_.size(), kMaxColumns));
     for (std::size_t k = 0; k < columns_.size(); ++k) {
         if (columns_[k].empty()) refuse(fmt::format("column {} has no name", k + 1));
         if (parse(columns_[k]))

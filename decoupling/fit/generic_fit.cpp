@@ -98,12 +98,12 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
     for (const auto* row : rows)
         for (std::size_t c = 0; c < full_scale.size(); ++c)
             if (std::abs(row->wrench_S[c]) > full_scale[c]) full_scale[c] = std::abs(row->wrench_S[c]);
-    Eigen::VectorXd sum = Eigen::VectorXd::Zero(n_channels), least, most;
+    Eigen::VectorXd sum = Eigen::VectorXd::Zero(n_channels), min, max;
     int resting = 0;
     for (const auto* row : rows) {
         const Eigen::Map<const Eigen::VectorXd> r(row->channel.data(), n_channels);
-        least = least.size() == 0 ? Eigen::VectorXd(r) : Eigen::VectorXd(least.cwiseMin(r));
-        most = most.size() == 0 ? Eigen::VectorXd(r) : Eigen::VectorXd(most.cwiseMax(r));
+        min = min.size() == 0 ? Eigen::VectorXd(r) : Eigen::VectorXd(min.cwiseMin(r));
+        max = max.size() == 0 ? Eigen::VectorXd(r) : Eigen::VectorXd(max.cwiseMax(r));
         bool rests = true;
         for (std::size_t c = 0; c < full_scale.size(); ++c)
             rests = rests && !(std::abs(row->wrench_S[c]) > 0.02 * full_scale[c]);
@@ -112,7 +112,7 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
         ++resting;
     }
     const Eigen::VectorXd at_rest = resting > 0 ? Eigen::VectorXd(sum / resting) : sum;
-    const Eigen::VectorXd width = most - least;
+    const Eigen::VectorXd width = max - min;
     const Eigen::VectorXd zero = fold_constant(m, b, at_rest, width);
     if (resting == 0)
         warnings.emplace_back(

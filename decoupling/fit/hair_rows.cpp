@@ -14,7 +14,7 @@ namespace {
 constexpr double kCauchy = 2.385;
 constexpr int kReweightings = 20;
 // A hair's noise is taken as at least this part of its rms reading: rows without noise are no reason for infinite weights.
-constexpr double kLeastNoise = 1e-4;
+constexpr double kMinNoise = 1e-4;
 
 }  // namespace
 
@@ -61,7 +61,7 @@ HairSession hair_session_of(const Rows& rows, const Calibration& calibration, do
         if (session.asked[axis + 1] && !has_hair(session, axis) && !has_hair(session, axis + 2))
             throw Undetermined(fmt::format("H{} and H{} are not there, so f{} cannot be seen: leave its column out",
                                            axis + 1, axis + 3, axis == 0 ? 'x' : 'y'));
-    HairLoad least{}, most{};
+    HairLoad min{}, max{};
     for (const auto* row : rows) {
         HairLoad load{};
         for (std::size_t j = 0; j < 3; ++j)
@@ -70,16 +70,16 @@ HairSession hair_session_of(const Rows& rows, const Calibration& calibration, do
         session.rows.push_back(row);
         session.load.push_back(load);
         for (std::size_t j = 0; j < 3; ++j) {
-            least[j] = std::min(least[j], load[j]);
-            most[j] = std::max(most[j], load[j]);
+            min[j] = std::min(min[j], load[j]);
+            max[j] = std::max(max[j], load[j]);
         }
     }
     if (session.rows.empty()) throw Undetermined("no row has all labels together");
-    if (!(most[0] > 0)) throw Undetermined("no row is a press (fz < 0)");
-    const double shear = std::max({most[1], -least[1], most[2], -least[2]});
+    if (!(max[0] > 0)) throw Undetermined("no row is a press (fz < 0)");
+    const double shear = std::max({max[1], -min[1], max[2], -min[2]});
     if (!(shear > 0)) throw Undetermined("no row has a shear force");
-    session.scale_Pa = {most[0], shear, shear};
-    session.pull_Pa = std::max(0.0, -least[0]);
+    session.scale_Pa = {max[0], shear, shear};
+    session.pull_Pa = std::max(0.0, -min[0]);
     for (HairLoad& load : session.load)
         for (std::size_t j = 0; j < 3; ++j) load[j] /= session.scale_Pa[j];
     return session;
@@ -138,7 +138,7 @@ HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t fi
             (terms[t].axis < 3 ? fit.gain[terms[t].axis] : fit.leak[terms[t].leak]) = value;
         }
         fit.condition = robust.solved.condition;
-        fit.noise = std::max({robust.sd, kLeastNoise * std::sqrt(y.squaredNorm() / double(n)), 1e-300});
+        fit.noise = std::max({robust.sd, kMinNoise * std::sqrt(y.squaredNorm() / double(n)), 1e-300});
         return fit;
     }
 }

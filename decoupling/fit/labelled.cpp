@@ -12,7 +12,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostSessions = 1000;
+constexpr std::size_t kMaxSessions = 1000;
 
 // The component that a column seems to mean, 6 where none: "fz", "Fz_mN", "mx_Nmm". Taken for a channel, a label would
 // predict itself and the calibration would look perfect.
@@ -78,9 +78,9 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
             if (name.empty()) csv.refuse("column session is empty; which session is this row of?");
             if (std::find(seen_sessions.begin(), seen_sessions.end(), name) == seen_sessions.end())
                 seen_sessions.push_back(name);
-            if (seen_sessions.size() > kMostSessions)
+            if (seen_sessions.size() > kMaxSessions)
                 csv.refuse(fmt::format("more than {} sessions; a session is one mounting or one recording, not one row",
-                                       kMostSessions));
+                                       kMaxSessions));
             const auto& wanted = selection.sessions;
             if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), name) == wanted.end()) continue;
             const auto at = std::find(labelled.sessions.begin(), labelled.sessions.end(), name);

@@ -44,16 +44,16 @@ Labelled with_useful_channels(const Labelled& labelled, const FitMethod& method,
             warnings.push_back(fmt::format("channel {} is no {}: left out", name, what.substr(article)));
             continue;
         }
-        double least = std::numeric_limits<double>::infinity(), most = -least;
+        double min = std::numeric_limits<double>::infinity(), max = -min;
         for (const auto& row : labelled.rows) {
             if (!has_label(row) || std::isnan(row.channel[k])) continue;
-            least = std::min(least, row.channel[k]);
-            most = std::max(most, row.channel[k]);
+            min = std::min(min, row.channel[k]);
+            max = std::max(max, row.channel[k]);
         }
-        if (least < most) {
+        if (min < max) {
             kept.push_back(k);
         } else {
-            const std::string what = least > most ? "has no value" : fmt::format("is always {}", least);
+            const std::string what = min > max ? "has no value" : fmt::format("is always {}", min);
             if (method.knows_channel != nullptr)
                 throw Undetermined(fmt::format("channel {} {} in the labelled rows", name, what));
             warnings.push_back(fmt::format("channel {} {} in the labelled rows: left out", name, what));
@@ -69,20 +69,20 @@ void check_labels(const Rows& rows, FitReport& report) {
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
         component = {.name = component.name};
-        double sum = 0, squares = 0, least = std::numeric_limits<double>::infinity(), most = -least;
+        double sum = 0, squares = 0, min = std::numeric_limits<double>::infinity(), max = -min;
         for (const auto* row : rows) {
             const double label = row->wrench_S[c];
             if (std::isnan(label)) continue;
             ++component.rows;
             sum += label;
-            least = std::min(least, label);
-            most = std::max(most, label);
+            min = std::min(min, label);
+            max = std::max(max, label);
             component.full_scale = std::max(component.full_scale, std::abs(label));
         }
         if (component.rows == 0) throw Undetermined(fmt::format("no row with {} has all channels", label_column(c)));
-        if (!(least < most))
+        if (!(min < max))
             throw Undetermined(fmt::format("{} is always {}: load the sensor along this axis too, or leave the column out",
-                                           label_column(c), least));
+                                           label_column(c), min));
         for (const auto* row : rows)
             if (!std::isnan(row->wrench_S[c])) squares += std::pow(row->wrench_S[c] - sum / component.rows, 2);
         component.spread = std::sqrt(squares / component.rows);

@@ -35,9 +35,9 @@ LeastSquares least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y) {
     Eigen::MatrixXd r = Eigen::MatrixXd::Zero(n, n);
     r.topRows(std::min(n, a.rows())) = qr.matrixR().topRows(std::min(n, a.rows())).template triangularView<Eigen::Upper>();
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(r * qr.colsPermutation().transpose(), Eigen::ComputeFullV);
-    const double greatest = svd.singularValues()[0], least = svd.singularValues()[n - 1];
-    result.condition = least > 0 ? greatest / least : std::numeric_limits<double>::infinity();
-    if (least <= kNothing * greatest) {
+    const double greatest = svd.singularValues()[0], min = svd.singularValues()[n - 1];
+    result.condition = min > 0 ? greatest / min : std::numeric_limits<double>::infinity();
+    if (min <= kNothing * greatest) {
         for (Eigen::Index k = 0; k < n; ++k)
             if (std::abs(svd.matrixV()(k, n - 1)) > kPart) result.dependent.push_back(std::size_t(k));
         return result;

@@ -14,8 +14,8 @@
 namespace tactiled {
 namespace {
 
-constexpr int kMostNeurons = 24;
-constexpr std::size_t kMostRows = 4000;  // evenly chosen: a fit shall take a minute, not an hour
+constexpr int kMaxNeurons = 24;
+constexpr std::size_t kMaxRows = 4000;  // evenly chosen: a fit shall take a minute, not an hour
 constexpr double kRowsPerWeight = 3;
 constexpr double kDecay = 1e-5;  // of the weights, a row
 
@@ -28,7 +28,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     for (const auto& name : calibration.components)
         independent = std::min(independent, independent_rows(rows, component_index(name)));
     const int neurons = std::min(
-        kMostNeurons, int(double(std::min(independent, kMostRows)) * components / kRowsPerWeight / (n + 1 + components)));
+        kMaxNeurons, int(double(std::min(independent, kMaxRows)) * components / kRowsPerWeight / (n + 1 + components)));
     if (neurons < 3) throw Undetermined(fmt::format("{} independent rows are too few for method mlp", independent));
 
     // Leftovers in units of their own standard deviation, NaN where there is no label.
@@ -47,7 +47,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     for (double& w : hidden) w = normal(random);
 
     ceres::Problem problem;
-    const std::size_t step = (rows.size() + kMostRows - 1) / kMostRows;
+    const std::size_t step = (rows.size() + kMaxRows - 1) / kMaxRows;
     std::size_t used = 0;
     for (std::size_t i = 0; i < rows.size(); i += step, ++used)
         problem.AddResidualBlock(new MlpRow(scaled.u.row(Eigen::Index(i)), y.row(Eigen::Index(i)), neurons),

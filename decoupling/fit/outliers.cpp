@@ -17,8 +17,8 @@ constexpr double kRobustSd = 1.4826;   // from the median of |error| to a standa
 constexpr double kCauchy = 2.385;      // robust standard deviations: 95 % of least squares' efficiency on normal errors
 constexpr double kFarOff = 10;         // robust standard deviations
 constexpr double kOfFullScale = 0.05;  // and this much, at least
-constexpr std::size_t kMostRows = 2;   // may be outliers, or
-constexpr double kMostShare = 0.01;
+constexpr std::size_t kMaxRows = 2;    // may be outliers, or
+constexpr double kMaxShare = 0.01;
 
 double median(std::vector<double> values) {
     std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
@@ -80,7 +80,7 @@ Rows without_outliers(const Labelled& labelled, const Rows& rows, FitReport& rep
         std::vector<std::pair<double, const LabelledRow*>> far;
         for (std::size_t i = 0; i < sizes.size(); ++i)
             if (sizes[i] > limit) far.emplace_back(sizes[i], with_label[i]);
-        if (far.empty() || far.size() > std::max(kMostRows, std::size_t(kMostShare * double(n)))) continue;
+        if (far.empty() || far.size() > std::max(kMaxRows, std::size_t(kMaxShare * double(n)))) continue;
         const auto worst = std::max_element(far.begin(), far.end());
         report.warnings.push_back(fmt::format(
             "{} of {} rows disagree with the rest in {} (worst {}:{}, by {:.3g} {}): left out; are their labels right?",

@@ -35,12 +35,12 @@ double left_with(const std::vector<PiezoRun>& runs, double window_s) {
 double window_of(const std::vector<PiezoRun>& runs) {
     const double interval_s = std::clamp(conversion_interval_s(runs), 1e-4, 10.0);
     if (interval_s > 1.5 * row_interval_s(runs)) return interval_s;
-    double best_s = interval_s, least = kSurelyLess * left_with(runs, interval_s);
+    double best_s = interval_s, min = kSurelyLess * left_with(runs, interval_s);
     for (int step = 1; step <= kWindowSteps; ++step) {
         const double window_s = interval_s * std::exp2(step / 4.0);
         if (window_s > kLongestWindow_s) break;
-        if (const double left = left_with(runs, window_s); left < least) {
-            least = left;
+        if (const double left = left_with(runs, window_s); left < min) {
+            min = left;
             best_s = window_s;
         }
     }

@@ -17,13 +17,13 @@
 namespace tactiled {
 namespace {
 
-constexpr double kLeastTau_s = 1e-3, kMostTau_s = 1e4;  // what the model accepts
+constexpr double kMinTau_s = 1e-3, kMaxTau_s = 1e4;  // what the model accepts
 // Of the spread that a film without a leak would show. Below, what the model leaves out is as great as the film's signal,
 // however little noise there is: 2 % of full scale (the thesis' error of its film).
-constexpr double kLeastPassed = 0.03;
+constexpr double kMinPassed = 0.03;
 // Of a press in ranges: rms distance of its square from a straight line. All presses alike often: 0.075; a third level
 // half-way in one of a hundred rows: 0.025.
-constexpr double kLeastBend = 0.03;
+constexpr double kMinBend = 0.03;
 
 // The film at one tau. Columns of x: 1, v(N), v(N^2) (only with a curvature) and, where asked for, dVp/dlog tau.
 class Film {
@@ -58,9 +58,9 @@ public:
         const int n = 2 + int(std::ceil(kCoarse * std::log10(high_s / low_s)));
         const double step = std::log(high_s / low_s) / (n - 1);
         const auto cost = [&](double at) { return solve(low_s * std::exp(at)).cost; };
-        double best = 0, least = cost(0);
+        double best = 0, min = cost(0);
         for (int i = 1; i < n; ++i)
-            if (const double here = cost(i * step); here < least) least = here, best = i * step;
+            if (const double here = cost(i * step); here < min) min = here, best = i * step;
         double a = std::max(0.0, best - step), b = std::min((n - 1) * step, best + step);
         constexpr double kGolden = 0.6180339887498949;
         double c = b - kGolden * (b - a), d = a + kGolden * (b - a), at_c = cost(c), at_d = cost(d);
@@ -184,7 +184,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
     for (const PiezoRun& run : runs) longest_s = std::max(longest_s, run.t_s.back());
     const auto stated = calibration.parameters.find("leak_tau_s");
     const bool tau_is_stated = stated != calibration.parameters.end();
-    const double low_s = kLeastTau_s, high_s = std::clamp(10 * longest_s, 10 * kLeastTau_s, kMostTau_s);
+    const double low_s = kMinTau_s, high_s = std::clamp(10 * longest_s, 10 * kMinTau_s, kMaxTau_s);
     Film film(runs);
     double tau_s = tau_is_stated ? stated->second : film.search(low_s, high_s);
     Film::Solved solved = film.solve(tau_s);
@@ -206,7 +206,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
     const auto sure = film.sureness(tau_s, solved, range_N, tau_is_stated);
     const double passed = film.passed(tau_s);
     // "not below": NaN
-    if (!(sure.gain < kSureEnough) || !(passed > kLeastPassed))
+    if (!(sure.gain < kSureEnough) || !(passed > kMinPassed))
         throw Undetermined(fmt::format(
             "Vp does not follow fast changes of the press: of its spread, {:.1f} % pass a leak of {:.3g} s, and "
             "the gain would be known to {:.2g} %. Where there are none, press and let go within less than the leak, "
@@ -237,7 +237,7 @@ void check_levels(const std::vector<PiezoRun>& runs, double range_N) {
     const Affine line = affine_fit(x, y);
     if (line.slope.dependent.empty()) {
         const Eigen::ArrayXd left = y.array() - line.constant - line.slope.coefficient[0] * x.array();
-        if (left.matrix().norm() > kLeastBend * std::sqrt(double(y.size()))) return;
+        if (left.matrix().norm() > kMinBend * std::sqrt(double(y.size()))) return;
     }
     throw Undetermined("the press must take three levels or more, far from each other: nearly all rows are of two");
 }

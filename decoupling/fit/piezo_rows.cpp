@@ -12,7 +12,7 @@ namespace {
 
 // Steps longer than this many usual ones: between them the press was no straight line.
 constexpr double kLongestStep = 5;
-constexpr std::size_t kLeastRun = 8;  // rows; fewer tell no more than the film's state at their start
+constexpr std::size_t kMinRun = 8;  // rows; fewer tell no more than the film's state at their start
 
 double median(std::vector<double> values) {
     std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
@@ -26,14 +26,14 @@ std::vector<PiezoRun> piezo_runs(const Rows& rows, std::size_t Vp, std::size_t C
     const auto step_s = [&](std::size_t i) { return double(std::int64_t(rows[i]->t_ns - rows[i - 1]->t_ns)) * 1e-9; };
     for (std::size_t i = 1; i < rows.size(); ++i)
         if (rows[i]->session == rows[i - 1]->session && step_s(i) > 0) steps_s.push_back(step_s(i));
-    if (steps_s.size() < kLeastRun)
+    if (steps_s.size() < kMinRun)
         throw Undetermined("the rows have no time: a column t_s (seconds, rising, a row a frame) is needed");
     const double longest_s = kLongestStep * median(steps_s);
     std::vector<PiezoRun> runs;
     for (std::size_t i = 0; i < rows.size(); ++i) {
         const bool follows = i > 0 && rows[i]->session == rows[i - 1]->session && step_s(i) >= 0 && step_s(i) <= longest_s;
         if (!follows) {
-            if (!runs.empty() && runs.back().t_s.size() < kLeastRun) runs.pop_back();
+            if (!runs.empty() && runs.back().t_s.size() < kMinRun) runs.pop_back();
             runs.emplace_back();
         }
         PiezoRun& run = runs.back();
@@ -42,12 +42,12 @@ std::vector<PiezoRun> piezo_runs(const Rows& rows, std::size_t Vp, std::size_t C
         run.Vp.push_back(rows[i]->channel[Vp]);
         run.Cn.push_back(rows[i]->channel[Cn]);
     }
-    if (runs.back().t_s.size() < kLeastRun) runs.pop_back();
+    if (runs.back().t_s.size() < kMinRun) runs.pop_back();
     if (runs.empty())
         throw Undetermined(
             fmt::format("no {} rows follow each other in time without a break: leave the rows in the order "
                         "in which they were recorded, a row a frame",
-                        kLeastRun));
+                        kMinRun));
     return runs;
 }
 
@@ -78,7 +78,7 @@ double conversion_interval_s(const std::vector<PiezoRun>& runs) {
             last = i;
         }
     }
-    if (intervals_s.size() < kLeastRun) throw Undetermined("Cn hardly changes: is it connected?");
+    if (intervals_s.size() < kMinRun) throw Undetermined("Cn hardly changes: is it connected?");
     // A new value may equal the last by chance, so long intervals mean little.
     const auto quarter = intervals_s.begin() + std::ptrdiff_t(intervals_s.size() / 4);
     std::nth_element(intervals_s.begin(), quarter, intervals_s.end());

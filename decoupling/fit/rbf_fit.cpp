@@ -12,7 +12,7 @@
 namespace tactiled {
 namespace {
 
-constexpr Eigen::Index kMostCentres = 1000;
+constexpr Eigen::Index kMaxCentres = 1000;
 constexpr Eigen::Index kRowsPerCentre = 20;
 constexpr double kSpreads[] = {1, 2, 4, 8};  // in standard deviations of a channel
 constexpr double kRidges[] = {1e-9, 1e-7, 1e-5, 1e-3};
@@ -62,7 +62,7 @@ void search(const Scaled& scaled, const Eigen::MatrixXd& centres, double& best_s
     std::vector<Eigen::Index> seen, unseen;
     const Eigen::Index stretch = std::max<Eigen::Index>(1, scaled.u.rows() / (kParts * kParts));
     for (Eigen::Index i = 0; i < scaled.u.rows(); ++i) (i / stretch % kParts == kParts / 2 ? unseen : seen).push_back(i);
-    double least = std::numeric_limits<double>::infinity();
+    double min = std::numeric_limits<double>::infinity();
     for (const double spread : kSpreads) {
         const Eigen::MatrixXd features = features_of(scaled.u, centres, spread);
         const Ridge ridge_of_seen(rows_of(features, seen));
@@ -79,8 +79,8 @@ void search(const Scaled& scaled, const Eigen::MatrixXd& centres, double& best_s
                 for (const Eigen::Index i : unseen) squares += std::pow(y[i] - features.row(i).dot(w), 2);
                 sum += squares / (leftover.y.squaredNorm() + std::numeric_limits<double>::min());
             }
-            if (!(sum < least)) continue;
-            least = sum;
+            if (!(sum < min)) continue;
+            min = sum;
             best_spread = spread;
             best_ridge = ridge;
         }
@@ -95,7 +95,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
     std::size_t independent = rows.size();
     for (const auto& name : calibration.components)
         independent = std::min(independent, independent_rows(rows, component_index(name)));
-    const Eigen::Index n_centres = std::min(kMostCentres, Eigen::Index(independent) / kRowsPerCentre);
+    const Eigen::Index n_centres = std::min(kMaxCentres, Eigen::Index(independent) / kRowsPerCentre);
     const auto needed = std::max(std::size_t(8 * kRowsPerCentre), kRowsPerCoefficient * std::size_t(n_quadratic));
     if (independent < needed)
         throw Undetermined(fmt::format("{} independent rows for method rbf; at least {} are needed", independent, needed));

@@ -19,7 +19,7 @@ std::string figure(const SvgPlot& plot, const std::string& caption_html) {
 }
 
 std::string thinned(std::size_t n) {
-    return n > kMostDots ? fmt::format(" {} of {} rows are drawn, evenly thinned.", kMostDots, n) : "";
+    return n > kMaxDots ? fmt::format(" {} of {} rows are drawn, evenly thinned.", kMaxDots, n) : "";
 }
 
 std::vector<Dot> pairs(const std::vector<double>& x, const std::vector<double>& y) {
@@ -30,10 +30,10 @@ std::vector<Dot> pairs(const std::vector<double>& x, const std::vector<double>& 
 
 std::string applied_estimated(const ComponentErrors& errors, const std::string& name, const std::string& unit) {
     const Span a = span_of(errors.applied), e = span_of(errors.estimated);
-    const Span both = as_axis({std::min(a.least, e.least), std::max(a.most, e.most)});
+    const Span both = as_axis({std::min(a.min, e.min), std::max(a.max, e.max)});
     SvgPlot plot(name + ": estimated against applied, held-out rows", fmt::format("applied {}, {}", name, unit), both,
                  fmt::format("estimated {}, {}", name, unit), both);
-    const Dot diagonal[] = {{both.least, both.least}, {both.most, both.most}};
+    const Dot diagonal[] = {{both.min, both.min}, {both.max, both.max}};
     plot.line(diagonal, "ideal");
     plot.dots(pairs(errors.applied, errors.estimated));
     return figure(plot, fmt::format("Estimated against applied {}, held-out rows. On the line they are equal.{}", name,
@@ -48,7 +48,7 @@ std::string residuals(const FitReport& report, std::size_t i, const ComponentErr
     std::vector<double> y = errors.error;
     if (errors.sd_known)
         for (int k = 0; k <= 40; ++k) {
-            const double load = x.least + (x.most - x.least) * k / 40;
+            const double load = x.min + (x.max - x.min) * k / 40;
             const double sd =
                 std::hypot(calibration.sd[i], i < calibration.sd_slope.size() ? calibration.sd_slope[i] * load : 0);
             lower.push_back({load, -sd});
@@ -58,7 +58,7 @@ std::string residuals(const FitReport& report, std::size_t i, const ComponentErr
     SvgPlot plot(name + ": error against applied, held-out rows", fmt::format("applied {}, {}", name, unit), x,
                  fmt::format("estimated − applied, {}", unit), as_axis(span_of(y)));
     plot.band(lower, upper);
-    const Dot zero[] = {{x.least, 0}, {x.most, 0}};
+    const Dot zero[] = {{x.min, 0}, {x.max, 0}};
     plot.line(zero, "ideal");
     plot.dots(pairs(errors.applied, errors.error));
     return figure(plot, fmt::format("Error against applied {}, held-out rows. {}{}", name,
@@ -82,10 +82,10 @@ std::string distribution(const ComponentReport& component, const ComponentErrors
     }
     if (n == 0) return "";
     for (double& d : density) d /= double(n) * width;
-    const double most = std::max(0.4, *std::max_element(density.begin(), density.end()));
+    const double max = std::max(0.4, *std::max_element(density.begin(), density.end()));
     SvgPlot plot(fmt::format("{}: histogram of held-out error over {}", component.name, scale),
                  fmt::format("error of {} / {}", component.name, scale), {-kHistogramEnd, kHistogramEnd},
-                 fmt::format("share of errors per {}", scale), {0, 1.06 * most});
+                 fmt::format("share of errors per {}", scale), {0, 1.06 * max});
     std::vector<Dot> normal;
     for (int k = 0; k < kBins; ++k)
         plot.bar(-kHistogramEnd + k * width, -kHistogramEnd + (k + 1) * width, density[std::size_t(k)]);
@@ -125,12 +125,12 @@ std::string load_histogram(const ComponentReport& component, const std::vector<W
     if (values.empty()) return "";
     const Span x = as_axis(span_of(values), 0);
     std::vector<double> count(kBins);
-    const double width = x.most / kBins - x.least / kBins;
-    for (const double value : values) count[std::size_t(std::clamp((value - x.least) / width, 0.0, kBins - 1.0))] += 1;
+    const double width = x.max / kBins - x.min / kBins;
+    for (const double value : values) count[std::size_t(std::clamp((value - x.min) / width, 0.0, kBins - 1.0))] += 1;
     SvgPlot plot(component.name + ": histogram of the loads",
                  fmt::format("applied {}, {}", component.name, unit_of(component)), x, "rows",
                  {0, 1.06 * *std::max_element(count.begin(), count.end())});
-    for (int k = 0; k < kBins; ++k) plot.bar(x.least + k * width, x.least + (k + 1) * width, count[std::size_t(k)]);
+    for (int k = 0; k < kBins; ++k) plot.bar(x.min + k * width, x.min + (k + 1) * width, count[std::size_t(k)]);
     return figure(plot, fmt::format("Loads {} of {} rows.", component.name, values.size()));
 }
 

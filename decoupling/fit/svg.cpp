@@ -19,8 +19,8 @@ bool finite(Dot dot) { return std::isfinite(dot.x) && std::isfinite(dot.y); }
 
 // Share of the axis, 0 .. 1.
 double share(double value, Span axis) {
-    value = std::clamp(value, axis.least, axis.most);
-    return (value - axis.least) / (axis.most - axis.least);
+    value = std::clamp(value, axis.min, axis.max);
+    return (value - axis.min) / (axis.max - axis.min);
 }
 
 // Length of the UTF-8 sequence that `text` starts with; 0 where it starts with none.
@@ -67,40 +67,40 @@ Span span_of(std::span<const double> values) {
     bool any = false;
     for (const double value : values) {
         if (!std::isfinite(value)) continue;
-        span = any ? Span{std::min(span.least, value), std::max(span.most, value)} : Span{value, value};
+        span = any ? Span{std::min(span.min, value), std::max(span.max, value)} : Span{value, value};
         any = true;
     }
     return span;
 }
 
 Span as_axis(Span span, double margin) {
-    if (!std::isfinite(span.least)) span.least = 0;
-    if (!std::isfinite(span.most)) span.most = span.least;
-    span.least = std::clamp(span.least, -kGreatest, kGreatest);
-    span.most = std::clamp(span.most, -kGreatest, kGreatest);
-    if (span.least > span.most) std::swap(span.least, span.most);
-    const double greatest = std::max(std::abs(span.least), std::abs(span.most));
+    if (!std::isfinite(span.min)) span.min = 0;
+    if (!std::isfinite(span.max)) span.max = span.min;
+    span.min = std::clamp(span.min, -kGreatest, kGreatest);
+    span.max = std::clamp(span.max, -kGreatest, kGreatest);
+    if (span.min > span.max) std::swap(span.min, span.max);
+    const double greatest = std::max(std::abs(span.min), std::abs(span.max));
     if (greatest < 1e-290) return {-1, 1};
     // Narrower than this, neighbouring ticks would be the same number.
-    const double least_width = 1e-9 * greatest;
-    const double more = span.most - span.least > least_width ? margin * (span.most - span.least) : 0.1 * greatest;
-    return {span.least - more, span.most + more};
+    const double min_width = 1e-9 * greatest;
+    const double more = span.max - span.min > min_width ? margin * (span.max - span.min) : 0.1 * greatest;
+    return {span.min - more, span.max + more};
 }
 
 std::vector<Tick> axis_ticks(Span axis) {
-    const double width = axis.most - axis.least;
+    const double width = axis.max - axis.min;
     const double power = std::pow(10, std::floor(std::log10(width / kTicks)));
     double step = 10 * power;
     for (const double factor : {5.0, 2.0, 1.0})
         if (width / (factor * power) <= 1.5 * kTicks) step = factor * power;
     std::vector<Tick> result;
     if (!(step > 0) || !std::isfinite(step)) return result;
-    const double greatest = std::max(std::abs(axis.least), std::abs(axis.most));
+    const double greatest = std::max(std::abs(axis.min), std::abs(axis.max));
     const int digits = std::clamp(int(std::ceil(std::log10(greatest / step))) + 2, 3, 15);  // so that neighbours differ
-    const double first = std::ceil(axis.least / step);
+    const double first = std::ceil(axis.min / step);
     for (int i = 0; i < 3 * kTicks; ++i) {
         const double multiple = first + i, at = multiple * step;
-        if (at > axis.most) break;
+        if (at > axis.max) break;
         result.push_back({at, multiple == 0 ? "0" : fmt::format("{:.{}g}", at, digits)});
     }
     return result;
@@ -108,15 +108,15 @@ std::vector<Tick> axis_ticks(Span axis) {
 
 std::vector<Tick> log_ticks(Span axis) {
     std::vector<Tick> result;
-    if (!(axis.least > 0) || !(axis.most > axis.least) || !std::isfinite(axis.most)) return result;
-    const int first = int(std::floor(std::log10(axis.least))), last = int(std::ceil(std::log10(axis.most)));
-    const bool between = std::log10(axis.most / axis.least) < 2.5;
+    if (!(axis.min > 0) || !(axis.max > axis.min) || !std::isfinite(axis.max)) return result;
+    const int first = int(std::floor(std::log10(axis.min))), last = int(std::ceil(std::log10(axis.max)));
+    const bool between = std::log10(axis.max / axis.min) < 2.5;
     const int every = std::max(1, (last - first + 7) / 8);
     for (int power = first; power <= last; power += every)
         for (const int factor : {1, 2, 5}) {
             const double at = factor * std::pow(10, power);
             if (factor > 1 && !between) break;
-            if (at < axis.least * (1 - 1e-12) || at > axis.most * (1 + 1e-12)) continue;
+            if (at < axis.min * (1 - 1e-12) || at > axis.max * (1 + 1e-12)) continue;
             std::string text = fmt::format("{:g}", at);
             if (power < -3 || power > 4) {
                 text = factor == 1 ? "10" : fmt::format("{}·10", factor);
@@ -164,7 +164,7 @@ std::string SvgPlot::at(Dot dot) const {
 }
 
 void SvgPlot::dots(std::span<const Dot> dots) {
-    const std::size_t n = std::min(dots.size(), kMostDots);
+    const std::size_t n = std::min(dots.size(), kMaxDots);
     std::string path;
     for (std::size_t i = 0; i < n; ++i)
         if (const Dot dot = dots[i * dots.size() / n]; finite(dot)) path += "M" + at(dot) + "h0";
@@ -190,8 +190,8 @@ void SvgPlot::band(std::span<const Dot> lower, std::span<const Dot> upper) {
 }
 
 void SvgPlot::bar(double left, double right, double height) {
-    const Dot corners[] = {{left, y_.least}, {left, height}, {right, height}, {right, y_.least}};
-    if (height > y_.least && std::all_of(std::begin(corners), std::end(corners), finite))
+    const Dot corners[] = {{left, y_.min}, {left, height}, {right, height}, {right, y_.min}};
+    if (height > y_.min && std::all_of(std::begin(corners), std::end(corners), finite))
         inside_ += fmt::format("<path class=\"bar\" d=\"{}Z\"/>\n", path(corners));
 }
 

@@ -122,8 +122,8 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
     std::vector<std::vector<double>> model(n), measured(n), resting(n);
     std::vector<Loaded> loaded;
     int beside = 0;
-    double most = 0;
-    for (const auto* row : rows_with(rows, all)) most = std::max(most, std::abs(row->wrench_S[2]));
+    double max = 0;
+    for (const auto* row : rows_with(rows, all)) max = std::max(max, std::abs(row->wrench_S[2]));
     for (const auto* row : rows_with(rows, all)) {
         const auto& w = row->wrench_S;
         const Eigen::Vector3d force(w[0], w[1], w[2]);
@@ -131,7 +131,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
         if (force.norm() > 0) {
             // Where the press is too small to say where it was, the row says nothing.
             const double x = -w[4] / w[2], y = w[3] / w[2];
-            if (!(std::abs(w[2]) > 0.02 * most) || !(std::hypot(x, y) <= map->radius_m())) {
+            if (!(std::abs(w[2]) > 0.02 * max) || !(std::hypot(x, y) <= map->radius_m())) {
                 ++beside;
                 continue;
             }
@@ -178,9 +178,9 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
     }
     calibration.tables["gauge_scale"] = {scale};
     // Never below what the loop takes by itself: readings in whole steps may not scatter at all.
-    const double least = kDefaultNoise_per_reading * map->mean().cwiseAbs().maxCoeff();
+    const double min = kDefaultNoise_per_reading * map->mean().cwiseAbs().maxCoeff();
     const double left2 = n > 5 ? unexplained_variance(loaded, scale, calibration.zero) : 0;
-    calibration.parameters["noise"] = std::max({std::sqrt(scatter2), std::sqrt(left2), least});
+    calibration.parameters["noise"] = std::max({std::sqrt(scatter2), std::sqrt(left2), min});
     calibration.parameters["contact"] = 1;
     calibration.condition = 0;
     calibration.matrix.clear();

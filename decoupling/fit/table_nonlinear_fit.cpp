@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kPlays = 16, kKnots = 8;
+constexpr std::size_t kPlayOperators = 16, kKnots = 8;
 constexpr int kRounds = 5;            // of curve and plays together
 constexpr double kSomething = 0.002;  // of the range: what a curve or a loop has to explain to be kept
 
@@ -24,8 +24,8 @@ struct Track {
 // Play operators from `input` to `reading`, and beside them what is added as columns of `beside`, whose coefficients become
 // `more`. The constant is taken off the readings and added to `constant`: the zero of the straight line lies in the middle
 // of the loop, that of the plays where it was never loaded.
-Plays fit_plays(const std::vector<double>& input, Track& track, const std::vector<double>& thresholds,
-                const Eigen::MatrixXd& beside, Eigen::VectorXd& more, double& constant) {
+PlayOperators fit_play_operators(const std::vector<double>& input, Track& track, const std::vector<double>& thresholds,
+                                 const Eigen::MatrixXd& beside, Eigen::VectorXd& more, double& constant) {
     const auto n = Eigen::Index(input.size());
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < thresholds.size(); ++i) kept.push_back(i);
@@ -40,40 +40,41 @@ Plays fit_plays(const std::vector<double>& input, Track& track, const std::vecto
         }
     }
     Eigen::Map<Eigen::VectorXd> y(track.reading.data(), n);
-    Plays plays;
-    plays.n = thresholds.size();
-    std::copy(thresholds.begin(), thresholds.end(), plays.threshold.begin());
+    PlayOperators operators;
+    operators.n = thresholds.size();
+    std::copy(thresholds.begin(), thresholds.end(), operators.threshold.begin());
     more = Eigen::VectorXd::Zero(beside.cols());
     while (!kept.empty()) {
-        const auto of_plays = Eigen::Index(kept.size());
-        Eigen::MatrixXd a = Eigen::MatrixXd::Ones(n, of_plays + beside.cols() + 1);
+        const auto of_operators = Eigen::Index(kept.size());
+        Eigen::MatrixXd a = Eigen::MatrixXd::Ones(n, of_operators + beside.cols() + 1);
         for (std::size_t i = 0; i < kept.size(); ++i) a.col(Eigen::Index(i)) = columns.col(Eigen::Index(kept[i]));
-        a.middleCols(of_plays, beside.cols()) = beside;
+        a.middleCols(of_operators, beside.cols()) = beside;
         const LeastSquares solved = least_squares(a, y);
         if (!solved.dependent.empty()) {  // plays that no row moved alone
             kept.erase(kept.begin() + std::ptrdiff_t(std::min(solved.dependent.back(), kept.size() - 1)));
             continue;
         }
-        plays.weight.fill(0);
-        for (std::size_t i = 0; i < kept.size(); ++i) plays.weight[kept[i]] = solved.coefficient[Eigen::Index(i)];
-        if (Plays::fault_of({plays.threshold.data(), plays.n}, {plays.weight.data(), plays.n}).empty()) {
-            const double offset = solved.coefficient[of_plays + beside.cols()];
+        operators.weight.fill(0);
+        for (std::size_t i = 0; i < kept.size(); ++i) operators.weight[kept[i]] = solved.coefficient[Eigen::Index(i)];
+        if (PlayOperators::fault_of({operators.threshold.data(), operators.n}, {operators.weight.data(), operators.n})
+                .empty()) {
+            const double offset = solved.coefficient[of_operators + beside.cols()];
             y.array() -= offset;
             constant += offset;
-            more = solved.coefficient.segment(of_plays, beside.cols());
-            return plays;
+            more = solved.coefficient.segment(of_operators, beside.cols());
+            return operators;
         }
         if (kept.size() == 1) break;
         kept.pop_back();
     }
-    plays.weight.fill(0);
-    plays.weight[0] = 1;
-    return plays;
+    operators.weight.fill(0);
+    operators.weight[0] = 1;
+    return operators;
 }
 
 // bend[0] load + bend[1] load^2 / most + bend[2] load^3 / most^2
-double bent(double load, double most, const Eigen::Vector3d& bend) {
-    const double share = load / most;
+double bent(double load, double max, const Eigen::Vector3d& bend) {
+    const double share = load / max;
     return load * (bend[0] + share * (bend[1] + share * bend[2]));
 }
 
@@ -97,39 +98,40 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     }
     double span = 0;
     for (const auto& one : track) {
-        const auto [least, most] = std::minmax_element(one.load.begin(), one.load.end());
-        span = std::max(span, *most - *least);
+        const auto [min, max] = std::minmax_element(one.load.begin(), one.load.end());
+        span = std::max(span, *max - *min);
     }
-    std::array<Plays, 3> plays;
+    std::array<PlayOperators, 3> operators;
     std::array<double, 3> constant{};
     // A play of half the span of the loads never moves back; closer together where they are narrow.
     std::vector<double> thresholds;
-    for (std::size_t i = 0; i < kPlays; ++i) thresholds.push_back(span / 2 * std::pow(double(i) / double(kPlays), 1.5));
+    for (std::size_t i = 0; i < kPlayOperators; ++i)
+        thresholds.push_back(span / 2 * std::pow(double(i) / double(kPlayOperators), 1.5));
     // Curve and plays of the press together, the curve smooth: where the loads after the first touch stay above 0, a curve
     // of free knots takes what the history adds to all of them for a jump between the rest and the least load, and every
     // first load is read wrong (3 % of full scale, with a stated deviation of 0.6 %).
     Eigen::Vector3d bend(1, 0, 0);
     Eigen::VectorXd more;
-    const double most = *std::max_element(track[2].load.begin(), track[2].load.end());
-    if (most > 0) {
+    const double max = *std::max_element(track[2].load.begin(), track[2].load.end());
+    if (max > 0) {
         Eigen::MatrixXd beside(Eigen::Index(track[2].load.size()), 2);
         for (Eigen::Index i = 0; i < beside.rows(); ++i) {
-            const double load = track[2].load[std::size_t(i)], share = load / most;
+            const double load = track[2].load[std::size_t(i)], share = load / max;
             beside.row(i) << load * share, load * share * share;
         }
         for (int round = 0; round < kRounds; ++round) {
             std::vector<double> input;
-            for (const double load : track[2].load) input.push_back(bent(load, most, bend));
-            const Plays rough = fit_plays(input, track[2], thresholds, beside, more, constant[2]);
+            for (const double load : track[2].load) input.push_back(bent(load, max, bend));
+            const PlayOperators rough = fit_play_operators(input, track[2], thresholds, beside, more, constant[2]);
             // A rising load moves all plays: what stands beside them is one more bend of their input.
-            bend *= std::accumulate(rough.weight.begin(), rough.weight.begin() + kPlays, 0.0);
+            bend *= std::accumulate(rough.weight.begin(), rough.weight.begin() + kPlayOperators, 0.0);
             bend.tail<2>() += more;
         }
     }
     std::vector<std::vector<double>> curve;
-    for (std::size_t i = 0; most > 0 && i <= kKnots; ++i) {
-        const double load = most * double(i) / double(kKnots);
-        curve.push_back({load, bent(load, most, bend)});
+    for (std::size_t i = 0; max > 0 && i <= kKnots; ++i) {
+        const double load = max * double(i) / double(kKnots);
+        curve.push_back({load, bent(load, max, bend)});
         if (i == 0 || curve[i][1] > curve[i - 1][1]) continue;
         curve.clear();
         break;
@@ -145,20 +147,21 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     }
     const Eigen::MatrixXd nothing(Eigen::Index(pressed.size()), 0);
     for (std::size_t c = 0; c < 3; ++c)
-        plays[c] = fit_plays(c == 2 ? pressed : track[c].load, track[c], thresholds, nothing, more, constant[c]);
+        operators[c] =
+            fit_play_operators(c == 2 ? pressed : track[c].load, track[c], thresholds, nothing, more, constant[c]);
     const auto gains = gains_of_signs(calibration);
     for (std::size_t k = 0; k < gains.size(); ++k)
         for (std::size_t c = 0; c < 3; ++c) calibration.zero[k] += gains[k][c] * constant[c];
-    const auto loop = [&](const Plays& one) {
+    const auto loop = [&](const PlayOperators& one) {
         double width = 0;
         for (std::size_t i = 1; i < one.n; ++i) width = std::max(width, std::abs(one.weight[i]));
         return width;
     };
     if (!curve.empty()) calibration.tables["normal_curve"] = curve;
-    if (std::max({loop(plays[0]), loop(plays[1]), loop(plays[2])}) > kSomething) {
+    if (std::max({loop(operators[0]), loop(operators[1]), loop(operators[2])}) > kSomething) {
         auto& table = calibration.tables["hysteresis"];
-        for (std::size_t i = 0; i < kPlays; ++i)
-            table.push_back({thresholds[i], plays[0].weight[i], plays[1].weight[i], plays[2].weight[i]});
+        for (std::size_t i = 0; i < kPlayOperators; ++i)
+            table.push_back({thresholds[i], operators[0].weight[i], operators[1].weight[i], operators[2].weight[i]});
     }
     if (make_table_nonlinear(calibration, fault) == nullptr) throw Undetermined(fault);
 }

@@ -60,11 +60,11 @@ void set_uncertainty(const std::vector<HeldOut>& rows, Calibration& calibration)
             return;
         }
         std::sort(errors.begin(), errors.end(), [](const Error& a, const Error& b) { return a.share < b.share; });
-        double best = 0, best_scale = scale_for(errors, 0), least = unevenness(errors, 0, best_scale);
+        double best = 0, best_scale = scale_for(errors, 0), min = unevenness(errors, 0, best_scale);
         for (const double slope : kSlopes) {
             const double scale = scale_for(errors, slope), uneven = unevenness(errors, slope, scale);
-            if (uneven >= least) continue;
-            least = uneven;
+            if (uneven >= min) continue;
+            min = uneven;
             best = slope;
             best_scale = scale;
         }

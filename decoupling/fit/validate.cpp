@@ -14,7 +14,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kStretches = 5;  // of time, where there are no sessions to leave out
-constexpr std::size_t kMostPoseGroups = 10;
+constexpr std::size_t kMaxPoseGroups = 10;
 constexpr std::size_t kRowsPerPose = 5;  // on average, from where rows are said to repeat poses
 
 Wrench rms_of(const std::vector<HeldOut>& rows) {
@@ -74,7 +74,7 @@ Groups groups_of_poses(const Rows& rows) {
         pose_of_row.push_back(poses.emplace(key, poses.size()).first->second);
     }
     if (poses.size() < 4 || poses.size() * kRowsPerPose > rows.size()) return groups;
-    const std::size_t n = std::min(kMostPoseGroups, poses.size());
+    const std::size_t n = std::min(kMaxPoseGroups, poses.size());
     for (const std::size_t pose : pose_of_row) groups.of_row.push_back(pose * n / poses.size());
     for (std::size_t i = 0; i < n; ++i) groups.names.push_back(fmt::format("the poses' group number {} of {}", i + 1, n));
     groups.validation = fmt::format("leave poses out ({} poses in {} groups)", poses.size(), n);

@@ -50,7 +50,7 @@ private:
         alignas(16) std::array<double, 6> value{};
         n_components_ <= 4 ? sum<2>(input.r.data(), value.data()) : sum<3>(input.r.data(), value.data());
         if (correction_ != nullptr) {
-            std::array<double, kMostChannels> u;
+            std::array<double, kMaxChannels> u;
             for (std::size_t k = 0; k < n_channels(); ++k)
                 u[k] = (domain().nearest(k, input.r[k] + zero_[k]) - zero_[k]) / width_[k];
             correction_->add(u.data(), value.data());
@@ -72,8 +72,8 @@ private:
     std::unique_ptr<Correction> correction_;
     std::size_t n_components_ = 0;
     std::array<std::size_t, 6> component_{};
-    Pair matrix_[kMostChannels][3]{};  // a row a channel, 0 beyond the components
-    std::array<double, kMostChannels> width_{}, zero_{};
+    Pair matrix_[kMaxChannels][3]{};  // a row a channel, 0 beyond the components
+    std::array<double, kMaxChannels> width_{}, zero_{};
 };
 
 // What would make the matrix unusable, "" where nothing does. A calibration may come from code as well as from a file.
@@ -88,7 +88,7 @@ std::string fault_of(const Calibration& calibration) {
 }
 
 // A component of which the matrix tells nothing would be 0, and GOOD, under any load.
-std::string fault_of_untold(const Calibration& calibration) {
+std::string fault_of_empty_row(const Calibration& calibration) {
     for (std::size_t i = 0; i < calibration.matrix.size(); ++i) {
         const auto& row = calibration.matrix[i];
         if (std::all_of(row.begin(), row.end(), [](double gain) { return gain == 0; }))
@@ -105,7 +105,7 @@ std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::strin
                                            : method == "rbf"     ? make_rbf
                                            : method == "mlp"     ? make_mlp
                                                                  : nullptr;
-    if (fault.empty() && make_correction == nullptr) fault = fault_of_untold(calibration);
+    if (fault.empty() && make_correction == nullptr) fault = fault_of_empty_row(calibration);
     if (fault.empty() && make_correction != nullptr) {
         const auto* width = table_of(calibration, "width", 1, calibration.channels.size(), fault);
         if (width != nullptr)

@@ -7,7 +7,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostNeurons = 128;  // of a layer
+constexpr std::size_t kMaxNeurons = 128;  // of a layer
 
 struct Layer {
     std::size_t inputs, outputs;
@@ -18,7 +18,7 @@ class Mlp final : public Correction {
 public:
     explicit Mlp(std::vector<Layer> layers) : layers_(std::move(layers)) {}
     void add(const double* u, double* out) noexcept override {
-        std::array<double, kMostNeurons> in{}, sum{};
+        std::array<double, kMaxNeurons> in{}, sum{};
         std::copy_n(u, layers_.front().inputs, in.begin());
         for (std::size_t l = 0; l < layers_.size(); ++l) {
             const Layer& layer = layers_[l];
@@ -46,8 +46,8 @@ std::unique_ptr<Correction> make_mlp(const Calibration& calibration, std::string
     for (int l = 1; l == 1 || calibration.tables.count(fmt::format("layer{}", l)) != 0; ++l) {
         const auto* table = table_of(calibration, fmt::format("layer{}", l), 0, 1 + inputs, fault);
         if (table == nullptr) return nullptr;
-        if (table->size() > kMostNeurons)
-            fault = fmt::format("layer{} has {} rows; at most {}", l, table->size(), kMostNeurons);
+        if (table->size() > kMaxNeurons)
+            fault = fmt::format("layer{} has {} rows; at most {}", l, table->size(), kMaxNeurons);
         Layer layer{.inputs = inputs, .outputs = table->size(), .weight = {}};
         for (std::size_t k = 0; k < 1 + inputs; ++k)
             for (const auto& row : *table) layer.weight.push_back(row[k]);

@@ -7,7 +7,7 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kMost_N = 1e6;                  // no gripper: whatever says more is broken, and its square may overflow
+constexpr double kMax_N = 1e6;                   // no gripper: whatever says more is broken, and its square may overflow
 constexpr double kOnNoises = 6, kOffNoises = 4;  // 6 sd twice in a row: less than one false contact in 1e17 samples
 constexpr double kOnOverOff = 1.2;               // they stay apart, whatever is configured
 constexpr int kInARow = 2;                       // one wild sample is no contact
@@ -23,43 +23,43 @@ constexpr double kPressTime_s = 1;                 // over which the press of be
 
 bool Contact::take(const JawSample& sample) noexcept {
     const auto& f = sample.force_S_N;
-    if (sample.quality == TACTILED_BAD || !(std::abs(f[2]) < kMost_N) || std::abs(f[0]) > kMost_N ||
-        std::abs(f[1]) > kMost_N) {
+    if (sample.quality == TACTILED_BAD || !(std::abs(f[2]) < kMax_N) || std::abs(f[0]) > kMax_N || std::abs(f[1]) > kMax_N) {
         zero_known_ = false;  // nobody knows what the zero did meanwhile
         held_blind_ |= touching_;
-        most_blind_N_ = -kMost_N;
+        max_blind_N_ = -kMax_N;
         buckets_ = 0;
         touching_ = left_at_once_ = false;
         against_ = 0;
-        feel_ = {.t_ns = std::max(feel_.t_ns, sample.t_ns)};
+        observation_ = {.t_ns = std::max(observation_.t_ns, sample.t_ns)};
         filling_ = waiting_[0] = waiting_[1] = {};
         differences_ = 0;
         return false;
     }
-    if (feel_.known && sample.t_ns <= feel_.t_ns) return false;
-    const double elapsed_s = feel_.known ? double(sample.t_ns - feel_.t_ns) * 1e-9 : 0;
+    if (observation_.known && sample.t_ns <= observation_.t_ns) return false;
+    const double elapsed_s = observation_.known ? double(sample.t_ns - observation_.t_ns) * 1e-9 : 0;
     const Eigen::Vector3d raw(f[0], f[1], f[2]);
-    const Eigen::Vector3d was = feel_.force_S_N + zero_N_;
-    const bool follows = feel_.known;
-    feel_.t_ns = sample.t_ns;
-    feel_.known = true;
-    feel_.force_S_N = raw - zero_N_;
-    feel_.sd_N = {sample.sd_N[0], sample.sd_N[1], sample.sd_N[2]};
-    feel_.press_N = -feel_.force_S_N.z();
-    feel_.shear_N = std::hypot(feel_.force_S_N.x(), feel_.force_S_N.y());
+    const Eigen::Vector3d was = observation_.force_S_N + zero_N_;
+    const bool follows = observation_.known;
+    observation_.t_ns = sample.t_ns;
+    observation_.known = true;
+    observation_.force_S_N = raw - zero_N_;
+    observation_.sd_N = {sample.sd_N[0], sample.sd_N[1], sample.sd_N[2]};
+    observation_.press_N = -observation_.force_S_N.z();
+    observation_.shear_N = std::hypot(observation_.force_S_N.x(), observation_.force_S_N.y());
     // Outside of its domain a calibration's sd is not true any more: nothing may be weighed with it.
-    feel_.overload = (sample.reasons & (TACTILED_SATURATED | TACTILED_OUTSIDE_DOMAIN)) != 0;
-    for (int k = 0; k < 3; ++k) feel_.overload |= setup_.full_scale_N[k] > 0 && std::abs(raw[k]) > setup_.full_scale_N[k];
+    observation_.overload = (sample.reasons & (TACTILED_SATURATED | TACTILED_OUTSIDE_DOMAIN)) != 0;
+    for (int k = 0; k < 3; ++k)
+        observation_.overload |= setup_.full_scale_N[k] > 0 && std::abs(raw[k]) > setup_.full_scale_N[k];
     judge_touch();
-    most_blind_N_ = std::max(most_blind_N_, feel_.press_N);
-    if (touching_ || feel_.press_N < most_blind_N_ - setup_.contact_off_N) held_blind_ = false;
+    max_blind_N_ = std::max(max_blind_N_, observation_.press_N);
+    if (touching_ || observation_.press_N < max_blind_N_ - setup_.contact_off_N) held_blind_ = false;
     if (touching_) {
         const double keep = std::exp(-elapsed_s / kPressTime_s);
-        held_press_N_ = std::max(feel_.press_N, held_press_N_ * keep);
-        if (feel_.press_N >= held_press_N_ / 2) half_ns_ = sample.t_ns;
+        held_press_N_ = std::max(observation_.press_N, held_press_N_ * keep);
+        if (observation_.press_N >= held_press_N_ / 2) half_ns_ = sample.t_ns;
         return true;
     }
-    if (follows && feel_.press_N < setup_.contact_off_N) {  // differences of neighbours: drift does not count
+    if (follows && observation_.press_N < setup_.contact_off_N) {  // differences of neighbours: drift does not count
         const Eigen::Vector3d step_N = raw - was;
         const double newest = 1.0 / std::min(++differences_, 200);
         for (int k = 0; k < 3; ++k) {
@@ -75,29 +75,29 @@ bool Contact::take(const JawSample& sample) noexcept {
 void Contact::judge_touch() noexcept {
     const double off = std::max(setup_.contact_off_N, kOffNoises * noise_N_.z());
     const double on = std::max({setup_.contact_on_N, kOnNoises * noise_N_.z(), kOnOverOff * off});
-    const bool says = touching_ ? feel_.press_N > off : feel_.press_N >= on;
+    const bool says = touching_ ? observation_.press_N > off : observation_.press_N >= on;
     against_ = says == touching_ ? 0 : against_ + 1;
     if (against_ < kInARow) return;
     against_ = 0;
     touching_ = says;
     if (touching_) {
-        held_press_N_ = feel_.press_N;
-        half_ns_ = feel_.t_ns;
+        held_press_N_ = observation_.press_N;
+        half_ns_ = observation_.t_ns;
         filling_ = waiting_[0] = waiting_[1] = {};
     } else {
-        left_at_once_ = feel_.t_ns - half_ns_ < kLeaves_ns;
-        free_since_ns_ = feel_.t_ns;
+        left_at_once_ = observation_.t_ns - half_ns_ < kLeaves_ns;
+        free_since_ns_ = observation_.t_ns;
         buckets_ = 0;  // hysteresis: another zero than before the contact
     }
 }
 
 void Contact::learn_zero(const Eigen::Vector3d& raw_N) noexcept {
     if (held_blind_) return;
-    if (free_since_ns_ > 0 && feel_.t_ns - free_since_ns_ < kSettles_ns) return;
-    if (filling_.n == 0) bucket_ns_ = feel_.t_ns;
+    if (free_since_ns_ > 0 && observation_.t_ns - free_since_ns_ < kSettles_ns) return;
+    if (filling_.n == 0) bucket_ns_ = observation_.t_ns;
     for (int k = 0; k < 3; ++k)
         if (std::isfinite(raw_N[k])) filling_.sum_N[k] += raw_N[k];  // a component that the sensor cannot see has no zero
-    if (++filling_.n > 1 && feel_.t_ns - bucket_ns_ >= kBucket_ns) close_bucket();
+    if (++filling_.n > 1 && observation_.t_ns - bucket_ns_ >= kBucket_ns) close_bucket();
 }
 
 void Contact::close_bucket() noexcept {
@@ -106,7 +106,7 @@ void Contact::close_bucket() noexcept {
     filling_ = {};
     if (oldest.n == 0) return;
     const Eigen::Vector3d mean = oldest.sum_N / oldest.n;
-    const double elapsed_s = double(feel_.t_ns - zero_ns_) * 1e-9;
+    const double elapsed_s = double(observation_.t_ns - zero_ns_) * 1e-9;
     const bool pulls = mean.z() - zero_N_.z() > setup_.contact_on_N;  // no jaw is pulled at: it was zeroed under a press
     if (!zero_known_ || buckets_ == 0 || pulls) {
         zero_N_ = mean;
@@ -116,20 +116,20 @@ void Contact::close_bucket() noexcept {
         const double part = std::max(1.0 / ++buckets_, -std::expm1(-double(kBucket_ns) * 1e-9 / kZeroTime_s));
         const Eigen::Vector3d off = mean - zero_N_;
         // Of what comes slowly a part is drift and the rest a soft touch: drift is slower than this.
-        const double most_N = buckets_ <= kNewZero ? kMost_N : kDrift_1_s * setup_.contact_off_N * double(kBucket_ns) * 1e-9;
-        zero_N_ += (part * off).cwiseMax(-most_N).cwiseMin(most_N);
+        const double max_N = buckets_ <= kNewZero ? kMax_N : kDrift_1_s * setup_.contact_off_N * double(kBucket_ns) * 1e-9;
+        zero_N_ += (part * off).cwiseMax(-max_N).cwiseMin(max_N);
         buckets_ = std::min(buckets_, 1000);
         if (elapsed_s < 1) {  // what differs from the mean of 0.3 s has walked for about so long
             const Eigen::Vector3d square = (off.array() * off.array() / kZeroTime_s).matrix();
             walk_N2_s_ += std::max(1.0 / buckets_, 0.02) * (square - walk_N2_s_);
         }
     }
-    zero_ns_ = feel_.t_ns;
+    zero_ns_ = observation_.t_ns;
 }
 
 Eigen::Vector3d Contact::zero_sd_N() const noexcept {
     if (!zero_known_) return Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-    const double since_s = zero_ns_ == 0 ? 0 : double(feel_.t_ns - std::min(zero_ns_, feel_.t_ns)) * 1e-9;
+    const double since_s = zero_ns_ == 0 ? 0 : double(observation_.t_ns - std::min(zero_ns_, observation_.t_ns)) * 1e-9;
     return (walk_N2_s_ * (since_s + kZeroTime_s)).array().sqrt().matrix();
 }
 

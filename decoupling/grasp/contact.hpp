@@ -9,7 +9,7 @@
 namespace tactiled::grasp {
 
 // What a jaw feels, less its zero, frame S.
-struct Feel {
+struct Observation {
     std::uint64_t t_ns = 0;
     Eigen::Vector3d force_S_N = Eigen::Vector3d::Zero(), sd_N = Eigen::Vector3d::Zero();
     double press_N = 0, shear_N = 0;  // -fz, |fx, fy|
@@ -27,7 +27,7 @@ public:
     // Nothing is in the gripper, somebody says.
     void opened() noexcept { held_blind_ = false; }
 
-    [[nodiscard]] const Feel& feel() const noexcept { return feel_; }
+    [[nodiscard]] const Observation& observation() const noexcept { return observation_; }
     [[nodiscard]] bool touching() const noexcept { return touching_; }
     // The press fell from half of what it was to nothing faster than jaws open.
     [[nodiscard]] bool left_at_once() const noexcept { return left_at_once_; }
@@ -42,7 +42,7 @@ private:
     void close_bucket() noexcept;
 
     JawSetup setup_;
-    Feel feel_;
+    Observation observation_;
     bool touching_ = false, left_at_once_ = false;
     int against_ = 0;  // samples in a row that speak against touching_
     double held_press_N_ = 0;
@@ -64,7 +64,7 @@ private:
     // A break while it touched: what reads as nothing since may be what it holds, tared, and is no zero until the press has
     // fallen by a contact's worth.
     bool held_blind_ = false;
-    double most_blind_N_ = 0;
+    double max_blind_N_ = 0;
 };
 
 }  // namespace tactiled::grasp

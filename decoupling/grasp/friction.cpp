@@ -9,8 +9,8 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kOneSlip =
-    0.05;                       // relative sd of a coefficient from a single slip: forces of 3 % each, and speed of loading
-constexpr int kMostSlips = 10;  // that the mean remembers: surfaces change
+    0.05;                      // relative sd of a coefficient from a single slip: forces of 3 % each, and speed of loading
+constexpr int kMaxSlips = 10;  // that the mean remembers: surfaces change
 
 }  // namespace
 
@@ -25,7 +25,7 @@ void Friction::held(double ratio) noexcept {
 }
 
 void Friction::slipped(double ratio) noexcept {
-    slips_ = std::min(slips_ + 1, kMostSlips);
+    slips_ = std::min(slips_ + 1, kMaxSlips);
     if (slips_ == 1) {
         coefficient_ = ratio;
         squares_ = 0;

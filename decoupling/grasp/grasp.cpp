@@ -21,15 +21,15 @@ constexpr std::uint64_t kAhead_ns = 500'000'000;  // a stamp that jumps by more 
 
 void Grasp::State::follow(std::size_t j) noexcept {
     Jaw& jaw = jaws[j];
-    const Feel& feel = contacts[j].feel();
-    const double elapsed_s = jaw.t_ns > 0 ? double(feel.t_ns - std::min(feel.t_ns, jaw.t_ns)) * 1e-9 : 1;
-    jaw.t_ns = feel.t_ns;
-    jaw.quick_N.take(feel.press_N, elapsed_s, 0.01);
-    jaw.slow_N.take(feel.press_N, elapsed_s, 0.05);
-    if (std::isfinite(feel.force_S_N.x())) jaw.quick_x_N.take(feel.force_S_N.x(), elapsed_s, 0.01);
-    if (std::isfinite(feel.force_S_N.y())) jaw.quick_y_N.take(feel.force_S_N.y(), elapsed_s, 0.01);
-    if (!std::isfinite(feel.shear_N)) return;
-    jaw.peak_shear_N = std::max(feel.shear_N, jaw.peak_shear_N * std::exp(-elapsed_s / kPeakTime_s));
+    const Observation& observation = contacts[j].observation();
+    const double elapsed_s = jaw.t_ns > 0 ? double(observation.t_ns - std::min(observation.t_ns, jaw.t_ns)) * 1e-9 : 1;
+    jaw.t_ns = observation.t_ns;
+    jaw.quick_N.take(observation.press_N, elapsed_s, 0.01);
+    jaw.slow_N.take(observation.press_N, elapsed_s, 0.05);
+    if (std::isfinite(observation.force_S_N.x())) jaw.quick_x_N.take(observation.force_S_N.x(), elapsed_s, 0.01);
+    if (std::isfinite(observation.force_S_N.y())) jaw.quick_y_N.take(observation.force_S_N.y(), elapsed_s, 0.01);
+    if (!std::isfinite(observation.shear_N)) return;
+    jaw.peak_shear_N = std::max(observation.shear_N, jaw.peak_shear_N * std::exp(-elapsed_s / kPeakTime_s));
 }
 
 // With hysteresis: what came on must fall to half to be gone.
@@ -37,9 +37,9 @@ bool Grasp::State::loaded(std::size_t j) const noexcept {
     const Jaw& jaw = jaws[j];
     const Contact& contact = contacts[j];
     const double changed_N = std::hypot(jaw.quick_x_N.value - jaw.clamped_x_N, jaw.quick_y_N.value - jaw.clamped_y_N);
-    const double least_N =
-        std::max({kNoises * contact.noise_N(0), kNoises * contact.noise_N(1), kLeak * contact.feel().press_N});
-    return changed_N > (loaded_before ? least_N / 2 : least_N);
+    const double min_N =
+        std::max({kNoises * contact.noise_N(0), kNoises * contact.noise_N(1), kLeak * contact.observation().press_N});
+    return changed_N > (loaded_before ? min_N / 2 : min_N);
 }
 
 Seen Grasp::State::look() const noexcept {
@@ -47,7 +47,7 @@ Seen Grasp::State::look() const noexcept {
     for (std::size_t j = 0; j < jaws.size(); ++j) {
         const Jaw& jaw = jaws[j];
         const Contact& contact = contacts[j];
-        seen.unknown |= !contact.feel().known;
+        seen.unknown |= !contact.observation().known;
         seen.any |= contact.touching();
         seen.all &= contact.touching();
         seen.steady &=
@@ -63,7 +63,7 @@ Seen Grasp::State::look() const noexcept {
 // What a jaw reads in the grip. rt: wait-free
 Rest Grasp::State::rest(std::size_t j) const noexcept {
     const Jaw& jaw = jaws[j];
-    const Eigen::Vector3d& force_S_N = contacts[j].feel().force_S_N;
+    const Eigen::Vector3d& force_S_N = contacts[j].observation().force_S_N;
     const auto seen = [&](int axis, const Low& mean) {
         return phase.resumed() || !std::isfinite(force_S_N[axis]) ? kNaN : mean.value;
     };
@@ -137,21 +137,21 @@ void Grasp::State::take(std::size_t j, const JawSample& as_it_came) noexcept {
     }
     if (hint == Hint::open) contact.opened();
     const bool value = contact.take(sample);
-    const Feel& feel = contact.feel();
-    t_ns = std::max(t_ns, feel.t_ns);
-    if (!feel.known) {
+    const Observation& observation = contact.observation();
+    t_ns = std::max(t_ns, observation.t_ns);
+    if (!observation.known) {
         jaw.slip.forget();
         jaw.t_ns = 0;
     } else if (value) {
         follow(j);
-        jaw.slip.take(feel, contact.touching(), phase.now() == TACTILED_GRIP_HOLDING,
+        jaw.slip.take(observation, contact.touching(), phase.now() == TACTILED_GRIP_HOLDING,
                       std::max(contact.noise_N(0), contact.noise_N(1)));
         if (jaw.slip.slips() != jaw.seen_slips) {
             slips += jaw.slip.slips() - jaw.seen_slips;
             jaw.seen_slips = jaw.slip.slips();
             latch |= 1u << jaw.sensor;
         }
-        weight.take(j, feel);
+        weight.take(j, observation);
     }
     const Seen seen = look();
     loaded_before = seen.loaded;
@@ -161,7 +161,7 @@ void Grasp::State::take(std::size_t j, const JawSample& as_it_came) noexcept {
 }
 
 Grasp::Grasp(const Setup& setup) : state_(std::make_unique<State>(setup)) {
-    assert(!setup.jaws.empty() && setup.jaws.size() <= kMostJaws);
+    assert(!setup.jaws.empty() && setup.jaws.size() <= kMaxJaws);
     for (const JawSetup& jaw : setup.jaws) assert(jaw.sensor < TACTILED_MAX_SENSORS);
 }
 Grasp::~Grasp() = default;

@@ -13,7 +13,7 @@
 
 namespace tactiled::grasp {
 
-inline constexpr std::size_t kMostJaws = 8;
+inline constexpr std::size_t kMaxJaws = 8;
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 using Vector = std::array<double, 3>;
 
@@ -66,7 +66,7 @@ enum class Hint : std::uint32_t { open = 0, closing = 1, closed = 2, lifting = 3
 
 class Grasp {
 public:
-    // setup: asserts 1 .. kMostJaws jaws; `setup` was checked by who read it
+    // setup: asserts 1 .. kMaxJaws jaws; `setup` was checked by who read it
     explicit Grasp(const Setup& setup);
     ~Grasp();
     Grasp(Grasp&&) noexcept;
@@ -95,9 +95,9 @@ public:
     void clear_slips(std::uint32_t sensor_mask) noexcept;
     void slip_sensitivity(double zero_to_one) noexcept;
     void weigh_window(double ms) noexcept;
-    // At most kMostObjects of them; copied. rt: wait-free
+    // At most kMaxObjects of them; copied. rt: wait-free
     void objects(std::span<const Object> objects) noexcept;
-    static constexpr std::size_t kMostObjects = 32;
+    static constexpr std::size_t kMaxObjects = 32;
 
 private:
     struct State;

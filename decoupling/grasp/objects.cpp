@@ -6,8 +6,8 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kUnknownBeyond = 3;   // sd: an object of its own kind lies farther off once in 370 grasps
-constexpr double kLeastTaught = 0.01;  // of the mass: how alike objects of one name are, where nobody saw more of them
+constexpr double kUnknownBeyond = 3;  // sd: an object of its own kind lies farther off once in 370 grasps
+constexpr double kMinTaught = 0.01;   // of the mass: how alike objects of one name are, where nobody saw more of them
 
 double density(double off, double sd) noexcept { return std::exp(-0.5 * off * off / (sd * sd)) / sd; }
 
@@ -28,19 +28,19 @@ void Objects::teach(std::span<const Object> objects) noexcept {
 Recognised Objects::recognise(double mass_kg, double sd_kg) const noexcept {
     if (!(sd_kg > 0) || !std::isfinite(sd_kg) || !std::isfinite(mass_kg)) return {};
     const Known* likeliest = nullptr;
-    double most = 0, sum = 0;
+    double max = 0, sum = 0;
     for (std::size_t i = 0; i < n_; ++i) {
         const double sd = std::hypot(sd_kg, known_[i].sd_kg), d = density(mass_kg - known_[i].mass_kg, sd);
         sum += d;
-        if (d > most) likeliest = &known_[i], most = d;
+        if (d > max) likeliest = &known_[i], max = d;
     }
     if (likeliest == nullptr) return {};
     // Anything may be in the gripper: an object that nobody taught is as likely at every weight as the taught one is at
     // kUnknownBeyond of its own sd. Not of the measurement's: an unsure weight would be the surer an object.
-    const double taught_sd = std::max(likeliest->sd_kg, kLeastTaught * likeliest->mass_kg);
+    const double taught_sd = std::max(likeliest->sd_kg, kMinTaught * likeliest->mass_kg);
     const double unknown = density(kUnknownBeyond * taught_sd, taught_sd);
-    if (most < unknown) return {};
-    return {likeliest->id, most / (sum + unknown), likeliest->name};
+    if (max < unknown) return {};
+    return {likeliest->id, max / (sum + unknown), likeliest->name};
 }
 
 }  // namespace tactiled::grasp

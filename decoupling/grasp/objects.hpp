@@ -15,7 +15,7 @@ struct Recognised {
 
 class Objects {
 public:
-    void teach(std::span<const Object> objects) noexcept;  // the first kMostObjects that have a mass and an id
+    void teach(std::span<const Object> objects) noexcept;  // the first kMaxObjects that have a mass and an id
     [[nodiscard]] Recognised recognise(double mass_kg, double sd_kg) const noexcept;
 
 private:
@@ -24,7 +24,7 @@ private:
         double mass_kg = 0, sd_kg = 0;
         std::array<char, TACTILED_NAME_SIZE> name{};
     };
-    std::array<Known, Grasp::kMostObjects> known_{};
+    std::array<Known, Grasp::kMaxObjects> known_{};
     std::size_t n_ = 0;
 };
 

@@ -22,8 +22,8 @@ void Phase::let_go(const Seen& seen, Hint hint) noexcept {
     const bool hung = hung_ns_ > 0 && seen.t_ns - hung_ns_ < kJustNow_ns;
     const bool slid = slid_ns_ > 0 && seen.t_ns - slid_ns_ < kJustNow_ns;
     const bool opens = hint == Hint::open || hint == Hint::opening;
-    const bool told_closed = hint == Hint::closed || hint == Hint::lifting || hint == Hint::moving;
-    const bool lost = slid || (hung && (seen.left_at_once || told_closed));
+    const bool reported_closed = hint == Hint::closed || hint == Hint::lifting || hint == Hint::moving;
+    const bool lost = slid || (hung && (seen.left_at_once || reported_closed));
     enter(lost && !opens ? TACTILED_GRIP_LOST : TACTILED_GRIP_OPEN, seen.t_ns);
     hung_ns_ = slid_ns_ = 0;
     resumed_ = false;

@@ -17,24 +17,24 @@ tactiled_grasp Grasp::state() const noexcept {
     g.slips = s.slips;
     g.slip_latch = s.latch;
     double grip_N = 0, needed_N = kNaN;
-    const Friction* least = nullptr;  // where friction is least it slips first
+    const Friction* min = nullptr;  // where friction is least it slips first
     for (std::size_t j = 0; j < s.jaws.size(); ++j) {
         const State::Jaw& jaw = s.jaws[j];
         const Contact& contact = s.contacts[j];
         g.slip_state[jaw.sensor] = std::uint16_t(jaw.slip.state());
         g.slip_count[jaw.sensor] = std::uint16_t(jaw.slip.slips());
         if (jaw.slip.state() == TACTILED_SLIP_GROSS) g.slip_mask |= 1u << jaw.sensor;
-        grip_N += std::max(0.0, contact.feel().press_N) / double(s.jaws.size());
+        grip_N += std::max(0.0, contact.observation().press_N) / double(s.jaws.size());
         g.friction_use[jaw.sensor] = float(jaw.slip.use());
         const Friction& f = jaw.slip.friction();
-        if (least == nullptr || f.coefficient() < least->coefficient()) least = &f;
+        if (min == nullptr || f.coefficient() < min->coefficient()) min = &f;
         const double sure = f.coefficient() - (f.learnt() ? std::min(f.sd(), f.coefficient() / 2) : 0);
         needed_N = std::fmax(needed_N, s.setup.margin * jaw.peak_shear_N / sure);
     }
     if (g.state == TACTILED_GRIP_UNKNOWN) return g;
     g.grip_N = float(grip_N);
-    g.friction = float(least->coefficient());
-    g.friction_sd = float(least->sd());
+    g.friction = float(min->coefficient());
+    g.friction_sd = float(min->sd());
     if (s.phase.holds()) g.recommended_grip_N = float(needed_N);
     const Weighed& w = s.weight.now();
     g.weight_state = w.state;

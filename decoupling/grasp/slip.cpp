@@ -20,7 +20,7 @@ constexpr double kNearCone = 0.7, kAtCone = 0.9, kSmallFall = 0.08;
 // and a rise takes longer than this, what falls by enough within 7 ms has been falling before.
 constexpr std::uint64_t kRise_ns = 10'000'000;
 constexpr double kSwing = 2.2, kFellBefore = 0.15;
-constexpr double kLeastRatio = 0.1;  // nothing that a gripper holds slides at less, and a ratio of noise is none
+constexpr double kMinRatio = 0.1;  // nothing that a gripper holds slides at less, and a ratio of noise is none
 constexpr double kNoises = 4;
 constexpr double kMeanTime_s = 0.02;  // a peak of vibration is not near the limit; a pull that takes longer is
 
@@ -29,7 +29,7 @@ constexpr double kMeanTime_s = 0.02;  // a peak of vibration is not near the lim
 void Slip::sensitivity(double zero_to_one) noexcept {
     if (!(zero_to_one >= 0 && zero_to_one <= 1)) return;
     near_ = 0.95 - 0.3 * zero_to_one;
-    least_fall_ = 0.08 * std::pow(0.25, zero_to_one);
+    min_fall_ = 0.08 * std::pow(0.25, zero_to_one);
 }
 
 void Slip::forget() noexcept {
@@ -42,76 +42,77 @@ void Slip::forget() noexcept {
 Slip::Fall Slip::fall(double noise_N) const noexcept {
     const Point& now = past_[newest_];
     const double ratio = now.shear_N / now.press_N;
-    Fall most;
+    Fall max;
     for (std::size_t back = 0; back < n_; ++back) {
-        const Point& p = past_[(newest_ + kMost - back) % kMost];
+        const Point& p = past_[(newest_ + kMax - back) % kMax];
         if (now.t_ns - p.t_ns > kLook_ns) break;
         // Only a shear that itself falls, not a press that rises: a grip that is tightened is no slip.
         const double before = p.shear_N / p.press_N, sure_N = p.shear_N - now.shear_N - kNoises * noise_N;
-        if (sure_N <= 0 || before <= most.peak) continue;
-        most = {std::min((before - ratio) / before, sure_N / p.shear_N), before, back};
+        if (sure_N <= 0 || before <= max.peak) continue;
+        max = {std::min((before - ratio) / before, sure_N / p.shear_N), before, back};
     }
-    return most;
+    return max;
 }
 
 bool Slip::swings(const Fall& fall) const noexcept {
-    const auto point = [&](std::size_t back) -> const Point& { return past_[(newest_ + kMost - back) % kMost]; };
-    double least = fall.peak, most = fall.peak;
+    const auto point = [&](std::size_t back) -> const Point& { return past_[(newest_ + kMax - back) % kMax]; };
+    double min = fall.peak, max = fall.peak;
     for (std::size_t back = fall.back + 1; back < n_ && point(fall.back).t_ns - point(back).t_ns <= kRise_ns; ++back) {
         const double ratio = point(back).shear_N / point(back).press_N;
-        least = std::min(least, ratio);
-        most = std::max(most, ratio);
+        min = std::min(min, ratio);
+        max = std::max(max, ratio);
     }
-    return fall.part * fall.peak < kSwing * (fall.peak - least) || most - fall.peak > kFellBefore * fall.part * fall.peak;
+    return fall.part * fall.peak < kSwing * (fall.peak - min) || max - fall.peak > kFellBefore * fall.part * fall.peak;
 }
 
-void Slip::take(const Feel& feel, bool touching, bool settled, double noise_N) noexcept {
-    if (!std::isfinite(feel.shear_N)) return forget();
-    if (!touching || feel.press_N <= kNoises * noise_N || feel.press_N <= 0) {
+void Slip::take(const Observation& observation, bool touching, bool settled, double noise_N) noexcept {
+    if (!std::isfinite(observation.shear_N)) return forget();
+    if (!touching || observation.press_N <= kNoises * noise_N || observation.press_N <= 0) {
         forget();
         state_ = TACTILED_SLIP_NONE;
         return;
     }
     if (touched_ns_ == 0) {
-        mean_N_ = feel.shear_N;
-        touched_ns_ = feel.t_ns;
+        mean_N_ = observation.shear_N;
+        touched_ns_ = observation.t_ns;
         usual_ = falling_ = 0;
     }
-    use_ = friction_.use(feel.shear_N, feel.press_N);
-    if (n_ > 0 && feel.t_ns - past_[newest_].t_ns < kStep_ns) return;
-    const double elapsed_s = n_ > 0 ? double(feel.t_ns - past_[newest_].t_ns) * 1e-9 : 0;
-    newest_ = (newest_ + 1) % kMost;
-    past_[newest_] = {feel.t_ns, feel.shear_N, feel.press_N};
-    n_ = std::min(n_ + 1, kMost);
+    use_ = friction_.use(observation.shear_N, observation.press_N);
+    if (n_ > 0 && observation.t_ns - past_[newest_].t_ns < kStep_ns) return;
+    const double elapsed_s = n_ > 0 ? double(observation.t_ns - past_[newest_].t_ns) * 1e-9 : 0;
+    newest_ = (newest_ + 1) % kMax;
+    past_[newest_] = {observation.t_ns, observation.shear_N, observation.press_N};
+    n_ = std::min(n_ + 1, kMax);
 
     const Fall now = fall(noise_N);
     const double cone = friction_.coefficient() * (now.part < kSmallFall ? kAtCone : kNearCone);
     const bool slides = state_ == TACTILED_SLIP_GROSS;
     const bool at_cone = now.peak >= kAtCone * friction_.coefficient();  // not known: false
-    const bool possible = feel.t_ns - touched_ns_ > kFirm_ns && now.peak >= kLeastRatio &&
+    const bool possible = observation.t_ns - touched_ns_ > kFirm_ns && now.peak >= kMinRatio &&
                           (std::isnan(cone) ? now.part >= kSmallFall : now.peak >= cone);
-    const double least = slides ? least_fall_ / 2 : std::max(least_fall_, kOverUsual * usual_);
-    if (possible && now.part > least && (slides || at_cone || !swings(now))) {
+    const double min = slides ? min_fall_ / 2 : std::max(min_fall_, kOverUsual * usual_);
+    if (possible && now.part > min && (slides || at_cone || !swings(now))) {
         if (!slides) {
             ++slips_;
             friction_.slipped(now.peak);
         }
         falling_ = 0;
-        slid_ns_ = feel.t_ns;
+        slid_ns_ = observation.t_ns;
         state_ = TACTILED_SLIP_GROSS;
         return;
     }
-    if (slides && feel.t_ns - slid_ns_ < kGoesOn_ns) return;
+    if (slides && observation.t_ns - slid_ns_ < kGoesOn_ns) return;
     // A vibration that grows is told from a slip by growing over several falls; but a fall counts when it is over: a slip in
     // its first milliseconds is no transport.
     falling_ = std::max(falling_, now.part);
     const double over = now.part < falling_ / 2 ? std::exchange(falling_, now.part) : 0;
     if (settled) usual_ = std::max(over, usual_ * std::exp(-elapsed_s / kUsualTime_s));
-    if (!slides) friction_.held((feel.shear_N - kNoises * noise_N) / feel.press_N);
+    if (!slides) friction_.held((observation.shear_N - kNoises * noise_N) / observation.press_N);
     // |shear| > part of the cone + k sd: never a ratio alone, which near no press is one of noise.
-    mean_N_ += -std::expm1(-elapsed_s / kMeanTime_s) * (feel.shear_N - mean_N_);
-    const double limit_N = near_ * friction_.coefficient() * feel.press_N + kNoises * noise_N;
-    state_ = std::min(mean_N_, feel.shear_N) > limit_N ? TACTILED_SLIP_INCIPIENT : TACTILED_SLIP_NONE;  // not known: false
+    mean_N_ += -std::expm1(-elapsed_s / kMeanTime_s) * (observation.shear_N - mean_N_);
+    const double limit_N = near_ * friction_.coefficient() * observation.press_N + kNoises * noise_N;
+    state_ =
+        std::min(mean_N_, observation.shear_N) > limit_N ? TACTILED_SLIP_INCIPIENT : TACTILED_SLIP_NONE;  // not known: false
 }
 
 }  // namespace tactiled::grasp

@@ -13,8 +13,8 @@ public:
     explicit Slip(double friction) : friction_(friction) {}
 
     // One more sample of the jaw. `settled`: the object is held, so that what moves now is what transport does.
-    // rt: bounded by the samples of 7 ms, at most kMost
-    void take(const Feel& feel, bool touching, bool settled, double noise_N) noexcept;
+    // rt: bounded by the samples of 7 ms, at most kMax
+    void take(const Observation& observation, bool touching, bool settled, double noise_N) noexcept;
     void begin_grasp() noexcept { friction_.begin(); }
     void forget() noexcept;  // a break
 
@@ -33,18 +33,18 @@ private:
     [[nodiscard]] Fall fall(double noise_N) const noexcept;
     [[nodiscard]] bool swings(const Fall& fall) const noexcept;
 
-    static constexpr std::size_t kMost = 64;
+    static constexpr std::size_t kMax = 64;
     struct Point {
         std::uint64_t t_ns = 0;
         double shear_N = 0, press_N = 0;
     };
-    std::array<Point, kMost> past_{};
+    std::array<Point, kMax> past_{};
     std::size_t newest_ = 0, n_ = 0;
 
     Friction friction_;
-    double near_ = 0.8, least_fall_ = 0.04;  // of sensitivity 0.5
-    double usual_ = 0, falling_ = 0;         // falls that transport makes; the one that is not over
-    double use_ = 0, mean_N_ = 0;            // of the shear
+    double near_ = 0.8, min_fall_ = 0.04;  // of sensitivity 0.5
+    double usual_ = 0, falling_ = 0;       // falls that transport makes; the one that is not over
+    double use_ = 0, mean_N_ = 0;          // of the shear
     std::uint64_t touched_ns_ = 0, slid_ns_ = 0;
     std::uint32_t slips_ = 0;
     tactiled_slip_state state_ = TACTILED_SLIP_UNKNOWN;

@@ -18,7 +18,7 @@ Weight::Weight(const Setup& setup)
     : n_jaws_(setup.jaws.size()),
       n_all_(std::max<std::size_t>(setup.jaws_of_gripper, setup.jaws.size())),
       share_sd_(setup.share_sd),
-      most_acceleration_m_s2_(setup.lift_acceleration_m_s2),
+      max_acceleration_m_s2_(setup.lift_acceleration_m_s2),
       accelerates_ns_(std::uint64_t(setup.lift_accelerates_ms * 1e6)) {
     central_ = n_all_ >= 3;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
@@ -53,8 +53,8 @@ void Weight::gravity(const Eigen::Vector3d& gravity_G_m_s2) noexcept {
 }
 
 void Weight::acceleration(const Eigen::Vector3d& acceleration_G_m_s2, std::uint64_t t_ns) noexcept {
-    acceleration_told_ = acceleration_G_m_s2.norm() < 1000;  // false for NaN
-    if (acceleration_told_) acceleration_G_ = acceleration_G_m_s2;
+    acceleration_reported_ = acceleration_G_m_s2.norm() < 1000;  // false for NaN
+    if (acceleration_reported_) acceleration_G_ = acceleration_G_m_s2;
     acceleration_ns_ = t_ns;
 }
 
@@ -78,13 +78,13 @@ void Weight::aim() noexcept {
     tilt_ = along > 0 ? across / along : 0;
 }
 
-void Weight::take(std::size_t jaw, const Feel& feel) noexcept {
+void Weight::take(std::size_t jaw, const Observation& observation) noexcept {
     Jaw& j = jaws_[jaw];
-    j.t_ns = feel.t_ns;
-    j.overload |= feel.overload;
+    j.t_ns = observation.t_ns;
+    j.overload |= observation.overload;
     double force_N = 0;
     for (int k = 0; k < 2; ++k)
-        if (std::abs(j.axis_S[k]) > kNoPart) force_N += j.axis_S[k] * feel.force_S_N[k];  // the other may be unseen
+        if (std::abs(j.axis_S[k]) > kNoPart) force_N += j.axis_S[k] * observation.force_S_N[k];  // the other may be unseen
     j.blind = !std::isfinite(force_N);
     if (j.blind) return;
     j.sum_N += force_N;
@@ -109,8 +109,9 @@ void Weight::close_block(std::uint64_t now_ns) noexcept {
     if (now_ns > block_ns_ + kBreak_ns) n_ = 0;
     block_ns_ = now_ns;
     double force_N = 0, carries_now = 0;
-    const bool told = acceleration_told_ && now_ns < acceleration_ns_ + kFresh_ns && acceleration_ns_ < now_ns + kFresh_ns;
-    Eigen::Vector3d pull_G = told ? Eigen::Vector3d(gravity_G_ - acceleration_G_) : gravity_G_;
+    const bool reported =
+        acceleration_reported_ && now_ns < acceleration_ns_ + kFresh_ns && acceleration_ns_ < now_ns + kFresh_ns;
+    Eigen::Vector3d pull_G = reported ? Eigen::Vector3d(gravity_G_ - acceleration_G_) : gravity_G_;
     if (central_) pull_G.head<2>().setZero();
     overloaded_ = false;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
@@ -124,8 +125,8 @@ void Weight::close_block(std::uint64_t now_ns) noexcept {
     if (carries_ <= 0) return;
     newest_ = (newest_ + 1) % kBlocks;
     n_ = std::min(n_ + 1, kBlocks);
-    blocks_[newest_] = {now_ns, scale_ * force_N / std::max(0.1 * carries_, carries_now), told,
-                        told ? acceleration_G_.norm() : 0};
+    blocks_[newest_] = {now_ns, scale_ * force_N / std::max(0.1 * carries_, carries_now), reported,
+                        reported ? acceleration_G_.norm() : 0};
 }
 
 bool Weight::zero() noexcept {
@@ -154,7 +155,7 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     check_ = {.done = true,
               .mass_kg = mass_kg,
               .rest_kg = rest_kg(jaws),
-              .was_force = std::abs(rest_kg(jaws)) > most_leak_kg(jaws),
+              .was_force = std::abs(rest_kg(jaws)) > max_leak_kg(jaws),
               .carrying = carrying(),
               .sd = std::hypot(std::hypot(held_sd_kg_, zeros_kg(jaws)) / held_kg_, tilt_ * kDown_rad)};
     return true;

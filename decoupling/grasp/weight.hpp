@@ -34,7 +34,7 @@ public:
     void window(double ms) noexcept;
 
     // One more sample of a jaw. rt: wait-free
-    void take(std::size_t jaw, const Feel& feel) noexcept;
+    void take(std::size_t jaw, const Observation& observation) noexcept;
     // rt: wait-free
     void rest(std::size_t jaw, const Rest& rest) noexcept { jaws_[jaw].rest = rest; }
     // A lift begins: weighs from now on. rt: wait-free
@@ -65,7 +65,7 @@ private:
         double trend_kg = 0;            // newer half less older half
         std::size_t n = 0;
         bool accelerations_known = true;
-        double most_acceleration_m_s2 = 0;
+        double max_acceleration_m_s2 = 0;
     };
     void rescale(double factor) noexcept;
     void close_block(std::uint64_t now_ns) noexcept;
@@ -76,7 +76,7 @@ private:
     [[nodiscard]] Mean mean_since(std::uint64_t from_ns) const noexcept;
     [[nodiscard]] double share_sd() const noexcept;
     [[nodiscard]] double rest_kg(std::span<const Contact> jaws) const noexcept;
-    [[nodiscard]] double most_leak_kg(std::span<const Contact> jaws) const noexcept;
+    [[nodiscard]] double max_leak_kg(std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] std::uint32_t carrying() const noexcept;
     [[nodiscard]] double zeros_kg(std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] double leaks_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
@@ -100,16 +100,16 @@ private:
         bool overload = false;   // in a sample of this block
         bool blind = false;      // the newest sample says nothing along the axis
     };
-    std::array<Jaw, kMostJaws> jaws_;
+    std::array<Jaw, kMaxJaws> jaws_;
     std::size_t n_jaws_, n_all_;  // with a sensor, and all of the gripper
     bool central_;                // three jaws or more: what goes across the palm's axis is shared nobody knows how
     double share_sd_;
-    double most_acceleration_m_s2_;
+    double max_acceleration_m_s2_;
     std::uint64_t accelerates_ns_, window_ns_;
 
     Eigen::Vector3d gravity_G_{0, 0, 0}, acceleration_G_{0, 0, 0};
     std::uint64_t acceleration_ns_ = 0;
-    bool acceleration_told_ = false;
+    bool acceleration_reported_ = false;
     double contact_N_ = 0;  // least press that all jaws call a touch
     double carries_ = 0;    // sum over jaws of carries_m_s2: N a kg
     double tilt_ = 0;       // tangent of the angle between what pulls and the axis

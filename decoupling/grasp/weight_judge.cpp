@@ -19,7 +19,7 @@ constexpr double kUnchecked = 0.1;  // of a share by symmetry, as long as no kno
 // that the published deviation is what it says; judged by other seeds.
 constexpr double kAlike = 0.6, kLeftByCheck = 0.1, kOffCheck = 0.88;
 constexpr double kLeftOfOthers = 0.5;   // of sensors that may err otherwise: nobody measured it
-constexpr double kTold = 0.05;          // of an acceleration that was told: its delay and scale
+constexpr double kReported = 0.05;      // of an acceleration that was told: its delay and scale
 constexpr double kTableFriction = 0.3;  // what is drawn over a table with a force of F presses on it with up to F / 0.3
 constexpr double kFollows_s = 1;        // a stable value follows what creeps
 constexpr double kShaken = 0.2;         // of the weight, rms of 5 ms: more is no vibration but another load every time
@@ -44,7 +44,7 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     for (std::size_t b = 0; b < m.n; ++b) {
         m.blocks_sd_kg += square(block(b).mass_kg - m.mass_kg);
         m.accelerations_known &= block(b).acceleration_known;
-        m.most_acceleration_m_s2 = std::max(m.most_acceleration_m_s2, block(b).acceleration_m_s2);
+        m.max_acceleration_m_s2 = std::max(m.max_acceleration_m_s2, block(b).acceleration_m_s2);
     }
     m.blocks_sd_kg = std::sqrt(m.blocks_sd_kg / double(m.n));
     if (parts < 4) {
@@ -93,18 +93,18 @@ double Weight::rest_kg(std::span<const Contact> jaws) const noexcept {
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const Jaw& jaw = jaws_[j];
         if (jaw.carries_m_s2 <= 0) continue;
-        const double grown = std::max(1.0, jaws[j].feel().press_N / jaw.rest.press_N);
+        const double grown = std::max(1.0, jaws[j].observation().press_N / jaw.rest.press_N);
         for (int k = 0; k < 2; ++k)
             if (std::abs(jaw.axis_S[k]) > kNoPart) force_N += grown * jaw.axis_S[k] * jaw.rest.force_S_N[k];
     }
     return scale_ * force_N / carries_;
 }
 
-double Weight::most_leak_kg(std::span<const Contact> jaws) const noexcept {
-    double most_N = 0;
+double Weight::max_leak_kg(std::span<const Contact> jaws) const noexcept {
+    double max_N = 0;
     for (std::size_t j = 0; j < n_jaws_; ++j)
-        if (jaws_[j].carries_m_s2 > 0) most_N += kLeak * std::max(0.0, jaws[j].feel().press_N);
-    return scale_ * most_N / carries_;
+        if (jaws_[j].carries_m_s2 > 0) max_N += kLeak * std::max(0.0, jaws[j].observation().press_N);
+    return scale_ * max_N / carries_;
 }
 
 double Weight::zeros_kg(std::span<const Contact> jaws) const noexcept {
@@ -124,7 +124,7 @@ double Weight::sensors_kg(double mass_kg, std::span<const Contact> jaws) const n
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const Eigen::Vector2d axis = jaws_[j].axis_S.head<2>();
         if (axis.norm() == 0) continue;
-        const double one_N = (axis.array() * jaws[j].feel().sd_N.head<2>().array()).matrix().norm();
+        const double one_N = (axis.array() * jaws[j].observation().sd_N.head<2>().array()).matrix().norm();
         squares_N2 += square(one_N);
         sum_N += one_N;
         by_gain &= jaws_[j].errs_by_gain;
@@ -139,10 +139,10 @@ double Weight::sensors_kg(double mass_kg, std::span<const Contact> jaws) const n
 // What was read before the lift may be a leak of the press: then the weight has it in it, but for what a known weight's
 // scale took of it. More than a leak can be is a force, and there may be a leak under it.
 double Weight::leaks_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
-    const double now_kg = rest_kg(jaws), most_kg = most_leak_kg(jaws);
+    const double now_kg = rest_kg(jaws), max_kg = max_leak_kg(jaws);
     const double then_kg = check_.done ? std::abs(mass_kg) / check_.mass_kg * check_.rest_kg : 0;
-    if (std::abs(now_kg) <= most_kg && !check_.was_force) return std::abs(now_kg - then_kg);
-    return (std::abs(now_kg) <= most_kg ? std::abs(now_kg) : most_kg) + std::abs(then_kg);  // false for NaN
+    if (std::abs(now_kg) <= max_kg && !check_.was_force) return std::abs(now_kg - then_kg);
+    return (std::abs(now_kg) <= max_kg ? std::abs(now_kg) : max_kg) + std::abs(then_kg);  // false for NaN
 }
 
 double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
@@ -154,19 +154,20 @@ double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) cons
 // Tangential force across the axis, beyond what a tilted weight and a leak of the press explain, as a mass that may lie on
 // what the object is drawn over.
 double Weight::off_axis_kg(std::span<const Contact> jaws, double mass_kg) const noexcept {
-    double most_kg = 0;
+    double max_kg = 0;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const Jaw& jaw = jaws_[j];
         if (jaw.carries_m_s2 <= 0) continue;
-        const Feel& feel = jaws[j].feel();
-        const Eigen::Vector2d axis = jaw.axis_S.head<2>(), force = feel.force_S_N.head<2>();
+        const Observation& observation = jaws[j].observation();
+        const Eigen::Vector2d axis = jaw.axis_S.head<2>(), force = observation.force_S_N.head<2>();
         const double across_N = std::abs(axis.x() * force.y() - axis.y() * force.x());
         Eigen::Vector3d weight_S = jaw.S_from_G * gravity_G_ * (jaw.share * mass_kg);
         const double explained_N = std::abs(axis.x() * weight_S.y() - axis.y() * weight_S.x()) +
-                                   kLeak * (feel.press_N + feel.shear_N) + 3 * feel.sd_N.head<2>().maxCoeff();
-        most_kg = std::max(most_kg, (across_N - explained_N) / jaw.carries_m_s2 / kTableFriction);
+                                   kLeak * (observation.press_N + observation.shear_N) +
+                                   3 * observation.sd_N.head<2>().maxCoeff();
+        max_kg = std::max(max_kg, (across_N - explained_N) / jaw.carries_m_s2 / kTableFriction);
     }
-    return most_kg;
+    return max_kg;
 }
 
 void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
@@ -208,9 +209,9 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     if (after && mean.sd_kg > kStill * std::abs(mean.mass_kg))  // vibration: a longer mean
         mean = mean_since(std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns)));
     if (!after) mean = window;
-    const double unknown_m_s2 = mean.accelerations_known ? kTold * mean.most_acceleration_m_s2
+    const double unknown_m_s2 = mean.accelerations_known ? kReported * mean.max_acceleration_m_s2
                                 : after                  ? 0
-                                                         : most_acceleration_m_s2_ / std::sqrt(3.0);
+                                                         : max_acceleration_m_s2_ / std::sqrt(3.0);
     const double dragged_kg = off_axis_kg(jaws, mean.mass_kg);
     const double moving_kg =
         std::hypot(mean.sd_kg, mean.mass_kg * unknown_m_s2 / gravity_G_.norm(), after ? 0 : mean.trend_kg);
@@ -232,10 +233,10 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
 
 // Of the blocks of the newest 20 ms the one that is farthest from what is held.
 double Weight::newest_departs_kg() const noexcept {
-    double most_kg = 0;
+    double max_kg = 0;
     for (std::size_t b = 0; b < n_ && block(b).t_ns + kGlance_ns > block(0).t_ns; ++b)
-        most_kg = std::max(most_kg, std::abs(block(b).mass_kg - held_kg_));
-    return most_kg;
+        max_kg = std::max(max_kg, std::abs(block(b).mass_kg - held_kg_));
+    return max_kg;
 }
 
 // Once it was stable: an arm that slows down is no other weight, unless it goes on for longer than arms do.

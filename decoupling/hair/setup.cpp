@@ -13,7 +13,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kLeastSum = 0.1;  // of the sum of sizes; 1 where both hairs of a pair answer alike
+constexpr double kMinSum = 0.1;  // of the sum of sizes; 1 where both hairs of a pair answer alike
 constexpr std::array<std::string_view, 3> kNameOf{"fz", "fx", "fy"};
 
 // The names that a method reads, with what each is.
@@ -164,7 +164,7 @@ std::string read_hair_setup(const Calibration& calibration, const std::string& m
     setup.area_m2 = calibration.parameters.at("area_m2");
     const double normal = parameter(calibration, "normal_scale_Pa", 1), shear = parameter(calibration, "shear_scale_Pa", 1);
     setup.scale_Pa = {normal, shear, shear};
-    setup.response.least[0] = -parameter(calibration, "pull_scale_Pa", 0) / normal;
+    setup.response.min[0] = -parameter(calibration, "pull_scale_Pa", 0) / normal;
     for (std::size_t axis = 0; axis < 2 && method == "sum_diff"; ++axis) {
         const char* name = axis == 0 ? "diff_x_per_Pa" : "diff_y_per_Pa";
         setup.diff_per_Pa[axis] = parameter(calibration, name, 0);
@@ -179,7 +179,7 @@ std::string read_hair_setup(const Calibration& calibration, const std::string& m
             sum += (pair >> i & 1u) != 0 ? setup.response.gain[i][0] : 0;
             size += (pair >> i & 1u) != 0 ? std::abs(setup.response.gain[i][0]) : 0;
         }
-        if (method == "sum_diff" && (setup.wired & pair) == pair && !(std::abs(sum) > kLeastSum * size))
+        if (method == "sum_diff" && (setup.wired & pair) == pair && !(std::abs(sum) > kMinSum * size))
             return fmt::format("table gains: the hairs {} answer a press with opposite signs, so their SUM says nothing",
                                pair == kPairX ? "H1 H3" : "H2 H4");
     }

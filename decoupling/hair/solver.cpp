@@ -18,7 +18,7 @@ constexpr int kGrid = 8;  // the leak's slopes are looked at in 9 x 9 x 9 points
 
 HairLoad HairResponse::nearest(const HairLoad& load) const noexcept {
     HairLoad inside;
-    for (std::size_t j = 0; j < 3; ++j) inside[j] = std::clamp(load[j], least[j] - kDomainMargin, most[j] + kDomainMargin);
+    for (std::size_t j = 0; j < 3; ++j) inside[j] = std::clamp(load[j], min[j] - kDomainMargin, max[j] + kDomainMargin);
     return inside;
 }
 
@@ -67,7 +67,7 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
         for (int point = 0; point < (kGrid + 1) * (kGrid + 1) * (kGrid + 1); ++point) {
             int rest = point;
             for (std::size_t j = 0; j < 3; ++j, rest /= kGrid + 1)
-                load[j] = std::lerp(response_.least[j] - kDomainMargin, response_.most[j] + kDomainMargin,
+                load[j] = std::lerp(response_.min[j] - kDomainMargin, response_.max[j] + kDomainMargin,
                                     double(rest % (kGrid + 1)) / kGrid);
             for (const std::size_t axis : columns) {
                 const LeakTerms slopes = leak_slopes(load, axis);

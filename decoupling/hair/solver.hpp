@@ -12,8 +12,8 @@ namespace tactiled {
 struct HairResponse {
     std::array<HairLoad, 4> gain{};
     std::array<LeakTerms, 4> leak{};
-    std::array<double, 4> noise{1, 1, 1, 1};   // sd of dR/R0, the weights; must be above 0
-    HairLoad least{0, -1, -1}, most{1, 1, 1};  // of the loads that were calibrated: beyond, leak stays what it is there
+    std::array<double, 4> noise{1, 1, 1, 1};  // sd of dR/R0, the weights; must be above 0
+    HairLoad min{0, -1, -1}, max{1, 1, 1};    // of the loads that were calibrated: beyond, leak stays what it is there
 
     // Where the leak is evaluated: `load`, or the nearest load that was calibrated (and 5 % more). rt: wait-free
     [[nodiscard]] HairLoad nearest(const HairLoad& load) const noexcept;

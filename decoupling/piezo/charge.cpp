@@ -16,9 +16,9 @@ void ChargeFusion::start(double V, double slow) noexcept {
 
 // Points closer than the ring can hold are passed over; a mean over 128 points loses nothing that a window passes.
 void ChargeFusion::keep(double t_s, double film) noexcept {
-    if (held_ > 0 && t_s - ring_[newest_].t_s < window_s_ / (kMost / 2)) return;
-    if (held_ > 0) newest_ = (newest_ + 1) % kMost;
-    held_ = std::min(held_ + 1, kMost);
+    if (held_ > 0 && t_s - ring_[newest_].t_s < window_s_ / (kMax / 2)) return;
+    if (held_ > 0) newest_ = (newest_ + 1) % kMax;
+    held_ = std::min(held_ + 1, kMax);
     ring_[newest_] = {t_s, film};
 }
 
@@ -27,7 +27,7 @@ double ChargeFusion::mean_of_window() const noexcept {
     double area = 0, later_t = time_s_, later = film_;
     const double begin = std::max(0.0, time_s_ - window_s_);
     for (std::size_t i = 0; i < held_ && later_t > begin; ++i) {
-        const Point& point = ring_[(newest_ + kMost - i) % kMost];
+        const Point& point = ring_[(newest_ + kMax - i) % kMax];
         if (point.t_s >= later_t) continue;
         if (point.t_s < begin) {
             const double at_begin = std::lerp(later, point.film, (later_t - begin) / (later_t - point.t_s));

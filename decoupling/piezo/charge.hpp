@@ -46,7 +46,7 @@ public:
     void forget() noexcept { started_ = false; }
 
     // `slow` is c, `is_new`: it was measured since the last call. T_s >= 0 since the last call.
-    // rt: wait-free, at most kMost steps
+    // rt: wait-free, at most kMax steps
     double update(double T_s, double V, double slow, bool is_new) noexcept;
 
     // True from one window after the start on: before, the film's past is not known.
@@ -54,7 +54,7 @@ public:
     [[nodiscard]] double window_s() const noexcept { return window_s_; }
 
 private:
-    static constexpr std::size_t kMost = 256;  // points of the window that are kept
+    static constexpr std::size_t kMax = 256;  // points of the window that are kept
     struct Point {
         double t_s, film;
     };
@@ -65,7 +65,7 @@ private:
     double leak_s_, fusion_s_, window_s_;
     bool started_ = false;
     double time_s_ = 0, last_V_ = 0, film_ = 0, drift_ = 0, correction_ = 0;
-    std::array<Point, kMost> ring_{};
+    std::array<Point, kMax> ring_{};
     std::size_t newest_ = 0, held_ = 0;
 };
 

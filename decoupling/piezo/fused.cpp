@@ -11,7 +11,7 @@ namespace tactiled {
 namespace {
 
 // Beyond this many times the range a reading is no force; cut there, so that the state recovers from it at once.
-constexpr double kMostRanges = 20;
+constexpr double kMaxRanges = 20;
 
 constexpr std::array<Parameter, 8> kParameters{
     {{"gain_b", "slope of the film at rest, channel_unit of Vp a N of press", 1e-12, 1e12},
@@ -47,15 +47,15 @@ private:
         const Curve::Force slow = normal_.inverse(input.r[Cn_]);
         if (!(slow.slope > 1e-6 * normal_.b())) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY;
         bool cut = false;
-        const double slow_N = within(slow.F, -kMostRanges * range_N_, kMostRanges * range_N_, cut);
+        const double slow_N = within(slow.F, -kMaxRanges * range_N_, kMaxRanges * range_N_, cut);
         double press_N = slow_N;
         if ((input.usable >> Vp_ & 1u) == 0) {
             // Cn alone lags; how wrong it is depends on how fast the force moves.
             forget();
             estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
         } else {
-            const double most_V = film_.y(kMostRanges * range_N_);
-            const double V = within(input.r[Vp_], -most_V, most_V, cut);
+            const double max_V = film_.y(kMaxRanges * range_N_);
+            const double V = within(input.r[Vp_], -max_V, max_V, cut);
             press_N = film_.inverse(fused_drive(input, V, film_.y(slow_N))).F;
             if (!fusion_.is_settled()) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
         }

@@ -12,7 +12,7 @@ namespace {
 constexpr double kPlain = 1e300;
 // The square of a number in this range is neither lost nor overflown: the root of a sum is as good as hypot(), which takes
 // several times as long.
-constexpr double kLeastSquared = 1e-99, kMostSquared = 1e99;
+constexpr double kMinSquared = 1e-99, kMaxSquared = 1e99;
 
 }  // namespace
 
@@ -30,8 +30,8 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
         pair.zero[k % 2] = zero;
         // A zero beyond 1e300 leaves nothing plain, and so does a channel that may be anything.
         const bool can_be_plain = std::abs(zero) <= kPlain && used_ == all_;
-        pair.least[k % 2] = can_be_plain ? std::max(domain_.least(k), -kPlain) : kPlain;
-        pair.most[k % 2] = can_be_plain ? std::min(domain_.most(k), kPlain) : -kPlain;
+        pair.min[k % 2] = can_be_plain ? std::max(domain_.min(k), -kPlain) : kPlain;
+        pair.max[k % 2] = can_be_plain ? std::min(domain_.max(k), kPlain) : -kPlain;
     }
     full_scale_.fill(std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
@@ -40,13 +40,13 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
         sd_[c] = calibration.sd.empty() ? 1 : calibration.sd[i];
         if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
         if (!calibration.full_scale.empty()) full_scale_[c] = (1 + kDomainMargin) * calibration.full_scale[i];
-        const double most =
-            std::min({full_scale_[c], std::numeric_limits<double>::max(), kMostSquared / std::abs(sd_slope_[c])});
-        const bool can_be_plain = std::abs(sd_[c]) >= kLeastSquared && std::abs(sd_[c]) <= kMostSquared;
+        const double max =
+            std::min({full_scale_[c], std::numeric_limits<double>::max(), kMaxSquared / std::abs(sd_slope_[c])});
+        const bool can_be_plain = std::abs(sd_[c]) >= kMinSquared && std::abs(sd_[c]) <= kMaxSquared;
         auto& pair = components_[c / 2];
         pair.seen[c % 2] = -1;
         pair.unseen_nan[c % 2] = 0;
-        pair.most[c % 2] = can_be_plain ? most : -1;
+        pair.max[c % 2] = can_be_plain ? max : -1;
         pair.sd_squared[c % 2] = sd_[c] * sd_[c];
         pair.slope[c % 2] = sd_slope_[c];
     }
@@ -112,7 +112,7 @@ void CheckedModel::finish_hard(bool outside, const double* sd_factor, Estimate& 
 
 std::string fault_of_checked(const Calibration& calibration) {
     const std::size_t n = calibration.channels.size();
-    if (n == 0 || n > kMostChannels) return fmt::format("{} channels; a sensor has 1 .. {}", n, kMostChannels);
+    if (n == 0 || n > kMaxChannels) return fmt::format("{} channels; a sensor has 1 .. {}", n, kMaxChannels);
     if (calibration.components.empty()) return "components is empty; name at least one of fx fy fz mx my mz";
     if (calibration.zero.size() != n) return fmt::format("zero has {} numbers for {} channels", calibration.zero.size(), n);
     return fault_of_shared_parts(calibration);

@@ -80,13 +80,13 @@ private:
     bool has_third_;  // pair of components_
     // A channel within its bounds is in the domain, and less its zero it is finite: all in one comparison.
     struct ChannelPair {
-        Pair zero{}, least{}, most{};
-    } channels_[kMostChannels / 2];
+        Pair zero{}, min{}, max{};
+    } channels_[kMaxChannels / 2];
     // The same of a component within `most`, whose sd the sum of two squares gives.
     struct {
         PairMask seen{};              // -1 where seen, else 0
         Pair unseen_nan{both(kNaN)};  // 0 where seen
-        Pair most{}, sd_squared{}, slope{};
+        Pair max{}, sd_squared{}, slope{};
     } components_[3];
     std::array<double, 6> full_scale_, sd_{}, sd_slope_{};
     std::array<bool, 6> seen_{};

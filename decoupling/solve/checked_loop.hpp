@@ -16,7 +16,7 @@ inline Estimate CheckedModel::checked(const Reading& reading, Solve solve) noexc
         estimate.reasons = TACTILED_WRONG_DEVICE;
         return estimate;
     }
-    alignas(16) double r[kMostChannels];
+    alignas(16) double r[kMaxChannels];
     Input input{.r = {r, n_}, .usable = used_, .outside = false, .t_ns = reading.t_ns};
     if (!(n_ == 8 ? is_plain<8>(reading, r) : is_plain<0>(reading, r))) [[unlikely]] {
         const Looked looked = look_at_each(reading, r);
@@ -49,7 +49,7 @@ inline bool CheckedModel::is_plain(const Reading& reading, double* r) const noex
     PairMask plain = kTrue;
     const auto look = [&](Pair value) {
         store(r, value - pair->zero);
-        plain = both_true(plain, between(pair->least, value, pair->most));
+        plain = both_true(plain, between(pair->min, value, pair->max));
         channel += 2, r += 2, ++pair;
     };
     static_assert(kChannels % 2 == 0 && kChannels <= 8);
@@ -89,7 +89,7 @@ inline void CheckedModel::finish(bool outside, const double* sd_factor, Estimate
 #pragma GCC unroll 3
     for (std::size_t i = 0; i < kPairs; ++i) {
         seen[i] = only(load(wrench + 2 * i), components_[i].seen);  // else 0
-        plain = both_true(plain, up_to(magnitude(seen[i]), components_[i].most));
+        plain = both_true(plain, up_to(magnitude(seen[i]), components_[i].max));
     }
     if (!hold(plain)) [[unlikely]] {
         std::array<double, 6> copy;

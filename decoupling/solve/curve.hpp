@@ -29,29 +29,29 @@ public:
     };
 
     Curve() = default;
-    Curve(double b, double a, double least, double most) noexcept : b_(b), a_(a), least_(least), most_(most) {
-        if (2 * a * least + b < 0) least_ = -b / (2 * a);  // a > 0: least < 0 as b > 0
-        if (2 * a * most + b < 0) most_ = -b / (2 * a);
+    Curve(double b, double a, double min, double max) noexcept : b_(b), a_(a), min_(min), max_(max) {
+        if (2 * a * min + b < 0) min_ = -b / (2 * a);  // a > 0: least < 0 as b > 0
+        if (2 * a * max + b < 0) max_ = -b / (2 * a);
     }
-    [[nodiscard]] double least() const noexcept { return least_; }
-    [[nodiscard]] double most() const noexcept { return most_; }
+    [[nodiscard]] double min() const noexcept { return min_; }
+    [[nodiscard]] double max() const noexcept { return max_; }
     [[nodiscard]] double b() const noexcept { return b_; }
 
     // rt: wait-free
     [[nodiscard]] double y(double F) const noexcept {
-        const double inside = std::clamp(F, least_, most_);
+        const double inside = std::clamp(F, min_, max_);
         return parabola(inside) + slope(inside) * (F - inside);
     }
     // Monotone and continuous in y. rt: wait-free
     [[nodiscard]] Force inverse(double y) const noexcept {
-        for (const double end : {least_, most_}) {
+        for (const double end : {min_, max_}) {
             const double beyond = y - parabola(end), slope_there = slope(end);
-            if (end == least_ ? beyond >= 0 : beyond <= 0) continue;
+            if (end == min_ ? beyond >= 0 : beyond <= 0) continue;
             // At a vertex rounding leaves a slope of some 1e-17 b.
             if (!(slope_there > 1e-12 * b_)) return {end, 0};
             return {end + beyond / slope_there, slope_there};
         }
-        const double F = std::clamp(smaller_root(a_, b_, y), least_, most_);
+        const double F = std::clamp(smaller_root(a_, b_, y), min_, max_);
         return {F, std::max(slope(F), 0.0)};
     }
 
@@ -59,7 +59,7 @@ private:
     [[nodiscard]] double parabola(double F) const noexcept { return F * (b_ + a_ * F); }
     [[nodiscard]] double slope(double F) const noexcept { return b_ + 2 * a_ * F; }
 
-    double b_ = 1, a_ = 0, least_ = 0, most_ = 0;
+    double b_ = 1, a_ = 0, min_ = 0, max_ = 0;
 };
 
 }  // namespace tactiled

@@ -28,30 +28,28 @@ inline std::size_t component_index(std::string_view name) noexcept {
 class Domain {
 public:
     explicit Domain(const Calibration& calibration) {
-        std::fill_n(least_, 32, -std::numeric_limits<double>::infinity());
-        std::fill_n(most_, 32, std::numeric_limits<double>::infinity());
+        std::fill_n(min_, 32, -std::numeric_limits<double>::infinity());
+        std::fill_n(max_, 32, std::numeric_limits<double>::infinity());
         for (std::size_t k = 0; k < calibration.channel_least.size() && k < 32; ++k) {
             const double margin = kDomainMargin * (calibration.channel_most[k] - calibration.channel_least[k]);
-            least_[k] = calibration.channel_least[k] - margin;
-            most_[k] = calibration.channel_most[k] + margin;
+            min_[k] = calibration.channel_least[k] - margin;
+            max_[k] = calibration.channel_most[k] + margin;
         }
     }
 
     // Never for a NaN. rt: wait-free
     [[nodiscard]] bool is_beyond(std::size_t k, double value) const noexcept {
-        return (value < least_[k]) | (value > most_[k]);  // both: cheaper than a branch
+        return (value < min_[k]) | (value > max_[k]);  // both: cheaper than a branch
     }
 
     // The value of channel k in the domain (margin included) that is nearest to `value`. rt: wait-free
-    [[nodiscard]] double nearest(std::size_t k, double value) const noexcept {
-        return std::clamp(value, least_[k], most_[k]);
-    }
+    [[nodiscard]] double nearest(std::size_t k, double value) const noexcept { return std::clamp(value, min_[k], max_[k]); }
 
-    [[nodiscard]] double least(std::size_t k) const noexcept { return least_[k]; }
-    [[nodiscard]] double most(std::size_t k) const noexcept { return most_[k]; }
+    [[nodiscard]] double min(std::size_t k) const noexcept { return min_[k]; }
+    [[nodiscard]] double max(std::size_t k) const noexcept { return max_[k]; }
 
 private:
-    double least_[32], most_[32];  // plain arrays: read a channel at a time in the loop
+    double min_[32], max_[32];  // plain arrays: read a channel at a time in the loop
 };
 
 // What is wrong with components, sd, full scale, domain or a number of the calibration; "" where nothing is. setup

@@ -32,17 +32,15 @@ inline Pair root(Pair pair) noexcept { return Pair{std::sqrt(pair[0]), std::sqrt
 inline constexpr PairMask kTrue{-1, -1};
 // Comparisons; false for a NaN. By their own names on x86: g++ 12 takes masks that it joins apart into lone numbers.
 #ifdef __SSE2__
-inline PairMask up_to(Pair value, Pair most) noexcept { return PairMask(_mm_cmple_pd(value, most)); }
+inline PairMask up_to(Pair value, Pair max) noexcept { return PairMask(_mm_cmple_pd(value, max)); }
 inline PairMask both_true(PairMask a, PairMask b) noexcept { return PairMask(_mm_and_pd(Pair(a), Pair(b))); }
 inline bool hold(PairMask mask) noexcept { return _mm_movemask_pd(Pair(mask)) == 3; }
 #else
-inline PairMask up_to(Pair value, Pair most) noexcept { return value <= most; }
+inline PairMask up_to(Pair value, Pair max) noexcept { return value <= max; }
 inline PairMask both_true(PairMask a, PairMask b) noexcept { return a & b; }
 inline bool hold(PairMask mask) noexcept { return (mask[0] & mask[1]) != 0; }
 #endif
-inline PairMask between(Pair least, Pair value, Pair most) noexcept {
-    return both_true(up_to(least, value), up_to(value, most));
-}
+inline PairMask between(Pair min, Pair value, Pair max) noexcept { return both_true(up_to(min, value), up_to(value, max)); }
 inline Pair magnitude(Pair pair) noexcept { return Pair(PairMask(pair) & PairMask{kAllButSign, kAllButSign}); }
 // 0 where the mask is not set.
 inline Pair only(Pair pair, PairMask mask) noexcept { return Pair(PairMask(pair) & mask); }

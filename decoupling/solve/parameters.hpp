@@ -17,7 +17,7 @@ namespace tactiled {
 struct Parameter {
     const char* name;
     const char* what;        // with the unit, for the error
-    double least, most;      // both allowed
+    double min, max;         // both allowed
     double fallback = kNaN;  // NaN: the model needs it
 };
 
@@ -37,9 +37,9 @@ inline std::string read_parameters(const Calibration& calibration, std::span<con
         out[i] = found == calibration.parameters.end() ? known[i].fallback : found->second;
         if (found == calibration.parameters.end() && !std::isnan(out[i])) continue;
         if (std::isnan(out[i])) return fmt::format("parameter {} is missing: {}", known[i].name, known[i].what);
-        if (!(out[i] >= known[i].least && out[i] <= known[i].most))
-            return fmt::format("parameter {} = {} is outside {} .. {}: {}", known[i].name, out[i], known[i].least,
-                               known[i].most, known[i].what);
+        if (!(out[i] >= known[i].min && out[i] <= known[i].max))
+            return fmt::format("parameter {} = {} is outside {} .. {}: {}", known[i].name, out[i], known[i].min,
+                               known[i].max, known[i].what);
     }
     return "";
 }

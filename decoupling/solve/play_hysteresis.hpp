@@ -12,15 +12,15 @@
 namespace tactiled {
 
 // y = sum over i of weight[i] * play of width threshold[i]; threshold[0] = 0 is the linear part.
-struct Plays {
-    static constexpr std::size_t kMost = 32;
+struct PlayOperators {
+    static constexpr std::size_t kMax = 32;
     std::size_t n = 0;
-    std::array<double, kMost> threshold{}, weight{};
+    std::array<double, kMax> threshold{}, weight{};
 
     // What is wrong, "" where nothing is: thresholds rise from 0, and the loading curve rises everywhere, that is the sums
     // of the first weights are above 0. setup
     static std::string fault_of(std::span<const double> thresholds, std::span<const double> weights) {
-        if (thresholds.empty() || thresholds.size() != weights.size() || thresholds.size() > kMost)
+        if (thresholds.empty() || thresholds.size() != weights.size() || thresholds.size() > kMax)
             return "hysteresis has 1 .. 32 rows";
         double sum = 0;
         for (std::size_t i = 0; i < thresholds.size(); ++i) {
@@ -33,8 +33,8 @@ struct Plays {
     }
 
     // The plays that undo these, exactly. setup
-    [[nodiscard]] Plays inverse() const {
-        Plays other;
+    [[nodiscard]] PlayOperators inverse() const {
+        PlayOperators other;
         other.n = n;
         double slope = 0;  // of the loading curve beyond threshold i
         for (std::size_t i = 0; i < n; ++i) {
@@ -52,17 +52,17 @@ struct Plays {
 class PlayState {
 public:
     // The next value through the plays; what is not finite is not remembered. rt: wait-free
-    double next(const Plays& plays, double value) noexcept {
+    double next(const PlayOperators& operators, double value) noexcept {
         if (!std::isfinite(value)) return value;
         double sum = 0;
-        for (std::size_t i = 0; i < plays.n; ++i) {
-            state_[i] = std::max(value - plays.threshold[i], std::min(value + plays.threshold[i], state_[i]));
-            sum += plays.weight[i] * state_[i];
+        for (std::size_t i = 0; i < operators.n; ++i) {
+            state_[i] = std::max(value - operators.threshold[i], std::min(value + operators.threshold[i], state_[i]));
+            sum += operators.weight[i] * state_[i];
         }
-        if (!settled_ && plays.n > 0) {
-            least_ = std::min(least_, value);
-            most_ = std::max(most_, value);
-            settled_ = most_ - least_ >= 2 * plays.threshold[plays.n - 1];
+        if (!settled_ && operators.n > 0) {
+            min_ = std::min(min_, value);
+            max_ = std::max(max_, value);
+            settled_ = max_ - min_ >= 2 * operators.threshold[operators.n - 1];
         }
         return sum;
     }
@@ -76,9 +76,9 @@ public:
     [[nodiscard]] bool is_settled() const noexcept { return settled_; }
 
 private:
-    std::array<double, Plays::kMost> state_{};
+    std::array<double, PlayOperators::kMax> state_{};
     bool settled_ = true;
-    double least_ = std::numeric_limits<double>::infinity(), most_ = -least_;
+    double min_ = std::numeric_limits<double>::infinity(), max_ = -min_;
 };
 
 }  // namespace tactiled

@@ -90,7 +90,7 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
 }
 
 void GaugeSolver::find_any(const Subset& subset, const double* r, Solved& solved) const noexcept {
-    n_loads_ <= 3 ? find<3>(subset, r, solved) : find<kMostLoads>(subset, r, solved);
+    n_loads_ <= 3 ? find<3>(subset, r, solved) : find<kMaxLoads>(subset, r, solved);
 }
 
 // The gauges do not determine the loads, or they disagree: one of them is dead, or which is wrong is not known.
@@ -113,9 +113,9 @@ GaugeSolver::Solved GaugeSolver::solve_disagreeing(const double* r, std::uint32_
 // not be known.
 GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::uint32_t usable, const Solved& all) const noexcept {
     struct {
-        std::size_t gauge = kMostGauges;  // none
+        std::size_t gauge = kMaxGauges;  // none
         double taken_off = 0;
-    } most[2];
+    } max[2];
     for (std::size_t k = 0; k < n_gauges_; ++k) {
         const double read = r[k] + zero_[k], noise2 = noise2_[k / 2][k % 2];
         if ((usable >> k & 1u) == 0 || !(read * read <= 9 * noise2) || !subsets_[usable & ~(1u << k)].solvable) continue;
@@ -124,18 +124,18 @@ GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::uint32_t usa
         const double rest = r[k] - predicted, free = subsets_[usable].free[k];
         if (!(rest * rest > kDoubtful * kDoubtful * noise2 * free * free)) continue;
         const double taken_off = rest * rest / (noise2 * free);
-        if (taken_off > most[0].taken_off) {
-            most[1] = most[0];
-            most[0] = {k, taken_off};
-        } else if (taken_off > most[1].taken_off) {
-            most[1] = {k, taken_off};
+        if (taken_off > max[0].taken_off) {
+            max[1] = max[0];
+            max[0] = {k, taken_off};
+        } else if (taken_off > max[1].taken_off) {
+            max[1] = {k, taken_off};
         }
     }
     Solved found;
-    double live[kMostGauges];
-    for (const auto& candidate : most) {
-        if (candidate.gauge == kMostGauges) continue;
-        std::copy_n(r, kMostGauges, live);
+    double live[kMaxGauges];
+    for (const auto& candidate : max) {
+        if (candidate.gauge == kMaxGauges) continue;
+        std::copy_n(r, kMaxGauges, live);
         live[candidate.gauge] = 0;
         Solved solved;
         solved.used = usable & ~(1u << candidate.gauge);

@@ -13,7 +13,7 @@
 
 namespace tactiled {
 
-inline constexpr std::size_t kMostGauges = 8, kMostLoads = 5;
+inline constexpr std::size_t kMaxGauges = 8, kMaxLoads = 5;
 
 class GaugeSolver {
 public:
@@ -23,7 +23,7 @@ public:
                 const std::vector<double>& zero, std::uint32_t inner, int inner_needed);
 
     struct Solved {
-        double load[kMostLoads]{};
+        double load[kMaxLoads]{};
         std::uint32_t used = 0;  // bit k: gauge k; 0 = these gauges do not determine the loads
         // Root mean square of what the loads leave unexplained, a degree of freedom, in standard deviations of noise
         // and a gain error of 1 % together; NaN where there are no more gauges than loads.
@@ -31,16 +31,16 @@ public:
         bool dead = false;      // a gauge that delivers 0 although the others demand a reading was left out
         bool doubtful = false;  // gauges disagree, and which is wrong is not known
     };
-    // Of kMostGauges readings, less their zeros, finite, 0 where not usable; `kLoads` as in the constructor or more.
+    // Of kMaxGauges readings, less their zeros, finite, 0 where not usable; `kLoads` as in the constructor or more.
     // rt: wait-free
-    template <std::size_t kLoads = kMostLoads>
+    template <std::size_t kLoads = kMaxLoads>
     [[nodiscard]] Solved solve(const double* r, std::uint32_t usable) const noexcept;
     // Its two halves: where the gauges agree, which nearly all readings do, else used = 0; and for the others. rt: wait-free
-    template <std::size_t kLoads = kMostLoads>
+    template <std::size_t kLoads = kMaxLoads>
     [[nodiscard]] Solved solve_agreeing(const double* r, std::uint32_t usable) const noexcept;
     [[nodiscard]] Solved solve_disagreeing(const double* r, std::uint32_t usable) const noexcept;
 
-    // Standard deviation of each load with the gauges `used`, as a multiple of that with all; kMostLoads + 1 of them.
+    // Standard deviation of each load with the gauges `used`, as a multiple of that with all; kMaxLoads + 1 of them.
     // rt: wait-free
     [[nodiscard]] const double* sd_factors(std::uint32_t used) const noexcept { return subsets_.data()[used].sd_factor; }
     [[nodiscard]] double sd_factor(std::size_t j, std::uint32_t used) const noexcept { return sd_factors(used)[j]; }
@@ -60,16 +60,16 @@ private:
     // gauge alone has to be off by about 12 % of the others' reading to reach kDoubtful.
     static constexpr double kGainError = 0.01;
 
-    static constexpr std::size_t kPairs = kMostGauges / 2;
+    static constexpr std::size_t kPairs = kMaxGauges / 2;
     using Gauges = Pair[kPairs];
     struct Subset {
-        Gauges inverse[kMostLoads]{};  // a row a load; 0 where not used
-        Gauges gains[kMostLoads]{};    // likewise
-        alignas(16) double sd_factor[kMostLoads + 1]{};
+        Gauges inverse[kMaxLoads]{};  // a row a load; 0 where not used
+        Gauges gains[kMaxLoads]{};    // likewise
+        alignas(16) double sd_factor[kMaxLoads + 1]{};
         double gain_error2_per_read2 = 0, per_freedom = 0;  // kGainError^2 / gauges, 1 / (gauges - loads)
         bool solvable = false, can_disagree = false;        // there are more gauges than loads
-        double free[kMostGauges]{};  // the part of a gauge's prediction that is not made of its own reading
-        double sd[kMostLoads]{};     // of the loads
+        double free[kMaxGauges]{};  // the part of a gauge's prediction that is not made of its own reading
+        double sd[kMaxLoads]{};     // of the loads
         double condition = 0;
     };
     Subset prepare(std::uint32_t usable, std::vector<std::size_t>* confused) const;
@@ -83,7 +83,7 @@ private:
     std::vector<Subset> subsets_;  // index: bit k set where gauge k is usable
     std::size_t n_gauges_, n_loads_;
     std::vector<double> zero_;
-    double gains_[kMostLoads][kMostGauges]{};  // a row a load; 0 where there is no gauge
+    double gains_[kMaxLoads][kMaxGauges]{};  // a row a load; 0 where there is no gauge
     std::vector<std::size_t> confused_;
 };
 

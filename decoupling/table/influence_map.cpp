@@ -31,21 +31,21 @@ Grid grid_of(const std::vector<std::vector<double>>& rows) {
     };
     if (rows.size() < 40 || rows.front().size() != 26)
         return refuse("needed are 40 rows and more of 26: x_m y_m and the strain per N of Fx Fy Fz for R1 .. R8");
-    double least = std::numeric_limits<double>::infinity(), most = 0;
+    double min = std::numeric_limits<double>::infinity(), max = 0;
     std::size_t centres = 0;
-    for (std::size_t i = 0; i < rows.size(); ++i) most = std::max(most, std::hypot(rows[i][0], rows[i][1]));
+    for (std::size_t i = 0; i < rows.size(); ++i) max = std::max(max, std::hypot(rows[i][0], rows[i][1]));
     for (std::size_t i = 0; i < rows.size(); ++i) {
         const double r = std::hypot(rows[i][0], rows[i][1]);
-        if (r > 1e-3 * most) {
-            least = std::min(least, r);
+        if (r > 1e-3 * max) {
+            min = std::min(min, r);
         } else {
             grid.centre = i;
             ++centres;
         }
     }
-    if (centres != 1 || !(most > 0)) return refuse(fmt::format("{} points at the centre; one is needed", centres));
-    grid.rings = int(std::lround(std::min(most / least, 1e6)));
-    grid.spacing_m = most / grid.rings;
+    if (centres != 1 || !(max > 0)) return refuse(fmt::format("{} points at the centre; one is needed", centres));
+    grid.rings = int(std::lround(std::min(max / min, 1e6)));
+    grid.spacing_m = max / grid.rings;
     const std::size_t around = rows.size() - 1;
     if (grid.rings < 4 || around % std::size_t(grid.rings) != 0 || around / std::size_t(grid.rings) % 2 != 0 ||
         around / std::size_t(grid.rings) < 8)

@@ -29,7 +29,7 @@ public:
         : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0), solver_(std::move(solver)) {}
     [[gnu::flatten]] Estimate decouple(const Reading& reading) noexcept override {
         if constexpr (kGauges != 0) {
-            alignas(16) double r[kMostGauges];
+            alignas(16) double r[kMaxGauges];
             if (reading.channel.size() != kGauges || !is_plain<kGauges>(reading, r)) [[unlikely]]
                 return decouple_any(reading);
             const auto solved = solver_.solve_agreeing<3>(r, kAll);

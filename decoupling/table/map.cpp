@@ -89,7 +89,7 @@ private:
         if (dead_ != 0) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
         const double unexplained = residual(contact, usable, variance);
         if (unexplained <= kDoubtful) disagreements_ = 0;
-        solver_.deviations(y, usable, variance, contact);
+        solver_.sds(y, usable, variance, contact);
         const double force_sd = noise_ / std::sqrt(variance) * contact.force_sd_N;
         if (!(unexplained <= kDoubtful) || !(contact.force_N.norm() > locate_ * force_sd)) {
             if (!(unexplained <= kDoubtful)) estimate.reasons |= TACTILED_DISAGREEMENT;
@@ -195,8 +195,8 @@ private:
     // The forces of a load spread over the plate; moments 0, for its middle is the plate's. `true_here`: that is the
     // contact, or nothing touches.
     void spread_evenly(Input& input, Estimate& estimate, bool true_here) noexcept {
-        double r[kMostGauges];
-        for (std::size_t k = 0; k < kMostGauges; ++k) r[k] = (dead_ >> k & 1u) != 0 ? 0 : input.r.data()[k];
+        double r[kMaxGauges];
+        for (std::size_t k = 0; k < kMaxGauges; ++k) r[k] = (dead_ >> k & 1u) != 0 ? 0 : input.r.data()[k];
         const auto solved = spread_.solve<3>(r, input.usable & ~dead_);
         if (solved.used == 0) return;  // BAD
         if (true_here && !point_) {

@@ -21,7 +21,7 @@ namespace {
 class TableNonlinear final : public CheckedModel {
 public:
     TableNonlinear(const Calibration& calibration, GaugeSolver solver, MonotoneCurve normal_of_reading,
-                   const std::array<Plays, 3>& undo)
+                   const std::array<PlayOperators, 3>& undo)
         : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0),
           solver_(std::move(solver)),
           normal_of_reading_(std::move(normal_of_reading)),
@@ -56,7 +56,7 @@ private:
     GaugeSolver solver_;
     MonotoneCurve normal_of_reading_;
     bool has_curve_;
-    std::array<Plays, 3> undo_;  // n = 0: no hysteresis is known
+    std::array<PlayOperators, 3> undo_;  // n = 0: no hysteresis is known
     std::array<PlayState, 3> state_;
 };
 
@@ -85,7 +85,7 @@ std::unique_ptr<Decoupler> make_table_nonlinear(const Calibration& calibration, 
         }
         curve = MonotoneCurve(reading, normal);
     }
-    std::array<Plays, 3> undo;
+    std::array<PlayOperators, 3> undo;
     if (calibration.tables.count("hysteresis") != 0) {
         // Rows: threshold in N, then the weights of Fx, Fy and N.
         const auto* rows = table_of(calibration, "hysteresis", 0, 4, fault);
@@ -96,16 +96,16 @@ std::unique_ptr<Decoupler> make_table_nonlinear(const Calibration& calibration, 
                 thresholds.push_back(row[0]);
                 weights.push_back(row[c + 1]);
             }
-            fault = Plays::fault_of(thresholds, weights);
+            fault = PlayOperators::fault_of(thresholds, weights);
             if (!fault.empty()) {
                 fault = "table hysteresis: " + fault;
                 return nullptr;
             }
-            Plays plays;
-            plays.n = thresholds.size();
-            std::copy(thresholds.begin(), thresholds.end(), plays.threshold.begin());
-            std::copy(weights.begin(), weights.end(), plays.weight.begin());
-            undo[c] = plays.inverse();
+            PlayOperators operators;
+            operators.n = thresholds.size();
+            std::copy(thresholds.begin(), thresholds.end(), operators.threshold.begin());
+            std::copy(weights.begin(), weights.end(), operators.weight.begin());
+            undo[c] = operators.inverse();
         }
     }
     auto solver = solver_of_signs(calibration, fault);

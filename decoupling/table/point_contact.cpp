@@ -130,7 +130,7 @@ PointContact PointSolver::refine(const Gauges& y, std::uint32_t usable, const Po
     return best;
 }
 
-void PointSolver::deviations(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) const noexcept {
+void PointSolver::sds(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) const noexcept {
     InfluenceMap::At at;
     map_.at(contact.point_m.x(), contact.point_m.y(), at);
     Eigen::Matrix<double, 8, 5> a;  // of Fx Fy Fz, then x and y

@@ -42,7 +42,7 @@ public:
     // Fills `contact.sd` for readings of this variance; infinite where the gauges do not tell. Where the force bends along
     // the direction that the gauges tell worst, what it changes by over two standard deviations counts, not only its slope.
     // rt: wait-free
-    void deviations(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) const noexcept;
+    void sds(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) const noexcept;
     // Orthonormal basis of what forces at a point make the gauges read. setup
     [[nodiscard]] Influence basis(const Eigen::Vector2d& point_m) const noexcept;
 

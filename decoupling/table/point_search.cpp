@@ -136,8 +136,8 @@ void PointSearch::pick(std::size_t ring, std::size_t angle) noexcept {
     const float squares = squares_[ring == 0 ? 0 : 1 + (ring - 1) * kAngles + angle];
     std::size_t place = n_candidates_;
     while (place > 0 && squares < candidates_[place - 1].squares) --place;
-    if (place == kMostCandidates) return;
-    n_candidates_ = std::min(n_candidates_ + 1, kMostCandidates);
+    if (place == kMaxCandidates) return;
+    n_candidates_ = std::min(n_candidates_ + 1, kMaxCandidates);
     for (std::size_t i = n_candidates_ - 1; i > place; --i) candidates_[i] = candidates_[i - 1];
     candidates_[place] = {squares, {}};
     candidates_[place].contact.point_m = point_of(ring, angle);
@@ -175,9 +175,9 @@ void PointSearch::downhill() noexcept {
 void PointSearch::aside() noexcept {
     PointContact& best = candidates_[0].contact;
     if (at_ == 0) {
-        solver_.deviations(y_, usable_, variance_, best);
+        solver_.sds(y_, usable_, variance_, best);
         aside_m_ = kAside_m * best.worst;
-        n_candidates_ = std::min(n_candidates_, kMostCandidates - 4);  // the worst make room
+        n_candidates_ = std::min(n_candidates_, kMaxCandidates - 4);  // the worst make room
     }
     constexpr double kTimes[] = {1, -1, 2, -2};
     candidates_[n_candidates_++].contact =
@@ -189,7 +189,7 @@ void PointSearch::judge() noexcept {
     for (std::size_t i = 1; i < n_candidates_; ++i)
         if (candidates_[i].contact.squares < candidates_[0].contact.squares) std::swap(candidates_[0], candidates_[i]);
     PointContact& best = candidates_[0].contact;
-    solver_.deviations(y_, usable_, variance_, best);
+    solver_.sds(y_, usable_, variance_, best);
     ambiguous_ = false;
     const auto moments = [](const PointContact& contact) {
         const auto& f = contact.force_N;

@@ -32,7 +32,7 @@ public:
     [[nodiscard]] bool is_ambiguous() const noexcept { return ambiguous_; }
 
 private:
-    static constexpr std::size_t kLanes = 8, kMostCandidates = 16;
+    static constexpr std::size_t kLanes = 8, kMaxCandidates = 16;
     enum class Stage { kScan, kMinima, kDownhill, kAside, kDone };
     // Orthonormal bases of the influence at eight points: [Fx Fy Fz][gauge][point]. Single precision: it chooses where to
     // start, no more.
@@ -55,7 +55,7 @@ private:
     std::size_t rings_;
     std::vector<Block> blocks_;
     std::vector<float> squares_;  // of each point: the centre, then ring by ring
-    std::array<Candidate, kMostCandidates> candidates_;
+    std::array<Candidate, kMaxCandidates> candidates_;
     std::size_t n_candidates_ = 0, at_ = 0, round_ = 0;
     Eigen::Vector2d aside_m_ = Eigen::Vector2d::Zero();
     Gauges y_ = Gauges::Zero();

@@ -23,13 +23,13 @@ constexpr std::uint32_t kVtUs = 20'100, kResetUs = 1000;
 constexpr std::uint32_t kCapUs[] = {11'000, 11'900, 20'000, 38'000, 62'000, 77'000, 92'000, 109'600};
 constexpr double kPfPerCount = 4.096 / 0x800000;
 constexpr std::uint32_t kZero = 0x800000, kTop = 0xFFFFFF;
-constexpr unsigned kMostElectrodes = 16;
+constexpr unsigned kMaxElectrodes = 16;
 
 class Ad7746 final : public Chip {
 public:
     explicit Ad7746(Options& options)
         : rate_(choice(options, "rate_Hz", {91, 84, 50, 26, 16, 13, 11, 9}, 91)),
-          electrodes_(unsigned(options.integer("electrodes", {0, kMostElectrodes}, 0))),
+          electrodes_(unsigned(options.integer("electrodes", {0, kMaxElectrodes}, 0))),
           channels_(electrodes_ != 0 ? electrodes_ : unsigned(options.integer("channels", {1, 2}, 1))),
           differential_(options.flag("differential", false)),
           temperature_(options.flag("temperature", false)) {
@@ -99,8 +99,8 @@ public:
 private:
     using Settings = std::array<std::uint8_t, 6>;  // registers 7 .. 12
 
-    std::array<std::uint8_t, kMostElectrodes> dacs(Options& options, std::string_view key) const {
-        std::array<std::uint8_t, kMostElectrodes> codes{};
+    std::array<std::uint8_t, kMaxElectrodes> dacs(Options& options, std::string_view key) const {
+        std::array<std::uint8_t, kMaxElectrodes> codes{};
         const auto values = options.numbers(key, {0, 127}, {0, channels_});
         for (std::size_t i = 0; i < values.size(); ++i)
             codes[i] = values[i] > 0 ? std::uint8_t(kDacOn | unsigned(std::lround(values[i]))) : std::uint8_t{0};
@@ -153,7 +153,7 @@ private:
     unsigned rate_, electrodes_, channels_;  // channels_ is how many of either there are
     bool differential_, temperature_;
     std::uint8_t excitation_ = 0;
-    std::array<std::uint8_t, kMostElectrodes> dac_a_{}, dac_b_{};
+    std::array<std::uint8_t, kMaxElectrodes> dac_a_{}, dac_b_{};
     unsigned at_ = 0;        // the channel that is converted now
     bool is_stale_ = false;  // the one before still looks ready: not to be told from it
     Frame frame_;

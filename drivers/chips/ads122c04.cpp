@@ -129,8 +129,8 @@ private:
             answer = read_checked(port, at(kReadRegister, i), value, is_register_good);
             if (answer != Answer::ok) return answer;
             is_good = is_good && is_register_good;
-            const bool is_told = is_register_good || !has_crc;  // else a bit was disturbed on the way
-            is_same = !is_told || (i == kWithCounter ? value & ~kReady : value) == set_[i];
+            const bool is_reported = is_register_good || !has_crc;  // else a bit was disturbed on the way
+            is_same = !is_reported || (i == kWithCounter ? value & ~kReady : value) == set_[i];
         }
         if (is_good) turn_ = next;
         return answer;

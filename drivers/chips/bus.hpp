@@ -8,15 +8,15 @@ namespace tactiled {
 
 enum class Answer : std::uint8_t {
     ok,
-    absent,   // nobody acknowledged the address
-    failed,   // lost arbitration, a byte not taken: the bus works
-    timeout,  // the bus hangs: nothing on it can be read
-    gone      // the adapter vanished
+    absent,       // nobody acknowledged the address
+    failed,       // lost arbitration, a byte not taken: the bus works
+    timeout,      // the bus hangs: nothing on it can be read
+    disconnected  // the adapter vanished
 };
 
 class I2cBus {
 public:
-    static constexpr std::size_t kMostBytes = 32;  // a transfer and direction: what SMBus block transfers carry
+    static constexpr std::size_t kMaxBytes = 32;  // a transfer and direction: what SMBus block transfers carry
 
     virtual ~I2cBus() = default;
 

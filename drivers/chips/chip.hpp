@@ -72,12 +72,11 @@ public:
 
 struct ChipEntry {
     std::string_view name;  // as in `chip = "ad7746"`
-    std::uint8_t least_address, most_address;
+    std::uint8_t min_address, max_address;
     std::unique_ptr<Chip> (*make)(Options& options);  // reads the chip's own keys; errors go to the options' Problems
     const ChipEntry* next;
 
-    ChipEntry(std::string_view name_, std::uint8_t least, std::uint8_t most,
-              std::unique_ptr<Chip> (*make_)(Options&)) noexcept;
+    ChipEntry(std::string_view name_, std::uint8_t min, std::uint8_t max, std::unique_ptr<Chip> (*make_)(Options&)) noexcept;
 };
 
 // nullptr where no chip has that name. setup

@@ -44,8 +44,8 @@ public:
         const double period = is_learned_ ? period_ns() : nominal_ns_;
         // `base_ns_` is late by up to a step. Where this end was seen, it was half way between the two questions, or so.
         const double ended = seen ? elapsed - double(before_ns - not_ready_ns_) / 2 + period / 2 : 0;
-        const double most = std::max(held + kLate * period, ended) / period;
-        const std::uint32_t passed = known != 0 ? known : std::uint32_t(std::clamp(most, 1.0, 1e6));
+        const double max = std::max(held + kLate * period, ended) / period;
+        const std::uint32_t passed = known != 0 ? known : std::uint32_t(std::clamp(max, 1.0, 1e6));
         since_mark_ += passed;
         if (seen && passed == 1) {
             if (is_single_)
@@ -56,7 +56,7 @@ public:
             const bool is_close = double(before_ns - not_ready_ns_) < kClose * period;
             base_ns_ = is_close ? before_ns : std::clamp(base_ns_ + std::uint64_t(period), not_ready_ns_, before_ns);
             in_a_row_ = 0;
-        } else if (++in_a_row_ > kMostLate && passed == 1) {  // the chip is faster than was learned
+        } else if (++in_a_row_ > kMaxLate && passed == 1) {  // the chip is faster than was learned
             forget();
             base_ns_ = before_ns - std::uint64_t(nominal_ns_ * kStep);
             mark_ns_ = in_a_row_ = 0;
@@ -80,9 +80,9 @@ private:
     static constexpr double kStep = 1.0 / 32;    // of a conversion, between two questions: the age that is accepted
     static constexpr double kCreep = 1.0 / 128;  // four good guesses for each question too early
     static constexpr double kLate = 0.1;
-    static constexpr double kClose = 0.4;           // a slow bus needs 0.3 for a question
-    static constexpr std::uint32_t kMostLate = 64;  // good guesses in a row: a slow bus takes up to 40
-    static constexpr std::uint32_t kLong = 64;      // conversions that a rate is averaged over
+    static constexpr double kClose = 0.4;          // a slow bus needs 0.3 for a question
+    static constexpr std::uint32_t kMaxLate = 64;  // good guesses in a row: a slow bus takes up to 40
+    static constexpr std::uint32_t kLong = 64;     // conversions that a rate is averaged over
 
     void learn(double scale) noexcept { scale_ = std::clamp(scale, kFastest, kSlowest); }
 

@@ -17,20 +17,20 @@ constexpr std::uint8_t kTouch = 0x00, kConfig = 0x5C, kElectrodes = 0x5E, kSoftR
 constexpr std::uint8_t kOverCurrent = 0x80;  // in register 1
 constexpr std::uint8_t kNoBaseline = 0x40;   // baselines are not followed: the force is what we look for
 constexpr std::uint8_t kResetConfig2 = 0x24;
-constexpr std::size_t kData = 4, kMost = 13;  // the first electrode's register
-constexpr std::uint16_t kRail = 0x3FF;
+constexpr std::size_t kData = 4, kMax = 13;  // the first electrode's register
+constexpr std::uint16_t kSaturationLimit = 0x3FF;
 constexpr unsigned kSamples[] = {4, 6, 10, 18};
 constexpr std::uint32_t kResetUs = 1000;
 
 class Mpr121 final : public Chip {
 public:
     explicit Mpr121(Options& options)
-        : electrodes_(unsigned(options.integer("electrodes", {1, kMost}, kMost))),
+        : electrodes_(unsigned(options.integer("electrodes", {1, kMax}, kMax))),
           samples_(choice(options, "samples", {4, 6, 10, 18}, 4)),
           interval_(choice(options, "interval_ms", {1, 2, 4, 8, 16, 32, 64, 128}, 1)) {
         const auto current = unsigned(options.integer("charge_uA", {1, 63}, 16));
         const unsigned time = 1 + choice(options, "charge_us", {0.5, 1, 2, 4, 8, 16, 32}, 0.5);
-        const unsigned on = electrodes_ == kMost ? 0x30u | 12u : electrodes_;
+        const unsigned on = electrodes_ == kMax ? 0x30u | 12u : electrodes_;
         set_ = {std::uint8_t(current), std::uint8_t(time << 5 | samples_ << 3 | interval_), std::uint8_t(kNoBaseline | on)};
     }
 
@@ -47,7 +47,7 @@ public:
     }
 
     Reading read(Port& port, Frame& frame) noexcept override {
-        std::array<std::uint8_t, kData + 2 * kMost> all{};
+        std::array<std::uint8_t, kData + 2 * kMax> all{};
         std::array<std::uint8_t, 3> found{};
         Answer answer = port.read(kTouch, {all.data(), kData + 2 * electrodes_});
         if (answer == Answer::ok) answer = port.read(kConfig, found);
@@ -58,7 +58,7 @@ public:
         for (unsigned n = 0; n < electrodes_; ++n) {
             const auto count = std::uint16_t(all[kData + 2 * n] | (all[kData + 2 * n + 1] & 3) << 8);
             frame.channel[n] = count;
-            if (count == 0 || count == kRail) frame.saturated |= 1u << n;
+            if (count == 0 || count == kSaturationLimit) frame.saturated |= 1u << n;
         }
         return {.kind = Reading::frame};
     }

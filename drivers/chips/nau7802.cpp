@@ -17,7 +17,7 @@ constexpr std::uint8_t kCalibrate = 0x04, kCalibrationFailed = 0x08, kInput2 = 0
 constexpr unsigned kRates_Hz[] = {10, 20, 40, 80, 320};
 constexpr std::uint8_t kRateCodes[] = {0, 1, 2, 3, 7};
 constexpr unsigned kSettling = 6;                                  // conversions that still carry what was before
-constexpr unsigned kMostAsked = 200;                               // times 10 ms, whether a calibration is done
+constexpr unsigned kMaxAsked = 200;                                // times 10 ms, whether a calibration is done
 constexpr std::uint32_t kPowerUpUs = 1000, kAvddSettlesUs = 5000;  // the second from knowledge
 
 class Nau7802 final : public Chip {
@@ -103,7 +103,7 @@ private:
         if (asked_ == 0) calibrating_ = channels_;
         if (asked_ > 0) {
             answer = port.read(kRate, {&value, 1});
-            if (answer == Answer::ok && ((value & kCalibrationFailed) != 0 || asked_ > kMostAsked)) answer = Answer::failed;
+            if (answer == Answer::ok && ((value & kCalibrationFailed) != 0 || asked_ > kMaxAsked)) answer = Answer::failed;
             if (answer != Answer::ok) return {answer};
             if ((value & kCalibrate) != 0) {
                 ++asked_;

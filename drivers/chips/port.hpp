@@ -31,7 +31,7 @@ public:
 
     // Turns the chip's own switch to that electrode. rt: as Selector::select
     [[nodiscard]] Answer select(unsigned electrode) noexcept {
-        return selector_ == nullptr || selector_->select(electrode) ? Answer::ok : Answer::gone;
+        return selector_ == nullptr || selector_->select(electrode) ? Answer::ok : Answer::disconnected;
     }
 
     [[nodiscard]] const Place& place() const noexcept { return place_; }
@@ -39,7 +39,7 @@ public:
 
 private:
     Answer transfer(std::span<const std::uint8_t> out, std::span<std::uint8_t> in) noexcept {
-        assert(!out.empty() && out.size() <= I2cBus::kMostBytes && in.size() <= I2cBus::kMostBytes);
+        assert(!out.empty() && out.size() <= I2cBus::kMaxBytes && in.size() <= I2cBus::kMaxBytes);
         Answer answer = place_.mux != 0 ? muxes_.select(place_.mux, place_.channel) : Answer::ok;
         if (answer == Answer::ok) answer = bus_.transfer(place_.address, out, in);
         if (answer == Answer::ok) {

@@ -10,9 +10,9 @@ namespace {
 constinit const ChipEntry* first = nullptr;  // filled by the entries' constructors, before main
 }
 
-ChipEntry::ChipEntry(std::string_view name_, std::uint8_t least, std::uint8_t most,
+ChipEntry::ChipEntry(std::string_view name_, std::uint8_t min, std::uint8_t max,
                      std::unique_ptr<Chip> (*make_)(Options&)) noexcept
-    : name(name_), least_address(least), most_address(most), make(make_), next(first) {
+    : name(name_), min_address(min), max_address(max), make(make_), next(first) {
     first = this;
 }
 

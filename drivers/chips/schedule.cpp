@@ -7,7 +7,7 @@
 namespace tactiled {
 namespace {
 constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kMostOpenNs = 500 * kMs;  // a driver may block for a second, and one transfer more may hang
+constexpr std::uint64_t kMaxOpenNs = 500 * kMs;  // a driver may block for a second, and one transfer more may hang
 }  // namespace
 
 void Schedule::add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts,
@@ -30,17 +30,17 @@ void Schedule::wait_until(std::uint64_t t_ns) noexcept {
 std::string Schedule::open() {
     muxes_.forget();
     for (Station& station : stations_) station.start();
-    const std::uint64_t until_ns = bus_.now_ns() + kMostOpenNs;
+    const std::uint64_t until_ns = bus_.now_ns() + kMaxOpenNs;
     for (Station& station : stations_) {
         while (!station.is_settled() && bus_.now_ns() < until_ns) {
             while (bus_.now_ns() < station.due_ns()) wait_until(station.due_ns());
             Frame unused;
-            switch (station.turn(unused)) {
-                case Station::Turn::hangs:
+            switch (station.step(unused)) {
+                case Station::Outcome::hangs:
                     return "the bus hangs, a transfer to " + station.place() +
                            " was never answered: SDA or SCL is held low, or the adapter has stopped; switch chips and "
                            "adapter off and on";
-                case Station::Turn::gone: return "the adapter is gone; plug it in again";
+                case Station::Outcome::disconnected: return "the adapter is gone; plug it in again";
                 default: break;
             }
         }
@@ -57,11 +57,11 @@ Status Schedule::read(Frame& frame, int timeout_ms) noexcept {
         wait_until(std::min(first_due().due_ns(), until_ns));
         Station& station = first_due();
         if (bus_.now_ns() < station.due_ns()) continue;
-        switch (station.turn(frame)) {
-            case Station::Turn::frame: return Status::frame;
-            case Station::Turn::nothing: break;
-            case Station::Turn::hangs:
-            case Station::Turn::gone: return Status::gone;
+        switch (station.step(frame)) {
+            case Station::Outcome::frame: return Status::frame;
+            case Station::Outcome::nothing: break;
+            case Station::Outcome::hangs:
+            case Station::Outcome::disconnected: return Status::disconnected;
         }
     } while (bus_.now_ns() < until_ns);
     return Status::timeout;

@@ -9,11 +9,11 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kUs = 1000, kMs = 1'000'000;
-constexpr unsigned kLeastPauseMs = 10, kMostPauseMs = 1000;
+constexpr unsigned kMinPauseMs = 10, kMaxPauseMs = 1000;
 // A chip that says for so long and so often that no conversion is ready has stopped. Often: it may be us who stood still.
 constexpr std::uint64_t kPatience = 3;  // conversions, and
-constexpr std::uint64_t kLeastPatienceNs = 20 * kMs;
-constexpr unsigned kLeastAsked = 10;
+constexpr std::uint64_t kMinPatienceNs = 20 * kMs;
+constexpr unsigned kMinAsked = 10;
 // Of a conversion: a value that was taken so soon after an edge is of that edge, though the chip's clock be 12 % fast.
 constexpr double kOfThisEdge = 0.8;
 // Where the line has edges the clock's own question waits for so much of a conversion longer, so that it does not come
@@ -21,7 +21,7 @@ constexpr double kOfThisEdge = 0.8;
 constexpr std::uint64_t kWaitForEdge = 8;
 // After so many questions in vain since the last conversion edges hasten nothing more: a noisy line costs no more than
 // these.
-constexpr unsigned kMostHastened = 4;
+constexpr unsigned kMaxHastened = 4;
 
 }  // namespace
 
@@ -41,29 +41,29 @@ void Station::set_up_again() noexcept {
     due_ns_ = port_.now_ns();
 }
 
-Station::Turn Station::fail(Answer answer) noexcept {
-    if (answer == Answer::gone) return Turn::gone;
-    if (answer == Answer::timeout) return Turn::hangs;
+Station::Outcome Station::fail(Answer answer) noexcept {
+    if (answer == Answer::disconnected) return Outcome::disconnected;
+    if (answer == Answer::timeout) return Outcome::hangs;
     set_up_again();
-    pause_ms_ = std::clamp(2 * pause_ms_, kLeastPauseMs, kMostPauseMs);
+    pause_ms_ = std::clamp(2 * pause_ms_, kMinPauseMs, kMaxPauseMs);
     due_ns_ += pause_ms_ * kMs;
-    return Turn::nothing;
+    return Outcome::nothing;
 }
 
 // It answers, but not as this chip should.
-Station::Turn Station::give_up() noexcept {
+Station::Outcome Station::give_up() noexcept {
     ++counts_[TACTILED_LINK_BUS_ERROR];
     return fail(Answer::failed);
 }
 
 // At once, unless it had just been set up: then it does not keep what it is told.
-Station::Turn Station::restart() noexcept {
+Station::Outcome Station::restart() noexcept {
     if (!has_converted_) return give_up();
     set_up_again();
-    return Turn::nothing;
+    return Outcome::nothing;
 }
 
-Station::Turn Station::turn(Frame& frame) noexcept { return state_ == State::setting_up ? set_up() : convert(frame); }
+Station::Outcome Station::step(Frame& frame) noexcept { return state_ == State::setting_up ? set_up() : convert(frame); }
 
 void Station::look() noexcept {
     std::uint64_t t_ns = 0;
@@ -74,7 +74,7 @@ void Station::look() noexcept {
         due_ns_ = std::max(due_ns_, predicted_ns());
         return;
     }
-    if (asked_ >= kMostHastened) return;
+    if (asked_ >= kMaxHastened) return;
     edge_ns_ = t_ns;
     is_hastened_ = true;
     due_ns_ = std::min(due_ns_, port_.now_ns());
@@ -92,24 +92,24 @@ std::uint64_t Station::ended_ns(std::uint64_t before_ns, std::uint64_t now_ns) n
     return is_this ? edge_ns : 0;
 }
 
-Station::Turn Station::set_up() noexcept {
+Station::Outcome Station::set_up() noexcept {
     const Chip::Progress progress = chip_->set_up(port_, step_);
     if (progress.answer != Answer::ok) return fail(progress.answer);
     if (progress.kind == Chip::Progress::wrong) {
-        const Turn turn = give_up();
+        const Outcome step = give_up();
         is_wrong_ = true;
         found_ = progress.found;
-        return turn;
+        return step;
     }
     ++step_;
     due_ns_ = port_.now_ns() + progress.wait_us * kUs;
-    if (progress.kind == Chip::Progress::more) return Turn::nothing;
+    if (progress.kind == Chip::Progress::more) return Outcome::nothing;
     if (std::exchange(was_set_up_, true)) ++counts_[TACTILED_LINK_RESTARTED];
     state_ = State::converting;
     has_converted_ = false;  // until then edges may be of conversions that are still settling
     begin_conversion();
     due_ns_ += progress.wait_us * kUs;
-    return Turn::nothing;
+    return Outcome::nothing;
 }
 
 void Station::begin_conversion() noexcept {
@@ -119,16 +119,16 @@ void Station::begin_conversion() noexcept {
     due_ns_ = chip_->pace() == Pace::timed ? began_ns_ + chip_->conversion_ns() : clock_.next_poll_ns();
 }
 
-Station::Turn Station::convert(Frame& frame) noexcept {
+Station::Outcome Station::convert(Frame& frame) noexcept {
     const std::uint64_t before_ns = port_.now_ns();
     const Chip::Reading reading = chip_->read(port_, frame);
     if (reading.answer != Answer::ok) {
         // Once may be a disturbance: asked again at once. A chip that was reset meanwhile is told by what is read with the
         // value.
-        const bool hard = reading.answer == Answer::gone || reading.answer == Answer::timeout;
+        const bool hard = reading.answer == Answer::disconnected || reading.answer == Answer::timeout;
         if (hard || is_retry_) return fail(reading.answer);
         is_retry_ = true;
-        return Turn::nothing;
+        return Outcome::nothing;
     }
     is_retry_ = false;
     switch (reading.kind) {
@@ -143,17 +143,17 @@ Station::Turn Station::convert(Frame& frame) noexcept {
                 clock_.not_ready(before_ns, now_ns);
                 due_ns_ = clock_.next_poll_ns();
             }
-            const std::uint64_t patience_ns = kPatience * chip_->conversion_ns() + kLeastPatienceNs;
-            if (++asked_ < kLeastAsked || now_ns - began_ns_ < patience_ns) return Turn::nothing;
+            const std::uint64_t patience_ns = kPatience * chip_->conversion_ns() + kMinPatienceNs;
+            if (++asked_ < kMinAsked || now_ns - began_ns_ < patience_ns) return Outcome::nothing;
             return restart();
         }
         case Chip::Reading::part:
         case Chip::Reading::frame: return take(reading, before_ns, frame);
     }
-    return Turn::nothing;
+    return Outcome::nothing;
 }
 
-Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept {
+Station::Outcome Station::take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept {
     const bool is_first = !std::exchange(has_converted_, true);
     pause_ms_ = 0;
     const std::uint64_t now_ns = port_.now_ns();
@@ -180,12 +180,12 @@ Station::Turn Station::take(const Chip::Reading& reading, std::uint64_t before_n
     if (is_first) lost = 0;  // others were set up meanwhile: no frame was there to follow
     lost_ += lost;
     counts_[TACTILED_LINK_LOST] += lost;
-    if (reading.kind == Chip::Reading::part) return Turn::nothing;
+    if (reading.kind == Chip::Reading::part) return Outcome::nothing;
     frame.t_ns = edge_ns != 0 ? edge_ns : now_ns;
     frame.device = device_;
     frame.lost = std::exchange(lost_, 0);
     ++counts_[TACTILED_LINK_FRAMES];
-    return Turn::frame;
+    return Outcome::frame;
 }
 
 std::string Station::place() const {

@@ -18,9 +18,9 @@ public:
     // The link was opened anew. setup
     void start() noexcept;
 
-    enum class Turn : std::uint8_t { nothing, frame, hangs, gone };  // the last two: of the whole bus
+    enum class Outcome : std::uint8_t { nothing, frame, hangs, disconnected };  // the last two: of the whole bus
     // Does what is due. rt: blocks on the bus, for a few transfers
-    [[nodiscard]] Turn turn(Frame& frame) noexcept;
+    [[nodiscard]] Outcome step(Frame& frame) noexcept;
 
     // Looks at the chip's data-ready line, if it has one: an edge makes it due. A missed edge costs nothing but age, for the
     // clock's prediction stays. rt: as ReadyLine::take
@@ -38,16 +38,16 @@ public:
 private:
     enum class State : std::uint8_t { setting_up, converting };
 
-    Turn set_up() noexcept;
-    Turn convert(Frame& frame) noexcept;
+    Outcome set_up() noexcept;
+    Outcome convert(Frame& frame) noexcept;
     [[nodiscard]] std::uint64_t predicted_ns() const noexcept;
     [[nodiscard]] std::uint64_t ended_ns(std::uint64_t before_ns, std::uint64_t now_ns) noexcept;
-    Turn take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept;
+    Outcome take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept;
     void begin_conversion() noexcept;
     void set_up_again() noexcept;
-    Turn fail(Answer answer) noexcept;
-    Turn give_up() noexcept;
-    Turn restart() noexcept;
+    Outcome fail(Answer answer) noexcept;
+    Outcome give_up() noexcept;
+    Outcome restart() noexcept;
 
     std::string name_;
     std::unique_ptr<Chip> chip_;

@@ -7,22 +7,22 @@
 
 namespace tactiled {
 
-inline constexpr unsigned kMuxLeast = 0x70, kMuxMost = 0x77, kMuxChannels = 8;
+inline constexpr unsigned kMuxMin = 0x70, kMuxMax = 0x77, kMuxChannels = 8;
 
 // All switches of one bus. They belong to this driver alone: what is selected is remembered, not read.
 class Muxes {
 public:
     explicit Muxes(I2cBus& bus) noexcept : bus_(bus) {}
 
-    void add(std::uint8_t address) noexcept { muxes_[address - kMuxLeast].present = true; }
+    void add(std::uint8_t address) noexcept { muxes_[address - kMuxMin].present = true; }
 
     // Connects one channel of one switch and none of the others, where two chips of one address might answer at once.
     // Writes only what is not so already. rt: blocks on the bus
     [[nodiscard]] Answer select(std::uint8_t address, unsigned channel) noexcept {
         for (unsigned i = 0; i < kMuxChannels; ++i)
-            if (kMuxLeast + i != address)
+            if (kMuxMin + i != address)
                 if (const Answer answer = set(i, 0); answer != Answer::ok) return answer;
-        return set(address - kMuxLeast, std::uint8_t(1u << channel));
+        return set(address - kMuxMin, std::uint8_t(1u << channel));
     }
 
     // After an error nobody knows what is connected: a switch that lost its supply for a moment has nothing selected.
@@ -40,7 +40,7 @@ private:
         Mux& mux = muxes_[index];
         if (!mux.present || (mux.known && mux.mask == mask)) return Answer::ok;
         mux.known = false;
-        const Answer answer = bus_.transfer(std::uint8_t(kMuxLeast + index), {&mask, 1}, {});
+        const Answer answer = bus_.transfer(std::uint8_t(kMuxMin + index), {&mask, 1}, {});
         if (answer != Answer::ok) return answer;
         mux = {true, true, mask};
         return Answer::ok;

@@ -30,7 +30,7 @@ std::string MessageFile::open(const std::string& path) {
     if (fd_ < 0 || ::fstat(fd_, &about) != 0) return fmt::format("{}: {}", path, std::strerror(errno));
     if (!S_ISREG(about.st_mode)) return fmt::format("{}: is no file", path);
     size_ = std::uint64_t(about.st_size);
-    record_.resize(std::size_t(std::clamp<std::uint64_t>(size_, kMagic.size() + kRecordHead, kMostRecord)));
+    record_.resize(std::size_t(std::clamp<std::uint64_t>(size_, kMagic.size() + kRecordHead, kMaxRecord)));
     have_ = want_ = at_ = bytes_read_ = 0;
     too_long_ = 0;
     at_end_ = read(record_.data(), kMagic.size()) == 0;
@@ -42,14 +42,14 @@ std::string MessageFile::open(const std::string& path) {
 
 void MessageFile::declare_all() {
     constexpr std::uint64_t kFooter = kRecordHead + 8 + 8 + 4, kEnd = kFooter + kMagic.size();
-    constexpr std::uint64_t kMostDeclared = 1u << 20;  // they stand at the summary's front
+    constexpr std::uint64_t kMaxDeclared = 1u << 20;  // they stand at the summary's front
     std::array<char, kEnd> end{};
     std::uint64_t summary_at = 0;
     if (size_ > kEnd && ::pread(fd_, end.data(), kEnd, off_t(size_ - kEnd)) == ssize_t(kEnd) && Op(end[0]) == Op::footer &&
         std::string_view(&end[kFooter], kMagic.size()) == kMagic)
         std::memcpy(&summary_at, &end[kRecordHead], sizeof summary_at);
     if (summary_at != 0 && summary_at < size_ - kEnd) {
-        std::string declared(std::size_t(std::min(kMostDeclared, size_ - kEnd - summary_at)), 0);
+        std::string declared(std::size_t(std::min(kMaxDeclared, size_ - kEnd - summary_at)), 0);
         if (::pread(fd_, declared.data(), declared.size(), off_t(summary_at)) == ssize_t(declared.size()))
             reader_->declare(declared);
     }
@@ -61,11 +61,11 @@ void MessageFile::close() noexcept {
     at_end_ = true;
 }
 
-std::optional<Message> MessageFile::next(std::uint64_t most_bytes) {
+std::optional<Message> MessageFile::next(std::uint64_t max_bytes) {
     if (!reader_) return std::nullopt;
     for (const std::uint64_t began = bytes_read_;;) {
         if (const auto message = reader_->next()) return message;
-        if (at_end_ || bytes_read_ - began >= most_bytes) return std::nullopt;
+        if (at_end_ || bytes_read_ - began >= max_bytes) return std::nullopt;
         if (read_piece()) reader_->feed(std::string_view(record_).substr(0, std::size_t(std::exchange(want_, 0))));
     }
 }
@@ -104,7 +104,7 @@ void MessageFile::read_head() noexcept {
 
 std::size_t MessageFile::read(char* to, std::uint64_t size) noexcept {
     ssize_t got = -1;
-    do got = ::read(fd_, to, std::min<std::size_t>(size, kMostPiece));
+    do got = ::read(fd_, to, std::min<std::size_t>(size, kMaxPiece));
     while (got < 0 && errno == EINTR);
     if (got <= 0) return 0;
     at_ += std::uint64_t(got);
@@ -115,8 +115,7 @@ std::size_t MessageFile::read(char* to, std::uint64_t size) noexcept {
 std::string MessageFile::why() const {
     std::string why = reader_ ? reader_->why() : "";
     if (too_long_ != 0)
-        why +=
-            fmt::format("{}{} chunks of more than {} MiB left out", why.empty() ? "" : ", ", too_long_, kMostRecord >> 20);
+        why += fmt::format("{}{} chunks of more than {} MiB left out", why.empty() ? "" : ", ", too_long_, kMaxRecord >> 20);
     return why;
 }
 

@@ -11,8 +11,8 @@ namespace tactiled::mcap {
 
 class MessageFile {
 public:
-    static constexpr std::uint64_t kMostRecord = 10u << 20;  // longer chunks are left out; writers make them of 0.8 to 8 MiB
-    static constexpr std::size_t kMostPiece = 64u << 10;     // read at once
+    static constexpr std::uint64_t kMaxRecord = 10u << 20;  // longer chunks are left out; writers make them of 0.8 to 8 MiB
+    static constexpr std::size_t kMaxPiece = 64u << 10;     // read at once
 
     MessageFile() = default;
     ~MessageFile() { close(); }
@@ -26,10 +26,10 @@ public:
     void declare_all();
     void close() noexcept;
 
-    // The next message, valid until the next call; nullopt at_end(), or once it has read `most_bytes` and there is more.
+    // The next message, valid until the next call; nullopt at_end(), or once it has read `max_bytes` and there is more.
     // Read, not mapped: a file that somebody shortens while it is mapped would end the process.
-    // rt: blocks on the disk; bounded by `most_bytes` and a chunk. Throws for want of memory before declare_all(), never after
-    std::optional<Message> next(std::uint64_t most_bytes = UINT64_MAX);
+    // rt: blocks on the disk; bounded by `max_bytes` and a chunk. Throws for want of memory before declare_all(), never after
+    std::optional<Message> next(std::uint64_t max_bytes = UINT64_MAX);
     // Nothing more comes: the end of the file, or of what is whole of it.
     [[nodiscard]] bool at_end() const { return at_end_; }
 

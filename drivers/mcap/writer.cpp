@@ -103,8 +103,8 @@ void Writer::attach(const std::string& name, const std::string& media_type, std:
 void Writer::message(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, std::string_view data) {
     if (messages_++ == 0) begin_ns_ = end_ns_ = time_ns;
     if (chunk_.empty()) chunk_begin_ns_ = chunk_end_ns_ = time_ns;
-    for (std::uint64_t* least : {&begin_ns_, &chunk_begin_ns_}) *least = std::min(*least, time_ns);
-    for (std::uint64_t* most : {&end_ns_, &chunk_end_ns_}) *most = std::max(*most, time_ns);
+    for (std::uint64_t* min : {&begin_ns_, &chunk_begin_ns_}) *min = std::min(*min, time_ns);
+    for (std::uint64_t* max : {&end_ns_, &chunk_end_ns_}) *max = std::max(*max, time_ns);
     channels_[channel].index.emplace_back(time_ns, chunk_.size());
     ++channels_[channel].messages;
     chunk_ += char(Op::message);
@@ -114,7 +114,7 @@ void Writer::message(std::uint16_t channel, std::uint32_t sequence, std::uint64_
     put(chunk_, time_ns);
     put(chunk_, time_ns);
     chunk_ += data;
-    if (chunk_.size() >= kMostPending) flush();
+    if (chunk_.size() >= kMaxPending) flush();
 }
 
 void Writer::flush() {

@@ -27,7 +27,7 @@ public:
     // A whole file beside the messages.
     void attach(const std::string& name, const std::string& media_type, std::string_view data, std::uint64_t now_ns);
 
-    // `time_ns` since 1970. Kept until flush(), which is also done once kMostPending bytes wait.
+    // `time_ns` since 1970. Kept until flush(), which is also done once kMaxPending bytes wait.
     void message(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, std::string_view data);
     void flush();
     // Flushes, and writes the index. What is not said by then is lost.
@@ -36,7 +36,7 @@ public:
     [[nodiscard]] std::uint64_t bytes() const { return offset_ + chunk_.size(); }
     [[nodiscard]] std::uint64_t messages() const { return messages_; }
 
-    static constexpr std::size_t kMostPending = 1u << 20;
+    static constexpr std::size_t kMaxPending = 1u << 20;
 
 private:
     struct Named {

@@ -10,7 +10,7 @@ namespace {
 void widen(Extent& extent, const Bound& bound) {
     const Extent was = extent;
     for (std::size_t axis = 0; axis < kAxes; ++axis) {
-        extent.most[axis] += bound.load[axis];
+        extent.max[axis] += bound.load[axis];
         extent.span[axis] += 2 * bound.load[axis];
         extent.rate[axis] *= bound.load_gain;
         extent.jump[axis] *= bound.load_gain;
@@ -28,11 +28,11 @@ void widen(Extent& extent, const Bound& bound) {
 }
 
 void add(Before& before, const Bound& bound) {
-    before.most_N += bound.change_N;
+    before.max_N += bound.change_N;
     // What moves by itself as far as it changes anything at all is counted so; the rest moves with its input.
     const double gain = bound.own_N < bound.change_N ? bound.gain : 1;
     before.gain *= gain;
-    for (auto& own : before.own) own = {own.most_N * gain, own.rate_N_s * gain};
+    for (auto& own : before.own) own = {own.max_N * gain, own.rate_N_s * gain};
     if (bound.own_N > 0) before.own.push_back({bound.own_N, bound.own_rate_N_s});
 }
 
@@ -57,7 +57,7 @@ void pass_on(const Bound& bound, Stage stage, Extent& reach, Before& before) {
 
 double Before::change_N(const Setting& s, double seconds) const {
     double sum = gain * s.sensor.channel_N(s.extent.changes(seconds));
-    for (const Own& part : own) sum += std::min(2 * part.most_N, part.rate_N_s * s.extent.apart_s(seconds));
+    for (const Own& part : own) sum += std::min(2 * part.max_N, part.rate_N_s * s.extent.apart_s(seconds));
     return sum;
 }
 

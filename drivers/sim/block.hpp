@@ -6,8 +6,8 @@
 
 namespace tactiled::sim {
 
-inline constexpr std::size_t kMostChannels = 8;  // of one sensor
-inline constexpr std::size_t kAxes = 5;          // fx fy fz (N), mx my (Nm): no sensor here feels mz
+inline constexpr std::size_t kMaxSensorChannels = 8;  // of one sensor
+inline constexpr std::size_t kAxes = 5;               // fx fy fz (N), mx my (Nm): no sensor here feels mz
 enum Axis : std::size_t { kFx, kFy, kFz, kMx, kMy };
 
 struct Block {
@@ -31,7 +31,7 @@ struct Block {
     std::array<Row, kAxes> drive;
 
     // What the channels read, in the sensor's unit.
-    std::array<Row, kMostChannels> channel;
+    std::array<Row, kMaxSensorChannels> channel;
 
     std::array<std::uint32_t, kSize> missing;  // bit k: channel k has no value
     std::array<std::uint32_t, kSize> lost;     // frames lost right before this one

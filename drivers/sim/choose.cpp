@@ -9,11 +9,11 @@
 namespace tactiled::sim {
 namespace {
 
-std::vector<std::string> names_in(const std::string& wish) {
+std::vector<std::string> names_in(const std::string& request) {
     std::vector<std::string> names;
-    for (std::size_t begin = 0; begin <= wish.size();) {
-        const std::size_t end = std::min(wish.find(',', begin), wish.size());
-        names.push_back(wish.substr(begin, end - begin));
+    for (std::size_t begin = 0; begin <= request.size();) {
+        const std::size_t end = std::min(request.find(',', begin), request.size());
+        names.push_back(request.substr(begin, end - begin));
         begin = end + 1;
     }
     return names;
@@ -86,10 +86,10 @@ void leave_out(std::vector<Decision>& decisions, double wanted_N) {
     }
 }
 
-Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, const std::string& wish) {
+Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, const std::string& request) {
     Choice choice{{}, scene.wanted_N(sensor), 0};
-    const bool list = wish != "auto" && wish != "all" && wish != "none";
-    const auto names = list ? names_in(wish) : std::vector<std::string>{};
+    const bool list = request != "auto" && request != "all" && request != "none";
+    const auto names = list ? names_in(request) : std::vector<std::string>{};
     require_known(names);
     Extent reach = extent;
     Before before;
@@ -97,18 +97,18 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
         const EffectEntry& effect = *chain()[i];
         if ((effect.models >> unsigned(sensor.model) & 1u) == 0) continue;
         const bool asked = std::find(names.begin(), names.end(), effect.name) != names.end();
-        const bool on = wish == "all" || wish == "auto" || asked;
+        const bool on = request == "all" || request == "auto" || asked;
         Setting setting = scene.setting(i, sensor, reach);
         setting.before = before;
         const Bound bound = effect.bound(setting);
         pass_on(bound, effect.stage, reach, before);
         choice.decisions.push_back({&effect, bound, on,
-                                    list            ? (asked ? "asked for" : "not asked for")
-                                    : wish == "all" ? "all"
-                                                    : "none"});
+                                    list               ? (asked ? "asked for" : "not asked for")
+                                    : request == "all" ? "all"
+                                                       : "none"});
     }
     bound_time(scene, sensor, extent, choice);
-    if (wish == "auto") leave_out(choice.decisions, choice.wanted_N);
+    if (request == "auto") leave_out(choice.decisions, choice.wanted_N);
     choice.guaranteed_N = guaranteed_error_N(choice.decisions);
     return choice;
 }

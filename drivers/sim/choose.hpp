@@ -22,7 +22,7 @@ struct Choice {
 
 // `wish`: "auto", "all", "none" or names with commas. Auto leaves out, in the order of bound / instructions, what it can
 // while guaranteed_N stays at or below wanted_N. The same on every machine. setup: throws SetupError for a name that is none
-Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, const std::string& wish);
+Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, const std::string& request);
 
 // The error that leaving out those with on = false can make at the end of the chain: along the chain, each that is left out
 // adds its bound, each that is on hands on what was there before it by its gain and its jump.

@@ -42,7 +42,7 @@ public:
     Status read(Frame& frame, int timeout_ms) noexcept override {
         if (simulation_ == nullptr || sample_ >= scene_.samples) {
             ended_ = true;
-            return Status::gone;
+            return Status::disconnected;
         }
         const std::uint64_t due_ns = began_ns_ + std::uint64_t(double(sample_) / scene_.rate_Hz / speed_ * 1e9);
         const std::uint64_t until_ns = now_ns() + std::uint64_t(timeout_ms) * 1'000'000u;

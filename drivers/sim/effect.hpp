@@ -30,7 +30,7 @@ struct Parameter {
     std::string_view name;  // with its unit
     std::string_view meaning;
     double usual;  // the default; NaN = hangs on the sensor's model, see the effect's file
-    double least, most;
+    double min, max;
 };
 
 struct Scene;
@@ -39,10 +39,10 @@ struct Setting;
 // What the effects before one may have made of the channels, beyond the linear model of the extent's loads; N as in Bound.
 struct Before {
     std::array<double, kAxes> load{};  // of contact and material: the sum of what they may have changed
-    double most_N = 0;                 // of transducer and converter: the sum of their bounds
+    double max_N = 0;                  // of transducer and converter: the sum of their bounds
     double gain = 1;                   // the product of their gains
     struct Own {
-        double most_N, rate_N_s;
+        double max_N, rate_N_s;
     };
     std::vector<Own> own{};  // what hangs on no load
 

@@ -10,12 +10,12 @@ namespace tactiled::sim {
 namespace {
 
 struct Span {
-    double least = 0, most = 0;
+    double min = 0, max = 0;
     void take(double v) {
-        least = std::min(least, v);
-        most = std::max(most, v);
+        min = std::min(min, v);
+        max = std::max(max, v);
     }
-    [[nodiscard]] double size() const { return std::max(std::abs(least), std::abs(most)); }
+    [[nodiscard]] double size() const { return std::max(std::abs(min), std::abs(max)); }
 };
 
 // One quantity of a segment: where it lies, how fast it goes, how far it jumps.
@@ -25,7 +25,7 @@ struct Reach {
 };
 
 Reach operator*(double factor, Reach r) {
-    const double a = factor * r.span.least, b = factor * r.span.most;
+    const double a = factor * r.span.min, b = factor * r.span.max;
     return {{std::min(a, b), std::max(a, b)},
             std::abs(factor) * r.rate,
             std::abs(factor) * r.jump,
@@ -45,16 +45,16 @@ Reach reach_of(const Segment& s, double State::*quantity, double amplitude = 0) 
         case Wave::sine:
             r.rate += 2 * std::numbers::pi * hz * a;
             r.end_jump = a;  // it may end anywhere in its course
-            r.span = {r.span.least - a, r.span.most + a};
+            r.span = {r.span.min - a, r.span.max + a};
             break;
         case Wave::square:
             r.jump += 2 * a;
             r.end_jump = a;
-            r.span = {r.span.least - a, r.span.most + a};
+            r.span = {r.span.min - a, r.span.max + a};
             break;
         case Wave::pulse:
             r.rate += std::numbers::pi * a / length;
-            r.span = {r.span.least + std::min(0.0, amplitude), r.span.most + std::max(0.0, amplitude)};
+            r.span = {r.span.min + std::min(0.0, amplitude), r.span.max + std::max(0.0, amplitude)};
             break;
     }
     return r;
@@ -90,10 +90,10 @@ Place place_of(const Segment& s, const Sensor& sensor, double radius_m, bool cov
 // The components of the load during a segment.
 std::array<Reach, kAxes> loads_of(const Segment& s, const Sensor& sensor, const Place& place, double share) {
     Reach press = reach_of(s, &State::press_N, s.wave_on_press ? s.amplitude_N : 0);
-    press.span = {std::max(0.0, press.span.least), std::max(0.0, press.span.most)};
+    press.span = {std::max(0.0, press.span.min), std::max(0.0, press.span.max)};
     const Reach shear = reach_of(s, &State::shear_N, s.wave_on_press ? 0 : s.amplitude_N);
     const Reach turn = reach_of(s, &State::direction_rad);
-    const double T = shear.span.size(), N = press.span.most;
+    const double T = shear.span.size(), N = press.span.max;
     std::array<Reach, kAxes> load;
     const double angle = s.from.direction_rad - sensor.turn_rad;
     if (s.from.direction_rad == s.to.direction_rad) {
@@ -111,10 +111,10 @@ std::array<Reach, kAxes> loads_of(const Segment& s, const Sensor& sensor, const 
         if (sensor.half_width_m > 0) load[axis].span.take(0);  // the contact may be elsewhere
     }
     for (std::size_t m = 0; m < 2; ++m) {
-        const double arm = place.arm_m[1 - m], most = share * N;
-        load[kMx + m] = {{-arm * most, arm * most},
-                         arm * load[kFz].rate + most * place.moves_m_s,
-                         arm * load[kFz].jump + most * std::min(place.hops_m, 2 * arm),
+        const double arm = place.arm_m[1 - m], max = share * N;
+        load[kMx + m] = {{-arm * max, arm * max},
+                         arm * load[kFz].rate + max * place.moves_m_s,
+                         arm * load[kFz].jump + max * std::min(place.hops_m, 2 * arm),
                          arm * load[kFz].end_jump};
     }
     return load;
@@ -127,7 +127,7 @@ void take_friction(Extent& e, const Segment& s, const Body& body, double share, 
         const double T = std::abs(q->shear_N) + (s.wave_on_press ? 0 : wave);
         const double N = std::max(0.0, q->press_N - (s.wave_on_press ? wave : 0));
         if (T == 0) continue;
-        e.press_least_N = known ? std::min(e.press_least_N, share * N) : share * N;
+        e.press_min_N = known ? std::min(e.press_min_N, share * N) : share * N;
         known = true;
         e.shear_excess_N = std::max(e.shear_excess_N, share * (T - body.friction * N));
         e.kinetic_excess_N = std::max(e.kinetic_excess_N, share * (T - body.kinetic_friction * N));
@@ -192,8 +192,8 @@ Extent Motion::extent(const Sensor& sensor, std::size_t upto) const {
         const Place place = place_of(s, sensor, contact_radius(body_, sensor), covers);
         const auto load = loads_of(s, sensor, place, share);
         for (std::size_t axis = 0; axis < kAxes; ++axis) {
-            span[axis].take(load[axis].span.least);
-            span[axis].take(load[axis].span.most);
+            span[axis].take(load[axis].span.min);
+            span[axis].take(load[axis].span.max);
             e.rate[axis] = std::max(e.rate[axis], load[axis].rate);
             const double jump = end_jump[axis] + load[axis].jump;
             if (jump > 0 && jumped_s != s.begin_s) {
@@ -211,8 +211,8 @@ Extent Motion::extent(const Sensor& sensor, std::size_t upto) const {
         e.length_s = s.end_s;
     }
     for (std::size_t axis = 0; axis < kAxes; ++axis) {
-        e.most[axis] = span[axis].size();
-        e.span[axis] = span[axis].most - span[axis].least;
+        e.max[axis] = span[axis].size();
+        e.span[axis] = span[axis].max - span[axis].min;
     }
     return e;
 }

@@ -54,14 +54,14 @@ struct Segment {
 
 // Largest values over a scene (or its beginning) at one sensor, its share and turn included: what bounds are made of.
 struct Extent {
-    std::array<double, kAxes> most{};   // |load|: N, Nm
+    std::array<double, kAxes> max{};    // |load|: N, Nm
     std::array<double, kAxes> span{};   // largest less least, the 0 before the scene included
     std::array<double, kAxes> rate{};   // |d load / dt|, N/s, Nm/s, where it is no jump
     std::array<double, kAxes> jump{};   // largest change at once
     std::array<double, kAxes> added{};  // by effects of the contact, at any instant and in any order
     std::array<double, kAxes> back{};   // how far a load may come back through them, where the scene's own never does
     double jump_every_s = 1e300;        // least time between two jumps that are not of one wave
-    double press_least_N = 0;           // while a shear acts
+    double press_min_N = 0;             // while a shear acts
     double shear_excess_N = 0;          // largest of shear - friction * press, >= 0
     double kinetic_excess_N = 0;        // the same with the kinetic friction
     bool reverses = false;              // some component of the load ever comes back

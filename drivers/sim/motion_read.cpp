@@ -12,7 +12,7 @@ namespace tactiled::sim {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180, kGravity_m_s2 = 9.80665;
-constexpr std::size_t kMostSegments = 200'000;
+constexpr std::size_t kMaxSegments = 200'000;
 
 // Builds the list: each motion begins where the last one ended.
 struct Builder {
@@ -98,17 +98,17 @@ void steps(Builder& b, Options& m) {
 void wander(Builder& b, Options& m) {
     const auto count = std::size_t(m.integer("count", {1, 10'000}));
     const Stream random(std::uint64_t(m.integer("seed", {0, 9e15}, 1)), "wander");
-    const double least_N = m.number("press_from_N", kForce_N, 0), most_N = m.number("press_to_N", kForce_N);
+    const double min_N = m.number("press_from_N", kForce_N, 0), max_N = m.number("press_to_N", kForce_N);
     const double shear_N = m.number("shear_to_N", kForce_N, 0), within_m = m.number("within_m", {0, 1}, 0);
     const double in_s = m.number("in_s", kSeconds, 0.05), hold_s = m.number("hold_s", kSeconds, 0.2);
-    if (least_N > most_N) m.problem("press_from_N", "press_from_N is more than press_to_N");
+    if (min_N > max_N) m.problem("press_from_N", "press_from_N is more than press_to_N");
     const bool mirrored = m.flag("mirrored", false);
     const Course course = read_course(m);
     State to = b.state;
     for (std::size_t k = 0; k < (mirrored ? 2 * count : count); ++k) {
         const std::size_t i = k % count;
         const double turned_rad = k < count ? 0 : std::numbers::pi;
-        to.press_N = least_N + (most_N - least_N) * random.uniform(i, 0);
+        to.press_N = min_N + (max_N - min_N) * random.uniform(i, 0);
         to.shear_N = shear_N * std::sqrt(random.uniform(i, 1));
         to.direction_rad = 2 * std::numbers::pi * random.uniform(i, 2) + turned_rad;
         if (within_m > 0) {
@@ -223,8 +223,8 @@ void repeat(Builder& b, Options& m) {
     if (last > b.begins.size())
         return m.problem("last", fmt::format("there are only {} motions before it", b.begins.size()));
     const std::size_t begin = b.begins[b.begins.size() - last], count = b.segments.size() - begin;
-    if (count * times > kMostSegments)
-        return m.problem("times", fmt::format("{} steps in all, at most {} are possible", count * times, kMostSegments));
+    if (count * times > kMaxSegments)
+        return m.problem("times", fmt::format("{} steps in all, at most {} are possible", count * times, kMaxSegments));
     const State& from = b.segments[begin].from;
     // Whole turns are no difference; nor is any where nothing is sheared.
     const double turns = (b.state.direction_rad - from.direction_rad) / (2 * std::numbers::pi);
@@ -279,7 +279,7 @@ Motion read_motion(Options& scene, const Body& body, double rate_Hz) {
         for (const Kind& kind : kKinds)
             if (kind.name == name) kind.read(builder, motion);
         builder.begins.push_back(begin);
-        if (builder.segments.size() > kMostSegments) motion.problem("do", "more than 200000 steps in all");
+        if (builder.segments.size() > kMaxSegments) motion.problem("do", "more than 200000 steps in all");
     }
     if (builder.begins.empty()) scene.problem("motion", "a scene has at least one [[motion]]");
     return {std::move(builder.segments), body};

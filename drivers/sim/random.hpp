@@ -28,7 +28,7 @@ public:
         return double(bits(sample, lane) >> 11) * 0x1p-53;
     }
     // Mean 0, standard deviation 1: the sum of four uniform numbers of 16 bits (Irwin-Hall). Its distribution is within 0.7
-    // % of the normal one, and it is bounded, so that a bound on what noise can do is one: |value| <= kMostNoise.
+    // % of the normal one, and it is bounded, so that a bound on what noise can do is one: |value| <= kMaxNoise.
     [[nodiscard]] constexpr double noise(std::uint64_t sample, std::uint64_t lane = 0) const noexcept {
         const std::uint64_t b = bits(sample, lane);
         const auto sum = std::int64_t((b & 0xffff) + (b >> 16 & 0xffff) + (b >> 32 & 0xffff) + (b >> 48));
@@ -38,6 +38,6 @@ public:
 private:
     std::uint64_t key_;
 };
-inline constexpr double kMostNoise = 3.4642;  // 12^(1/2)
+inline constexpr double kMaxNoise = 3.4642;  // 12^(1/2)
 
 }  // namespace tactiled::sim

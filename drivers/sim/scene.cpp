@@ -8,7 +8,7 @@
 namespace tactiled::sim {
 namespace {
 
-constexpr double kMostSamples = 1e10;
+constexpr double kMaxSamples = 1e10;
 
 Body read_body(Options table, double ambient_C) {
     Body body;
@@ -38,7 +38,7 @@ std::vector<std::vector<double>> read_parameters(Options table) {
         names.emplace_back(effect->name);
         Options keys = table.table(effect->name);
         auto& values = all.emplace_back();
-        for (const Parameter& p : effect->parameters) values.push_back(keys.number(p.name, {p.least, p.most}, p.usual));
+        for (const Parameter& p : effect->parameters) values.push_back(keys.number(p.name, {p.min, p.max}, p.usual));
     }
     return all;
 }
@@ -93,7 +93,7 @@ Scene read_scene(Options options, Problems& problems) {
     scene.parameters = read_parameters(options.table("effects"));
     read_expectations(options);
     const double length_s = options.number("length_s", {0, 1e9}, scene.motion.length_s());
-    if (length_s * scene.rate_Hz > kMostSamples) options.problem("length_s", "more than 1e10 samples");
+    if (length_s * scene.rate_Hz > kMaxSamples) options.problem("length_s", "more than 1e10 samples");
     scene.samples = std::uint64_t(std::llround(length_s * scene.rate_Hz));
     options.finish();
     problems.throw_if_any();

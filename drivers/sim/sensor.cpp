@@ -20,11 +20,11 @@ constexpr Known kModels[] = {{"table", Model::table, read_table},
 
 // 1 N in the channel's unit: see Sensor::per_N.
 double per_newton(const std::array<double, kAxes>& gain) {
-    const double most = std::max({std::abs(gain[kFx]), std::abs(gain[kFy]), std::abs(gain[kFz])});
-    double least = most;
+    const double max = std::max({std::abs(gain[kFx]), std::abs(gain[kFy]), std::abs(gain[kFz])});
+    double min = max;
     for (const Axis axis : {kFx, kFy, kFz})
-        if (std::abs(gain[axis]) >= most / 10) least = std::min(least, std::abs(gain[axis]));
-    return least;
+        if (std::abs(gain[axis]) >= max / 10) min = std::min(min, std::abs(gain[axis]));
+    return min;
 }
 
 // One sensor a taxel, row by row from the corner of least x and y.
@@ -54,17 +54,17 @@ std::size_t Sensor::find(std::string_view channel) const {
 }
 
 double Sensor::channel_N(const std::array<double, kAxes>& change) const {
-    std::array<double, kMostChannels> reads{};
+    std::array<double, kMaxSensorChannels> reads{};
     for (std::size_t k = 0; k < n(); ++k)
         for (std::size_t axis = 0; axis < kAxes; ++axis) reads[k] += std::abs(gain[k][axis]) * change[axis];
     return largest_N(reads);
 }
 
-double Sensor::largest_N(const std::array<double, kMostChannels>& change) const {
-    double most = 0;
+double Sensor::largest_N(const std::array<double, kMaxSensorChannels>& change) const {
+    double max = 0;
     for (std::size_t k = 0; k < n(); ++k)
-        if (per_N[k] > 0) most = std::max(most, std::abs(change[k]) / per_N[k]);
-    return most;
+        if (per_N[k] > 0) max = std::max(max, std::abs(change[k]) / per_N[k]);
+    return max;
 }
 
 std::vector<Sensor> read_sensor(Options& options) {

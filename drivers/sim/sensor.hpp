@@ -43,13 +43,13 @@ struct CapacitiveSample {
 struct Sensor {
     std::string name;
     Model model{};
-    std::vector<std::string> channels;                            // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"
-    std::string unit;                                             // "dR/R0" or "pF" ("Vp": V)
-    std::array<double, kMostChannels> zero{};                     // at no load
-    std::array<std::array<double, kAxes>, kMostChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
+    std::vector<std::string> channels;              // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"
+    std::string unit;                               // "dR/R0" or "pF" ("Vp": V)
+    std::array<double, kMaxSensorChannels> zero{};  // at no load
+    std::array<std::array<double, kAxes>, kMaxSensorChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
     // How much of the channel's unit 1 N is: its response to the axis that it feels least, of those that it feels at all
     // (a tenth of its best). So an error in N is rather named too large than too small.
-    std::array<double, kMostChannels> per_N{};
+    std::array<double, kMaxSensorChannels> per_N{};
     double resolution_N{}, full_scale_N{};
     std::uint64_t serial = 1;  // which sample it is: what differs from one to the next is drawn from it
     TableSample table{};
@@ -69,7 +69,7 @@ struct Sensor {
     // The largest change of any channel, in N, when each component of the load changes by at most that much (N, Nm).
     [[nodiscard]] double channel_N(const std::array<double, kAxes>& change) const;
     // The largest of these changes of channels (unit), in N.
-    [[nodiscard]] double largest_N(const std::array<double, kMostChannels>& change) const;
+    [[nodiscard]] double largest_N(const std::array<double, kMaxSensorChannels>& change) const;
 };
 
 // Reads a [[sensor]] table of a scene; an array gives one sensor a taxel. Errors go to the options' Problems. setup

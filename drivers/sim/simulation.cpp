@@ -79,9 +79,9 @@ void Simulation::apply_and_measure(Line& line) noexcept {
         }
         const Block was = block;
         step.effect->apply(block);
-        double& most = line.shares_N[step.decision];
+        double& max = line.shares_N[step.decision];
         for (std::size_t n = 0; n < block.n; ++n) {
-            std::array<double, kMostChannels> change{};
+            std::array<double, kMaxSensorChannels> change{};
             const bool load = step.stage == Stage::contact, drive = step.stage == Stage::material;
             for (std::size_t k = 0; k < sensor.n(); ++k) {
                 if (!load && !drive) change[k] = block.channel[k][n] - was.channel[k][n];
@@ -90,7 +90,7 @@ void Simulation::apply_and_measure(Line& line) noexcept {
                                                               : block.drive[axis][n] - was.drive[axis][n]);
             }
             const double N = sensor.largest_N(change);
-            if (N > most) most = N;
+            if (N > max) max = N;
         }
     }
 }

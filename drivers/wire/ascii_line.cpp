@@ -120,7 +120,7 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     return true;
 }
 
-std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMostBytes * 2> out) noexcept {
+std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMaxBytes * 2> out) noexcept {
     char* at = out.data();
     char* const end = out.data() + out.size() - 8;  // room for "*HH\n"
     const auto separate = [&] {

@@ -10,7 +10,7 @@
 
 namespace tactiled {
 
-inline constexpr std::size_t kAsciiMostBytes = 512;  // of a line
+inline constexpr std::size_t kAsciiMaxBytes = 512;  // of a line
 
 struct AsciiFormat {
     unsigned channels = 1;
@@ -19,7 +19,7 @@ struct AsciiFormat {
     bool time_us = false;   // the next column is the device's clock, microseconds modulo 2^32
 };
 
-class AsciiDecoder final : public LineDecoder<kAsciiMostBytes> {
+class AsciiDecoder final : public LineDecoder<kAsciiMaxBytes> {
 public:
     AsciiDecoder(const AsciiFormat& format, LinkCounts& counts) : LineDecoder(counts), format_(format) {}
     void reset() noexcept override;
@@ -36,6 +36,6 @@ private:
 
 // What a device prints for `frame`, each channel as the shortest decimal that reads back to the same double. Returns the
 // number of bytes, "\n" included. For tests and for `tactilectl play`.
-std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMostBytes * 2> out) noexcept;
+std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMaxBytes * 2> out) noexcept;
 
 }  // namespace tactiled

@@ -21,7 +21,7 @@ bool CanDevice::is_assembled_by_counter() const noexcept {
 CanSamples::CanSamples(std::vector<CanDevice> devices, LinkCounts& counts)
     : devices_(std::move(devices)), counts_(counts), pending_(devices_.size()) {
     for (std::size_t d = 0; d < devices_.size(); ++d) {
-        assert(devices_[d].n_channels <= kMaxChannels && devices_[d].parts.size() <= kCanMostParts);
+        assert(devices_[d].n_channels <= kMaxChannels && devices_[d].parts.size() <= kCanMaxParts);
         for (std::size_t p = 0; p < devices_[d].parts.size(); ++p)
             routes_.push_back({devices_[d].parts[p].id, std::uint16_t(d), std::uint16_t(p)});
     }

@@ -16,7 +16,7 @@
 namespace tactiled {
 
 inline constexpr std::uint32_t kCanExtended = 0x8000'0000u;  // in an id: 29 bits; as the kernel and DBC files write it
-inline constexpr std::size_t kCanMostParts = 32;             // messages of a sample: each brings a channel or more
+inline constexpr std::size_t kCanMaxParts = 32;              // messages of a sample: each brings a channel or more
 
 // One message's share of a device's sample.
 struct CanPart {

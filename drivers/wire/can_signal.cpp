@@ -19,8 +19,8 @@ std::string why_no_signal(const CanSignal& signal, std::size_t bytes) {
     if (signal.length < 1 || signal.length > 64) return fmt::format("length {} is outside 1 .. 64 bits", signal.length);
     if (signal.type == CanSignal::Type::is_float && signal.length != 32 && signal.length != 64)
         return fmt::format("a float has 32 or 64 bits, not {}", signal.length);
-    const std::size_t most = std::max(bytes, kCanMostBytes);
-    if (signal.start >= 8 * most) return fmt::format("start bit {} is outside 0 .. {}", signal.start, 8 * most - 1);
+    const std::size_t max = std::max(bytes, kCanMaxBytes);
+    if (signal.start >= 8 * max) return fmt::format("start bit {} is outside 0 .. {}", signal.start, 8 * max - 1);
     if (!std::isfinite(signal.factor) || signal.factor == 0)
         return fmt::format("factor {} makes no number of it; a factor is finite and not 0", signal.factor);
     if (!std::isfinite(signal.offset)) return "the offset is not finite";

@@ -7,7 +7,7 @@
 
 namespace tactiled {
 
-inline constexpr std::size_t kCanMostBytes = 64;  // of a CAN FD message
+inline constexpr std::size_t kCanMaxBytes = 64;  // of a CAN FD message
 
 struct CanSignal {
     enum class Order : std::uint8_t { intel, motorola };

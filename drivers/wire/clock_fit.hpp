@@ -25,8 +25,8 @@ public:
     void seen_empty(std::uint64_t monotonic_ns) noexcept { empty_ns_ = monotonic_ns; }
 
     // rt: wait-free
-    [[nodiscard]] std::uint64_t of(std::uint64_t stamp_ns) const noexcept {
-        const std::uint64_t age_ns = realtime_ns_ > stamp_ns ? realtime_ns_ - stamp_ns : 0;
+    [[nodiscard]] std::uint64_t of(std::uint64_t timestamp_ns) const noexcept {
+        const std::uint64_t age_ns = realtime_ns_ > timestamp_ns ? realtime_ns_ - timestamp_ns : 0;
         const std::uint64_t earliest_ns = empty_ns_ > kBeforeQueue_ns ? empty_ns_ - kBeforeQueue_ns : 0;
         return std::max(age_ns < now_ns_ ? now_ns_ - age_ns : 0, std::min(earliest_ns, now_ns_));
     }
@@ -43,19 +43,19 @@ private:
 // An adapter's clock, which counts the true time between two messages but from anywhere and at a rate of its own.
 //
 // arrival = adapter's stamp + offset + delay, delay >= 0. The least arrival - stamp seen is the offset plus the least delay:
-// that of the messages that nothing held up. As the clocks drift apart by at most kMostDrift, what was the least is so for
+// that of the messages that nothing held up. As the clocks drift apart by at most kMaxDrift, what was the least is so for
 // less and less long: it rises at that rate until a message comes below it. So the result is never before the message was
 // on the bus, as far as the drift is bounded, and never after it arrived.
 class ClockFit {
 public:
     // The time of a message on the bus, but for the least delay that the way from there ever has. rt: wait-free
-    std::uint64_t monotonic_ns(std::uint64_t stamp_ns, std::uint64_t arrival_ns) noexcept {
-        const std::uint64_t offset_ns = arrival_ns - stamp_ns;  // modulo 2^64, as all that is made of it
+    std::uint64_t monotonic_ns(std::uint64_t timestamp_ns, std::uint64_t arrival_ns) noexcept {
+        const std::uint64_t offset_ns = arrival_ns - timestamp_ns;  // modulo 2^64, as all that is made of it
         if (fitted_) {
-            least_ns_ += double(arrival_ns > last_ns_ ? arrival_ns - last_ns_ : 0) * kMostDrift;
+            min_ns_ += double(arrival_ns > last_ns_ ? arrival_ns - last_ns_ : 0) * kMaxDrift;
             last_ns_ = arrival_ns;
             const double above_ns = above_base_ns(offset_ns);
-            const double late_ns = above_ns - least_ns_;
+            const double late_ns = above_ns - min_ns_;
             if (late_ns < kHeldUp_ns) {
                 fitting_ns_ = arrival_ns;
                 held_up_ = 0;
@@ -63,32 +63,32 @@ public:
                 ++held_up_;
             }
             // A clock that was set on is seen at once: the least falls. One that was set back makes all messages late.
-            fitted_ = above_ns > -kMostBelow_ns && (held_up_ < kMostHeldUp || arrival_ns < fitting_ns_ + kHeldUpFor_ns);
-            if (fitted_ && late_ns > kMostDelay_ns) return arrival_ns;
+            fitted_ = above_ns > -kMaxBelow_ns && (held_up_ < kMaxHeldUp || arrival_ns < fitting_ns_ + kHeldUpFor_ns);
+            if (fitted_ && late_ns > kMaxDelay_ns) return arrival_ns;
         }
         if (!fitted_) {
             base_ns_ = offset_ns;  // the rest then fits a double to the nanosecond
-            least_ns_ = 0;
+            min_ns_ = 0;
             fitting_ns_ = arrival_ns;
             held_up_ = 0;
         }
-        least_ns_ = std::min(least_ns_, above_base_ns(offset_ns));
+        min_ns_ = std::min(min_ns_, above_base_ns(offset_ns));
         last_ns_ = arrival_ns;
         fitted_ = true;
-        return stamp_ns + base_ns_ + std::uint64_t(std::int64_t(std::floor(least_ns_)));
+        return timestamp_ns + base_ns_ + std::uint64_t(std::int64_t(std::floor(min_ns_)));
     }
     void reset() noexcept { fitted_ = false; }
 
-    static constexpr double kMostDrift = 200e-6;  // two crystals of 100 ppm
+    static constexpr double kMaxDrift = 200e-6;  // two crystals of 100 ppm
     // USB batches were 10 ms late, an emulated machine's 130 ms. When nothing but late ones came for a while, the clock was
     // set.
     static constexpr double kHeldUp_ns = 20e6;
-    static constexpr unsigned kMostHeldUp = 20;
+    static constexpr unsigned kMaxHeldUp = 20;
     static constexpr std::uint64_t kHeldUpFor_ns = 500'000'000;
-    static constexpr double kMostDelay_ns = 1e9;  // what seems later has no time but that of its arrival
+    static constexpr double kMaxDelay_ns = 1e9;  // what seems later has no time but that of its arrival
 
 private:
-    static constexpr double kMostBelow_ns = 1e15;  // a double still has the nanosecond
+    static constexpr double kMaxBelow_ns = 1e15;  // a double still has the nanosecond
 
     [[nodiscard]] double above_base_ns(std::uint64_t offset_ns) const noexcept {
         return double(std::int64_t(offset_ns - base_ns_));
@@ -98,7 +98,7 @@ private:
     std::uint64_t base_ns_ = 0, last_ns_ = 0;
     std::uint64_t fitting_ns_ = 0;  // when the last one came that was not held up
     unsigned held_up_ = 0;          // since then
-    double least_ns_ = 0;           // above base_ns_: the least offset, as far as known now
+    double min_ns_ = 0;             // above base_ns_: the least offset, as far as known now
 };
 
 }  // namespace tactiled

@@ -47,7 +47,7 @@ void CobsDecoder::reset() noexcept {
 
 bool CobsDecoder::finish(std::span<const std::uint8_t> encoded, Frame& frame) noexcept {
     if (encoded.empty()) return false;  // zeros in a row are idle line
-    std::array<std::uint8_t, kCobsMostEncoded> plain;
+    std::array<std::uint8_t, kCobsMaxEncoded> plain;
     const std::size_t n = uncobs(encoded, plain.data());
     if (n < kHeader + 3 + 2) return reject(TACTILED_LINK_BAD_LENGTH);
     Crc16 crc;
@@ -60,7 +60,7 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t 
     const std::uint8_t format = plain[0], device = plain[1], channels = plain[2], flags = plain[3];
     const int bytes = format == kFormat24 ? 3 : 4;
     const std::size_t mask_bytes = (flags & kFlagMissing) != 0 ? 4 : 0;
-    if ((format != kFormat24 && format != kFormat32) || device >= kCobsMostDevices || channels == 0 ||
+    if ((format != kFormat24 && format != kFormat32) || device >= kCobsMaxDevices || channels == 0 ||
         channels > kMaxChannels || (flags & ~(kFlagMissing | kFlagTime)) != 0 ||
         plain.size() != kHeader + mask_bytes + std::size_t(channels) * std::size_t(bytes))
         return reject(TACTILED_LINK_BAD_LENGTH);
@@ -97,8 +97,8 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t 
     return true;
 }
 
-std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kCobsMostEncoded> out) noexcept {
-    std::array<std::uint8_t, kCobsMostPlain> plain;
+std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kCobsMaxEncoded> out) noexcept {
+    std::array<std::uint8_t, kCobsMaxPlain> plain;
     std::uint8_t* at = plain.data();
     const bool has_time = frame.device_time_us != 0;
     put(at, bits == 24 ? kFormat24 : kFormat32, 1);

@@ -9,11 +9,11 @@
 
 namespace tactiled {
 
-inline constexpr std::size_t kCobsMostDevices = 16;
-inline constexpr std::size_t kCobsMostPlain = 10 + 4 + 4 * kMaxChannels + 2;  // bytes before COBS
-inline constexpr std::size_t kCobsMostEncoded = kCobsMostPlain + 1 + 1;       // with COBS' byte and the delimiter
+inline constexpr std::size_t kCobsMaxDevices = 16;
+inline constexpr std::size_t kCobsMaxPlain = 10 + 4 + 4 * kMaxChannels + 2;  // bytes before COBS
+inline constexpr std::size_t kCobsMaxEncoded = kCobsMaxPlain + 1 + 1;        // with COBS' byte and the delimiter
 
-class CobsDecoder final : public DelimitedDecoder<0, kCobsMostEncoded - 1> {
+class CobsDecoder final : public DelimitedDecoder<0, kCobsMaxEncoded - 1> {
 public:
     using DelimitedDecoder::DelimitedDecoder;
     void reset() noexcept override;
@@ -27,11 +27,11 @@ private:
         std::uint64_t time_us = 0;  // extended across the wraps of the 32 bits that are sent
         bool seen = false;
     };
-    std::array<Device, kCobsMostDevices> devices_{};
+    std::array<Device, kCobsMaxDevices> devices_{};
 };
 
 // What a device sends for `frame`: channels rounded to integers and held at the rails. Returns the number of bytes, the
 // delimiter included. For tests and for `tactilectl play`.
-std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kCobsMostEncoded> out) noexcept;
+std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kCobsMaxEncoded> out) noexcept;
 
 }  // namespace tactiled

@@ -9,9 +9,9 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMostMessages = 10'000, kMostSignals = 2'000 /* a message */, kMostProblems = 20;
-constexpr std::size_t kLongestName = 128;     // the format's own limit is 32; writers of today exceed it
-constexpr unsigned kMostMessageBytes = 4095;  // transport protocols describe theirs so; a signal that is used needs <= 64
+constexpr std::size_t kMaxMessages = 10'000, kMaxSignals = 2'000 /* a message */, kMaxProblems = 20;
+constexpr std::size_t kLongestName = 128;    // the format's own limit is 32; writers of today exceed it
+constexpr unsigned kMaxMessageBytes = 4095;  // transport protocols describe theirs so; a signal that is used needs <= 64
 constexpr std::uint32_t kExtended = 0x8000'0000u;
 constexpr std::uint32_t kNoMessage = 0xC000'0000u;  // VECTOR__INDEPENDENT_SIG_MSG: signals of no message
 constexpr std::string_view kBlanks = " \t\r";
@@ -69,7 +69,7 @@ public:
         : text_(text), file_(file), problems_(problems) {}
 
     Dbc parse() {
-        while (at_ < text_.size() && reported_ < kMostProblems) {
+        while (at_ < text_.size() && reported_ < kMaxProblems) {
             const std::string_view line = next_statement();
             Cursor cursor(line);
             const std::string_view keyword = cursor.word();
@@ -89,7 +89,7 @@ public:
 
 private:
     void problem(const std::string& text, std::uint32_t line) {
-        if (reported_++ < kMostProblems) problems_.add(file_, line, text);
+        if (reported_++ < kMaxProblems) problems_.add(file_, line, text);
     }
     void problem(const std::string& text) { problem(text, line_); }
 
@@ -131,13 +131,13 @@ private:
         if (skip_signals_) return;
         found.extended = (id & kExtended) != 0;
         found.id = id & ~kExtended;
-        const std::uint32_t most = found.extended ? 0x1FFF'FFFF : 0x7FF;
-        if (found.id > most)
-            return problem(fmt::format("{}: id {:#x} is larger than {:#x}{}", what, found.id, most,
+        const std::uint32_t max = found.extended ? 0x1FFF'FFFF : 0x7FF;
+        if (found.id > max)
+            return problem(fmt::format("{}: id {:#x} is larger than {:#x}{}", what, found.id, max,
                                        found.extended ? "" : "; an id of 29 bits is written with bit 31 set, + 2147483648"));
-        if (found.bytes > kMostMessageBytes)
-            return problem(fmt::format("{}: {} bytes; a message has at most {}", what, found.bytes, kMostMessageBytes));
-        if (dbc_.messages.size() == kMostMessages) return problem(fmt::format("more than {} messages", kMostMessages));
+        if (found.bytes > kMaxMessageBytes)
+            return problem(fmt::format("{}: {} bytes; a message has at most {}", what, found.bytes, kMaxMessageBytes));
+        if (dbc_.messages.size() == kMaxMessages) return problem(fmt::format("more than {} messages", kMaxMessages));
         if (const auto same = by_id_.find(id); same != by_id_.end())
             return problem(fmt::format("{} has the id of the one in line {}", what, dbc_.messages[same->second].line));
         if (const auto same = by_name_.find(found.name); same != by_name_.end())
@@ -180,11 +180,11 @@ private:
         if (!cursor.take('(') || !cursor.number(s.factor) || !cursor.take(',') || !cursor.number(s.offset) ||
             !cursor.take(')'))
             return problem(fmt::format("{}: then comes (FACTOR,OFFSET), two numbers", what));
-        if (const std::string why = why_no_signal(s, std::min<std::size_t>(message.bytes, kMostMessageBytes)); !why.empty())
+        if (const std::string why = why_no_signal(s, std::min<std::size_t>(message.bytes, kMaxMessageBytes)); !why.empty())
             // A transport protocol's message is longer than a frame: its signals beyond 64 bytes are nothing to us.
-            if (message.bytes <= kCanMostBytes) return problem(fmt::format("{}: {}", what, why));
-        if (message.signals.size() == kMostSignals)
-            return problem(fmt::format("more than {} signals in a message", kMostSignals));
+            if (message.bytes <= kCanMaxBytes) return problem(fmt::format("{}: {}", what, why));
+        if (message.signals.size() == kMaxSignals)
+            return problem(fmt::format("more than {} signals in a message", kMaxSignals));
         const auto [same, is_new] = signal_lines_.emplace(found.name, line_);
         if (!is_new) return problem(fmt::format("{} is there already, in line {}", what, same->second));
         message.signals.push_back(std::move(found));

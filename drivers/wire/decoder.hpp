@@ -17,7 +17,7 @@ namespace tactiled {
 // into chunks. A format derives from it and says, byte by byte, when a frame is complete.
 class StreamDecoder {
 public:
-    static constexpr std::size_t kMostBytes = 4096;  // of one push; a kernel's tty buffer
+    static constexpr std::size_t kMaxBytes = 4096;  // of one push; a kernel's tty buffer
 
     explicit StreamDecoder(LinkCounts& counts) : counts_(counts) {}
     virtual ~StreamDecoder() = default;
@@ -25,7 +25,7 @@ public:
     // Takes bytes of which the last one arrived at `t_ns`, and none before `since_ns`; every earlier one must have been
     // used: next() has returned false. rt: wait-free
     void push(std::span<const std::uint8_t> bytes, std::uint64_t t_ns, std::uint64_t since_ns) noexcept {
-        assert(at_ == size_ && bytes.size() <= kMostBytes);
+        assert(at_ == size_ && bytes.size() <= kMaxBytes);
         std::memcpy(bytes_.data(), bytes.data(), bytes.size());
         at_ = 0;
         size_ = bytes.size();
@@ -73,7 +73,7 @@ protected:
     LinkCounts& counts_;
 
 private:
-    std::array<std::uint8_t, kMostBytes> bytes_{};
+    std::array<std::uint8_t, kMaxBytes> bytes_{};
     std::size_t at_ = 0, size_ = 0;
     std::uint64_t t_ns_ = 0, since_ns_ = 0;
     Frame ahead_;

@@ -10,7 +10,7 @@
 
 namespace tactiled {
 
-template <std::uint8_t kEnd, std::size_t kMost>
+template <std::uint8_t kEnd, std::size_t kMax>
 class DelimitedDecoder : public StreamDecoder {
 public:
     using StreamDecoder::StreamDecoder;
@@ -21,7 +21,7 @@ public:
     }
 
 protected:
-    // The bytes between two ends, at most kMost; true when they are `frame`. rt: wait-free
+    // The bytes between two ends, at most kMax; true when they are `frame`. rt: wait-free
     [[nodiscard]] virtual bool finish(std::span<const std::uint8_t> bytes, Frame& frame) noexcept = 0;
 
     // What does not give a frame, its end included. Each returns false. rt: wait-free
@@ -44,22 +44,22 @@ private:
             ++length_;
             return false;
         }
-        const bool complete = length_ > kMost ? reject(TACTILED_LINK_BAD_LENGTH) : finish({bytes_.data(), length_}, frame);
+        const bool complete = length_ > kMax ? reject(TACTILED_LINK_BAD_LENGTH) : finish({bytes_.data(), length_}, frame);
         length_ = 0;
         synchronised_ = true;
         return complete;
     }
 
-    std::array<std::uint8_t, kMost> bytes_{};
+    std::array<std::uint8_t, kMax> bytes_{};
     std::size_t length_ = 0;  // bytes since the last end, also those that did not fit
     bool synchronised_ = false;
 };
 
-// Text: each line ends with "\n" or "\r\n", together at most kMost + 1 bytes.
-template <std::size_t kMost>
-class LineDecoder : public DelimitedDecoder<'\n', kMost> {
+// Text: each line ends with "\n" or "\r\n", together at most kMax + 1 bytes.
+template <std::size_t kMax>
+class LineDecoder : public DelimitedDecoder<'\n', kMax> {
 public:
-    using DelimitedDecoder<'\n', kMost>::DelimitedDecoder;
+    using DelimitedDecoder<'\n', kMax>::DelimitedDecoder;
 
 protected:
     // A line without its end; true when it is `frame`. rt: wait-free

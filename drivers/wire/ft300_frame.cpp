@@ -16,7 +16,7 @@ constexpr double kPerUnit[] = {100, 100, 100, 1000, 1000, 1000};  // of N, of Nm
 }  // namespace
 
 Ft300Decoder::Ft300Decoder(std::uint8_t unit, LinkCounts& counts) : StreamDecoder(counts) {
-    std::array<std::uint8_t, kModbusMostRequest> request;
+    std::array<std::uint8_t, kModbusMaxRequest> request;
     encode_modbus(ModbusWire::rtu, {.unit = unit, .function = 16, .at = 410, .value = 0x0200}, request);
     std::copy_n(request.begin(), start_.size(), start_.begin());
     stop_.fill(0xFF);

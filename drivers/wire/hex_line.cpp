@@ -30,9 +30,9 @@ bool HexDecoder::read_line(std::string_view line, Frame& frame) noexcept {
     }
     for (; frame.n_channels < format_.channels; ++frame.n_channels, line.remove_prefix(format_.digits)) {
         std::uint32_t number = 0;
-        if (!read_digits(line.substr(0, format_.digits), 16, number) || number > format_.most)
+        if (!read_digits(line.substr(0, format_.digits), 16, number) || number > format_.max)
             return reject(TACTILED_LINK_BAD_VALUE);
-        if (number == 0 || number == format_.most) frame.saturated |= 1u << frame.n_channels;
+        if (number == 0 || number == format_.max) frame.saturated |= 1u << frame.n_channels;
         frame.channel[frame.n_channels] = number;
     }
     return format_.first != HexFormat::Digit::counter || count_on(digit, frame);

@@ -21,14 +21,14 @@ struct HexFormat {
         none,
         ignored,
         counter
-    } first = Digit::none;        // a decimal digit before them; a counter runs from 0 to 9
-    std::uint32_t most = 0xFFFF;  // the converter's last code; it and 0 are rails
-    std::string start, stop;      // what the device is sent to begin and to end its stream
+    } first = Digit::none;       // a decimal digit before them; a counter runs from 0 to 9
+    std::uint32_t max = 0xFFFF;  // the converter's last code; it and 0 are rails
+    std::string start, stop;     // what the device is sent to begin and to end its stream
 };
 
-inline constexpr std::size_t kHexMostLine = 1 + kMaxChannels * 8 + 1;  // with the return before its end
+inline constexpr std::size_t kHexMaxLine = 1 + kMaxChannels * 8 + 1;  // with the return before its end
 
-class HexDecoder final : public LineDecoder<kHexMostLine> {
+class HexDecoder final : public LineDecoder<kHexMaxLine> {
 public:
     HexDecoder(HexFormat format, LinkCounts& counts) : LineDecoder(counts), format_(std::move(format)) {}
     void reset() noexcept override;

@@ -41,7 +41,7 @@ IsoTp::Found IsoTp::begin(std::span<const std::uint8_t> frame, std::uint64_t t_n
     if (length <= frame.size() - 2) return Found::bad;  // it would have fitted one frame; 0: longer than 4095
     drop();
     wanted_ = length;
-    if (length > kMostBytes) {
+    if (length > kMaxBytes) {
         ++lost_;
         return Found::first;
     }

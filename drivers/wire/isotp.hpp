@@ -9,7 +9,7 @@ namespace tactiled {
 
 class IsoTp {
 public:
-    static constexpr std::size_t kMostBytes = 512;                // of a message here; the standard's field holds 4095
+    static constexpr std::size_t kMaxBytes = 512;                 // of a message here; the standard's field holds 4095
     static constexpr std::uint64_t kPatience_ns = 1'000'000'000;  // N_Cr: between two frames of a message
 
     enum class Found : std::uint8_t {
@@ -39,7 +39,7 @@ private:
     Found single(std::span<const std::uint8_t> frame, std::uint64_t t_ns) noexcept;
     void drop() noexcept;
 
-    std::array<std::uint8_t, kMostBytes> bytes_{};
+    std::array<std::uint8_t, kMaxBytes> bytes_{};
     std::size_t wanted_ = 0, size_ = 0;
     bool under_way_ = false;
     std::uint8_t next_ = 0;  // number of the next frame, 4 bits

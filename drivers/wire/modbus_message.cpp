@@ -32,7 +32,7 @@ std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes) noexcept {
 }
 
 std::size_t encode_modbus(ModbusWire wire, const ModbusRequest& request,
-                          std::span<std::uint8_t, kModbusMostRequest> out) noexcept {
+                          std::span<std::uint8_t, kModbusMaxRequest> out) noexcept {
     std::uint8_t* at = out.data();
     if (wire == ModbusWire::tcp) {
         put16(at, request.transaction);

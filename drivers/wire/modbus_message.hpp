@@ -14,8 +14,8 @@ namespace tactiled {
 
 enum class ModbusWire { rtu, tcp };
 
-inline constexpr std::size_t kModbusMostRegisters = 125;  // of one read
-inline constexpr std::size_t kModbusMostRequest = 15;     // bytes
+inline constexpr std::size_t kModbusMaxRegisters = 125;  // of one read
+inline constexpr std::size_t kModbusMaxRequest = 15;     // bytes
 
 struct ModbusRequest {
     std::uint16_t transaction = 0;  // sent over TCP alone
@@ -29,7 +29,7 @@ std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes) noexcept;
 
 // Returns the number of bytes. rt: wait-free
 std::size_t encode_modbus(ModbusWire wire, const ModbusRequest& request,
-                          std::span<std::uint8_t, kModbusMostRequest> out) noexcept;
+                          std::span<std::uint8_t, kModbusMaxRequest> out) noexcept;
 
 // Bytes of the answer, RTU's CRC or TCP's header included.
 std::size_t modbus_answer_bytes(ModbusWire wire, const ModbusRequest& request) noexcept;
@@ -76,11 +76,11 @@ private:
     bool open_ = false;
     bool checksum_failed_ = false, other_length_ = false, echo_seen_ = false;  // since expect()
     bool line_echoes_ = false;                                                 // what is sent, as of the last read
-    std::array<std::uint8_t, kModbusMostRequest> sent_{};
+    std::array<std::uint8_t, kModbusMaxRequest> sent_{};
     std::size_t n_sent_ = 0;
     std::array<std::uint8_t, 1024> bytes_{};  // the longest answer has 260
     std::size_t size_ = 0;
-    std::array<std::uint16_t, kModbusMostRegisters> registers_{};
+    std::array<std::uint16_t, kModbusMaxRegisters> registers_{};
     std::size_t n_registers_ = 0;
     std::uint8_t exception_ = 0;
 };

@@ -18,7 +18,7 @@ namespace tactiled {
 // that sends less than each 32nd may not be (sequence_tracker_test).
 class SequenceTracker {
 public:
-    static constexpr unsigned kDoubt = 32, kContested = 5 * kDoubt, kMost = 7 * kDoubt;
+    static constexpr unsigned kDoubt = 32, kContested = 5 * kDoubt, kMax = 7 * kDoubt;
     static constexpr unsigned kOvertaken = 4;   // frames in order that one is worth that comes late
     static constexpr unsigned kJudgedBits = 8;  // of a shorter counter a few lost frames are as good as a second device
 
@@ -74,7 +74,7 @@ private:
     }
     void doubt(unsigned frames) noexcept {
         if (!judged_) return;
-        doubt_ = std::min(doubt_ + frames, kMost);
+        doubt_ = std::min(doubt_ + frames, kMax);
         contested_ = contested_ || doubt_ >= kContested;
     }
     void trust() noexcept {

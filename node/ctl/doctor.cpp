@@ -24,7 +24,7 @@ using doctor::Verdict;
 
 constexpr const char* kVerdict[] = {"good", "advice", "wrong"};
 
-struct Wish {
+struct Args {
     std::string config = "/etc/tactiled/tactiled.toml";
     std::string user, root, pid;
     bool json = false;
@@ -49,18 +49,18 @@ std::string user_of(const Machine& machine, const std::string& pid) {
     return self != nullptr ? self->pw_name : "root";
 }
 
-Findings examine(const Wish& wish) {
-    const Machine machine(wish.root);
+Findings examine(const Args& args) {
+    const Machine machine(args.root);
     Findings found;
     Problems problems;
-    Node node = load_node(wish.config, problems);
+    Node node = load_node(args.config, problems);
     Config& config = node.config;
     for (const auto& line : problems.lines())
-        found.push_back({"configuration", Verdict::wrong, line, fmt::format("tactilectl check {}", wish.config)});
-    if (problems.empty()) found.push_back({"configuration", Verdict::good, wish.config, ""});
+        found.push_back({"configuration", Verdict::wrong, line, fmt::format("tactilectl check {}", args.config)});
+    if (problems.empty()) found.push_back({"configuration", Verdict::good, args.config, ""});
 
-    const std::string pid = !wish.pid.empty() ? wish.pid : machine.is_this_one() ? running_daemon(config.node.name) : "";
-    const std::string user = wish.user.empty() ? user_of(machine, pid) : wish.user;
+    const std::string pid = !args.pid.empty() ? args.pid : machine.is_this_one() ? running_daemon(config.node.name) : "";
+    const std::string user = args.user.empty() ? user_of(machine, pid) : args.user;
     look_at_rights(machine, pid.empty() ? "self" : pid, config.realtime, found);
     look_at_kernel(machine, found);
     look_at_clock(machine, found);
@@ -90,21 +90,21 @@ nlohmann::json as_json(const Findings& found, bool good) {
 }  // namespace
 
 void add_doctor(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "doctor",
                           "What on this machine stands between the daemon and its deadlines: rights, kernel, "
                           "processors, clock, devices; exit status 1 when something is wrong");
-    verb->add_option("--config", wish->config, "the daemon's configuration")->capture_default_str();
-    verb->add_option("--user", wish->user, "the daemon's user; default: the running daemon's, else tactiled, else who asks");
-    verb->add_option("--pid", wish->pid, "the daemon; default: the one that runs under the configuration's name");
-    verb->add_option("--root", wish->root, "the folder of another machine's /proc, /sys, /dev and /etc");
-    verb->add_flag("--json", wish->json, "one JSON object");
-    verb->callback([wish, &run] {
-        run = [wish] {
-            const Findings found = examine(*wish);
+    verb->add_option("--config", args->config, "the daemon's configuration")->capture_default_str();
+    verb->add_option("--user", args->user, "the daemon's user; default: the running daemon's, else tactiled, else who asks");
+    verb->add_option("--pid", args->pid, "the daemon; default: the one that runs under the configuration's name");
+    verb->add_option("--root", args->root, "the folder of another machine's /proc, /sys, /dev and /etc");
+    verb->add_flag("--json", args->json, "one JSON object");
+    verb->callback([args, &run] {
+        run = [args] {
+            const Findings found = examine(*args);
             const bool good =
                 std::none_of(found.begin(), found.end(), [](const Finding& f) { return f.verdict == Verdict::wrong; });
-            if (wish->json)
+            if (args->json)
                 fmt::print("{}\n", as_json(found, good).dump());
             else
                 print(found);

@@ -30,16 +30,16 @@ public:
         const bool zeros = logarithmic_ && std::any_of(values.begin(), values.end(), [](double v) { return v <= 0; });
         span_ = as_axis(span_of(used), 0.06);
         if (logarithmic_ && used.empty()) span_ = {0, 1};
-        if (zeros) span_.least -= std::max(0.4, 0.12 * (span_.most - span_.least));
-        ticks_ = logarithmic_ ? log_ticks({std::pow(10, span_.least), std::pow(10, span_.most)}) : axis_ticks(span_);
+        if (zeros) span_.min -= std::max(0.4, 0.12 * (span_.max - span_.min));
+        ticks_ = logarithmic_ ? log_ticks({std::pow(10, span_.min), std::pow(10, span_.max)}) : axis_ticks(span_);
         if (zeros) {
             while (!ticks_.empty() && std::abs(at(ticks_.front().at) - from_) < 24) ticks_.erase(ticks_.begin());
             ticks_.insert(ticks_.begin(), {0, "0"});
         }
     }
     [[nodiscard]] double at(double value) const {
-        if (logarithmic_) value = value > 0 ? std::log10(value) : span_.least;
-        return from_ + (to_ - from_) * std::clamp((value - span_.least) / (span_.most - span_.least), 0.0, 1.0);
+        if (logarithmic_) value = value > 0 ? std::log10(value) : span_.min;
+        return from_ + (to_ - from_) * std::clamp((value - span_.min) / (span_.max - span_.min), 0.0, 1.0);
     }
     [[nodiscard]] const std::vector<Tick>& ticks() const { return ticks_; }
 
@@ -175,7 +175,7 @@ private:
     }
 
     void labels() {
-        std::vector<LabelWish> wishes;
+        std::vector<LabelRequest> requests;
         std::vector<const std::string*> texts;
         std::vector<Box> taken, crossed;
         for (const auto& series : figure_.series) {
@@ -186,7 +186,7 @@ private:
                 const double x = x_.at(point.x), y = y_.at(point.y);
                 const Box box{x - reach, y - reach, x + reach, y + reach};
                 if (!point.label.empty()) {
-                    wishes.push_back({box, text_width(point.label, kLabelFont), kLabelFont + 1});
+                    requests.push_back({box, text_width(point.label, kLabelFont), kLabelFont + 1});
                     texts.push_back(&point.label);
                 } else if (series.symbol != Symbol::none) {
                     taken.push_back(box);
@@ -202,7 +202,7 @@ private:
             }
         }
         const Box frame{kLeft + 2, top_ + 2, kWidth - kRight - 2, foot_ - 2};
-        const auto places = place_labels(wishes, taken, std::move(crossed), frame);
+        const auto places = place_labels(requests, taken, std::move(crossed), frame);
         int without = 0;
         for (std::size_t i = 0; i < places.size(); ++i) {
             if (!places[i]) {
@@ -210,12 +210,12 @@ private:
                 continue;
             }
             const Box& box = *places[i];
-            const Leader leader = leader_between(wishes[i].symbol, box);
+            const Leader leader = leader_between(requests[i].symbol, box);
             if (leader.needed())
                 put("<path stroke=\"#57606a\" stroke-width=\"0.7\" d=\"M{:.1f} {:.1f}L{:.1f} {:.1f}\"/>\n", leader.from_x,
                     leader.from_y, leader.to_x, leader.to_y);
             // Held at the side of its symbol: a narrower font leaves no gap there. White around it breaks the grid's lines.
-            const bool right = box.left >= wishes[i].symbol.right, left = box.right <= wishes[i].symbol.left;
+            const bool right = box.left >= requests[i].symbol.right, left = box.right <= requests[i].symbol.left;
             put("<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{}\" text-anchor=\"{}\" stroke=\"#fff\" stroke-width=\"3\" "
                 "paint-order=\"stroke\">{}</text>\n",
                 right  ? box.left

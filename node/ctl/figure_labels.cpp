@@ -14,11 +14,11 @@ constexpr int kDirections = 8;  // in the first ring; more further out
 constexpr double kTurn = 2 * std::numbers::pi;
 
 // The box of a label whose nearest point to the symbol lies in this direction, `distance` off it.
-Box beside(const LabelWish& wish, double cos, double sin, double distance) {
-    const Box& s = wish.symbol;
-    const double x = (s.left + s.right) / 2 + cos * ((s.right - s.left) / 2 + distance + wish.width / 2);
-    const double y = (s.top + s.bottom) / 2 + sin * ((s.bottom - s.top) / 2 + distance + wish.height / 2);
-    return {x - wish.width / 2, y - wish.height / 2, x + wish.width / 2, y + wish.height / 2};
+Box beside(const LabelRequest& request, double cos, double sin, double distance) {
+    const Box& s = request.symbol;
+    const double x = (s.left + s.right) / 2 + cos * ((s.right - s.left) / 2 + distance + request.width / 2);
+    const double y = (s.top + s.bottom) / 2 + sin * ((s.bottom - s.top) / 2 + distance + request.height / 2);
+    return {x - request.width / 2, y - request.height / 2, x + request.width / 2, y + request.height / 2};
 }
 
 bool is_free(const Box& box, const std::vector<Box>& of) {
@@ -80,13 +80,13 @@ double text_width(std::string_view text, double font_size) {
     return width * font_size;
 }
 
-std::vector<std::optional<Box>> place_labels(const std::vector<LabelWish>& wishes, const std::vector<Box>& taken,
+std::vector<std::optional<Box>> place_labels(const std::vector<LabelRequest>& requests, const std::vector<Box>& taken,
                                              std::vector<Box> crossed, const Box& frame) {
     std::vector<Box> solid = taken;
-    for (const LabelWish& wish : wishes) solid.push_back(wish.symbol);
+    for (const LabelRequest& request : requests) solid.push_back(request.symbol);
     const double furthest = std::hypot(frame.right - frame.left, frame.bottom - frame.top);
     std::vector<std::optional<Box>> result;
-    for (const LabelWish& wish : wishes) {
+    for (const LabelRequest& request : requests) {
         std::optional<Box> place;
         for (const Pass pass : {Pass::off_lines, Pass::leader_clear, Pass::any}) {
             const double limit = pass == Pass::off_lines ? furthest / 6 : furthest;
@@ -94,18 +94,18 @@ std::vector<std::optional<Box>> place_labels(const std::vector<LabelWish>& wishe
                 const int n = kDirections + int(distance / kStep) * 2;
                 for (int i = 0; i < n && !place; ++i) {
                     const double at = direction(i, n);
-                    const Box box = beside(wish, std::cos(at), std::sin(at), distance);
+                    const Box box = beside(request, std::cos(at), std::sin(at), distance);
                     if (!frame.contains(box) || !is_free(box, solid)) continue;
                     if (pass == Pass::off_lines && !is_free(box, crossed)) continue;
-                    const Leader leader = leader_between(wish.symbol, box);
-                    if (pass != Pass::any && leader.needed() && !is_clear(leader, wish.symbol, solid)) continue;
+                    const Leader leader = leader_between(request.symbol, box);
+                    if (pass != Pass::any && leader.needed() && !is_clear(leader, request.symbol, solid)) continue;
                     place = box;
                 }
             }
         }
         if (place) {
             solid.push_back(*place);
-            const Leader leader = leader_between(wish.symbol, *place);
+            const Leader leader = leader_between(request.symbol, *place);
             if (leader.needed()) std::ranges::copy(boxes_of(leader), std::back_inserter(crossed));
         }
         result.push_back(place);

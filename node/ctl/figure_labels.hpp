@@ -19,7 +19,7 @@ struct Box {  // y grows downwards
 // Of a text in a sans-serif font of that size, rather too wide than too narrow.
 double text_width(std::string_view text, double font_size);
 
-struct LabelWish {
+struct LabelRequest {
     Box symbol;  // beside which
     double width, height;
 };
@@ -35,7 +35,7 @@ Leader leader_between(const Box& symbol, const Box& label);
 // A place for each wish, greedily in their order: the nearest that is free, right of the symbol before left, above and
 // below. All lie in `frame`, over no wish's symbol, nothing in `taken` and no other label. Over what is `crossed` (lines),
 // or with a leader over any of them, only where there is no other place. Nothing where there is no room.
-std::vector<std::optional<Box>> place_labels(const std::vector<LabelWish>& wishes, const std::vector<Box>& taken,
+std::vector<std::optional<Box>> place_labels(const std::vector<LabelRequest>& requests, const std::vector<Box>& taken,
                                              std::vector<Box> crossed, const Box& frame);
 
 }  // namespace tactiled::ctl

@@ -11,27 +11,27 @@
 namespace tactiled::ctl {
 
 void add_map(CLI::App& app, Run& run) {
-    struct Wish {
+    struct Args {
         std::string format = "md";
         bool json = false;
         unsigned sensors = 2;
     };
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "map", "The Modbus register map");
-    verb->add_option("--format", wish->format,
+    verb->add_option("--format", args->format,
                      "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text; man: manual page")
         ->check(CLI::IsMember({"md", "csv", "st", "man"}))
         ->capture_default_str();
-    verb->add_flag("--json", wish->json, "the same rows as csv, as JSON");
-    verb->add_option("--sensors", wish->sensors, "st: how many sensors to unpack")
+    verb->add_flag("--json", args->json, "the same rows as csv, as JSON");
+    verb->add_option("--sensors", args->sensors, "st: how many sensors to unpack")
         ->check(CLI::Range(1, 16))
         ->capture_default_str();
-    verb->callback([&run, wish] {
-        run = [wish] {
-            const std::string text = wish->json              ? map_json()
-                                     : wish->format == "csv" ? map_csv()
-                                     : wish->format == "st"  ? map_structured_text(wish->sensors)
-                                     : wish->format == "man" ? map_manual_page()
+    verb->callback([&run, args] {
+        run = [args] {
+            const std::string text = args->json              ? map_json()
+                                     : args->format == "csv" ? map_csv()
+                                     : args->format == "st"  ? map_structured_text(args->sensors)
+                                     : args->format == "man" ? map_manual_page()
                                                              : map_markdown();
             fmt::print("{}", text);
             return kGood;

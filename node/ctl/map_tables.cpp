@@ -32,7 +32,7 @@ unsigned address_of(const Area& area, const Register& r) { return is_block(area)
 bool is_holding_only(const Area& area) { return area.block == Block::controls || area.block == Block::scratch; }
 
 std::string access_of(const Register& r) {
-    if (r.limits.most < r.limits.least) return "r";
+    if (r.limits.max < r.limits.min) return "r";
     return r.limits.locked ? "rw, locked" : "rw";
 }
 
@@ -61,8 +61,8 @@ std::string meaning_of(const Area& area, const Register& r, const char* separato
 }
 
 std::string range_of(const Register& r) {
-    if (r.limits.most < r.limits.least || (r.limits.least == 0 && r.limits.most == 65535)) return "";
-    return fmt::format("{} .. {}{}", r.limits.least, r.limits.most, r.limits.locked ? ", 65535 = as configured" : "");
+    if (r.limits.max < r.limits.min || (r.limits.min == 0 && r.limits.max == 65535)) return "";
+    return fmt::format("{} .. {}{}", r.limits.min, r.limits.max, r.limits.locked ? ", 65535 = as configured" : "");
 }
 
 constexpr const char* kRules[] = {
@@ -160,12 +160,12 @@ std::string map_csv() {
                 Register r = plain;
                 r.at = std::uint16_t(r.at + n * area.repeats);
                 const unsigned at = address_of(area, r);
-                const bool writable = r.limits.most >= r.limits.least;
+                const bool writable = r.limits.max >= r.limits.min;
                 out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", area.prefix, at,
                                    is_holding_only(area) ? "" : std::to_string(30001 + at), 40001 + at, size_of(r),
                                    area.repeats != 0 ? std::to_string(n) : "", r.name, type_text(r.type), r.unit,
-                                   quoted(access_of(r)), writable ? std::to_string(r.limits.least) : "",
-                                   writable ? std::to_string(r.limits.most) : "", quoted(meaning_of(area, plain, "; ")),
+                                   quoted(access_of(r)), writable ? std::to_string(r.limits.min) : "",
+                                   writable ? std::to_string(r.limits.max) : "", quoted(meaning_of(area, plain, "; ")),
                                    quoted(mbpoll_of(area, r)));
             }
     each_bits([&](const char* kind, const Bits& run, bool coil) {
@@ -190,7 +190,7 @@ std::string map_json() {
                                        {"unit", r.unit},
                                        {"access", access_of(r)},
                                        {"low_word_first", area.low_word_first}};
-            if (r.limits.most >= r.limits.least) row["least"] = r.limits.least, row["most"] = r.limits.most;
+            if (r.limits.max >= r.limits.min) row["least"] = r.limits.min, row["most"] = r.limits.max;
             row["meaning"] = r.meaning;
             for (const Name& name : names_of(fmt::format("{}.{}", area.prefix, r.name)))
                 row["values"][std::to_string(name.value)] = name.name;
@@ -227,7 +227,7 @@ std::string map_manual_page() {
             out += fmt::format(".TP 8\n{}{}\n.B {}\n{}", is_block(area) ? "+" : "", r.at, safe(std::string(r.name)),
                                type_text(r.type));
             if (!r.unit.empty()) out += fmt::format(", {}", r.unit);
-            if (r.limits.most >= r.limits.least) out += ", " + access_of(r);
+            if (r.limits.max >= r.limits.min) out += ", " + access_of(r);
             if (const std::string range = range_of(r); !range.empty()) out += ", " + range;
             const std::string meaning = meaning_of(area, r, "; ");
             out += meaning.empty() ? "\n" : fmt::format(". {}\n", safe(meaning));

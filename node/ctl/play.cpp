@@ -16,7 +16,7 @@
 namespace tactiled::ctl {
 namespace {
 
-struct Wish {
+struct Args {
     std::string in, pty;
     Wire wire;
     double speed = 1, rate_Hz = 0;
@@ -34,13 +34,13 @@ bool is_label(const std::string& column) {
     return std::find(kLabels.begin(), kLabels.end(), column) != kLabels.end();
 }
 
-std::vector<Row> read_rows(const Wish& wish) {
-    CsvReader csv(wish.in);
-    std::vector<std::string> names = wish.columns;
+std::vector<Row> read_rows(const Args& args) {
+    CsvReader csv(args.in);
+    std::vector<std::string> names = args.columns;
     if (names.empty())
         std::copy_if(csv.columns().begin(), csv.columns().end(), std::back_inserter(names), std::not_fn(is_label));
     if (names.empty() || names.size() > kMaxChannels)
-        throw SetupError(fmt::format("{}: has {} channels; a frame carries 1 .. {}", wish.in, names.size(), kMaxChannels));
+        throw SetupError(fmt::format("{}: has {} channels; a frame carries 1 .. {}", args.in, names.size(), kMaxChannels));
     std::vector<std::size_t> columns;
     for (const auto& name : names) {
         const auto at = csv.find(name);
@@ -48,7 +48,7 @@ std::vector<Row> read_rows(const Wish& wish) {
         columns.push_back(*at);
     }
     const auto time = csv.find("t_s");
-    if (!time && wish.rate_Hz <= 0) csv.refuse("has no column t_s: give --rate");
+    if (!time && args.rate_Hz <= 0) csv.refuse("has no column t_s: give --rate");
     std::vector<Row> rows;
     while (csv.next()) {
         Row row{time ? csv.number(*time) : 0, {}};
@@ -60,20 +60,20 @@ std::vector<Row> read_rows(const Wish& wish) {
     return rows;
 }
 
-int play(const Wish& wish) {
+int play(const Args& args) {
     catch_interrupt();
-    const std::vector<Row> rows = read_rows(wish);
+    const std::vector<Row> rows = read_rows(args);
     const double length_s =
         rows.size() < 2 ? 1 : (rows.back().t_s - rows.front().t_s) * double(rows.size()) / double(rows.size() - 1);
-    Port port(wish.pty);
+    Port port(args.pty);
     wait_for_reader(port);
 
     std::uint64_t sent = 0, dropped = 0, number = 0;
     const std::uint64_t began_ns = monotonic_ns();
-    for (std::uint64_t lap = 0; interrupted == 0 && (lap == 0 || wish.loop); ++lap) {
+    for (std::uint64_t lap = 0; interrupted == 0 && (lap == 0 || args.loop); ++lap) {
         for (std::size_t i = 0; i < rows.size() && interrupted == 0; ++i, ++number) {
-            const double due_s = wish.rate_Hz > 0 ? double(number) / wish.rate_Hz
-                                                  : (double(lap) * length_s + rows[i].t_s - rows.front().t_s) / wish.speed;
+            const double due_s = args.rate_Hz > 0 ? double(number) / args.rate_Hz
+                                                  : (double(lap) * length_s + rows[i].t_s - rows.front().t_s) / args.speed;
             const std::uint64_t due_ns = began_ns + std::uint64_t(due_s * 1e9);
             sleep_until(due_ns);
 
@@ -82,7 +82,7 @@ int play(const Wish& wish) {
             frame.device_time_us = due_ns / 1000;
             frame.n_channels = std::uint8_t(rows[i].channel.size());
             std::copy(rows[i].channel.begin(), rows[i].channel.end(), frame.channel.begin());
-            ++(wish.wire.send(port, frame) ? sent : dropped);
+            ++(args.wire.send(port, frame) ? sent : dropped);
         }
     }
     let_reader_finish();
@@ -93,18 +93,18 @@ int play(const Wish& wish) {
 }  // namespace
 
 void add_play(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "play", "Plays a recording as a device behind a pty");
-    verb->add_option("--in", wish->in, "signals.csv: t_s and channels; label columns are left out")->required();
-    verb->add_option("--pty", wish->pty, "the name under which the daemon opens it (a symbolic link)")->required();
-    wish->wire.add_options(verb);
-    verb->add_option("--speed", wish->speed, "times faster than t_s says")
+    verb->add_option("--in", args->in, "signals.csv: t_s and channels; label columns are left out")->required();
+    verb->add_option("--pty", args->pty, "the name under which the daemon opens it (a symbolic link)")->required();
+    args->wire.add_options(verb);
+    verb->add_option("--speed", args->speed, "times faster than t_s says")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
-    verb->add_option("--rate", wish->rate_Hz, "rows a second, instead of t_s")->check(CLI::PositiveNumber);
-    verb->add_option("--columns", wish->columns, "which columns, in which order")->delimiter(',');
-    verb->add_flag("--loop", wish->loop, "from the start again, until interrupted");
-    verb->callback([wish, &run] { run = [wish] { return play(*wish); }; });
+    verb->add_option("--rate", args->rate_Hz, "rows a second, instead of t_s")->check(CLI::PositiveNumber);
+    verb->add_option("--columns", args->columns, "which columns, in which order")->delimiter(',');
+    verb->add_flag("--loop", args->loop, "from the start again, until interrupted");
+    verb->callback([args, &run] { run = [args] { return play(*args); }; });
 }
 
 }  // namespace tactiled::ctl

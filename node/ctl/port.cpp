@@ -93,10 +93,10 @@ bool Wire::send(Port& port, Frame frame) const {
         if (std::isnan(frame.channel[k])) frame.missing |= 1u << k;
     }
     if (format == "cobs") {
-        std::array<std::uint8_t, kCobsMostEncoded> bytes;
+        std::array<std::uint8_t, kCobsMaxEncoded> bytes;
         return port.send(bytes.data(), encode_cobs(frame, bits, bytes));
     }
-    std::array<char, kAsciiMostBytes * 2> line;
+    std::array<char, kAsciiMaxBytes * 2> line;
     return port.send(line.data(), encode_ascii(frame, {frame.n_channels, checksum, sequence, time}, line));
 }
 

@@ -14,7 +14,7 @@
 namespace tactiled::ctl {
 namespace {
 
-struct Wish {
+struct Args {
     std::string node = "gripper", sensor;
     bool follow = false, csv = false, json = false, raw = false;
     long count = 0;
@@ -58,29 +58,29 @@ std::string text_row(const tactiled_sample& s, bool raw) {
     return row + "  " + quality_text(s.quality, s.reasons);
 }
 
-int read(const Wish& wish) {
+int read(const Args& args) {
     catch_interrupt();
-    Reader reader(wish.node, wish.sensor);
+    Reader reader(args.node, args.sensor);
     if (!reader.is_attached()) {
         fmt::print(stderr, "tactilectl: {}\n", reader.why_not());
         std::string unused;
-        return Segment::try_open(wish.node, unused).is_open() ? kUsage : kNotReachable;
+        return Segment::try_open(args.node, unused).is_open() ? kUsage : kNotReachable;
     }
-    if (wish.csv)
+    if (args.csv)
         fmt::print("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality\n");
-    else if (!wish.json)
+    else if (!args.json)
         fmt::print("{:>10} {:>10} {:>10} {:>10}  quality\n", "sequence", "fx/N", "fy/N", "fz/N");
     const auto print = [&](const tactiled_sample& s) {
-        fmt::print("{}\n", wish.json ? json_row(s) : wish.csv ? csv_row(s, wish.raw) : text_row(s, wish.raw));
+        fmt::print("{}\n", args.json ? json_row(s) : args.csv ? csv_row(s, args.raw) : text_row(s, args.raw));
     };
-    if (!wish.follow) {
+    if (!args.follow) {
         const tactiled_sample sample = reader.latest();
         print(sample);
         return sample.quality == TACTILED_BAD ? kUnhealthy : kGood;
     }
     tactiled_sample sample{};
     std::uint64_t heard_ns = monotonic_ns();
-    for (long n = 0; interrupted == 0 && (wish.count == 0 || n < wish.count);) {
+    for (long n = 0; interrupted == 0 && (args.count == 0 || n < args.count);) {
         if (reader.next(sample)) {
             print(sample);
             heard_ns = monotonic_ns();
@@ -89,8 +89,8 @@ int read(const Wish& wish) {
         }
         std::fflush(stdout);
         if (std::ferror(stdout) != 0) break;  // nobody listens any more
-        if (wish.timeout_s > 0 && double(monotonic_ns() - heard_ns) > wish.timeout_s * 1e9) {
-            fmt::print(stderr, "tactilectl: nothing from \"{}\" for {} s\n", wish.sensor, wish.timeout_s);
+        if (args.timeout_s > 0 && double(monotonic_ns() - heard_ns) > args.timeout_s * 1e9) {
+            fmt::print(stderr, "tactilectl: nothing from \"{}\" for {} s\n", args.sensor, args.timeout_s);
             return reader.is_attached() && reader.segment().is_current() ? kUnhealthy : kNotReachable;
         }
         std::this_thread::sleep_for(std::chrono::microseconds(500));
@@ -103,19 +103,19 @@ int read(const Wish& wish) {
 }  // namespace
 
 void add_read(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "read", "The newest sample of a sensor, or all of them as they come");
-    verb->add_option("sensor", wish->sensor, "name of the sensor")->required();
-    add_node_option(verb, wish->node);
-    verb->add_flag("--follow", wish->follow, "every sample, as they come");
-    verb->add_flag("--csv", wish->csv, "columns of forces.csv");
-    verb->add_flag("--json", wish->json, "one JSON object a line");
-    verb->add_flag("--raw", wish->raw, "before tare (text and CSV; JSON has both)");
-    verb->add_option("--count", wish->count, "with --follow: end after so many")->check(CLI::PositiveNumber);
-    verb->add_option("--timeout", wish->timeout_s, "with --follow: seconds without a sample before giving up; 0 never")
+    verb->add_option("sensor", args->sensor, "name of the sensor")->required();
+    add_node_option(verb, args->node);
+    verb->add_flag("--follow", args->follow, "every sample, as they come");
+    verb->add_flag("--csv", args->csv, "columns of forces.csv");
+    verb->add_flag("--json", args->json, "one JSON object a line");
+    verb->add_flag("--raw", args->raw, "before tare (text and CSV; JSON has both)");
+    verb->add_option("--count", args->count, "with --follow: end after so many")->check(CLI::PositiveNumber);
+    verb->add_option("--timeout", args->timeout_s, "with --follow: seconds without a sample before giving up; 0 never")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
-    verb->callback([wish, &run] { run = [wish] { return read(*wish); }; });
+    verb->callback([args, &run] { run = [args] { return read(*args); }; });
 }
 
 }  // namespace tactiled::ctl

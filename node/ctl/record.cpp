@@ -23,7 +23,7 @@
 namespace tactiled::ctl {
 namespace {
 
-struct Wish {
+struct Args {
     std::string node = "gripper", file, config;
     bool overwrite = false, json = false;
     double seconds = 0;
@@ -67,8 +67,8 @@ private:
 
 class Recording {
 public:
-    Recording(const SegmentView& segment, const Wish& wish)
-        : config_(wish.config.empty() ? "" : content_of(wish.config)), file_(wish.file, wish.overwrite) {
+    Recording(const SegmentView& segment, const Args& args)
+        : config_(args.config.empty() ? "" : content_of(args.config)), file_(args.file, args.overwrite) {
         const std::string node = segment.header().name;
         const auto of_frames =
             file_.add_schema(std::string(mcap::kFrameSchema), "ros2msg", std::string(mcap::kFrameDefinition));
@@ -100,12 +100,12 @@ public:
                                 Tail(segment, sensor.ring), channel(of_samples, "sample"), channel(of_wrenches, "wrench"),
                                 channel(of_wrenches, "wrench_uncertain")});
         }
-        if (!wish.config.empty()) file_.attach("tactiled.toml", "application/toml", config_, wall_ns());
+        if (!args.config.empty()) file_.attach("tactiled.toml", "application/toml", config_, wall_ns());
         wall_from_monotonic_ns_ = wall_ns() - monotonic_ns();
     }
 
     // All that has come since the last turn.
-    void turn() {
+    void cycle() {
         tactiled_frame shown;
         Frame frame;
         for (auto& link : links_)
@@ -162,36 +162,36 @@ private:
     std::string message_;
 };
 
-int record(const Wish& wish) {
+int record(const Args& args) {
     catch_interrupt();
     std::string why;
-    const Segment segment = Segment::try_open(wish.node, why);
+    const Segment segment = Segment::try_open(args.node, why);
     if (!segment.is_open()) {
         fmt::print(stderr, "tactilectl: {}\n", why);
         return kNotReachable;
     }
     if (segment.n_links() != 0 && segment.link(0).frames.slots == 0)
         throw SetupError(fmt::format("node \"{}\" is of version {}, which shows no frames: nothing could be replayed",
-                                     wish.node, segment.header().version));
-    Recording recording(segment, wish);
+                                     args.node, segment.header().version));
+    Recording recording(segment, args);
     const std::uint64_t begun_ns = monotonic_ns();
     std::uint64_t flushed_ns = begun_ns;
     bool ended = false;  // the daemon
-    while (interrupted == 0 && !ended && (wish.seconds <= 0 || double(monotonic_ns() - begun_ns) < wish.seconds * 1e9)) {
+    while (interrupted == 0 && !ended && (args.seconds <= 0 || double(monotonic_ns() - begun_ns) < args.seconds * 1e9)) {
         ended = !segment.is_current();
-        recording.turn();
-        if (const std::uint64_t now = monotonic_ns(); now - flushed_ns >= std::uint64_t(wish.flush_ms) * 1'000'000u) {
+        recording.cycle();
+        if (const std::uint64_t now = monotonic_ns(); now - flushed_ns >= std::uint64_t(args.flush_ms) * 1'000'000u) {
             recording.flush();
             flushed_ns = now;
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
-    recording.turn();
+    recording.cycle();
     recording.close();
     const double seconds = double(monotonic_ns() - begun_ns) / 1e9;
-    if (wish.json)
+    if (args.json)
         fmt::print("{}\n", nlohmann::json{{"schema", 1},
-                                          {"file", wish.file},
+                                          {"file", args.file},
                                           {"seconds", seconds},
                                           {"messages", recording.file().messages()},
                                           {"bytes", recording.file().bytes()},
@@ -199,7 +199,7 @@ int record(const Wish& wish) {
                                           {"daemon_ended", ended}}
                                .dump());
     else
-        fmt::print("{}: {:.1f} s, {} messages, {} bytes{}\n", wish.file, seconds, recording.file().messages(),
+        fmt::print("{}: {:.1f} s, {} messages, {} bytes{}\n", args.file, seconds, recording.file().messages(),
                    recording.file().bytes(), ended ? "; the daemon has ended" : "");
     if (recording.lost() != 0)
         fmt::print(stderr, "tactilectl: {} records were missed: this program or the disk was too slow\n", recording.lost());
@@ -209,20 +209,20 @@ int record(const Wish& wish) {
 }  // namespace
 
 void add_record(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end");
-    verb->add_option("file", wish->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
+    verb->add_option("file", args->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
         ->required();
-    add_node_option(verb, wish->node);
-    verb->add_option("--seconds", wish->seconds, "end after so long; 0: not by itself")->check(CLI::NonNegativeNumber);
-    verb->add_option("--config", wish->config, "the daemon's configuration, to be kept in the file");
-    verb->add_option("--flush-ms", wish->flush_ms,
+    add_node_option(verb, args->node);
+    verb->add_option("--seconds", args->seconds, "end after so long; 0: not by itself")->check(CLI::NonNegativeNumber);
+    verb->add_option("--config", args->config, "the daemon's configuration, to be kept in the file");
+    verb->add_option("--flush-ms", args->flush_ms,
                      "a chunk is written at least this often: what a kill loses; a power cut, what the kernel held")
         ->check(CLI::Range(100, 1000))
         ->capture_default_str();
-    verb->add_flag("--overwrite", wish->overwrite, "replace a file that is there");
-    verb->add_flag("--json", wish->json, "say at the end as JSON what was recorded");
-    verb->callback([wish, &run] { run = [wish] { return record(*wish); }; });
+    verb->add_flag("--overwrite", args->overwrite, "replace a file that is there");
+    verb->add_flag("--json", args->json, "say at the end as JSON what was recorded");
+    verb->callback([args, &run] { run = [args] { return record(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -22,7 +22,7 @@
 namespace tactiled::ctl {
 namespace {
 
-struct Wish {
+struct Args {
     std::string file, config, sensor, out;
     bool json = false;
 };
@@ -69,7 +69,7 @@ class Published {
 public:
     // Bytes of the file that may lie between a frame and its sample. The recorder writes both in one turn, or in two that
     // follow each other.
-    static constexpr std::uint64_t kMostBetween = 32u << 20;
+    static constexpr std::uint64_t kMaxBetween = 32u << 20;
 
     Published(const std::string& path, const Node& node) : node_(node), sensors_(node.plan.sensors.size()) {
         open_file(file_, path);
@@ -82,7 +82,7 @@ public:
         for (;;) {
             while (!waiting.empty() && waiting.front().sample.t_ns < t_ns) waiting.pop_front();
             if (!waiting.empty()) break;
-            if (file_.bytes_read() > frame_at + kMostBetween || !read_on(frame_at)) return std::nullopt;
+            if (file_.bytes_read() > frame_at + kMaxBetween || !read_on(frame_at)) return std::nullopt;
         }
         if (waiting.front().sample.t_ns != t_ns) return std::nullopt;
         const tactiled_sample sample = waiting.front().sample;
@@ -105,7 +105,7 @@ private:
             OfSensor& of = sensors_[i];
             // Before the first frame there are three markers at most: no data yet, and why.
             if (!std::exchange(of.any, true)) of.from_the_start = sample.sequence <= 2;
-            while (!of.waiting.empty() && of.waiting.front().at + kMostBetween < frame_at) of.waiting.pop_front();
+            while (!of.waiting.empty() && of.waiting.front().at + kMaxBetween < frame_at) of.waiting.pop_front();
             of.waiting.push_back({file_.bytes_read(), sample});
         }
         return true;
@@ -126,14 +126,14 @@ private:
 
 class Replayed {
 public:
-    Replayed(Node& node, const Wish& wish) : node_(node), outcome_(node.sensors.size()) {
+    Replayed(Node& node, const Args& args) : node_(node), outcome_(node.sensors.size()) {
         for (std::size_t i = 0; i < node.sensors.size(); ++i) node.sensors[i].start(0, 0);
-        if (wish.out.empty()) return;
+        if (args.out.empty()) return;
         for (std::size_t i = 0; i < node.plan.sensors.size(); ++i)
-            if (wish.sensor.empty() ? node.plan.sensors.size() == 1 : wish.sensor == node.plan.sensors[i].name)
+            if (args.sensor.empty() ? node.plan.sensors.size() == 1 : args.sensor == node.plan.sensors[i].name)
                 shown_ = int(i);
         if (shown_ < 0) throw SetupError("--out writes one sensor: --sensor NAME, one of the configuration's");
-        forces_ = std::make_unique<ForcesWriter>(wish.out);
+        forces_ = std::make_unique<ForcesWriter>(args.out);
     }
 
     // A frame of a link that lies about at byte `at` of the file; `published` says what it became then.
@@ -156,7 +156,7 @@ private:
         const std::optional<tactiled_sample> was = published.of_frame(i, frame.t_ns, at);
         // A break between two frames, seen by the pipeline alone, makes a filter begin anew.
         if (was && last_epoch_[i] != 0 && was->epoch != last_epoch_[i]) {
-            (void)node_.sensors[i].has_broken(false, frame.t_ns);
+            (void)node_.sensors[i].has_discontinuity(false, frame.t_ns);
             (void)node_.sensors[i].marker(frame.t_ns);
         }
         const tactiled_sample is = node_.sensors[i].sample(frame, frame.t_ns);
@@ -193,14 +193,14 @@ private:
     std::unique_ptr<ForcesWriter> forces_;
 };
 
-int replay(const Wish& wish) {
+int replay(const Args& args) {
     mcap::MessageFile file;
-    open_file(file, wish.file);
+    open_file(file, args.file);
     Problems problems;
-    Node node = load_node(wish.config, problems, "");
+    Node node = load_node(args.config, problems, "");
     problems.throw_if_any();
-    Published published(wish.file, node);
-    Replayed replayed(node, wish);
+    Published published(args.file, node);
+    Replayed replayed(node, args);
     Frame frame;
     std::uint64_t frames = 0;
     while (const auto message = file.next())
@@ -210,7 +210,7 @@ int replay(const Wish& wish) {
         }
     replayed.finish();
     const std::string why = file.why();
-    if (frames == 0) throw SetupError(fmt::format("{}: {}", wish.file, why.empty() ? "holds no frames" : why));
+    if (frames == 0) throw SetupError(fmt::format("{}: {}", args.file, why.empty() ? "holds no frames" : why));
 
     bool all_equal = true;
     nlohmann::json sensors = nlohmann::json::array();
@@ -224,27 +224,27 @@ int replay(const Wish& wish) {
                            {"equal", o.equal},
                            {"before_tare_and_filter", o.raw_only},
                            {"first_difference", o.first_difference}});
-        if (!wish.json)
+        if (!args.json)
             fmt::print("{}: {} frames, {} samples compared, {} equal bit for bit{}{}\n", name, o.frames, o.compared, o.equal,
                        o.raw_only != 0 ? fmt::format(" ({} of them before tare and filter)", o.raw_only) : "",
                        o.first_difference.empty() ? "" : "; first difference: " + o.first_difference);
     }
-    if (wish.json) fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"why", why}, {"sensors", sensors}}.dump());
-    if (!why.empty()) fmt::print(stderr, "tactilectl: {}: {}\n", wish.file, why);
+    if (args.json) fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"why", why}, {"sensors", sensors}}.dump());
+    if (!why.empty()) fmt::print(stderr, "tactilectl: {}: {}\n", args.file, why);
     return all_equal ? kGood : kUnhealthy;
 }
 
 }  // namespace
 
 void add_replay(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?");
-    verb->add_option("file", wish->file, "made by tactilectl record")->required();
-    verb->add_option("--config", wish->config, "the daemon's configuration, or another one to try")->required();
-    verb->add_option("--out", wish->out, "forces.csv of one sensor; - is standard output");
-    verb->add_option("--sensor", wish->sensor, "whose forces, where there are several");
-    verb->add_flag("--json", wish->json, "the comparison as JSON");
-    verb->callback([wish, &run] { run = [wish] { return replay(*wish); }; });
+    verb->add_option("file", args->file, "made by tactilectl record")->required();
+    verb->add_option("--config", args->config, "the daemon's configuration, or another one to try")->required();
+    verb->add_option("--out", args->out, "forces.csv of one sensor; - is standard output");
+    verb->add_option("--sensor", args->sensor, "whose forces, where there are several");
+    verb->add_flag("--json", args->json, "the comparison as JSON");
+    verb->callback([args, &run] { run = [args] { return replay(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -15,7 +15,7 @@
 namespace tactiled::ctl {
 namespace {
 
-struct Wish {
+struct Args {
     std::string scene, effects = "auto", out, truth, report, figure, sensor;
     std::vector<std::string> ptys;
     Wire wire;
@@ -28,13 +28,13 @@ void print(const nlohmann::json& json) {
 }
 
 // No file that is written may be another that is written or the scene itself.
-void check_files(const Wish& wish) {
+void check_files(const Args& args) {
     namespace fs = std::filesystem;
-    const std::pair<const char*, const std::string*> files[] = {{"--scene", &wish.scene},
-                                                                {"--out", &wish.out},
-                                                                {"--truth", &wish.truth},
-                                                                {"--report", &wish.report},
-                                                                {"--figure", &wish.figure}};
+    const std::pair<const char*, const std::string*> files[] = {{"--scene", &args.scene},
+                                                                {"--out", &args.out},
+                                                                {"--truth", &args.truth},
+                                                                {"--report", &args.report},
+                                                                {"--figure", &args.figure}};
     for (const auto& [name, path] : files)
         for (const auto& [other_name, other] : files) {
             if (other == path) break;  // those before it
@@ -44,7 +44,7 @@ void check_files(const Wish& wish) {
                 fs::equivalent(*path, *other, ignored))
                 throw SetupError(fmt::format("{} {}: is {} too; name another", name, in_quotes(*path), other_name));
         }
-    if (wish.json && (wish.out == "-" || wish.truth == "-"))
+    if (args.json && (args.out == "-" || args.truth == "-"))
         throw SetupError("--json and a CSV cannot both go to standard output; name a file");
 }
 
@@ -61,61 +61,61 @@ std::vector<std::size_t> sensors_of(const sim::Scene& scene, const std::string& 
                                  nearest ? "did you mean" : "its first is", in_quotes(nearest ? *nearest : names.front())));
 }
 
-int list_effects(const Wish& wish) {
-    if (wish.json)
+int list_effects(const Args& args) {
+    if (args.json)
         print(effects_json());
     else
         fmt::print("{}", effects_text());
     return kGood;
 }
 
-int simulate(const Wish& wish) {
-    if (wish.list) return list_effects(wish);
-    if (wish.scene.empty()) throw SetupError("--scene: name the scene's file, or ask for --list");
-    check_files(wish);
-    const sim::Scene scene = sim::read_scene(wish.scene);
-    const auto sensors = sensors_of(scene, wish.sensor);
-    const sim::Simulation chosen(scene, wish.effects);
-    const bool files = !wish.out.empty() || !wish.truth.empty();
-    if (files) write_csv(scene, wish.effects, wish.out, wish.truth);
-    if (!wish.figure.empty()) replace_file(wish.figure, timeline_svg(scene, scene.sensors[sensors.front()]));
-    if (!wish.report.empty() || wish.json) {
-        Report report{chosen, wish.effects, sensors, {}};
-        for (const std::size_t i : sensors) report.measured.push_back(measure(scene, wish.effects, i));
-        if (!wish.report.empty()) replace_file(wish.report, scene_html(report));
-        if (wish.json) print(scene_json(report));
-    } else if (!files && wish.figure.empty() && wish.ptys.empty()) {
+int simulate(const Args& args) {
+    if (args.list) return list_effects(args);
+    if (args.scene.empty()) throw SetupError("--scene: name the scene's file, or ask for --list");
+    check_files(args);
+    const sim::Scene scene = sim::read_scene(args.scene);
+    const auto sensors = sensors_of(scene, args.sensor);
+    const sim::Simulation chosen(scene, args.effects);
+    const bool files = !args.out.empty() || !args.truth.empty();
+    if (files) write_csv(scene, args.effects, args.out, args.truth);
+    if (!args.figure.empty()) replace_file(args.figure, timeline_svg(scene, scene.sensors[sensors.front()]));
+    if (!args.report.empty() || args.json) {
+        Report report{chosen, args.effects, sensors, {}};
+        for (const std::size_t i : sensors) report.measured.push_back(measure(scene, args.effects, i));
+        if (!args.report.empty()) replace_file(args.report, scene_html(report));
+        if (args.json) print(scene_json(report));
+    } else if (!files && args.figure.empty() && args.ptys.empty()) {
         fmt::print("{}", choice_text(chosen, sensors));
     }
-    if (!wish.ptys.empty()) return play_scene(scene, wish.effects, wish.ptys, wish.wire, wish.speed);
+    if (!args.ptys.empty()) return play_scene(scene, args.effects, args.ptys, args.wire, args.speed);
     return kGood;
 }
 
 }  // namespace
 
 void add_simulate(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "simulate", "Computes what sensors would read in a scene, with the effects it calls for");
-    verb->add_option("--scene", wish->scene, "the scene, config/scenes/*.toml");
-    verb->add_option("--effects", wish->effects,
+    verb->add_option("--scene", args->scene, "the scene, config/scenes/*.toml");
+    verb->add_option("--effects", args->effects,
                      "auto: those that the scene calls for; all; none; or names with commas, see --list")
         ->capture_default_str();
-    verb->add_option("--out", wish->out, "signals.csv: t_s and a column a channel; - is standard output");
-    verb->add_option("--truth", wish->truth, "truth.csv: the loads and the centre of contact; - is standard output");
-    verb->add_option("--report", wish->report,
+    verb->add_option("--out", args->out, "signals.csv: t_s and a column a channel; - is standard output");
+    verb->add_option("--truth", args->truth, "truth.csv: the loads and the centre of contact; - is standard output");
+    verb->add_option("--report", args->report,
                      "a page on each effect: bound, cost, on or off and why, measured share, and the figure");
-    verb->add_option("--figure", wish->figure, "the figure alone, SVG: when the effects come on; of the first sensor");
-    verb->add_option("--sensor", wish->sensor, "report, figure and JSON of this sensor alone");
-    verb->add_option("--pty", wish->ptys,
+    verb->add_option("--figure", args->figure, "the figure alone, SVG: when the effects come on; of the first sensor");
+    verb->add_option("--sensor", args->sensor, "report, figure and JSON of this sensor alone");
+    verb->add_option("--pty", args->ptys,
                      "be the sensors' device behind this name; one for each sensor, or one for all with --format cobs")
         ->allow_extra_args(false);
-    wish->wire.add_options(verb);
-    verb->add_option("--speed", wish->speed, "with --pty: times faster than the scene")
+    args->wire.add_options(verb);
+    verb->add_option("--speed", args->speed, "with --pty: times faster than the scene")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
-    verb->add_flag("--json", wish->json, "print what --report says as JSON; with --list the effects");
-    verb->add_flag("--list", wish->list, "print all effects: equation, source, parameters");
-    verb->callback([wish, &run] { run = [wish] { return simulate(*wish); }; });
+    verb->add_flag("--json", args->json, "print what --report says as JSON; with --list the effects");
+    verb->add_flag("--list", args->list, "print all effects: equation, source, parameters");
+    verb->callback([args, &run] { run = [args] { return simulate(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -76,8 +76,8 @@ private:
     }
 
     void lane(const Timeline::Lane& lane, double top) {
-        const auto [least, most] = std::minmax_element(lane.value.begin(), lane.value.end());
-        const double low = std::min(0.0, *least), high = std::max(0.0, *most), foot = top + kLane - 4;
+        const auto [min, max] = std::minmax_element(lane.value.begin(), lane.value.end());
+        const double low = std::min(0.0, *min), high = std::max(0.0, *max), foot = top + kLane - 4;
         std::string path, last;
         for (std::size_t i = 0; i < lane.value.size(); ++i) {
             const std::string y = fmt::format("{:.1f}", foot - (kLane - 8) * (lane.value[i] - low) / (high - low));
@@ -92,7 +92,7 @@ private:
         }
         put("<path class=\"curve\" fill=\"none\" stroke=\"#b3261e\" stroke-width=\"1.3\" d=\"{}\"/>\n", path);
         put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\">{}, {:.3g} .. {:.3g} {}</text>\n", kLeft - 8,
-            top + kLane / 2 + 3, html_text(lane.name), *least, *most, lane.unit);
+            top + kLane / 2 + 3, html_text(lane.name), *min, *max, lane.unit);
     }
 
     void row(const Timeline::Row& row, double top) {

@@ -17,7 +17,7 @@ using sim::Scene;
 using sim::Simulation;
 
 // Times are medians over pieces of a run: somebody else's turn on the processor falls out.
-constexpr std::size_t kPiece_blocks = 16, kMostPieces = 400, kLeastPieces = 9;
+constexpr std::size_t kPiece_blocks = 16, kMaxPieces = 400, kMinPieces = 9;
 constexpr std::uint64_t kTiming_ns = 400'000'000;
 
 double median(std::vector<double>& values) {
@@ -91,7 +91,7 @@ void measure_times(const Scene& scene, const std::string& effects, std::size_t s
     const double reading_ns = clock_ns();
     constexpr double kLinearSteps = 4;  // clock, world, drive, gauges
     const std::uint64_t began_ns = monotonic_ns();
-    for (std::size_t i = 0; i < kMostPieces && (i < kLeastPieces || monotonic_ns() - began_ns < kTiming_ns); ++i) {
+    for (std::size_t i = 0; i < kMaxPieces && (i < kMinPieces || monotonic_ns() - began_ns < kTiming_ns); ++i) {
         const double a = none.piece(), b = chosen.piece(), c = all.piece();
         const auto before = steps.times_ns();
         steps.piece();
@@ -125,7 +125,7 @@ Measured measure(const Scene& scene, const std::string& effects, std::size_t i) 
         const Block& b = all.advance(i);
         for (std::size_t n = 0; n < a.n; ++n) {
             if ((done + n) % sensor.every != 0 || a.dropped[n] || b.dropped[n]) continue;
-            std::array<double, sim::kMostChannels> change{};
+            std::array<double, sim::kMaxSensorChannels> change{};
             for (std::size_t k = 0; k < sensor.n(); ++k)
                 if (((a.missing[n] | b.missing[n]) >> k & 1u) == 0) change[k] = a.channel[k][n] - b.channel[k][n];
             result.difference_N = std::max(result.difference_N, sensor.largest_N(change));

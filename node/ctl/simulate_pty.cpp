@@ -23,9 +23,9 @@ void check(const sim::Scene& scene, const std::vector<std::string>& ptys, const 
                 fmt::format("--pty: {} sensors; text lines do not say whose they are: give {} times --pty, or "
                             "--format cobs",
                             sensors, sensors));
-        if (sensors > kCobsMostDevices)
+        if (sensors > kCobsMaxDevices)
             throw SetupError(fmt::format("--pty: {} sensors; a link carries at most {} devices: give {} times --pty",
-                                         sensors, kCobsMostDevices, sensors));
+                                         sensors, kCobsMaxDevices, sensors));
     } else if (ptys.size() != sensors) {
         throw SetupError(
             fmt::format("--pty: given {} times for {} sensors: one for each, in the scene's order, or, with "

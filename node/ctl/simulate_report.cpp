@@ -49,7 +49,7 @@ std::string stated(const sim::Sensor& sensor, const sim::Extent& e) {
     const char* axis[] = {"fx", "fy", "fz", "mx", "my"};
     for (std::size_t a = 0; a < sim::kAxes; ++a) {
         const char* unit = a < sim::kMx ? "N" : "Nm";
-        rows += html_row({axis[a], in(unit, e.most[a]), in(unit, e.span[a]), in(a < sim::kMx ? "N/s" : "Nm/s", e.rate[a]),
+        rows += html_row({axis[a], in(unit, e.max[a]), in(unit, e.span[a]), in(a < sim::kMx ? "N/s" : "Nm/s", e.rate[a]),
                           in(unit, e.jump[a])});
     }
     std::string facts = html_fact("length", in("s", e.length_s));

@@ -31,7 +31,7 @@ nlohmann::json extent_json(const sim::Extent& e) {
                         {"acceleration_m_s2", e.acceleration_m_s2}};
     const char* axis[] = {"fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm"};
     for (std::size_t a = 0; a < sim::kAxes; ++a)
-        json["load"][axis[a]] = {{"most", e.most[a]}, {"span", e.span[a]}, {"rate", e.rate[a]}, {"jump", e.jump[a]}};
+        json["load"][axis[a]] = {{"most", e.max[a]}, {"span", e.span[a]}, {"rate", e.rate[a]}, {"jump", e.jump[a]}};
     return json;
 }
 
@@ -74,7 +74,7 @@ std::string effects_text() {
         text += fmt::format("  {}\n  source: {}\n", e->equation, e->source);
         for (const auto& p : e->parameters)
             text += fmt::format("  {} = {}: {} ({:g} .. {:g})\n", p.name,
-                                std::isnan(p.usual) ? "by model" : fmt::format("{:g}", p.usual), p.meaning, p.least, p.most);
+                                std::isnan(p.usual) ? "by model" : fmt::format("{:g}", p.usual), p.meaning, p.min, p.max);
     }
     return text;
 }
@@ -90,8 +90,8 @@ nlohmann::json effects_json() {
             effect["parameters"].push_back({{"name", p.name},
                                             {"meaning", p.meaning},
                                             {"default", number(p.usual)},  // null: by the sensor's model
-                                            {"least", number(p.least)},
-                                            {"most", number(p.most)}});
+                                            {"least", number(p.min)},
+                                            {"most", number(p.max)}});
         json["effects"].push_back(effect);
     }
     return json;

@@ -10,7 +10,7 @@ namespace {
 
 using sim::Block;
 
-constexpr std::size_t kMostEnds = 200;    // segments at whose end the choice is made; of more, evenly some
+constexpr std::size_t kMaxEnds = 200;     // segments at whose end the choice is made; of more, evenly some
 constexpr std::size_t kLaneValues = 361;  // of a curve over the scene
 
 std::vector<Timeline::Named> name_motions(const std::vector<sim::Segment>& segments, double length_s) {
@@ -43,8 +43,8 @@ std::vector<Timeline::Lane> lanes_of(const sim::Scene& scene, const sim::Sensor&
         }
     }
     std::erase_if(lanes, [](const Timeline::Lane& lane) {
-        const auto [least, most] = std::minmax_element(lane.value.begin(), lane.value.end());
-        return *least == *most;
+        const auto [min, max] = std::minmax_element(lane.value.begin(), lane.value.end());
+        return *min == *max;
     });
     return lanes;
 }
@@ -60,7 +60,7 @@ Timeline timeline(const sim::Scene& scene, const sim::Sensor& sensor) {
     result.lanes = lanes_of(scene, sensor, result.length_s);
 
     sim::Scene cut = scene;  // the scene so far
-    const std::size_t step = (segments.size() + kMostEnds - 1) / kMostEnds;
+    const std::size_t step = (segments.size() + kMaxEnds - 1) / kMaxEnds;
     double begin_s = 0;
     for (std::size_t i = 0; i < segments.size() && begin_s < result.length_s; i += step) {
         const std::size_t last = std::min(i + step, segments.size()) - 1;

@@ -76,21 +76,21 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     return out + grasp_lines(segment, node.grasp);
 }
 
-struct Wish {
+struct Args {
     std::string node = "gripper";
     bool json = false;
 };
 
-int status(const Wish& wish) {
+int status(const Args& args) {
     std::string why;
-    const Segment segment = Segment::try_open(wish.node, why);
+    const Segment segment = Segment::try_open(args.node, why);
     Snapshot snapshot;
     if (!segment.is_open() || !segment.snapshot(snapshot)) {
         fmt::print(stderr, "tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
         return kNotReachable;
     }
-    fmt::print("{}{}", wish.json ? status_json(segment, snapshot).dump() : as_text(segment, snapshot),
-               wish.json ? "\n" : "");
+    fmt::print("{}{}", args.json ? status_json(segment, snapshot).dump() : as_text(segment, snapshot),
+               args.json ? "\n" : "");
     return is_healthy(segment, snapshot) ? kGood : kUnhealthy;
 }
 
@@ -156,11 +156,11 @@ bool is_healthy(const Segment& segment, const Snapshot& snapshot) {
 }
 
 void add_status(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
-    add_node_option(verb, wish->node);
-    verb->add_flag("--json", wish->json, "one JSON object");
-    verb->callback([wish, &run] { run = [wish] { return status(*wish); }; });
+    add_node_option(verb, args->node);
+    verb->add_flag("--json", args->json, "one JSON object");
+    verb->callback([args, &run] { run = [args] { return status(*args); }; });
 }
 
 }  // namespace tactiled::ctl

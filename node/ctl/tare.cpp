@@ -10,7 +10,7 @@
 namespace tactiled::ctl {
 namespace {
 
-struct Wish {
+struct Args {
     std::string node = "gripper", sensor;
     bool remove = false;
     double timeout_s = 15;
@@ -33,30 +33,30 @@ const char* result_text(int result) {
     }
 }
 
-int tare(const Wish& wish) {
+int tare(const Args& args) {
     std::string why;
-    const Segment segment = Segment::try_open(wish.node, why);
+    const Segment segment = Segment::try_open(args.node, why);
     if (!segment.is_open()) {
         fmt::print(stderr, "tactilectl: {}\n", why);
         return kNotReachable;
     }
     std::uint32_t mask = (1u << segment.n_sensors()) - 1;
-    if (wish.sensor != "all") {
-        const int index = segment.find(wish.sensor);
+    if (args.sensor != "all") {
+        const int index = segment.find(args.sensor);
         if (index < 0) {
-            fmt::print(stderr, "tactilectl: node \"{}\" has no sensor \"{}\"; it has", wish.node, wish.sensor);
+            fmt::print(stderr, "tactilectl: node \"{}\" has no sensor \"{}\"; it has", args.node, args.sensor);
             for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) fmt::print(stderr, " {}", segment.sensor(i).name);
             fmt::print(stderr, "\n");
             return kUsage;
         }
         mask = 1u << index;
     }
-    const char* const verb = wish.remove ? "untare" : "tare";
-    const Answer answer = ask(segment, fmt::format("{} {}", verb, mask), wish.timeout_s);
+    const char* const verb = args.remove ? "untare" : "tare";
+    const Answer answer = ask(segment, fmt::format("{} {}", verb, mask), args.timeout_s);
     if (answer.exit_status == kNotReachable)
         fmt::print(stderr, "tactilectl: {}\n", answer.text);
     else
-        fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, wish.sensor,
+        fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, args.sensor,
                    result_text(answer.result));
     return answer.exit_status;
 }
@@ -64,15 +64,15 @@ int tare(const Wish& wish) {
 }  // namespace
 
 void add_tare(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "tare", "Makes what a sensor reads now its zero; the raw force stays readable");
-    verb->add_option("sensor", wish->sensor, "name of the sensor, or all")->required();
-    add_node_option(verb, wish->node);
-    verb->add_flag("--remove", wish->remove, "back to the calibration's zero");
-    verb->add_option("--timeout", wish->timeout_s, "seconds to wait for the daemon's word")
+    verb->add_option("sensor", args->sensor, "name of the sensor, or all")->required();
+    add_node_option(verb, args->node);
+    verb->add_flag("--remove", args->remove, "back to the calibration's zero");
+    verb->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's word")
         ->check(CLI::Range(0.1, 60.0))
         ->capture_default_str();
-    verb->callback([wish, &run] { run = [wish] { return tare(*wish); }; });
+    verb->callback([args, &run] { run = [args] { return tare(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -15,7 +15,7 @@
 namespace tactiled::ctl {
 namespace {
 
-struct Wish {
+struct Args {
     std::string node = "gripper", name, forget;
     bool list = false, reload = false, json = false;
     unsigned count = 5;
@@ -33,22 +33,22 @@ int fail(int exit_status, const std::string& why) {
 }
 
 // The next grasps of the node, each once its weight is stable. Fewer than asked for where it gave up: says why.
-std::vector<Weighing> weigh_grasps(Segment& segment, const Wish& wish) {
+std::vector<Weighing> weigh_grasps(Segment& segment, const Args& args) {
     std::vector<Weighing> weighings;
     tactiled_node node{};
     bool counting = false;
     std::uint32_t taken = 0;  // tactiled_grasp.grasps of the last one, or at the beginning
     std::uint64_t heard_ns = monotonic_ns();
-    while (interrupted == 0 && weighings.size() < wish.count) {
-        if (double(monotonic_ns() - heard_ns) > wish.timeout_s * 1e9) {
+    while (interrupted == 0 && weighings.size() < args.count) {
+        if (double(monotonic_ns() - heard_ns) > args.timeout_s * 1e9) {
             fail(kUnhealthy, fmt::format("no grasp with a stable weight for {} s: {} of {} seen, nothing stored",
-                                         wish.timeout_s, weighings.size(), wish.count));
+                                         args.timeout_s, weighings.size(), args.count));
             break;
         }
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
         std::string unused;
         if (!segment.is_current()) {  // a successor counts from 0
-            if (Segment fresh = Segment::try_open(wish.node, unused); fresh.is_open()) segment = std::move(fresh);
+            if (Segment fresh = Segment::try_open(args.node, unused); fresh.is_open()) segment = std::move(fresh);
             counting = false;
             continue;
         }
@@ -62,8 +62,8 @@ std::vector<Weighing> weigh_grasps(Segment& segment, const Wish& wish) {
         taken = g.grasps;
         heard_ns = monotonic_ns();
         weighings.push_back(weighing_of(g));
-        if (!wish.json) {
-            fmt::print("grasp {} of {}: {:.4f} kg +- {:.4f} kg{}\n", weighings.size(), wish.count, g.weight_kg,
+        if (!args.json) {
+            fmt::print("grasp {} of {}: {:.4f} kg +- {:.4f} kg{}\n", weighings.size(), args.count, g.weight_kg,
                        g.weight_sd_kg, (node.status & TACTILED_SIMULATED) != 0 ? "  (simulated)" : "");
             std::fflush(stdout);
         }
@@ -100,27 +100,27 @@ std::vector<TaughtObject> taught_in(const std::string& path) {
     return taught;
 }
 
-int teach(Segment& segment, const std::string& path, const Wish& wish) {
+int teach(Segment& segment, const std::string& path, const Args& args) {
     std::vector<TaughtObject> before = taught_in(path);
-    const TaughtObject* known = find_object(before, wish.name);
-    if (known == nullptr && before.size() >= grasp::Grasp::kMostObjects)
+    const TaughtObject* known = find_object(before, args.name);
+    if (known == nullptr && before.size() >= grasp::Grasp::kMaxObjects)
         return fail(kUnhealthy,
                     fmt::format("{} objects are taught, no more fit: tactilectl teach --forget NAME", before.size()));
-    fmt::print(stderr, "Grasp and lift \"{}\" {} times, and release it in between.{}\n", wish.name, wish.count,
+    fmt::print(stderr, "Grasp and lift \"{}\" {} times, and release it in between.{}\n", args.name, args.count,
                known != nullptr ? " What was taught of it before is replaced." : "");
-    const auto weighings = weigh_grasps(segment, wish);
-    if (weighings.size() < wish.count) return kUnhealthy;
+    const auto weighings = weigh_grasps(segment, args);
+    if (weighings.size() < args.count) return kUnhealthy;
     for (const Weighing& w : weighings)
         if (w.scaled != weighings.front().scaled)
             return fail(kUnhealthy,
                         "the scale was set in between (tactilectl weigh known or forget, or a restart): nothing stored");
     const ObjectsLock lock(path);
     before = taught_in(path);  // others may have been taught meanwhile
-    known = find_object(before, wish.name);
-    if (known == nullptr && before.size() >= grasp::Grasp::kMostObjects)
+    known = find_object(before, args.name);
+    if (known == nullptr && before.size() >= grasp::Grasp::kMaxObjects)
         return fail(kUnhealthy, fmt::format("{} objects are taught by now, no more fit", before.size()));
     TaughtObject object = summary_of(weighings);
-    object.name = wish.name;
+    object.name = args.name;
     object.id = known != nullptr ? known->id : free_id(before);
     if (const auto confusion = confused_with(object, before))
         return fail(kUnhealthy,
@@ -133,7 +133,7 @@ int teach(Segment& segment, const std::string& path, const Wish& wish) {
         if (other.id != object.id) taught.push_back(other);
     taught.push_back(object);
     const int exit_status = store_and_load(segment, path, taught);
-    if (wish.json)
+    if (args.json)
         fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"object", as_json(object)}, {"file", path}}.dump());
     else
         fmt::print("{}: {:.4f} kg, sd {:.4f} kg from grasp to grasp, id {}, in {}\n", object.name, object.mass_kg,
@@ -141,51 +141,51 @@ int teach(Segment& segment, const std::string& path, const Wish& wish) {
     return exit_status;
 }
 
-int run_teach(const Wish& wish) {
+int run_teach(const Args& args) {
     catch_interrupt();
     std::string why;
-    Segment segment = Segment::try_open(wish.node, why);
+    Segment segment = Segment::try_open(args.node, why);
     if (!segment.is_open()) return fail(kNotReachable, why);
     const std::string path = ask_plain(segment, "objects-file", 5, why);
     if (path.empty()) return fail(kNotReachable, why);
     if (path.front() != '/') return fail(kUnhealthy, "there is no [grasp] in the daemon's configuration");
-    if (wish.reload) {
+    if (args.reload) {
         const Answer answer = ask(segment, "load-objects", 5);
         return answer.exit_status == kGood ? kGood : fail(answer.exit_status, answer.text);
     }
-    if (wish.list) return list(taught_in(path), wish.json);
-    if (wish.forget.empty()) return teach(segment, path, wish);
+    if (args.list) return list(taught_in(path), args.json);
+    if (args.forget.empty()) return teach(segment, path, args);
     const ObjectsLock lock(path);
     const auto taught = taught_in(path);
-    const TaughtObject* const gone = find_object(taught, wish.forget);
-    if (gone == nullptr)
-        return fail(kUsage, fmt::format("no object \"{}\" is taught (tactilectl teach --list)", wish.forget));
+    const TaughtObject* const disconnected = find_object(taught, args.forget);
+    if (disconnected == nullptr)
+        return fail(kUsage, fmt::format("no object \"{}\" is taught (tactilectl teach --list)", args.forget));
     std::vector<TaughtObject> left;
     for (const auto& object : taught)
-        if (&object != gone) left.push_back(object);
+        if (&object != disconnected) left.push_back(object);
     return store_and_load(segment, path, left);
 }
 
 }  // namespace
 
 void add_teach(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it");
     auto* what = verb->add_option_group("what");
-    what->add_option("name", wish->name, "the object's name")->check([](const std::string& name) {
+    what->add_option("name", args->name, "the object's name")->check([](const std::string& name) {
         return valid_name(name) ? std::string() : std::string(kValidName);
     });
-    what->add_flag("--list", wish->list, "what is taught");
-    what->add_option("--forget", wish->forget, "removes an object");
-    what->add_flag("--reload", wish->reload, "the daemon reads the file again, after it was edited by hand");
+    what->add_flag("--list", args->list, "what is taught");
+    what->add_option("--forget", args->forget, "removes an object");
+    what->add_flag("--reload", args->reload, "the daemon reads the file again, after it was edited by hand");
     what->require_option(1);
-    add_node_option(verb, wish->node);
-    verb->add_option("--count", wish->count, "grasps to learn from")->check(CLI::Range(1, 1000))->capture_default_str();
-    verb->add_option("--timeout", wish->timeout_s, "seconds without a new stable weight before giving up")
+    add_node_option(verb, args->node);
+    verb->add_option("--count", args->count, "grasps to learn from")->check(CLI::Range(1, 1000))->capture_default_str();
+    verb->add_option("--timeout", args->timeout_s, "seconds without a new stable weight before giving up")
         ->check(CLI::Range(0.1, 86400.0))
         ->capture_default_str();
-    verb->add_flag("--json", wish->json, "one JSON object");
-    verb->callback([wish, &run] { run = [wish] { return run_teach(*wish); }; });
+    verb->add_flag("--json", args->json, "one JSON object");
+    verb->callback([args, &run] { run = [args] { return run_teach(*args); }; });
 }
 
 }  // namespace tactiled::ctl

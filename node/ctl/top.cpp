@@ -68,24 +68,24 @@ void draw(const std::string& text) {
     fmt::print("{}{}", screen, kClearBelow);
 }
 
-struct Wish {
+struct Args {
     std::string node = "gripper";
     bool json = false;
     long count = 0;  // 0: until interrupted
     double interval_s = 0.5;
 };
 
-int top(const Wish& wish) {
+int top(const Args& args) {
     catch_interrupt();
-    const bool redraw = !wish.json && ::isatty(STDOUT_FILENO) != 0;
+    const bool redraw = !args.json && ::isatty(STDOUT_FILENO) != 0;
     if (redraw) fmt::print("\x1b[2J");
     int exit_status = kGood;
     for (long n = 0; interrupted == 0; ++n) {
         std::string why;
-        const Segment segment = Segment::try_open(wish.node, why);  // anew each time: the daemon may have been restarted
+        const Segment segment = Segment::try_open(args.node, why);  // anew each time: the daemon may have been restarted
         Snapshot snapshot;
         if (segment.is_open() && segment.snapshot(snapshot)) {
-            if (wish.json)
+            if (args.json)
                 fmt::print("{}\n", status_json(segment, snapshot).dump());
             else if (redraw)
                 draw(table(segment, snapshot));
@@ -101,8 +101,8 @@ int top(const Wish& wish) {
             exit_status = kNotReachable;
         }
         std::fflush(stdout);
-        if (n + 1 == wish.count || std::ferror(stdout) != 0) break;
-        std::this_thread::sleep_for(std::chrono::duration<double>(wish.interval_s));
+        if (n + 1 == args.count || std::ferror(stdout) != 0) break;
+        std::this_thread::sleep_for(std::chrono::duration<double>(args.interval_s));
     }
     return exit_status;
 }
@@ -110,15 +110,15 @@ int top(const Wish& wish) {
 }  // namespace
 
 void add_top(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "top", "Sensors, links and grasp, live");
-    add_node_option(verb, wish->node);
-    verb->add_flag("--json", wish->json, "one JSON object a line");
-    verb->add_option("--count", wish->count, "end after so many")->check(CLI::PositiveNumber);
-    verb->add_option("--interval", wish->interval_s, "seconds between two")
+    add_node_option(verb, args->node);
+    verb->add_flag("--json", args->json, "one JSON object a line");
+    verb->add_option("--count", args->count, "end after so many")->check(CLI::PositiveNumber);
+    verb->add_option("--interval", args->interval_s, "seconds between two")
         ->check(CLI::Range(0.01, 3600.0))
         ->capture_default_str();
-    verb->callback([wish, &run] { run = [wish] { return top(*wish); }; });
+    verb->callback([args, &run] { run = [args] { return top(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::size_t kSamples = 16'384;  // of each method in each scene: 16 beyond p99.9
 
-struct Wish {
+struct Args {
     std::string calibration, scene, in, scenes, cost;
     TradeoffOutput output;
 };
@@ -67,16 +67,16 @@ Result compete(const Contest& contest, std::size_t samples, const std::function<
     return result;
 }
 
-std::vector<Contest> contests_of(const Wish& wish, const std::function<void(double)>& show) {
-    const auto folder = [&] { return wish.scenes.empty() ? scenes_folder() : wish.scenes; };
-    if (wish.calibration.empty() && wish.scene.empty()) return all_contests(folder(), show);
+std::vector<Contest> contests_of(const Args& args, const std::function<void(double)>& show) {
+    const auto folder = [&] { return args.scenes.empty() ? scenes_folder() : args.scenes; };
+    if (args.calibration.empty() && args.scene.empty()) return all_contests(folder(), show);
     Contest contest =
-        wish.calibration.empty() ? contest_of_scene(folder(), wish.scene) : contest_of_calibration(wish.calibration);
-    if (!wish.scene.empty())
+        args.calibration.empty() ? contest_of_scene(folder(), args.scene) : contest_of_calibration(args.calibration);
+    if (!args.scene.empty())
         contest.trials.push_back(
-            {std::filesystem::path(wish.scene).stem().string(), rows_of(sim::read_scene(wish.scene), kMostOfScene)});
-    if (!wish.in.empty())
-        contest.trials.push_back({std::filesystem::path(wish.in).stem().string(), read_labelled(wish.in, {})});
+            {std::filesystem::path(args.scene).stem().string(), rows_of(sim::read_scene(args.scene), kMaxOfScene)});
+    if (!args.in.empty())
+        contest.trials.push_back({std::filesystem::path(args.in).stem().string(), read_labelled(args.in, {})});
     if (contest.candidates.empty())
         throw std::runtime_error(contest.refused.empty() ? "no method to compare" : contest.refused.front());
     std::vector<Contest> one;
@@ -84,62 +84,62 @@ std::vector<Contest> contests_of(const Wish& wish, const std::function<void(doub
     return one;
 }
 
-int tradeoff(const Wish& wish) {
-    if (!wish.cost.empty()) return tradeoff_costs(wish.cost, wish.output);
-    for (const auto& path : {wish.output.csv, wish.output.svg})
+int tradeoff(const Args& args) {
+    if (!args.cost.empty()) return tradeoff_costs(args.cost, args.output);
+    for (const auto& path : {args.output.csv, args.output.svg})
         if (!path.empty()) check_output(path);
-    if (!wish.calibration.empty() && wish.scene.empty() && wish.in.empty())
+    if (!args.calibration.empty() && args.scene.empty() && args.in.empty())
         throw SetupError("--calibration: over what? Name a scene with --scene, or labelled readings with --in");
-    if (!wish.in.empty() && wish.calibration.empty())
+    if (!args.in.empty() && args.calibration.empty())
         throw SetupError("--in: which methods? Name a calibration with --calibration");
     Progress progress("tradeoff");
     // Calibrating takes most of the time.
-    const std::vector<Contest> contests = contests_of(wish, [&](double share) { progress.show(0.7 * share); });
+    const std::vector<Contest> contests = contests_of(args, [&](double share) { progress.show(0.7 * share); });
     std::vector<Result> results;
     for (const Contest& contest : contests) {
         const double begun = double(results.size());
-        results.push_back(compete(contest, wish.output.samples > 0 ? wish.output.samples : kSamples, [&](double share) {
+        results.push_back(compete(contest, args.output.samples > 0 ? args.output.samples : kSamples, [&](double share) {
             progress.show(0.7 + 0.3 * (begun + share) / double(contests.size()));
         }));
     }
-    if (!wish.output.csv.empty()) replace_file(wish.output.csv, tradeoff_csv(results));
-    if (!wish.output.svg.empty()) replace_file(wish.output.svg, tradeoff_svg(results));
-    fmt::print("{}", wish.output.json ? tradeoff_json(results) : tradeoff_text(results));
+    if (!args.output.csv.empty()) replace_file(args.output.csv, tradeoff_csv(results));
+    if (!args.output.svg.empty()) replace_file(args.output.svg, tradeoff_svg(results));
+    fmt::print("{}", args.output.json ? tradeoff_json(results) : tradeoff_text(results));
     return kGood;
 }
 
 }  // namespace
 
 void add_tradeoff(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(
         app, "tradeoff",
         "Measures what accuracy costs in time, on this machine: every method of every model, calibrated on simulated "
         "sensors with all effects, over easy, combined, eccentric, dynamic loads and with a damaged channel");
-    verb->add_option("--calibration", wish->calibration,
+    verb->add_option("--calibration", args->calibration,
                      "instead: all methods of this calibration file, over --scene or --in");
-    verb->add_option("--scene", wish->scene,
+    verb->add_option("--scene", args->scene,
                      "this scene instead of the named ones; without --calibration its sensor is calibrated in simulation");
-    verb->add_option("--in", wish->in, "labelled.csv: your own readings, with --calibration");
+    verb->add_option("--in", args->in, "labelled.csv: your own readings, with --calibration");
     auto* cost =
-        verb->add_option("--cost", wish->cost,
+        verb->add_option("--cost", args->cost,
                          "instead of the methods: what one part costs against another way of doing it; list, all (each "
                          "figure to its place in --folder) or a name");
-    verb->add_option("--scenes", wish->scenes, "the folder of the named scenes, if it is not beside the program");
+    verb->add_option("--scenes", args->scenes, "the folder of the named scenes, if it is not beside the program");
     for (const char* other : {"--calibration", "--scene", "--in", "--scenes"}) cost->excludes(verb->get_option(other));
-    verb->add_option("--csv", wish->output.csv, "write the table as CSV: a row a method and scene");
-    verb->add_option("--folder", wish->output.folder, "with --cost: the project's folder, for config/")
+    verb->add_option("--csv", args->output.csv, "write the table as CSV: a row a method and scene");
+    verb->add_option("--folder", args->output.folder, "with --cost: the project's folder, for config/")
         ->capture_default_str()
         ->needs(cost);
     verb->add_option(
-            "--influence", wish->output.influence,
+            "--influence", args->output.influence,
             "with --cost map, solver, batch: a calibration with the plate's influence map, if not the one in config/")
         ->needs(cost);
-    verb->add_option("--svg", wish->output.svg, "write the figure as SVG");
-    verb->add_option("--samples", wish->output.samples, "to time, of each thing that is compared")
+    verb->add_option("--svg", args->output.svg, "write the figure as SVG");
+    verb->add_option("--samples", args->output.samples, "to time, of each thing that is compared")
         ->check(CLI::Range(std::size_t(1), std::size_t(100'000'000)));
-    verb->add_flag("--json", wish->output.json, "print the table as JSON");
-    verb->callback([wish, &run] { run = [wish] { return tradeoff(*wish); }; });
+    verb->add_flag("--json", args->output.json, "print the table as JSON");
+    verb->callback([args, &run] { run = [args] { return tradeoff(*args); }; });
 }
 
 }  // namespace tactiled::ctl

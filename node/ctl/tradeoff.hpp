@@ -33,11 +33,11 @@ int tradeoff_costs(const std::string& name, const TradeoffOutput& output);
 
 // ---- tradeoff_rows.cpp: what sensors read in a scene, and what was applied ----
 
-inline constexpr std::size_t kMostOfScene = 30'000;  // samples that are judged
+inline constexpr std::size_t kMaxOfScene = 30'000;  // samples that are judged
 
 // The scene's first sensor with all effects, at most `most` of its samples; a frame that is lost is no row, a channel
 // without a value NaN. The labels are the load that the world exerts. setup: throws SetupError
-Labelled rows_of(const sim::Scene& scene, std::size_t most);
+Labelled rows_of(const sim::Scene& scene, std::size_t max);
 
 // The [calibrate] table of a scene, as config/scenes/README.md has it.
 struct CalibrationScene {
@@ -50,7 +50,7 @@ struct CalibrationScene {
 CalibrationScene read_calibration_scene(const std::string& path);  // setup: throws SetupError
 
 // Its rows as a calibration bench records them: settled, of the chosen channels and labels, evenly thinned to `most`.
-Labelled calibration_rows(const CalibrationScene& scene, std::size_t most);
+Labelled calibration_rows(const CalibrationScene& scene, std::size_t max);
 
 // ---- tradeoff_plan.cpp: which methods, how calibrated, in which scenes ----
 
@@ -91,7 +91,7 @@ struct Judged {
     double force_rms_percent = kNaN;  // over the axes of force that the method sees
     double good_rms_percent = kNaN;   // the same of GOOD samples alone
     std::size_t samples = 0, good = 0, uncertain = 0, bad = 0;
-    std::size_t lies = 0;  // GOOD, and off by more than 5 of its own standard deviations in some component
+    std::size_t undetected = 0;  // GOOD, and off by more than 5 of its own standard deviations in some component
 };
 // The number of the first row under load; that of rows where none is.
 std::size_t first_load(const Labelled& rows);

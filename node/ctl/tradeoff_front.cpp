@@ -22,10 +22,10 @@ std::vector<std::size_t> front(const std::vector<Offer>& offers) {
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
         return std::pair(offers[a].time_us, offers[a].error_percent) < std::pair(offers[b].time_us, offers[b].error_percent);
     });
-    double least = std::numeric_limits<double>::infinity();
+    double min = std::numeric_limits<double>::infinity();
     for (const std::size_t i : order)
-        if (offers[i].error_percent < least) {
-            least = offers[i].error_percent;
+        if (offers[i].error_percent < min) {
+            min = offers[i].error_percent;
             best.push_back(i);
         }
     return best;

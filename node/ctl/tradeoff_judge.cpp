@@ -10,7 +10,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kLie_sd = 5;
+constexpr double kUndetected_sd = 5;
 
 double rms(const std::vector<double>& values) {
     double sum = 0;
@@ -88,16 +88,16 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
         }
         const bool good = e.quality == TACTILED_GOOD;
         ++(good ? judged.good : judged.uncertain);
-        bool lies = false;
+        bool undetected = false;
         for (std::size_t c = 0; c < errors.size(); ++c) {
             const double error = e.wrench_S[c] - zero[c] - rows.rows[i].wrench_S[c];
             if (!std::isfinite(error) || !(full_scale[c] > 0)) continue;
             errors[c].push_back(100 * std::abs(error) / full_scale[c]);
             if (!good) continue;
             good_errors[c].push_back(errors[c].back());
-            lies = lies || std::abs(error) > kLie_sd * e.sd[c];
+            undetected = undetected || std::abs(error) > kUndetected_sd * e.sd[c];
         }
-        judged.lies += lies;
+        judged.undetected += undetected;
     }
     for (std::size_t c = 0; c < errors.size(); ++c) {
         judged.rms_percent[c] = rms(errors[c]);
@@ -134,7 +134,7 @@ Judged over_all(const std::vector<Judged>& trials) {
         all.good += j.good;
         all.uncertain += j.uncertain;
         all.bad += j.bad;
-        all.lies += j.lies;
+        all.undetected += j.undetected;
     }
     return all;
 }

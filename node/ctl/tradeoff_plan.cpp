@@ -16,7 +16,7 @@ namespace tactiled::ctl {
 namespace {
 
 // A calibration of more rows takes longer and is hardly better: the loads are what counts. Memory needs the time course.
-constexpr std::size_t kMostRows = 600, kMostRowsOfMemory = 40'000;
+constexpr std::size_t kMaxRows = 600, kMaxRowsOfMemory = 40'000;
 
 struct Source {
     std::string model, scene;          // without .toml
@@ -76,7 +76,7 @@ struct Made {
 Made calibrate(const std::string& folder, const Source& source, const sim::Sensor* sensor) {
     CalibrationScene scene = read_calibration_scene(path_of(folder, source.scene));
     if (sensor != nullptr) scene.scene.sensors = {*sensor};
-    const Labelled rows = calibration_rows(scene, source.model == "piezo" ? kMostRowsOfMemory : kMostRows);
+    const Labelled rows = calibration_rows(scene, source.model == "piezo" ? kMaxRowsOfMemory : kMaxRows);
     Made made;
     for (const auto& method : source.methods) {
         const bool twice = std::any_of(sources().begin(), sources().end(), [&](const Source& other) {
@@ -140,7 +140,7 @@ std::vector<Contest> all_contests(const std::string& folder, const std::function
         for (std::size_t i = 0; i < made.size(); ++i)
             if (sources()[i].model == asked.model) add(contest, made[i].get());
         for (std::size_t k = 0; k < kKinds.size(); ++k)
-            contest.trials.push_back({kKinds[k], rows_of(sim::read_scene(path_of(folder, asked.scene[k])), kMostOfScene)});
+            contest.trials.push_back({kKinds[k], rows_of(sim::read_scene(path_of(folder, asked.scene[k])), kMaxOfScene)});
         contests.push_back(std::move(contest));
     }
     return contests;

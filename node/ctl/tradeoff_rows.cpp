@@ -17,11 +17,11 @@ constexpr const char* kWorld = "clock_drift,sampling_jitter,friction_limit,parti
 
 }  // namespace
 
-Labelled rows_of(const sim::Scene& scene, std::size_t most) {
+Labelled rows_of(const sim::Scene& scene, std::size_t max) {
     const sim::Sensor& sensor = scene.sensors.front();
     sim::Simulation read(scene, "all"), applied(scene, kWorld);
     Labelled labelled{.name = scene.file, .channels = sensor.channels, .sessions = {}, .rows = {}};
-    for (std::uint64_t done = 0; done < scene.samples && labelled.rows.size() < most;) {
+    for (std::uint64_t done = 0; done < scene.samples && labelled.rows.size() < max;) {
         const sim::Block &block = read.advance(0), &world = applied.advance(0);
         if (block.n != world.n) throw std::logic_error("two runs of one scene have blocks of different size");
         for (std::size_t n = 0; n < block.n; ++n) {
@@ -44,25 +44,25 @@ Labelled rows_of(const sim::Scene& scene, std::size_t most) {
 CalibrationScene read_calibration_scene(const std::string& path) {
     Problems problems;
     Options options = Options::parse_file(path, problems);
-    Options told = options.table("calibrate");
+    Options reported = options.table("calibrate");
     CalibrationScene result;
-    result.components = told.texts("components", {1, 6});
+    result.components = reported.texts("components", {1, 6});
     if (result.components.empty()) result.components = {"fx", "fy", "fz"};
-    result.channels = told.texts("channels", {1, 32});
-    result.settle_s = told.number("settle_s", {0, 1e3}, 0.05);
-    result.from_s = told.number("from_s", {0, 1e7}, 0);
-    result.influence = told.text("influence", "");
+    result.channels = reported.texts("channels", {1, 32});
+    result.settle_s = reported.number("settle_s", {0, 1e3}, 0.05);
+    result.from_s = reported.number("from_s", {0, 1e7}, 0);
+    result.influence = reported.text("influence", "");
     if (!result.influence.empty())
         result.influence = (std::filesystem::path(path).parent_path() / result.influence).string();
-    result.model = told.text("model", "");
-    for (const auto& text : told.texts("set", {1, 64}))
+    result.model = reported.text("model", "");
+    for (const auto& text : reported.texts("set", {1, 64}))
         result.known[text.substr(0, text.find('='))] = std::stod(text.substr(text.find('=') + 1));
     result.scene = sim::read_scene(options, problems);
     if (result.channels.empty()) result.channels = result.scene.sensors.front().channels;
     return result;
 }
 
-Labelled calibration_rows(const CalibrationScene& c, std::size_t most) {
+Labelled calibration_rows(const CalibrationScene& c, std::size_t max) {
     const Labelled all = rows_of(c.scene, std::size_t(c.scene.samples));
     Labelled chosen{.name = all.name, .channels = c.channels, .sessions = {}, .rows = {}};
     std::vector<std::size_t> columns, labels;
@@ -84,9 +84,9 @@ Labelled calibration_rows(const CalibrationScene& c, std::size_t most) {
         for (const std::size_t l : labels) kept.wrench_S.at(l) = row.wrench_S.at(l);
         chosen.rows.push_back(std::move(kept));
     }
-    if (chosen.rows.size() > most) {
+    if (chosen.rows.size() > max) {
         std::vector<LabelledRow> thinned;
-        for (std::size_t i = 0; i < most; ++i) thinned.push_back(chosen.rows[i * chosen.rows.size() / most]);
+        for (std::size_t i = 0; i < max; ++i) thinned.push_back(chosen.rows[i * chosen.rows.size() / max]);
         chosen.rows = std::move(thinned);
     }
     return chosen;

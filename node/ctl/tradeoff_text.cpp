@@ -26,7 +26,7 @@ std::vector<std::pair<std::string, double>> numbers(const Measure& m) {
     columns.emplace_back("good_percent", percent(j.good, j.samples));
     columns.emplace_back("uncertain_percent", percent(j.uncertain, j.samples));
     columns.emplace_back("bad_percent", percent(j.bad, j.samples));
-    columns.emplace_back("good_but_off_5sd_percent", percent(j.lies, j.samples));
+    columns.emplace_back("good_but_off_5sd_percent", percent(j.undetected, j.samples));
     columns.emplace_back("p50_ns", m.p50_ns);
     columns.emplace_back("p99_ns", m.p99_ns);
     columns.emplace_back("p99_9_ns", m.p99_9_ns);
@@ -50,9 +50,10 @@ std::string tradeoff_text(const std::vector<Result>& results) {
             for (const Measure& m : measures) text += fmt::format(" {:>9}", cell(m.judged.force_rms_percent, 3));
             const Measure& all = measures.back();
             const Judged& j = all.judged;
-            text += fmt::format(" {:>8.0f} {:>8.0f} {:>8.0f} {:>7} {:>6.1f} {:>6.1f} {:>6.1f} {:>7.2f}\n", all.p50_ns,
-                                all.p99_ns, all.p99_9_ns, cell(all.instructions), percent(j.good, j.samples),
-                                percent(j.uncertain, j.samples), percent(j.bad, j.samples), percent(j.lies, j.samples));
+            text +=
+                fmt::format(" {:>8.0f} {:>8.0f} {:>8.0f} {:>7} {:>6.1f} {:>6.1f} {:>6.1f} {:>7.2f}\n", all.p50_ns,
+                            all.p99_ns, all.p99_9_ns, cell(all.instructions), percent(j.good, j.samples),
+                            percent(j.uncertain, j.samples), percent(j.bad, j.samples), percent(j.undetected, j.samples));
         }
         for (const auto& why : contest.refused) text += fmt::format("  {}\n", why);
         text += '\n';

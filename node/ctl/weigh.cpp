@@ -10,7 +10,7 @@
 namespace tactiled::ctl {
 namespace {
 
-struct Wish {
+struct Args {
     std::string node = "gripper";
     double mass_kg = 0, timeout_s = 5;
 };
@@ -26,15 +26,15 @@ const char* result_text(int result) {
     }
 }
 
-int weigh(const Wish& wish, const std::string& what) {
+int weigh(const Args& args, const std::string& what) {
     std::string why;
-    const Segment segment = Segment::try_open(wish.node, why);
+    const Segment segment = Segment::try_open(args.node, why);
     if (!segment.is_open()) {
         fmt::print(stderr, "tactilectl: {}\n", why);
         return kNotReachable;
     }
-    const std::string word = what == "known" ? fmt::format("{:.17g}", wish.mass_kg) : what;
-    const Answer answer = ask(segment, "weigh " + word, wish.timeout_s);
+    const std::string word = what == "known" ? fmt::format("{:.17g}", args.mass_kg) : what;
+    const Answer answer = ask(segment, "weigh " + word, args.timeout_s);
     if (answer.exit_status == kNotReachable)
         fmt::print(stderr, "tactilectl: {}\n", answer.text);
     else
@@ -45,16 +45,16 @@ int weigh(const Wish& wish, const std::string& what) {
 }  // namespace
 
 void add_weigh(CLI::App& app, Run& run) {
-    auto wish = std::make_shared<Wish>();
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds");
     verb->require_subcommand(1);
     const auto add = [&](const char* name, const char* help) {
         auto* sub = add_verb(*verb, name, help);
-        add_node_option(sub, wish->node);
-        sub->add_option("--timeout", wish->timeout_s, "seconds to wait for the daemon's word")
+        add_node_option(sub, args->node);
+        sub->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's word")
             ->check(CLI::Range(0.1, 60.0))
             ->capture_default_str();
-        sub->callback([wish, name, &run] { run = [wish, name] { return weigh(*wish, name); }; });
+        sub->callback([args, name, &run] { run = [args, name] { return weigh(*args, name); }; });
         return sub;
     };
     add("start", "Weighs from now on, whatever the grasp thinks of a lift");
@@ -64,7 +64,7 @@ void add_weigh(CLI::App& app, Run& run) {
     add("known",
         "What hangs now, stable and without a tare, weighs MASS and read as no more than 5 % of it in the grip "
         "before its lift: sets the scale")
-        ->add_option("mass", wish->mass_kg, "its mass in kg")
+        ->add_option("mass", args->mass_kg, "its mass in kg")
         ->required()
         ->check(CLI::Range(1e-6, 1000.0));
 }

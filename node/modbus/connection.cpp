@@ -41,10 +41,10 @@ const char* Connection::answer_all(const Answer& answer, std::uint64_t now_ns) {
         const Cut cut = cut_adu(rest, size);
         if (cut == Cut::close) why = "not Modbus/TCP";
         if (cut != Cut::adu) break;
-        request_waits_ = n == kMostAtOnce || out_.size() >= kMostWaiting || now_ns < held_until_ns();
+        request_waits_ = n == kMaxAtOnce || out_.size() >= kMaxWaiting || now_ns < held_until_ns();
         if (request_waits_) break;
         account_ns_ = std::max(account_ns_, now_ns) + cost_ns_;
-        std::array<std::uint8_t, kMostAdu> reply;
+        std::array<std::uint8_t, kMaxAdu> reply;
         const std::size_t length = answer(rest.first(size), reply);
         out_.insert(out_.end(), reply.begin(), reply.begin() + std::ptrdiff_t(length));
         used += size;

@@ -12,7 +12,7 @@
 namespace tactiled::modbus {
 
 // Answers a whole request into `out`, returns the answer's length.
-using Answer = std::function<std::size_t(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out)>;
+using Answer = std::function<std::size_t(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out)>;
 
 class Connection {
 public:
@@ -20,9 +20,9 @@ public:
     static constexpr std::uint64_t kDeafNs = 2'000'000'000;     // that a client may leave its answers untaken
     static constexpr std::uint64_t kIdleNs = 60'000'000'000;
 
-    // Takes over `fd`, a non-blocking socket. `most_per_s` requests a second are answered, 0 = any number; more wait.
-    Connection(int fd, std::uint64_t now_ns, int most_per_s = 0)
-        : fd_(fd), heard_ns_(now_ns), cost_ns_(most_per_s > 0 ? 1'000'000'000u / std::uint64_t(most_per_s) : 0) {}
+    // Takes over `fd`, a non-blocking socket. `max_per_s` requests a second are answered, 0 = any number; more wait.
+    Connection(int fd, std::uint64_t now_ns, int max_per_s = 0)
+        : fd_(fd), heard_ns_(now_ns), cost_ns_(max_per_s > 0 ? 1'000'000'000u / std::uint64_t(max_per_s) : 0) {}
     ~Connection();
     Connection(const Connection&) = delete;
     Connection& operator=(const Connection&) = delete;
@@ -35,7 +35,7 @@ public:
     [[nodiscard]] bool wants_to_send() const noexcept { return !out_.empty(); }
     // When a whole request that waits may be answered although nothing new has come: serve() again then. 0: none waits.
     [[nodiscard]] std::uint64_t backlog_ns() const noexcept {
-        return request_waits_ && out_.size() < kMostWaiting ? std::max<std::uint64_t>(held_until_ns(), 1) : 0;
+        return request_waits_ && out_.size() < kMaxWaiting ? std::max<std::uint64_t>(held_until_ns(), 1) : 0;
     }
     // What it waits for: EPOLLIN, EPOLLOUT or, while it is held back, nothing.
     [[nodiscard]] std::uint32_t interest() const noexcept;
@@ -46,8 +46,8 @@ public:
     [[nodiscard]] std::uint64_t heard_ns() const noexcept { return heard_ns_; }
 
 private:
-    static constexpr std::size_t kMostWaiting = 16 * kMostAdu;  // Guide 4.4.1.2: up to 16 transactions at a time
-    static constexpr int kMostAtOnce = 16;                      // then the other clients have their turn
+    static constexpr std::size_t kMaxWaiting = 16 * kMaxAdu;  // Guide 4.4.1.2: up to 16 transactions at a time
+    static constexpr int kMaxAtOnce = 16;                     // then the other clients have their turn
     static constexpr std::uint64_t kBurst = 64;
 
     const char* receive(std::uint64_t now_ns);
@@ -55,9 +55,9 @@ private:
     const char* send(std::uint64_t now_ns);
 
     int fd_;
-    std::array<std::uint8_t, kMostWaiting> in_{};
+    std::array<std::uint8_t, kMaxWaiting> in_{};
     std::size_t received_ = 0;
-    std::vector<std::uint8_t> out_;  // not yet sent, at most kMostWaiting + kMostAdu bytes
+    std::vector<std::uint8_t> out_;  // not yet sent, at most kMaxWaiting + kMaxAdu bytes
     bool asked_ = false;             // at least one whole request
     bool request_waits_ = false;     // a whole one at the start of in_
     bool said_all_ = false;          // the client will send no more

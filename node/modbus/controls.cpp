@@ -82,7 +82,7 @@ bool Controls::is_busy(const View& view) const noexcept {
 // ---- may it be written? ----------------------------------------------------------------------------------------------
 
 // The value that the request would give register number i of its run.
-std::uint16_t Controls::wished(const Request& request, unsigned i) const noexcept {
+std::uint16_t Controls::requested(const Request& request, unsigned i) const noexcept {
     const auto word = [&](std::size_t at) { return std::uint16_t(request.written[at] << 8 | request.written[at + 1]); };
     if (request.function != kMaskWrite) return word(2 * std::size_t(i));
     std::uint16_t now = 0;
@@ -98,7 +98,7 @@ Exception Controls::check(const Request& request, const View& view, const Sessio
     for (unsigned i = 0; i < request.write.count; ++i) {
         const auto at = std::uint16_t(request.write.at + i);
         const Exception found =
-            !coils ? check_register(at, wished(request, i), view, session, now_ns) : check_coil(request, i, view);
+            !coils ? check_register(at, requested(request, i), view, session, now_ns) : check_coil(request, i, view);
         if (found == kIllegalAddress) return found;
         if (first == kNone) first = found;
     }
@@ -124,7 +124,7 @@ bool Controls::takes_more_than_one_command(const Request& request) const noexcep
     }
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = request.write.at + i;
-        const std::uint16_t value = wished(request, i);
+        const std::uint16_t value = requested(request, i);
         commands += (is_command_cell(at) && value != 0) || (at == kCmdSeq && value != block_[4]) ? 1 : 0;
     }
     return commands > 1;
@@ -137,8 +137,8 @@ bool Controls::contact_is_upside_down(const Request& request) const noexcept {
     bool touched = false;
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = request.write.at + i;
-        if (at == kContactOn) on = wished(request, i);
-        if (at == kContactOff) off = wished(request, i);
+        if (at == kContactOn) on = requested(request, i);
+        if (at == kContactOff) off = requested(request, i);
         touched |= at == kContactOn || at == kContactOff;
     }
     return touched && on != kAsConfigured && off != kAsConfigured && off > on;
@@ -152,7 +152,7 @@ bool Controls::gravity_is_none(const Request& request) const noexcept {
     bool counts = false;
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = request.write.at + i;
-        if (at >= kGravityX && at < kAccelX) raw[at - kGravityX] = wished(request, i);
+        if (at >= kGravityX && at < kAccelX) raw[at - kGravityX] = requested(request, i);
         counts |= at == kGravityX + 2;
     }
     return counts && !Robot::is_gravity(raw);
@@ -164,7 +164,7 @@ Exception Controls::check_register(std::uint16_t at, std::uint16_t value, const 
     const Limits& limits = writable_at(at)->limits;
     if (limits.locked && now_ns > session.unlocked_until_ns) return kIllegalAddress;
     const bool as_configured = limits.locked && value == kAsConfigured;
-    if ((value < limits.least || value > limits.most) && !as_configured) return kIllegalValue;
+    if ((value < limits.min || value > limits.max) && !as_configured) return kIllegalValue;
     if (at == kPlcWatchdog && value != 0 && value < 10) return kIllegalValue;
     if (at == kUnlock && value != kUnlockWord && value != 0) return kIllegalValue;
     if (is_command_cell(at) && value != 0) return check_command_cell(at, value, view);

@@ -8,9 +8,9 @@
 
 #include "config/config.hpp"
 #include "node/modbus/encode.hpp"
+#include "node/modbus/request_validator.hpp"
 #include "node/modbus/robot.hpp"
 #include "node/modbus/teaching.hpp"
-#include "node/modbus/wall.hpp"
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
 
@@ -52,7 +52,7 @@ private:
     enum Saving : std::uint8_t { idle, storing, failed };
 
     [[nodiscard]] bool is_busy(const View& view) const noexcept;
-    [[nodiscard]] std::uint16_t wished(const Request& request, unsigned i) const noexcept;
+    [[nodiscard]] std::uint16_t requested(const Request& request, unsigned i) const noexcept;
     [[nodiscard]] Exception check_register(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
                                            std::uint64_t now_ns) const noexcept;
     [[nodiscard]] Exception check_command_cell(std::uint16_t at, std::uint16_t value, const View& view) const noexcept;

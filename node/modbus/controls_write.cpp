@@ -30,7 +30,7 @@ constexpr Key kKeys[] = {{"filter_hz", 1},     {"contact_on_N", 0.01},  {"contac
 void Controls::write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept {
     if (request.function == kWriteCoil || request.function == kWriteCoils) return write_coils(request, now_ns);
     for (unsigned i = 0; i < request.write.count; ++i)
-        write_register(std::uint16_t(request.write.at + i), wished(request, i), view, session, now_ns);
+        write_register(std::uint16_t(request.write.at + i), requested(request, i), view, session, now_ns);
     const unsigned end = request.write.at + request.write.count;
     if (request.write.at <= kWeighWindow && end > kFilterHz) send_settings();
     robot_.send(commands_);
@@ -245,7 +245,7 @@ void Controls::load() {
     for (unsigned i = 0; i < kSettings; ++i) {
         const Limits& limits = writable_at(kFilterHz + i)->limits;
         if (!file.has(kKeys[i].name)) continue;
-        const Range range{limits.least * kKeys[i].scale, limits.most * kKeys[i].scale};
+        const Range range{limits.min * kKeys[i].scale, limits.max * kKeys[i].scale};
         loaded[i] = std::uint16_t(file.number(kKeys[i].name, range) / kKeys[i].scale + 0.5);
     }
     file.finish();

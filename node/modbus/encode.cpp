@@ -9,7 +9,7 @@ namespace tactiled::modbus {
 namespace {
 
 constexpr double kTorque = 0.001, kLength_m = 1e-5, kTemperature = 0.1, kMass_kg = 1e-4, kThousandth = 1e-3;
-constexpr std::uint16_t kMostU16 = 65534;
+constexpr std::uint16_t kMaxU16 = 65534;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
@@ -20,12 +20,12 @@ bool has_value(const tactiled_sample& s) noexcept { return s.quality == TACTILED
 
 std::uint16_t age_ms(const tactiled_sample& s, std::uint64_t now_ns) noexcept {
     if (s.t_ns == 0 || (s.reasons & TACTILED_NO_DATA_YET) != 0)
-        return kMostU16;  // no frame ever: not as young as the machine
+        return kMaxU16;  // no frame ever: not as young as the machine
     const std::uint64_t age = now_ns > s.t_ns ? (now_ns - s.t_ns) / 1'000'000u : 0;
-    return std::uint16_t(std::min<std::uint64_t>(age, kMostU16));
+    return std::uint16_t(std::min<std::uint64_t>(age, kMaxU16));
 }
 
-std::uint16_t clamped(std::uint32_t value) noexcept { return std::uint16_t(std::min<std::uint32_t>(value, kMostU16)); }
+std::uint16_t clamped(std::uint32_t value) noexcept { return std::uint16_t(std::min<std::uint32_t>(value, kMaxU16)); }
 
 // The forces of a sensor block, and whether one of them left the range of its register.
 bool encode_wrench(const tactiled_sample& s, std::span<std::uint16_t, kSensorSize> out) noexcept {
@@ -81,15 +81,15 @@ unsigned sensors_of(const View& view) noexcept { return view.segment != nullptr 
 std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept {
     if (std::isnan(value)) return kNoI16;
     const double scaled = std::nearbyint(value / scale);
-    saturated |= std::abs(scaled) > kMostI16;
-    return std::uint16_t(std::int16_t(std::clamp(scaled, -double(kMostI16), double(kMostI16))));
+    saturated |= std::abs(scaled) > kMaxI16;
+    return std::uint16_t(std::int16_t(std::clamp(scaled, -double(kMaxI16), double(kMaxI16))));
 }
 
 std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept {
     if (std::isnan(value)) return kNoU16;
     const double scaled = std::nearbyint(value / scale);
-    saturated |= scaled > kMostU16;
-    return std::uint16_t(std::clamp(scaled, 0.0, double(kMostU16)));
+    saturated |= scaled > kMaxU16;
+    return std::uint16_t(std::clamp(scaled, 0.0, double(kMaxU16)));
 }
 
 void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept {

@@ -23,7 +23,7 @@ bool is_stable(const tactiled_grasp& grasp) noexcept;
 
 // Unit of a force in a sensor block, and the largest number that an i16 shows.
 inline constexpr double kForceUnit_N = 0.01;
-inline constexpr int kMostI16 = 32767;
+inline constexpr int kMaxI16 = 32767;
 
 // A float32 of two registers. What is not finite, in double or as float32, is the quiet NaN.
 void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept;

@@ -13,7 +13,7 @@ Identity::Identity(const std::string& node_name)
     : objects_{"tactiled",       "tactiled", TACTILED_VERSION, "", "tactiled force and grasp daemon",
                "register map 1", node_name} {}
 
-std::size_t Identity::answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) const noexcept {
+std::size_t Identity::answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) const noexcept {
     const std::uint8_t code = adu[kMbapSize + 2];
     std::size_t first = adu[kMbapSize + 3];
     if (code < kBasic || code > kIndividual) return exception_adu(adu, kIllegalValue, out);

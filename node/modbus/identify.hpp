@@ -5,7 +5,7 @@
 #include <span>
 #include <string>
 
-#include "node/modbus/wall.hpp"
+#include "node/modbus/request_validator.hpp"
 
 namespace tactiled::modbus {
 
@@ -14,7 +14,7 @@ public:
     // `node_name` is told as UserApplicationName.
     explicit Identity(const std::string& node_name);
     // The answer to a request of function 43 / 14 that check_adu() found good.
-    std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) const noexcept;
+    std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) const noexcept;
 
 private:
     std::array<std::string, 7> objects_;  // by object id

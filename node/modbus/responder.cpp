@@ -31,7 +31,7 @@ Responder::~Responder() {
 }
 
 std::size_t Responder::answer(std::span<const std::uint8_t> adu, Tables& tables,
-                              std::span<std::uint8_t, kMostAdu> out) noexcept {
+                              std::span<std::uint8_t, kMaxAdu> out) noexcept {
     modbus_mapping_t map{};
     map.nb_registers = map.nb_input_registers = int(tables.registers.size());
     map.tab_registers = map.tab_input_registers = tables.registers.data();

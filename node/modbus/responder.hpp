@@ -10,8 +10,8 @@
 #include <memory>
 #include <span>
 
+#include "node/modbus/request_validator.hpp"
 #include "node/modbus/table.hpp"
-#include "node/modbus/wall.hpp"
 
 namespace tactiled::modbus {
 
@@ -35,7 +35,7 @@ public:
 
     // The answer to a request that check_adu() found good. What it writes, it writes into `tables`. Returns its length in
     // `out`; where libmodbus gives none or a wrong one, exception 4.
-    std::size_t answer(std::span<const std::uint8_t> adu, Tables& tables, std::span<std::uint8_t, kMostAdu> out) noexcept;
+    std::size_t answer(std::span<const std::uint8_t> adu, Tables& tables, std::span<std::uint8_t, kMaxAdu> out) noexcept;
 
 private:
     struct Free {

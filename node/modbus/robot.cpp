@@ -6,7 +6,7 @@ namespace tactiled::modbus {
 namespace {
 
 constexpr double kScale_m_s2 = 0.001;
-constexpr double kLeastG_m_s2 = 9.7, kMostG_m_s2 = 9.9;  // as in the configuration
+constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;  // as in the configuration
 
 grasp::Vector vector_of(const std::array<std::uint16_t, 3>& raw) noexcept {
     grasp::Vector v{};
@@ -39,32 +39,32 @@ void Robot::write(unsigned at, std::uint16_t value, std::uint64_t now_ns) noexce
         gripper_ = value;
         hint_.kind = Command::Kind::hint;
         hint_.gripper = grasp::Hint(value);
-        hint_unsent_ = told_ = true;
+        hint_unsent_ = reported_ = true;
     } else if (at < kAccelX) {
         gravity_[at - kGravityX] = value;
         if (at != kGravityX + 2) return;
         down_.kind = Command::Kind::gravity;
         down_.robot_G_m_s2 = vector_of(gravity_);
-        down_unsent_ = told_ = true;
+        down_unsent_ = reported_ = true;
     } else if (at < kAccelCount) {
         acceleration_[at - kAccelX] = value;
     } else if (value != count_) {
         count_ = value;
         motion_.kind = Command::Kind::acceleration;
         motion_.robot_G_m_s2 = vector_of(acceleration_);
-        motion_.told_ns = now_ns;
-        motion_unsent_ = told_ = true;
+        motion_.reported_ns = now_ns;
+        motion_unsent_ = reported_ = true;
     }
 }
 
 bool Robot::is_gravity(const std::array<std::uint16_t, 3>& raw) noexcept {
     double squares = 0;
     for (const double axis : vector_of(raw)) squares += axis * axis;
-    return std::isnan(squares) || (squares >= kLeastG_m_s2 * kLeastG_m_s2 && squares <= kMostG_m_s2 * kMostG_m_s2);
+    return std::isnan(squares) || (squares >= kMinG_m_s2 * kMinG_m_s2 && squares <= kMaxG_m_s2 * kMaxG_m_s2);
 }
 
 void Robot::forget() noexcept {
-    if (!told_) return;
+    if (!reported_) return;
     if (hint_.kind == Command::Kind::hint) {
         hint_.gripper = grasp::Hint::none;
         hint_unsent_ = true;
@@ -73,7 +73,7 @@ void Robot::forget() noexcept {
         down_.robot_G_m_s2 = {kNaN, kNaN, kNaN};
         down_unsent_ = true;
     }
-    motion_unsent_ = told_ = false;
+    motion_unsent_ = reported_ = false;
 }
 
 void Robot::send(Ring<Command>& commands) noexcept {

@@ -33,7 +33,7 @@ private:
     std::array<std::uint16_t, 3> gravity_{kNoI16, kNoI16, kNoI16}, acceleration_{kNoI16, kNoI16, kNoI16};
     Command hint_{}, down_{}, motion_{};
     bool hint_unsent_ = false, down_unsent_ = false, motion_unsent_ = false;
-    bool told_ = false;  // anything, since the last forget()
+    bool reported_ = false;  // anything, since the last forget()
 };
 
 }  // namespace tactiled::modbus

@@ -40,8 +40,8 @@ std::uint16_t rtu_crc(std::span<const std::uint8_t> bytes) noexcept {
     return crc.checksum();
 }
 
-std::size_t adu_of_rtu(std::span<const std::uint8_t> frame, std::span<std::uint8_t, kMostAdu> out) noexcept {
-    if (frame.size() < 4 || frame.size() > kMostRtu) return 0;
+std::size_t adu_of_rtu(std::span<const std::uint8_t> frame, std::span<std::uint8_t, kMaxAdu> out) noexcept {
+    if (frame.size() < 4 || frame.size() > kMaxRtu) return 0;
     const std::uint16_t crc = rtu_crc(frame.first(frame.size() - 2));
     if (frame[frame.size() - 2] != (crc & 0xFF) || frame[frame.size() - 1] != crc >> 8) return 0;
     const std::size_t length = frame.size() - 2;
@@ -51,7 +51,7 @@ std::size_t adu_of_rtu(std::span<const std::uint8_t> frame, std::span<std::uint8
     return 6 + length;
 }
 
-std::size_t rtu_of_adu(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostRtu> out) noexcept {
+std::size_t rtu_of_adu(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxRtu> out) noexcept {
     const std::size_t length = adu.size() - 6;
     std::copy_n(adu.begin() + 6, length, out.begin());
     const std::uint16_t crc = rtu_crc(out.first(length));
@@ -126,7 +126,7 @@ void RtuLine::tick(const Answer& answer, std::uint64_t now_ns) {
 // A frame that is not for us, or is none, is answered by silence (2.2: the other units on the line do the same).
 void RtuLine::take_frame(const Answer& answer, std::uint64_t now_ns) {
     if (is_echo(now_ns)) return;
-    std::array<std::uint8_t, kMostAdu> request, reply;
+    std::array<std::uint8_t, kMaxAdu> request, reply;
     const std::size_t size = adu_of_rtu(std::span(frame_).first(received_), request);
     if (size == 0) {
         ++counts_.bad_frames;
@@ -143,7 +143,7 @@ void RtuLine::take_frame(const Answer& answer, std::uint64_t now_ns) {
         ++counts_.broadcasts;
         return;
     }
-    std::array<std::uint8_t, kMostRtu> frame;
+    std::array<std::uint8_t, kMaxRtu> frame;
     const std::size_t bytes = rtu_of_adu(std::span(reply).first(length), frame);
     // At most 256 bytes: the kernel's buffer takes them. What it does not take the master misses, and asks again.
     [[maybe_unused]] const auto written = ::write(fd_, frame.data(), bytes);

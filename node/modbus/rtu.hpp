@@ -11,15 +11,15 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::size_t kMostRtu = 256;  // address, PDU, CRC: 2.5.1.1
+inline constexpr std::size_t kMaxRtu = 256;  // address, PDU, CRC: 2.5.1.1
 
 // CRC of a frame without its last two bytes, which hold it low byte first (2.5.1.2).
 std::uint16_t rtu_crc(std::span<const std::uint8_t> bytes) noexcept;
 
-// A frame with a right checksum as a request with an MBAP header, transaction 0; 0 when it is none. `out` holds kMostAdu.
-std::size_t adu_of_rtu(std::span<const std::uint8_t> frame, std::span<std::uint8_t, kMostAdu> out) noexcept;
+// A frame with a right checksum as a request with an MBAP header, transaction 0; 0 when it is none. `out` holds kMaxAdu.
+std::size_t adu_of_rtu(std::span<const std::uint8_t> frame, std::span<std::uint8_t, kMaxAdu> out) noexcept;
 // An answer with an MBAP header as a frame with its checksum.
-std::size_t rtu_of_adu(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostRtu> out) noexcept;
+std::size_t rtu_of_adu(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxRtu> out) noexcept;
 
 class RtuLine {
 public:
@@ -58,11 +58,11 @@ private:
     int fd_ = -1;
     std::uint64_t open_again_ns_ = 0;
     std::uint64_t silent_since_ns_ = 0;  // 0: nothing is waiting for its end
-    std::array<std::uint8_t, kMostRtu> frame_{};
+    std::array<std::uint8_t, kMaxRtu> frame_{};
     std::size_t received_ = 0;
     bool too_long_ = false;
     // What we sent last, until it cannot come back any more: an adapter that hears itself must not make us answer ourselves.
-    std::array<std::uint8_t, kMostRtu> sent_{};
+    std::array<std::uint8_t, kMaxRtu> sent_{};
     std::size_t sent_size_ = 0;
     std::uint64_t echo_until_ns_ = 0;
     std::string complaint_;

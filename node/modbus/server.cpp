@@ -63,7 +63,7 @@ ModbusServer::~ModbusServer() {
 
 void ModbusServer::serve() noexcept {
     while (!stop_.load()) try {
-            turn();
+            cycle();
         } catch (const std::exception& error) {  // no memory: what is still due comes again with the next turn
             if (monotonic_ns() >= complain_again_ns_) log_line(LogLevel::warning, "Modbus: {}", error.what());
             complain_again_ns_ = monotonic_ns() + kRetryNs;
@@ -71,7 +71,7 @@ void ModbusServer::serve() noexcept {
         }
 }
 
-void ModbusServer::turn() {
+void ModbusServer::cycle() {
     std::array<epoll_event, 64> events;
     const int n = wait_for(events);
     const std::uint64_t now_ns = monotonic_ns();
@@ -219,16 +219,16 @@ bool ModbusServer::make_room(const sockaddr_storage& peer, bool plc, std::uint64
     const auto competes = [&](const Client& c) { return plc ? c.plc && modbus::same_host(c.peer, peer) : !c.plc; };
     const auto worth = [](const Client& c) { return std::pair(c.has_asked(), c.heard_ns()); };
     std::size_t n = 0;
-    int least = -1;
+    int min = -1;
     for (const auto& [fd, client] : clients_) {
         if (!competes(*client)) continue;
         ++n;
-        if (least < 0 || worth(*client) < worth(*clients_[least])) least = fd;
+        if (min < 0 || worth(*client) < worth(*clients_[min])) min = fd;
     }
     if (n < (plc ? kPlacesOfPlc : std::size_t(settings_.max_clients))) return true;
-    const Client& out = *clients_[least];
+    const Client& out = *clients_[min];
     if (!plc && out.has_asked() && now_ns - out.heard_ns() < kMayBeEvictedNs) return false;
-    close(least);
+    close(min);
     return true;
 }
 

@@ -35,14 +35,14 @@ public:
 
 private:
     struct Client : modbus::Connection {
-        Client(int fd, std::uint64_t now_ns, int most_per_s, const sockaddr_storage& from, bool is_plc)
-            : Connection(fd, now_ns, most_per_s), peer(from), plc(is_plc) {}
+        Client(int fd, std::uint64_t now_ns, int max_per_s, const sockaddr_storage& from, bool is_plc)
+            : Connection(fd, now_ns, max_per_s), peer(from), plc(is_plc) {}
         sockaddr_storage peer;
         bool plc;  // has a reserved place
     };
 
     void serve() noexcept;
-    void turn();
+    void cycle();
     int wait_for(std::span<epoll_event> events) const noexcept;
     void tick(std::uint64_t now_ns);  // some times a second
     [[nodiscard]] std::uint64_t next_due_ns() const noexcept;

@@ -21,7 +21,7 @@ bool needs_view(const Request& request) {
 Service::Service(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands)
     : node_name_(std::move(node_name)), scratch_(settings.scratch), controls_(settings, commands), identity_(node_name_) {}
 
-std::size_t Service::answer(std::span<const std::uint8_t> adu, Session& session, std::span<std::uint8_t, kMostAdu> out) {
+std::size_t Service::answer(std::span<const std::uint8_t> adu, Session& session, std::span<std::uint8_t, kMaxAdu> out) {
     counts_.requests.fetch_add(1, std::memory_order_relaxed);
     const auto refuse = [&](Exception exception) {
         counts_.exceptions.fetch_add(1, std::memory_order_relaxed);

@@ -19,7 +19,7 @@ public:
     Service(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands);
 
     // Answers `adu` (MBAP header and PDU) into `out`, returns the answer's length.
-    std::size_t answer(std::span<const std::uint8_t> adu, Session& session, std::span<std::uint8_t, kMostAdu> out);
+    std::size_t answer(std::span<const std::uint8_t> adu, Session& session, std::span<std::uint8_t, kMaxAdu> out);
 
     struct Counts {
         std::atomic<std::uint64_t> requests{0}, exceptions{0};

@@ -75,7 +75,7 @@ inline constexpr std::uint16_t kAsConfigured = 0xFFFF;  // of a setting: the con
 
 // What may be written into a register; `most` < `least`: nothing.
 struct Limits {
-    std::uint16_t least = 1, most = 0;
+    std::uint16_t min = 1, max = 0;
     bool locked = false;  // needs UNLOCK; kAsConfigured is allowed, too
 };
 

@@ -42,7 +42,7 @@ void Teaching::store(std::uint32_t id, const Weighing& weighing) {
                         confusion->other->id, confusion->other->name, confusion->apart_sd, kApart_sd));
     if (known != nullptr)
         *known = object;
-    else if (taught.size() < grasp::Grasp::kMostObjects)
+    else if (taught.size() < grasp::Grasp::kMaxObjects)
         taught.push_back(object);
     else
         throw SetupError(fmt::format("{} objects are taught, no more fit", taught.size()));

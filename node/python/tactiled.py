@@ -64,7 +64,7 @@ _WORD = 0xFFFFFFFF
 _RECORD_OFFSET = 8
 _LINK_SIZE = 256
 _TRIES = 16
-_LEAST_GRASP_MS = 20  # a daemon without news publishes each 10 ms
+_MIN_GRASP_MS = 20  # a daemon without news publishes each 10 ms
 _ATTACH_NS = 10_000_000  # between two looks for a successor
 _LOOK_S = 0.02           # the longest sleep: a daemon that dies wakes nobody
 _NAP_S = 0.001
@@ -310,7 +310,7 @@ class _Segment:
         1.1), or where the record is older than a sensor's stale_ms."""
         grasp = Grasp._make(_GRASP.texts(data, 0))
         limit_ms = min([self.header.watchdog_ms, *(info.stale_ms for info, _ in self.sensors.values())])
-        fresh = _is_fresh(t_ns, now_ns, max(limit_ms, _LEAST_GRASP_MS))
+        fresh = _is_fresh(t_ns, now_ns, max(limit_ms, _MIN_GRASP_MS))
         return grasp if fresh and self.is_current() and self.header.node[3] >= _NODE.size else _forgotten(grasp)
 
     def is_current(self):

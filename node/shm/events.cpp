@@ -23,7 +23,7 @@ EventFanOut::~EventFanOut() {
 
 int EventFanOut::subscribe(int connection) {
     const std::lock_guard lock(mutex_);
-    if (subscribers_.size() >= kMost) return -1;
+    if (subscribers_.size() >= kMax) return -1;
     int ends[2];
     if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends) != 0) return -1;
     const int ours = ::fcntl(connection, F_DUPFD_CLOEXEC, 0);
@@ -32,8 +32,8 @@ int EventFanOut::subscribe(int connection) {
         ::close(ends[1]);
         return -1;
     }
-    const int least = 1;  // the kernel's least: who does not read finds a few packets of the sum, not hundreds
-    ::setsockopt(ends[0], SOL_SOCKET, SO_SNDBUF, &least, sizeof least);
+    const int min = 1;  // the kernel's least: who does not read finds a few packets of the sum, not hundreds
+    ::setsockopt(ends[0], SOL_SOCKET, SO_SNDBUF, &min, sizeof min);
     subscribers_.push_back({ours, ends[0], 0});
     if (!started_) {
         thread_.start("events", 0, -1, [this] { run(); });
@@ -56,21 +56,21 @@ void EventFanOut::run() noexcept {
 // Until the end.
 void EventFanOut::follow(const Segment& segment, std::uint32_t* wake) noexcept {
     std::uint64_t looked_ns = 0;
-    std::uint32_t told = tactiled_ring_head(segment.base(), &segment.header().node);
+    std::uint32_t reported = tactiled_ring_head(segment.base(), &segment.header().node);
     tell(1);  // a record may have come after the subscriber's look and before ours
     while (!stop_.load()) {
         const std::uint64_t now_ns = monotonic_ns();
         if (now_ns - looked_ns >= kLookNs) {
             looked_ns = now_ns;
-            if (!drop_gone()) {
+            if (!drop_disconnected()) {
                 sleep_until(now_ns + kLookNs);
                 continue;
             }
         }
-        tactiled_sleep_on_node(segment.c(), wake, told, now_ns, now_ns + kLookNs);
+        tactiled_sleep_on_node(segment.c(), wake, reported, now_ns, now_ns + kLookNs);
         const std::uint32_t head = tactiled_ring_head(segment.base(), &segment.header().node);
-        tell(head - told);
-        told = head;
+        tell(head - reported);
+        reported = head;
     }
 }
 
@@ -84,16 +84,16 @@ void EventFanOut::tell(std::uint32_t news) noexcept {
 }
 
 // False when nobody is left.
-bool EventFanOut::drop_gone() noexcept {
+bool EventFanOut::drop_disconnected() noexcept {
     const std::lock_guard lock(mutex_);
-    const auto gone = [](const Subscriber& s) {
+    const auto disconnected = [](const Subscriber& s) {
         pollfd p{s.connection, POLLIN, 0};
         if (::poll(&p, 1, 0) != 1) return false;  // nothing is ever said on it but goodbye
         ::close(s.connection);
         ::close(s.event);
         return true;
     };
-    subscribers_.erase(std::remove_if(subscribers_.begin(), subscribers_.end(), gone), subscribers_.end());
+    subscribers_.erase(std::remove_if(subscribers_.begin(), subscribers_.end(), disconnected), subscribers_.end());
     return !subscribers_.empty();
 }
 

@@ -16,7 +16,7 @@ namespace tactiled {
 
 class EventFanOut {
 public:
-    static constexpr std::size_t kMost = 32;
+    static constexpr std::size_t kMax = 32;
 
     // `wake_page` as SegmentWriter has it. The thread starts with the first subscriber.
     EventFanOut(std::string node_name, int wake_page) : node_name_(std::move(node_name)), wake_page_(wake_page) {}
@@ -37,7 +37,7 @@ private:
     void run() noexcept;
     void follow(const Segment& segment, std::uint32_t* wake) noexcept;
     void tell(std::uint32_t news) noexcept;
-    bool drop_gone() noexcept;
+    bool drop_disconnected() noexcept;
 
     std::string node_name_;
     int wake_page_;

@@ -44,14 +44,14 @@ std::string boot_id() {
 }
 
 constexpr std::uint32_t kNodeRecords = 64;  // only the newest are read: 16 ms of a 4 kHz loop
-constexpr std::size_t kWishedSize = 1'000'000;
-constexpr std::uint32_t kMostHistory = 1024, kLeastHistory = 64;
+constexpr std::size_t kPreferredSize = 1'000'000;
+constexpr std::uint32_t kMaxHistory = 1024, kMinHistory = 64;
 
 // So many that they fit into another MB: a recorder may stand still for 1 s at 1 kHz of one or two links, 0.13 s of sixteen.
 std::uint32_t frames_of(const SegmentPlan& plan) {
-    std::uint32_t frames = kMostHistory;
-    while (frames > kLeastHistory &&
-           frames * aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_frame)) * plan.links.size() > kWishedSize)
+    std::uint32_t frames = kMaxHistory;
+    while (frames > kMinHistory &&
+           frames * aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_frame)) * plan.links.size() > kPreferredSize)
         frames /= 2;
     return frames;
 }
@@ -67,8 +67,8 @@ std::size_t size_of(const SegmentPlan& plan, std::uint32_t history) {
 }
 
 std::uint32_t history_of(const SegmentPlan& plan) {
-    std::uint32_t history = plan.history != 0 ? plan.history : kMostHistory;
-    while (plan.history == 0 && history > kLeastHistory && size_of(plan, history) > kWishedSize) history /= 2;
+    std::uint32_t history = plan.history != 0 ? plan.history : kMaxHistory;
+    while (plan.history == 0 && history > kMinHistory && size_of(plan, history) > kPreferredSize) history /= 2;
     return history;
 }
 
@@ -109,11 +109,10 @@ bool is_still_named(int fd, const std::string& path) {
 // Held from the look at the old file to the name of the new one: of several starters one goes at a time. A lock of the
 // segment cannot do that: a reader may hold a lock on it, so that nobody gets that of the writer. This file none but its
 // user can open, and so lock. It goes with the start; what a kill in between leaves, the next start takes over.
-class StartersTurn {
+class StartLock {
 public:
     // setup: throws SetupError where the file belongs to another user, or another start does not come to its end
-    StartersTurn(const std::string& name, const std::string& segment)
-        : path_(fmt::format("{}/.tactiled.{}", kFolder, name)) {
+    StartLock(const std::string& name, const std::string& segment) : path_(fmt::format("{}/.tactiled.{}", kFolder, name)) {
         for (const std::uint64_t until_ns = monotonic_ns() + kPatienceNs;;) {
             fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
             if (fd_ < 0)
@@ -131,12 +130,12 @@ public:
             ::usleep(1000);
         }
     }
-    ~StartersTurn() {
+    ~StartLock() {
         ::unlink(path_.c_str());  // while the lock is held: who waits for it finds it nameless, and opens anew
         ::close(fd_);
     }
-    StartersTurn(const StartersTurn&) = delete;
-    StartersTurn& operator=(const StartersTurn&) = delete;
+    StartLock(const StartLock&) = delete;
+    StartLock& operator=(const StartLock&) = delete;
 
 private:
     static constexpr std::uint64_t kPatienceNs = 2'000'000'000;  // a start takes milliseconds
@@ -197,7 +196,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     timespec now{};
     ::clock_gettime(CLOCK_BOOTTIME, &now);
     auto epoch = std::uint32_t((std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec)) >> 24);
-    const StartersTurn turn(plan.name, path_);
+    const StartLock start_lock(plan.name, path_);
     for (;;) {
         if (const auto old = retire_predecessor(path_)) epoch = std::max(epoch, *old);
         if (fd_ < 0) {

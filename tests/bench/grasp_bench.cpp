@@ -146,9 +146,9 @@ void print_transport(double hours, std::uint64_t seed) {
         "hours | gross slips said | incipient said |\n|---|---|---|---|---|\n",
         seed);
     for (const double g : {0.05, 0.1, 0.2})
-        for (const bool told : {true, false}) {
-            const TransportFigures f = transport(seed, hours, g, told);
-            fmt::print("| {:.0f} % | {} | {:.2f} | {} | {} |\n", 100 * g, told ? "to 10 %" : "no", f.hours, f.gross,
+        for (const bool reported : {true, false}) {
+            const TransportFigures f = transport(seed, hours, g, reported);
+            fmt::print("| {:.0f} % | {} | {:.2f} | {} | {} |\n", 100 * g, reported ? "to 10 %" : "no", f.hours, f.gross,
                        f.incipient);
             std::fflush(stdout);
         }
@@ -190,10 +190,10 @@ std::uint64_t allocations_of_a_grasp() {
 
 bool check() {
     bool kept = true;
-    const auto limit = [&](const char* what, double is, double least, double most) {
-        const bool good = is >= least && is <= most;
+    const auto limit = [&](const char* what, double is, double min, double max) {
+        const bool good = is >= min && is <= max;
         kept &= good;
-        fmt::print("{} {}: {:.3g}, wanted {:g} .. {:g}\n", good ? "kept  " : "BROKEN", what, is, least, most);
+        fmt::print("{} {}: {:.3g}, wanted {:g} .. {:g}\n", good ? "kept  " : "BROKEN", what, is, min, max);
     };
     limit("allocations of 10,000 turns", double(allocations_of_a_grasp()), 0, 0);
     const auto outcomes = weigh(1000, 2, 2, {});

@@ -9,7 +9,7 @@ namespace tactiled::bench {
 namespace {
 
 constexpr double kWidth = 430, kHeight = 300, kLeft = 48, kTop = 44, kFoot = 44, kGap = 30;  // of a panel, in the viewBox
-constexpr double kLeast = 0.3, kMost = 60;                                                   // %, logarithmic
+constexpr double kMin = 0.3, kMax = 60;                                                      // %, logarithmic
 constexpr const char* kDashes[] = {"", "7 4", "2 3"};                                        // one, two, three jaws
 
 struct Point {
@@ -41,7 +41,7 @@ struct Frame {
         return left + kLeft + (kWidth - kLeft) * ms / (1e3 * kMomentEvery_s * kMoments);
     }
     [[nodiscard]] static double y(double percent) {
-        const double u = std::log(std::clamp(percent, kLeast, kMost) / kLeast) / std::log(kMost / kLeast);
+        const double u = std::log(std::clamp(percent, kMin, kMax) / kMin) / std::log(kMax / kMin);
         return kTop + kHeight * (1 - u);
     }
 };
@@ -68,21 +68,21 @@ std::string axes(const Frame& f, const std::string& title) {
 
 std::string lines(const Frame& f, const std::vector<Outcome>& outcomes) {
     std::string svg;
-    for (std::size_t sensed = 1; sensed <= kMostSensed; ++sensed)
-        for (const bool most : {false, true}) {
+    for (std::size_t sensed = 1; sensed <= kMaxSensed; ++sensed)
+        for (const bool max : {false, true}) {
             std::string path;
             for (const Point& p : curve(outcomes, sensed))
                 path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", f.x(p.ms),
-                                    Frame::y(most ? p.within_95 : p.within_68));
+                                    Frame::y(max ? p.within_95 : p.within_68));
             svg += fmt::format("<path fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" stroke-dasharray=\"{}\" d=\"{}\"/>\n",
-                               most ? "#6e6e6e" : "#000000", most ? "1" : "2", kDashes[sensed - 1], path);
+                               max ? "#6e6e6e" : "#000000", max ? "1" : "2", kDashes[sensed - 1], path);
         }
     return svg;
 }
 
 std::string legend(double left) {
     std::string svg;
-    for (std::size_t sensed = 1; sensed <= kMostSensed; ++sensed) {
+    for (std::size_t sensed = 1; sensed <= kMaxSensed; ++sensed) {
         const double y = kTop + 16 + 17 * double(sensed - 1);
         svg += fmt::format(
             "<path fill=\"none\" stroke=\"#000\" stroke-width=\"2\" stroke-dasharray=\"{}\" d=\"M{:.0f} {:.0f}h34\"/>"
@@ -100,7 +100,7 @@ std::string legend(double left) {
 std::string error_csv(const std::vector<Panel>& panels) {
     std::string csv = "panel,sensed_jaws,ms_after_lift_off,within_68_percent,within_95_percent,stable_percent\n";
     for (const Panel& panel : panels)
-        for (std::size_t sensed = 1; sensed <= kMostSensed; ++sensed)
+        for (std::size_t sensed = 1; sensed <= kMaxSensed; ++sensed)
             for (const Point& p : curve(panel.outcomes, sensed))
                 csv += fmt::format("{},{},{:g},{:.3f},{:.3f},{:.1f}\n", panel.title, sensed, p.ms, p.within_68, p.within_95,
                                    p.stable);

@@ -105,7 +105,7 @@ std::vector<Plan> plan(std::uint64_t seed, const std::vector<double>& masses_kg,
         p.clamp_s = uniform(0.2, 0.5);
         p.wait_s = uniform(0.2, 0.4);
         p.transfer_s = uniform(0.05, 0.3);
-        p.acceleration_m_s2 = uniform(c.least_acceleration_m_s2, c.most_acceleration_m_s2);
+        p.acceleration_m_s2 = uniform(c.min_acceleration_m_s2, c.max_acceleration_m_s2);
         p.travel_s = uniform(0.4, 1.0);
         p.lower_s = uniform(0.1, 0.2);
         const double tilt = object == SIZE_MAX ? 0 : c.tilt_deg / 180 * kPi * std::sqrt(uniform(0, 1)),
@@ -185,7 +185,7 @@ Recording record(const sim::Scene& scene, Decoupler& model) {
         const sim::Block& block = simulation.advance(0);
         if (block.n == 0) return r;
         for (std::size_t n = 0; n < block.n; ++n) {
-            std::array<double, sim::kMostChannels> channel{};
+            std::array<double, sim::kMaxSensorChannels> channel{};
             for (std::size_t k = 0; k < scene.sensors[0].n(); ++k) channel[k] = block.channel[k][n];
             const auto t_ns = std::uint64_t(1'000'000'000 + double(block.first + n) / scene.rate_Hz * 1e9);
             const Estimate e = model.decouple({.channel = std::span(channel).first(scene.sensors[0].n()),
@@ -267,35 +267,35 @@ std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& mass
             for (grasp::JawSample& sample : jaws.back().samples) sample.reasons &= ~std::uint32_t(TACTILED_OUTSIDE_DOMAIN);
     }
     std::vector<grasp::Grasp> estimators;
-    for (std::size_t sensed = 1; sensed <= kMostSensed; ++sensed) {
+    for (std::size_t sensed = 1; sensed <= kMaxSensed; ++sensed) {
         estimators.emplace_back(setup_of(sensed, c));
         estimators.back().objects(taught);
     }
     std::vector<Outcome> outcomes;
     const double nan = std::numeric_limits<double>::quiet_NaN();
     std::size_t at = 0;
-    std::array<double, kMostSensed> zero_N{};
+    std::array<double, kMaxSensed> zero_N{};
     for (std::size_t p = 0; p < plans.size(); ++p) {
         const Plan& plan = plans[p];
         const double g = kGravity_m_s2;
-        std::vector<Outcome> now(kMostSensed);
-        for (std::size_t e = 0; e < kMostSensed; ++e) {
+        std::vector<Outcome> now(kMaxSensed);
+        for (std::size_t e = 0; e < kMaxSensed; ++e) {
             now[e].object = plan.object;
             now[e].sensed = e + 1;
             now[e].mass_kg = plan.mass_kg;
             now[e].stable_after_s = nan;
             now[e].after.fill({nan, nan, TACTILED_WEIGHT_NONE});
         }
-        bool told_gravity = false, known = false;
+        bool reported_gravity = false, known = false;
         for (; at < jaws[0].samples.size(); ++at) {
             const double t_s = double(at) / c.rate_Hz;
             if (t_s >= when.end_s[p]) break;
-            if (!told_gravity) {
+            if (!reported_gravity) {
                 for (auto& e : estimators) e.gravity({g * plan.down_G[0], g * plan.down_G[1], g * plan.down_G[2]});
-                told_gravity = true;
+                reported_gravity = true;
                 zero_N[0] = jaws[0].samples[at].force_S_N[1];
             }
-            for (std::size_t e = 0; e < kMostSensed; ++e) {
+            for (std::size_t e = 0; e < kMaxSensed; ++e) {
                 grasp::Grasp& estimator = estimators[e];
                 if (c.tell_acceleration && at % std::size_t(std::max(1.0, c.rate_Hz / 125)) == 0) {
                     const auto late = std::size_t(0.008 * c.rate_Hz);
@@ -309,7 +309,7 @@ std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& mass
                 if (state.weight_state == TACTILED_WEIGHT_STABLE && now[e].lift_off_error_s == -1)
                     now[e].lift_off_error_s = double(state.t_lift_off_ns) * 1e-9 - 1 - when.off_s[p];
                 // Shown for half a second, then the operator confirms.
-                if (plan.object == SIZE_MAX && t_s > when.off_s[p] + 0.45 && e + 1 == kMostSensed && !known) {
+                if (plan.object == SIZE_MAX && t_s > when.off_s[p] + 0.45 && e + 1 == kMaxSensed && !known) {
                     known = true;
                     for (auto& each : estimators) known &= each.known_weight(c.known_kg);
                 }

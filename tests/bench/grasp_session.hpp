@@ -34,8 +34,8 @@ struct Conditions {
     double vibration_Hz = 30;
     double tilt_deg = 10;         // at most, any direction
     double accelerates_s = 0.15;  // to speed up, and to slow down
-    double most_acceleration_m_s2 = 2;
-    double least_acceleration_m_s2 = 0.3;
+    double max_acceleration_m_s2 = 2;
+    double min_acceleration_m_s2 = 0.3;
     bool tell_acceleration = false;  // at 125 Hz, 8 ms late, 3 % off
     double known_kg = 0.060;         // lifted twice to begin with and told the second time; 0 = none
     bool ignore_domain = false;      // believes forces beyond the calibration
@@ -51,7 +51,7 @@ struct Moment {
 
 inline constexpr double kMomentEvery_s = 0.01;
 inline constexpr std::size_t kMoments = 60;
-inline constexpr std::size_t kMostSensed = 3;
+inline constexpr std::size_t kMaxSensed = 3;
 
 // One grasp as an estimator with `sensed` jaws saw it.
 struct Outcome {

@@ -15,7 +15,7 @@
 namespace tactiled::bench {
 namespace {
 
-constexpr double kRate_Hz = 1000, kTold = 0.6;
+constexpr double kRate_Hz = 1000, kReported = 0.6;
 constexpr int kSerials = 8;
 constexpr double kClock_s = 0.002;  // by which a simulated clock may be off: a sample of then is one of the slip
 
@@ -65,8 +65,8 @@ SlipFigures slips(std::uint64_t seed, int n, double told_off, double kinetic_fro
     double squares = 0;
     for (int i = 0; i < n; ++i) {
         const int serial = i % kSerials;
-        const double told = told_off < 1 ? kTold : 0,
-                     mu = kTold * uniform(1 - std::min(told_off, 0.2), 1 + std::min(told_off, 0.2));
+        const double reported = told_off < 1 ? kReported : 0,
+                     mu = kReported * uniform(1 - std::min(told_off, 0.2), 1 + std::min(told_off, 0.2));
         const double kinetic = mu * uniform(kinetic_from, kinetic_to), press_N = uniform(0.1, 0.3);
         const double limit_N = mu * press_N;
         const std::string text =
@@ -85,7 +85,7 @@ SlipFigures slips(std::uint64_t seed, int n, double told_off, double kinetic_fro
         const sim::Scene scene = parse_scene(text);
         const double slip_s = begin_of(scene, "slip"), pull_s = slip_s - 0.6;
         const Recording r = record(scene, *made[std::size_t(serial)]);
-        grasp::Grasp g = estimator(told);
+        grasp::Grasp g = estimator(reported);
         bool found = false, early = false, incipient = false, at_rest = false;
         for (std::size_t k = 0; k < r.samples.size(); ++k) {
             g.sample(0, r.samples[k]);
@@ -114,14 +114,14 @@ SlipFigures slips(std::uint64_t seed, int n, double told_off, double kinetic_fro
     return f;
 }
 
-TransportFigures transport(std::uint64_t seed, double hours, double g, bool told) {
+TransportFigures transport(std::uint64_t seed, double hours, double g, bool reported) {
     const auto made = sensors();
     Random uniform{std::mt19937_64(seed * 104729 + 11)};
     TransportFigures f;
     constexpr double kTrip_s = 180;
     while (f.hours < hours) {
         const int serial = int(uniform(0, kSerials));
-        const double mu = kTold * uniform(0.9, 1.1), press_N = uniform(0.1, 0.3), weight_N = mu * press_N / 1.5;
+        const double mu = kReported * uniform(0.9, 1.1), press_N = uniform(0.1, 0.3), weight_N = mu * press_N / 1.5;
         std::string text = head(std::uint64_t(uniform(0, 1e9)), serial + 1, mu, mu * 0.85) +
                            fmt::format(
                                "[[motion]]\ndo = \"hold\"\nfor_s = 0.5\n[[motion]]\ndo = \"press\"\nto_N = {}\nin_s = 0.3\n"
@@ -140,7 +140,7 @@ TransportFigures transport(std::uint64_t seed, double hours, double g, bool told
         }
         const sim::Scene scene = parse_scene(text);
         const Recording r = record(scene, *made[std::size_t(serial)]);
-        grasp::Grasp estimate = estimator(told ? kTold : 0);
+        grasp::Grasp estimate = estimator(reported ? kReported : 0);
         std::uint16_t before = TACTILED_SLIP_NONE;
         for (std::size_t k = 0; k < r.samples.size(); ++k) {
             estimate.sample(0, r.samples[k]);

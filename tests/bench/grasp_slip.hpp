@@ -19,6 +19,6 @@ struct TransportFigures {
     int gross = 0, incipient = 0;  // said, though nothing slipped: times that it began
 };
 // An object held with 1.5 times the least grip, shaken at 5 to 60 Hz with up to `g` of the weight. `told` as above.
-TransportFigures transport(std::uint64_t seed, double hours, double g, bool told);
+TransportFigures transport(std::uint64_t seed, double hours, double g, bool reported);
 
 }  // namespace tactiled::bench

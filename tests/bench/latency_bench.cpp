@@ -105,7 +105,7 @@ int main(int argc, char** argv) {
     });
     std::thread feeder([&] {
         be_realtime(70);  // below the daemon: the device is another computer, it does not wait for ours
-        std::array<std::uint8_t, kCobsMostEncoded> bytes;
+        std::array<std::uint8_t, kCobsMaxEncoded> bytes;
         const std::uint64_t begin = monotonic_ns() + 10'000'000, period = std::uint64_t(1e9 / rate);
         for (std::uint64_t n = 0; n < total; ++n) {
             const std::size_t size = encode_fed(std::uint32_t(n), bytes);

@@ -34,7 +34,7 @@ using namespace tactiled;
 using namespace tactiled::testing;
 
 constexpr int kPriority = 80;
-constexpr double kMost[] = {1.3, 2, 4}, kQuantiles[] = {0.5, 0.99, 0.999};
+constexpr double kMax[] = {1.3, 2, 4}, kQuantiles[] = {0.5, 0.99, 0.999};
 
 void pin(int cpu) {
     cpu_set_t set;
@@ -179,7 +179,7 @@ int main(int argc, char** argv) {
         std::atomic<bool> done{false};
         std::thread feeder([&] {
             be_realtime(70);
-            std::array<std::uint8_t, kCobsMostEncoded> bytes;
+            std::array<std::uint8_t, kCobsMaxEncoded> bytes;
             const std::uint64_t begin_ns = monotonic_ns();
             for (std::uint64_t n = 0; !done; ++n) {
                 sleep_till(begin_ns + n * 1'000'000 + n * 7919 % 1'000'000);
@@ -210,7 +210,7 @@ int main(int argc, char** argv) {
                 const double ratio =
                     lateness_quantile_ns(late, kQuantiles[i]) / lateness_quantile_ns(of_floor, kQuantiles[i]);
                 fmt::print(" {:9.2f}", ratio);
-                good &= ratio <= kMost[i];
+                good &= ratio <= kMax[i];
             }
             if (hogs > 0) {
                 const Lateness ordinary = theirs.lateness() - before_other;

@@ -43,7 +43,7 @@ int main(int argc, char** argv) {
     Service service(plan.name, settings, commands);
     Session session;
     const std::array<std::uint8_t, 12> adu{0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 32};
-    std::array<std::uint8_t, kMostAdu> out{};
+    std::array<std::uint8_t, kMaxAdu> out{};
     Responder responder;
     Tables tables;
     const Segment segment = Segment::open(plan.name);

@@ -23,13 +23,13 @@ namespace {
 double seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 // ns a sample of one sensor, the least of several runs.
-double cost_ns(const Scene& scene, const std::string& effects, std::uint64_t most = 20'000) {
-    double least = 1e300;
+double cost_ns(const Scene& scene, const std::string& effects, std::uint64_t max = 20'000) {
+    double min = 1e300;
     for (int run = 0; run < 7; ++run) {
         Simulation simulation(scene, effects);
         std::uint64_t done = 0;
         const double begun = seconds();
-        for (bool any = true; any && done < most * scene.sensors.size();) {
+        for (bool any = true; any && done < max * scene.sensors.size();) {
             any = false;
             for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
                 const std::size_t n = simulation.advance(i).n;
@@ -37,15 +37,15 @@ double cost_ns(const Scene& scene, const std::string& effects, std::uint64_t mos
                 done += n;
             }
         }
-        least = std::min(least, (seconds() - begun) / double(done) * 1e9);
+        min = std::min(min, (seconds() - begun) / double(done) * 1e9);
     }
-    return least;
+    return min;
 }
 
 // The largest difference of any channel at any sample that both have, N.
 double difference_N(const Scene& scene, const std::string& a, const std::string& b) {
     Simulation one(scene, a), other(scene, b);
-    double most = 0;
+    double max = 0;
     for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
         const Sensor& sensor = scene.sensors[i];
         for (;;) {
@@ -54,14 +54,14 @@ double difference_N(const Scene& scene, const std::string& a, const std::string&
             if (x.n == 0) break;
             for (std::size_t n = 0; n < x.n; ++n) {
                 if (x.dropped[n] || y.dropped[n]) continue;
-                std::array<double, kMostChannels> change{};
+                std::array<double, kMaxSensorChannels> change{};
                 for (std::size_t k = 0; k < sensor.n(); ++k)
                     if (((x.missing[n] | y.missing[n]) >> k & 1u) == 0) change[k] = x.channel[k][n] - y.channel[k][n];
-                most = std::max(most, sensor.largest_N(change));
+                max = std::max(max, sensor.largest_N(change));
             }
         }
     }
-    return most;
+    return max;
 }
 
 struct Row {

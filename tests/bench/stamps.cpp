@@ -20,7 +20,7 @@ struct Adapter {
     const char* name;
     double rate_Hz;
     double drift_ppm, wander_ppm;  // constant, and a sine of 5 minutes
-    double least_us, mean_us;      // of the way from the bus to the kernel: a floor, and what exponentially comes on top
+    double min_us, mean_us;        // of the way from the bus to the kernel: a floor, and what exponentially comes on top
     double poll_us;                // the host asks each so often: messages wait for it, and come in one batch
     double stall_share, stall_ms;  // of the batches, and for how long
 };
@@ -51,27 +51,27 @@ void measure(const Adapter& adapter) {
     const auto n = std::size_t(kMinutes * 60 * adapter.rate_Hz);
     const double t0_us = 3600e6;  // of CLOCK_MONOTONIC
     double clock_us = 0, last_us = 0, stalled_until_us = 0, first_offset_us = 0, arrived_us = 0;
-    double least_first_us = 1e300;
+    double min_first_us = 1e300;
     for (std::size_t k = 0; k < n; ++k) {
         const double sent_us = double(k) * 1e6 / adapter.rate_Hz + 20 * chance(random);
         const double ppm = adapter.drift_ppm + adapter.wander_ppm * std::sin(sent_us / 300e6 * 6.283185307179586);
         clock_us += (sent_us - last_us) * (1 + ppm * 1e-6);
         last_us = sent_us;
-        double arrival_us = sent_us + adapter.least_us + extra(random);
+        double arrival_us = sent_us + adapter.min_us + extra(random);
         if (adapter.poll_us > 0) arrival_us = std::ceil(arrival_us / adapter.poll_us) * adapter.poll_us;
         if (chance(random) < adapter.stall_share) stalled_until_us = arrival_us + 1e3 * adapter.stall_ms * chance(random);
         arrival_us = std::max({arrival_us, stalled_until_us, arrived_us});
         arrived_us = arrival_us;
-        const auto stamp_ns = std::uint64_t(clock_us) * 1000;  // whole us
+        const auto timestamp_ns = std::uint64_t(clock_us) * 1000;  // whole us
         const auto arrival_ns = std::uint64_t((t0_us + arrival_us) * 1e3);
-        const auto t_ns = fit.monotonic_ns(stamp_ns, arrival_ns);
+        const auto t_ns = fit.monotonic_ns(timestamp_ns, arrival_ns);
         if (sent_us < kSettle_s * 1e6) {
-            least_first_us = std::min(least_first_us, arrival_us - double(stamp_ns) / 1e3);
-            first_offset_us = least_first_us;
+            min_first_us = std::min(min_first_us, arrival_us - double(timestamp_ns) / 1e3);
+            first_offset_us = min_first_us;
             continue;
         }
         software.us.push_back(arrival_us - sent_us);
-        once.us.push_back(double(stamp_ns) / 1e3 + first_offset_us - sent_us);
+        once.us.push_back(double(timestamp_ns) / 1e3 + first_offset_us - sent_us);
         fitted.us.push_back(double(t_ns) / 1e3 - t0_us - sent_us);
     }
     fmt::print("{}, {} messages/s, clock {:+} +- {} ppm, stalls of up to {} ms in {} % of them\n", adapter.name,

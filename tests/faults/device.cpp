@@ -22,10 +22,10 @@ bool happens(double rate, Random& random) { return rate > 0 && std::uniform_real
 int level_of(unsigned sensor, std::uint32_t sequence, unsigned k) {
     const int phase = int(sequence % 512);
     const auto ramp = [&](int from, int to) { return std::clamp(double(phase - from) / (to - from), 0.0, 1.0); };
-    double felt = 8 * std::min(phase, 512 - phase);
+    double observed = 8 * std::min(phase, 512 - phase);
     if (is_jaw(sensor))
-        felt = k == 0 ? 3000 * (ramp(192, 240) - ramp(416, 440)) : k == 2 ? -8000 * (ramp(64, 160) - ramp(448, 480)) : 0;
-    return place_of(sensor, k) + int(felt);
+        observed = k == 0 ? 3000 * (ramp(192, 240) - ramp(416, 440)) : k == 2 ? -8000 * (ramp(64, 160) - ramp(448, 480)) : 0;
+    return place_of(sensor, k) + int(observed);
 }
 
 int count_of(unsigned sensor, std::uint32_t sequence, unsigned k) {
@@ -62,9 +62,9 @@ bool Cable::is_readable() const {
 
 Status Cable::read(Frame& frame, int) noexcept {
     if (decoder_->next(frame)) return Status::frame;
-    if (!plugged) return Status::gone;
+    if (!plugged) return Status::disconnected;
     std::vector<std::uint8_t> bytes;
-    while (!chunks_.empty() && chunks_.front().ready_ns <= world_ns && bytes.size() < StreamDecoder::kMostBytes) {
+    while (!chunks_.empty() && chunks_.front().ready_ns <= world_ns && bytes.size() < StreamDecoder::kMaxBytes) {
         auto& first = chunks_.front().bytes;
         const std::size_t room = chop != 0 ? chop - std::min<std::size_t>(chop, bytes.size()) : first.size();
         const auto end = first.begin() + std::ptrdiff_t(std::min(room, first.size()));
@@ -99,13 +99,13 @@ void Device::jump_to(std::uint32_t sequence) {
 
 std::vector<std::uint8_t> Device::encode(const Frame& frame) const {
     if (cable_.is_text) {
-        std::array<char, kAsciiMostBytes * 2> out;
+        std::array<char, kAsciiMaxBytes * 2> out;
         AsciiFormat format = kLines;
         format.channels = frame.n_channels;
         const std::size_t size = encode_ascii(frame, format, out);
         return {out.begin(), out.begin() + std::ptrdiff_t(size)};
     }
-    std::array<std::uint8_t, kCobsMostEncoded> out;
+    std::array<std::uint8_t, kCobsMaxEncoded> out;
     const std::size_t size = encode_cobs(frame, 24, out);
     return {out.begin(), out.begin() + std::ptrdiff_t(size)};
 }
@@ -121,7 +121,7 @@ void Device::send_of_the_second(std::uint64_t t_ns) {
     frame.n_channels = kChannels;
     for (unsigned k = 0; k < kChannels; ++k) frame.channel[k] = count_of((sensor_ + 1) % kSensors, sequence, k);
     sent_[n_sent_++ % sent_.size()] = sequence;
-    truth_[sequence & 0xFFFF] = {.arrived_ns = cable_.arrival_ns(t_ns), .lie = lies_ + 1, .second = true};
+    truth_[sequence & 0xFFFF] = {.arrived_ns = cable_.arrival_ns(t_ns), .undetected = undetected_ + 1, .second = true};
     doubled_ns = world_ns;
     cable_.carry(t_ns, encode(frame));
 }
@@ -145,12 +145,12 @@ void Device::send_one(std::uint64_t t_ns, Random& random) {
     const bool spike = !spiked_ && happens(spikes, random);  // two in a row are a level
     spiked_ = spike;
     if (spike) frame.channel[0] += 200'000;
-    const int lie = zeros ? 1 : frozen ? 2 : offset != 0 ? 3 : 0;
-    if (lie != std::exchange(lie_before_, lie) && lie != 0) ++lies_;
+    const int undetected = zeros ? 1 : frozen ? 2 : offset != 0 ? 3 : 0;
+    if (undetected != std::exchange(undetected_before_, undetected) && undetected != 0) ++undetected_;
     Truth& truth = truth_[sequence_ & 0xFFFF];
     truth.arrived_ns = cable_.arrival_ns(t_ns);
-    truth.lie = lie != 0 ? lies_ : 0;
-    truth.beside = lie == 3;
+    truth.undetected = undetected != 0 ? undetected_ : 0;
+    truth.beside = undetected == 3;
     truth.spike = spike;
     sent_[n_sent_++ % sent_.size()] = sequence_++;
     if (happens(drops, random)) return;

@@ -82,7 +82,7 @@ public:
         std::uint64_t arrived_ns = 0;
         // What the device sent is not what it measured. So many readings in a row the product may need to see it, so each
         // run of them has a number, 0 = right; a single spike has none.
-        std::uint32_t lie = 0;
+        std::uint32_t undetected = 0;
         bool beside = false;  // of the kind that only the other sensor of the pair can tell
         bool spike = false;
         bool second = false;  // of the second device under the name
@@ -113,8 +113,8 @@ private:
     std::array<std::uint32_t, 64> sent_{};
     std::uint32_t n_sent_ = 0;
     bool spiked_ = false;
-    std::uint32_t lies_ = 0;
-    int lie_before_ = 0;
+    std::uint32_t undetected_ = 0;
+    int undetected_before_ = 0;
     std::array<double, kChannels> frozen_at_{};
     std::vector<std::uint8_t> held_back_;  // swapped with the next
     std::uint32_t held_back_sequence_ = 0;

@@ -39,8 +39,8 @@ std::string ForceTruth::judge(const tactiled_sample& s, bool is_measured) {
     if (begin_ns_ != 0 && s.t_ns >= begin_ns_) {
         for (unsigned k = 0; k < kChannels; ++k) {
             const int level = level_of(sensor_, s.device_sequence, k);
-            least_[k] = samples_ == 0 ? level : std::min(least_[k], level);
-            most_[k] = samples_ == 0 ? level : std::max(most_[k], level);
+            min_[k] = samples_ == 0 ? level : std::min(min_[k], level);
+            max_[k] = samples_ == 0 ? level : std::max(max_[k], level);
             sum_N_[k] += s.raw_force_S_N[k];
         }
         ++samples_;
@@ -84,8 +84,8 @@ std::string ForceTruth::new_zero(const tactiled_sample& s) {
         squares += mean_N * mean_N;
         if (std::abs(zero_N_[k] - mean_N) > kExact_N)
             return fmt::format("zero {} N, the mean since the command is {} N", zero_N_[k], mean_N);
-        if (measured_ && most_[k] - least_[k] > kSeen)
-            return fmt::format("a tare of a force that moved by {} counts", most_[k] - least_[k]);
+        if (measured_ && max_[k] - min_[k] > kSeen)
+            return fmt::format("a tare of a force that moved by {} counts", max_[k] - min_[k]);
     }
     return limit_N_ > 0 && squares > limit_N_ * limit_N_ ? "a tare under load" : "";
 }
@@ -93,11 +93,11 @@ std::string ForceTruth::new_zero(const tactiled_sample& s) {
 // It does not overshoot: within what it has seen of late.
 std::string ForceTruth::low_passed(const tactiled_sample& s) {
     for (unsigned k = 0; k < kChannels; ++k) {
-        double least = HUGE_VAL, most = -HUGE_VAL;
-        for (const Past& past : window_) least = std::min(least, past.force_N[k]), most = std::max(most, past.force_N[k]);
-        const double slack_N = kForgotten_N + kForgotten * std::max(std::abs(least), std::abs(most));
-        if (s.force_S_N[k] < least - slack_N || s.force_S_N[k] > most + slack_N)
-            return fmt::format("low-passed {} N, of {} .. {} N", s.force_S_N[k], least, most);
+        double min = HUGE_VAL, max = -HUGE_VAL;
+        for (const Past& past : window_) min = std::min(min, past.force_N[k]), max = std::max(max, past.force_N[k]);
+        const double slack_N = kForgotten_N + kForgotten * std::max(std::abs(min), std::abs(max));
+        if (s.force_S_N[k] < min - slack_N || s.force_S_N[k] > max + slack_N)
+            return fmt::format("low-passed {} N, of {} .. {} N", s.force_S_N[k], min, max);
     }
     return "";
 }

@@ -41,7 +41,7 @@ private:
     unsigned samples_ = 0;
     bool measured_ = true;  // all of them
     std::array<double, kChannels> sum_N_{};
-    std::array<int, kChannels> least_{}, most_{};
+    std::array<int, kChannels> min_{}, max_{};
     struct Past {
         std::uint64_t t_ns;
         std::array<double, kChannels> force_N;

@@ -23,19 +23,20 @@ std::vector<Plant> plants() {
     std::vector<Plant> all;
     all.push_back(
         {.name = "nobody looks at the age", .found_as = kTooOld, .configuration = {"stale_ms = 20", "stale_ms = 10000"}});
-    all.push_back({.name = "a closed link is not told", .found_as = kLate, .break_is_hidden = true});
+    all.push_back({.name = "a closed link is not told", .found_as = kLate, .discontinuity_is_hidden = true});
     all.push_back(
         {.name = "the last value beside BAD", .found_as = kNoSentinel, .sample = [](Sample& s, const Sample& before) {
              if (s.quality == TACTILED_BAD && is_good(before)) take_forces(s, before);
          }});
-    all.push_back(
-        {.name = "the last value with a new time", .found_as = kWrongStamp, .sample = [](Sample& s, const Sample& before) {
-             if (s.quality != TACTILED_BAD || !is_good(before)) return;
-             const auto sequence = s.sequence;
-             s = before;
-             s.sequence = sequence;
-             s.t_ns = world_ns;
-         }});
+    all.push_back({.name = "the last value with a new time",
+                   .found_as = kWrongTimestamp,
+                   .sample = [](Sample& s, const Sample& before) {
+                       if (s.quality != TACTILED_BAD || !is_good(before)) return;
+                       const auto sequence = s.sequence;
+                       s = before;
+                       s.sequence = sequence;
+                       s.t_ns = world_ns;
+                   }});
     all.push_back(
         {.name = "the force of the frame before", .found_as = kWrongValue, .sample = [](Sample& s, const Sample& before) {
              if (s.sequence % 50 == 7 && is_good(s) && is_good(before)) take_forces(s, before);
@@ -44,7 +45,7 @@ std::vector<Plant> plants() {
                        if (s.sequence % 50 == 7 && is_good(s) && is_good(before))
                            s.raw_force_S_N[2] = s.force_S_N[2] = before.force_S_N[2];
                    }});
-    all.push_back({.name = "the epoch stays", .found_as = kUnmarkedBreak, .sample = [](Sample& s, const Sample&) {
+    all.push_back({.name = "the epoch stays", .found_as = kUnmarkedDiscontinuity, .sample = [](Sample& s, const Sample&) {
                        s.epoch &= 0xFFFF0000u;
                    }});
     all.push_back({.name = "losses are not counted", .found_as = kUncountedLoss, .sample = [](Sample& s, const Sample&) {

@@ -21,7 +21,7 @@ from floors import CpuFloor, TtyFloor  # noqa: E402
 from rig import BIN, FROZEN_AFTER, SENSORS, Rig, tactiled, with_ptys_of_its_own  # noqa: E402
 
 WARM_UP = 1 / 3  # of the run: what is allocated once, such as for the largest crowd at the port, is there by then
-MOST_GROWTH_KB = 64  # of resident memory, from then to the end: a page a minute is a leak
+MAX_GROWTH_KB = 64  # of resident memory, from then to the end: a page a minute is a leak
 
 
 def spoiling(change):
@@ -187,7 +187,7 @@ def main():
                 print(f"{elapsed / 60:6.1f} min  {last}  {sum(struck.values())} faults, {sum(rig.witness.lies.values())} lies", rig.witness.first_lie, flush=True)
         last = settled(rig)
         first = first or last
-        for what, most in (("resident_kB", MOST_GROWTH_KB), ("threads", 0), ("descriptors", 0)):
+        for what, most in (("resident_kB", MAX_GROWTH_KB), ("threads", 0), ("descriptors", 0)):
             if last[what] - first[what] > most:
                 wrong.append(f"{what}: {first[what]} after a third of the time, {last[what]} at the end")
         if rig.witness.lies:

@@ -12,10 +12,10 @@
 namespace tactiled::faults {
 namespace {
 
-constexpr std::uint64_t kTurnNs = 2 * kMs;   // within which a waiting frame is taken and published
+constexpr std::uint64_t kCycleNs = 2 * kMs;  // within which a waiting frame is taken and published
 constexpr std::uint64_t kHeldNs = 12 * kMs;  // the same where a cable holds frames back
 constexpr unsigned kSecondBelieved = 19;     // sequence_tracker.hpp
-constexpr std::uint64_t kDoubtedNs = SequenceTracker::kMost * 2 * kPeriodNs;  // at half the rate
+constexpr std::uint64_t kDoubtedNs = SequenceTracker::kMax * 2 * kPeriodNs;  // at half the rate
 
 }  // namespace
 
@@ -151,8 +151,9 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
         for (unsigned k = 0; k < kChannels; ++k)
             if (!std::isnan(s.force_S_N[k]) || !std::isnan(s.raw_force_S_N[k]))
                 findings_.add(kNoSentinel, i, fmt::format("{} N beside BAD", s.force_S_N[k]));
-        constexpr std::uint32_t kBreaks = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_FROZEN | TACTILED_DAEMON_STOPPED;
-        if ((s.reasons & kBreaks) != 0) broken_[i] = true;
+        constexpr std::uint32_t kDiscontinuities =
+            TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_FROZEN | TACTILED_DAEMON_STOPPED;
+        if ((s.reasons & kDiscontinuities) != 0) broken_[i] = true;
         return;
     }
     tactiled_sample& before = last_value_[i];
@@ -161,7 +162,7 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     // Or the frame between two spikes was lost: a step that stays is a level.
     const bool first_of_a_level = std::exchange(was_a_spike_[i], device.truth(s.device_sequence).spike) || first_of_a_stream;
     if (std::exchange(broken_[i], false) && comparable && s.epoch == before.epoch)
-        findings_.add(kUnmarkedBreak, i, fmt::format("epoch {:x} before and after", s.epoch));
+        findings_.add(kUnmarkedDiscontinuity, i, fmt::format("epoch {:x} before and after", s.epoch));
     const bool jumped = before.t_ns <= device.jumped_ns + kHeldNs && device.jumped_ns <= s.t_ns;
     // Whose number follows whose nobody knows while two count, nor what of it is still under way when one has ended.
     const bool two_count = device.doubled_ns != 0 && before.t_ns <= device.doubled_ns + kDoubtedNs;
@@ -180,9 +181,9 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     const Device::Truth& truth = device.truth(s.device_sequence);
     if (s.t_ns < truth.arrived_ns || s.t_ns > truth.arrived_ns + kHeldNs)
         findings_.add(
-            kWrongStamp, i,
+            kWrongTimestamp, i,
             fmt::format("{} us after its arrival", (std::int64_t(s.t_ns) - std::int64_t(truth.arrived_ns)) / 1000));
-    if (const std::string wrong = forces_[i].judge(s, truth.lie == 0 && !truth.spike); !wrong.empty())
+    if (const std::string wrong = forces_[i].judge(s, truth.undetected == 0 && !truth.spike); !wrong.empty())
         findings_.add(kWrongForce, i, wrong);
     findings_.tares += std::exchange(forces_[i].tares, 0);
     if (s.quality != TACTILED_GOOD) return;
@@ -200,8 +201,8 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
 bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, std::uint64_t t_ns,
                             bool first_of_a_level) {
     if (truth.spike) return first_of_a_level;
-    if (truth.lie == 0) return false;
-    if (unseen_[i].lie != truth.lie) unseen_[i] = {truth.lie, 0, truth.beside ? doubtful_[1 - i] : 0};
+    if (truth.undetected == 0) return false;
+    if (unseen_[i].undetected != truth.undetected) unseen_[i] = {truth.undetected, 0, truth.beside ? doubtful_[1 - i] : 0};
     unsigned incomparable = 0;
     if (truth.beside) {
         incomparable = doubtful_[1 - i] - unseen_[i].others_doubtful;
@@ -226,14 +227,14 @@ void Witness::look_at_latest(unsigned i, const Device& device, const Expectation
         return;
     }
     const Device::Truth& truth = device.truth(s.device_sequence);
-    if (truth.lie == 0 && !truth.spike && !is_force_of(i, s.device_sequence, 1, s.raw_force_S_N[1]))
+    if (truth.undetected == 0 && !truth.spike && !is_force_of(i, s.device_sequence, 1, s.raw_force_S_N[1]))
         findings_.add(kWrongValue, i, "latest()");
-    if (world_ns > truth.arrived_ns + kStaleMs * kMs + kTurnNs)
+    if (world_ns > truth.arrived_ns + kStaleMs * kMs + kCycleNs)
         findings_.add(kTooOld, i,
                       fmt::format("{} ms, says {} ms", (world_ns - truth.arrived_ns) / kMs, (world_ns - s.t_ns) / kMs));
-    if (expected.gone_since[i] != 0 && world_ns > expected.gone_since[i] + 10 * kMs)
+    if (expected.disconnected_since[i] != 0 && world_ns > expected.disconnected_since[i] + 10 * kMs)
         findings_.add(kLate, i,
-                      fmt::format("GOOD {} ms after the link was gone", (world_ns - expected.gone_since[i]) / kMs));
+                      fmt::format("GOOD {} ms after the link was gone", (world_ns - expected.disconnected_since[i]) / kMs));
 }
 
 Witness::Registers Witness::read_registers() {
@@ -241,7 +242,7 @@ Witness::Registers Witness::read_registers() {
     const auto ask = [&](std::uint16_t at, std::span<std::uint16_t> cells) {
         const std::uint8_t n = std::uint8_t(cells.size());
         const std::array<std::uint8_t, 12> adu{0, 1, 0, 0, 0, 6, 1, 4, std::uint8_t(at >> 8), std::uint8_t(at), 0, n};
-        std::array<std::uint8_t, modbus::kMostAdu> answer{};
+        std::array<std::uint8_t, modbus::kMaxAdu> answer{};
         const std::size_t size = service_.answer(adu, session_, answer);
         for (std::size_t k = 0; size == 9u + 2u * n && k < n; ++k)
             cells[k] = std::uint16_t(answer[9 + 2 * k] << 8 | answer[10 + 2 * k]);
@@ -283,9 +284,9 @@ void Witness::look_at_registers(const std::array<Device*, kSensors>& devices, co
         for (std::uint32_t back = 1; back <= 32 && !found; ++back) {
             const std::uint32_t sequence = device.sent(back);
             const Device::Truth& truth = device.truth(sequence);
-            if (truth.arrived_ns == 0 || world_ns > truth.arrived_ns + kStaleMs * kMs + kTurnNs) break;
-            found = truth.lie != 0 || truth.spike;
-            const auto is_told = [&](double gain) {
+            if (truth.arrived_ns == 0 || world_ns > truth.arrived_ns + kStaleMs * kMs + kCycleNs) break;
+            found = truth.undetected != 0 || truth.spike;
+            const auto is_reported = [&](double gain) {
                 bool same = true;
                 for (unsigned k = 0; k < kChannels; ++k) {
                     const double force_N = force_of(i, sequence, k) / gain_[i] * gain;
@@ -294,7 +295,7 @@ void Witness::look_at_registers(const std::array<Device*, kSensors>& devices, co
                 }
                 return same;
             };
-            const bool same = is_told(gain_[i]) || (wanted_gain_[i] != 0 && is_told(wanted_gain_[i]));
+            const bool same = is_reported(gain_[i]) || (wanted_gain_[i] != 0 && is_reported(wanted_gain_[i]));
             const auto age_ms = std::int64_t((world_ns - truth.arrived_ns) / kMs);
             found = found || (same && std::abs(age_ms - std::int64_t(block[3])) <= 12);
         }

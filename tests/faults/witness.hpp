@@ -13,22 +13,22 @@
 namespace tactiled::faults {
 
 enum Finding {
-    kWrongValue,     // GOOD, and not what the device measured
-    kWrongForce,     // not the raw force less its tare, low-passed; or a tare of what is no zero
-    kWrongGrasp,     // known or stable though a jaw is not, a weight that is not that of the object, or a counter that falls
-    kReload,         // refused and not told, or told and not refused
-    kTooOld,         // GOOD, and the device measured it longer ago than stale_ms
-    kWrongStamp,     // the sample's time is not that of its frame
-    kLate,           // GOOD 10 ms after the link was gone
-    kNoSentinel,     // a number beside BAD
-    kOutOfOrder,     // a record that does not follow the one before
-    kUnmarkedBreak,  // values on both sides of a break in one epoch
-    kUncountedLoss,  // frames are missing, and `lost` does not say so
-    kWrongRegister,  // a register says ok, and its force is none that the device measured of late
-    kRegisterSentinel,  // a register says fault, and its force is a number
-    kHeartbeat,         // beats without data
-    kFalseAlarm,        // not GOOD without a fault
-    kNotRecovered,      // not GOOD at the end
+    kWrongValue,  // GOOD, and not what the device measured
+    kWrongForce,  // not the raw force less its tare, low-passed; or a tare of what is no zero
+    kWrongGrasp,  // known or stable though a jaw is not, a weight that is not that of the object, or a counter that falls
+    kReload,      // refused and not told, or told and not refused
+    kTooOld,      // GOOD, and the device measured it longer ago than stale_ms
+    kWrongTimestamp,         // the sample's time is not that of its frame
+    kLate,                   // GOOD 10 ms after the link was gone
+    kNoSentinel,             // a number beside BAD
+    kOutOfOrder,             // a record that does not follow the one before
+    kUnmarkedDiscontinuity,  // values on both sides of a break in one epoch
+    kUncountedLoss,          // frames are missing, and `lost` does not say so
+    kWrongRegister,          // a register says ok, and its force is none that the device measured of late
+    kRegisterSentinel,       // a register says fault, and its force is a number
+    kHeartbeat,              // beats without data
+    kFalseAlarm,             // not GOOD without a fault
+    kNotRecovered,           // not GOOD at the end
     kFindings
 };
 std::string name_of(Finding finding);
@@ -46,11 +46,12 @@ struct Findings {
 
 // What the witness may know of the world beside the devices' truth.
 struct Expectation {
-    std::array<bool, kSensors> may_suffer{};           // a fault is near
-    std::array<std::uint64_t, kSensors> gone_since{};  // the link is unplugged and could be seen to be; 0 = it is not
-    bool plc_reads = false;                            // this turn
-    bool new_daemon = false;  // memory's reader and the register server have perhaps not both found it yet
-    int reload_refused = -1;  // what WARN must say; -1: it need not say anything yet
+    std::array<bool, kSensors> may_suffer{};  // a fault is near
+    std::array<std::uint64_t, kSensors>
+        disconnected_since{};  // the link is unplugged and could be seen to be; 0 = it is not
+    bool plc_reads = false;    // this turn
+    bool new_daemon = false;   // memory's reader and the register server have perhaps not both found it yet
+    int reload_refused = -1;   // what WARN must say; -1: it need not say anything yet
 };
 
 class Witness {
@@ -102,7 +103,7 @@ private:
     };
     std::array<BeforeGain, kSensors> before_gain_{};
     struct Unseen {
-        std::uint32_t lie = 0;
+        std::uint32_t undetected = 0;
         unsigned readings = 0;
         unsigned others_doubtful = 0;  // doubtful_ of the other one, when it began
     };

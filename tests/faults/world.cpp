@@ -16,7 +16,7 @@
 namespace tactiled::faults {
 namespace {
 
-constexpr std::uint64_t kMostPauseMs = 1000;
+constexpr std::uint64_t kMaxPauseMs = 1000;
 constexpr std::uint64_t kFoundMs = 150;  // until whoever reads has found a new daemon
 
 }  // namespace
@@ -56,7 +56,7 @@ void World::start() {
     pipeline_->start(world_ns);
     segment_->set_state(TACTILED_RUNNING);
     threads_ = {};
-    next_turn_ns_ = world_ns;
+    next_cycle_ns_ = world_ns;
     seen_ = Segment::open(name_);
     asked_ = 0;
     refused_ = false;
@@ -66,7 +66,7 @@ void World::start() {
         witness_->settle_gain(kRecalibrated, true, devices());
     }
     started_ns_ = world_ns;
-    told_from_ns_ = world_ns + kToldMs * kMs;
+    reported_from_ns_ = world_ns + kReportMs * kMs;
     suffer(~0u, world_ns + 100 * kMs);
     planted_ = {};
     before_ = {};
@@ -138,13 +138,13 @@ void World::stall_pipeline(std::uint64_t ms) { stalled_until_ns_ = std::max(stal
 void World::unplug(unsigned link) {
     cables_[link]->plugged = false;
     for (unsigned i = 0; i < kSensors; ++i)
-        if (link_of(i) == link) gone_since_ns_[i] = world_ns;
+        if (link_of(i) == link) disconnected_since_ns_[i] = world_ns;
 }
 
 void World::plug(unsigned link) {
     cables_[link]->plugged = true;
     for (unsigned i = 0; i < kSensors; ++i)
-        if (link_of(i) == link) gone_since_ns_[i] = 0;
+        if (link_of(i) == link) disconnected_since_ns_[i] = 0;
 }
 
 std::array<Device*, kSensors> World::devices() {
@@ -180,17 +180,17 @@ void World::run_ms(std::uint64_t ms) {
         for (const unsigned actor : actors) {
             world_ns += random_() % 150'000;
             if (!is_running()) continue;
-            actor < kLinks ? turn_link(actor) : turn_pipeline();
+            actor < kLinks ? run_link_cycle(actor) : run_pipeline_cycle();
         }
         Expectation expected;
         expected.plc_reads = ++turns_ % 10 == 0;
-        const bool told = is_running() && world_ns > told_from_ns_ && world_ns > stalled_until_ns_ + kToldMs * kMs;
+        const bool reported = is_running() && world_ns > reported_from_ns_ && world_ns > stalled_until_ns_ + kReportMs * kMs;
         expected.new_daemon = world_ns < started_ns_ + kFoundMs * kMs;
-        if (told && !expected.new_daemon) expected.reload_refused = refused_ ? 1 : 0;
+        if (reported && !expected.new_daemon) expected.reload_refused = refused_ ? 1 : 0;
         for (unsigned i = 0; i < kSensors; ++i) {
             expected.may_suffer[i] = world_ns < suffers_until_ns_[i];
-            if (gone_since_ns_[i] != 0 && is_running())
-                expected.gone_since[i] = std::max(gone_since_ns_[i], stalled_until_ns_);
+            if (disconnected_since_ns_[i] != 0 && is_running())
+                expected.disconnected_since[i] = std::max(disconnected_since_ns_[i], stalled_until_ns_);
         }
         witness_->look(devices, expected);
         world_ns = began_ns + kMs;
@@ -198,14 +198,14 @@ void World::run_ms(std::uint64_t ms) {
 }
 
 // What Threads::run_link() does: reads what there is, opens again with a pause that grows.
-void World::turn_link(unsigned index) {
+void World::run_link_cycle(unsigned index) {
     Link& link = *node_->links[index];
     LinkThread& thread = threads_[index];
     if (!thread.open) {
         if (world_ns < thread.retry_ns) return;
         if (!link.driver->open().empty()) {
             thread.retry_ns = world_ns + thread.pause_ms * kMs;
-            thread.pause_ms = std::min(2 * thread.pause_ms, kMostPauseMs);
+            thread.pause_ms = std::min(2 * thread.pause_ms, kMaxPauseMs);
             return;
         }
         thread.open = true;
@@ -217,7 +217,7 @@ void World::turn_link(unsigned index) {
     }
     while (cables_[index]->is_readable())
         if (!acquire(link, *segment_, 0)) return close_link(index);
-    if (plant_ == nullptr || !plant_->break_is_hidden) return;
+    if (plant_ == nullptr || !plant_->discontinuity_is_hidden) return;
     link.connected.store(true, std::memory_order_release);
 }
 
@@ -225,18 +225,18 @@ void World::close_link(unsigned index) {
     Link& link = *node_->links[index];
     LinkThread& thread = threads_[index];
     thread.open = false;
-    if (plant_ == nullptr || !plant_->break_is_hidden) link.connected.store(false, std::memory_order_release);
+    if (plant_ == nullptr || !plant_->discontinuity_is_hidden) link.connected.store(false, std::memory_order_release);
     segment_->set_link_state(index, TACTILED_LINK_CLOSED);
     link.driver->close();
     if (link.driver->counts[TACTILED_LINK_FRAMES] != thread.frames_at_open && world_ns - thread.opened_ns >= 100 * kMs)
         thread.pause_ms = 50;
     thread.retry_ns = world_ns + thread.pause_ms * kMs;
-    thread.pause_ms = std::min(2 * thread.pause_ms, kMostPauseMs);
+    thread.pause_ms = std::min(2 * thread.pause_ms, kMaxPauseMs);
 }
 
-void World::turn_pipeline() {
-    if (world_ns < std::max(next_turn_ns_, stalled_until_ns_)) return;
-    const std::uint64_t missed = (world_ns - next_turn_ns_) / kMs;
+void World::run_pipeline_cycle() {
+    if (world_ns < std::max(next_cycle_ns_, stalled_until_ns_)) return;
+    const std::uint64_t missed = (world_ns - next_cycle_ns_) / kMs;
     pipeline_->deliver(world_ns);
     if (const tactiled_command said = latest_node().command[TACTILED_FROM_SOCKET];
         asked_ != 0 && said.acknowledged == command_) {
@@ -244,7 +244,7 @@ void World::turn_pipeline() {
         asked_ = 0;
     }
     pipeline_->account(10'000, missed);
-    next_turn_ns_ += (missed + 1) * kMs;
+    next_cycle_ns_ += (missed + 1) * kMs;
     if (plant_ != nullptr) plant_samples();
 }
 

@@ -24,7 +24,7 @@ struct Plant {
     std::function<void(tactiled_node&)> node = nullptr;
     std::function<void(Node&)> setup = nullptr;  // before the daemon runs
     std::array<std::string, 2> configuration{};  // this text of it is replaced by that
-    bool break_is_hidden = false;                // the link's thread does not tell that its device is gone
+    bool discontinuity_is_hidden = false;        // the link's thread does not tell that its device is gone
 };
 
 class World {
@@ -65,7 +65,7 @@ private:
         std::uint64_t retry_ns = 0, pause_ms = 50, opened_ns = 0;
         std::uint32_t frames_at_open = 0;
     };
-    static constexpr std::uint64_t kToldMs = 20;  // a node record comes each 10 ms
+    static constexpr std::uint64_t kReportMs = 20;  // a node record comes each 10 ms
     // What is changed of the configuration.
     struct Knobs {
         double filter_Hz = 25;
@@ -81,9 +81,9 @@ private:
     [[nodiscard]] tactiled_node latest_node() const;
     void start();
     void take_cables_back();
-    void turn_link(unsigned link);
+    void run_link_cycle(unsigned link);
     void close_link(unsigned link);
-    void turn_pipeline();
+    void run_pipeline_cycle();
     void plant_samples();
 
     Random random_;
@@ -100,13 +100,13 @@ private:
     std::unique_ptr<Reloader> reloader_;
     std::unique_ptr<Witness> witness_;
     Knobs knobs_, in_force_;
-    std::uint32_t command_ = 0, asked_ = 0;            // number and mask of the tare that is asked for
-    bool refused_ = false;                             // the last reload
-    std::uint64_t started_ns_ = 0, told_from_ns_ = 0;  // what became of it is told by then
+    std::uint32_t command_ = 0, asked_ = 0;                // number and mask of the tare that is asked for
+    bool refused_ = false;                                 // the last reload
+    std::uint64_t started_ns_ = 0, reported_from_ns_ = 0;  // what became of it is told by then
     Ring<Command> plc_{16};
     std::array<LinkThread, kLinks> threads_{};
-    std::array<std::uint64_t, kSensors> suffers_until_ns_{}, gone_since_ns_{};
-    std::uint64_t stalled_until_ns_ = 0, next_turn_ns_ = 0, turns_ = 0;
+    std::array<std::uint64_t, kSensors> suffers_until_ns_{}, disconnected_since_ns_{};
+    std::uint64_t stalled_until_ns_ = 0, next_cycle_ns_ = 0, turns_ = 0;
     char* map_ = nullptr;  // for plants alone
     std::size_t map_size_ = 0;
     std::array<std::uint32_t, kSensors> planted_{};

@@ -96,7 +96,7 @@ void World::reload_broken() {
 void World::reload() {
     if (!is_running()) return;
     const std::uint32_t before = seen_.header().reloads;
-    told_from_ns_ = UINT64_MAX;
+    reported_from_ns_ = UINT64_MAX;
     const int standard_error = ::dup(STDERR_FILENO), nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
     ::dup2(nowhere, STDERR_FILENO);
     while_asleep = [this](std::uint64_t until_ns) { run_ms((until_ns - world_ns + kMs - 1) / kMs); };
@@ -107,7 +107,7 @@ void World::reload() {
     ::close(nowhere);
     if (seen_.header().reloads != before) in_force_ = knobs_;
     refused_ = in_force_ != knobs_;
-    told_from_ns_ = std::max(world_ns, stalled_until_ns_) + kToldMs * kMs;
+    reported_from_ns_ = std::max(world_ns, stalled_until_ns_) + kReportMs * kMs;
 }
 
 }  // namespace tactiled::faults

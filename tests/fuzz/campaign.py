@@ -16,7 +16,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = ROOT / "build/fuzz"
 PLANT_S = 60  # in which a planted bug is to be found
-MOST_S = 30  # of one input; 10 s without a processor were seen beside compilers, and taken for a find
+MAX_S = 30  # of one input; 10 s without a processor were seen beside compilers, and taken for a find
 
 
 def run(words, folder, profile="/dev/null", limit_s=None):
@@ -36,7 +36,7 @@ class Target:
             folder.mkdir(parents=True, exist_ok=True)
 
     def words(self, program, corpus, *more):
-        options = [f"-max_len={self.about['max_len']}", f"-timeout={MOST_S}", "-print_final_stats=1", *self.about.get("options", [])]
+        options = [f"-max_len={self.about['max_len']}", f"-timeout={MAX_S}", "-print_final_stats=1", *self.about.get("options", [])]
         return [program, *options, *more, corpus, BUILD / "seeds" / self.name]
 
     def fuzz(self, seconds):
@@ -69,7 +69,7 @@ class Target:
         took_s = time.monotonic() - began
         inputs = [file for file in folder.iterdir() if re.fullmatch(r".*-[0-9a-f]{40}", file.name)]
         # What is found without the bug, too, or not again, is not the bug.
-        fails = [bool(inputs) and run([p, f"-timeout={MOST_S}", *inputs], folder)[0] != 0 for p in (program, self.program)]
+        fails = [bool(inputs) and run([p, f"-timeout={MAX_S}", *inputs], folder)[0] != 0 for p in (program, self.program)]
         if status != 0 and fails != [True, False]:
             print(f"{self.name}: bug {number}: fails with it and without it: {fails}; {inputs}", file=sys.stderr)
         return took_s if fails == [True, False] else None

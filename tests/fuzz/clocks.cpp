@@ -23,9 +23,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             case 2: arrival.seen_empty(empty_ns = now_ns); break;
             case 3: (void)arrival.look(now_ns, wall_ns); break;
             default: {
-                const std::uint64_t stamp_ns = wall_ns - (std::uint64_t{1} << input.byte() % 64);
+                const std::uint64_t timestamp_ns = wall_ns - (std::uint64_t{1} << input.byte() % 64);
                 (void)arrival.look(now_ns, wall_ns);
-                const std::uint64_t t_ns = arrival.of(stamp_ns);
+                const std::uint64_t t_ns = arrival.of(timestamp_ns);
                 check(t_ns <= now_ns && t_ns + 10'000'000 >= empty_ns);
                 const std::uint64_t on_bus_ns = fit.monotonic_ns(device_ns - (std::uint64_t{1} << input.byte() % 30), t_ns);
                 check(std::int64_t(t_ns - on_bus_ns) >= 0);  // a time before the boot is one, too

@@ -36,7 +36,7 @@ std::string text_of(const Dbc& dbc) {
 }
 
 void decode(const CanSignal& signal, std::span<const std::uint8_t> seed) {
-    std::uint8_t bytes[kCanMostBytes] = {};
+    std::uint8_t bytes[kCanMaxBytes] = {};
     std::memcpy(bytes, seed.data(), std::min(seed.size(), sizeof bytes));
     std::uint64_t raw = 0;
     std::memcpy(&raw, bytes, sizeof raw);
@@ -56,7 +56,7 @@ void assemble(const Dbc& dbc, std::span<const std::uint8_t> seed) {
     CanDevice device;
     device.window_ns = 1000;
     for (const auto& m : dbc.messages) {
-        if (m.bytes > kCanMostBytes || m.signals.empty() || device.n_channels == kMaxChannels) continue;
+        if (m.bytes > kCanMaxBytes || m.signals.empty() || device.n_channels == kMaxChannels) continue;
         CanPart part;
         part.id = m.extended ? m.id | kCanExtended : m.id;
         for (const auto& s : m.signals) {
@@ -75,7 +75,7 @@ void assemble(const Dbc& dbc, std::span<const std::uint8_t> seed) {
     Frame frame;
     for (std::size_t k = 0; k + 1 < seed.size(); k += 2) {
         t_ns += seed[k + 1];
-        const auto bytes = seed.subspan(k, std::min<std::size_t>(kCanMostBytes, seed.size() - k));
+        const auto bytes = seed.subspan(k, std::min<std::size_t>(kCanMaxBytes, seed.size() - k));
         samples.take({parts[seed[k] % parts.size()].id, bytes, t_ns, 0});
         while (samples.next(frame)) {
             ++frames;
@@ -101,7 +101,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const std::span<const std::uint8_t> seed(data, size);
     for (const auto& message : dbc.messages)
         for (const auto& signal : message.signals)
-            if (message.bytes <= kCanMostBytes) decode(signal.signal, seed);
+            if (message.bytes <= kCanMaxBytes) decode(signal.signal, seed);
     assemble(dbc, seed);
     return 0;
 }

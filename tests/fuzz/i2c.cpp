@@ -43,7 +43,7 @@ void any_answers(const ChipKind& kind, Input& input) {
         const std::uint64_t before_ns = bus.now_ns();
         const Status status = schedule.read(frame, 50);
         check(bus.now_ns() > before_ns || status != Status::timeout);
-        if (status == Status::gone && !schedule.open().empty()) return;
+        if (status == Status::disconnected && !schedule.open().empty()) return;
         if (status != Status::frame) continue;
         for (unsigned k = 0; k < frame.n_channels; ++k)
             check(std::isfinite(frame.channel[k]) != ((frame.missing >> k & 1) != 0));
@@ -77,7 +77,7 @@ void any_fate(const ChipKind& kind, Input& input) {
         for (unsigned n = what / 8 % 4; is_open && n > 0; --n) {
             Frame frame;
             const Status status = bench.schedule.read(frame, 20);
-            if (status == Status::gone) is_open = false;
+            if (status == Status::disconnected) is_open = false;
             if (status != Status::frame) continue;
             const std::int64_t age_ns = bench.age_ns(frame);
             check(age_ns >= 0);

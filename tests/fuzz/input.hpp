@@ -31,8 +31,8 @@ public:
         while (bytes-- > 0) value = value << 8 | byte();
         return value;
     }
-    std::span<const std::uint8_t> take(std::size_t most) {
-        const auto taken = bytes_.first(std::min(most, bytes_.size()));
+    std::span<const std::uint8_t> take(std::size_t max) {
+        const auto taken = bytes_.first(std::min(max, bytes_.size()));
         bytes_ = bytes_.subspan(taken.size());
         return taken;
     }

@@ -49,10 +49,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (found == IsoTp::Found::first) {
             ++begun;
             const std::size_t announced = std::size_t(frame[0] & 0x0F) << 8 | frame[1];
-            check((receiver.answer()[0] == 0x32) == (announced > IsoTp::kMostBytes));  // 0x32: no room
+            check((receiver.answer()[0] == 0x32) == (announced > IsoTp::kMaxBytes));  // 0x32: no room
         }
         if (found != IsoTp::Found::message) return false;
-        check(length >= 1 && length <= IsoTp::kMostBytes && receiver.t_ns() <= t_ns);
+        check(length >= 1 && length <= IsoTp::kMaxBytes && receiver.t_ns() <= t_ns);
         if ((frame[0] >> 4) == 0)
             check(std::equal(receiver.message().begin(), receiver.message().end(),
                              frame.begin() + (frame.size() > 8 ? 2 : 1)));
@@ -66,7 +66,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             (void)take(input.take(input.byte() % 65u));
             continue;
         }
-        const Bytes message = message_of(1 + input.number(2) % IsoTp::kMostBytes, input.byte());
+        const Bytes message = message_of(1 + input.number(2) % IsoTp::kMaxBytes, input.byte());
         const auto frames = frames_of(message);
         bool disturbed = false, given = false, foreign = false;
         for (std::size_t n = 0; n < frames.size(); ++n) {

@@ -2,9 +2,9 @@
 // unit, is as long as it says, and is a read's or write's answer or an exception; nothing is used beyond what was received.
 #include "node/modbus/encode.hpp"
 #include "node/modbus/identify.hpp"
+#include "node/modbus/request_validator.hpp"
 #include "node/modbus/responder.hpp"
 #include "node/modbus/rtu.hpp"
-#include "node/modbus/wall.hpp"
 #include "tests/fuzz/input.hpp"
 
 using namespace tactiled;
@@ -30,12 +30,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     static Responder responder;
     static Tables tables;
     static const Identity identity("fuzz");
-    std::array<std::uint8_t, kMostAdu> out;
+    std::array<std::uint8_t, kMaxAdu> out;
     for (std::size_t used = 0; used < size;) {
         const std::span<const std::uint8_t> rest(data + used, size - used);
         std::size_t length = 0;
         if (cut_adu(rest, length) != Cut::adu) break;
-        check(length <= rest.size() && length >= 8 && length <= kMostAdu);
+        check(length <= rest.size() && length >= 8 && length <= kMaxAdu);
         const auto adu = rest.first(length);
         const Request request = check_adu(adu, true);
         std::size_t n = 0;
@@ -49,11 +49,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             n = responder.answer(adu, tables, out);
             check(n == kMbapSize + length_of_answer(request) && out[7] == request.function);
         }
-        check(n <= kMostAdu && out[0] == adu[0] && out[1] == adu[1] && out[6] == adu[6] &&
+        check(n <= kMaxAdu && out[0] == adu[0] && out[1] == adu[1] && out[6] == adu[6] &&
               (out[4] << 8 | out[5]) == int(n) - 6);
-        std::array<std::uint8_t, kMostRtu> frame;
+        std::array<std::uint8_t, kMaxRtu> frame;
         const std::size_t bytes = rtu_of_adu(std::span(out).first(n), frame);
-        std::array<std::uint8_t, kMostAdu> back;
+        std::array<std::uint8_t, kMaxAdu> back;
         check(adu_of_rtu(std::span(frame).first(bytes), back) == n &&
               std::equal(out.begin() + 6, out.begin() + long(n), back.begin() + 6));
         used += length;

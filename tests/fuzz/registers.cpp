@@ -34,9 +34,9 @@ Number slow(const RegisterValue& value, const std::vector<std::uint16_t>& words,
     std::int64_t bits = words[low];
     if (words_of(value.type) == 2)
         bits = value.low_word_first ? words[low] + 65536LL * words[low + 1] : words[low + 1] + 65536LL * words[low];
-    const auto number = [&](std::int64_t least, std::int64_t most, bool is_signed) {
-        const std::int64_t n = is_signed && bits > most ? bits - (most - least + 1) : bits;
-        return Number{double(n) * value.scale, n == most || (is_signed && n == least)};
+    const auto number = [&](std::int64_t min, std::int64_t max, bool is_signed) {
+        const std::int64_t n = is_signed && bits > max ? bits - (max - min + 1) : bits;
+        return Number{double(n) * value.scale, n == max || (is_signed && n == min)};
     };
     if (value.type == RegisterType::int16) return number(-32768, 32767, true);
     if (value.type == RegisterType::uint16) return number(0, 65535, false);
@@ -68,7 +68,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
     SequenceTracker tracker;
     LinkCounts counts;
-    std::uint32_t told = 0, refused = 0, turns = 0;
+    std::uint32_t reported = 0, refused = 0, turns = 0;
     for (; turns < 4 && (turns == 0 || !input.is_empty()); ++turns) {
         std::vector<std::uint16_t> words;  // as many as there are: the sanitizer sees one too far
         for (unsigned n = 0; n < set.count; ++n) words.push_back(std::uint16_t(input.number(2)));
@@ -82,7 +82,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             continue;
         }
         check(is_ready && is_finite && frame.n_channels == set.channel.size());
-        told += frame.lost;
+        reported += frame.lost;
         for (unsigned k = 0; k < frame.n_channels; ++k) {
             const Number expected = slow(set.channel[k], words, set.at);
             check(std::isnan(expected.value) == ((frame.missing >> k & 1) != 0));
@@ -90,7 +90,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             check(expected.at_rail == ((frame.saturated >> k & 1) != 0));
         }
     }
-    check(counts[TACTILED_LINK_LOST] == told);
+    check(counts[TACTILED_LINK_LOST] == reported);
     check(counts[TACTILED_LINK_BAD_VALUE] + counts[TACTILED_LINK_REPEATED] == refused);
     return 0;
 }

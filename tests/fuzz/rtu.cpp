@@ -43,10 +43,10 @@ Bytes with_crc(Bytes bytes) {
 }
 
 bool is_frame(const Bytes& bytes) {
-    return bytes.size() >= 4 && bytes.size() <= kMostRtu && slow_crc(bytes) == 0;  // a CRC over itself is 0
+    return bytes.size() >= 4 && bytes.size() <= kMaxRtu && slow_crc(bytes) == 0;  // a CRC over itself is 0
 }
 
-std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) {
     std::copy_n(adu.begin(), 8, out.begin());
     out[5] = 4;
     out[8] = std::uint8_t(adu.size());
@@ -66,7 +66,7 @@ public:
         check(::write(master_, bytes.data(), bytes.size()) == ssize_t(bytes.size()));
         for (int there = 0; std::size_t(there) < bytes.size();) ::ioctl(other_end, FIONREAD, &there);
     }
-    Bytes hear(std::size_t least) const {
+    Bytes hear(std::size_t min) const {
         Bytes bytes;
         std::array<std::uint8_t, 4096> some;
         pollfd ready{master_, POLLIN, 0};
@@ -74,7 +74,7 @@ public:
             const ssize_t n = ::read(master_, some.data(), some.size());
             if (n > 0)
                 bytes.insert(bytes.end(), some.begin(), some.begin() + n);
-            else if (bytes.size() >= least || ::poll(&ready, 1, 1000) != 1)
+            else if (bytes.size() >= min || ::poll(&ready, 1, 1000) != 1)
                 return bytes;
         }
     }
@@ -102,7 +102,7 @@ struct Model {
     Bytes tick(std::uint64_t now_ns) {
         if (pending.empty() || now_ns < last_ns + kSilence_ns) return {};
         const Bytes frame = std::exchange(pending, {});
-        if (frame.size() > kMostRtu) return ++refused, Bytes{};
+        if (frame.size() > kMaxRtu) return ++refused, Bytes{};
         if (std::exchange(has_sent, false) && now_ns <= echo_until_ns && frame == sent) return {};
         if (!is_frame(frame)) return ++refused, Bytes{};
         if (frame[0] != kUs && frame[0] != 0) return {};
@@ -145,7 +145,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             }
             case 1: {
                 bytes = {kUs, 4, 0, input.byte(), 0, input.byte()};
-                if ((what & 4) != 0) bytes.resize(kMostRtu - 2);  // as long as a frame can be
+                if ((what & 4) != 0) bytes.resize(kMaxRtu - 2);  // as long as a frame can be
                 bytes = with_crc(bytes);
                 break;
             }

@@ -26,7 +26,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             const Block& b = all.advance(i);
             if (a.n == 0) break;
             for (std::size_t n = 0; n < a.n; ++n) {
-                std::array<double, kMostChannels> change{};
+                std::array<double, kMaxSensorChannels> change{};
                 for (std::size_t k = 0; k < sensor.n(); ++k) {
                     if (((a.missing[n] | b.missing[n]) >> k & 1u) != 0) continue;
                     if (!std::isfinite(a.channel[k][n]) || !std::isfinite(b.channel[k][n])) std::abort();

@@ -24,10 +24,10 @@ using fuzz::Input;
 using Bytes = std::vector<std::uint8_t>;
 
 // An answer that tells which request it is for, as long as a real one can be.
-std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) {
     std::uint8_t sum = 0;
     for (const std::uint8_t byte : adu) sum = std::uint8_t(sum * 31 + byte);
-    const std::size_t size = 9 + sum % (kMostAdu - 8);
+    const std::size_t size = 9 + sum % (kMaxAdu - 8);
     std::fill(out.begin(), out.end(), sum);
     std::copy_n(adu.begin(), 8, out.begin());
     return size;
@@ -43,12 +43,12 @@ struct Client {
     std::size_t answered = 0;  // bytes
     bool hears_all = false;    // although it is closed
 
-    explicit Client(int most_per_s) {
+    explicit Client(int max_per_s) {
         int pair[2];
         check(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, pair) == 0);
-        const int least = 1;
-        ::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &least, sizeof least);
-        connection = std::make_unique<Connection>(pair[0], 1, most_per_s);
+        const int min = 1;
+        ::setsockopt(pair[0], SOL_SOCKET, SO_SNDBUF, &min, sizeof min);
+        connection = std::make_unique<Connection>(pair[0], 1, max_per_s);
         fd = pair[1];
     }
     ~Client() { ::close(fd); }
@@ -70,7 +70,7 @@ struct Client {
         const bool is_empty = heard.size() == before;
         int n = 0;
         closed = connection->serve(
-            [&](std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+            [&](std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) {
                 ++n;
                 const std::size_t length = answer(adu, out);
                 answered += length;
@@ -88,7 +88,7 @@ struct Client {
             const Cut cut = cut_adu(std::span(said).subspan(used), size);
             if (cut == Cut::close) return false;
             if (cut == Cut::more) return true;
-            std::array<std::uint8_t, kMostAdu> out;
+            std::array<std::uint8_t, kMaxAdu> out;
             const std::size_t length = answer(std::span(said).subspan(used, size), out);
             all.insert(all.end(), out.begin(), out.begin() + long(length));
             used += size;
@@ -101,8 +101,8 @@ struct Client {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     Input input(data, size);
-    const int most_per_s = input.byte() % 2 == 0 ? 0 : 1000;
-    std::array<Client, 3> clients{Client(most_per_s), Client(most_per_s), Client(most_per_s)};
+    const int max_per_s = input.byte() % 2 == 0 ? 0 : 1000;
+    std::array<Client, 3> clients{Client(max_per_s), Client(max_per_s), Client(max_per_s)};
     std::uint64_t now_ns = 1;
     while (!input.is_empty()) {
         const unsigned what = input.byte();

@@ -92,15 +92,15 @@ const HexFormat kHex{2, 2, HexFormat::Digit::counter, 0xBF, "", ""};
 // Between two ends, the last one not counted: how many are longer than a frame may be.
 std::size_t too_long(Format format, std::span<const std::uint8_t> bytes) {
     const std::uint8_t end = format == Format::cobs ? 0 : '\n';
-    const std::size_t most = format == Format::cobs    ? kCobsMostEncoded - 1
-                             : format == Format::kms40 ? 256
-                             : format == Format::hex   ? kHexMostLine
-                                                       : kAsciiMostBytes;
+    const std::size_t max = format == Format::cobs    ? kCobsMaxEncoded - 1
+                            : format == Format::kms40 ? 256
+                            : format == Format::hex   ? kHexMaxLine
+                                                      : kAsciiMaxBytes;
     std::size_t n = 0;
     auto at = std::find(bytes.begin(), bytes.end(), end);  // who comes in the middle of one counts nothing
     while (at != bytes.end()) {
         const auto next = std::find(at + 1, bytes.end(), end);
-        n += next != bytes.end() && std::size_t(next - at - 1) > most;
+        n += next != bytes.end() && std::size_t(next - at - 1) > max;
         at = next;
     }
     return n;
@@ -179,7 +179,7 @@ void check_hex(const Frame& frame, std::span<const std::uint8_t> bytes) {
 }
 
 void check_line(const Frame& frame) {
-    std::array<char, 2 * kAsciiMostBytes> text;
+    std::array<char, 2 * kAsciiMaxBytes> text;
     const std::size_t n = encode_ascii(frame, {frame.n_channels, true, true, true}, text);
     LinkCounts counts;
     AsciiDecoder decoder({frame.n_channels, true, true, true}, counts);
@@ -247,16 +247,16 @@ void check_answers(ModbusWire wire, std::span<const std::uint8_t> bytes, std::si
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     if (size < 1) return 0;
-    const auto as_told = Format(data[0] % int(Format::formats));
-    Format format = as_told;
+    const auto as_reported = Format(data[0] % int(Format::formats));
+    Format format = as_reported;
     const std::size_t chunk = 1u + data[0] / unsigned(Format::formats);
-    const Bytes bytes = dress(format, {data + 1, std::min<std::size_t>(size - 1, StreamDecoder::kMostBytes - 40)});
+    const Bytes bytes = dress(format, {data + 1, std::min<std::size_t>(size - 1, StreamDecoder::kMaxBytes - 40)});
     if (format == Format::modbus_rtu || format == Format::modbus_tcp) {
         check_answers(format == Format::modbus_rtu ? ModbusWire::rtu : ModbusWire::tcp, bytes, chunk);
         return 0;
     }
     std::uint32_t repeated = 0;
-    const auto whole = decode(format, bytes, StreamDecoder::kMostBytes, &repeated);
+    const auto whole = decode(format, bytes, StreamDecoder::kMaxBytes, &repeated);
     const auto cut = decode(format, bytes, chunk);
     check(whole.size() == cut.size());
     for (std::size_t i = 0; i < whole.size(); ++i) {
@@ -271,11 +271,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (format == Format::ft300) check_ft300(f, bytes);
         if (format == Format::lines) check_line(f);
         if (format == Format::hex) check_hex(f, bytes);
-        if (as_told == Format::cobs_body) check_cobs(f, {data + 1, size - 1});
+        if (as_reported == Format::cobs_body) check_cobs(f, {data + 1, size - 1});
         if (format != Format::cobs) continue;
-        std::array<std::uint8_t, kCobsMostEncoded> again;
+        std::array<std::uint8_t, kCobsMaxEncoded> again;
         const std::size_t n = encode_cobs(f, 32, again);
-        const auto back = decode(Format::cobs, {again.data(), n}, StreamDecoder::kMostBytes);
+        const auto back = decode(Format::cobs, {again.data(), n}, StreamDecoder::kMaxBytes);
         check(back.size() == 1 && back[0].sequence == f.sequence && back[0].n_channels == f.n_channels);
         for (unsigned k = 0; k < f.n_channels; ++k) check((f.missing >> k & 1u) != 0 || back[0].channel[k] == f.channel[k]);
     }

@@ -24,7 +24,7 @@ int main(int, char** argv) {
             switch (line.wait_edge(std::stoi(word), t_ns, edges)) {
                 case GpioEdges::Wait::edge: std::cout << "edge " << t_ns << " " << edges << std::endl; break;
                 case GpioEdges::Wait::timeout: std::cout << "timeout" << std::endl; break;
-                case GpioEdges::Wait::gone: std::cout << "gone" << std::endl; break;
+                case GpioEdges::Wait::disconnected: std::cout << "gone" << std::endl; break;
             }
         }
     }

@@ -68,8 +68,8 @@ public:
 
     // Answers requests until a line of standard input says to go on.
     void answer_only() {
-        pollfd told{STDIN_FILENO, POLLIN, 0};
-        while (::poll(&told, 1, 1) == 0) answer_rtu();
+        pollfd reported{STDIN_FILENO, POLLIN, 0};
+        while (::poll(&reported, 1, 1) == 0) answer_rtu();
         for (int c = 0; c != '\n' && c != EOF;) c = std::getchar();
     }
 
@@ -79,16 +79,16 @@ public:
             return unsigned(std::ceil(std::min(double(at_ns - began_ns) * 1e-9, seconds) * rate_Hz));
         };
         const unsigned all_uart = due(uart_Hz_, UINT64_MAX), all_can = due(can_Hz_, UINT64_MAX);
-        for (std::uint64_t wake_ns = began_ns, turned_ns = began_ns; n_uart_ < all_uart || n_can_ < all_can;) {
+        for (std::uint64_t wake_ns = began_ns, cycled_ns = began_ns; n_uart_ < all_uart || n_can_ < all_can;) {
             const timespec wake{time_t(wake_ns / 1'000'000'000), long(wake_ns % 1'000'000'000)};
             ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &wake, nullptr);
             const std::uint64_t at_ns = now_ns();
             worst_late_ns_ = std::max(worst_late_ns_, at_ns - wake_ns);
-            const auto turn_ms = std::min(unsigned((at_ns - turned_ns) / 1'000'000) + 1, kMostHeld_ms);
-            turned_ns = at_ns;
-            for (unsigned n = std::min(due(uart_Hz_, at_ns) - n_uart_, kMostUart * turn_ms); n > 0; --n) send_uart();
-            for (unsigned n = std::min(due(can_Hz_, at_ns) - n_can_, kMostCan * turn_ms); n > 0;)
-                n -= send_can(std::min(n, kMostCan));
+            const auto cycle_ms = std::min(unsigned((at_ns - cycled_ns) / 1'000'000) + 1, kMaxHeld_ms);
+            cycled_ns = at_ns;
+            for (unsigned n = std::min(due(uart_Hz_, at_ns) - n_uart_, kMaxUart * cycle_ms); n > 0; --n) send_uart();
+            for (unsigned n = std::min(due(can_Hz_, at_ns) - n_can_, kMaxCan * cycle_ms); n > 0;)
+                n -= send_can(std::min(n, kMaxCan));
             answer_rtu();
             wake_ns = std::max(wake_ns + 1'000'000, at_ns);
         }
@@ -100,8 +100,8 @@ public:
 
 private:
     // What the lines themselves carry in a millisecond: 38 bytes at 921600 baud, 64 bytes at 1 and 5 Mbit/s.
-    static constexpr unsigned kMostUart = 2, kMostCan = 7;
-    static constexpr unsigned kMostHeld_ms = 20;  // of it, where this program was late: as much as adapters hold
+    static constexpr unsigned kMaxUart = 2, kMaxCan = 7;
+    static constexpr unsigned kMaxHeld_ms = 20;  // of it, where this program was late: as much as adapters hold
 
     static std::uint32_t sent_us() noexcept { return std::uint32_t(now_ns() / 1000 % 1'000'000); }
 
@@ -110,16 +110,16 @@ private:
         frame.sequence = n_uart_ & 0xFFFFu;
         frame.n_channels = 8;
         frame.channel[0] = double(sent_us());
-        std::array<std::uint8_t, kCobsMostEncoded> bytes;
+        std::array<std::uint8_t, kCobsMaxEncoded> bytes;
         const std::size_t n = encode_cobs(frame, 24, bytes);
         if (::write(uart_, bytes.data(), n) != ssize_t(n)) ++n_refused_;  // nobody reads
         ++n_uart_;
     }
     // With one system call: a bus's controller has none.
     unsigned send_can(unsigned count) {
-        std::array<canfd_frame, kMostCan> frames{};
-        std::array<iovec, kMostCan> parts{};
-        std::array<mmsghdr, kMostCan> messages{};
+        std::array<canfd_frame, kMaxCan> frames{};
+        std::array<iovec, kMaxCan> parts{};
+        std::array<mmsghdr, kMaxCan> messages{};
         for (unsigned k = 0; k < count; ++k, ++n_can_) {
             frames[k].can_id = 0x1ABCDE0u | CAN_EFF_FLAG;
             frames[k].len = CANFD_MAX_DLEN;

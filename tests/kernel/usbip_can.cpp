@@ -32,7 +32,7 @@ using namespace tactiled::test::usbip;
 struct [[gnu::packed]] Message {  // struct gs_host_frame with a classic frame and its stamp
     std::uint32_t echo, id;
     std::uint8_t length, channel, flags, reserved, data[8];
-    std::uint32_t stamp_us;
+    std::uint32_t timestamp_us;
 };
 static_assert(sizeof(Message) == 24);
 constexpr std::uint32_t kReceived = 0xFFFF'FFFF;  // not an echo of one that was sent
@@ -96,17 +96,17 @@ public:
     }
 
 private:
-    void receive(std::uint32_t id, std::string_view hex, std::uint8_t flags, bool stamp_as_data = false) {
+    void receive(std::uint32_t id, std::string_view hex, std::uint8_t flags, bool timestamp_as_data = false) {
         Message message{};
         message.echo = kReceived;
         message.id = id;
         message.flags = flags;
-        message.stamp_us = now_us();
+        message.timestamp_us = now_us();
         message.length = std::uint8_t(hex.size() / 2);
         for (std::size_t k = 0; k < message.length; ++k)
             message.data[k] = std::uint8_t(std::stoul(std::string(hex.substr(2 * k, 2)), nullptr, 16));
-        if (stamp_as_data) {
-            const std::uint32_t us = message.stamp_us % 1'000'000;
+        if (timestamp_as_data) {
+            const std::uint32_t us = message.timestamp_us % 1'000'000;
             std::memcpy(message.data, &us, message.length = sizeof us);
         }
         messages_.push_back(message);
@@ -116,7 +116,7 @@ private:
     void echo(const std::vector<std::uint8_t>& sent) {
         Message message{};
         std::memcpy(&message, sent.data(), std::min(sent.size(), sizeof message));
-        message.stamp_us = now_us();
+        message.timestamp_us = now_us();
         messages_.push_back(message);
     }
 

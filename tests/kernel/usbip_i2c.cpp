@@ -156,8 +156,8 @@ private:
         if (!pull_.is_open()) return {3600, 0};
         ModelChip& chip = *models_[lined_];
         chip.advance(tactiled::now_ns());
-        if (chip.ended_ns() != told_ns_) {
-            told_ns_ = chip.ended_ns();
+        if (chip.ended_ns() != reported_ns_) {
+            reported_ns_ = chip.ended_ns();
             pull_ << "pull-up" << std::flush;
             edge_ = {chip.n_converted, tactiled::now_ns(), 0};
             pull_ << "pull-down" << std::flush;
@@ -237,7 +237,7 @@ private:
 
     std::ofstream pull_;
     std::size_t lined_ = 0;
-    std::uint64_t told_ns_ = 0;
+    std::uint64_t reported_ns_ = 0;
     struct {
         std::uint32_t number;  // of the conversion
         std::uint64_t before_ns, after_ns;

@@ -31,7 +31,7 @@ import tactiled  # noqa: E402
 # Times real time. The memory of piezo is that of the clock; 2 leaves the tare half the time at rest that the scene has.
 SPEED, SPEED_WITH_MEMORY = 4, 1
 TARE_MS = 20
-MOST_SENSORS = 16  # of a daemon
+MAX_SENSORS = 16  # of a daemon
 NOT_JUDGED_N = 1e4
 NOT_NOW = 4        # enum tactiled_command_result: nothing to tare yet
 QUALITY = {tactiled.GOOD: "good", tactiled.UNCERTAIN: "uncertain", tactiled.BAD: "bad"}
@@ -96,8 +96,8 @@ class Scene:
         for expect in self.toml.get("expect", []):
             if not fnmatch.filter(self.sensors, expect["sensor"]):
                 raise Refused(f"no sensor {expect['sensor']}")
-        if len(self.expectations) > MOST_SENSORS:
-            raise Refused(f"{len(self.expectations)} expectations, a daemon has {MOST_SENSORS} sensors")
+        if len(self.expectations) > MAX_SENSORS:
+            raise Refused(f"{len(self.expectations)} expectations, a daemon has {MAX_SENSORS} sensors")
 
 
 def calibrate(scene_path, method, out):

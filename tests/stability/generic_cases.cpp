@@ -153,7 +153,7 @@ void add_corrections(Cases& cases) {
 
 // Each channel of each method in turn, one odd value in an ordinary reading: how many are GOOD with a value that is none, or
 // publish no number where they say there is one.
-int lies(const std::string& model, const std::vector<double>& odd) {
+int undetected(const std::string& model, const std::vector<double>& odd) {
     int n = 0;
     for (const Method& method : all_methods()) {
         if (method.model() != model) continue;
@@ -204,9 +204,9 @@ void add_odd_channels(Cases& cases) {
     };
     for (const std::string model : {"generic", "table", "hair", "capacitive", "piezo"}) {
         none_may("X " + model, "NaN and infinities in each channel of each method: false values",
-                 lies(model, {kNaN, kInf, -kInf}));
+                 undetected(model, {kNaN, kInf, -kInf}));
         none_may("Y " + model, "1e300 and more in each channel of each method: false values",
-                 lies(model, {1e300, -1e300, 1.7e308}));
+                 undetected(model, {1e300, -1e300, 1.7e308}));
         none_may("Z " + model, "denormals and signed zeros in each channel of each method: not as 0",
                  differ_from_zero(model, {5e-324, -5e-324, 1e-310, -0.0}));
     }

@@ -61,8 +61,8 @@ struct Result {
 
 class Cases {
 public:
-    // `most_updates`: how far the case of a recursion goes.
-    explicit Cases(long most_updates) : updates(most_updates) {}
+    // `max_updates`: how far the case of a recursion goes.
+    explicit Cases(long max_updates) : updates(max_updates) {}
     void value(const std::string& id, const std::string& what, const Value& value);
     void marked(const std::string& id, const std::string& what, const Marked& marked);
     // A set-up that must be refused, with `because` in what is said; `said` = "" where it was not. `naive`: what the

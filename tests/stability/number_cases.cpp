@@ -77,7 +77,7 @@ std::vector<Frame> through_cobs(const std::vector<Frame>& sent) {
     Frame frame;
     (void)decoder.next(frame);
     for (const Frame& one : sent) {
-        std::array<std::uint8_t, kCobsMostEncoded> bytes;
+        std::array<std::uint8_t, kCobsMaxEncoded> bytes;
         const std::size_t n = encode_cobs(one, 24, bytes);
         decoder.push({bytes.data(), n}, 2);
         while (decoder.next(frame)) got.push_back(frame);

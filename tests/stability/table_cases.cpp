@@ -121,14 +121,14 @@ void add_offsets_and_sizes(Cases& cases) {
 // iterates over, in double.
 template <typename T>
 struct WrittenOut {
-    const Plays& plays;
+    const PlayOperators& plays;
     T state[4]{};
     T next(const T& value) {
         T sum = 0;
         for (std::size_t i = 0; i < 4; ++i) {
-            const T least = value - T(plays.threshold[i]), most = value + T(plays.threshold[i]);
-            if (state[i] < least) state[i] = least;
-            if (state[i] > most) state[i] = most;
+            const T min = value - T(plays.threshold[i]), max = value + T(plays.threshold[i]);
+            if (state[i] < min) state[i] = min;
+            if (state[i] > max) state[i] = max;
             sum += T(plays.weight[i]) * state[i];
         }
         return sum;
@@ -137,11 +137,11 @@ struct WrittenOut {
 
 // The same load again and again through plays and their inverse: equal extrema wipe each other out, or an error grows.
 void add_hysteresis(Cases& cases) {
-    Plays plays;
+    PlayOperators plays;
     plays.n = 4;
     plays.threshold = {0, 0.05, 0.1, 0.2};
     plays.weight = {0.95, 0.02, 0.02, 0.01};
-    const Plays undo = plays.inverse();
+    const PlayOperators undo = plays.inverse();
     // The textbook's inverse: a fixed-point iteration over the model, which remembers the guesses, too.
     WrittenOut<Real> forward{plays};
     WrittenOut<double> guessed{plays};
@@ -191,7 +191,7 @@ double newton(const InfluenceMap& map, const std::vector<double>& r) {
 // The greatest error of fz, in N, that one step of Gauss-Newton leaves from 1 um beside the point: where the product says
 // that it may stop, and go along linearly.
 double left_by_a_last_step(const InfluenceMap& map, const std::vector<double>& r, const PlateCase& contact) {
-    double most = 0;
+    double max = 0;
     for (int i = 0; i < 16; ++i) {
         InfluenceMap::At at;
         map.at(contact.x_m + 1e-6 * std::cos(i * M_PI / 8), contact.y_m + 1e-6 * std::sin(i * M_PI / 8), at);
@@ -200,9 +200,9 @@ double left_by_a_last_step(const InfluenceMap& map, const std::vector<double>& r
         Eigen::Matrix<double, 8, 5> a;
         a << at.value, at.dx * force, at.dy * force;
         const Eigen::Matrix<double, 5, 1> step = a.colPivHouseholderQr().solve(y - at.value * force);
-        most = std::max(most, std::abs(force.z() + step[2] - contact.force[2]));
+        max = std::max(max, std::abs(force.z() + step[2] - contact.force[2]));
     }
-    return most;
+    return max;
 }
 
 void add_plate(Cases& cases) {
@@ -224,8 +224,8 @@ void add_plate(Cases& cases) {
         Eigen::Matrix<double, 8, 5> a;
         a << at.value * f.norm(), at.dx * f * map.spacing_m(), at.dy * f * map.spacing_m();
         const Eigen::JacobiSVD<Eigen::MatrixXd> svd{Eigen::MatrixXd(a)};
-        const double length = Eigen::Map<const Gauges>(r.data()).norm(), least = svd.singularValues()[4];
-        const double kappa = length / least / std::abs(f.z()) * f.norm();
+        const double length = Eigen::Map<const Gauges>(r.data()).norm(), min = svd.singularValues()[4];
+        const double kappa = length / min / std::abs(f.z()) * f.norm();
         const double slack = left_by_a_last_step(map, r, one.at) / std::abs(f.z());
         cases.value(one.id, one.what, {newton(map, r), estimate_of(c, r).wrench_S[2], one.at.force[2], kappa, 64, slack});
     }

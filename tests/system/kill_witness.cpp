@@ -27,7 +27,8 @@ using namespace tactiled::testing;
 constexpr int kStaleMs = 100;
 
 struct Findings {
-    std::atomic<std::uint64_t> calls{0}, good{0}, bad{0}, wrong{0}, old{0}, without_break{0}, backwards{0}, longest_ns{0};
+    std::atomic<std::uint64_t> calls{0}, good{0}, bad{0}, wrong{0}, old{0}, without_discontinuity{0}, backwards{0},
+        longest_ns{0};
 };
 
 // Counts what a reader must never see.
@@ -54,7 +55,7 @@ public:
         if (!is_as_fed(s)) ++findings_.wrong;
         if (before_ns_ > s.t_ns && before_ns_ - s.t_ns > std::uint64_t(kStaleMs) * 1'000'000u) ++findings_.old;
         if (s.epoch >> 16 != (header.epoch & 0xFFFFu) || (header.pid != pid_ && s.epoch == epoch_))
-            ++findings_.without_break;
+            ++findings_.without_discontinuity;
         pid_ = header.pid;
         if (s.epoch == epoch_ && s.t_ns < t_ns_) ++findings_.backwards;
         epoch_ = s.epoch;
@@ -115,7 +116,7 @@ int main(int argc, char** argv) {
 
     std::atomic<bool> stop{false};
     std::thread feeder([&] {
-        std::array<std::uint8_t, kCobsMostEncoded> bytes;
+        std::array<std::uint8_t, kCobsMaxEncoded> bytes;
         for (std::uint32_t n = 0; !stop; ++n) {
             const std::size_t size = encode_fed(n, bytes);
             [[maybe_unused]] const auto sent =
@@ -185,13 +186,13 @@ int main(int argc, char** argv) {
     fmt::print("kills of daemon and reader {} each, reader calls {}, GOOD {}, not GOOD {}\n", kills, findings.calls.load(),
                findings.good.load(), findings.bad.load());
     fmt::print("wrong {}, old {}, without a break {}, backwards {}, longest call {:.1f} ms\n", findings.wrong.load(),
-               findings.old.load(), findings.without_break.load(), findings.backwards.load(),
+               findings.old.load(), findings.without_discontinuity.load(), findings.backwards.load(),
                double(findings.longest_ns) / 1e6);
     fmt::print("starts that did not become GOOD {}, wrong epoch {}, files left {}, stale after the last kill {}\n",
                not_started, wrong_epoch, left_behind, stale_at_last ? "yes" : "NO");
     if (!ready_ms.empty())
         fmt::print("start to GOOD: p50 {:.0f} ms, worst {:.0f} ms\n", ready_ms[ready_ms.size() / 2], ready_ms.back());
-    const bool clean = findings.wrong + findings.old + findings.without_break + findings.backwards == 0 &&
+    const bool clean = findings.wrong + findings.old + findings.without_discontinuity + findings.backwards == 0 &&
                        not_started == 0 && wrong_epoch == 0 && left_behind <= 1 && stale_at_last &&
                        findings.longest_ns < 1'000'000'000u && findings.good > 0;
     return clean ? 0 : 1;

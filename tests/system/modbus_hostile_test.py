@@ -29,7 +29,7 @@ settings = "{{folder}}/settings.toml"
 """
 # A busy machine halts the player for longer than 100 ms, and a stale sensor is not tared.
 SENSOR = CONFIG.replace("stale_ms = 100", "stale_ms = 2000") + "tare_ms = 300\n"
-MOST_GROWTH_KIB = 8 * 1024
+MAX_GROWTH_KIB = 8 * 1024
 WORST_WAIT_MS = 250
 
 # name, what is sent, what is expected, section, function
@@ -107,7 +107,7 @@ class Hostile(unittest.TestCase):
             self.assertEqual(suite.failures, [])
             self.assertEqual(sum(bad.values()), 0, bad)
             self.assertLess(worst, WORST_WAIT_MS, "ms, the witness's worst wait")
-            self.assertLess(grown, MOST_GROWTH_KIB)
+            self.assertLess(grown, MAX_GROWTH_KIB)
             self.assertNotRegex(daemon.log().lower(), r"error|<[0-3]>")
 
     def test_a_daemon_that_may_be_written_to(self):

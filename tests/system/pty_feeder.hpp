@@ -53,7 +53,7 @@ private:
     int master_ = -1, slave_ = -1;
 };
 
-inline std::size_t encode_fed(std::uint32_t sequence, std::span<std::uint8_t, kCobsMostEncoded> out) {
+inline std::size_t encode_fed(std::uint32_t sequence, std::span<std::uint8_t, kCobsMaxEncoded> out) {
     Frame frame;
     frame.sequence = sequence;
     frame.n_channels = kFeederChannels;

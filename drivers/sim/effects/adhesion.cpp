@@ -34,7 +34,7 @@ private:
 
 // Nothing comes off that only ever presses more.
 Bound bound(const Setting& s) {
-    if (!s.extent.reverses || s.extent.most[kFz] <= 0) return {};
+    if (!s.extent.reverses || s.extent.max[kFz] <= 0) return {};
     const double pull_N = pull_off_N(s);
     const double change_N = s.sensor.channel_N({0, 0, pull_N, 0, 0});
     return {.change_N = change_N, .jump_N = change_N, .own_N = change_N, .load = {0, 0, pull_N, 0, 0}};

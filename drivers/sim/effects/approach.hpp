@@ -8,7 +8,7 @@
 
 namespace tactiled::sim {
 
-using PerUnit = std::array<double, kMostChannels>;  // of each channel by one unit of what approaches
+using PerUnit = std::array<double, kMaxSensorChannels>;  // of each channel by one unit of what approaches
 
 // x' = (p[0] - x) / p[1], exact.
 class Approach final : public Effect {

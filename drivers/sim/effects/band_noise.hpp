@@ -25,20 +25,20 @@ public:
     }
 
     // |at| is at most that: looked up for short scenes. setup
-    [[nodiscard]] double most(std::uint64_t samples, std::size_t lane) const {
+    [[nodiscard]] double max(std::uint64_t samples, std::size_t lane) const {
         const std::uint64_t values = samples / every_ + 2;
-        if (values > 2000) return kMostNoise;
-        double most = 0;
-        for (std::uint64_t i = 0; i < values; ++i) most = std::max(most, std::abs(random_.noise(i, lane)));
-        return most;
+        if (values > 2000) return kMaxNoise;
+        double max = 0;
+        for (std::uint64_t i = 0; i < values; ++i) max = std::max(max, std::abs(random_.noise(i, lane)));
+        return max;
     }
 
 private:
     Stream random_;
     std::uint64_t every_;
-    std::array<double, kMostChannels> from_{}, to_{};
-    std::array<std::uint64_t, kMostChannels> at_{~0ull - 1, ~0ull - 1, ~0ull - 1, ~0ull - 1,
-                                                 ~0ull - 1, ~0ull - 1, ~0ull - 1, ~0ull - 1};
+    std::array<double, kMaxSensorChannels> from_{}, to_{};
+    std::array<std::uint64_t, kMaxSensorChannels> at_{~0ull - 1, ~0ull - 1, ~0ull - 1, ~0ull - 1,
+                                                      ~0ull - 1, ~0ull - 1, ~0ull - 1, ~0ull - 1};
 };
 
 }  // namespace tactiled::sim

@@ -37,7 +37,7 @@ private:
 
 // N (1 - c^-p) grows with N and more slowly than N.
 Bound bound(const Setting& s) {
-    const double z = most(s, kFz);
+    const double z = max(s, kFz);
     const std::array<double, kAxes> change{0, 0, z - softer(z, s.sensor.capacitive.strain_per_N, s.p[0]), 0, 0};
     return {.change_N = s.sensor.channel_N(change), .load = change};
 }

@@ -16,7 +16,7 @@ inline constexpr double kByModel = std::numeric_limits<double>::quiet_NaN();  //
 // What arithmetic alone changes: nothing, unless a rounding to steps comes after it.
 inline constexpr double kLastBits_N = 1e-12;
 
-using Channels = std::array<double, kMostChannels>;
+using Channels = std::array<double, kMaxSensorChannels>;
 
 // The largest change of each channel, in its unit, when each component of the load changes by at most that much.
 inline Channels channel_changes(const Sensor& sensor, const std::array<double, kAxes>& change) {
@@ -77,7 +77,7 @@ inline double shift_N(const Setting& s, double seconds) {
     std::array<double, kAxes> change = s.extent.changes(seconds);
     if (s.body.texture_height_m > 0 && s.extent.speed_m_s > 0) {  // it meets another place of a ridge
         const double turn = 6.283185307179586 * s.extent.speed_m_s * seconds / s.body.texture_pitch_m;
-        for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] += std::min(2.0, turn) * s.extent.most[axis];
+        for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] += std::min(2.0, turn) * s.extent.max[axis];
     }
     // What hangs on the place, the speed or the acceleration may be anywhere else in its range.
     double other_N = warming_N(s, seconds);
@@ -93,7 +93,7 @@ inline double shift_N(const Setting& s, double seconds) {
 }
 
 // The largest change of each component of the load alone when no channel changes by more than 1 N; 0 where none feels it.
-inline std::array<double, kAxes> felt(const Sensor& sensor) {
+inline std::array<double, kAxes> observed(const Sensor& sensor) {
     std::array<double, kAxes> result{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) result[axis] = load_of_error(sensor, Axis(axis));
     return result;

@@ -20,13 +20,13 @@ public:
 
 private:
     std::size_t channels_;
-    std::array<double, kMostChannels> zero_;
+    std::array<double, kMaxSensorChannels> zero_;
 };
 
 // x^2 / (2 + x) is largest at the most negative x, and the slope 1 / (1 + x/2)^2 too.
 Bound bound(const Setting& s) {
     const auto swing = largest_swing(s);
-    std::array<double, kMostChannels> change{};
+    std::array<double, kMaxSensorChannels> change{};
     double gain = 1;
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {
         const double x = std::min(swing[k], 1.0);

@@ -36,10 +36,10 @@ private:
 };
 
 Bound bound(const Setting& s) {
-    const double most_N = mass_kg(s) * (std::abs(s.p[1]) + s.extent.acceleration_m_s2);
+    const double max_N = mass_kg(s) * (std::abs(s.p[1]) + s.extent.acceleration_m_s2);
     const double by_acceleration = s.extent.acceleration_m_s2 * mass_kg(s);
     return {
-        .change_N = s.sensor.channel_N({std::abs(std::sin(s.p[2])) * most_N, 0, std::abs(std::cos(s.p[2])) * most_N, 0, 0}),
+        .change_N = s.sensor.channel_N({std::abs(std::sin(s.p[2])) * max_N, 0, std::abs(std::cos(s.p[2])) * max_N, 0, 0}),
         .own_N = s.sensor.channel_N({by_acceleration, 0, by_acceleration, 0, 0})};
 }
 

@@ -45,8 +45,8 @@ public:
 private:
     std::size_t channels_;
     Channels part_{};
-    std::array<std::vector<double>, kMostChannels> past_;
-    std::array<std::size_t, kMostChannels> at_{};
+    std::array<std::vector<double>, kMaxSensorChannels> past_;
+    std::array<std::size_t, kMaxSensorChannels> at_{};
     bool started_ = false;
 };
 

@@ -28,7 +28,7 @@ public:
 private:
     std::size_t channels_;
     double share_, approach_, scale_N_, warmer_K_ = 0;
-    std::array<double, kMostChannels> per_K_{};
+    std::array<double, kMaxSensorChannels> per_K_{};
 };
 
 // T is at most the largest of the surface times 1 - exp(-length / tau); by the load it changes through touch, whose slope is
@@ -36,10 +36,10 @@ private:
 Bound bound(const Setting& s) {
     const double reached = -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * diffusion_s(s.sensor)));
     const double body_K = s.p[0] * s.extent.body_K * reached, scale_N = touch_scale_N(s.sensor);
-    std::array<double, kMostChannels> per_touch{};
+    std::array<double, kMaxSensorChannels> per_touch{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) per_touch[k] = drift_per_K(s, s.p[1], s.p[2], k) * body_K;
     const double whole = s.sensor.largest_N(per_touch);
-    const double change_N = whole * touch(most(s, kFz), scale_N);
+    const double change_N = whole * touch(max(s, kFz), scale_N);
     return {.change_N = change_N, .gain = 1 + whole / scale_N * load_of_error(s.sensor, kFz), .own_N = change_N};
 }
 

@@ -28,7 +28,7 @@ public:
 
 private:
     std::size_t channels_;
-    std::array<double, kMostChannels> zero_;
+    std::array<double, kMaxSensorChannels> zero_;
     double amount_;
     Channels range_{};
 };

@@ -60,7 +60,7 @@ private:
     std::size_t channels_;
     double length_, part_ = 0;
     std::size_t whole_ = 0, at_ = 0;
-    std::array<std::vector<double>, kMostChannels> past_;
+    std::array<std::vector<double>, kMaxSensorChannels> past_;
     Channels sum_{}, fresh_{};
     bool started_ = false;
 };

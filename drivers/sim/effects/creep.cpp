@@ -47,7 +47,7 @@ Bound bound(const Setting& s) {
     const double amount = s.p[0] / 2, T = double(s.samples) / s.rate_Hz;
     const double part = amount * (-std::expm1(-T / s.p[1]) - std::expm1(-T / (10 * s.p[1])));
     std::array<double, kAxes> change{};
-    for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = part * most(s, Axis(axis));
+    for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = part * max(s, Axis(axis));
     return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.p[0], .load = change, .load_gain = 1 + s.p[0]};
 }
 

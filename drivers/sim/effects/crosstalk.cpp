@@ -10,7 +10,7 @@ namespace {
 double share(const Setting& s, std::size_t to, std::size_t from) {
     if (to == from || s.sensor.channels[to] == "Vp" || s.sensor.channels[from] == "Vp") return 0;
     if (s.sensor.per_N[from] == 0) return 0;  // a hair that a scene made deaf
-    return s.p[0] * s.sample.noise(0, to * kMostChannels + from) * s.sensor.per_N[to] / s.sensor.per_N[from];
+    return s.p[0] * s.sample.noise(0, to * kMaxSensorChannels + from) * s.sensor.per_N[to] / s.sensor.per_N[from];
 }
 
 class Crosstalk final : public Effect {
@@ -21,7 +21,7 @@ public:
     }
     void apply(Block& block) noexcept override {
         for (std::size_t n = 0; n < block.n; ++n) {
-            std::array<double, kMostChannels> signal;
+            std::array<double, kMaxSensorChannels> signal;
             for (std::size_t k = 0; k < channels_; ++k) signal[k] = block.channel[k][n] - zero_[k];
             for (std::size_t to = 0; to < channels_; ++to) {
                 double sum = 0;
@@ -33,13 +33,13 @@ public:
 
 private:
     std::size_t channels_;
-    std::array<double, kMostChannels> zero_;
-    std::array<std::array<double, kMostChannels>, kMostChannels> share_{};
+    std::array<double, kMaxSensorChannels> zero_;
+    std::array<std::array<double, kMaxSensorChannels>, kMaxSensorChannels> share_{};
 };
 
 Bound bound(const Setting& s) {
     const auto swing = largest_swing(s);
-    std::array<double, kMostChannels> change{}, of_error{};
+    std::array<double, kMaxSensorChannels> change{}, of_error{};
     for (std::size_t to = 0; to < s.sensor.n(); ++to)
         for (std::size_t from = 0; from < s.sensor.n(); ++from) {
             change[to] += std::abs(share(s, to, from)) * swing[from];

@@ -7,9 +7,9 @@
 namespace tactiled::sim {
 namespace {
 
-enum Way { kSticks, kRail, kMissing };
+enum Way { kSticks, kSaturationLimit, kMissing };
 
-Way way(const Setting& s) { return s.p[1] >= 2 ? kMissing : s.p[1] >= 1 ? kRail : kSticks; }
+Way way(const Setting& s) { return s.p[1] >= 2 ? kMissing : s.p[1] >= 1 ? kSaturationLimit : kSticks; }
 
 // Sample at which a channel dies: exponentially distributed.
 double death(const Setting& s, std::size_t channel) {
@@ -24,20 +24,20 @@ public:
     explicit DeadChannel(const Setting& s) : channels_(s.sensor.n()), way_(way(s)) {
         for (std::size_t k = 0; k < channels_; ++k) {
             death_[k] = death(s, k);
-            value_[k] = s.sensor.zero[k] + (way_ == kRail ? rail(s, k) : 0);
+            value_[k] = s.sensor.zero[k] + (way_ == kSaturationLimit ? rail(s, k) : 0);
         }
     }
     void apply(Block& block) noexcept override {
         for (std::size_t k = 0; k < channels_; ++k) {
             if (death_[k] >= double(block.first + block.n)) {
-                if (way_ != kRail && block.n > 0) value_[k] = block.channel[k][block.n - 1];
+                if (way_ != kSaturationLimit && block.n > 0) value_[k] = block.channel[k][block.n - 1];
                 continue;
             }
             for (std::size_t n = 0; n < block.n; ++n) {
                 if (double(block.first + n) >= death_[k]) {
                     block.channel[k][n] = value_[k];
                     if (way_ == kMissing) block.missing[n] |= 1u << k;
-                } else if (way_ != kRail) {
+                } else if (way_ != kSaturationLimit) {
                     value_[k] = block.channel[k][n];
                 }
             }
@@ -55,7 +55,7 @@ Bound bound(const Setting& s) {
     Channels change{};
     const Channels swing = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
-        if (death(s, k) < double(s.samples)) change[k] = way(s) == kRail ? swing[k] + rail(s, k) : 2 * swing[k];
+        if (death(s, k) < double(s.samples)) change[k] = way(s) == kSaturationLimit ? swing[k] + rail(s, k) : 2 * swing[k];
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
 }

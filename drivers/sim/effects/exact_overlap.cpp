@@ -32,10 +32,10 @@ private:
 // more for what lies between: the function is nearly quadratic.
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
-    const double X = most(s, kFx), Y = most(s, kFy);
+    const double X = max(s, kFx), Y = max(s, kFy);
     if (X + Y == 0) return {};
     constexpr int kSteps = 12;
-    std::array<double, kMostChannels> change{}, of_error{};
+    std::array<double, kMaxSensorChannels> change{}, of_error{};
     for (std::size_t i = 0; i < pad.n; ++i) {
         double steepest_x = 0, steepest_y = 0;
         for (int a = -kSteps; a <= kSteps; ++a) {

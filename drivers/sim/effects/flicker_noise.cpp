@@ -8,11 +8,11 @@ namespace tactiled::sim {
 namespace {
 
 constexpr std::size_t kDecades = 5;  // corners at a twentieth of the rate and four decades below
-constexpr double kMostDeviations = 4;
-constexpr double kMostStep = 1.7320508075688772;  // of a uniform number with deviation 1
+constexpr double kMaxSds = 4;
+constexpr double kMaxStep = 1.7320508075688772;  // of a uniform number with deviation 1
 
 // Of a decade, in the channel's unit. By default a tenth of the white noise.
-double deviation(const Setting& s, std::size_t channel) {
+double sd(const Setting& s, std::size_t channel) {
     if (!std::isnan(s.p[0])) return s.p[0] * s.sensor.per_N[channel];
     if (s.sensor.model == Model::hair) return 5.14e-7;
     return 3e-5 * s.sensor.full_scale_N * s.sensor.per_N[channel];
@@ -32,8 +32,8 @@ std::array<double, kDecades> keeps() {
 class FlickerNoise final : public Effect {
 public:
     explicit FlickerNoise(const Setting& s) : random_(s.random), channels_(s.sensor.n()), keep_(keeps()) {
-        for (std::size_t k = 0; k < channels_; ++k) deviation_[k] = deviation(s, k);
-        for (std::size_t i = 0; i < kDecades; ++i) step_[i] = std::sqrt(1 - keep_[i] * keep_[i]) * kMostStep / 2048;
+        for (std::size_t k = 0; k < channels_; ++k) sd_[k] = sd(s, k);
+        for (std::size_t i = 0; i < kDecades; ++i) step_[i] = std::sqrt(1 - keep_[i] * keep_[i]) * kMaxStep / 2048;
     }
     void apply(Block& block) noexcept override {
         for (std::size_t k = 0; k < channels_; ++k)
@@ -42,10 +42,10 @@ public:
                 double sum = 0;
                 for (std::size_t i = 0; i < kDecades; ++i) {
                     const double u = double(std::int64_t(bits >> (12 * i) & 0xfff)) - 2047.5;
-                    x_[k][i] = std::clamp(keep_[i] * x_[k][i] + step_[i] * u, -kMostDeviations, kMostDeviations);
+                    x_[k][i] = std::clamp(keep_[i] * x_[k][i] + step_[i] * u, -kMaxSds, kMaxSds);
                     sum += x_[k][i];
                 }
-                block.channel[k][n] += deviation_[k] * sum;
+                block.channel[k][n] += sd_[k] * sum;
             }
     }
 
@@ -53,17 +53,17 @@ private:
     Stream random_;
     std::size_t channels_;
     std::array<double, kDecades> keep_, step_{};
-    Channels deviation_{};
-    std::array<std::array<double, kDecades>, kMostChannels> x_{};
+    Channels sd_{};
+    std::array<std::array<double, kDecades>, kMaxSensorChannels> x_{};
 };
 
 // Each decade is held; those that are slow against the scene have not come as far.
 Bound bound(const Setting& s) {
     double sum = 0;
     for (const double a : keeps())
-        sum += std::min(kMostDeviations, kMostStep * std::sqrt(1 - a * a) * std::min(double(s.samples), 1 / (1 - a)));
+        sum += std::min(kMaxSds, kMaxStep * std::sqrt(1 - a * a) * std::min(double(s.samples), 1 / (1 - a)));
     Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = sum * deviation(s, k);
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = sum * sd(s, k);
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
 }

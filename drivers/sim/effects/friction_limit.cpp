@@ -33,9 +33,9 @@ Bound bound(const Setting& s) {
     if (s.extent.speed_m_s > 0) excess = std::max(excess, s.extent.kinetic_excess_N);
     if (excess <= 0) return {};
     std::array<double, kAxes> change{}, more{};
-    const std::array<double, kAxes> error = felt(s.sensor);
+    const std::array<double, kAxes> error = observed(s.sensor);
     for (const Axis axis : {kFx, kFy}) {
-        change[axis] = std::min(excess, s.extent.most[axis]);
+        change[axis] = std::min(excess, s.extent.max[axis]);
         more[axis] = std::hypot(error[kFx], error[kFy]) + std::max(s.body.friction, s.body.kinetic_friction) * error[kFz];
     }
     return {.change_N = s.sensor.channel_N(change),

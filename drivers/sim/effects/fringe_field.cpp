@@ -36,15 +36,15 @@ public:
 
 private:
     Pad pad_;
-    std::array<double, Pad::kMost> at_rest_{};
+    std::array<double, Pad::kMax> at_rest_{};
 };
 
 // The factor rises with the gap, most steeply at the least.
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
-    const double strain = pad.strain_per_N * most(s, kFz), narrow = 1 / Pad::closeness(strain), wide = 1 + strain;
+    const double strain = pad.strain_per_N * max(s, kFz), narrow = 1 / Pad::closeness(strain), wide = 1 + strain;
     const auto swing = largest_swing(s);
-    std::array<double, kMostChannels> change{};
+    std::array<double, kMaxSensorChannels> change{};
     double gain = 1;
     for (std::size_t i = 0; i < pad.n; ++i) {
         const std::size_t k = pad.channel[i];

@@ -7,7 +7,7 @@ namespace tactiled::sim {
 namespace {
 
 // Relative deviation of a channel's gain. The thesis' two samples differ by 1.85 % in capacitance and 5.3 % in the film.
-double deviation(const Setting& s, std::size_t channel) {
+double sd(const Setting& s, std::size_t channel) {
     double spread = s.p[0];
     if (std::isnan(spread))
         spread = s.sensor.model != Model::capacitive ? 0.02 : s.sensor.channels[channel] == "Vp" ? 0.053 : 0.0185;
@@ -21,30 +21,29 @@ class GainSpread final : public Effect {
 public:
     explicit GainSpread(const Setting& s) : channels_(s.sensor.n()) {
         for (std::size_t k = 0; k < channels_; ++k) {
-            deviation_[k] = deviation(s, k);
-            offset_[k] = offset(s, k) - s.sensor.zero[k] * deviation_[k];
+            sd_[k] = sd(s, k);
+            offset_[k] = offset(s, k) - s.sensor.zero[k] * sd_[k];
         }
     }
     void apply(Block& block) noexcept override {
         for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[k][n] += deviation_[k] * block.channel[k][n] + offset_[k];
+            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += sd_[k] * block.channel[k][n] + offset_[k];
     }
 
 private:
     std::size_t channels_;
-    std::array<double, kMostChannels> deviation_{}, offset_{};
+    std::array<double, kMaxSensorChannels> sd_{}, offset_{};
 };
 
 Bound bound(const Setting& s) {
     const auto swing = largest_swing(s);
-    std::array<double, kMostChannels> change{};
-    double most_deviation = 0;
+    std::array<double, kMaxSensorChannels> change{};
+    double max_sd = 0;
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {
-        change[k] = std::abs(deviation(s, k)) * swing[k] + std::abs(offset(s, k));
-        most_deviation = std::max(most_deviation, std::abs(deviation(s, k)));
+        change[k] = std::abs(sd(s, k)) * swing[k] + std::abs(offset(s, k));
+        max_sd = std::max(max_sd, std::abs(sd(s, k)));
     }
-    return {.change_N = s.sensor.largest_N(change), .gain = 1 + most_deviation};
+    return {.change_N = s.sensor.largest_N(change), .gain = 1 + max_sd};
 }
 
 }  // namespace

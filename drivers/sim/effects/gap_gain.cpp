@@ -30,16 +30,16 @@ private:
 // part. Its slope by e is (1 + m) c^2, by m it is c.
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
-    const double strain = pad.strain_per_N * most(s, kFz), c = Pad::closeness(strain);
-    const double shift = pad.shift_per_N_m * std::hypot(most(s, kFx), most(s, kFy));
-    std::array<double, kMostChannels> change{};
+    const double strain = pad.strain_per_N * max(s, kFz), c = Pad::closeness(strain);
+    const double shift = pad.shift_per_N_m * std::hypot(max(s, kFx), max(s, kFy));
+    std::array<double, kMaxSensorChannels> change{};
     double gain = 1;
     for (std::size_t i = 0; i < pad.n; ++i) {
         const auto& per_N = s.sensor.gain[pad.channel[i]];
-        const double linear = (std::abs(per_N[kFx]) * most(s, kFx) + std::abs(per_N[kFy]) * most(s, kFy)) / pad.active_pF[i];
+        const double linear = (std::abs(per_N[kFx]) * max(s, kFx) + std::abs(per_N[kFy]) * max(s, kFy)) / pad.active_pF[i];
         const double tilt = pad.tilt_strain(i, std::min(s.extent.x_m, pad.disc_m), std::min(s.extent.y_m, pad.disc_m));
-        const double moved = std::max(linear, pad.largest_overlap(i, shift)) + tilt * most(s, kFz);
-        const double straight = std::max(std::min(strain, Pad::kMostStrain) * (c - 1), std::abs(c - 1 - strain));
+        const double moved = std::max(linear, pad.largest_overlap(i, shift)) + tilt * max(s, kFz);
+        const double straight = std::max(std::min(strain, Pad::kMaxStrain) * (c - 1), std::abs(c - 1 - strain));
         change[pad.channel[i]] = pad.active_pF[i] * (straight + moved * (c - 1));
         gain = std::max(gain, (1 + moved) * c * c);
     }

@@ -29,7 +29,7 @@ private:
 // largest.
 Bound bound(const Setting& s) {
     if (s.sensor.table.influence.empty() || s.body.shape != Body::Shape::sphere || s.body.radius_m <= 0) return {};
-    const double press = s.extent.most[kFz];
+    const double press = s.extent.max[kFz];
     const double modulus_Pa = contact_modulus_Pa(skin(s.sensor), s.body);
     const double reach = std::hypot(s.extent.x_m, s.extent.y_m) +
                          std::max(s.body.radius_m, hertz_radius_m(press, s.body.radius_m, modulus_Pa));
@@ -38,13 +38,13 @@ Bound bound(const Setting& s) {
     Channels change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         for (std::size_t axis = kFx; axis <= kFz; ++axis) {
-            double least = 0, most = 0;  // 0 beyond the plate
+            double min = 0, max = 0;  // 0 beyond the plate
             for (const auto& row : s.sensor.table.influence) {
                 if (std::hypot(row[0], row[1]) > reach) continue;
-                least = std::min(least, row[2 + 3 * k + axis]);
-                most = std::max(most, row[2 + 3 * k + axis]);
+                min = std::min(min, row[2 + 3 * k + axis]);
+                max = std::max(max, row[2 + 3 * k + axis]);
             }
-            change[k] += std::abs(factor[axis]) * (most - least) * s.extent.most[axis];
+            change[k] += std::abs(factor[axis]) * (max - min) * s.extent.max[axis];
         }
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .jump_N = change_N};  // another press: another radius, and no two differ by more

@@ -7,7 +7,7 @@
 namespace tactiled::sim {
 namespace {
 
-constexpr std::size_t kPlays = 6;
+constexpr std::size_t kPlayOperators = 6;
 
 // Of full scale, the largest difference between loading and unloading over a cycle from 0 to full scale and back.
 double width(const Setting& s) {
@@ -20,7 +20,7 @@ double play(double p, double u, double r) { return std::clamp(p, u - r, u + r); 
 double from_rest(double u, double r) { return u - std::clamp(u, -r, r); }
 
 // Of full scale: half widths, so that a way back from full scale passes the last at 0.
-constexpr double half_width(std::size_t i) { return double(i + 1) / double(2 * kPlays); }
+constexpr double half_width(std::size_t i) { return double(i + 1) / double(2 * kPlayOperators); }
 
 // Weight of each play that gives a loop of width 1.
 double unit_weight() {
@@ -28,7 +28,7 @@ double unit_weight() {
     for (int step = 0; step <= 1000; ++step) {
         const double u = step * 1e-3;
         double sum = 0;
-        for (std::size_t i = 0; i < kPlays; ++i)
+        for (std::size_t i = 0; i < kPlayOperators; ++i)
             sum += play(from_rest(1, half_width(i)), u, half_width(i)) - from_rest(u, half_width(i));
         widest = std::max(widest, sum);
     }
@@ -45,14 +45,14 @@ class Hysteresis final : public Effect {
 public:
     explicit Hysteresis(const Setting& s) : weight_(width(s) * unit_weight()) {
         for (std::size_t axis = 0; axis < kAxes; ++axis)
-            for (std::size_t i = 0; i < kPlays; ++i) r_[axis][i] = half_width(i) * full_scale(s.sensor, axis);
+            for (std::size_t i = 0; i < kPlayOperators; ++i) r_[axis][i] = half_width(i) * full_scale(s.sensor, axis);
     }
     void apply(Block& block) noexcept override {
         for (std::size_t axis = 0; axis < kAxes; ++axis)
             for (std::size_t n = 0; n < block.n; ++n) {
                 const double u = block.drive[axis][n];
                 double sum = 0;
-                for (std::size_t i = 0; i < kPlays; ++i) {
+                for (std::size_t i = 0; i < kPlayOperators; ++i) {
                     p_[axis][i] = play(p_[axis][i], u, r_[axis][i]);
                     sum += p_[axis][i] - from_rest(u, r_[axis][i]);
                 }
@@ -62,7 +62,7 @@ public:
 
 private:
     double weight_;
-    std::array<std::array<double, kPlays>, kAxes> r_{}, p_{};
+    std::array<std::array<double, kPlayOperators>, kAxes> r_{}, p_{};
 };
 
 // Both P lie within r of u, and within the range of u less r: they differ by at most min(2 r, span - r), and
@@ -72,11 +72,11 @@ Bound bound(const Setting& s) {
     const double weight = width(s) * unit_weight();
     std::array<double, kAxes> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis)
-        for (std::size_t i = 0; i < kPlays; ++i) {
+        for (std::size_t i = 0; i < kPlayOperators; ++i) {
             const double r = half_width(i) * full_scale(s.sensor, axis), back = comes_back(s, Axis(axis));
             change[axis] += weight * std::clamp(std::min(span(s, Axis(axis)) - r, back), 0.0, 2 * r);
         }
-    const double gain = 1 + 2 * weight * double(kPlays);
+    const double gain = 1 + 2 * weight * double(kPlayOperators);
     return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 

@@ -17,8 +17,8 @@ inline bool makes_patch(const Body& body) { return body.shape == Body::Shape::sp
 class InfluenceMap {
 public:
     static constexpr std::size_t kRings = 20, kAngles = 48, kPoints = 1 + kRings * kAngles;
-    using Strains = std::array<double, 24>;                           // per N of Fx, Fy, +Fz, of R1 .. R8
-    using Matrix = std::array<std::array<double, 3>, kMostChannels>;  // channel's unit per N of fx fy fz
+    using Strains = std::array<double, 24>;                                // per N of Fx, Fy, +Fz, of R1 .. R8
+    using Matrix = std::array<std::array<double, 3>, kMaxSensorChannels>;  // channel's unit per N of fx fy fz
 
     // setup. `sample` must outlive it. Points: the centre, then 20 rings of 48 points, ring after ring.
     explicit InfluenceMap(const TableSample& sample)
@@ -45,18 +45,17 @@ public:
     [[nodiscard]] Matrix largest_excess(double x_m, double y_m, double radius_m) const {
         const double cell = 3.5 / per_ring_;  // a ring apart, 1/48 of the outermost ring's length is 2.6
         const bool all = x_m + radius_m >= plate_m_ || y_m + radius_m >= plate_m_ || std::hypot(x_m, y_m) >= plate_m_;
-        Matrix most{};
+        Matrix max{};
         for (const auto& point : *points_) {
             const double beyond = radius_m + cell;
             if (!all && (std::abs(point[0]) > x_m + beyond || std::abs(point[1]) > y_m + beyond)) continue;
             Strains strains;
             std::copy(point.begin() + 2, point.end(), strains.begin());
             const Matrix here = matrix(strains);
-            for (std::size_t k = 0; k < kMostChannels; ++k)
-                for (std::size_t axis = 0; axis < 3; ++axis)
-                    most[k][axis] = std::max(most[k][axis], std::abs(here[k][axis]));
+            for (std::size_t k = 0; k < kMaxSensorChannels; ++k)
+                for (std::size_t axis = 0; axis < 3; ++axis) max[k][axis] = std::max(max[k][axis], std::abs(here[k][axis]));
         }
-        return most;
+        return max;
     }
 
     // Mean strains over the part of the patch that lies on the plate, at the plate's nearest point where none does.
@@ -81,7 +80,7 @@ public:
 private:
     [[nodiscard]] Matrix matrix(const Strains& strains) const noexcept {
         Matrix matrix{};
-        for (std::size_t k = 0; k < kMostChannels; ++k)
+        for (std::size_t k = 0; k < kMaxSensorChannels; ++k)
             for (std::size_t axis = 0; axis < 3; ++axis)
                 matrix[k][axis] = factor_[axis] * (strains[3 * k + axis] - uniform_[3 * k + axis]);
         return matrix;

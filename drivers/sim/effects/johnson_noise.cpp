@@ -7,28 +7,28 @@ namespace tactiled::sim {
 namespace {
 
 // Of dR/R0: voltage (4 k T R B)^(1/2) over a quarter bridge's V/4.
-double deviation(const Setting& s) {
+double sd(const Setting& s) {
     const double band_Hz = s.rate_Hz / 2;
     return std::sqrt(4 * 1.380649e-23 * 298.15 * s.p[0] * band_Hz) / (s.p[1] / 4);
 }
 
 class JohnsonNoise final : public Effect {
 public:
-    explicit JohnsonNoise(const Setting& s) : random_(s.random), channels_(s.sensor.n()), deviation_(deviation(s)) {}
+    explicit JohnsonNoise(const Setting& s) : random_(s.random), channels_(s.sensor.n()), sd_(sd(s)) {}
     void apply(Block& block) noexcept override {
         for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += deviation_ * random_.noise(block.first + n, k);
+            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += sd_ * random_.noise(block.first + n, k);
     }
 
 private:
     Stream random_;
     std::size_t channels_;
-    double deviation_;
+    double sd_;
 };
 
 Bound bound(const Setting& s) {
     Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMostNoise * deviation(s);
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMaxNoise * sd(s);
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
 }

@@ -40,7 +40,7 @@ private:
 
 // The difference grows with the load. A pulled pad gets softer: d strain / dq = 1 / (x (x^2 - q)), at most 3.
 Bound bound(const Setting& s) {
-    const double z = most(s, kFz), per_N = strain_per_N(s.sensor);
+    const double z = max(s, kFz), per_N = strain_per_N(s.sensor);
     if (z == 0) return {};
     if (per_N == 0) {
         const std::array<double, kAxes> change{0, 0, z - plate(z, s.p[0]), 0, 0};

@@ -42,18 +42,18 @@ public:
 private:
     std::size_t channels_;
     double size_m_;
-    std::array<Lever, kMostChannels> lever_{};
+    std::array<Lever, kMaxSensorChannels> lever_{};
 };
 
 Bound bound(const Setting& s) {
     const double x = std::min(s.extent.x_m, half_size_m(s.sensor)), y = std::min(s.extent.y_m, half_size_m(s.sensor));
-    std::array<double, kMostChannels> per_N{};
+    std::array<double, kMaxSensorChannels> per_N{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         per_N[k] = std::abs(lever(s.sensor, k).x) * x + std::abs(lever(s.sensor, k).y) * y;
-    const double most_N = s.sensor.largest_N(per_N);
-    const double change_N = most_N * most(s, kFz);
+    const double max_N = s.sensor.largest_N(per_N);
+    const double change_N = max_N * max(s, kFz);
     return {.change_N = change_N,
-            .gain = 1 + most_N * load_of_error(s.sensor, kFz),
+            .gain = 1 + max_N * load_of_error(s.sensor, kFz),
             .own_N = s.extent.moved_m > 0 ? change_N : 0};
 }
 

@@ -10,11 +10,11 @@ namespace {
 // Gilbert and Elliott: good frames arrive, bad ones do not; a burst ends after `most` frames at the latest.
 class Link {
 public:
-    explicit Link(const Setting& s) : random_(s.random), begins_(s.p[0]), ends_(s.p[1]), most_(std::uint32_t(s.p[2])) {}
+    explicit Link(const Setting& s) : random_(s.random), begins_(s.p[0]), ends_(s.p[1]), max_(std::uint32_t(s.p[2])) {}
     // Does this one arrive?
     bool arrives(std::uint64_t frame) noexcept {
         const double u = random_.uniform(frame);
-        if (burst_ == 0 ? u < begins_ : u >= ends_ && burst_ < most_)
+        if (burst_ == 0 ? u < begins_ : u >= ends_ && burst_ < max_)
             ++burst_;
         else
             burst_ = 0;
@@ -25,7 +25,7 @@ public:
 private:
     Stream random_;
     double begins_, ends_;
-    std::uint32_t most_, burst_ = 0;
+    std::uint32_t max_, burst_ = 0;
 };
 
 // A sensor that delivers each so-manyeth sample has a frame there.

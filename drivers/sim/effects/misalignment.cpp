@@ -40,21 +40,21 @@ private:
 };
 
 // |R - 1| times the largest of each component.
-std::array<double, kAxes> change(const Setting& s, const std::array<double, kAxes>& most) {
+std::array<double, kAxes> change(const Setting& s, const std::array<double, kAxes>& max) {
     const Rotation r = rotation(s);
     std::array<double, kAxes> result{};
     for (std::size_t row = 0; row < 3; ++row)
         for (std::size_t column = 0; column < 3; ++column) {
             const double part = std::abs(r[row][column] - (row == column ? 1 : 0));
-            result[row] += part * most[column];
-            if (row < 2 && column < 2) result[kMx + row] += part * most[kMx + column];
+            result[row] += part * max[column];
+            if (row < 2 && column < 2) result[kMx + row] += part * max[kMx + column];
         }
     return result;
 }
 
 Bound bound(const Setting& s) {
-    const std::array<double, kAxes> error = felt(s.sensor);
-    const std::array<double, kAxes> turned = change(s, s.extent.most);
+    const std::array<double, kAxes> error = observed(s.sensor);
+    const std::array<double, kAxes> turned = change(s, s.extent.max);
     const Rotation r = rotation(s);
     double across = 0;
     for (std::size_t row = 0; row < 3; ++row)

@@ -26,11 +26,11 @@ public:
 
 private:
     std::size_t channels_;
-    std::array<double, kMostChannels> offset_{};
+    std::array<double, kMaxSensorChannels> offset_{};
 };
 
 Bound bound(const Setting& s) {
-    std::array<double, kMostChannels> change{};
+    std::array<double, kMaxSensorChannels> change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = offset(s, k);
     return {.change_N = s.sensor.largest_N(change)};
 }

@@ -9,7 +9,7 @@ namespace {
 
 // One standard deviation in the channel's unit. Cao et al. state 5.14e-6 for the hairs; load cells behind an HX711 show
 // 0.025 to 0.043 % of full scale.
-double deviation(const Setting& s, std::size_t channel) {
+double sd(const Setting& s, std::size_t channel) {
     if (!std::isnan(s.p[0])) return s.p[0] * s.sensor.per_N[channel];
     if (s.sensor.model == Model::hair) return 5.14e-6;
     return 3e-4 * s.sensor.full_scale_N * s.sensor.per_N[channel];
@@ -18,23 +18,22 @@ double deviation(const Setting& s, std::size_t channel) {
 class Noise final : public Effect {
 public:
     explicit Noise(const Setting& s) : random_(s.random), channels_(s.sensor.n()) {
-        for (std::size_t k = 0; k < channels_; ++k) deviation_[k] = deviation(s, k);
+        for (std::size_t k = 0; k < channels_; ++k) sd_[k] = sd(s, k);
     }
     void apply(Block& block) noexcept override {
         for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[k][n] += deviation_[k] * random_.noise(block.first + n, k);
+            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += sd_[k] * random_.noise(block.first + n, k);
     }
 
 private:
     Stream random_;
     std::size_t channels_;
-    std::array<double, kMostChannels> deviation_{};
+    std::array<double, kMaxSensorChannels> sd_{};
 };
 
 Bound bound(const Setting& s) {
-    std::array<double, kMostChannels> change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMostNoise * deviation(s, k);
+    std::array<double, kMaxSensorChannels> change{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMaxNoise * sd(s, k);
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
 }

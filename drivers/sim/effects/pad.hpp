@@ -20,19 +20,19 @@
 namespace tactiled::sim {
 
 struct Pad {
-    static constexpr std::size_t kMost = 5;
-    static constexpr double kMostStrain = 0.8;  // nearer than a fifth of the gap the pad does not let it come
-    static constexpr double kMostShift = 0.9;   // of the disc's radius
+    static constexpr std::size_t kMax = 5;
+    static constexpr double kMaxStrain = 0.8;  // nearer than a fifth of the gap the pad does not let it come
+    static constexpr double kMaxShift = 0.9;   // of the disc's radius
 
     struct Electrode {
         double inner_m, outer_m, centre_rad, opening_rad;
     };
 
     std::size_t n = 0;
-    std::array<std::size_t, kMost> channel{};
-    std::array<double, kMost> active_pF{}, rest_pF{};  // the part that the gap changes, and what is left of the zero
-    std::array<Electrode, kMost> electrode{};
-    std::array<double, kMost> x_m{}, y_m{}, radius_m{};  // its centroid; radius of a disc of the same area
+    std::array<std::size_t, kMax> channel{};
+    std::array<double, kMax> active_pF{}, rest_pF{};  // the part that the gap changes, and what is left of the zero
+    std::array<Electrode, kMax> electrode{};
+    std::array<double, kMax> x_m{}, y_m{}, radius_m{};  // its centroid; radius of a disc of the same area
     double disc_m, gap_m, strain_per_N, shift_per_N_m;
     double tilt_rad_per_Nm;
 
@@ -43,8 +43,8 @@ struct Pad {
           shift_per_N_m(sensor.capacitive.shift_per_N_m) {
         const CapacitiveSample& c = sensor.capacitive;
         constexpr std::array angle{0.0, 1.0, 0.5, -0.5};  // C1 +x, C2 -x, C3 +y, C4 -y; of pi
-        for (std::size_t i = 0; i < kMost; ++i) {
-            constexpr std::array<const char*, kMost> name{"C1", "C2", "C3", "C4", "Cn"};
+        for (std::size_t i = 0; i < kMax; ++i) {
+            constexpr std::array<const char*, kMax> name{"C1", "C2", "C3", "C4", "Cn"};
             const std::size_t k = sensor.find(name[i]);
             if (k >= sensor.n()) continue;
             const bool sector = i < 4;
@@ -72,7 +72,7 @@ struct Pad {
     // > 0 under a press
     [[nodiscard]] double strain(double fz_N) const noexcept { return -strain_per_N * fz_N; }
     // gap at rest / gap
-    [[nodiscard]] static double closeness(double strain) noexcept { return 1 / (1 - std::min(strain, kMostStrain)); }
+    [[nodiscard]] static double closeness(double strain) noexcept { return 1 / (1 - std::min(strain, kMaxStrain)); }
     // Strain of electrode i by the tilt that 1 N of press at (x, y) makes, 1/N; largest over the signs of x and y where they
     // are its bounds.
     [[nodiscard]] double tilt_strain(std::size_t i, double x, double y) const noexcept {
@@ -82,7 +82,7 @@ struct Pad {
     // moving edge within the sector, which is that of the sector where the edge is farthest out and what the edge leans by.
     [[nodiscard]] double largest_overlap(std::size_t i, double shift) const noexcept {
         const Electrode& e = electrode[i];
-        const double s = std::min(shift, kMostShift * disc_m), rest = area_at_rest(e);
+        const double s = std::min(shift, kMaxShift * disc_m), rest = area_at_rest(e);
         if (!(rest > 0) || disc_m - s >= e.outer_m) return 0;
         const double out = std::min(disc_m + s, e.outer_m);
         const double width = e.opening_rad < std::numbers::pi ? 2 * out * std::sin(e.opening_rad / 2) + 2 * s : 2 * out;
@@ -105,7 +105,7 @@ struct Pad {
     static double area_change(const Electrode& e, double R, double dx, double dy) noexcept {
         double delta = std::hypot(dx, dy);
         if (!(delta > 0)) return 0;
-        delta = std::min(delta, kMostShift * R);
+        delta = std::min(delta, kMaxShift * R);
         const double centre = std::remainder(e.centre_rad - std::atan2(dy, dx), 2 * std::numbers::pi);
         const double from = centre - e.opening_rad / 2, to = centre + e.opening_rad / 2;
         std::array<double, 14> cut;

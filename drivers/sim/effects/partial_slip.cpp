@@ -46,13 +46,13 @@ private:
 // 1 - (1 - t)^(2/3) <= t, so displacement <= compliance * shear / a; times the press it grows with both.
 Bound bound(const Setting& s) {
     if (s.body.shape != Body::Shape::sphere || s.body.radius_m <= 0 || s.body.friction <= 0) return {};
-    const double press = s.extent.most[kFz];
+    const double press = s.extent.max[kFz];
     const double a = hertz_radius_m(press, s.body.radius_m, contact_modulus_Pa(skin(s.sensor), s.body));
     if (a <= 0) return {};
     std::array<double, kAxes> change{};
     const double limit = s.body.friction * press, per_shear = compliance(s) / a * press;
-    change[kMx] = per_shear * std::min(s.extent.most[kFy], limit);
-    change[kMy] = per_shear * std::min(s.extent.most[kFx], limit);
+    change[kMx] = per_shear * std::min(s.extent.max[kFy], limit);
+    change[kMy] = per_shear * std::min(s.extent.max[kFx], limit);
     const double change_N = s.sensor.channel_N(change);
     return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N, .load = change};
 }

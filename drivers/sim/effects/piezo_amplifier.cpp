@@ -14,22 +14,22 @@ public:
     explicit PiezoAmplifier(const Setting& s)
         : channel_(s.sensor.find("Vp")),
           keep_(keep(s)),
-          rail_V_(s.p[1]),
+          saturation_V_(s.p[1]),
           zero_V_(channel_ < s.sensor.n() ? s.sensor.zero[channel_] : 0) {}
     void apply(Block& block) noexcept override {
-        if (channel_ >= kMostChannels) return;
+        if (channel_ >= kMaxSensorChannels) return;
         for (std::size_t n = 0; n < block.n; ++n) {
             double& v = block.channel[channel_][n];
             if (!started_) state_V_ = v;
             started_ = true;
             state_V_ += (1 - keep_) * (v - state_V_);
-            v = std::clamp(state_V_, zero_V_ - rail_V_, zero_V_ + rail_V_);
+            v = std::clamp(state_V_, zero_V_ - saturation_V_, zero_V_ + saturation_V_);
         }
     }
 
 private:
     std::size_t channel_;
-    double keep_, rail_V_, zero_V_;
+    double keep_, saturation_V_, zero_V_;
     double state_V_ = 0;
     bool started_ = false;
 };

@@ -37,9 +37,9 @@ Bound bound(const Setting& s) {
     const std::size_t film = s.sensor.find("Vp");
     if (film >= s.sensor.n()) return {};
     const double leaks = -std::expm1(-double(s.samples) / s.rate_Hz / s.p[0]);  // the scene may go on after its motions
-    std::array<double, kMostChannels> change{};
+    std::array<double, kMaxSensorChannels> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis)
-        change[film] += std::abs(s.sensor.gain[film][axis]) * most(s, Axis(axis)) * leaks;
+        change[film] += std::abs(s.sensor.gain[film][axis]) * max(s, Axis(axis)) * leaks;
     return {.change_N = s.sensor.largest_N(change), .gain = 1 + leaks};
 }
 

@@ -52,14 +52,14 @@ Bound bound(const Setting& s) {
     if (s.sensor.find("Vp") >= s.sensor.n()) return {};
     const double through_s = diffusion_s(s.sensor), leak_s = s.p[2], length_s = (double(s.samples) + 1) / s.rate_Hz;
     const double kept_s = leak_s * -std::expm1(-length_s / leak_s), N_per_K = per_K(s);
-    // Of a film that follows an outside within +- most_K for the scene's length.
-    const auto N_of = [&](double most_K, double rate_K_s) {
-        const double reached_K = most_K * -std::expm1(-length_s / through_s);
-        return N_per_K * std::min(2 * reached_K, std::min((most_K + reached_K) / through_s, rate_K_s) * kept_s);
+    // Of a film that follows an outside within +- max_K for the scene's length.
+    const auto N_of = [&](double max_K, double rate_K_s) {
+        const double reached_K = max_K * -std::expm1(-length_s / through_s);
+        return N_per_K * std::min(2 * reached_K, std::min((max_K + reached_K) / through_s, rate_K_s) * kept_s);
     };
     const double any = std::numeric_limits<double>::infinity();
     const double body_K = s.p[1] * s.extent.body_K, scale_N = touch_scale_N(s.sensor);
-    const double change_N = N_of(s.extent.ambient_K, any) + N_of(body_K * touch(most(s, kFz), scale_N), any);
+    const double change_N = N_of(s.extent.ambient_K, any) + N_of(body_K * touch(max(s, kFz), scale_N), any);
     return {.change_N = change_N, .gain = 1 + N_of(body_K / scale_N * load_of_error(s.sensor, kFz), any), .own_N = change_N};
 }
 

@@ -11,7 +11,7 @@
 namespace tactiled::sim {
 
 // The largest load that an effect may meet, its largest less its least, and its change within some seconds.
-inline double most(const Setting& s, Axis axis) { return s.extent.most[axis]; }
+inline double max(const Setting& s, Axis axis) { return s.extent.max[axis]; }
 inline double span(const Setting& s, Axis axis) { return s.extent.span[axis]; }
 inline double change(const Setting& s, Axis axis, double seconds) { return s.extent.change(axis, seconds); }
 // How far a component of the load may come back.
@@ -29,10 +29,10 @@ inline double half_size_m(const Sensor& sensor) {
 // An error of 1 N in the channels (Sensor::channel_N) that the load of one axis makes is at most so many N of that axis:
 // what an effect that looks at the load itself must expect of an error before it. N/N
 inline double load_of_error(const Sensor& sensor, Axis axis) {
-    double least = std::numeric_limits<double>::infinity();
+    double min = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < sensor.n(); ++k)
-        if (sensor.gain[k][axis] != 0) least = std::min(least, sensor.per_N[k] / std::abs(sensor.gain[k][axis]));
-    return std::isfinite(least) ? least : 0;
+        if (sensor.gain[k][axis] != 0) min = std::min(min, sensor.per_N[k] / std::abs(sensor.gain[k][axis]));
+    return std::isfinite(min) ? min : 0;
 }
 
 // Stress of a round skin under an eccentric load is F/A (1 + 4 x x0 / R^2): how much more of the press hair k (at 0, 90,
@@ -40,11 +40,11 @@ inline double load_of_error(const Sensor& sensor, Axis axis) {
 inline double lever_1_m(const HairSample& hair) { return 4 * hair.root_distance_m * std::numbers::pi / hair.area_m2; }
 
 // |channel - zero| is at most that; channel's unit.
-inline std::array<double, kMostChannels> largest_swing(const Setting& s) {
-    std::array<double, kMostChannels> swing{};
+inline std::array<double, kMaxSensorChannels> largest_swing(const Setting& s) {
+    std::array<double, kMaxSensorChannels> swing{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {
-        for (std::size_t axis = 0; axis < kAxes; ++axis) swing[k] += std::abs(s.sensor.gain[k][axis]) * most(s, Axis(axis));
-        swing[k] += s.before.most_N * s.sensor.per_N[k];
+        for (std::size_t axis = 0; axis < kAxes; ++axis) swing[k] += std::abs(s.sensor.gain[k][axis]) * max(s, Axis(axis));
+        swing[k] += s.before.max_N * s.sensor.per_N[k];
     }
     return swing;
 }

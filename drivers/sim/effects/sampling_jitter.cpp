@@ -8,19 +8,19 @@ namespace {
 
 class SamplingJitter final : public Effect {
 public:
-    explicit SamplingJitter(const Setting& s) : random_(s.random), deviation_s_(s.p[0]), most_s_(0.49 / s.rate_Hz) {}
+    explicit SamplingJitter(const Setting& s) : random_(s.random), sd_s_(s.p[0]), max_s_(0.49 / s.rate_Hz) {}
     void apply(Block& block) noexcept override {
         for (std::size_t n = 0; n < block.n; ++n)
-            block.t_s[n] += std::clamp(deviation_s_ * random_.noise(block.first + n), -most_s_, most_s_);
+            block.t_s[n] += std::clamp(sd_s_ * random_.noise(block.first + n), -max_s_, max_s_);
     }
 
 private:
     Stream random_;
-    double deviation_s_, most_s_;  // two samples never change places
+    double sd_s_, max_s_;  // two samples never change places
 };
 
 Bound bound(const Setting& s) {
-    const double late_s = std::min(kMostNoise * s.p[0], 0.49 / s.rate_Hz);
+    const double late_s = std::min(kMaxNoise * s.p[0], 0.49 / s.rate_Hz);
     return {.change_N = shift_N(s, late_s), .slack_s = 2 * late_s};  // one early, the other late
 }
 

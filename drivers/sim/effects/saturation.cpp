@@ -12,19 +12,19 @@ public:
     explicit Saturation(const Setting& s) : channels_(s.sensor.n()) {
         for (std::size_t k = 0; k < channels_; ++k) {
             const double rail = s.p[0] * half_range(s.sensor, k);
-            least_[k] = s.sensor.zero[k] - rail;
-            most_[k] = s.sensor.zero[k] + rail;
+            min_[k] = s.sensor.zero[k] - rail;
+            max_[k] = s.sensor.zero[k] + rail;
         }
     }
     void apply(Block& block) noexcept override {
         for (std::size_t k = 0; k < channels_; ++k)
             for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[k][n] = std::clamp(block.channel[k][n], least_[k], most_[k]);
+                block.channel[k][n] = std::clamp(block.channel[k][n], min_[k], max_[k]);
     }
 
 private:
     std::size_t channels_;
-    Channels least_{}, most_{};
+    Channels min_{}, max_{};
 };
 
 // What goes beyond; 0 where the load cannot reach a rail.

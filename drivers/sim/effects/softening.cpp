@@ -28,7 +28,7 @@ private:
 Bound bound(const Setting& s) {
     std::array<double, kAxes> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis)
-        change[axis] = s.p[0] * std::min(most(s, Axis(axis)) / 4, comes_back(s, Axis(axis)));
+        change[axis] = s.p[0] * std::min(max(s, Axis(axis)) / 4, comes_back(s, Axis(axis)));
     const double gain = 1 + 2 * s.p[0];
     return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }

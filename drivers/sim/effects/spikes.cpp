@@ -63,19 +63,19 @@ private:
 // The largest that the scene really meets; beyond 10,000 spikes the largest that there can be.
 Bound bound(const Setting& s) {
     Train train(s);
-    double most = 0, last = 0;
+    double max = 0, last = 0;
     for (int i = 0; train.next_sample() < double(s.samples); ++i) {
         if (i == 10000) {
-            most = 1;
+            max = 1;
             break;
         }
         const double sample = i == 0 ? train.next_sample() : std::max(train.next_sample(), last + 1);
         train.rest(sample - last - 1);
-        most = std::max(most, std::abs(train.at(std::uint64_t(sample))));
+        max = std::max(max, std::abs(train.at(std::uint64_t(sample))));
         last = sample;
     }
     Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = most * 1.000001 * amplitude_N(s) * s.sensor.per_N[k];
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = max * 1.000001 * amplitude_N(s) * s.sensor.per_N[k];
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
 }

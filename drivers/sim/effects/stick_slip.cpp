@@ -50,9 +50,9 @@ Bound bound(const Setting& s) {
     if (s.extent.speed_m_s <= 0 || drop <= 0) return {};
     std::array<double, kAxes> change{};
     for (const Axis axis : {kFx, kFy}) {
-        change[axis] = drop * s.extent.most[kFz];
+        change[axis] = drop * s.extent.max[kFz];
         if (s.body.kinetic_friction > 0)
-            change[axis] = std::min(change[axis], s.extent.most[axis] * drop / s.body.kinetic_friction);
+            change[axis] = std::min(change[axis], s.extent.max[axis] * drop / s.body.kinetic_friction);
     }
     const double change_N = s.sensor.channel_N(change);
     // Another press: another place in the period.

@@ -9,25 +9,24 @@ namespace {
 
 class StrayCapacitance final : public Effect {
 public:
-    explicit StrayCapacitance(const Setting& s)
-        : pad_(s.sensor), deviation_pF_(s.p[0]), noise_(s.random, s.rate_Hz, s.p[1]) {}
+    explicit StrayCapacitance(const Setting& s) : pad_(s.sensor), sd_pF_(s.p[0]), noise_(s.random, s.rate_Hz, s.p[1]) {}
     void apply(Block& block) noexcept override {
         for (std::size_t i = 0; i < pad_.n; ++i)
             for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[pad_.channel[i]][n] += deviation_pF_ * noise_.at(block.first + n, i);
+                block.channel[pad_.channel[i]][n] += sd_pF_ * noise_.at(block.first + n, i);
     }
 
 private:
     Pad pad_;
-    double deviation_pF_;
+    double sd_pF_;
     BandNoise noise_;
 };
 
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
     const BandNoise noise(s.random, s.rate_Hz, s.p[1]);
-    std::array<double, kMostChannels> change{};
-    for (std::size_t i = 0; i < pad.n; ++i) change[pad.channel[i]] = s.p[0] * noise.most(s.samples, i);
+    std::array<double, kMaxSensorChannels> change{};
+    for (std::size_t i = 0; i < pad.n; ++i) change[pad.channel[i]] = s.p[0] * noise.max(s.samples, i);
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
 }

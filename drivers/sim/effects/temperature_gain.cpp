@@ -23,12 +23,12 @@ public:
 private:
     double per_K_;
     std::size_t channels_;
-    std::array<double, kMostChannels> zero_;
+    std::array<double, kMaxSensorChannels> zero_;
 };
 
 Bound bound(const Setting& s) {
     const double part = std::abs(per_K(s)) * s.extent.ambient_K;
-    std::array<double, kMostChannels> change = largest_swing(s);
+    std::array<double, kMaxSensorChannels> change = largest_swing(s);
     for (double& c : change) c *= part;
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .gain = 1 + part, .own_N = change_N};

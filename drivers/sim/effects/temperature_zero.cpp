@@ -19,11 +19,11 @@ public:
 
 private:
     std::size_t channels_;
-    std::array<double, kMostChannels> per_K_{};
+    std::array<double, kMaxSensorChannels> per_K_{};
 };
 
 Bound bound(const Setting& s) {
-    std::array<double, kMostChannels> change{};
+    std::array<double, kMaxSensorChannels> change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = drift_per_K(s, s.p[0], s.p[1], k) * s.extent.ambient_K;
     const double change_N = s.sensor.largest_N(change);
     const double rate_N_s = s.extent.ambient_K > 0 ? change_N / s.extent.ambient_K * s.extent.ambient_rate_K_s : 0;

@@ -47,12 +47,12 @@ private:
 
 // An error before it changes min(A, press) and min(mu A, shear) by no more than itself.
 Bound bound(const Setting& s) {
-    const double amplitude = std::min(amplitude_N(s), s.extent.most[kFz]);
+    const double amplitude = std::min(amplitude_N(s), s.extent.max[kFz]);
     if (amplitude <= 0 || s.extent.speed_m_s <= 0) return {};
     const double shear = s.body.kinetic_friction * amplitude;
-    std::array<double, kAxes> change{std::min(shear, s.extent.most[kFx]), std::min(shear, s.extent.most[kFy]), amplitude,
+    std::array<double, kAxes> change{std::min(shear, s.extent.max[kFx]), std::min(shear, s.extent.max[kFy]), amplitude,
                                      s.extent.y_m * amplitude, s.extent.x_m * amplitude};
-    const std::array<double, kAxes> error = felt(s.sensor);
+    const std::array<double, kAxes> error = observed(s.sensor);
     const double shear_error = 2 * std::hypot(error[kFx], error[kFy]) + s.body.kinetic_friction * error[kFz];
     const std::array<double, kAxes> more{shear_error, shear_error, error[kFz], s.extent.y_m * error[kFz],
                                          s.extent.x_m * error[kFz]};

@@ -7,10 +7,10 @@
 namespace tactiled::sim {
 namespace {
 
-constexpr double kMostTilt = 0.95;  // of the tilt at which the rim touches
+constexpr double kMaxTilt = 0.95;  // of the tilt at which the rim touches
 
 // Of a disc, k = radius * tilt / gap: 2 (1 - (1 - k^2)^(1/2)) / k^2 without its cancellation.
-double factor(double k) { return 2 / (1 + std::sqrt(1 - std::min(k, kMostTilt) * std::min(k, kMostTilt))); }
+double factor(double k) { return 2 / (1 + std::sqrt(1 - std::min(k, kMaxTilt) * std::min(k, kMaxTilt))); }
 
 // The upper electrode stands askew by some angle from the start, towards +x, and tilts further under an eccentric press.
 class Tilt final : public Effect {
@@ -36,31 +36,31 @@ public:
 private:
     Pad pad_;
     double mounted_rad_;
-    std::array<double, Pad::kMost> at_rest_{};
+    std::array<double, Pad::kMax> at_rest_{};
 };
 
 // The factor lies between that of the least angle at the largest gap and that of the largest angle at the least gap.
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
-    const double N = most(s, kFz), mounted = s.p[0];
+    const double N = max(s, kFz), mounted = s.p[0];
     const double reach = std::hypot(std::min(s.extent.x_m, pad.disc_m), std::min(s.extent.y_m, pad.disc_m));
     const double turn = pad.tilt_rad_per_Nm * N * reach, c = Pad::closeness(pad.strain_per_N * N);
     const auto swing = largest_swing(s);
-    std::array<double, kMostChannels> change{};
+    std::array<double, kMaxSensorChannels> change{};
     double gain = 1;
     for (std::size_t i = 0; i < pad.n; ++i) {
         const std::size_t k = pad.channel[i];
         const double per_rad = pad.radius_m[i] / pad.gap_m, rest = factor(per_rad * mounted);
-        const double steepest = std::min(per_rad * (mounted + turn) * c, kMostTilt),
+        const double steepest = std::min(per_rad * (mounted + turn) * c, kMaxTilt),
                      root = std::sqrt(1 - steepest * steepest);
-        const double most_factor = factor(steepest) / rest;
-        const double least_factor =
+        const double max_factor = factor(steepest) / rest;
+        const double min_factor =
             factor(per_rad * std::max(0.0, mounted - turn) * Pad::closeness(-pad.strain_per_N * N)) / rest;
         const double active = pad.active_pF[i] + swing[k];
-        change[k] = active * std::max(most_factor - 1, 1 - least_factor);
+        change[k] = active * std::max(max_factor - 1, 1 - min_factor);
         const double by_k = 2 * steepest / (root * (1 + root) * (1 + root)) / rest;
         const double k_by_N = per_rad * c * (pad.tilt_rad_per_Nm * reach + (mounted + turn) * pad.strain_per_N * c);
-        gain = std::max(gain, most_factor + active * by_k * k_by_N * load_of_error(s.sensor, kFz) / s.sensor.per_N[k]);
+        gain = std::max(gain, max_factor + active * by_k * k_by_N * load_of_error(s.sensor, kFz) / s.sensor.per_N[k]);
     }
     return {.change_N = s.sensor.largest_N(change), .gain = gain};
 }

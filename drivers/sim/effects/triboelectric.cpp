@@ -17,7 +17,7 @@ public:
     explicit Triboelectric(const Setting& s)
         : film_(s.sensor.find("Vp")),
           has_film_(film_ < s.sensor.n()),
-          deviation_V_(has_film_ ? s.p[0] * s.sensor.per_N[film_] : 0),
+          sd_V_(has_film_ ? s.p[0] * s.sensor.per_N[film_] : 0),
           scale_N_(scale_N(s.sensor)),
           approach_(-std::expm1(-1 / (s.rate_Hz * kMemory_s))),
           noise_(s.random, s.rate_Hz, s.p[1]) {}
@@ -29,14 +29,14 @@ public:
                 moved += std::abs(block.drive[axis][n] - slow_[axis]);
                 slow_[axis] += approach_ * (block.drive[axis][n] - slow_[axis]);
             }
-            block.channel[film_][n] += deviation_V_ * std::min(moved / scale_N_, 1.0) * noise_.at(block.first + n, 0);
+            block.channel[film_][n] += sd_V_ * std::min(moved / scale_N_, 1.0) * noise_.at(block.first + n, 0);
         }
     }
 
 private:
     std::size_t film_;
     bool has_film_;
-    double deviation_V_, scale_N_, approach_;
+    double sd_V_, scale_N_, approach_;
     BandNoise noise_;
     std::array<double, 3> slow_{};
 };
@@ -50,9 +50,9 @@ Bound bound(const Setting& s) {
             moved += (std::exp(-i) - std::exp(-i - 1)) * change(s, axis, (i + 1) * kMemory_s + 1 / s.rate_Hz);
         by_error += 2 * load_of_error(s.sensor, axis);
     }
-    const double most_N = s.p[0] * BandNoise(s.random, s.rate_Hz, s.p[1]).most(s.samples, 0);
-    const double change_N = most_N * std::min(moved / scale_N(s.sensor), 1.0);
-    return {.change_N = change_N, .gain = 1 + most_N * by_error / scale_N(s.sensor), .own_N = change_N};
+    const double max_N = s.p[0] * BandNoise(s.random, s.rate_Hz, s.p[1]).max(s.samples, 0);
+    const double change_N = max_N * std::min(moved / scale_N(s.sensor), 1.0);
+    return {.change_N = change_N, .gain = 1 + max_N * by_error / scale_N(s.sensor), .own_N = change_N};
 }
 
 }  // namespace

@@ -30,15 +30,15 @@ public:
     }
 
     // |at| up to that sample: the first eight levels as they are, of the others what they can add.
-    [[nodiscard]] double most(std::uint64_t samples, std::size_t channel) const {
+    [[nodiscard]] double max(std::uint64_t samples, std::size_t channel) const {
         const unsigned looked_at = std::min(levels_, 8u);
         const std::uint64_t step = 1ull << (levels_ - looked_at);
-        double most = 0;
+        double max = 0;
         for (std::uint64_t i = 0; i < samples / kEvery + 1 + step && i <= 1ull << levels_; i += step)
-            most = std::max(most, std::abs(at(i, channel, looked_at)));
+            max = std::max(max, std::abs(at(i, channel, looked_at)));
         double beyond = 0;
         for (unsigned level = looked_at; level < levels_; ++level) beyond += std::exp2(-0.5 * level - 1);
-        return most + scale_ * kMostNoise * beyond;
+        return max + scale_ * kMaxNoise * beyond;
     }
     [[nodiscard]] double at(std::uint64_t i, std::size_t channel) const noexcept { return at(i, channel, levels_); }
 
@@ -68,15 +68,15 @@ public:
 private:
     Walk walk_;
     std::size_t channels_;
-    std::array<double, kMostChannels> per_N_, from_{}, to_{};
+    std::array<double, kMaxSensorChannels> per_N_, from_{}, to_{};
     std::uint64_t at_ = ~0ull - 1;
 };
 
 Bound bound(const Setting& s) {
     const Walk walk(s);
-    double most = 0;
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) most = std::max(most, walk.most(s.samples, k));
-    return {.change_N = most, .own_N = most};
+    double max = 0;
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) max = std::max(max, walk.max(s.samples, k));
+    return {.change_N = max, .own_N = max};
 }
 
 }  // namespace

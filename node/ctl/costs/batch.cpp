@@ -14,7 +14,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr std::size_t kGauges = 8, kMostTaxels = 16, kBatches[] = {1, 2, 4, 8, 16};
+constexpr std::size_t kGauges = 8, kMaxTaxels = 16, kBatches[] = {1, 2, 4, 8, 16};
 
 // As deliver() has them: a frame for each taxel, each to its sensor.
 Contender taxels_of(const Calibration& calibration, std::size_t n, const std::vector<double>& reading) {
@@ -44,14 +44,14 @@ Contender taxels_of(const Calibration& calibration, std::size_t n, const std::ve
 // Three forces of eight gauges. Readings and forces gauge by gauge, the taxels side by side.
 struct Skin {
     std::array<std::array<double, kGauges>, 3> matrix;
-    std::array<std::array<double, kMostTaxels>, kGauges> r;
-    std::array<std::array<double, kMostTaxels>, 3> force{};
+    std::array<std::array<double, kMaxTaxels>, kGauges> r;
+    std::array<std::array<double, kMaxTaxels>, 3> force{};
 
     Skin() {
         for (std::size_t c = 0; c < 3; ++c)
             for (std::size_t k = 0; k < kGauges; ++k) matrix[c][k] = std::sin(double(3 * k + c));
         for (std::size_t k = 0; k < kGauges; ++k)
-            for (std::size_t i = 0; i < kMostTaxels; ++i) r[k][i] = std::cos(double(5 * i + k));
+            for (std::size_t i = 0; i < kMaxTaxels; ++i) r[k][i] = std::cos(double(5 * i + k));
     }
     // Up to four taxels in step, which is what twelve sums leave registers for; their number is known when it is compiled.
     template <std::size_t n>
@@ -102,7 +102,7 @@ Cost measure(const CostSetup& setup) {
     };
     [&]<std::size_t... i>(std::index_sequence<i...>) { (add(std::integral_constant<std::size_t, kBatches[i]>{}), ...); }
     (std::make_index_sequence<std::size(kBatches)>{});
-    const auto ns = ns_by_turns(contenders, setup.samples_or(10'000));
+    const auto ns = ns_alternating(contenders, setup.samples_or(10'000));
     Cost cost;
     cost.columns = {"taxels", "linear_ns", "map_ns", "matrix_one_by_one_ns", "matrix_together_ns"};
     std::vector<Figure::Series> series{{"sensor, table/map", Symbol::triangle, Stroke::solid, {}, "#1b1f24"},

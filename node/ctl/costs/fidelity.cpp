@@ -18,7 +18,7 @@ Cost measure(const CostSetup& setup) {
     Figure::Series none{"none", Symbol::ring, Stroke::none, {}, ""}, chosen{"auto", Symbol::circle, Stroke::none, {}, ""},
         all{"all: the measure of the others", Symbol::square, Stroke::none, {}, ""},
         wanted{"wanted accuracy", Symbol::none, Stroke::dashed, {}, "#1b1f24"};
-    double worst_none = 0, worst_auto = 0, least_share = std::numeric_limits<double>::infinity(), most_share = 0,
+    double worst_none = 0, worst_auto = 0, min_share = std::numeric_limits<double>::infinity(), max_share = 0,
            fastest_ns = 1e300, slowest_ns = 0;
     for (const char* name : kScenes) {
         sim::Scene scene = sim::read_scene(fmt::format("{}/config/scenes/{}.toml", setup.folder, name));
@@ -38,8 +38,8 @@ Cost measure(const CostSetup& setup) {
         all.points.push_back({with_auto.all_ns, 0, name});
         worst_none = std::max(worst_none, none_error);
         worst_auto = std::max(worst_auto, auto_error);
-        least_share = std::min(least_share, share);
-        most_share = std::max(most_share, share);
+        min_share = std::min(min_share, share);
+        max_share = std::max(max_share, share);
         fastest_ns = std::min(fastest_ns, with_auto.none_ns);
         slowest_ns = std::max(slowest_ns, with_auto.all_ns);
     }
@@ -52,7 +52,7 @@ Cost measure(const CostSetup& setup) {
         "{}: over {} scenes it is off by at most {:.2f} of the wanted accuracy in {:.0f} to {:.0f} % "
         "of the time of all effects; none is off by up to {:.1f} times the wanted accuracy.",
         worst_auto <= 1 ? "Take effects auto" : "Take all effects, auto breaks its promise", std::size(kScenes), worst_auto,
-        100 * least_share, 100 * most_share, worst_none);
+        100 * min_share, 100 * max_share, worst_none);
     return cost;
 }
 

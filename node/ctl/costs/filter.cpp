@@ -11,7 +11,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kRate_Hz = 1000, kStep_s = 1 / kRate_Hz, kMostDelay_ms = 10;  // of a loop at 100 Hz: one turn
+constexpr double kRate_Hz = 1000, kStep_s = 1 / kRate_Hz, kMaxDelay_ms = 10;  // of a loop at 100 Hz: one turn
 constexpr std::uint64_t kStep_ns = 1'000'000;
 
 // sd out / sd in, all six components together.
@@ -71,7 +71,7 @@ Cost measure(const CostSetup& setup) {
     for (double cutoff_Hz = 0.8; cutoff_Hz < 250; cutoff_Hz *= 1.1)
         theory.points.push_back({theory_delay_ms(pole(cutoff_Hz)), 100 * theory_noise(pole(cutoff_Hz)), ""});
     for (const auto& row : cost.rows)
-        if (row.values[1] <= kMostDelay_ms && (best == nullptr || row.values[3] < best->values[3])) best = &row;
+        if (row.values[1] <= kMaxDelay_ms && (best == nullptr || row.values[3] < best->values[3])) best = &row;
     cost.figure = {"Low-pass: noise against delay, samples at 1 kHz",
                    {"group delay, ms", true},
                    {"white noise that is left, % of its sd", true},
@@ -80,7 +80,7 @@ Cost measure(const CostSetup& setup) {
     cost.advice = fmt::format(
         "For at most {:g} ms of delay choose filter_hz = {:g}: {:.0f} % of the noise is left, {:.1f} ms late; from "
         "{:g} down to {:g} Hz the noise falls {:.1f} times and the delay grows {:.1f} times.",
-        kMostDelay_ms, best->values[0], 100 * best->values[3], best->values[1], fast[0], slow[0], fast[3] / slow[3],
+        kMaxDelay_ms, best->values[0], 100 * best->values[3], best->values[1], fast[0], slow[0], fast[3] / slow[3],
         slow[1] / fast[1]);
     return cost;
 }

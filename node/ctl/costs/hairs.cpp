@@ -86,13 +86,13 @@ Cost measure(const CostSetup& setup) {
             return sum;
         };
     };
-    const auto ns = ns_by_turns({[&](std::size_t first, std::size_t last) {
-                                     double sum = 0;
-                                     for (std::size_t i = first; i < last; ++i) sum += reading_1[i % n] / per_normal_Pa;
-                                     return sum;
-                                 },
-                                 runs(decoupler_of(pair), reading_2, 2), runs(decoupler_of(four), reading_4, 4)},
-                                n);
+    const auto ns = ns_alternating({[&](std::size_t first, std::size_t last) {
+                                        double sum = 0;
+                                        for (std::size_t i = first; i < last; ++i) sum += reading_1[i % n] / per_normal_Pa;
+                                        return sum;
+                                    },
+                                    runs(decoupler_of(pair), reading_2, 2), runs(decoupler_of(four), reading_4, 4)},
+                                   n);
     Cost cost;
     cost.columns = {"hairs",    "normal_Pa",      "normal_ideal_Pa",  "normal_printed_Pa",
                     "shear_Pa", "shear_ideal_Pa", "shear_printed_Pa", "ns"};

@@ -26,8 +26,8 @@ PlateContact contact_at_row(const Calibration& calibration, std::size_t row, std
     std::mt19937_64 random(row * 1000 + seed);
     std::uniform_real_distribution<double> uniform(0, 1);
     const double press_N = 0.5 + 0.5 * uniform(random), shear_N = 0.5 * press_N * uniform(random),
-                 turn = 2 * std::numbers::pi * uniform(random);
-    PlateContact contact{cells[0], cells[1], {shear_N * std::cos(turn), shear_N * std::sin(turn), -press_N}, {}};
+                 cycle = 2 * std::numbers::pi * uniform(random);
+    PlateContact contact{cells[0], cells[1], {shear_N * std::cos(cycle), shear_N * std::sin(cycle), -press_N}, {}};
     const double gauge_factor = calibration.parameters.at("gauge_factor");
     for (std::size_t k = 0; k < 8; ++k) {
         double sum = 0;

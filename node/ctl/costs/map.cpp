@@ -11,8 +11,8 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kMost_m = 0.9e-3;  // from the middle: beyond lies the rim
-constexpr double kEnough = 0.1;     // of the force, of nine contacts in ten
+constexpr double kMax_m = 0.9e-3;  // from the middle: beyond lies the rim
+constexpr double kEnough = 0.1;    // of the force, of nine contacts in ten
 
 // The rows of a polar map: the centre and rings of equally many points.
 struct Polar {
@@ -24,19 +24,19 @@ struct Polar {
 Polar polar_of(const std::vector<std::vector<double>>& rows) {
     Polar polar;
     const auto radius = [&](std::size_t i) { return std::hypot(rows[i][0], rows[i][1]); };
-    const auto turn = [&](std::size_t i) {
+    const auto cycle = [&](std::size_t i) {
         const double t = std::atan2(rows[i][1], rows[i][0]);
         return t < -1e-9 ? t + 2 * std::numbers::pi : t;
     };
     for (std::size_t i = 0; i < rows.size(); ++i) polar.row.push_back(i);
-    double most_m = 0;
-    for (std::size_t i = 0; i < rows.size(); ++i) most_m = std::max(most_m, radius(i));
-    for (std::size_t i = 0; i < rows.size(); ++i) polar.angles += radius(i) > most_m * (1 - 1e-6) ? 1 : 0;
+    double max_m = 0;
+    for (std::size_t i = 0; i < rows.size(); ++i) max_m = std::max(max_m, radius(i));
+    for (std::size_t i = 0; i < rows.size(); ++i) polar.angles += radius(i) > max_m * (1 - 1e-6) ? 1 : 0;
     polar.rings = (rows.size() - 1) / polar.angles;
-    const double spacing_m = most_m / double(polar.rings);
+    const double spacing_m = max_m / double(polar.rings);
     const auto ring = [&](std::size_t i) { return std::lround(radius(i) / spacing_m); };
     std::sort(polar.row.begin(), polar.row.end(),
-              [&](std::size_t a, std::size_t b) { return ring(a) != ring(b) ? ring(a) < ring(b) : turn(a) < turn(b); });
+              [&](std::size_t a, std::size_t b) { return ring(a) != ring(b) ? ring(a) < ring(b) : cycle(a) < cycle(b); });
     return polar;
 }
 
@@ -86,7 +86,7 @@ Cost measure(const CostSetup& setup) {
         for (std::size_t angle = 1; angle < polar.angles; angle += 2)
             for (std::size_t seed = 0; seed < 3; ++seed) {
                 const auto contact = contact_at_row(whole, polar.at(ring, angle), seed);
-                if (std::hypot(contact.x_m, contact.y_m) < kMost_m) contacts.push_back(contact);
+                if (std::hypot(contact.x_m, contact.y_m) < kMax_m) contacts.push_back(contact);
             }
     if (setup.samples > 0 && setup.samples < contacts.size()) {  // evenly thinned
         std::vector<PlateContact> fewer;
@@ -117,7 +117,7 @@ Cost measure(const CostSetup& setup) {
             return sum;
         });
     }
-    const auto ns = ns_by_turns(resting, setup.samples_or(20'000));
+    const auto ns = ns_alternating(resting, setup.samples_or(20'000));
     Cost cost;
     cost.columns = {"map", "points", "force_error_median", "force_error_90", "point_median_um", "point_90_um", "ns"};
     Figure::Series median{"half of the contacts are better", Symbol::circle, Stroke::solid, {}, ""},
@@ -128,15 +128,15 @@ Cost measure(const CostSetup& setup) {
         // The whole map has all points that could be asked: nothing is left to judge it by.
         const bool judged = i > 0;
         const auto share = [&](const std::vector<double>& of, double part) { return judged ? quantile(of, part) : kNaN; };
-        const double half = share(errors[i].force, 0.5), most = share(errors[i].force, 0.9);
+        const double half = share(errors[i].force, 0.5), max = share(errors[i].force, 0.9);
         cost.rows.push_back(
             {fmt::format("{} points", points[i]),
-             {double(points[i]), half, most, share(errors[i].point_um, 0.5), share(errors[i].point_um, 0.9), ns[i]}});
+             {double(points[i]), half, max, share(errors[i].point_um, 0.5), share(errors[i].point_um, 0.9), ns[i]}});
         if (!judged) continue;
         median.points.push_back(
             {double(points[i]), 100 * half, fmt::format("{} points, {:.2f} us", points[i], ns[i] / 1000)});
-        ninety.points.push_back({double(points[i]), 100 * most, ""});
-        if (most <= kEnough) chosen = i;
+        ninety.points.push_back({double(points[i]), 100 * max, ""});
+        if (max <= kEnough) chosen = i;
     }
     enough.points = {{double(points.back()), 100 * kEnough, ""}, {double(points[1]), 100 * kEnough, ""}};
     cost.figure = {"Method map: error of the force against the map's density",

@@ -116,10 +116,10 @@ Cost measure(const CostSetup& setup) {
     using F = Kernels<float>;
     using D = Kernels<double>;
     using L = Kernels<long double>;
-    const auto ns = ns_by_turns({contender<float>(*single, &F::by_matrix), contender<double>(*twice, &D::by_matrix),
-                                 contender<float>(*single, &F::by_quadratic), contender<double>(*twice, &D::by_quadratic),
-                                 contender<float>(*single, &F::by_rbf), contender<double>(*twice, &D::by_rbf)},
-                                setup.samples_or(100'000));
+    const auto ns = ns_alternating({contender<float>(*single, &F::by_matrix), contender<double>(*twice, &D::by_matrix),
+                                    contender<float>(*single, &F::by_quadratic), contender<double>(*twice, &D::by_quadratic),
+                                    contender<float>(*single, &F::by_rbf), contender<double>(*twice, &D::by_rbf)},
+                                   setup.samples_or(100'000));
     const double errors[] = {error<float>(*single, &F::by_matrix, *exact, &L::by_matrix),
                              error<double>(*twice, &D::by_matrix, *exact, &L::by_matrix),
                              error<float>(*single, &F::by_quadratic, *exact, &L::by_quadratic),

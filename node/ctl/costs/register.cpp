@@ -42,7 +42,7 @@ Cost measure(const CostSetup& setup) {
     // Two steps a decade, forces between one and the next; the last of a register is one of its own.
     std::vector<double> ends_N;
     for (double power = -3; power < 3.9; power += 0.5) ends_N.push_back(std::pow(10, power));
-    ends_N.push_back(kMostI16 * kForceUnit_N);
+    ends_N.push_back(kMaxI16 * kForceUnit_N);
     std::sort(ends_N.begin(), ends_N.end());
     for (std::size_t i = 1; i < ends_N.size(); ++i) {
         double worst[2] = {0, 0}, saturated = 0;

@@ -22,7 +22,7 @@ constexpr double kMove_m = 2e-5;        // between two samples: a finger that sl
 constexpr double kMoveOfRadius = 4e-3;  // the same of the pad's upper disc, 5 mm
 constexpr std::uint32_t kAllGauges = 0xFF;
 constexpr unsigned kAllElectrodes = (1u << kElectrodes) - 1;
-constexpr double kLeastDrawn = 1e-9;
+constexpr double kMinDrawn = 1e-9;
 constexpr double kGood = 1e-3;  // of the force: far below what any calibration reaches
 
 struct Case {  // one thing that is compared: its name, what it does with case i, and how wrong that is
@@ -55,12 +55,12 @@ Plate plate_of(const CostSetup& setup) {
     std::mt19937_64 random(1);
     std::uniform_real_distribution<double> uniform(0, 1);
     for (std::size_t i = 0; i < kCases; ++i) {
-        const double r_m = 0.9e-3 * std::sqrt(uniform(random)), turn = kTurn * uniform(random),
+        const double r_m = 0.9e-3 * std::sqrt(uniform(random)), cycle = kTurn * uniform(random),
                      heading = kTurn * uniform(random);
         const double press_N = 0.5 + 0.5 * uniform(random), shear_N = 0.5 * press_N * uniform(random),
                      to = kTurn * uniform(random);
         Touch touch{{shear_N * std::cos(to), shear_N * std::sin(to), -press_N}, {}, {}};
-        const Eigen::Vector2d point_m(r_m * std::cos(turn), r_m * std::sin(turn));
+        const Eigen::Vector2d point_m(r_m * std::cos(cycle), r_m * std::sin(cycle));
         InfluenceMap::At at;
         plate.solver->map().at(point_m.x(), point_m.y(), at);
         touch.reading = at.value * touch.force_N;
@@ -115,8 +115,8 @@ Pad pad_of() {
     std::mt19937_64 random(1);
     std::uniform_real_distribution<double> uniform(0, 1);
     for (std::size_t i = 0; i < kCases; ++i) {
-        const double shift = 0.3 * uniform(random), turn = kTurn * uniform(random);
-        Squeeze squeeze{{0.05 + 0.4 * uniform(random), shift * std::cos(turn), shift * std::sin(turn)}, {}, {}};
+        const double shift = 0.3 * uniform(random), cycle = kTurn * uniform(random);
+        Squeeze squeeze{{0.05 + 0.4 * uniform(random), shift * std::cos(cycle), shift * std::sin(cycle)}, {}, {}};
         squeeze.last = {squeeze.truth.v * 0.99, squeeze.truth.x + kMoveOfRadius, squeeze.truth.y};
         OverlapSolver::Electrodes rest;
         OverlapSolver::Jacobian unused;
@@ -137,7 +137,7 @@ double error_of(const Pad& pad, const OverlapSolver::State& found, const Overlap
 }
 
 void add_overlap(const Pad& pad, std::vector<Case>& cases) {
-    for (const int steps : {1, 2, OverlapSolver::kMostSteps}) {
+    for (const int steps : {1, 2, OverlapSolver::kMaxSteps}) {
         cases.push_back({"overlap, from first order", steps, [&pad, steps](std::size_t i) {
                              const Squeeze& s = pad.squeezes[i];
                              const auto from = pad.solver->start(s.reading, kAllElectrodes);
@@ -164,30 +164,29 @@ Cost measure(const CostSetup& setup) {
             for (std::size_t i = first; i < last; ++i) sum += one.error(i % kCases);
             return sum;
         });
-    const auto ns = ns_by_turns(contenders, setup.samples_or(6'400));
+    const auto ns = ns_alternating(contenders, setup.samples_or(6'400));
     Cost cost;
     cost.columns = {"solver", "most_steps", "ns", "force_error_median", "force_error_90"};
     const Symbol symbols[] = {Symbol::ring, Symbol::circle, Symbol::triangle, Symbol::diamond, Symbol::square};
-    double least_steps_map = kNaN, least_steps_overlap = kNaN, warm_ns = 0, search_ns = 0, overlap_cold_ns = 0,
+    double min_steps_map = kNaN, min_steps_overlap = kNaN, warm_ns = 0, search_ns = 0, overlap_cold_ns = 0,
            overlap_warm_ns = 0;
     for (std::size_t k = 0; k < cases.size(); ++k) {
         std::vector<double> errors;
         for (std::size_t i = 0; i < kCases; ++i) errors.push_back(cases[k].error(i));
-        const double half = quantile(errors, 0.5), most = quantile(errors, 0.9);
+        const double half = quantile(errors, 0.5), max = quantile(errors, 0.9);
         const auto& [name, steps, unused] = cases[k];
-        cost.rows.push_back({name, {double(steps), ns[k], half, most}});
+        cost.rows.push_back({name, {double(steps), ns[k], half, max}});
         auto series = std::find_if(cost.figure.series.begin(), cost.figure.series.end(),
                                    [&, &n = name](const auto& s) { return s.name == n; });
         if (series == cost.figure.series.end())
             series = cost.figure.series.insert(series, {name, symbols[cost.figure.series.size()], Stroke::solid, {}, ""});
-        series->points.push_back({ns[k], std::max(most, kLeastDrawn), steps > 0 ? fmt::format("{}", steps) : "search"});
-        if (name == "map, from the last sample" && most <= kGood && std::isnan(least_steps_map))
-            least_steps_map = steps, warm_ns = ns[k];
+        series->points.push_back({ns[k], std::max(max, kMinDrawn), steps > 0 ? fmt::format("{}", steps) : "search"});
+        if (name == "map, from the last sample" && max <= kGood && std::isnan(min_steps_map))
+            min_steps_map = steps, warm_ns = ns[k];
         if (name == "map, whole search") search_ns = ns[k];
-        if (name == "overlap, from first order" && most <= kGood && std::isnan(least_steps_overlap))
-            least_steps_overlap = steps;
-        if (steps == OverlapSolver::kMostSteps && name == "overlap, from first order") overlap_cold_ns = ns[k];
-        if (steps == OverlapSolver::kMostSteps && name == "overlap, from the last sample") overlap_warm_ns = ns[k];
+        if (name == "overlap, from first order" && max <= kGood && std::isnan(min_steps_overlap)) min_steps_overlap = steps;
+        if (steps == OverlapSolver::kMaxSteps && name == "overlap, from first order") overlap_cold_ns = ns[k];
+        if (steps == OverlapSolver::kMaxSteps && name == "overlap, from the last sample") overlap_warm_ns = ns[k];
     }
     cost.figure.title = "Iterations: error of the force against time, nine of ten are better";
     cost.figure.x = {"time a sample, ns (the solver alone; beside a point: its steps at most)", true};
@@ -196,8 +195,8 @@ Cost measure(const CostSetup& setup) {
     cost.advice = fmt::format(
         "Start map from the last sample: {:g} steps, {:.2f} us, come within {:g} of the force, a whole search takes "
         "{:.0f} us; start overlap anew: {} enough for that, and from the last sample it would {}.",
-        least_steps_map, warm_ns / 1000, kGood, search_ns / 1000,
-        least_steps_overlap == 1 ? "one step is" : fmt::format("{:g} steps are", least_steps_overlap),
+        min_steps_map, warm_ns / 1000, kGood, search_ns / 1000,
+        min_steps_overlap == 1 ? "one step is" : fmt::format("{:g} steps are", min_steps_overlap),
         saved > 0.05 ? fmt::format("save {:.0f} % of {:.2f} us", 100 * saved, overlap_cold_ns / 1000)
                      : std::string("be no faster"));
     return cost;

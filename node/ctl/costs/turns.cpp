@@ -8,15 +8,15 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr std::size_t kBlock = 64, kLeastRounds = 5;
+constexpr std::size_t kBlock = 64, kMinRounds = 5;
 
 }  // namespace
 
-std::vector<double> ns_by_turns(const std::vector<Contender>& contenders, std::size_t calls) {
+std::vector<double> ns_alternating(const std::vector<Contender>& contenders, std::size_t calls) {
     std::vector<std::vector<double>> ns(contenders.size());
     volatile double sink = 0;
     for (const auto& contender : contenders) sink = contender(0, kBlock);  // cold
-    for (std::size_t round = 0; round < std::max(kLeastRounds, calls / kBlock); ++round)
+    for (std::size_t round = 0; round < std::max(kMinRounds, calls / kBlock); ++round)
         for (std::size_t i = 0; i < contenders.size(); ++i) {
             const std::uint64_t begun_ns = now_ns();
             sink = contenders[i](round * kBlock, (round + 1) * kBlock);

@@ -10,7 +10,7 @@ namespace tactiled::ctl {
 using Contender = std::function<double(std::size_t first, std::size_t last)>;
 
 // ns a call of each: median over the rounds of 64 calls that make up `calls`. The clock's 25 ns are spread over them.
-std::vector<double> ns_by_turns(const std::vector<Contender>& contenders, std::size_t calls);
+std::vector<double> ns_alternating(const std::vector<Contender>& contenders, std::size_t calls);
 
 // The value that this share of them lies below; NaN of none. Sorts a copy.
 double quantile(std::vector<double> values, double share);

@@ -144,13 +144,13 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
  * (before 1.1), or where the record is older than a sensor's stale_ms, for then nobody has told the grasp that its sensors
  * fell silent. Returns 1, or 0 when there is none. */
 static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
-    enum { kLeastMs = 20 }; /* a daemon without news publishes each 10 ms */
+    enum { kMinMs = 20 }; /* a daemon without news publishes each 10 ms */
     const struct tactiled_header* h = tactiled_header_of(segment);
     uint32_t i, limit_ms = h->watchdog_ms;
     if (!tactiled_ring_latest(segment->base, &h->node, node, sizeof *node)) return 0;
     for (i = 0; i < h->n_sensors; ++i)
         if (tactiled_sensor_of(segment, i)->stale_ms < limit_ms) limit_ms = tactiled_sensor_of(segment, i)->stale_ms;
-    if (limit_ms < kLeastMs) limit_ms = kLeastMs;
+    if (limit_ms < kMinMs) limit_ms = kMinMs;
     if (h->node.record_size < sizeof *node || !tactiled_is_current(segment) ||
         !tactiled_is_fresh(node->t_ns, now_ns, limit_ms))
         tactiled_forget_grasp(&node->grasp);
@@ -435,8 +435,8 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
     const struct tactiled_ring* ring;
     struct tactiled_node node;
     uint32_t number, behind;
-    int gone = r->index < 0;
-    if (!gone) {
+    int disconnected = r->index < 0;
+    if (!disconnected) {
         const struct tactiled_header* h = tactiled_header_of(&r->segment);
         ring = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
         number = r->cursor.next;
@@ -445,10 +445,11 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
             tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1); /* of the head, which is published last */
             r->cursor.lost += r->cursor.next - number;
         }
-        gone = !tactiled_is_current(&r->segment) || !tactiled_ring_latest(r->segment.base, &h->node, &node, sizeof node) ||
-               !tactiled_is_fresh(node.t_ns, tactiled_now_ns(), h->watchdog_ms);
+        disconnected = !tactiled_is_current(&r->segment) ||
+                       !tactiled_ring_latest(r->segment.base, &h->node, &node, sizeof node) ||
+                       !tactiled_is_fresh(node.t_ns, tactiled_now_ns(), h->watchdog_ms);
     }
-    if (!gone) {
+    if (!disconnected) {
         r->broken = 0; /* it hung, and lives again */
         return 0;
     }

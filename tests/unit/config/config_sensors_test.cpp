@@ -81,16 +81,16 @@ TEST(Config, ChecksChannelsOfASensor) {
 }
 
 TEST(Config, ChecksTheRails) {
-    const auto rails = [](const std::string& text) {
+    const auto limits = [](const std::string& text) {
         return errors(std::string(kLink) + kSensor + "saturates_at = " + text + "\n");
     };
     const std::string at = "t.toml:9: sensor \"left\": saturates_at";
-    EXPECT_EQ(rails("[-5, 5]"), Lines{});
-    EXPECT_EQ(rails("[5, -5]"), Lines{at + " = [5, -5] should be [lowest, highest]"});
-    EXPECT_EQ(rails("[5, 5]"), Lines{at + " = [5, 5] should be [lowest, highest]"});
-    EXPECT_EQ(rails("[5]"), Lines{at + " has 1 entries, should have 2"});
-    EXPECT_EQ(rails("[]"), Lines{at + " has 0 entries, should have 2"});
-    EXPECT_EQ(rails("[nan, 5]"), Lines{at + "[0] = nan is not a finite number"});
+    EXPECT_EQ(limits("[-5, 5]"), Lines{});
+    EXPECT_EQ(limits("[5, -5]"), Lines{at + " = [5, -5] should be [lowest, highest]"});
+    EXPECT_EQ(limits("[5, 5]"), Lines{at + " = [5, 5] should be [lowest, highest]"});
+    EXPECT_EQ(limits("[5]"), Lines{at + " has 1 entries, should have 2"});
+    EXPECT_EQ(limits("[]"), Lines{at + " has 0 entries, should have 2"});
+    EXPECT_EQ(limits("[nan, 5]"), Lines{at + "[0] = nan is not a finite number"});
 }
 
 TEST(Config, LetsSensorsShareALinkButNoChannel) {

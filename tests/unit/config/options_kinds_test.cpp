@@ -8,18 +8,18 @@ namespace tactiled {
 namespace {
 
 TEST(OptionsKinds, AValueOfAnotherKindIsToldByItsName) {
-    for (const auto& [value, told] : {std::pair<std::string, std::string>("'a'", " = \"a\" is a string"),
-                                      {"1", " = 1 is an integer"},
-                                      {"1.5", " = 1.5 is a number"},
-                                      {"2026-03-02", " is a date"},
-                                      {"10:00:00", " is a time"},
-                                      {"2026-03-02T10:00:00", " is a date with time"},
-                                      {"[1]", " is an array"},
-                                      {"{a = 1}", " is a table"}}) {
+    for (const auto& [value, reported] : {std::pair<std::string, std::string>("'a'", " = \"a\" is a string"),
+                                          {"1", " = 1 is an integer"},
+                                          {"1.5", " = 1.5 is a number"},
+                                          {"2026-03-02", " is a date"},
+                                          {"10:00:00", " is a time"},
+                                          {"2026-03-02T10:00:00", " is a date with time"},
+                                          {"[1]", " is an array"},
+                                          {"{a = 1}", " is a table"}}) {
         Problems problems;
         Options options = Options::parse_text("key = " + value + "\n", "t.toml", problems);
         (void)options.flag("key", false);
-        EXPECT_EQ(problems.lines(), std::vector<std::string>{"t.toml:1: key" + told + ", should be true or false"});
+        EXPECT_EQ(problems.lines(), std::vector<std::string>{"t.toml:1: key" + reported + ", should be true or false"});
     }
     for (const char* value : {"true", "false"}) {
         Problems problems;

@@ -16,9 +16,9 @@ namespace tactiled {
 namespace {
 
 // Why `path` is not read, without the path.
-std::string why_not(const std::string& path, std::size_t most_bytes = 100) {
+std::string why_not(const std::string& path, std::size_t max_bytes = 100) {
     Problems problems;
-    EXPECT_EQ(read_text_file(path, most_bytes, problems), std::nullopt);
+    EXPECT_EQ(read_text_file(path, max_bytes, problems), std::nullopt);
     const auto lines = problems.lines();
     EXPECT_EQ(lines.size(), 1u);
     if (lines.empty()) return "";

@@ -43,20 +43,20 @@ TEST(Labels, OverlapNeitherEachOtherNorThePoints) {
     const Box frame{0, 0, 600, 400};
     std::size_t placed = 0;
     for (int round = 0; round < 20; ++round) {
-        std::vector<LabelWish> wishes;
+        std::vector<LabelRequest> requests;
         for (int i = 0; i < 40; ++i) {
             const double x = i % 4 == 0 ? 300 : uniform(random), y = i % 4 == 0 ? 200 : uniform(random) * 0.65;
-            wishes.push_back({{x - 4, y - 4, x + 4, y + 4}, 70, 13});
+            requests.push_back({{x - 4, y - 4, x + 4, y + 4}, 70, 13});
         }
-        const auto places = place_labels(wishes, {{290, 0, 310, 100}}, {}, frame);
-        ASSERT_EQ(places.size(), wishes.size());
+        const auto places = place_labels(requests, {{290, 0, 310, 100}}, {}, frame);
+        ASSERT_EQ(places.size(), requests.size());
         for (std::size_t i = 0; i < places.size(); ++i) {
             if (!places[i]) continue;
             ++placed;
             EXPECT_TRUE(frame.contains(*places[i]));
             EXPECT_FALSE(places[i]->overlaps({290, 0, 310, 100}));
             for (std::size_t k = 0; k < places.size(); ++k) {
-                EXPECT_FALSE(places[i]->overlaps(wishes[k].symbol)) << i << " over the symbol of " << k;
+                EXPECT_FALSE(places[i]->overlaps(requests[k].symbol)) << i << " over the symbol of " << k;
                 if (k != i && places[k]) { EXPECT_FALSE(places[i]->overlaps(*places[k])) << i << " over " << k; }
             }
         }
@@ -65,7 +65,7 @@ TEST(Labels, OverlapNeitherEachOtherNorThePoints) {
 }
 
 TEST(Labels, StandRightOfALonePointAndKeepOffItsLine) {
-    const std::vector<LabelWish> one{{{96, 96, 104, 104}, 40, 12}};
+    const std::vector<LabelRequest> one{{{96, 96, 104, 104}, 40, 12}};
     const auto alone = place_labels(one, {}, {}, {0, 0, 300, 200});
     ASSERT_TRUE(alone.at(0));
     EXPECT_GT(alone[0]->left, 104);

@@ -61,9 +61,9 @@ TEST(Judge, CountsErrorsInPercentOfFullScaleAndLeavesOutWhatIsBad) {
 }
 
 TEST(Judge, CallsGoodAndFarOffALie) {
-    EXPECT_EQ(judged({{-1, -1.04, TACTILED_GOOD}}).lies, 0u);       // 4 sd
-    EXPECT_EQ(judged({{-1, -1.06, TACTILED_GOOD}}).lies, 1u);       // 6 sd
-    EXPECT_EQ(judged({{-1, -1.06, TACTILED_UNCERTAIN}}).lies, 0u);  // it said so
+    EXPECT_EQ(judged({{-1, -1.04, TACTILED_GOOD}}).undetected, 0u);       // 4 sd
+    EXPECT_EQ(judged({{-1, -1.06, TACTILED_GOOD}}).undetected, 1u);       // 6 sd
+    EXPECT_EQ(judged({{-1, -1.06, TACTILED_UNCERTAIN}}).undetected, 0u);  // it said so
 }
 
 TEST(Judge, TaresOnTheSecondHalfOfTheRestAndJudgesFromTheFirstLoadOn) {

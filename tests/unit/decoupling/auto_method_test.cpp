@@ -71,7 +71,7 @@ TEST(AutoMethod, AMethodWithoutADeviationIsNotTakenWhereAnotherHasOne) {
 }
 
 void step_down(AutoMethod& made) {
-    for (unsigned i = 0; i <= MethodChoice::kMostOver; ++i) made.took(1'000'000, 1000 + i);
+    for (unsigned i = 0; i <= MethodChoice::kMaxOver; ++i) made.took(1'000'000, 1000 + i);
 }
 
 void step_up(AutoMethod& made) {
@@ -99,7 +99,7 @@ TEST(AutoMethod, AMethodThatRemembersSaysAtItsReturnThatItDoesNotKnowThePast) {
 }
 
 TEST(PlayHysteresis, IsSettledFromWhereAnyPastWouldGiveTheSame) {
-    Plays plays;
+    PlayOperators plays;
     plays.n = 3;
     plays.threshold = {0, 0.1, 0.4};
     plays.weight = {1, 0.2, 0.3};

@@ -59,10 +59,10 @@ inline std::vector<double> strains(const Contact& contact) {
     return result;
 }
 
-// Anywhere within most_m of the middle, with up to shear_N in any direction.
-inline Contact random_contact(std::mt19937_64& random, double most_m, double press_N = 1, double shear_N = 0.5) {
+// Anywhere within max_m of the middle, with up to shear_N in any direction.
+inline Contact random_contact(std::mt19937_64& random, double max_m, double press_N = 1, double shear_N = 0.5) {
     std::uniform_real_distribution<double> unit(0, 1);
-    const double r = most_m * std::sqrt(unit(random)), angle = 2 * std::numbers::pi * unit(random);
+    const double r = max_m * std::sqrt(unit(random)), angle = 2 * std::numbers::pi * unit(random);
     const double t = shear_N * unit(random), towards = 2 * std::numbers::pi * unit(random);
     return {r * std::cos(angle), r * std::sin(angle), {t * std::cos(towards), t * std::sin(towards), -press_N}};
 }

@@ -42,12 +42,12 @@ struct Machine {
     }
     // The most steps within any hour.
     [[nodiscard]] std::size_t busiest_hour() const {
-        std::size_t most = 0, first = 0;
+        std::size_t max = 0, first = 0;
         for (std::size_t i = 0; i < steps_ns.size(); ++i) {
             while (steps_ns[i] - steps_ns[first] > kHour) ++first;
-            most = std::max(most, i - first + 1);
+            max = std::max(max, i - first + 1);
         }
-        return most;
+        return max;
     }
 };
 
@@ -69,10 +69,10 @@ TEST(MethodChoice, AHogIsOverBudgetForNineTimedSamplesAStepAndNoLonger) {
     EXPECT_EQ(machine.over, 0u);
     machine.during(60, steady(3));  // 24, 6, 1.5 us
     EXPECT_EQ(machine.choice.now(), 1u);
-    EXPECT_EQ(machine.over, MethodChoice::kMostOver + 1);
+    EXPECT_EQ(machine.over, MethodChoice::kMaxOver + 1);
     machine.during(60, steady(10));  // 80, 20, 5 us
     EXPECT_EQ(machine.choice.now(), 2u);
-    EXPECT_EQ(machine.over, 2 * (MethodChoice::kMostOver + 1));
+    EXPECT_EQ(machine.over, 2 * (MethodChoice::kMaxOver + 1));
     EXPECT_EQ(machine.choice.steps(), 2u);
     EXPECT_FALSE(machine.choice.is_over_budget());
 }
@@ -171,7 +171,7 @@ TEST(MethodChoice, NotEvenALoadThatStrikesAfterEachStepUpDoes) {
 }
 
 RC_GTEST_PROP(MethodChoice, WhateverTheLoadDoesItNeverOscillatesAndStaysOnItsFront, ()) {
-    const auto n = *rc::gen::inRange<std::size_t>(1, MethodChoice::kMost + 1);
+    const auto n = *rc::gen::inRange<std::size_t>(1, MethodChoice::kMax + 1);
     std::mt19937_64 random(*rc::gen::arbitrary<std::uint64_t>());
     std::uniform_real_distribution<double> unit(0, 1);
     std::vector<double> us(n), wrong(n);

@@ -158,7 +158,7 @@ TEST(Pad, LawIsMonotoneForEveryExponentAndExactForTheSmallestPress) {
     for (const double q : {-2.0, -0.5, 0.0, 0.13, 1.0}) {
         const PadLaw law{30, q, 1, 0};
         double last = -1e300;
-        for (double v = kLeastCloseness - 1; v < kMostCloseness - 1; v += 0.01) {
+        for (double v = kMinCloseness - 1; v < kMaxCloseness - 1; v += 0.01) {
             ASSERT_GT(law.press_N(v), last) << q << " " << v;
             last = law.press_N(v);
         }

@@ -64,10 +64,10 @@ struct FilmSensor {
 Labelled nothing_yet() { return {.name = "labelled.csv", .channels = {"Vp", "Cn"}, .sessions = {}, .rows = {}}; }
 
 // Presses of any size held for 0.2 to 2 s, each reached within 20 ms.
-std::function<double(double)> steps(unsigned seed, double most_N = 10) {
+std::function<double(double)> steps(unsigned seed, double max_N = 10) {
     std::mt19937 random(seed);
     std::vector<std::pair<double, double>> points{{0, 0}};  // s, N
-    std::uniform_real_distribution<double> hold(0.2, 2), level(0, most_N);
+    std::uniform_real_distribution<double> hold(0.2, 2), level(0, max_N);
     while (points.back().first < 400) {
         const auto [t, N] = points.back();
         points.emplace_back(t + hold(random), N);

@@ -333,10 +333,10 @@ TEST(SvgPlot, PutsDotsWhereTheyBelong) {
     EXPECT_NE(svg.find("a &amp; b"), svg.npos);
     for (const char* tick : {">0<", ">2<", ">10<", ">-0.5<", ">1<"}) EXPECT_NE(svg.find(tick), svg.npos) << tick;
     const Span axis = as_axis({-1, 4});
-    EXPECT_DOUBLE_EQ(axis.least, -1.2);
-    EXPECT_DOUBLE_EQ(axis.most, 4.2);
+    EXPECT_DOUBLE_EQ(axis.min, -1.2);
+    EXPECT_DOUBLE_EQ(axis.max, 4.2);
     const Span narrow = as_axis({1e9, 1e9 + 1e-6});  // no ticks that can be told apart
-    EXPECT_GT(narrow.most - narrow.least, 1);
+    EXPECT_GT(narrow.max - narrow.min, 1);
 }
 
 }  // namespace

@@ -64,13 +64,13 @@ TEST(Shipped, TheCalibrationFileLosesNoBit) {
 }
 
 TEST(Shipped, SkinDemoIsPressedTwice) {
-    double least = 0;
+    double min = 0;
     int rows = 0, flagged = 0, presses = 0;
     bool pressed = false;
     decouple_file(loaded("skin_eflesh.toml"), kRoot + "/config/demo/skin_session2.csv",
                   [&](double, const Estimate& estimate) {
                       const double fz = estimate.wrench_S[2];
-                      least = std::min(least, fz);
+                      min = std::min(min, fz);
                       ++rows;
                       flagged += estimate.quality == TACTILED_GOOD ? 0 : 1;
                       if (!pressed && fz < -20) ++presses;
@@ -78,7 +78,7 @@ TEST(Shipped, SkinDemoIsPressedTwice) {
                   });
     EXPECT_EQ(rows, 720);
     EXPECT_EQ(presses, 2);
-    EXPECT_NEAR(least, -33, 1.5);  // N
+    EXPECT_NEAR(min, -33, 1.5);  // N
     EXPECT_LT(flagged, 10);
 }
 
@@ -146,12 +146,12 @@ TEST(Shipped, PiezoDocumentsHaveTheThesisCurves) {
     const Calibration calibration = loaded("piezo_documents.toml");
     EXPECT_TRUE(calibration.sd.empty());
     const auto decoupler = make_decoupler(calibration);
-    double V = 0, drive = 0, sum = 0, held = 1.3039, worst = 0, least_V = 1;
+    double V = 0, drive = 0, sum = 0, held = 1.3039, worst = 0, min_V = 1;
     for (int i = 0; i < 10000; ++i) {  // 1 kHz
         const double N = i < 1000 || std::fmod(i * 1.66e-3, 1.0) < 0.5 ? 0 : 10;
         const double q = 0.0092 * N * N + 0.2917 * N;                           // eq. XXXV
         V = V * std::exp(-1e-3 / 0.1) + (q - drive) * std::exp(-0.5e-3 / 0.1);  // between two frames
-        if (q < drive) least_V = std::min(least_V, std::abs(V + drive));        // what was left of the edge before
+        if (q < drive) min_V = std::min(min_V, std::abs(V + drive));            // what was left of the edge before
         drive = q;
         sum += 0.0008 * N * N + 0.0405 * N;
         if (i % 100 == 99) {
@@ -163,8 +163,8 @@ TEST(Shipped, PiezoDocumentsHaveTheThesisCurves) {
         ASSERT_NE(estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
         if (i >= 1000) worst = std::max(worst, std::abs(estimate.wrench_S[2] + N));
     }
-    EXPECT_LT(worst, 0.2);     // N: 2 % of 10 N
-    EXPECT_LT(least_V, 0.25);  // V, of 3.8: Vp returns to 0 in half a period, as the thesis draws it
+    EXPECT_LT(worst, 0.2);   // N: 2 % of 10 N
+    EXPECT_LT(min_V, 0.25);  // V, of 3.8: Vp returns to 0 in half a period, as the thesis draws it
 }
 
 }  // namespace

@@ -73,24 +73,24 @@ TEST(TableNonlinear, ACurveIsAsMonotoneAsItsPoints) {
 }
 
 TEST(TableNonlinear, TheInverseOfPlaysIsExact) {
-    Plays plays;
-    plays.n = 5;
-    plays.threshold = {0, 0.02, 0.05, 0.15, 0.4};
+    PlayOperators operators;
+    operators.n = 5;
+    operators.threshold = {0, 0.02, 0.05, 0.15, 0.4};
     for (const auto& weight :
          {std::array<double, 5>{1, 0.05, 0.03, 0.1, 0.2}, std::array<double, 5>{1.4, -0.2, -0.1, 0.05, -0.05}}) {
-        std::copy(weight.begin(), weight.end(), plays.weight.begin());
-        ASSERT_EQ(Plays::fault_of({plays.threshold.data(), 5}, {plays.weight.data(), 5}), "");
-        const Plays undo = plays.inverse();
+        std::copy(weight.begin(), weight.end(), operators.weight.begin());
+        ASSERT_EQ(PlayOperators::fault_of({operators.threshold.data(), 5}, {operators.weight.data(), 5}), "");
+        const PlayOperators undo = operators.inverse();
         PlayState forward, backward;
         std::mt19937_64 random(2);
         std::uniform_real_distribution<double> unit(-1, 1);
         double x = 0;
         for (int i = 0; i < 20000; ++i) {
             x = std::clamp(x + 0.2 * unit(random), -1.0, 1.5);
-            ASSERT_NEAR(backward.next(undo, forward.next(plays, x)), x, 1e-13) << i;
+            ASSERT_NEAR(backward.next(undo, forward.next(operators, x)), x, 1e-13) << i;
         }
     }
-    EXPECT_NE(Plays::fault_of(std::vector<double>{0, 0.1}, std::vector<double>{1, -1}), "");
+    EXPECT_NE(PlayOperators::fault_of(std::vector<double>{0, 0.1}, std::vector<double>{1, -1}), "");
 }
 
 // ---- sensors with hysteresis: what a gauge reads of a load, in order

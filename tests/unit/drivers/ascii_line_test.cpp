@@ -83,7 +83,7 @@ TEST(AsciiLine, EveryDoubleSurvivesTheWire) {
         double value;
         std::memcpy(&value, &bits, sizeof value);
         if (!std::isfinite(value)) continue;
-        std::array<char, kAsciiMostBytes * 2> out;
+        std::array<char, kAsciiMaxBytes * 2> out;
         const auto frames = decode(decoder, bytes_of({out.data(), encode_ascii(frame_of(0, {value}), format, out)}));
         ASSERT_EQ(frames.size(), 1u) << value;
         EXPECT_EQ(std::memcmp(&frames[0].channel[0], &value, sizeof value), 0);

@@ -159,10 +159,10 @@ TEST(CanSamples, NeverMixesSamplesAndCountsEachThatIsLostOnce) {
                 bus.sample(std::uint16_t(110 + 10 * n), which);
             }
             bus.sample(140);
-            std::uint32_t whole = 2, gone_entirely = 0;
+            std::uint32_t whole = 2, absent_entirely = 0;
             for (unsigned n = 0; n < 3; ++n) {
                 whole += (lost >> 3 * n & 7u) == 0;
-                gone_entirely += (lost >> 3 * n & 7u) == 7;
+                absent_entirely += (lost >> 3 * n & 7u) == 7;
             }
             ASSERT_EQ(bus.frames.size(), whole) << counts << ' ' << lost;
             for (const auto& frame : bus.frames) {
@@ -171,7 +171,7 @@ TEST(CanSamples, NeverMixesSamplesAndCountsEachThatIsLostOnce) {
             }
             if (counts) continue;  // there the sample's number counts by tens: see the next test
             // Without a counter nobody can know of a sample of which nothing came.
-            ASSERT_EQ(bus.counts[TACTILED_LINK_LOST], 5 - whole - gone_entirely) << lost;
+            ASSERT_EQ(bus.counts[TACTILED_LINK_LOST], 5 - whole - absent_entirely) << lost;
             ASSERT_EQ(lost_in(bus.frames), bus.counts[TACTILED_LINK_LOST]) << lost;
         }
 }
@@ -348,9 +348,9 @@ TEST(CanSamples, SamplesThatNeverBecameMessagesAreOfOneDevice) {
     bus.samples.lost(0x99, 5);  // nobody's
     EXPECT_EQ(bus.counts[TACTILED_LINK_LOST], 2u);
     bus.sample(100);
-    std::uint32_t told = 0;
-    for (const Frame& frame : bus.frames) told += frame.lost;
-    EXPECT_EQ(told, 2u);
+    std::uint32_t reported = 0;
+    for (const Frame& frame : bus.frames) reported += frame.lost;
+    EXPECT_EQ(reported, 2u);
 }
 
 TEST(CanSamples, ByACounterAPartThatComesTwiceIsCountedAndTheSampleWhole) {

@@ -39,8 +39,8 @@ TEST(CanSignal, DecodesTheMotorolaExampleOfCantools) {
     EXPECT_EQ(value_of(enable, a), 1);
     EXPECT_NEAR(value_of(temperature, b), 250.55, 1e-12);
     EXPECT_NEAR(value_of(radius, b), 3.2, 1e-12);
-    const Bytes least{0x01, 0x00, 0x00};
-    EXPECT_NEAR(value_of(temperature, least), 229.52, 1e-12);  // the file's own lower end
+    const Bytes min{0x01, 0x00, 0x00};
+    EXPECT_NEAR(value_of(temperature, min), 229.52, 1e-12);  // the file's own lower end
 }
 
 // CSS Electronics' introduction: J1939 EEC1, EngineSpeed : 24|16@1+ (0.125,0), 621 rpm.
@@ -99,13 +99,13 @@ rc::Gen<CanSignal> signals() {
                               is_signed ? Type::is_signed : Type::is_unsigned);
             },
             rc::gen::inRange(0u, 512u), rc::gen::inRange(1u, 65u), rc::gen::arbitrary<bool>(), rc::gen::arbitrary<bool>()),
-        [](const CanSignal& s) { return why_no_signal(s, kCanMostBytes).empty(); });
+        [](const CanSignal& s) { return why_no_signal(s, kCanMaxBytes).empty(); });
 }
 
 RC_GTEST_PROP(CanSignal, ReadsWhatWasWrittenBitByBitAndNothingElse, ()) {
     const auto s = *signals();
     const auto raw = *rc::gen::arbitrary<std::uint64_t>();
-    std::array<std::uint8_t, kCanMostBytes> bytes;
+    std::array<std::uint8_t, kCanMaxBytes> bytes;
     for (auto& byte : bytes) byte = *rc::gen::arbitrary<std::uint8_t>();
     test::put_raw(s, raw, bytes);
     const std::uint64_t mask = s.length == 64 ? ~0ull : (1ull << s.length) - 1;
@@ -119,7 +119,7 @@ RC_GTEST_PROP(CanSignal, ReadsWhatWasWrittenBitByBitAndNothingElse, ()) {
 
 RC_GTEST_PROP(CanSignal, NeedsTheLastByteThatItsBitsTouch, ()) {
     const auto s = *signals();
-    std::array<std::uint8_t, kCanMostBytes> bytes{};
+    std::array<std::uint8_t, kCanMaxBytes> bytes{};
     test::put_raw(s, ~0ull, bytes);
     std::size_t last = 0;
     for (std::size_t k = 0; k < bytes.size(); ++k)

@@ -95,7 +95,7 @@ TEST_F(CanKeys, ReadSignalsInPlace) {
     EXPECT_TRUE(device.is_assembled_by_counter());
     EXPECT_EQ(device.window_ns, 20'000'000u);
     EXPECT_EQ(plan.ids, (std::vector<std::uint32_t>{0x123 | kCanExtended, 0x124 | kCanExtended}));
-    EXPECT_EQ(plan.most_bytes, 12u);
+    EXPECT_EQ(plan.max_bytes, 12u);
 }
 
 TEST_F(CanKeys, ASampleOfSeveralFramesHasItsSignalsAnywhereInTheMessage) {
@@ -105,7 +105,7 @@ TEST_F(CanKeys, ASampleOfSeveralFramesHasItsSignalsAnywhereInTheMessage) {
     ASSERT_EQ(plan.transports.size(), 1u);
     EXPECT_EQ(plan.transports[0].id, 0x7E8u);
     EXPECT_EQ(plan.transports[0].reply_id, 0x7E0u);
-    EXPECT_EQ(plan.most_bytes, 0u);  // its frames are classic ones
+    EXPECT_EQ(plan.max_bytes, 0u);  // its frames are classic ones
     const std::string head = "[[device]]\ndevice = 0\nid = 0x7E8\nisotp_reply_id = 0x7E0\n";
     EXPECT_NE(problems_of(head + "bytes = 513\nsignals = [" + kFx + "]").at(0).find("bytes = 513 is outside 1 .. 512"),
               std::string::npos);
@@ -125,7 +125,7 @@ TEST_F(CanKeys, ReadSignalsOfADbcFileBesideTheConfiguration) {
     EXPECT_EQ(device.parts[0].id, 291u);
     EXPECT_TRUE(device.is_assembled_by_counter());
     EXPECT_EQ(device.window_ns, 3'000'000u);
-    EXPECT_EQ(plan.most_bytes, 8u);
+    EXPECT_EQ(plan.max_bytes, 8u);
 }
 
 TEST_F(CanKeys, APlainSignalOfAMultiplexedMessageIsReadOnceASample) {

@@ -72,10 +72,10 @@ class ModelSelector final : public Selector {
 public:
     ModelSelector(const I2cBus& bus, ModelAd7746& chip) : bus_(bus), chip_(chip) {}
     bool select(unsigned electrode) noexcept override {
-        if (!is_gone) chip_.select(electrode, bus_.now_ns());
-        return !is_gone;
+        if (!is_disconnected) chip_.select(electrode, bus_.now_ns());
+        return !is_disconnected;
     }
-    bool is_gone = false;
+    bool is_disconnected = false;
 
 private:
     const I2cBus& bus_;
@@ -129,7 +129,7 @@ public:
         std::vector<Taken> taken;
         Frame frame;
         const std::uint64_t until_ns = bus.now_ns() + std::uint64_t(seconds * 1e9);
-        while (bus.now_ns() < until_ns && status != Status::gone) {
+        while (bus.now_ns() < until_ns && status != Status::disconnected) {
             status = schedule.read(frame, 50);
             if (status == Status::frame) taken.push_back({frame, age_ns(frame)});
         }

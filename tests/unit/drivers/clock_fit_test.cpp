@@ -40,8 +40,8 @@ public:
     std::array<std::uint64_t, 3> next() {
         sent_ns_ += kMs;
         const std::uint64_t delay_ns = 50'000 + random_() % (random_() % 100 == 0 ? 10 * kMs : 2 * kMs);
-        const auto stamp = std::uint64_t(double(sent_ns_) * (1 + drift_)) / 1000 * 1000;  // whole us
-        return {sent_ns_, stamp, kStart + sent_ns_ + delay_ns};
+        const auto timestamp = std::uint64_t(double(sent_ns_) * (1 + drift_)) / 1000 * 1000;  // whole us
+        return {sent_ns_, timestamp, kStart + sent_ns_ + delay_ns};
     }
     static constexpr std::uint64_t kStart = 7'000 * kSecond;
 
@@ -57,28 +57,28 @@ TEST(ClockFit, IsNeverEarlyAndAtMostDriftAndLeastDelayLate) {
         ClockFit fit;
         std::int64_t earliest_ns = 0, latest_ns = 0;
         for (int n = 0; n < 600'000; ++n) {
-            const auto [sent, stamp, arrival] = adapter.next();
-            const std::uint64_t t_ns = fit.monotonic_ns(stamp, arrival);
+            const auto [sent, timestamp, arrival] = adapter.next();
+            const std::uint64_t t_ns = fit.monotonic_ns(timestamp, arrival);
             ASSERT_LE(t_ns, arrival);
             if (n < 1000) continue;
             const auto error_ns = std::int64_t(t_ns - Adapter::kStart - sent);
             earliest_ns = std::min(earliest_ns, error_ns);
             latest_ns = std::max(latest_ns, error_ns);
         }
-        EXPECT_GE(earliest_ns, -2'000) << drift;  // the stamp's own us
-        EXPECT_LE(latest_ns, 250'000) << drift;   // 50 us is the way's least; the messages themselves were up to 10 ms late
+        EXPECT_GE(earliest_ns, -2'000) << drift;  // the timestamp's own us
+        EXPECT_LE(latest_ns, 250'000) << drift;   // 50 us is the way's min; the messages themselves were up to 10 ms late
     }
 }
 
 TEST(ClockFit, FollowsAClockThatIsSetAnew) {
     Adapter adapter(0);
     ClockFit fit;
-    const auto run = [&](std::uint64_t step, int messages, std::int64_t most_late_ns) {
+    const auto run = [&](std::uint64_t step, int messages, std::int64_t max_late_ns) {
         for (int n = 0; n < messages; ++n) {
-            const auto [sent, stamp, arrival] = adapter.next();
-            const std::uint64_t t_ns = fit.monotonic_ns(stamp + step, arrival);
+            const auto [sent, timestamp, arrival] = adapter.next();
+            const std::uint64_t t_ns = fit.monotonic_ns(timestamp + step, arrival);
             ASSERT_LE(t_ns, arrival);
-            ASSERT_LE(std::int64_t(t_ns - Adapter::kStart - sent), most_late_ns) << step << ' ' << n;
+            ASSERT_LE(std::int64_t(t_ns - Adapter::kStart - sent), max_late_ns) << step << ' ' << n;
             ASSERT_GE(std::int64_t(t_ns - Adapter::kStart - sent), -2'000) << step << ' ' << n;
         }
     };
@@ -89,8 +89,8 @@ TEST(ClockFit, FollowsAClockThatIsSetAnew) {
     run(3600 * kSecond, 1000, fitted);
     run(0, 1000, as_it_came);         // back, by an hour: until half a second has passed in which all seem late
     for (int n = 0; n < 1000; ++n) {  // back by little: seem older than they are for half a second
-        const auto [sent, stamp, arrival] = adapter.next();
-        const std::uint64_t t_ns = fit.monotonic_ns(stamp - 200 * kMs, arrival);
+        const auto [sent, timestamp, arrival] = adapter.next();
+        const std::uint64_t t_ns = fit.monotonic_ns(timestamp - 200 * kMs, arrival);
         ASSERT_TRUE(n <= 520 || std::int64_t(t_ns - Adapter::kStart - sent) >= -2'000) << n;
     }
     run(0 - 200 * kMs, 1000, fitted);
@@ -100,10 +100,10 @@ TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
     Adapter adapter(0);
     ClockFit fit;
     for (int n = 0; n < 5000; ++n) {
-        auto [sent, stamp, arrival] = adapter.next();
+        auto [sent, timestamp, arrival] = adapter.next();
         const bool held_up = n % 1000 > 900;
         if (held_up) arrival = Adapter::kStart + (n / 1000 * 1000 + 901) * kMs + 400 * kMs;  // 400 .. 300 ms, all at once
-        const std::uint64_t t_ns = fit.monotonic_ns(stamp, arrival);
+        const std::uint64_t t_ns = fit.monotonic_ns(timestamp, arrival);
         const auto late_ns = std::int64_t(t_ns - Adapter::kStart - sent);
         ASSERT_TRUE(n <= 500 || held_up || late_ns <= 300'000) << n;
         ASSERT_LE(t_ns, arrival);
@@ -113,8 +113,9 @@ TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
 TEST(ClockFit, AFewLateMessagesOfASlowDeviceChangeNothing) {
     ClockFit fit;
     for (std::uint64_t n = 0; n < 100; ++n) {
-        const std::uint64_t stamp = n * kSecond, arrival = Adapter::kStart + stamp + (n % 20 > 15 ? 300 * kMs : 0);
-        EXPECT_NEAR(double(fit.monotonic_ns(stamp, arrival)), double(Adapter::kStart + stamp), 1e6) << n;  // 200 ppm of 5 s
+        const std::uint64_t timestamp = n * kSecond, arrival = Adapter::kStart + timestamp + (n % 20 > 15 ? 300 * kMs : 0);
+        EXPECT_NEAR(double(fit.monotonic_ns(timestamp, arrival)), double(Adapter::kStart + timestamp), 1e6)
+            << n;  // 200 ppm of 5 s
     }
 }
 

@@ -27,13 +27,13 @@ TEST(CobsFrame, CarriesEveryChannelCountBothWidthsMissingTimeAndRails) {
         for (unsigned n = 1; n <= kMaxChannels; ++n) {
             Frame sent;
             sent.sequence = n;
-            sent.device = std::uint16_t(n % kCobsMostDevices);
+            sent.device = std::uint16_t(n % kCobsMaxDevices);
             sent.device_time_us = 4'000'000'000u + n;
             sent.n_channels = std::uint8_t(n);
             const double top = bits == 24 ? 8388607.0 : 2147483647.0;
             for (unsigned k = 0; k < n; ++k) sent.channel[k] = k % 3 == 0 ? top : k % 3 == 1 ? -top - 1 : double(k) - 10;
             if (n > 2) sent.missing = 1u << (n - 1);
-            std::array<std::uint8_t, kCobsMostEncoded> out;
+            std::array<std::uint8_t, kCobsMaxEncoded> out;
             const std::size_t size = encode_cobs(sent, bits, out);
             LinkCounts counts;
             CobsDecoder decoder(counts);
@@ -59,7 +59,7 @@ TEST(CobsFrame, EachDeviceHasItsOwnSequence) {
         for (const std::uint16_t device : std::initializer_list<std::uint16_t>{3, 7}) {
             Frame f = frame_of(n * (device == 3u ? 1u : 2u), {1});
             f.device = device;
-            std::array<std::uint8_t, kCobsMostEncoded> out;
+            std::array<std::uint8_t, kCobsMaxEncoded> out;
             bytes.insert(bytes.end(), out.begin(), out.begin() + std::ptrdiff_t(encode_cobs(f, 24, out)));
         }
     EXPECT_EQ(decode(decoder, bytes).size(), 20u);
@@ -73,7 +73,7 @@ TEST(CobsFrame, TheDevicesClockIsExtendedAcrossItsWrapAndARestartIsSeenByIt) {
     const auto add = [&](std::uint32_t n, std::uint64_t time_us) {
         Frame f = frame_of(n, {1});
         f.device_time_us = time_us;
-        std::array<std::uint8_t, kCobsMostEncoded> out;
+        std::array<std::uint8_t, kCobsMaxEncoded> out;
         bytes.insert(bytes.end(), out.begin(), out.begin() + std::ptrdiff_t(encode_cobs(f, 24, out)));
     };
     add(1, 0xFFFFFF00u);

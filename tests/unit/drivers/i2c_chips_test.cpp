@@ -102,16 +102,16 @@ TEST_P(EveryChip, WhoseSettingChangesGivesNoValueOfAnotherChannel) {
 
 TEST_P(EveryChip, IsGoneWithItsAdapterAndWithAHangingBus) {
     take(1.5);
-    bench.bus.is_gone = true;
+    bench.bus.is_disconnected = true;
     Frame frame;
-    while (bench.status != Status::gone) bench.status = bench.schedule.read(frame, 50);
+    while (bench.status != Status::disconnected) bench.status = bench.schedule.read(frame, 50);
     EXPECT_NE(bench.schedule.open().find("plug it in"), std::string::npos);
-    bench.bus.is_gone = false;
+    bench.bus.is_disconnected = false;
     ASSERT_EQ(bench.schedule.open(), "");
     bench.status = Status::timeout;
     take(1.5);
     bench.bus.hangs = true;
-    while (bench.status != Status::gone) bench.status = bench.schedule.read(frame, 50);
+    while (bench.status != Status::disconnected) bench.status = bench.schedule.read(frame, 50);
     EXPECT_NE(bench.schedule.open().find("SDA or SCL is held low"), std::string::npos);
 }
 

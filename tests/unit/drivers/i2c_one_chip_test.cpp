@@ -43,12 +43,12 @@ TEST(Ad7746, WhoseSwitchGoesAwayIsGoneWithItsLinkAndGivesNoOtherElectrodesValue)
         if (kind.keys.find("electrodes") != std::string::npos) bench.add(kind);
     ASSERT_EQ(bench.schedule.open(), "");
     for (const auto& one : bench.run(1)) EXPECT_GE(one.age_ns, 0);
-    bench.selectors.front()->is_gone = true;
+    bench.selectors.front()->is_disconnected = true;
     const auto last = bench.run(1);
     EXPECT_LE(last.size(), 1u);  // what was whole already
     for (const auto& one : last) EXPECT_GE(one.age_ns, 0);
-    EXPECT_EQ(bench.status, Status::gone);
-    bench.selectors.front()->is_gone = false;
+    EXPECT_EQ(bench.status, Status::disconnected);
+    bench.selectors.front()->is_disconnected = false;
     ASSERT_EQ(bench.schedule.open(), "");
     bench.status = Status::timeout;
     const auto again = bench.run(1);

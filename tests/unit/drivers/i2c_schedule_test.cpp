@@ -80,7 +80,7 @@ TEST(I2cSchedule, AnEdgeOfTheDataReadyLineGivesTheStampAndAMissedOneStopsNothing
                 ModelChip& model = bench.add(kind, 0, 0, 0, true);
                 model.period_scale = scale;
                 bench.line->misses = misses;
-                bench.bus.oversleeps_most_ns = 100'000;
+                bench.bus.oversleeps_max_ns = 100'000;
                 ASSERT_EQ(bench.schedule.open(), "");
                 bench.run(1.0);
                 const std::uint32_t converted = model.n_converted, lost = bench.counts[TACTILED_LINK_LOST];
@@ -135,7 +135,7 @@ TEST(I2cSchedule, LosesNothingWhereItsThreadWakesLate) {
     for (const char* name : {"ad7746", "nau7802", "ads122c04"}) {
         ChipBench bench;
         ModelChip& model = bench.add(kind_of(name));
-        bench.bus.oversleeps_most_ns = 300'000;
+        bench.bus.oversleeps_max_ns = 300'000;
         ASSERT_EQ(bench.schedule.open(), "");
         bench.run(3);
         const std::uint32_t converted = model.n_converted, lost = bench.counts[TACTILED_LINK_LOST];
@@ -148,7 +148,7 @@ TEST(I2cSchedule, LosesNothingWhereItsThreadWakesLate) {
 // Of a chip whose clock is 3 % off, for so long: its conversions, and how many of them made no frame and were said to be
 // lost.
 struct Losses {
-    double converted, missed, told;
+    double converted, missed, reported;
 };
 Losses losses_of(ChipBench& bench, const char* name, double settle_s, double seconds) {
     ModelChip& model = bench.add(kind_of(name));
@@ -169,20 +169,20 @@ TEST(I2cSchedule, KnowsAboutWhatItLostOnAnAdapterTooSlowForTheChip) {
             const Losses of = losses_of(bench, name, 1, 20);
             // Without a clock that could be learned, the data sheet's is taken, here 3 % off; and rather too many than too
             // few.
-            EXPECT_NEAR(of.told, of.missed, 0.05 * of.converted * (of.missed > 2) + 1) << name << " " << overhead_ms;
+            EXPECT_NEAR(of.reported, of.missed, 0.05 * of.converted * (of.missed > 2) + 1) << name << " " << overhead_ms;
         }
 }
 
 TEST(I2cSchedule, KnowsAboutWhatItLostWhereTransfersAreHeldUp) {
-    for (const std::uint64_t most_ms : {5u, 15u, 40u})
+    for (const std::uint64_t max_ms : {5u, 15u, 40u})
         for (const char* name : {"ad7746", "nau7802"}) {
             ChipBench bench;
-            bench.bus.held_up_most_ns = most_ms * 1'000'000;
-            bench.bus.oversleeps_most_ns = 3'000'000;
+            bench.bus.held_up_max_ns = max_ms * 1'000'000;
+            bench.bus.oversleeps_max_ns = 3'000'000;
             const Losses of = losses_of(bench, name, 3, 30);
-            EXPECT_NEAR(of.told, of.missed, 0.04 * of.converted) << name << " " << most_ms;
-            std::printf("%s held up to %d ms: %.0f conversions, %.0f missed, %.0f counted\n", name, int(most_ms),
-                        of.converted, of.missed, of.told);
+            EXPECT_NEAR(of.reported, of.missed, 0.04 * of.converted) << name << " " << max_ms;
+            std::printf("%s held up to %d ms: %.0f conversions, %.0f missed, %.0f counted\n", name, int(max_ms),
+                        of.converted, of.missed, of.reported);
         }
 }
 

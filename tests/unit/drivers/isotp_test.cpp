@@ -19,23 +19,23 @@ Bytes message_of(std::size_t size) {
 }
 
 // As ISO 15765-2 cuts it into frames of so many bytes; the last one unpadded.
-std::vector<Bytes> frames_of(const Bytes& message, std::size_t most = 8) {
+std::vector<Bytes> frames_of(const Bytes& message, std::size_t max = 8) {
     if (message.size() <= 7) {
         Bytes one{std::uint8_t(message.size())};
         one.insert(one.end(), message.begin(), message.end());
         return {one};
     }
-    if (message.size() + 2 <= most) {
+    if (message.size() + 2 <= max) {
         Bytes one{0, std::uint8_t(message.size())};
         one.insert(one.end(), message.begin(), message.end());
         return {one};
     }
     std::vector<Bytes> frames{{std::uint8_t(0x10 | message.size() >> 8), std::uint8_t(message.size())}};
     std::size_t at = 0;
-    for (; frames[0].size() < most; ++at) frames[0].push_back(message[at]);
+    for (; frames[0].size() < max; ++at) frames[0].push_back(message[at]);
     for (unsigned n = 1; at < message.size(); ++n) {
         Bytes frame{std::uint8_t(0x20 | (n & 15))};
-        for (; frame.size() < most && at < message.size(); ++at) frame.push_back(message[at]);
+        for (; frame.size() < max && at < message.size(); ++at) frame.push_back(message[at]);
         frames.push_back(frame);
     }
     return frames;
@@ -55,10 +55,10 @@ protected:
 };
 
 TEST_F(IsoTpTest, GivesMessagesOfEverySizeInClassicAndFdFrames) {
-    for (const std::size_t most : {8u, 12u, 64u})
-        for (std::size_t size = 1; size <= IsoTp::kMostBytes; ++size) {
+    for (const std::size_t max : {8u, 12u, 64u})
+        for (std::size_t size = 1; size <= IsoTp::kMaxBytes; ++size) {
             const Bytes message = message_of(size);
-            ASSERT_TRUE(gives(frames_of(message, most), message)) << size << " bytes in frames of " << most;
+            ASSERT_TRUE(gives(frames_of(message, max), message)) << size << " bytes in frames of " << max;
         }
     EXPECT_EQ(receiver_.take_lost(), 0u);
 }

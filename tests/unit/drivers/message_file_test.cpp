@@ -103,17 +103,17 @@ TEST_F(MessageFileTest, OpeningAFileOfManyGigabytesReadsOneChunkOfIt) {
     ASSERT_EQ(file.open(recording.path), "");
     ASSERT_TRUE(file.next().has_value());
     file.declare_all();
-    EXPECT_LT(file.bytes_read(), 2 * MessageFile::kMostPiece);
-    EXPECT_LE(file.memory_bytes(), MessageFile::kMostRecord + 64);
+    EXPECT_LT(file.bytes_read(), 2 * MessageFile::kMaxPiece);
+    EXPECT_LE(file.memory_bytes(), MessageFile::kMaxRecord + 64);
     for (int i = 1; i < kFrames; ++i) ASSERT_TRUE(file.next().has_value());
     const std::uint64_t before = file.bytes_read();
     EXPECT_FALSE(file.next(1u << 20).has_value());
     EXPECT_FALSE(file.at_end());
-    EXPECT_LE(file.bytes_read() - before, (1u << 20) + MessageFile::kMostPiece);
+    EXPECT_LE(file.bytes_read() - before, (1u << 20) + MessageFile::kMaxPiece);
 }
 
 TEST_F(MessageFileTest, AChunkTooLongForTheMemoryIsLeftOutAndSaid) {
-    const std::uint64_t too_long = MessageFile::kMostRecord;
+    const std::uint64_t too_long = MessageFile::kMaxRecord;
     std::string chunk(1, char(Op::chunk));
     chunk.append(reinterpret_cast<const char*>(&too_long), sizeof too_long);
     std::size_t at = kMagic.size();  // of the first chunk

@@ -17,7 +17,7 @@ using Bytes = std::vector<std::uint8_t>;
 using Found = ModbusAnswers::Found;
 
 Bytes request_bytes(ModbusWire wire, const ModbusRequest& request) {
-    std::array<std::uint8_t, kModbusMostRequest> out;
+    std::array<std::uint8_t, kModbusMaxRequest> out;
     const std::size_t size = encode_modbus(wire, request, out);
     return {out.begin(), out.begin() + std::ptrdiff_t(size)};
 }

@@ -247,7 +247,7 @@ TEST_F(Slave, AHangUpIsGone) {
     request();
     ::close(end_);
     end_ = -1;
-    EXPECT_EQ(read(), Status::gone);
+    EXPECT_EQ(read(), Status::disconnected);
     driver_->close();
     EXPECT_NE(driver_->open(), "");
 }
@@ -294,14 +294,14 @@ TEST_F(Slave, AServerThatClosesOrSpeaksSomethingElseIsGone) {
     open_connection("timeout_ms = 5000", "[[slave]]\n" + kValues);
     request();
     send({'H', 'T', 'T', 'P', '/', '1', '.', '1', ' ', '4'});
-    EXPECT_EQ(read(), Status::gone);
+    EXPECT_EQ(read(), Status::disconnected);
     ::close(end_);
     ASSERT_EQ(driver_->open(), "");
     end_ = ::accept(listener_, nullptr, nullptr);
     request();
     ::close(end_);
     end_ = -1;
-    EXPECT_EQ(read(), Status::gone);
+    EXPECT_EQ(read(), Status::disconnected);
     ::close(listener_);
     listener_ = -1;
     EXPECT_NE(driver_->open().find("nobody listens there"), std::string::npos);

@@ -99,7 +99,7 @@ public:
     Answer transfer(std::uint8_t address, std::span<const std::uint8_t> out, std::span<std::uint8_t> in) noexcept override {
         ++n_transfers;
         if (n_until_accident > 0 && --n_until_accident == 0) accident();
-        if (is_gone) return Answer::gone;
+        if (is_disconnected) return Answer::disconnected;
         if (hangs) return spend(1e9), Answer::timeout;
         if (n_failing > 0) {
             --n_failing;
@@ -111,7 +111,7 @@ public:
         spend(overhead_ns + bit_ns_ * double(11 + 9 * out.size()));  // start, address, what follows; stop or start again
         if (!wires.write(address, out, now_)) return ++n_nacks, Answer::absent;
         if (in.empty()) return Answer::ok;
-        if (held_up_most_ns != 0 && random_() % 4 == 0) spend(double(random_() % held_up_most_ns));
+        if (held_up_max_ns != 0 && random_() % 4 == 0) spend(double(random_() % held_up_max_ns));
         const std::uint64_t from_ns = now_ + std::uint64_t(10 * bit_ns_);
         spend(bit_ns_ * double(11 + 9 * in.size()));
         if (!wires.read(address, in, from_ns, now_)) return ++n_nacks, Answer::absent;
@@ -122,8 +122,8 @@ public:
     void wait_until(std::uint64_t t_ns) noexcept override {
         if (t_ns > now_) {
             const std::uint64_t edge_ns = line != nullptr ? line->pass(t_ns) : 0;
-            now_ = std::max(now_, edge_ns != 0 ? edge_ns : t_ns) +
-                   (oversleeps_most_ns == 0 ? 0 : random_() % oversleeps_most_ns);
+            now_ =
+                std::max(now_, edge_ns != 0 ? edge_ns : t_ns) + (oversleeps_max_ns == 0 ? 0 : random_() % oversleeps_max_ns);
         }
         if (line != nullptr) (void)line->pass(now_);  // waits to be taken
     }
@@ -131,10 +131,10 @@ public:
     ModelLine* line = nullptr;
 
     ModelWires wires;
-    std::uint64_t oversleeps_most_ns = 0;
-    std::uint64_t held_up_most_ns = 0;  // every fourth transfer, before it reads
-    double overhead_ns = 0;             // of each transfer, as a USB adapter has it
-    bool is_gone = false, hangs = false;
+    std::uint64_t oversleeps_max_ns = 0;
+    std::uint64_t held_up_max_ns = 0;  // every fourth transfer, before it reads
+    double overhead_ns = 0;            // of each transfer, as a USB adapter has it
+    bool is_disconnected = false, hangs = false;
     unsigned n_until_accident = 0;  // so many transfers until this happens, before the last of them
     std::function<void()> accident;
     bool fails_after = false;  // of those: the chip has taken the bytes all the same

@@ -27,7 +27,7 @@ struct Replay : testing::Test {
         turns = 0;
         for (;;) {
             const Status status = driver.read(frame, 1000);
-            if (status == Status::gone) return numbers;
+            if (status == Status::disconnected) return numbers;
             if (status == Status::timeout) ++turns;
             if (status == Status::frame) numbers.push_back(frame.channel[0]);
         }
@@ -45,7 +45,7 @@ TEST_F(Replay, GivesTheFramesOfItsLinkAndEnds) {
     for (unsigned i = 0; i < 100; ++i) recording.frame(i % 2, 1000 + i, i);
     recording.writer.close();
     const auto driver = make("link = \"usb1\"\nat_end = \"again\"");
-    for (int turn = 0; turn < 2; ++turn) {
+    for (int step = 0; step < 2; ++step) {
         ASSERT_EQ(driver->open(), "");
         const auto numbers = play(*driver);
         ASSERT_EQ(numbers.size(), 50u);

@@ -74,8 +74,8 @@ TEST(SequenceTracker, OneDeviceIsBelievedAgainAfterAStretchInOrder) {
     EXPECT_GE(two.contested, 590);
     two.contested = two.dropped = two.seconds_believed = 0;
     two.alone(1000);
-    EXPECT_GT(two.contested, int(SequenceTracker::kMost) - 40);
-    EXPECT_LE(two.contested, int(SequenceTracker::kMost) + 2);
+    EXPECT_GT(two.contested, int(SequenceTracker::kMax) - 40);
+    EXPECT_LE(two.contested, int(SequenceTracker::kMax) + 2);
     EXPECT_EQ(two.dropped, 0);
 }
 

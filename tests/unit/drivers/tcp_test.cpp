@@ -66,10 +66,10 @@ TEST_F(TcpStream, AKms40IsAskedReadAndStopped) {
 TEST_F(TcpStream, AConnectionThatEndsIsGoneAndMadeAnew) {
     const auto driver = make("format = \"lines\"\nchannels = 1");
     Frame frame;
-    for (int turn = 0; turn < 3; ++turn) {
+    for (int step = 0; step < 3; ++step) {
         ASSERT_EQ(driver->open(), "");
         ::close(::accept(listener_, nullptr, nullptr));
-        EXPECT_EQ(driver->read(frame, 1000), Status::gone);
+        EXPECT_EQ(driver->read(frame, 1000), Status::disconnected);
     }
     ::close(listener_);
     EXPECT_NE(driver->open().find("nobody listens there"), std::string::npos);
@@ -85,7 +85,7 @@ TEST_F(TcpStream, WhatWaitedWhileTheReaderStoodStillGivesNoFrame) {
     ASSERT_EQ(::send(device, old.data(), old.size(), 0), ssize_t(old.size()));
     ::usleep(1'050'000);  // longer than 950 ms and the turn of 1 ms
     Frame frame;
-    EXPECT_EQ(driver->read(frame, 1), Status::gone);
+    EXPECT_EQ(driver->read(frame, 1), Status::disconnected);
     EXPECT_FALSE(driver->has_more());
     EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], old.size());
     ASSERT_EQ(driver->open(), "");
@@ -106,7 +106,7 @@ TEST_F(TcpStream, AReaderThatWaitsInTimeReadsASlowStream) {
     Frame frame;
     ASSERT_EQ(::send(device, "0\n", 2, 0), 2);
     ASSERT_EQ(driver->read(frame, 1000), Status::timeout);
-    for (int turn = 0; turn < 3; ++turn) {
+    for (int step = 0; step < 3; ++step) {
         for (int i = 0; i < 3; ++i) ASSERT_EQ(driver->read(frame, 100), Status::timeout);
         ASSERT_EQ(::send(device, "7\n", 2, 0), 2);
         ASSERT_EQ(driver->read(frame, 1000), Status::frame);
@@ -126,7 +126,7 @@ TEST_F(TcpStream, ADeviceThatVanishesWithoutAWordIsGone) {
     ASSERT_EQ(::setsockopt(device, SOL_SOCKET, SO_ATTACH_FILTER, &deaf, sizeof deaf), 0);
     Status status = Status::timeout;
     for (int i = 0; i < 40 && status == Status::timeout; ++i) status = driver->read(frame, 500);
-    EXPECT_EQ(status, Status::gone);
+    EXPECT_EQ(status, Status::disconnected);
     ::close(device);
 }
 

@@ -55,7 +55,7 @@ protected:
         f.sequence = n;
         f.n_channels = 2;
         f.channel[1] = double(n) * 2;
-        std::array<std::uint8_t, kCobsMostEncoded> out;
+        std::array<std::uint8_t, kCobsMaxEncoded> out;
         frame_bytes_ = int(encode_cobs(f, 24, out));
         send(out.data(), std::size_t(frame_bytes_));
     }
@@ -89,7 +89,7 @@ TEST_F(UartTest, AHangUpIsGoneAndNotReadAgain) {
     Frame frame;
     ASSERT_EQ(driver->read(frame, 1000), Status::frame);
     hang_up();
-    EXPECT_EQ(driver->read(frame, 1000), Status::gone);
+    EXPECT_EQ(driver->read(frame, 1000), Status::disconnected);
     driver->close();
     EXPECT_NE(driver->open(), "");  // the pty is dead: says so, and does not throw
 }
@@ -116,7 +116,7 @@ TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewStampEither) 
     wait_until_waiting(frame_bytes_);
     ::usleep(1'050'000);  // longer than 950 ms and the turn of 1 ms
     Frame frame;
-    EXPECT_EQ(driver->read(frame, 1), Status::gone);
+    EXPECT_EQ(driver->read(frame, 1), Status::disconnected);
     EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], std::uint32_t(frame_bytes_));
     ASSERT_EQ(driver->open(), "");
     send_frame(2);

@@ -21,14 +21,14 @@ const AsciiFormat kChecked{8, true, true, false};
 Wire cobs() {
     return {"cobs", [](LinkCounts& c) { return std::make_unique<CobsDecoder>(c); },
             [](const Frame& f) {
-                std::array<std::uint8_t, kCobsMostEncoded> out;
+                std::array<std::uint8_t, kCobsMaxEncoded> out;
                 return Bytes(out.begin(), out.begin() + std::ptrdiff_t(encode_cobs(f, 24, out)));
             }};
 }
 Wire lines() {
     return {"lines", [](LinkCounts& c) { return std::make_unique<AsciiDecoder>(kChecked, c); },
             [](const Frame& f) {
-                std::array<char, kAsciiMostBytes * 2> out;
+                std::array<char, kAsciiMaxBytes * 2> out;
                 return bytes_of({out.data(), encode_ascii(f, kChecked, out)});
             }};
 }

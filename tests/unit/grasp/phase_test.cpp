@@ -56,11 +56,11 @@ TEST(GraspPhase, WhatFallsOutIsLostAndWhatIsPutDownIsNot) {
 }
 
 TEST(GraspPhase, AHintDecidesWhereForcesCannot) {
-    Hand told;
-    told.close().lift(0.1);
-    told.grasp.hint(Hint::opening);
-    told.go(0.002, 0, 0).stay(0.1);
-    EXPECT_EQ(told.now().state, TACTILED_GRIP_OPEN);
+    Hand reported;
+    reported.close().lift(0.1);
+    reported.grasp.hint(Hint::opening);
+    reported.go(0.002, 0, 0).stay(0.1);
+    EXPECT_EQ(reported.now().state, TACTILED_GRIP_OPEN);
     Hand moving;
     moving.close().lift(0.1);
     moving.grasp.hint(Hint::moving);

@@ -83,15 +83,15 @@ TEST(GraspSlip, TheLeastGripHoldsTheLoadWithItsMargin) {
 }
 
 TEST(GraspSlip, AVibrationThatBeginsAtOnceIsNone) {
-    for (const double told : {0.6, 0.0}) {
+    for (const double reported : {0.6, 0.0}) {
         for (const double hz : {8.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 60.0}) {
             grasp::Setup setup = two_jaws();
-            setup.friction = told;
+            setup.friction = reported;
             Hand hand(setup);
             const double load_N = 0.46 * 2;  // of 0.6: a margin of 1.3
             hand.close().go(0.15, 2, load_N).stay(0.8);
             for (int i = 1; i <= 500; ++i) hand.go(0.001, 2, load_N * (1 + 0.1 * std::sin(2 * 3.14159265 * hz * i * 1e-3)));
-            EXPECT_EQ(hand.now().slips, 0u) << hz << " Hz, friction " << told;
+            EXPECT_EQ(hand.now().slips, 0u) << hz << " Hz, friction " << reported;
         }
     }
 }

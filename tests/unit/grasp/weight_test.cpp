@@ -47,10 +47,10 @@ TEST(GraspWeight, SlowingDownAfterwardsIsNoOtherWeight) {
     Hand hand;
     hand.close().lift(0.2);
     const double weight_N = 0.2 * kG / 2;
-    double least = 1;
-    hand.each = [&](const tactiled_grasp& g) { least = std::min(least, g.weight_kg); };
+    double min = 1;
+    hand.each = [&](const tactiled_grasp& g) { min = std::min(min, g.weight_kg); };
     hand.go(0.03, 2, 0.85 * weight_N).stay(0.09).go(0.03, 2, weight_N).stay(0.3);
-    EXPECT_GT(least, 0.198);
+    EXPECT_GT(min, 0.198);
     EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
 }
 

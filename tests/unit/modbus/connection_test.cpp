@@ -24,7 +24,7 @@ Bytes requests(int n) {
     return bytes;
 }
 
-std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) {
     std::fill(out.begin(), out.end(), std::uint8_t(0));
     std::copy_n(adu.begin(), 8, out.begin());
     out[5] = kAnswer - 6;
@@ -165,7 +165,7 @@ TEST_F(ConnectionTest, WhoIsHeldBackIsNotIdle) {
 TEST_F(ConnectionTest, ForWhoTakesNoAnswersFewAreMade) {
     Connection connection(server_, 1);
     int asked = 0;
-    const auto counted = [&](std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMostAdu> out) {
+    const auto counted = [&](std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) {
         ++asked;
         return answer(adu, out);
     };

@@ -141,7 +141,7 @@ TEST_F(GraspControls, AnAccelerationIsOfTheMomentOfItsCount) {
     const Command command = sent();
     EXPECT_EQ(command.kind, Command::Kind::acceleration);
     EXPECT_DOUBLE_EQ(command.robot_G_m_s2[2], 0.5);
-    EXPECT_EQ(command.told_ns, kSecond);
+    EXPECT_EQ(command.reported_ns, kSecond);
     EXPECT_EQ(put(kAccelX, {0, 0, 600, 1}), kNone);  // a PLC that writes and writes, but no robot that tells
     nothing_was_sent();
 }

@@ -10,7 +10,7 @@ namespace {
 
 std::vector<std::uint8_t> pdu_of(std::uint8_t code, std::uint8_t object) {
     const std::vector<std::uint8_t> adu{0, 1, 0, 0, 0, 5, 1, 43, 14, code, object};
-    std::array<std::uint8_t, kMostAdu> out{};
+    std::array<std::uint8_t, kMaxAdu> out{};
     const std::size_t size = Identity("node").answer(adu, out);
     EXPECT_EQ(size, 6u + out[5]);
     return {out.begin() + kMbapSize, out.begin() + long(size)};

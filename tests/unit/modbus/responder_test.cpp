@@ -33,7 +33,7 @@ TEST(Responder, AnAnswerIsToItsOwnRequestAndToNoOther) {
 TEST(Responder, AWrongAnswerIsExceptionFourAndSpoilsNotTheNext) {
     Responder responder;
     Tables tables;
-    std::array<std::uint8_t, kMostAdu> out{};
+    std::array<std::uint8_t, kMaxAdu> out{};
     // Of a protocol that is not 0, libmodbus' is; check_adu() lets none of these come here.
     const Bytes of_another_protocol{0x12, 0x34, 0, 1, 0, 6, 9, 1, 0, 0, 0, 8};
     ASSERT_EQ(responder.answer(of_another_protocol, tables, out), 9u);
@@ -61,8 +61,8 @@ RC_GTEST_PROP(Responder, RegistersAreAnsweredAsLibmodbusDoes, ()) {
     const auto& areas_ = areas();
     const Area& area = areas_[*rc::gen::inRange<std::size_t>(0, areas_.size())];
     const auto at = *rc::gen::inRange<std::uint16_t>(area.at, std::uint16_t(area.at + area.size));
-    const auto most = std::min(125, area.at + area.size - at);
-    const auto count = *rc::gen::inRange<std::uint16_t>(1, std::uint16_t(most + 1));
+    const auto max = std::min(125, area.at + area.size - at);
+    const auto count = *rc::gen::inRange<std::uint16_t>(1, std::uint16_t(max + 1));
     const auto function = std::uint8_t(*rc::gen::element(kReadHolding, kReadInputRegisters));
     const auto transaction = *rc::gen::arbitrary<std::uint16_t>();
     const std::vector<std::uint8_t> adu{std::uint8_t(transaction >> 8),
@@ -80,7 +80,7 @@ RC_GTEST_PROP(Responder, RegistersAreAnsweredAsLibmodbusDoes, ()) {
     Tables tables;
     for (unsigned i = 0; i < count; ++i) tables.registers[at + i] = *rc::gen::arbitrary<std::uint16_t>();
 
-    std::array<std::uint8_t, kMostAdu> ours{}, theirs{};
+    std::array<std::uint8_t, kMaxAdu> ours{}, theirs{};
     const std::size_t n = registers_adu(adu, std::span(tables.registers).subspan(at, count), ours);
     RC_ASSERT(n == responder.answer(adu, tables, theirs));
     RC_ASSERT(std::equal(ours.begin(), ours.begin() + std::ptrdiff_t(n), theirs.begin()));

@@ -23,7 +23,7 @@ Bytes framed(Bytes bytes) {
 }
 
 TEST(Rtu, AFrameHasAFunction) {
-    std::array<std::uint8_t, kMostAdu> out;
+    std::array<std::uint8_t, kMaxAdu> out;
     EXPECT_EQ(adu_of_rtu(framed({1}), out), 0u);  // an address and a right checksum
     EXPECT_EQ(adu_of_rtu(framed({1, 7}), out), 8u);
 }
@@ -187,7 +187,7 @@ TEST_F(RtuTest, AnAdapterThatIsPulledOutIsOpenedAgain) {
     EXPECT_EQ(line_->fd(), -1);
     tick();
     EXPECT_EQ(line_->fd(), -1);  // not at once
-    const std::string gone = std::exchange(settings_.device, "/dev/no-such-line");
+    const std::string disconnected = std::exchange(settings_.device, "/dev/no-such-line");
     line_ = std::make_unique<RtuLine>(settings_);
     testing::internal::CaptureStderr();
     for (int i = 0; i < 5; ++i) be_silent(1'000'000'000);

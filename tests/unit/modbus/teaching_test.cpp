@@ -45,11 +45,11 @@ protected:
 };
 
 TEST_F(TeachingTest, ANewObjectFindsRoomAmongThirtyTwoAndNoneBeyond) {
-    store_objects(path_, objects(grasp::Grasp::kMostObjects - 1));
+    store_objects(path_, objects(grasp::Grasp::kMaxObjects - 1));
     EXPECT_EQ(teach(99, 9), Teaching::stored);
-    EXPECT_EQ(teaching_.objects().size(), grasp::Grasp::kMostObjects);
+    EXPECT_EQ(teaching_.objects().size(), grasp::Grasp::kMaxObjects);
     EXPECT_EQ(teach(100, 12), Teaching::failed);
-    EXPECT_EQ(kept().size(), grasp::Grasp::kMostObjects);
+    EXPECT_EQ(kept().size(), grasp::Grasp::kMaxObjects);
     EXPECT_EQ(teach(99, 9.01), Teaching::stored);  // one that is there is taught on
     EXPECT_EQ(kept().back().grasps, 2u);
 }

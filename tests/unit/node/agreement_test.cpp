@@ -25,7 +25,7 @@ tactiled_sample at(std::uint64_t ms, double fz_N, double fx_N = 0) {
     return s;
 }
 
-Agreement within(double most_N, std::uint64_t patience_ms) { return Agreement({1, most_N, patience_ms * kMs}); }
+Agreement within(double max_N, std::uint64_t patience_ms) { return Agreement({1, max_N, patience_ms * kMs}); }
 
 TEST(Agreement, IsOverAfterItsTimeAndBackAfterAsLong) {
     Agreement pair = within(1, 10);

@@ -41,7 +41,7 @@ protected:
         }
         writer_.wake_readers();
     }
-    static std::uint64_t told(int event, int ms) {
+    static std::uint64_t reported(int event, int ms) {
         std::uint64_t sum = 0, news = 0;
         for (pollfd p{event, POLLIN, 0}; ::poll(&p, 1, ms) == 1 && ::read(event, &news, sizeof news) == sizeof news;)
             sum += news;
@@ -58,16 +58,16 @@ static int descriptors() {
 
 TEST_F(EventsTest, EveryRecordIsCounted) {
     const auto [connection, event] = subscribe();
-    for (int i = 0; i < 100 && told(event, 100) == 0; ++i) publish(1);  // until the thread sleeps
-    publish(10);                                                        // at once: one wake
-    EXPECT_EQ(told(event, 300), 10u);
+    for (int i = 0; i < 100 && reported(event, 100) == 0; ++i) publish(1);  // until the thread sleeps
+    publish(10);                                                            // at once: one wake
+    EXPECT_EQ(reported(event, 300), 10u);
     ::close(connection);
     ::close(event);
 }
 
 TEST_F(EventsTest, WhoDoesNotReadFindsTheTotal) {
     const auto [connection, event] = subscribe();
-    for (int i = 0; i < 100 && told(event, 100) == 0; ++i) publish(1);
+    for (int i = 0; i < 100 && reported(event, 100) == 0; ++i) publish(1);
     for (int i = 0; i < 500; ++i) {
         publish(1);
         ::usleep(200);
@@ -77,14 +77,14 @@ TEST_F(EventsTest, WhoDoesNotReadFindsTheTotal) {
     int packets = 0;
     for (; ::read(event, &news, sizeof news) == sizeof news; ++packets) sum += news;
     EXPECT_LT(packets, 20);
-    EXPECT_EQ(sum + told(event, 300), 500u);
+    EXPECT_EQ(sum + reported(event, 300), 500u);
     ::close(connection);
     ::close(event);
 }
 
 TEST_F(EventsTest, ARecordFromBeforeItsThreadRanIsToldToo) {
     const auto [connection, event] = subscribe();
-    EXPECT_GT(told(event, 300), 0u);
+    EXPECT_GT(reported(event, 300), 0u);
     ::close(connection);
     ::close(event);
 }
@@ -111,7 +111,7 @@ TEST_F(EventsTest, WhoIsGoneLeavesNoDescriptor) {
 
 TEST_F(EventsTest, NothingThatASubscriberDoesKeepsAnotherFromBeingTold) {
     const auto [hostile_connection, hostile] = subscribe();
-    for (int i = 0; i < 100 && told(hostile, 100) == 0; ++i) publish(1);
+    for (int i = 0; i < 100 && reported(hostile, 100) == 0; ++i) publish(1);
     ASSERT_EQ(::fcntl(hostile, F_SETFL, ::fcntl(hostile, F_GETFL) & ~O_NONBLOCK), 0);
     const std::uint64_t full = ~std::uint64_t(0) - 1;
     (void)!::write(hostile, &full, sizeof full);  // an eventfd at its brim: the next to write it waits
@@ -122,7 +122,7 @@ TEST_F(EventsTest, NothingThatASubscriberDoesKeepsAnotherFromBeingTold) {
         publish(1);
         ::usleep(200);
     }
-    EXPECT_GE(told(event, 300), 400u);
+    EXPECT_GE(reported(event, 300), 400u);
     for (const int fd : {hostile_connection, hostile, connection, event}) ::close(fd);
 }
 
@@ -135,7 +135,7 @@ TEST_F(EventsTest, ASegmentThatCannotBeMappedYetIsTriedAgain) {
     std::uint64_t sum = 0;
     for (int i = 0; i < 20 && sum == 0; ++i) {
         publish(1);
-        sum = told(event, 50);
+        sum = reported(event, 50);
     }
     EXPECT_GT(sum, 0u);
     ::close(connection);
@@ -144,7 +144,7 @@ TEST_F(EventsTest, ASegmentThatCannotBeMappedYetIsTriedAgain) {
 
 TEST_F(EventsTest, ThereIsRoomForThirtyTwo) {
     std::vector<int> connections;
-    for (std::size_t i = 0; i < EventFanOut::kMost; ++i) {
+    for (std::size_t i = 0; i < EventFanOut::kMax; ++i) {
         const auto [connection, event] = subscribe();
         EXPECT_NE(event, -1) << i;
         connections.push_back(connection);

@@ -33,7 +33,7 @@ std::optional<Grasping::Setup> two_jaws() {
 class GraspingTest : public testing::Test {
 protected:
     // `ms` of samples of both jaws, each with this press and this pull along its x; raw values have a zero on top.
-    void feel(double press_N, double pull_N, int ms, std::uint32_t tare_count = 1, std::uint32_t method = 0) {
+    void observe(double press_N, double pull_N, int ms, std::uint32_t tare_count = 1, std::uint32_t method = 0) {
         for (int i = 0; i < ms; ++i) {
             t_ns_ += kMs;
             for (const std::uint32_t sensor : {1u, 3u}) {
@@ -46,14 +46,14 @@ protected:
                 s.raw_force_S_N[0] = zero_[0] + pull_N + 0.001 * (i % 2);
                 s.raw_force_S_N[2] = zero_[2] - press_N + 0.001 * (i % 2);
                 for (auto& sd : s.sd_force_N) sd = 0.005;
-                grasping_.feel(sensor, s, zero_);
+                grasping_.observe(sensor, s, zero_);
             }
         }
     }
     void hold_200_g() {
-        feel(0, 0, 500);
-        feel(5, 0, 300);
-        feel(5, -0.981, 900);
+        observe(0, 0, 500);
+        observe(5, 0, 300);
+        observe(5, -0.981, 900);
     }
     static Command command(Command::Kind kind) {
         Command c;
@@ -83,7 +83,7 @@ TEST_F(GraspingTest, ASensorThatIsNoJawIsNobodysConcern) {
     hold_200_g();
     tactiled_sample bad{};
     bad.quality = TACTILED_BAD;
-    grasping_.feel(0, bad, {});
+    grasping_.observe(0, bad, {});
     EXPECT_EQ(grasping_.state().state, unsigned(TACTILED_GRIP_HOLDING));
 }
 
@@ -92,7 +92,7 @@ TEST_F(GraspingTest, AJawWithoutAValueMakesTheGraspUnknown) {
     tactiled_sample bad{};
     bad.t_ns = t_ns_;
     tactiled_invalidate(&bad, TACTILED_STALE);
-    grasping_.feel(3, bad, zero_);
+    grasping_.observe(3, bad, zero_);
     const tactiled_grasp g = grasping_.state();
     EXPECT_EQ(g.state, unsigned(TACTILED_GRIP_UNKNOWN));
     EXPECT_TRUE(std::isnan(g.weight_kg));
@@ -101,19 +101,19 @@ TEST_F(GraspingTest, AJawWithoutAValueMakesTheGraspUnknown) {
 TEST_F(GraspingTest, ANewZeroIsABreakAndNoEventOfTheWorld) {
     hold_200_g();
     zero_ = {0.3 - 0.981, 0, -7, 0, 0, 0};  // tared while it holds: nothing presses, nothing hangs
-    feel(5, -0.981, 1, 2);
+    observe(5, -0.981, 1, 2);
     const tactiled_grasp g = grasping_.state();
     EXPECT_NE(g.state, unsigned(TACTILED_GRIP_LOST));
     EXPECT_TRUE(std::isnan(g.weight_kg));  // what it weighs is not known until it was let go
 }
 
 TEST_F(GraspingTest, AnotherMethodIsABreakAndNoEventOfTheWorld) {
-    feel(0, 0, 500, 1, 1);
-    feel(5, 0, 300, 1, 1);
-    feel(5, -0.981, 900, 1, 1);
+    observe(0, 0, 500, 1, 1);
+    observe(5, 0, 300, 1, 1);
+    observe(5, -0.981, 900, 1, 1);
     ASSERT_NEAR(grasping_.state().weight_kg, 0.2, 0.002);
     for (int i = 0; i < 300; ++i) {
-        feel(5, -0.883, 1, 1, 2);  // reads shear 10 % lower
+        observe(5, -0.883, 1, 1, 2);  // reads shear 10 % lower
         const tactiled_grasp g = grasping_.state();
         ASSERT_EQ(g.slips, 0u) << i;
         ASSERT_NE(g.weight_state, unsigned(TACTILED_WEIGHT_STABLE)) << i;  // 0.18 kg of 0.2
@@ -121,15 +121,15 @@ TEST_F(GraspingTest, AnotherMethodIsABreakAndNoEventOfTheWorld) {
 }
 
 TEST_F(GraspingTest, ABadSampleNamesNoMethodAndIsNoStep) {
-    feel(0, 0, 500, 1, 1);
+    observe(0, 0, 500, 1, 1);
     tactiled_sample bad{};
     bad.t_ns = t_ns_;
     bad.tare_count = 1;
     tactiled_invalidate(&bad, TACTILED_MISSING_CHANNEL);
-    grasping_.feel(3, bad, zero_);
-    feel(0, 0, 500, 1, 1);
-    feel(5, 0, 300, 1, 1);
-    feel(5, -0.981, 900, 1, 1);
+    grasping_.observe(3, bad, zero_);
+    observe(0, 0, 500, 1, 1);
+    observe(5, 0, 300, 1, 1);
+    observe(5, -0.981, 900, 1, 1);
     EXPECT_NEAR(grasping_.state().weight_kg, 0.2, 0.002);
 }
 
@@ -139,13 +139,13 @@ TEST_F(GraspingTest, CommandsReachTheEstimator) {
     EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::stop_weighing)));
     EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
     EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::start_weighing)));
-    feel(5, -0.981, 1000);
+    observe(5, -0.981, 1000);
     Command known = command(Command::Kind::known_weight);
     known.mass_kg = 0.21;
     EXPECT_TRUE(grasping_.carry_out(known));
     EXPECT_NEAR(grasping_.state().weight_kg, 0.21, 1e-6);
     EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::zero_weight)));
-    feel(5, -0.981, 20);
+    observe(5, -0.981, 20);
     EXPECT_NEAR(grasping_.state().weight_kg, 0, 0.002);
     EXPECT_FALSE(grasping_.carry_out(command(Command::Kind::tare)));  // not the grasp's
 }
@@ -155,7 +155,7 @@ TEST_F(GraspingTest, GravityThatIsNotKnownAnyMoreIsNoWeight) {
     Command gravity = command(Command::Kind::gravity);
     gravity.robot_G_m_s2 = {NAN, NAN, NAN};
     EXPECT_TRUE(grasping_.carry_out(gravity));
-    feel(5, -0.981, 20);
+    observe(5, -0.981, 20);
     EXPECT_EQ(grasping_.state().weight_state, unsigned(TACTILED_WEIGHT_NOT_OBSERVABLE));
     EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
 }
@@ -188,22 +188,22 @@ TEST_F(GraspingTest, OnlyObjectsThatWereTaughtUnderTheScaleInForceAreTold) {
     hold_200_g();
     EXPECT_EQ(grasping_.state().object_id, 4u);  // the bolt, taught without a scale
     EXPECT_TRUE(grasping_.carry_out(objects));
-    feel(5, -0.981, 20);
+    observe(5, -0.981, 20);
     EXPECT_EQ(grasping_.state().object_id, 0u);
     EXPECT_EQ(grasping_.state().scale_shown, 0u);
     Command known = command(Command::Kind::known_weight);
     known.mass_kg = 0.2;
     EXPECT_TRUE(grasping_.carry_out(known));
-    feel(5, -0.981, 20);
+    observe(5, -0.981, 20);
     EXPECT_EQ(grasping_.state().object_id, 9u);
     EXPECT_EQ(grasping_.state().scale_shown, 1u);
 }
 
 TEST_F(GraspingTest, ASuccessorCountsOnAndKnowsNothingElse) {
     hold_200_g();
-    for (int ms = 0; ms < 300; ++ms) feel(5, -0.981 - 0.0099 * ms, 1);  // to the limit of friction 0.8
-    for (int ms = 0; ms < 5; ++ms) feel(5, -3.95 + 0.17 * ms, 1);       // and over it
-    feel(5, -3.1, 5);
+    for (int ms = 0; ms < 300; ++ms) observe(5, -0.981 - 0.0099 * ms, 1);  // to the limit of friction 0.8
+    for (int ms = 0; ms < 5; ++ms) observe(5, -3.95 + 0.17 * ms, 1);       // and over it
+    observe(5, -3.1, 5);
     const tactiled_grasp before = grasping_.state();
     ASSERT_GE(before.slips, 1u);
     ASSERT_NE(before.slip_latch, 0u);
@@ -255,7 +255,7 @@ TEST(GraspingWithoutASetup, NothingIsKnownAndNoCommandTaken) {
     Grasping none{std::nullopt};
     tactiled_sample s{};
     s.quality = TACTILED_GOOD;
-    none.feel(0, s, {});
+    none.observe(0, s, {});
     none.set({});
     EXPECT_EQ(none.state().state, unsigned(TACTILED_GRIP_UNKNOWN));
     EXPECT_TRUE(std::isnan(none.state().weight_kg));

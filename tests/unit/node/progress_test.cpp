@@ -11,7 +11,7 @@ constexpr std::uint64_t kMs = 1'000'000;
 
 TEST(Progress, WhoTurnsWithinItsLimitIsNotNamed) {
     Progress progress;
-    Progress::Turns loop(progress, "loop", 50 * kMs);
+    Progress::Liveness loop(progress, "loop", 50 * kMs);
     for (std::uint64_t now_ns = kMs; now_ns < 1000 * kMs; now_ns += 40 * kMs) {
         loop.count();
         EXPECT_EQ(progress.look(now_ns), "");
@@ -20,7 +20,7 @@ TEST(Progress, WhoTurnsWithinItsLimitIsNotNamed) {
 
 TEST(Progress, WhoStandsStillIsNamedAfterItsOwnLimitAndNoLongerWhenItGoesOn) {
     Progress progress;
-    Progress::Turns loop(progress, "loop", 50 * kMs), link(progress, "link", 300 * kMs);
+    Progress::Liveness loop(progress, "loop", 50 * kMs), link(progress, "link", 300 * kMs);
     EXPECT_EQ(progress.look(1000 * kMs), "");
     loop.count();
     link.count();
@@ -35,14 +35,14 @@ TEST(Progress, WhoStandsStillIsNamedAfterItsOwnLimitAndNoLongerWhenItGoesOn) {
 
 TEST(Progress, WithTwoThatStandStillTheFirstIsNamed) {
     Progress progress;
-    Progress::Turns one(progress, "one", kMs), two(progress, "two", kMs);
+    Progress::Liveness one(progress, "one", kMs), two(progress, "two", kMs);
     EXPECT_EQ(progress.look(kMs), "");
     EXPECT_EQ(progress.look(10 * kMs), "one");
 }
 
 TEST(Progress, AThreadThatHasEndedIsForgotten) {
     Progress progress;
-    auto link = std::make_unique<Progress::Turns>(progress, "link", kMs);
+    auto link = std::make_unique<Progress::Liveness>(progress, "link", kMs);
     EXPECT_EQ(progress.look(kMs), "");
     EXPECT_EQ(progress.look(10 * kMs), "link");
     link.reset();
@@ -51,7 +51,7 @@ TEST(Progress, AThreadThatHasEndedIsForgotten) {
 
 TEST(Progress, NoLimitIsNeverReached) {
     Progress progress;
-    Progress::Turns link(progress, "link", UINT64_MAX);
+    Progress::Liveness link(progress, "link", UINT64_MAX);
     EXPECT_EQ(progress.look(1), "");
     EXPECT_EQ(progress.look(UINT64_MAX - 1), "");
 }

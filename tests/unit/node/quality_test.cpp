@@ -70,7 +70,7 @@ TEST(StreamQuality, AChannelThatRepeatsItselfHasNoValueUntilItHasChangedTwice) {
 TEST(StreamQuality, ADeviceThatComesBackWithTheSameNumberIsStillFrozen) {
     Stream stream({.frozen_after = 5});
     for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
-    ASSERT_TRUE(stream.sensor().has_broken(false, stream.t_ns()));
+    ASSERT_TRUE(stream.sensor().has_discontinuity(false, stream.t_ns()));
     EXPECT_EQ(stream.send(9, 9, 7).quality, kBad);
     EXPECT_EQ(stream.send(10, 8, 7).reasons, unsigned(TACTILED_FROZEN));
 }
@@ -92,7 +92,7 @@ TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsABreakThoughNobodySa
     stream.opening = 1;
     EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 1);
     EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 1);
-    ASSERT_TRUE(stream.sensor().has_broken(false, stream.t_ns()));  // seen: one break, not two
+    ASSERT_TRUE(stream.sensor().has_discontinuity(false, stream.t_ns()));  // seen: one break, not two
     stream.opening = 2;
     EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 2);
 }
@@ -143,7 +143,7 @@ TEST(StreamQuality, TimeThatPassedIsNoStep) {
     EXPECT_EQ(stream.send(10, 0, 0, 0).quality, kGood);     // the next of a backlog: no time by the host's clock
     EXPECT_EQ(stream.send(15, 0, 0, 0, 5).quality, kGood);  // five frames lie between
     EXPECT_EQ(stream.send(17, 0, 0, 0).quality, kUncertain);
-    ASSERT_TRUE(stream.sensor().has_broken(true, stream.t_ns() + 200 * kMs));
+    ASSERT_TRUE(stream.sensor().has_discontinuity(true, stream.t_ns() + 200 * kMs));
     EXPECT_EQ(stream.send(5000, 0, 0, 300).quality, kGood);  // over a break a channel may go anywhere
 }
 
@@ -208,7 +208,7 @@ TEST(StreamQuality, AMillionGoodSamplesAreAllGood) {
         const double press = 300'000 * (1 - std::cos(2 * std::numbers::pi * phase / 1500.0));
         stream.t_ns() = std::uint64_t(t_ms * 1e6);
         const auto at = [&](double gain) { return std::round(gain * (press + hum) + noise(random)); };
-        if (stream.sensor().has_broken(true, stream.t_ns())) ++bad;
+        if (stream.sensor().has_discontinuity(true, stream.t_ns())) ++bad;
         const auto s = stream.send(at(1), at(-0.2), at(0), 0, i % 70'001 == 1 && i > 1 ? 1 : 0);
         if (s.quality != kGood) ++bad;
         reasons |= s.reasons;
@@ -231,7 +231,7 @@ TEST(StreamQuality, OfOtherChannelsNothingIsKnownAfterAReplacement) {
     for (const bool same_channels : {true, false}) {
         StreamQuality after(limits);
         after.succeed(before, same_channels);
-        EXPECT_EQ(after.breaks(), before.breaks() + 1);
+        EXPECT_EQ(after.discontinuities(), before.discontinuities() + 1);
         dead = 0;
         (void)after.arrive(f);
         (void)after.judge(still, 0b11, dead);

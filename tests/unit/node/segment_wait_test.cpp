@@ -39,11 +39,11 @@ TEST_F(SegmentTest, AReaderCannotCutTheWakePage) {
 }
 
 TEST_F(SegmentTest, ASleepingReaderIsWokenWhateverTheCountAndTheOldWish) {
-    for (const auto& [first, wish] : {std::pair{std::uint64_t(0), 0u},
-                                      {(1ull << 31) + 256, 0u},                   // the wish is that of an empty page
-                                      {1000, 1000u + (1u << 30)},                 // of a reader that wrote nonsense
-                                      {1000, 1000u + TACTILED_WAKE_RECORDS + 9},  // more than the daemon heeds
-                                      {(1ull << 32) - 20, 0u}}) {
+    for (const auto& [first, request] : {std::pair{std::uint64_t(0), 0u},
+                                         {(1ull << 31) + 256, 0u},                   // the wish is that of an empty page
+                                         {1000, 1000u + (1u << 30)},                 // of a reader that wrote nonsense
+                                         {1000, 1000u + TACTILED_WAKE_RECORDS + 9},  // more than the daemon heeds
+                                         {(1ull << 32) - 20, 0u}}) {
         SegmentWriter writer(plan());
         writer.set_state(TACTILED_RUNNING);
         beat(writer, first);
@@ -52,7 +52,7 @@ TEST_F(SegmentTest, ASleepingReaderIsWokenWhateverTheCountAndTheOldWish) {
         tactiled_reader_init(&reader, name_.c_str(), "s0");
         reader.wake = static_cast<std::uint32_t*>(
             ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, writer.wake_page(), 0));
-        __atomic_store_n(reader.wake, wish, __ATOMIC_RELAXED);
+        __atomic_store_n(reader.wake, request, __ATOMIC_RELAXED);
         std::atomic<bool> stop{false};
         std::thread daemon([&, beats = first + 1]() mutable {
             for (std::uint64_t n = 1; !stop; ++n) {
@@ -75,7 +75,7 @@ TEST_F(SegmentTest, ASleepingReaderIsWokenWhateverTheCountAndTheOldWish) {
         daemon.join();
         tactiled_reader_detach(&reader);
         std::nth_element(late_ns.begin(), late_ns.begin() + 25, late_ns.end());
-        EXPECT_LT(late_ns[25], 2'000'000u) << first << " " << wish;
+        EXPECT_LT(late_ns[25], 2'000'000u) << first << " " << request;
     }
 }
 

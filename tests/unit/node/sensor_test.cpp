@@ -85,15 +85,15 @@ TEST(Sensor, BreaksOnceAfterStaleMsAndTellsItByANewEpoch) {
     Sensor sensor = make();
     (void)sensor.marker(0);
     const auto before = sensor.sample(frame(kMs, 1, 2, 3), kMs);
-    EXPECT_FALSE(sensor.has_broken(true, 101 * kMs));
-    EXPECT_TRUE(sensor.has_broken(true, 101 * kMs + 1));
+    EXPECT_FALSE(sensor.has_discontinuity(true, 101 * kMs));
+    EXPECT_TRUE(sensor.has_discontinuity(true, 101 * kMs + 1));
     const auto marker = sensor.marker(102 * kMs);
     EXPECT_EQ(marker.quality, unsigned(TACTILED_BAD));
     EXPECT_EQ(marker.reasons, unsigned(TACTILED_STALE));
     EXPECT_EQ(marker.t_ns, kMs);  // so that its age is true
     EXPECT_EQ(marker.epoch, before.epoch + 1);
-    EXPECT_FALSE(sensor.has_broken(true, 300 * kMs));  // told once
-    EXPECT_TRUE(sensor.has_broken(false, 301 * kMs));  // now for another reason
+    EXPECT_FALSE(sensor.has_discontinuity(true, 300 * kMs));  // told once
+    EXPECT_TRUE(sensor.has_discontinuity(false, 301 * kMs));  // now for another reason
     EXPECT_EQ(sensor.marker(301 * kMs).reasons, unsigned(TACTILED_DISCONNECTED));
     const auto after = sensor.sample(frame(400 * kMs, 1, 2, 3), 400 * kMs);
     EXPECT_EQ(after.quality, unsigned(TACTILED_GOOD));
@@ -103,7 +103,7 @@ TEST(Sensor, BreaksOnceAfterStaleMsAndTellsItByANewEpoch) {
 TEST(Sensor, BeforeTheFirstFrameItSaysSo) {
     Sensor sensor = make();
     EXPECT_EQ(sensor.marker(0).reasons, unsigned(TACTILED_NO_DATA_YET));
-    EXPECT_TRUE(sensor.has_broken(false, kMs));
+    EXPECT_TRUE(sensor.has_discontinuity(false, kMs));
     EXPECT_EQ(sensor.marker(kMs).reasons, unsigned(TACTILED_NO_DATA_YET | TACTILED_DISCONNECTED));
     EXPECT_EQ(sensor.marker(kMs).epoch, 7u << 16);  // nothing has broken yet
 }
@@ -111,7 +111,7 @@ TEST(Sensor, BeforeTheFirstFrameItSaysSo) {
 TEST(Sensor, ADisconnectedLinkBreaksAtOnce) {
     Sensor sensor = make();
     (void)sensor.sample(frame(kMs, 1, 2, 3), kMs);
-    EXPECT_TRUE(sensor.has_broken(false, kMs + 1));
+    EXPECT_TRUE(sensor.has_discontinuity(false, kMs + 1));
 }
 
 TEST(Sensor, TareAveragesAndKeepsTheRawForce) {
@@ -179,7 +179,7 @@ TEST(Sensor, ATareOfASilentSensorFails) {
     (void)sensor.sample(frame(kMs, 1, 2, 3), kMs);
     ASSERT_TRUE(sensor.can_tare());
     sensor.begin_tare(2 * kMs);
-    ASSERT_TRUE(sensor.has_broken(true, 200 * kMs));
+    ASSERT_TRUE(sensor.has_discontinuity(true, 200 * kMs));
     EXPECT_EQ(sensor.poll_tare(200 * kMs), Sensor::Tare::failed);
 }
 
@@ -193,7 +193,7 @@ TEST(Sensor, ContactHasHysteresisAndEndsWithTheValue) {
     EXPECT_EQ(state(0.4, 4), 0u);
     EXPECT_EQ(state(0.9, 5), 0u);
     EXPECT_EQ(state(4.5, 6), unsigned(TACTILED_CONTACT | TACTILED_OVERLOAD));
-    ASSERT_TRUE(sensor.has_broken(false, 7 * kMs));
+    ASSERT_TRUE(sensor.has_discontinuity(false, 7 * kMs));
     EXPECT_EQ(sensor.marker(7 * kMs).state, 0u);
     EXPECT_EQ(state(0.9, 8), 0u);  // it has to begin anew
     const double as_configured = std::nan("");
@@ -213,14 +213,14 @@ TEST(Sensor, TheLowPassHasItsCutoffWhateverTheRate) {
     for (const double rate_Hz : {500.0, 1000.0, 3333.0}) {
         Sensor sensor = make();
         sensor.set({.filter_Hz = 10, .contact_on_N = 1, .contact_off_N = 0.5, .overload_N = 0});
-        double most = 0;
+        double max = 0;
         for (int i = 0; i < int(3 * rate_Hz); ++i) {  // 10 Hz sine, 3 s
             const auto t = std::uint64_t(i / rate_Hz * 1e9) + 1;
             const auto s = sensor.sample(frame(t, std::sin(2 * 3.141592653589793 * 10 * i / rate_Hz), 0, 0), t);
             EXPECT_NE(s.state & TACTILED_LOW_PASS, 0u);
-            if (i > int(2 * rate_Hz)) most = std::max(most, s.force_S_N[0]);
+            if (i > int(2 * rate_Hz)) max = std::max(max, s.force_S_N[0]);
         }
-        EXPECT_NEAR(most, std::sqrt(0.5), 0.02) << rate_Hz;  // -3 dB
+        EXPECT_NEAR(max, std::sqrt(0.5), 0.02) << rate_Hz;  // -3 dB
     }
 }
 
@@ -230,7 +230,7 @@ TEST(Sensor, TheLowPassStartsAnewAfterABreak) {
     EXPECT_EQ(sensor.sample(frame(kMs, 5, 0, 0), kMs).force_S_N[0], 5);  // no climb from 0
     EXPECT_LT(sensor.sample(frame(2 * kMs, 1, 0, 0), 2 * kMs).force_S_N[0], 5);
     EXPECT_GT(sensor.sample(frame(3 * kMs, 1, 0, 0), 3 * kMs).force_S_N[0], 4.5);
-    ASSERT_TRUE(sensor.has_broken(false, 4 * kMs));
+    ASSERT_TRUE(sensor.has_discontinuity(false, 4 * kMs));
     (void)sensor.marker(4 * kMs);
     EXPECT_EQ(sensor.sample(frame(5 * kMs, 1, 0, 0), 5 * kMs).force_S_N[0], 1);
 }

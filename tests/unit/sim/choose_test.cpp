@@ -38,17 +38,17 @@ TEST(GuaranteedError, JumpsAtARoundingOnlyWhereSomethingWasLeftOutBefore) {
 
 TEST(PassOn, AMaterialReachesFurtherAndMovesFaster) {
     Extent reach;
-    reach.most = reach.span = {0, 0, 1, 0, 0};
+    reach.max = reach.span = {0, 0, 1, 0, 0};
     reach.rate = {0, 0, 2, 0, 0};
     reach.jump = {0, 0, 0.5, 0, 0};
     Before before;
     pass_on({.change_N = 0.1, .load = {0, 0, 0.1, 0, 0}, .load_gain = 1.5}, Stage::material, reach, before);
-    EXPECT_DOUBLE_EQ(reach.most[kFz], 1.1);
+    EXPECT_DOUBLE_EQ(reach.max[kFz], 1.1);
     EXPECT_DOUBLE_EQ(reach.span[kFz], 1.2);
     EXPECT_DOUBLE_EQ(reach.rate[kFz], 3);
     EXPECT_DOUBLE_EQ(reach.jump[kFz], 0.75);
     EXPECT_DOUBLE_EQ(before.load[kFz], 0.1);
-    EXPECT_EQ(before.most_N, 0);
+    EXPECT_EQ(before.max_N, 0);
     EXPECT_FALSE(reach.reverses);
 }
 
@@ -80,7 +80,7 @@ TEST(PassOn, ChannelsMoveWithTheirLoadByTheGainsAndBesidesByWhatMovesByItself) {
     Extent reach;
     pass_on({.change_N = 0.1, .own_N = 0.1, .own_rate_N_s = 0.5}, Stage::transducer, reach, setting.before);
     pass_on({.change_N = 0.2, .gain = 2}, Stage::transducer, reach, setting.before);
-    EXPECT_DOUBLE_EQ(setting.before.most_N, 0.3);
+    EXPECT_DOUBLE_EQ(setting.before.max_N, 0.3);
     EXPECT_DOUBLE_EQ(setting.before.gain, 2);
     EXPECT_DOUBLE_EQ(setting.before.change_N(setting, 0.1), 2 * 0.05);
     EXPECT_DOUBLE_EQ(setting.before.change_N(setting, 100), 2 * 0.2);
@@ -141,9 +141,9 @@ TEST(Choose, AStricterWishTurnsMoreOn) {
 TEST(Choose, AWrongNameIsRefusedWithTheNearest) {
     const Scene scene = scene_of(kStill);
     const Extent extent = scene.motion.extent(scene.sensors[0]);
-    const auto refused = [&](const std::string& wish) -> std::string {
+    const auto refused = [&](const std::string& request) -> std::string {
         try {
-            choose(scene, scene.sensors[0], extent, wish);
+            choose(scene, scene.sensors[0], extent, request);
         } catch (const SetupError& e) { return e.what(); }
         return "";
     };

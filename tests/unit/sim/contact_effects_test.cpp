@@ -94,14 +94,14 @@ TEST(Texture, PassesAtSpeedOverPitch) {
                    "body = {shape = \"textured\", texture_pitch_m = 1e-3, texture_height_m = 1e-6, friction = 0.8}");
     const Recording is = run(scene, "texture");
     int rises = 0;
-    double most = 0;
+    double max = 0;
     for (std::size_t n = 102; n < is.t_s.size(); ++n) {
         rises += is.load[kFz][n - 1] < -0.05 && is.load[kFz][n] >= -0.05;
-        most = std::max(most, std::abs(is.load[kFz][n] + 0.05));
+        max = std::max(max, std::abs(is.load[kFz][n] + 0.05));
     }
     EXPECT_NEAR(rises, 20, 1);
     const double skin_N_m = 750e3 * 2.827e-5 / 1e-3, x = 2 * kPi * 0.2;
-    EXPECT_NEAR(most, 0.5 * skin_N_m * 0.5e-6 * std::sin(x) / x, 1e-6);
+    EXPECT_NEAR(max, 0.5 * skin_N_m * 0.5e-6 * std::sin(x) / x, 1e-6);
 }
 
 // A slider on a spring: period 2 (mu_s - mu_k) N / (k v), about the kinetic friction.
@@ -112,19 +112,19 @@ TEST(StickSlip, HasThePeriodOfASliderOnASpring) {
         "[effects.stick_slip]\nstribeck_m_s = 100\nstiffness = 1\n" + press(5, 0.1) + shear(2, 0, 0.1) + kSlide + hold(1),
         body);
     const Recording is = run(scene, "stick_slip");
-    double sum = 0, least = 1e9, most = 0;
+    double sum = 0, min = 1e9, max = 0;
     int slips = 0;
     for (std::size_t n = 4100; n < is.t_s.size(); ++n) {
         slips += is.load[kFx][n] < is.load[kFx][n - 1] - 0.1;
         sum += is.load[kFx][n];
-        least = std::min(least, is.load[kFx][n]);
-        most = std::max(most, is.load[kFx][n]);
+        min = std::min(min, is.load[kFx][n]);
+        max = std::max(max, is.load[kFx][n]);
     }
     const double period_s = 2 * 0.1 * 5 * 0.79e-3 / 0.02;
     EXPECT_NEAR(slips, 1 / period_s, 1);
     EXPECT_NEAR(sum / double(is.t_s.size() - 4100), 2, 0.02);
-    EXPECT_NEAR(least, (2 * 0.4 - 0.5) * 5, 0.01);
-    EXPECT_NEAR(most, 0.5 * 5, 0.01);
+    EXPECT_NEAR(min, (2 * 0.4 - 0.5) * 5, 0.01);
+    EXPECT_NEAR(max, 0.5 * 5, 0.01);
 }
 
 TEST(ArraySpread, GivesToNeighboursWhatItTakes) {

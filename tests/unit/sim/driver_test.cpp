@@ -23,7 +23,7 @@ TEST(SimDriver, CountsEachLostFrameOnce) {
     ASSERT_EQ(driver->open(), "");
     Frame frame{};
     std::uint64_t frames = 0, lost = 0, gaps = 0;
-    for (Status status = Status::timeout; status != Status::gone;) {
+    for (Status status = Status::timeout; status != Status::disconnected;) {
         const std::uint32_t before = frame.sequence;
         status = driver->read(frame, 10);
         if (status != Status::frame) continue;

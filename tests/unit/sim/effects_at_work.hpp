@@ -17,7 +17,7 @@ struct Moment {
 
 struct Reading {
     std::array<double, kAxes> drive{};
-    std::array<double, kMostChannels> channel{};
+    std::array<double, kMaxSensorChannels> channel{};
 };
 
 inline Moment press(double N) { return {.load = {0, 0, -N, 0, 0}}; }

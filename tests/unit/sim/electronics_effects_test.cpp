@@ -142,13 +142,13 @@ TEST(ConverterNonlinearity, IsLargestAtOneOverRootThree) {
     const Recording is = run(scene, "converter_nonlinearity"), ideal = run(scene, "none");
     const Sensor& sensor = scene.sensors[0];
     const double range = std::abs(sensor.gain[0][kFx]) + std::abs(sensor.gain[0][kFz]);
-    double most = 0, at = 0;
+    double max = 0, at = 0;
     for (std::size_t n = 0; n < is.t_s.size(); ++n)
-        if (is.channel[0][n] - ideal.channel[0][n] > most) {
-            most = is.channel[0][n] - ideal.channel[0][n];
+        if (is.channel[0][n] - ideal.channel[0][n] > max) {
+            max = is.channel[0][n] - ideal.channel[0][n];
             at = ideal.channel[0][n];
         }
-    EXPECT_NEAR(most, 0.01 * range, 1e-4 * 0.01 * range);
+    EXPECT_NEAR(max, 0.01 * range, 1e-4 * 0.01 * range);
     EXPECT_NEAR(at / range, 1 / std::sqrt(3), 0.01);
 }
 

@@ -65,9 +65,9 @@ TEST(ContactPatch, LargestExcessIsOne) {
     const auto u = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
     for (int i = 0; i < 200; ++i) {
         const double x = u(0, 4e-4), y = u(0, 4e-4), radius = i % 2 == 0 ? u(0, 3e-4) : u(0, 1.2e-3);
-        const auto most = map.largest_excess(x, y, radius), one = map.excess(u(-x, x), u(-y, y), u(0, radius));
+        const auto max = map.largest_excess(x, y, radius), one = map.excess(u(-x, x), u(-y, y), u(0, radius));
         for (std::size_t k = 0; k < 8; ++k)
-            for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_LE(std::abs(one[k][axis]), most[k][axis] * (1 + 1e-9));
+            for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_LE(std::abs(one[k][axis]), max[k][axis] * (1 + 1e-9));
     }
 }
 

@@ -14,18 +14,18 @@ void expect_kept(const std::string& model, const std::string& rest, const std::s
         scene.wanted_accuracy_N = wanted * sensor.full_scale_N;
         Simulation all(scene, "all"), chosen(scene, "auto"), measured(scene, "all");
         measured.measure_shares(true);
-        double most_N = 0;
+        double max_N = 0;
         for (const Block* a = &all.advance(0); a->n > 0; a = &all.advance(0)) {
             const Block& b = chosen.advance(0);
             measured.advance(0);
             for (std::size_t n = 0; n < a->n; ++n) {
-                std::array<double, kMostChannels> change{};
+                std::array<double, kMaxSensorChannels> change{};
                 for (std::size_t k = 0; k < sensor.n(); ++k) change[k] = a->channel[k][n] - b.channel[k][n];
                 for (std::size_t k = 0; k < sensor.n(); ++k) ASSERT_TRUE(std::isfinite(change[k]));
-                if (!a->dropped[n] && !b.dropped[n]) most_N = std::max(most_N, sensor.largest_N(change));
+                if (!a->dropped[n] && !b.dropped[n]) max_N = std::max(max_N, sensor.largest_N(change));
             }
         }
-        EXPECT_LE(most_N, chosen.choice(0).guaranteed_N * (1 + 1e-9) + 1e-12) << wanted << " of full scale wanted";
+        EXPECT_LE(max_N, chosen.choice(0).guaranteed_N * (1 + 1e-9) + 1e-12) << wanted << " of full scale wanted";
         const auto& decisions = measured.choice(0).decisions;
         for (std::size_t d = 0; d < decisions.size(); ++d)
             EXPECT_LE(measured.shares_N(0)[d], decisions[d].bound.change_N * (1 + 1e-9) + 1e-12)

@@ -31,7 +31,7 @@ inline std::string hold(double for_s) { return fmt::format("[[motion]]\ndo = \"h
 struct Recording {
     std::vector<double> t_s, radius_m;
     std::array<std::vector<double>, kAxes> load;
-    std::array<std::vector<double>, kMostChannels> channel;
+    std::array<std::vector<double>, kMaxSensorChannels> channel;
     std::vector<std::uint32_t> lost, missing;
     std::vector<bool> dropped;
 };

@@ -43,18 +43,18 @@ void compare(Simulation& a, Simulation& b, F&& what) {
 double difference_N(const Scene& scene, const std::string& a, const std::string& b) {
     Simulation one(scene, a), other(scene, b);
     const Sensor& sensor = scene.sensors[0];
-    double most = 0;
+    double max = 0;
     compare(one, other, [&](const Block& x, const Block& y, std::size_t n) {
         if (x.dropped[n] || y.dropped[n]) return;
-        std::array<double, kMostChannels> change{};
+        std::array<double, kMaxSensorChannels> change{};
         for (std::size_t k = 0; k < sensor.n(); ++k) {
             if (((x.missing[n] | y.missing[n]) >> k & 1u) != 0) continue;
             if (!std::isfinite(x.channel[k][n]) || !std::isfinite(y.channel[k][n])) RC_FAIL("not finite");
             change[k] = x.channel[k][n] - y.channel[k][n];
         }
-        most = std::max(most, sensor.largest_N(change));
+        max = std::max(max, sensor.largest_N(change));
     });
-    return most;
+    return max;
 }
 
 // All effects at work: none changes a channel by more than its bound; and the bounds are useful: half of them are at most
@@ -108,17 +108,17 @@ RC_GTEST_PROP(Extent, HoldsEverySample, ()) {
     const Scene scene = random.scene();
     const Extent e = scene.motion.extent(scene.sensors[0]);
     Simulation simulation(scene, "none");
-    std::array<double, kAxes> before{}, least{}, most{};
+    std::array<double, kAxes> before{}, min{}, max{};
     bool holds = true;
     for (const Block* b = &simulation.advance(0); b->n > 0; b = &simulation.advance(0))
         for (std::size_t n = 0; n < b->n; ++n) {
             for (std::size_t axis = 0; axis < kAxes; ++axis) {
                 const double load = b->load[axis][n];
-                holds &= std::abs(load) <= e.most[axis] * kRounding;
+                holds &= std::abs(load) <= e.max[axis] * kRounding;
                 holds &= std::abs(load - before[axis]) <= e.change(Axis(axis), 1 / scene.rate_Hz) * kRounding + 1e-15;
                 before[axis] = load;
-                least[axis] = std::min(least[axis], load);
-                most[axis] = std::max(most[axis], load);
+                min[axis] = std::min(min[axis], load);
+                max[axis] = std::max(max[axis], load);
             }
             const double shear = std::hypot(b->load[kFx][n], b->load[kFy][n]), press = -b->load[kFz][n];
             holds &= shear - scene.body.friction * press <= e.shear_excess_N * kRounding + kNothing_N;
@@ -129,7 +129,7 @@ RC_GTEST_PROP(Extent, HoldsEverySample, ()) {
             holds &= std::abs(b->acceleration_m_s2[n]) <= e.acceleration_m_s2 * kRounding;
             if (!holds) RC_FAIL(fmt::format("at {} s", b->t_s[n]));
         }
-    for (std::size_t axis = 0; axis < kAxes; ++axis) RC_ASSERT(most[axis] - least[axis] <= e.span[axis] * kRounding);
+    for (std::size_t axis = 0; axis < kAxes; ++axis) RC_ASSERT(max[axis] - min[axis] <= e.span[axis] * kRounding);
 }
 
 // The same bits whatever the block size, and whatever other effects are on before it in the list.

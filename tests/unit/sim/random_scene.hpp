@@ -90,10 +90,10 @@ inline std::string random_parameters() {
         tables += fmt::format("[effects.{}]\n", effect->name);
         for (const Parameter& p : effect->parameters) {
             const double reach = between(0, 1);
-            const double value = *rc::gen::inRange(0, 4) == 0 ? p.least + (p.most - p.least) * reach
-                                 : p.least > 0                ? p.least * std::pow(p.most / p.least, reach)
-                                                              : p.most * std::pow(10.0, -6 * reach);
-            tables += fmt::format("{} = {:e}\n", p.name, std::clamp(value, p.least, p.most));
+            const double value = *rc::gen::inRange(0, 4) == 0 ? p.min + (p.max - p.min) * reach
+                                 : p.min > 0                  ? p.min * std::pow(p.max / p.min, reach)
+                                                              : p.max * std::pow(10.0, -6 * reach);
+            tables += fmt::format("{} = {:e}\n", p.name, std::clamp(value, p.min, p.max));
         }
     }
     return tables;

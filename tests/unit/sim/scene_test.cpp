@@ -148,15 +148,15 @@ TEST(Scene, AWanderStaysWithinItsLoadsAndHangsOnItsSeed) {
                         seed));
     };
     const World w = wander(1);
-    double least = 1, most = 0, shear = 0;
+    double min = 1, max = 0, shear = 0;
     for (std::size_t i = 10; i < w.fz.size(); ++i) {
-        least = std::min(least, -w.fz[i]);
-        most = std::max(most, -w.fz[i]);
+        min = std::min(min, -w.fz[i]);
+        max = std::max(max, -w.fz[i]);
         shear = std::max(shear, std::hypot(w.fx[i], w.fy[i]));
     }
-    EXPECT_GE(least, 0.2);
-    EXPECT_LE(most, 1);
-    EXPECT_GT(most - least, 0.7);
+    EXPECT_GE(min, 0.2);
+    EXPECT_LE(max, 1);
+    EXPECT_GT(max - min, 0.7);
     EXPECT_LE(shear, 0.5);
     EXPECT_GT(shear, 0.45);
     EXPECT_EQ(w.fz, wander(1).fz);

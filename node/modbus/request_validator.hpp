@@ -11,7 +11,7 @@
 namespace tactiled::modbus {
 
 inline constexpr std::size_t kMbapSize = 7;
-inline constexpr std::size_t kMostAdu = 260;  // Modbus Messaging Implementation Guide 1.0b, 4.2
+inline constexpr std::size_t kMaxAdu = 260;  // Modbus Messaging Implementation Guide 1.0b, 4.2
 
 enum class Cut {
     more,   // not a whole request yet
@@ -67,12 +67,12 @@ Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept;
 
 // The answer with an exception code: transaction and unit echoed. Returns its 9 bytes in `out`.
 std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception,
-                          std::span<std::uint8_t, kMostAdu> out) noexcept;
+                          std::span<std::uint8_t, kMaxAdu> out) noexcept;
 
 // The answer to a request that reads registers (functions 3, 4, 23), at most 125: transaction and unit echoed. Written
 // here because libmodbus' way through a socket pair takes several times as long as all else that an answer needs
 // (tests/bench/modbus_bench); a test compares the two byte by byte. Returns its length in `out`.
 std::size_t registers_adu(std::span<const std::uint8_t> adu, std::span<const std::uint16_t> registers,
-                          std::span<std::uint8_t, kMostAdu> out) noexcept;
+                          std::span<std::uint8_t, kMaxAdu> out) noexcept;
 
 }  // namespace tactiled::modbus

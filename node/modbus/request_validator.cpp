@@ -1,4 +1,4 @@
-#include "node/modbus/wall.hpp"
+#include "node/modbus/request_validator.hpp"
 
 #include <algorithm>
 
@@ -11,10 +11,10 @@ std::uint16_t word(std::span<const std::uint8_t> bytes, std::size_t at) noexcept
     return std::uint16_t(bytes[at] << 8 | bytes[at + 1]);
 }
 
-constexpr unsigned kMostRead = 125, kMostWrite = 123, kMostWriteBeside = 121;  // 1.1b3, 6.3, 6.12 and 6.17
-constexpr unsigned kMostReadBits = 2000, kMostWriteBits = 1968;                // 6.1 and 6.11
+constexpr unsigned kMaxRead = 125, kMaxWrite = 123, kMaxWriteBeside = 121;  // 1.1b3, 6.3, 6.12 and 6.17
+constexpr unsigned kMaxReadBits = 2000, kMaxWriteBits = 1968;               // 6.1 and 6.11
 
-bool in(unsigned count, unsigned most) noexcept { return count >= 1 && count <= most; }
+bool in(unsigned count, unsigned max) noexcept { return count >= 1 && count <= max; }
 
 bool is_readable(Run run, std::uint8_t function, bool scratch) noexcept {
     const Area* const area = area_of(run.at, run.count);
@@ -39,7 +39,7 @@ Cut cut_adu(std::span<const std::uint8_t> bytes, std::size_t& size) noexcept {
     if (bytes.size() >= 4 && word(bytes, 2) != 0) return Cut::close;
     if (bytes.size() < 6) return Cut::more;
     const std::size_t length = word(bytes, 4);  // unit identifier and PDU: 1 + 1 .. 253 bytes
-    if (length < 2 || length > kMostAdu - 6) return Cut::close;
+    if (length < 2 || length > kMaxAdu - 6) return Cut::close;
     size = 6 + length;
     return bytes.size() < size ? Cut::more : Cut::adu;
 }
@@ -59,14 +59,14 @@ Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept {
     switch (pdu[0]) {
         case kReadCoils:
         case kReadInputs:
-            if (size != 5 || !in(word(pdu, 3), kMostReadBits)) return refuse(kIllegalValue);
+            if (size != 5 || !in(word(pdu, 3), kMaxReadBits)) return refuse(kIllegalValue);
             request.read = run(1);
             if (request.read.at + request.read.count > (pdu[0] == kReadCoils ? kCoils : kInputs))
                 return refuse(kIllegalAddress);
             return request;
         case kReadHolding:
         case kReadInputRegisters:
-            if (size != 5 || !in(word(pdu, 3), kMostRead)) return refuse(kIllegalValue);
+            if (size != 5 || !in(word(pdu, 3), kMaxRead)) return refuse(kIllegalValue);
             request.read = run(1);
             if (!is_readable(request.read, pdu[0], scratch)) return refuse(kIllegalAddress);
             return request;
@@ -83,14 +83,14 @@ Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept {
             if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
             return request;
         case kWriteCoils:
-            if (size < 6 || !in(word(pdu, 3), kMostWriteBits) || !holds(5, (word(pdu, 3) + 7u) / 8))
+            if (size < 6 || !in(word(pdu, 3), kMaxWriteBits) || !holds(5, (word(pdu, 3) + 7u) / 8))
                 return refuse(kIllegalValue);
             request.write = run(1);
             request.written = pdu.subspan(6);
             if (request.write.at + request.write.count > kCoils) return refuse(kIllegalAddress);
             return request;
         case kWriteRegisters:
-            if (size < 6 || !in(word(pdu, 3), kMostWrite) || !holds(5, 2u * word(pdu, 3))) return refuse(kIllegalValue);
+            if (size < 6 || !in(word(pdu, 3), kMaxWrite) || !holds(5, 2u * word(pdu, 3))) return refuse(kIllegalValue);
             request.write = run(1);
             request.written = pdu.subspan(6);
             if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
@@ -102,7 +102,7 @@ Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept {
             if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
             return request;
         case kReadWrite:
-            if (size < 10 || !in(word(pdu, 3), kMostRead) || !in(word(pdu, 7), kMostWriteBeside) ||
+            if (size < 10 || !in(word(pdu, 3), kMaxRead) || !in(word(pdu, 7), kMaxWriteBeside) ||
                 !holds(9, 2u * word(pdu, 7)))
                 return refuse(kIllegalValue);
             request.read = run(1);
@@ -120,7 +120,7 @@ Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept {
 }
 
 std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception,
-                          std::span<std::uint8_t, kMostAdu> out) noexcept {
+                          std::span<std::uint8_t, kMaxAdu> out) noexcept {
     std::copy_n(adu.begin(), kMbapSize, out.begin());
     out[4] = 0;
     out[5] = 3;
@@ -130,7 +130,7 @@ std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception
 }
 
 std::size_t registers_adu(std::span<const std::uint8_t> adu, std::span<const std::uint16_t> registers,
-                          std::span<std::uint8_t, kMostAdu> out) noexcept {
+                          std::span<std::uint8_t, kMaxAdu> out) noexcept {
     const std::size_t bytes = 2 * registers.size();  // at most 250
     std::copy_n(adu.begin(), kMbapSize + 1, out.begin());
     out[4] = 0;

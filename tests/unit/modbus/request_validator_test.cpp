@@ -1,6 +1,6 @@
 // What reaches libmodbus, and what the wall answers itself. Sections: MODBUS Application Protocol Specification 1.1b3 ("P"),
 // MODBUS Messaging on TCP/IP Implementation Guide 1.0b ("G").
-#include "node/modbus/wall.hpp"
+#include "node/modbus/request_validator.hpp"
 
 #include <gtest/gtest.h>
 
@@ -28,7 +28,7 @@ struct Case {
     int exception;
 };
 
-TEST(Wall, AnswersWrongRequestsWithTheRightException) {
+TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
     Bytes long_write{16, 0, 0, 0, 123, 246};
     long_write.resize(6 + 246);
     Bytes longer_write{16, 0, 0, 0, 124, 248};
@@ -115,7 +115,7 @@ TEST(Wall, AnswersWrongRequestsWithTheRightException) {
         const Request found = check_adu(request, true);
         EXPECT_EQ(int(found.exception), c.exception) << c.what;
         if (found.exception == kNone) continue;
-        std::array<std::uint8_t, kMostAdu> out;
+        std::array<std::uint8_t, kMaxAdu> out;
         ASSERT_EQ(exception_adu(request, found.exception, out), 9u);  // P 7: function | 0x80, code
         const std::uint8_t expected[9] = {
             0x12, 0x34, 0, 0, 0, 3, 1, std::uint8_t(c.pdu[0] | 0x80), std::uint8_t(c.exception)};
@@ -123,16 +123,16 @@ TEST(Wall, AnswersWrongRequestsWithTheRightException) {
     }
 }
 
-TEST(Wall, EchoesAnyUnit) {  // G 4.4.2.5: 0xFF, 0 and others alike
+TEST(RequestValidator, EchoesAnyUnit) {  // G 4.4.2.5: 0xFF, 0 and others alike
     for (const int unit : {0, 1, 9, 247, 255}) {
         const Bytes request = adu({99}, std::uint8_t(unit));
-        std::array<std::uint8_t, kMostAdu> out;
+        std::array<std::uint8_t, kMaxAdu> out;
         exception_adu(request, kIllegalFunction, out);
         EXPECT_EQ(out[6], unit);
     }
 }
 
-TEST(Wall, CutsTheStreamIntoRequests) {  // G 3.1.3: transaction, protocol 0, length of what follows
+TEST(RequestValidator, CutsTheStreamIntoRequests) {  // G 3.1.3: transaction, protocol 0, length of what follows
     const auto cut = [](Bytes bytes) {
         std::size_t size = 0;
         const Cut c = cut_adu(bytes, size);
@@ -156,7 +156,7 @@ TEST(Wall, CutsTheStreamIntoRequests) {  // G 3.1.3: transaction, protocol 0, le
     EXPECT_EQ(cut(Bytes(http.begin(), http.end())).first, Cut::close);
 }
 
-TEST(Wall, LetsThroughOnlyWhatTheTableHas) {
+TEST(RequestValidator, LetsThroughOnlyWhatTheTableHas) {
     std::mt19937 random(7);
     int good = 0;
     for (int i = 0; i < 2'000'000; ++i) {
