@@ -54,7 +54,7 @@ private:
 // one that is out of control. Such a thread waits here.
 class Breather {
 public:
-    // rt: wait-free, but one system call each kTurns turns, and where the thread has not waited since the last one, 1 ms
+    // rt: wait-free, but one system call each kCyclesPerYield turns, and where the thread has not waited since the last one, 1 ms
     void cycle() noexcept {
         if (++cycles_ % kCyclesPerYield != 0) return;
         rusage used{};
