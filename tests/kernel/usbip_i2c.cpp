@@ -1,4 +1,4 @@
-// PlayOperators an i2c-tiny-usb adapter to the kernel of the test machine, through vhci_hcd and a socket pair: a real
+// Plays an i2c-tiny-usb adapter to the kernel of the test machine, through vhci_hcd and a socket pair: a real
 // /dev/i2c-N whose chips are the models of the unit tests, in real time. Needs the modules vhci-hcd, i2c-tiny-usb, i2c-dev.
 //
 //     usbip_i2c PORT KIND:ADDRESS[:MUX:CHANNEL]...      such as usbip_i2c 0 ad7746:0x48:0x70:2 nau7802:0x2a
