@@ -9,6 +9,20 @@ namespace {
 // Method "auto" is timed in one sample of so many: reading the clock twice takes as long as a fast method.
 constexpr std::uint64_t kTimedEvery = 8;
 
+void put(const Estimate& e, tactiled_sample& s) noexcept {
+    s.quality = std::uint32_t(e.quality);
+    s.reasons = e.reasons;
+    s.residual = e.residual;
+    s.state |= (e.direction & 31u) << 8;
+    std::copy_n(e.cop_S_m.begin(), 2, s.cop_S_m);
+    for (std::size_t i = 0; i < 3; ++i) {
+        s.raw_force_S_N[i] = e.wrench_S[i];
+        s.raw_torque_S_Nm[i] = e.wrench_S[i + 3];
+        s.sd_force_N[i] = e.sd[i];
+        s.sd_torque_Nm[i] = e.sd[i + 3];
+    }
+}
+
 }  // namespace
 
 // ---- one frame -> one sample -------------------------------------------------------------------------------------------
@@ -53,8 +67,8 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
         return wrong;
     }
     std::array<double, kMaxChannels> raw;
-    const std::size_t n = setup_.channel_of_frame.size();
-    Reading reading = read(frame, {raw.data(), n});
+    Reading reading = read(frame, raw);
+    const std::size_t n = reading.channel.size();
     const auto all = std::uint32_t((std::uint64_t(1) << n) - 1);
     std::uint32_t dead = 0;
     const std::uint32_t of_stream = stream_.judge({raw.data(), n}, all & ~(reading.missing | reading.saturated), dead);
@@ -75,35 +89,23 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
 }
 
 // The channels of the model, in its order and unit. `raw` receives the same channels as numbers of the frame.
-Reading Sensor::read(const Frame& frame, std::span<double> raw) noexcept {
+Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept {
     Reading reading;
-    for (std::size_t k = 0; k < raw.size(); ++k) {
+    const std::size_t n = setup_.channel_of_frame.size();
+    for (std::size_t k = 0; k < n; ++k) {
         const auto i = std::size_t(setup_.channel_of_frame[k]);
-        raw[k] = frame.channel[i];
-        const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(raw[k]);
-        const bool saturated = !missing && ((frame.saturated >> i & 1u) != 0 || raw[k] <= setup_.saturates_below ||
-                                            raw[k] >= setup_.saturates_above);
-        channel_[k] = missing ? kNaN : raw[k] / setup_.counts_per_unit;
+        const double value = frame.channel[i];
+        const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(value);
+        const bool saturated = !missing && ((frame.saturated >> i & 1u) != 0 || value <= setup_.saturates_below ||
+                                            value >= setup_.saturates_above);
+        raw[k] = value;
+        channel_[k] = missing ? kNaN : value / setup_.counts_per_unit;
         if (missing) reading.missing |= 1u << k;
         if (saturated) reading.saturated |= 1u << k;
     }
-    reading.channel = {channel_.data(), raw.size()};
+    reading.channel = {channel_.data(), n};
     reading.t_ns = frame.t_ns;
     return reading;
-}
-
-void Sensor::put(const Estimate& e, tactiled_sample& s) noexcept {
-    s.quality = std::uint32_t(e.quality);
-    s.reasons = e.reasons;
-    s.residual = e.residual;
-    s.state |= (e.direction & 31u) << 8;
-    std::copy_n(e.cop_S_m.begin(), 2, s.cop_S_m);
-    for (std::size_t i = 0; i < 3; ++i) {
-        s.raw_force_S_N[i] = e.wrench_S[i];
-        s.raw_torque_S_Nm[i] = e.wrench_S[i + 3];
-        s.sd_force_N[i] = e.sd[i];
-        s.sd_torque_Nm[i] = e.sd[i + 3];
-    }
 }
 
 // ---- method "auto" -----------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@
 
 namespace tactiled {
 
-// What may be changed while the daemon runs. NaN in a wish: as configured.
+// Settings that may change while the daemon runs. NaN stands for the configured value.
 struct SensorSettable {
     double filter_Hz = 0;                             // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;  // of the magnitude of the components that the sensor sees
@@ -43,7 +43,7 @@ public:
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, where it is method "auto"
-        std::uint64_t (*clock_ns)() noexcept = &now_ns;  // what it is timed with
+        std::uint64_t (*clock_ns)() noexcept = &now_ns;  // times the methods of "auto"
     };
     explicit Sensor(Setup setup)
         : setup_(std::move(setup)),
@@ -67,16 +67,17 @@ public:
     // The last sample, compared with the other sensor's: UNCERTAIN when they differ for too long. rt: wait-free
     const tactiled_sample& compare(const tactiled_sample& others) noexcept;
 
-    // True when the stream has just broken, or the reason has changed: publish marker(). `connected` is the link's state.
+    // True when the stream has just broken, or the reason has changed: then publish marker(). `connected` is the link's
+    // state.
     // rt: wait-free
     [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept {
         return stream_.has_discontinuity(connected, now_ns);
     }
-    // The BAD sample that says so. rt: wait-free
+    // A BAD sample with the reason why there is no value. rt: wait-free
     [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool is_delivering() const noexcept { return stream_.broken() == 0; }
 
-    // Whether the sensor has a value now that is fit to be a zero, and no tare is running. rt: wait-free
+    // The sensor has a value now that is fit to be a zero, and no tare is running. rt: wait-free
     [[nodiscard]] bool can_tare() const noexcept {
         return is_delivering() && Zero::can_be_zero(last_) && zero_.tare() == Tare::none;
     }
@@ -93,24 +94,23 @@ public:
 
     // Takes effect with the next sample. rt: wait-free
     void set(const SensorSettable& settable) noexcept;
-    // Takes over how `other`, which measures alike, judges and filters. rt: wait-free
+    // Takes over the limits and settings of `other`, which measures alike. rt: wait-free
     void retune(const Sensor& other) noexcept;
-    // Goes on in the place of `before`, which measured otherwise, in a new epoch and without its tare. Publish marker()
-    // then. rt: wait-free
+    // Continues in the place of `before`, which measured differently, in a new epoch and without its tare. Publish marker()
+    // afterwards. rt: wait-free
     void succeed(const Sensor& before) noexcept;
     // The peak starts again with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
 
     [[nodiscard]] const tactiled_sample& last() const noexcept { return last_; }
-    // What a tare subtracts from the raw wrench, as of the last sample.
+    // The zero that was subtracted from the raw wrench of the last sample.
     [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_.of(method_); }
 
 private:
     [[nodiscard]] tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
-    [[nodiscard]] Reading read(const Frame& frame, std::span<double> raw) noexcept;
+    [[nodiscard]] Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
-    static void put(const Estimate& estimate, tactiled_sample& sample) noexcept;
     [[nodiscard]] std::uint32_t epoch() const noexcept {
         return daemon_epoch_ << 16 | (stream_.discontinuities() & 0xFFFFu);
     }

@@ -370,8 +370,9 @@ void SegmentWriter::set_link_count(std::uint32_t index, tactiled_link_count kind
 }
 
 void SegmentWriter::set_link_counts(std::uint32_t index, const std::uint32_t (&count)[TACTILED_LINK_COUNTS]) noexcept {
-    for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
-        if (kind != TACTILED_LINK_UNBOUND) set_link_count(index, tactiled_link_count(kind), count[kind]);
+    auto& link = reinterpret_cast<tactiled_link*>(base_ + header().link_offset)[index];
+    for (std::size_t kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
+        if (kind != TACTILED_LINK_UNBOUND) __atomic_store_n(&link.count[kind], count[kind], __ATOMIC_RELAXED);
 }
 
 }  // namespace tactiled
