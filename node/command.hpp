@@ -1,4 +1,4 @@
-// What the PLC or a person asks for; carried out by the pipeline, acknowledged in the node record.
+// A command of the PLC or of a local user. The pipeline carries it out (commands.hpp); the node record acknowledges it.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -9,7 +9,7 @@
 
 namespace tactiled {
 
-// What may be changed of the grasp while the daemon runs. NaN in a wish: as configured.
+// Settings of the grasp that may change while the daemon runs. NaN stands for the configured value.
 struct GraspSettable {
     double slip_sensitivity = 0.5;  // 0 .. 1
     double weigh_window_ms = 100;
@@ -30,7 +30,7 @@ struct Command {
         known_weight = 9,
         clear_slips = 10,
         objects = 11,
-        // Nobody waits for these: no acknowledgement.
+        // Settings, which are not acknowledged:
         set = 100,
         hint = 101,
         gravity = 102,
@@ -38,15 +38,15 @@ struct Command {
     };
     Kind kind = Kind::tare;
     std::uint32_t mask = 0;               // bit n: sensor n
-    std::uint32_t number = 0;             // told back as tactiled_command.acknowledged
+    std::uint32_t number = 0;             // reported as tactiled_command.acknowledged
     SensorSettable settable{};            // of `set`
-    std::uint64_t until_ns = UINT64_MAX;  // too late after that: who asked was told so
+    std::uint64_t until_ns = UINT64_MAX;  // the sender has given up after that time
     GraspSettable grasp{};                // of `set`
     double mass_kg = 0;                   // of `known_weight`
     grasp::Hint gripper{};                // of `hint`
     grasp::Vector robot_G_m_s2{};         // of `gravity` and `acceleration`; NaN = not known
     std::uint64_t reported_ns = 0;        // of `acceleration`
-    // Of `objects`. Stays the asker's, who keeps it until the command is acknowledged, however long that takes.
+    // Of `objects`. The sender owns the memory and keeps it until the command is acknowledged, however long that takes.
     std::span<const TaughtObject> objects{};
 };
 

@@ -1,44 +1,15 @@
 #include "node/sensor.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 namespace tactiled {
 namespace {
 
-// What may be wrong with a value that is nevertheless fit to be a zero: a mounted sensor may well rest outside the
-// calibrated domain, but a saturated or incomplete one has no known zero.
-constexpr std::uint32_t kTareMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN |
-                                       TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED |
-                                       TACTILED_SENSORS_DIFFER;
-// A zero that a method without a past finds of one reading is to be sure.
-constexpr std::uint32_t kOtherZeroMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
-constexpr std::uint64_t kTareLimitNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
-// Method "auto" is timed in one sample of so many: two looks at the clock take as long as a fast method.
+// Method "auto" is timed in one sample of so many: reading the clock twice takes as long as a fast method.
 constexpr std::uint64_t kTimedEvery = 8;
 
-}  // namespace
-
-void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
-    daemon_epoch_ = daemon_epoch;
-    stream_.start(now_ns);
-}
-
-tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcept {
-    if (stream_.arrive(frame)) low_pass_.reset();
-
-    tactiled_sample s{};
-    s.sequence = sequence_++;
-    s.t_ns = frame.t_ns;
-    s.t_published_ns = now_ns;
-    s.device_sequence = frame.has_sequence ? frame.sequence : 0;
-    s.lost = stream_.lost();
-    s.rate_Hz = stream_.rate_Hz();
-    s.temperature_C = std::numeric_limits<float>::quiet_NaN();
-    if (setup_.automatic != nullptr) take_over_method();
-    const Estimate e = estimate(frame, s);
-    s.epoch = epoch();
+void put(const Estimate& e, tactiled_sample& s) noexcept {
     s.quality = std::uint32_t(e.quality);
     s.reasons = e.reasons;
     s.residual = e.residual;
@@ -50,15 +21,26 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
         s.sd_force_N[i] = e.sd[i];
         s.sd_torque_Nm[i] = e.sd[i + 3];
     }
-    if (zeros_to_find_ != 0) find_other_zero();
-    if (tare_ == Tare::running) advance_tare(s);  // the sample that completes a tare is the first that it applies to
-    if (tare_ == Tare::removing) tare_ = Tare::done;
-    if (tare_ == Tare::running) s.reasons |= TACTILED_TARING;
-    if (zero_unknown_ != 0) judge_zero(s);
-    // What was doubtful, a rail for instance, is not to be in what is GOOD.
+}
+
+}  // namespace
+
+// ---- one frame -> one sample -------------------------------------------------------------------------------------------
+
+tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcept {
+    if (stream_.arrive(frame)) low_pass_.reset();
+    if (setup_.automatic != nullptr) take_over_method();
+
+    tactiled_sample s = next_sample(frame.t_ns, now_ns);
+    s.device_sequence = frame.has_sequence ? frame.sequence : 0;
+    s.rate_Hz = stream_.rate_Hz();
+    put(estimate(frame, s), s);
+    s.epoch = epoch();  // after the estimate: a channel that froze begins a new epoch
+    follow_tare(s);
+    judge_zero(s);
+    // A value that was doubtful, because of saturation for instance, must not be part of a GOOD one.
     if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && own_quality_ == TACTILED_UNCERTAIN)) low_pass_.reset();
     put_tared(s);
-    s.tare_count = tare_count_;
     judge_magnitude(s);
     if (drift_.has_drifted(s.raw_force_S_N, (s.state & TACTILED_CONTACT) == 0 && s.quality != TACTILED_BAD, s.t_ns))
         s.reasons |= TACTILED_DRIFTED;
@@ -66,6 +48,175 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     own_quality_ = s.quality;
     last_ = s;
     return s;
+}
+
+tactiled_sample Sensor::next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept {
+    tactiled_sample s{};
+    s.sequence = sequence_++;
+    s.t_ns = t_ns;
+    s.t_published_ns = now_ns;
+    s.lost = stream_.lost();
+    s.temperature_C = std::numeric_limits<float>::quiet_NaN();
+    return s;
+}
+
+Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
+    if (frame.n_channels != setup_.frame_channels) {
+        Estimate wrong;
+        wrong.reasons = TACTILED_WRONG_DEVICE;
+        return wrong;
+    }
+    std::array<double, kMaxChannels> raw;
+    Reading reading = read(frame, raw);
+    const std::size_t n = reading.channel.size();
+    const auto all = std::uint32_t((std::uint64_t(1) << n) - 1);
+    std::uint32_t dead = 0;
+    const std::uint32_t of_stream = stream_.judge({raw.data(), n}, all & ~(reading.missing | reading.saturated), dead);
+    const bool is_complete = reading.missing == 0;
+    for (std::size_t k = 0; dead != 0 && k < n; ++k)
+        if ((dead >> k & 1u) != 0) channel_[k] = kNaN;
+    reading.missing |= dead & all;
+    s.missing = reading.missing;
+    s.saturated = reading.saturated;
+    if (setup_.automatic != nullptr) put_method(s);
+    Estimate estimate = setup_.automatic == nullptr ? setup_.decoupler->decouple(reading) : decouple(reading);
+    // The reason of a dead channel is FROZEN or IDLE_BUS. MISSING_CHANNEL is a cause of its own.
+    if (dead != 0 && is_complete) estimate.reasons &= ~std::uint32_t(TACTILED_MISSING_CHANNEL);
+    estimate.reasons |= of_stream;
+    const bool is_doubtful = (of_stream & ~std::uint32_t(TACTILED_WRONG_RATE)) != 0;  // a wrong rate does not touch a value
+    if (is_doubtful && estimate.quality == TACTILED_GOOD) estimate.quality = TACTILED_UNCERTAIN;
+    return estimate;
+}
+
+// The channels of the model, in its order and unit. `raw` receives the same channels as numbers of the frame.
+Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept {
+    Reading reading;
+    const std::size_t n = setup_.channel_of_frame.size();
+    for (std::size_t k = 0; k < n; ++k) {
+        const auto i = std::size_t(setup_.channel_of_frame[k]);
+        const double value = frame.channel[i];
+        const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(value);
+        const bool saturated = !missing && ((frame.saturated >> i & 1u) != 0 || value <= setup_.saturates_below ||
+                                            value >= setup_.saturates_above);
+        raw[k] = value;
+        channel_[k] = missing ? kNaN : value / setup_.counts_per_unit;
+        if (missing) reading.missing |= 1u << k;
+        if (saturated) reading.saturated |= 1u << k;
+    }
+    reading.channel = {channel_.data(), n};
+    reading.t_ns = frame.t_ns;
+    return reading;
+}
+
+// ---- method "auto" -----------------------------------------------------------------------------------------------------
+
+// Timed now and then. Not while a tare is measured: its samples are of one method.
+Estimate Sensor::decouple(const Reading& reading) noexcept {
+    if (sequence_ % kTimedEvery != 0 || zero_.tare() == Tare::running) return setup_.automatic->decouple(reading);
+    const std::uint64_t begun_ns = setup_.clock_ns();
+    const Estimate estimate = setup_.automatic->decouple(reading);
+    const std::uint64_t ns = setup_.clock_ns() - begun_ns;
+    if (estimate.quality != TACTILED_BAD) setup_.automatic->took(ns, reading.t_ns);  // BAD returns early
+    return estimate;
+}
+
+// Another method begins with this sample.
+void Sensor::take_over_method() noexcept {
+    const std::size_t now = setup_.automatic->choice().now();
+    if (now == method_) return;
+    method_ = now;
+    low_pass_.reset();
+}
+
+void Sensor::put_method(tactiled_sample& s) const noexcept {
+    const MethodChoice& choice = setup_.automatic->choice();
+    s.state |= std::uint32_t(method_ + 1) << 16 | std::min(choice.steps(), 4095u) << 20;
+    if (method_ > choice.first()) s.state |= TACTILED_STEPPED_DOWN;
+    if (choice.is_over_budget()) s.state |= TACTILED_OVER_BUDGET;
+}
+
+// ---- tare, filter, magnitude -------------------------------------------------------------------------------------------
+
+// The sample that completes a tare is the first sample that the new zero applies to.
+void Sensor::follow_tare(tactiled_sample& s) noexcept {
+    const std::size_t n_channels = setup_.channel_of_frame.size();
+    if (zero_.has_more_to_find()) zero_.find_other(*setup_.automatic, method_, n_channels);
+    if (zero_.tare() == Tare::running) {
+        const std::size_t n_methods = setup_.automatic != nullptr ? setup_.automatic->front().size() : 1;
+        if (zero_.advance(s, {channel_.data(), n_channels}, method_, n_methods)) low_pass_.reset();
+    }
+    if (zero_.tare() == Tare::removing) zero_.end_removal();
+    if (zero_.tare() == Tare::running) s.reasons |= TACTILED_TARING;
+    s.tare_count = zero_.tare_count();
+}
+
+// With a tare in force whose zero this method does not know, the error of the force is not known either.
+void Sensor::judge_zero(tactiled_sample& s) const noexcept {
+    if (zero_.is_known(method_) || s.quality == TACTILED_BAD) return;
+    s.quality = TACTILED_UNCERTAIN;
+    s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+    for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
+}
+
+// The raw wrench less the zero, low-passed.
+void Sensor::put_tared(tactiled_sample& s) noexcept {
+    const Wrench& zero = zero_S();
+    Wrench tared;
+    for (std::size_t i = 0; i < 3; ++i) {
+        tared[i] = s.raw_force_S_N[i] - zero[i];
+        tared[i + 3] = s.raw_torque_S_Nm[i] - zero[i + 3];
+    }
+    if (s.quality != TACTILED_BAD) low_pass_.apply(tared, s.t_ns);
+    std::copy_n(tared.begin(), 3, s.force_S_N);
+    std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
+}
+
+// Contact, overload and peak, from the components that the sensor sees. Without a value there is no contact, and the contact
+// of the last sample is not kept.
+void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
+    s.peak_N = peak_N_;
+    if (s.quality == TACTILED_BAD) return;
+    double squares = 0;
+    for (const double f : s.force_S_N)
+        if (std::isfinite(f)) squares += f * f;
+    const double magnitude_N = std::sqrt(squares);
+    const SensorSettable& at = in_force_;
+    const bool had_contact = (last_.state & TACTILED_CONTACT) != 0;
+    if (magnitude_N >= (had_contact ? at.contact_off_N : at.contact_on_N)) s.state |= TACTILED_CONTACT;
+    if (at.overload_N > 0 && magnitude_N > at.overload_N) s.state |= TACTILED_OVERLOAD;
+    if (low_pass_.is_on()) s.state |= TACTILED_LOW_PASS;
+    peak_N_ = s.peak_N = std::max(peak_N_, float(magnitude_N));
+}
+
+const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
+    const bool differed = agreement_.differs(), differs = agreement_.compare(last_, others);
+    if (differed && !differs) {  // here, too, no doubtful value may be part of a GOOD one
+        low_pass_.reset();
+        put_tared(last_);
+    }
+    if (!differs || last_.quality == TACTILED_BAD) return last_;
+    last_.reasons |= TACTILED_SENSORS_DIFFER;
+    last_.quality = TACTILED_UNCERTAIN;
+    return last_;
+}
+
+// ---- no frame ----------------------------------------------------------------------------------------------------------
+
+tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
+    tactiled_sample s = next_sample(stream_.last_frame_ns(), now_ns);
+    s.epoch = epoch();
+    s.tare_count = zero_.tare_count();
+    s.peak_N = peak_N_;
+    tactiled_invalidate(&s, stream_.broken());
+    last_ = s;
+    return s;
+}
+
+// ---- start, settings, reload -------------------------------------------------------------------------------------------
+
+void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
+    daemon_epoch_ = daemon_epoch;
+    stream_.start(now_ns);
 }
 
 void Sensor::set(const SensorSettable& settable) noexcept {
@@ -85,12 +236,11 @@ void Sensor::set(const SensorSettable& settable) noexcept {
 void Sensor::retune(const Sensor& other) noexcept {
     setup_.saturates_below = other.setup_.saturates_below;
     setup_.saturates_above = other.setup_.saturates_above;
-    setup_.tare_ns = other.setup_.tare_ns;
-    setup_.tare_limit_N = other.setup_.tare_limit_N;
     setup_.settable = other.setup_.settable;
     stream_.judge_by(other.setup_.stream);
     drift_.judge_by(other.setup_.drift_N);
     agreement_.judge_by(other.setup_.agreement);
+    zero_.judge_by({other.setup_.tare_ns, other.setup_.tare_limit_N});
     set(requested_);
 }
 
@@ -100,234 +250,6 @@ void Sensor::succeed(const Sensor& before) noexcept {
     stream_.succeed(before.stream_, setup_.channel_of_frame == before.setup_.channel_of_frame);
     agreement_.succeed(before.agreement_);
     set(before.requested_);
-}
-
-// The raw wrench less the zero, low-passed.
-void Sensor::put_tared(tactiled_sample& s) noexcept {
-    Wrench tared;
-    for (std::size_t i = 0; i < 3; ++i) {
-        tared[i] = s.raw_force_S_N[i] - zero_[i];
-        tared[i + 3] = s.raw_torque_S_Nm[i] - zero_[i + 3];
-    }
-    if (s.quality != TACTILED_BAD) low_pass_.apply(tared, s.t_ns);
-    std::copy_n(tared.begin(), 3, s.force_S_N);
-    std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
-}
-
-const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
-    const bool differed = agreement_.differs(), differs = agreement_.compare(last_, others);
-    if (differed && !differs) {  // here, too, nothing doubtful is to be in what is GOOD
-        low_pass_.reset();
-        put_tared(last_);
-    }
-    if (!differs || last_.quality == TACTILED_BAD) return last_;
-    last_.reasons |= TACTILED_SENSORS_DIFFER;
-    last_.quality = TACTILED_UNCERTAIN;
-    return last_;
-}
-
-// Contact, overload and peak, from the components that the sensor sees. No value, no contact: the last one is not kept.
-void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
-    s.peak_N = peak_N_;
-    if (s.quality == TACTILED_BAD) {
-        contact_ = false;
-        return;
-    }
-    double squares = 0;
-    for (const double f : s.force_S_N)
-        if (std::isfinite(f)) squares += f * f;
-    const double magnitude_N = std::sqrt(squares);
-    const SensorSettable& at = in_force_;
-    contact_ = magnitude_N >= (contact_ ? at.contact_off_N : at.contact_on_N);
-    peak_N_ = s.peak_N = std::max(peak_N_, float(magnitude_N));
-    if (contact_) s.state |= TACTILED_CONTACT;
-    if (at.overload_N > 0 && magnitude_N > at.overload_N) s.state |= TACTILED_OVERLOAD;
-    if (low_pass_.is_on()) s.state |= TACTILED_LOW_PASS;
-}
-
-Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
-    Reading reading;
-    const std::size_t n = setup_.channel_of_frame.size();
-    if (frame.n_channels != setup_.frame_channels) {
-        Estimate wrong;
-        wrong.reasons = TACTILED_WRONG_DEVICE;
-        return wrong;
-    }
-    for (std::size_t k = 0; k < n; ++k) {
-        const auto i = std::size_t(setup_.channel_of_frame[k]);
-        const double raw = frame.channel[i];
-        const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(raw);
-        const bool saturated =
-            !missing && ((frame.saturated >> i & 1u) != 0 || raw <= setup_.saturates_below || raw >= setup_.saturates_above);
-        raw_[k] = raw;
-        channel_[k] = missing ? kNaN : raw / setup_.counts_per_unit;
-        if (missing) reading.missing |= 1u << k;
-        if (saturated) reading.saturated |= 1u << k;
-    }
-    std::uint32_t dead = 0;
-    const std::uint32_t usable = all_ & ~(reading.missing | reading.saturated);
-    const std::uint32_t of_stream = stream_.judge({raw_.data(), n}, usable, dead);
-    const std::uint32_t missing = reading.missing;  // before the dead: a cause of its own
-    reading.missing |= dead & all_;
-    for (std::size_t k = 0; dead != 0 && k < n; ++k)
-        if ((dead >> k & 1u) != 0) channel_[k] = kNaN;
-    reading.channel = {channel_.data(), n};
-    reading.t_ns = frame.t_ns;
-    s.missing = reading.missing;
-    s.saturated = reading.saturated;
-    if (setup_.automatic != nullptr) say_method(s);
-    Estimate of_model = setup_.automatic == nullptr ? setup_.decoupler->decouple(reading) : decouple(reading);
-    if (dead != 0 && missing == 0) of_model.reasons &= ~std::uint32_t(TACTILED_MISSING_CHANNEL);
-    judge(of_stream, of_model);
-    return of_model;
-}
-
-// What the stream says of a value that the model may have found good. WRONG_RATE alone does not touch it.
-void Sensor::judge(std::uint32_t of_stream, Estimate& e) const noexcept {
-    e.reasons |= of_stream;
-    if ((of_stream & ~std::uint32_t(TACTILED_WRONG_RATE)) != 0 && e.quality == TACTILED_GOOD) e.quality = TACTILED_UNCERTAIN;
-}
-
-// Method "auto", timed now and then. Not while a tare is measured: its samples are of one method.
-Estimate Sensor::decouple(const Reading& reading) noexcept {
-    if (sequence_ % kTimedEvery != 0 || tare_ == Tare::running) return setup_.automatic->decouple(reading);
-    const std::uint64_t begun_ns = setup_.clock_ns();
-    const Estimate estimate = setup_.automatic->decouple(reading);
-    const std::uint64_t ns = setup_.clock_ns() - begun_ns;
-    if (estimate.quality != TACTILED_BAD) setup_.automatic->took(ns, reading.t_ns);  // BAD returns early
-    return estimate;
-}
-
-// Another method begins with this sample.
-void Sensor::take_over_method() noexcept {
-    const std::size_t now = setup_.automatic->choice().now();
-    if (now == method_) return;
-    method_ = now;
-    zero_ = zero_of_method_[now];
-    low_pass_.reset();
-}
-
-void Sensor::say_method(tactiled_sample& s) const noexcept {
-    const MethodChoice& choice = setup_.automatic->choice();
-    s.state |= std::uint32_t(method_ + 1) << 16 | std::min(choice.steps(), 4095u) << 20;
-    if (method_ > choice.first()) s.state |= TACTILED_STEPPED_DOWN;
-    if (choice.is_over_budget()) s.state |= TACTILED_OVER_BUDGET;
-}
-
-// With a tare in force whose zero this method does not know, the force is off by nobody knows what.
-void Sensor::judge_zero(tactiled_sample& s) const noexcept {
-    if ((zero_unknown_ >> method_ & 1u) == 0 || s.quality == TACTILED_BAD) return;
-    s.quality = TACTILED_UNCERTAIN;
-    s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-    for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
-}
-
-// What a method that does not run makes of the mean reading of the last tare; one of them a sample. One that has begun to
-// run meanwhile keeps its past, and is asked when it does not run any more.
-void Sensor::find_other_zero() noexcept {
-    const std::uint32_t idle = zeros_to_find_ & ~(1u << method_);
-    if (idle == 0) return;
-    const auto i = std::size_t(std::countr_zero(idle));
-    zeros_to_find_ &= ~(1u << i);
-    std::array<double, kMaxChannels> mean{};
-    Reading reading;
-    const std::size_t n = setup_.channel_of_frame.size();
-    for (std::size_t k = 0; k < n; ++k) {
-        mean[k] = tare_channel_sum_[k] / tare_window_.samples();
-        if (!std::isfinite(mean[k])) reading.missing |= 1u << k;
-    }
-    reading.channel = {mean.data(), n};
-    reading.t_ns = tare_end_ns_;
-    const Estimate e = setup_.automatic->decouple_anew(i, reading);
-    if (e.quality == TACTILED_BAD || (e.reasons & ~kOtherZeroMayHave) != 0) return;
-    for (std::size_t c = 0; c < zero_.size(); ++c) zero_of_method_[i][c] = std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
-    zero_unknown_ &= ~(1u << i);
-}
-
-tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
-    tactiled_sample s{};
-    s.sequence = sequence_++;
-    s.t_ns = stream_.last_frame_ns();
-    s.t_published_ns = now_ns;
-    s.epoch = epoch();
-    s.tare_count = tare_count_;
-    s.lost = stream_.lost();
-    s.peak_N = peak_N_;
-    s.rate_Hz = 0;
-    s.temperature_C = std::numeric_limits<float>::quiet_NaN();
-    tactiled_invalidate(&s, stream_.broken());
-    contact_ = false;
-    last_ = s;
-    return s;
-}
-
-bool Sensor::can_tare() const noexcept {
-    return is_delivering() && last_.quality != TACTILED_BAD && (last_.reasons & ~kTareMayHave) == 0 && tare_ == Tare::none;
-}
-
-void Sensor::begin_tare(std::uint64_t now_ns) noexcept {
-    tare_ = Tare::running;
-    tare_window_.begin(now_ns, setup_.tare_ns);
-    tare_channel_sum_ = {};
-    tare_is_unsure_ = false;
-    zeros_to_find_ = 0;
-}
-
-void Sensor::begin_untare() noexcept {
-    zero_ = {};
-    zero_of_method_ = {};
-    zero_unknown_ = zeros_to_find_ = 0;
-    tare_count_ = 0;
-    low_pass_.reset();
-    tare_ = is_delivering() ? Tare::removing : Tare::done;
-}
-
-void Sensor::advance_tare(const tactiled_sample& s) noexcept {
-    if (s.quality == TACTILED_BAD || (s.reasons & ~kTareMayHave) != 0) {
-        tare_ = Tare::failed;
-        return;
-    }
-    if (s.t_ns < tare_window_.begin_ns()) return;  // measured before the command
-    const double *f = s.raw_force_S_N, *m = s.raw_torque_S_Nm;
-    const bool complete = tare_window_.add({f[0], f[1], f[2], m[0], m[1], m[2]}, s.t_ns);
-    for (std::size_t k = 0; k < setup_.channel_of_frame.size(); ++k) tare_channel_sum_[k] += channel_[k];
-    tare_is_unsure_ |= (s.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0;  // the method's own: judge_zero() comes later
-    if (!complete) return;
-    tare_ = verdict(s);
-    if (tare_ != Tare::done) return;
-    const Wrench mean = tare_window_.mean_S();
-    for (std::size_t i = 0; i < zero_.size(); ++i) zero_[i] = std::isfinite(mean[i]) ? mean[i] : 0;
-    ++tare_count_;
-    low_pass_.reset();
-    zero_unknown_ = tare_is_unsure_ ? 1u << method_ : 0;
-    if (setup_.automatic != nullptr) {
-        zero_of_method_ = {};
-        zero_of_method_[method_] = zero_;
-        zeros_to_find_ = ((1u << setup_.automatic->front().size()) - 1) & ~(1u << method_);
-        zero_unknown_ |= zeros_to_find_;
-        tare_end_ns_ = s.t_ns;
-    }
-}
-
-// Whether what was averaged is fit to be a zero.
-Sensor::Tare Sensor::verdict(const tactiled_sample& last) const noexcept {
-    const double *f = last.sd_force_N, *m = last.sd_torque_Nm;
-    if (tare_window_.has_moved({f[0], f[1], f[2], m[0], m[1], m[2]})) return Tare::moved;
-    if (setup_.tare_limit_N <= 0) return Tare::done;
-    const Wrench mean = tare_window_.mean_S();
-    double squares = 0;
-    for (std::size_t i = 0; i < 3; ++i)
-        if (std::isfinite(mean[i])) squares += mean[i] * mean[i];
-    return squares > setup_.tare_limit_N * setup_.tare_limit_N ? Tare::loaded : Tare::done;
-}
-
-Sensor::Tare Sensor::poll_tare(std::uint64_t now_ns) noexcept {
-    if (tare_ == Tare::running && (!is_delivering() || now_ns > tare_window_.begin_ns() + setup_.tare_ns + kTareLimitNs))
-        tare_ = Tare::failed;
-    if (tare_ == Tare::removing && !is_delivering()) tare_ = Tare::done;
-    const Tare reported = tare_;
-    if (tare_ != Tare::running && tare_ != Tare::removing) tare_ = Tare::none;
-    return reported;
 }
 
 }  // namespace tactiled

@@ -1,5 +1,5 @@
-// One sensor in the pipeline: Frame -> tactiled_sample. Picks its channels, has their stream judged (quality.hpp), asks its
-// model, subtracts the tare. Knows neither links nor shared memory.
+// One sensor in the pipeline: Frame -> Reading -> Estimate -> tactiled_sample. Picks its channels, has their stream judged
+// (quality.hpp), asks its model, subtracts its zero (zero.hpp). Knows neither links nor shared memory.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -13,12 +13,12 @@
 #include "node/agreement.hpp"
 #include "node/low_pass.hpp"
 #include "node/quality.hpp"
-#include "node/tare_window.hpp"
+#include "node/zero.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
 
-// What may be changed while the daemon runs. NaN in a wish: as configured.
+// Settings that may change while the daemon runs. NaN stands for the configured value.
 struct SensorSettable {
     double filter_Hz = 0;                             // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;  // of the magnitude of the components that the sensor sees
@@ -43,12 +43,15 @@ public:
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, where it is method "auto"
-        std::uint64_t (*clock_ns)() noexcept = &now_ns;  // what it is timed with
+        std::uint64_t (*clock_ns)() noexcept = &now_ns;  // times the methods of "auto"
     };
     explicit Sensor(Setup setup)
-        : setup_(std::move(setup)), stream_(setup_.stream), drift_(setup_.drift_N), agreement_(setup_.agreement) {
+        : setup_(std::move(setup)),
+          stream_(setup_.stream),
+          drift_(setup_.drift_N),
+          agreement_(setup_.agreement),
+          zero_({setup_.tare_ns, setup_.tare_limit_N}) {
         set(SensorSettable::as_configured());
-        all_ = std::uint32_t((std::uint64_t(1) << setup_.channel_of_frame.size()) - 1);
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
 
@@ -64,53 +67,57 @@ public:
     // The last sample, compared with the other sensor's: UNCERTAIN when they differ for too long. rt: wait-free
     const tactiled_sample& compare(const tactiled_sample& others) noexcept;
 
-    // True when the stream has just broken, or the reason has changed: publish marker(). `connected` is the link's state.
+    // True when the stream has just broken, or the reason has changed: then publish marker(). `connected` is the link's
+    // state.
     // rt: wait-free
     [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept {
         return stream_.has_discontinuity(connected, now_ns);
     }
-    // The BAD sample that says so. rt: wait-free
+    // A BAD sample with the reason why there is no value. rt: wait-free
     [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool is_delivering() const noexcept { return stream_.broken() == 0; }
 
-    // Whether the sensor has a value now that is fit to be a zero, and no tare is running. rt: wait-free
-    [[nodiscard]] bool can_tare() const noexcept;
+    // The sensor has a value now that is fit to be a zero, and no tare is running. rt: wait-free
+    [[nodiscard]] bool can_tare() const noexcept {
+        return is_delivering() && Zero::can_be_zero(last_) && zero_.tare() == Tare::none;
+    }
     // Begins to average a new zero; can_tare() must be true. rt: wait-free
-    void begin_tare(std::uint64_t now_ns) noexcept;
+    void begin_tare(std::uint64_t now_ns) noexcept { zero_.begin_tare(now_ns); }
     // Goes back to the calibration's zero with the next sample, at once where none is coming. rt: wait-free
-    void begin_untare() noexcept;
-    // Ends: done, or with the zero as it was: failed for want of a value, moved meanwhile, loaded beyond tare_limit_N.
-    enum class Tare { none, running, removing, done, failed, moved, loaded };
-    // How the tare stands; one that has ended is told once. rt: wait-free
-    [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept;
+    void begin_untare() noexcept {
+        zero_.begin_removal(is_delivering());
+        low_pass_.reset();
+    }
+    using Tare = tactiled::Tare;
+    // How the tare stands; a tare that has ended is reported once. rt: wait-free
+    [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept { return zero_.poll(is_delivering(), now_ns); }
 
     // Takes effect with the next sample. rt: wait-free
     void set(const SensorSettable& settable) noexcept;
-    // Takes over how `other`, which measures alike, judges and filters. rt: wait-free
+    // Takes over the limits and settings of `other`, which measures alike. rt: wait-free
     void retune(const Sensor& other) noexcept;
-    // Goes on in the place of `before`, which measured otherwise, in a new epoch and without its tare. Publish marker()
-    // then. rt: wait-free
+    // Continues in the place of `before`, which measured differently, in a new epoch and without its tare. Publish marker()
+    // afterwards. rt: wait-free
     void succeed(const Sensor& before) noexcept;
     // The peak starts again with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
 
     [[nodiscard]] const tactiled_sample& last() const noexcept { return last_; }
-    // What a tare subtracts from the raw wrench, as of the last sample.
-    [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_; }
+    // The zero that was subtracted from the raw wrench of the last sample.
+    [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_.of(method_); }
 
 private:
+    [[nodiscard]] tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
+    [[nodiscard]] Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
-    void judge(std::uint32_t of_stream, Estimate& estimate) const noexcept;
     [[nodiscard]] std::uint32_t epoch() const noexcept {
         return daemon_epoch_ << 16 | (stream_.discontinuities() & 0xFFFFu);
     }
     void take_over_method() noexcept;
-    void say_method(tactiled_sample& sample) const noexcept;
+    void put_method(tactiled_sample& sample) const noexcept;
+    void follow_tare(tactiled_sample& sample) noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
-    void find_other_zero() noexcept;
-    void advance_tare(const tactiled_sample& sample) noexcept;
-    [[nodiscard]] Tare verdict(const tactiled_sample& last) const noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
@@ -119,29 +126,15 @@ private:
     StreamQuality stream_;
     ZeroDrift drift_;
     Agreement agreement_;
-    std::uint32_t all_ = 0;  // bit k: channel k of the model
-    std::array<double, kMaxChannels> raw_{}, channel_{};
-    Wrench zero_{};  // subtracted from the raw wrench
+    Zero zero_;
+    std::size_t method_ = 0;  // method "auto": that zero_S() and low_pass_ belong to; else 0
     LowPass low_pass_;
-    bool contact_ = false;
+    std::array<double, kMaxChannels> channel_{};  // of the last frame, in the unit of the calibration
     float peak_N_ = 0;
     tactiled_sample last_{};
     std::uint32_t own_quality_ = TACTILED_BAD;  // of last_, before it was compared
     std::uint64_t sequence_ = 0;
     std::uint32_t daemon_epoch_ = 0;
-    std::uint32_t tare_count_ = 0;
-
-    Tare tare_ = Tare::none;
-    TareWindow tare_window_;
-    bool tare_is_unsure_ = false;  // the method did not know how wrong one of its samples was
-
-    // Method "auto". A tare is a zero of each method: what one reads of nothing is not what another does.
-    std::size_t method_ = 0;  // of the front, that zero_ and low_pass_ belong to
-    std::array<Wrench, MethodChoice::kMax> zero_of_method_{};
-    std::uint32_t zero_unknown_ = 0;   // bit i: method i has no true one; without "auto", bit 0
-    std::uint32_t zeros_to_find_ = 0;  // bit i: of method i, from the last tare
-    std::array<double, kMaxChannels> tare_channel_sum_{};
-    std::uint64_t tare_end_ns_ = 0;
 };
 
 }  // namespace tactiled

@@ -158,7 +158,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             refused.settled();
             disconnected.settled();
         }
-        // After the last commit: see Pipeline::deliver. Not where the daemon ends: that is no break of the link.
+        // After the last commit: see Pipeline::deliver(). Not when the daemon ends, which is no discontinuity of the link.
         if (!present) link.connected.store(false, std::memory_order_release);
         segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
         link.driver->close();
@@ -184,7 +184,7 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& cycles) 
             const std::uint64_t now_ns = monotonic_ns();
             const std::uint64_t late_ns = now_ns > next_ns ? now_ns - next_ns : 0, missed = late_ns / period_ns;
             segment_.count_lateness(late_ns);
-            const bool published = pipeline_.deliver(now_ns);
+            const bool published = pipeline_.cycle(now_ns);
             pipeline_.account(monotonic_ns() - now_ns, missed);
             next_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up
             if (!published) continue;

@@ -22,6 +22,7 @@
 #include <optional>
 #include <utility>
 
+#include "node/shm/frame_record.hpp"
 #include "node/shm/publish.hpp"
 #include "tactiled/reader.hpp"
 
@@ -303,10 +304,9 @@ void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample) 
     publish_record(base_, sensor.ring, sample.sequence, &sample, sizeof sample);
 }
 
-void SegmentWriter::publish(std::uint32_t index, std::uint64_t number, const tactiled_frame& frame) noexcept {
+void SegmentWriter::publish(std::uint32_t index, std::uint64_t number, const Frame& frame) noexcept {
     const auto& link = reinterpret_cast<const tactiled_link*>(base_ + header().link_offset)[index];
-    publish_record(base_, link.frames, number, &frame,
-                   offsetof(tactiled_frame, channel) + sizeof(double) * frame.n_channels);
+    publish_record(base_, link.frames, number, published_part(frame), published_size(frame));
 }
 
 void SegmentWriter::publish(const tactiled_node& node) noexcept {
@@ -367,6 +367,12 @@ void SegmentWriter::set_link_state(std::uint32_t index, tactiled_link_state stat
 void SegmentWriter::set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept {
     auto& link = reinterpret_cast<tactiled_link*>(base_ + header().link_offset)[index];
     __atomic_store_n(&link.count[kind], count, __ATOMIC_RELAXED);
+}
+
+void SegmentWriter::set_link_counts(std::uint32_t index, const std::uint32_t (&count)[TACTILED_LINK_COUNTS]) noexcept {
+    auto& link = reinterpret_cast<tactiled_link*>(base_ + header().link_offset)[index];
+    for (std::size_t kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
+        if (kind != TACTILED_LINK_UNBOUND) __atomic_store_n(&link.count[kind], count[kind], __ATOMIC_RELAXED);
 }
 
 }  // namespace tactiled

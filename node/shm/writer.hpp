@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "config/options.hpp"
+#include "drivers/frame.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -41,7 +42,7 @@ public:
     // Publishes the next sample of sensor `index`; `sample.sequence` must count up by one. rt: wait-free
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
     // Publishes the next frame of link `index`, number `number` from 0. rt: wait-free
-    void publish(std::uint32_t index, std::uint64_t number, const tactiled_frame& frame) noexcept;
+    void publish(std::uint32_t index, std::uint64_t number, const Frame& frame) noexcept;
     // Publishes the next node record: call it after the samples that it names. rt: wait-free
     void publish(const tactiled_node& node) noexcept;
 
@@ -64,6 +65,8 @@ public:
     // A link's own line, shown as it is. Each word has one writer. rt: wait-free
     void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
     void set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept;
+    // All counters of the link's thread, which are all but UNBOUND. rt: wait-free
+    void set_link_counts(std::uint32_t index, const std::uint32_t (&count)[TACTILED_LINK_COUNTS]) noexcept;
 
 private:
     [[nodiscard]] tactiled_header& header() const noexcept { return *reinterpret_cast<tactiled_header*>(base_); }

@@ -237,7 +237,7 @@ void World::close_link(unsigned index) {
 void World::run_pipeline_cycle() {
     if (world_ns < std::max(next_cycle_ns_, stalled_until_ns_)) return;
     const std::uint64_t missed = (world_ns - next_cycle_ns_) / kMs;
-    pipeline_->deliver(world_ns);
+    pipeline_->cycle(world_ns);
     if (const tactiled_command said = latest_node().command[TACTILED_FROM_SOCKET];
         asked_ != 0 && said.acknowledged == command_) {
         if (said.state == TACTILED_COMMAND_RUNNING) witness_->tare_begins(asked_);

@@ -103,7 +103,7 @@ protected:
     }
     void turn(std::uint64_t ms = 1) {
         now_ += ms * 1'000'000;
-        pipeline_->deliver(now_);
+        pipeline_->cycle(now_);
     }
     Snapshot look() {
         Snapshot s;

@@ -97,7 +97,7 @@ protected:
         turns_ = true;
         loop_ = std::thread([this] {
             while (turns_) {
-                pipeline_->deliver(monotonic_ns());
+                pipeline_->cycle(monotonic_ns());
                 ::usleep(500);
             }
         });

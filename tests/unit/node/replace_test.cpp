@@ -71,7 +71,7 @@ protected:
         if (Frame* slot = links_[0]->ring.claim()) *slot = f;
         links_[0]->ring.push();
         links_[0]->ring.commit();
-        pipeline_->deliver(f.t_ns);
+        pipeline_->cycle(f.t_ns);
         return sensors_[0].last();
     }
     Replacement::Part part(double factor, bool alike, double contact_on_N = 0.5) {
@@ -83,7 +83,7 @@ protected:
     bool replace(Replacement& replacement) {
         std::atomic<bool> end{false};
         std::thread loop([&] {
-            while (!end) pipeline_->deliver(monotonic_ns());
+            while (!end) pipeline_->cycle(monotonic_ns());
         });
         const bool done = pipeline_->replace(replacement, 10'000);
         end = true;

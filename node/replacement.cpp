@@ -1,4 +1,6 @@
-// What a reload changes, put into the running pipeline.
+// Exchanges sensors and the grasp of the running pipeline, when the configuration was read again.
+#include "node/replacement.hpp"
+
 #include <type_traits>
 #include <utility>
 
@@ -10,16 +12,24 @@ namespace tactiled {
 
 bool Pipeline::replace(Replacement& replacement, int patience_ms) noexcept {
     taken_.store(false, std::memory_order_relaxed);
-    replacement_.store(&replacement, std::memory_order_release);  // pairs with the exchange in deliver()
+    replacement_.store(&replacement, std::memory_order_release);  // pairs with the exchange in take_replacement()
     for (int ms = 0; !taken_.load(std::memory_order_acquire); ++ms) {
-        // Taken back, unless the loop has it in its hands just now: then it is done in microseconds.
+        // The offer is withdrawn, unless the loop is working on it at this moment and will finish within microseconds.
         if (ms >= patience_ms && replacement_.exchange(nullptr, std::memory_order_relaxed) != nullptr) return false;
         sleep_until(monotonic_ns() + 1'000'000u);
     }
     return true;
 }
 
-// A sensor that measures otherwise begins a new epoch with a BAD sample: what follows is not comparable to what was.
+void Pipeline::take_replacement(std::uint64_t now_ns) noexcept {
+    if (replacement_.load(std::memory_order_relaxed) == nullptr) return;  // an exchange in each cycle would cost more
+    Replacement* const offered = replacement_.exchange(nullptr, std::memory_order_acquire);
+    if (offered == nullptr) return;  // withdrawn
+    take(*offered, now_ns);
+    taken_.store(true, std::memory_order_release);  // pairs with the acquire in replace()
+}
+
+// A sensor that measures differently begins a new epoch with a BAD sample: later samples are not comparable to earlier ones.
 void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
     static_assert(std::is_nothrow_swappable_v<Sensor>);
     if (replacement.grasping != nullptr) {
@@ -34,9 +44,9 @@ void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
         }
         part.sensor->succeed(running);
         std::swap(running, *part.sensor);
-        publish_discontinuity(part.index, running.marker(now_ns));
+        publish(part.index, running.marker(now_ns));
     }
-    // The directory changes behind the samples: an old force beside the new CAL_ID would look like one of the new
+    // The directory changes after the samples: an old force beside the new CAL_ID would look like a force of the new
     // calibration.
     publish_node(now_ns);
     segment_.begin_reload();

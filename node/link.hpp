@@ -1,0 +1,74 @@
+// One link of the node: its driver, and the ring through which its thread hands frames to the pipeline.
+#pragma once
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "drivers/driver.hpp"
+#include "node/ring.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+// Counts the frames that a full ring refused, by device, until the next frame of the device carries the count as `lost`.
+class RefusedFrames {
+public:
+    // rt: bounded by the number of sensors
+    void add(std::uint16_t device, std::uint32_t frames) noexcept {
+        for (auto& entry : entries_)
+            if (entry.frames == 0 || entry.device == device) {
+                entry.device = device;
+                entry.frames += frames;
+                return;
+            }
+    }
+    // The count of `device`, which starts again at 0. rt: bounded by the number of sensors
+    [[nodiscard]] std::uint32_t take(std::uint16_t device) noexcept {
+        std::uint32_t frames = 0;
+        for (auto& entry : entries_)
+            if (entry.device == device) frames += std::exchange(entry.frames, 0);
+        return frames;
+    }
+
+private:
+    struct Entry {
+        std::uint16_t device = 0;
+        std::uint32_t frames = 0;
+    };
+    std::array<Entry, TACTILED_MAX_SENSORS> entries_{};
+};
+
+struct Link {
+    static constexpr std::size_t kRingFrames = 256;  // 60 ms at 4 kHz, 0.25 s at 1 kHz
+
+    struct Binding {  // device of this link -> sensor of the node
+        std::uint16_t device;
+        std::uint16_t sensor;
+    };
+
+    // Constant while the threads run.
+    std::string name;
+    std::uint32_t index = 0;  // in the segment's directory
+    std::unique_ptr<Driver> driver;
+    std::vector<Binding> bindings;
+
+    // Written by the link's thread, read by the pipeline.
+    Ring<Frame> ring{kRingFrames};
+    std::atomic<bool> connected{false};
+    std::atomic<std::uint32_t> ring_full{0};  // frames that the ring refused since the start
+
+    // Used by the link's thread only.
+    RefusedFrames refused;
+    Frame spare;  // receives the frame that the ring refuses
+
+    // Used by the pipeline only.
+    bool was_connected = false;   // `connected`, as read before the ring was last emptied
+    std::uint32_t unbound = 0;    // frames that belong to no sensor
+    std::uint64_t delivered = 0;  // frames, bound or not
+};
+
+}  // namespace tactiled

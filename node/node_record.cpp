@@ -1,0 +1,86 @@
+#include "node/node_record.hpp"
+
+#include <utility>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000, kSecond = 1000 * kMs;
+constexpr std::uint64_t kHeartbeatNs = 100 * kMs;
+constexpr std::uint64_t kNodeRecordNs = 10 * kMs;  // at least this often, so that readers see that the loop is alive
+
+template <typename Bit>
+std::uint32_t bit_if(bool on, Bit bit) noexcept {
+    return on ? std::uint32_t(bit) : 0u;
+}
+
+}  // namespace
+
+void NodeRecord::latch_faults_of(std::uint32_t reasons) noexcept {
+    node_.fault |=
+        bit_if((reasons & TACTILED_SATURATED) != 0, TACTILED_FAULT_OVERRANGE) |
+        bit_if((reasons & TACTILED_MISSING_CHANNEL) != 0, TACTILED_FAULT_OPEN_GAUGE) |
+        bit_if((reasons & TACTILED_UNCALIBRATED) != 0, TACTILED_FAULT_CALIBRATION) |
+        bit_if((reasons & TACTILED_NOT_FINITE) != 0, TACTILED_FAULT_INTERNAL) |
+        bit_if((reasons & (TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_WRONG_DEVICE)) != 0, TACTILED_FAULT_SENSOR_LOST);
+}
+
+void NodeRecord::beat(std::uint64_t now_ns) noexcept {
+    if (now_ns - heartbeat_ns_ < kHeartbeatNs) return;
+    heartbeat_ns_ += (now_ns - heartbeat_ns_) / kHeartbeatNs * kHeartbeatNs;
+    if (std::none_of(sensors_.begin(), sensors_.end(), [](const Sensor& s) { return s.is_delivering(); })) return;
+    ++node_.heartbeat;
+    has_news_ = true;
+}
+
+void NodeRecord::account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept {
+    ++node_.cycles;
+    node_.missed_cycles += missed;
+    worst_ns_ = std::max(worst_ns_, std::uint32_t(std::min<std::uint64_t>(cycle_ns, UINT32_MAX)));
+    if (node_.t_ns - worst_since_ns_ < kSecond) return;
+    node_.worst_cycle_us = (worst_ns_ + 999) / 1000;
+    worst_since_ns_ = node_.t_ns;
+    worst_ns_ = 0;
+}
+
+bool NodeRecord::is_due(std::uint64_t now_ns) const noexcept { return has_news_ || now_ns - node_.t_ns >= kNodeRecordNs; }
+
+void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp) noexcept {
+    bool all_have_values = true, all_deliver = true;
+    std::uint32_t reasons = 0, states = 0, lost = 0, refused = 0;
+    for (const auto& sensor : sensors_) {
+        all_have_values &= sensor.last().quality != TACTILED_BAD;
+        all_deliver &= sensor.is_delivering();
+        reasons |= sensor.last().reasons;
+        states |= sensor.last().state;
+        lost += sensor.last().lost;
+    }
+    for (const auto& link : links_) refused += link->ring_full.load(std::memory_order_relaxed);
+    if (refused != std::exchange(refused_seen_, refused)) node_.fault |= TACTILED_FAULT_OVERRUN;
+    if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
+
+    node_.warning = warnings(now_ns, tares, reasons, states);
+    node_.status = fixed_status_ | bit_if(all_deliver && all_have_values, TACTILED_READY) |
+                   bit_if((states & TACTILED_CONTACT) != 0, TACTILED_ANY_CONTACT) |
+                   bit_if(!all_deliver, TACTILED_ANY_STALE) |
+                   bit_if((reasons & TACTILED_UNCALIBRATED) != 0, TACTILED_ANY_UNCALIBRATED) |
+                   bit_if(tares.is_running(), TACTILED_ANY_TARING) | bit_if(node_.warning != 0, TACTILED_WARNING) |
+                   bit_if(node_.fault != 0, TACTILED_FAULT);
+    node_.grasp = grasp;
+    node_.t_ns = now_ns;
+    segment_.publish(node_);
+    ++node_.sequence;
+    has_news_ = false;
+}
+
+std::uint32_t NodeRecord::warnings(std::uint64_t now_ns, const Tares& tares, std::uint32_t reasons,
+                                   std::uint32_t states) const noexcept {
+    return bit_if((reasons & TACTILED_DRIFTED) != 0, TACTILED_WARN_DRIFT) |
+           bit_if(now_ns < lost_until_ns_, TACTILED_WARN_LOST) |
+           bit_if(tares.result() != TACTILED_COMMAND_OK, TACTILED_WARN_TARE) |
+           bit_if((states & (TACTILED_STEPPED_DOWN | TACTILED_OVER_BUDGET)) != 0, TACTILED_WARN_BUDGET) |
+           bit_if((reasons & TACTILED_WRONG_RATE) != 0, TACTILED_WARN_RATE) |
+           bit_if(reload_refused_.load(std::memory_order_relaxed), TACTILED_WARN_RELOAD);
+}
+
+}  // namespace tactiled

@@ -1,0 +1,83 @@
+// The node record: status, latched faults, warnings, heartbeat, counts, acknowledged commands and the grasp of the node.
+#pragma once
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "node/link.hpp"
+#include "node/sensor.hpp"
+#include "node/shm/writer.hpp"
+#include "node/tares.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+class NodeRecord {
+public:
+    // `status` holds bits that never change while the daemon runs: SIMULATED. setup
+    NodeRecord(const std::vector<std::unique_ptr<Link>>& links, const std::vector<Sensor>& sensors, SegmentWriter& segment,
+               std::uint32_t status)
+        : links_(links), sensors_(sensors), segment_(segment), fixed_status_(status) {}
+    // Adds such bits, before the loop only.
+    void add_status(std::uint32_t bits) noexcept { fixed_status_ |= bits; }
+    // The heartbeat and the statistics begin at `now_ns`. setup
+    void start(std::uint64_t now_ns) noexcept { heartbeat_ns_ = worst_since_ns_ = now_ns; }
+
+    // A sample of sensor `index` was published: counts the sample and latches the faults of its reasons. rt: wait-free
+    void add(std::uint32_t index, const tactiled_sample& sample) noexcept {
+        node_.count[index] = sample.sequence + 1;
+        has_news_ = true;
+        if (sample.reasons != 0) latch_faults_of(sample.reasons);
+    }
+    // The stream of a sensor that had delivered has broken. rt: wait-free
+    void latch_lost_sensor(bool link_is_connected) noexcept {
+        node_.fault |= TACTILED_FAULT_SENSOR_LOST | (link_is_connected ? 0u : std::uint32_t(TACTILED_FAULT_BUS));
+    }
+    // rt: wait-free
+    void clear_faults() noexcept { node_.fault = 0; }
+
+    // rt: wait-free
+    void acknowledge(std::size_t commander, const tactiled_command& command) noexcept {
+        node_.command[commander] = command;
+        has_news_ = true;
+    }
+    // The number of the command of `commander` that was acknowledged last.
+    [[nodiscard]] std::uint32_t acknowledged(std::size_t commander) const noexcept {
+        return node_.command[commander].acknowledged;
+    }
+
+    // Counts the heartbeat up when it is due and a sensor delivers. rt: bounded by the number of sensors
+    void beat(std::uint64_t now_ns) noexcept;
+    // The time in the loop that a cycle took, and the number of periods that were slept through before it. rt: wait-free
+    void account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept;
+    // Whether the last reload was refused: a warning until the next reload. rt: wait-free; from any thread
+    void set_reload_refused(bool refused) noexcept { reload_refused_.store(refused, std::memory_order_relaxed); }
+
+    // Something is new since the last record, or that record is 10 ms old. rt: wait-free
+    [[nodiscard]] bool is_due(std::uint64_t now_ns) const noexcept;
+    // rt: bounded by the number of sensors and links
+    void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp) noexcept;
+
+private:
+    void latch_faults_of(std::uint32_t reasons) noexcept;
+    [[nodiscard]] std::uint32_t warnings(std::uint64_t now_ns, const Tares& tares, std::uint32_t reasons,
+                                         std::uint32_t states) const noexcept;
+
+    const std::vector<std::unique_ptr<Link>>& links_;
+    const std::vector<Sensor>& sensors_;
+    SegmentWriter& segment_;
+    std::uint32_t fixed_status_;
+    std::atomic<bool> reload_refused_{false};
+
+    tactiled_node node_{};
+    bool has_news_ = false;  // since the last record
+    std::uint64_t heartbeat_ns_ = 0, lost_until_ns_ = 0;
+    std::uint32_t lost_seen_ = 0, refused_seen_ = 0;  // frames, as of the last record
+    std::uint64_t worst_since_ns_ = 0;
+    std::uint32_t worst_ns_ = 0;
+};
+
+}  // namespace tactiled

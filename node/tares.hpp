@@ -1,0 +1,40 @@
+// A tare, or the removal of one, of several sensors at once: one command, one result.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "node/sensor.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+class Tares {
+public:
+    explicit Tares(std::vector<Sensor>& sensors) : sensors_(sensors) {}
+
+    // Begins a tare of the sensors in `mask`. Nothing begins, and the result is false, if one of them cannot be tared now.
+    // is_running() must be false. rt: bounded by the number of sensors
+    [[nodiscard]] bool begin(std::uint32_t mask, std::uint64_t now_ns) noexcept;
+    // Begins to remove the tare of the sensors in `mask`. is_running() must be false. rt: bounded by the number of sensors
+    void begin_removal(std::uint32_t mask) noexcept;
+    // Collects the results of the sensors. True when the last sensor has finished. rt: bounded by the number of sensors
+    [[nodiscard]] bool poll(std::uint64_t now_ns) noexcept;
+
+    [[nodiscard]] bool is_running() const noexcept { return running_ != 0; }
+    // Of the last command: the first result of a sensor that is not OK, else OK.
+    [[nodiscard]] tactiled_command_result result() const noexcept { return result_; }
+    // The last command left every zero as it was, because the force moved or was too large.
+    [[nodiscard]] bool was_refused() const noexcept {
+        return !has_new_zero_ && (result_ == TACTILED_COMMAND_MOVING || result_ == TACTILED_COMMAND_UNDER_LOAD);
+    }
+
+private:
+    void start(std::uint32_t mask) noexcept;
+
+    std::vector<Sensor>& sensors_;
+    std::uint32_t running_ = 0;  // bit n: sensor n has not finished
+    tactiled_command_result result_ = TACTILED_COMMAND_OK;
+    bool has_new_zero_ = false;  // a sensor of the last command has finished with success
+};
+
+}  // namespace tactiled

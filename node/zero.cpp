@@ -1,0 +1,106 @@
+#include "node/zero.hpp"
+
+#include <bit>
+#include <cmath>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint32_t kMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN |
+                                   TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER;
+// A zero that a method finds from one reading, without a past, must have a known uncertainty.
+constexpr std::uint32_t kOtherMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
+constexpr std::uint64_t kPatienceNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
+
+// Components that the sensor does not see have zero 0.
+Wrench seen_or_0(const Wrench& wrench) noexcept {
+    Wrench zero;
+    for (std::size_t i = 0; i < zero.size(); ++i) zero[i] = std::isfinite(wrench[i]) ? wrench[i] : 0;
+    return zero;
+}
+
+}  // namespace
+
+bool Zero::can_be_zero(const tactiled_sample& s) noexcept {
+    return s.quality != TACTILED_BAD && (s.reasons & ~kMayHave) == 0;
+}
+
+void Zero::begin_tare(std::uint64_t now_ns) noexcept {
+    tare_ = Tare::running;
+    window_.begin(now_ns, limits_.tare_ns);
+    channel_sum_ = {};
+    is_unsure_ = false;
+    to_find_ = 0;
+}
+
+void Zero::begin_removal(bool is_delivering) noexcept {
+    of_method_ = {};
+    unknown_ = to_find_ = tare_count_ = 0;
+    tare_ = is_delivering ? Tare::removing : Tare::done;
+}
+
+Tare Zero::poll(bool is_delivering, std::uint64_t now_ns) noexcept {
+    if (tare_ == Tare::running && (!is_delivering || now_ns > window_.begin_ns() + limits_.tare_ns + kPatienceNs))
+        tare_ = Tare::failed;
+    if (tare_ == Tare::removing && !is_delivering) tare_ = Tare::done;
+    const Tare reported = tare_;
+    if (tare_ != Tare::running && tare_ != Tare::removing) tare_ = Tare::none;
+    return reported;
+}
+
+bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, std::size_t method,
+                   std::size_t n_methods) noexcept {
+    if (!can_be_zero(s)) {
+        tare_ = Tare::failed;
+        return false;
+    }
+    if (s.t_ns < window_.begin_ns()) return false;  // measured before the command
+    const double *f = s.raw_force_S_N, *m = s.raw_torque_S_Nm;
+    const bool complete = window_.add({f[0], f[1], f[2], m[0], m[1], m[2]}, s.t_ns);
+    for (std::size_t k = 0; k < channel.size(); ++k) channel_sum_[k] += channel[k];
+    is_unsure_ |= (s.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0;
+    if (!complete) return false;
+    tare_ = verdict(s);
+    if (tare_ != Tare::done) return false;
+    of_method_ = {};
+    of_method_[method] = seen_or_0(window_.mean_S());
+    to_find_ = ((1u << n_methods) - 1) & ~(1u << method);
+    unknown_ = to_find_ | (is_unsure_ ? 1u << method : 0u);
+    end_ns_ = s.t_ns;
+    ++tare_count_;
+    return true;
+}
+
+// Whether the mean of the window is fit to be a zero; `last` is the last sample of the window.
+Tare Zero::verdict(const tactiled_sample& last) const noexcept {
+    const double *f = last.sd_force_N, *m = last.sd_torque_Nm;
+    if (window_.has_moved({f[0], f[1], f[2], m[0], m[1], m[2]})) return Tare::moved;
+    if (limits_.max_N <= 0) return Tare::done;
+    const Wrench mean = window_.mean_S();
+    double squares = 0;
+    for (std::size_t i = 0; i < 3; ++i)
+        if (std::isfinite(mean[i])) squares += mean[i] * mean[i];
+    return squares > limits_.max_N * limits_.max_N ? Tare::loaded : Tare::done;
+}
+
+// A method that has begun to run since the tare keeps its past, and is asked when it does not run any more.
+void Zero::find_other(AutoMethod& automatic, std::size_t method, std::size_t n_channels) noexcept {
+    const std::uint32_t idle = to_find_ & ~(1u << method);
+    if (idle == 0) return;
+    const auto i = std::size_t(std::countr_zero(idle));
+    to_find_ &= ~(1u << i);
+    std::array<double, kMaxChannels> mean{};
+    Reading reading;
+    for (std::size_t k = 0; k < n_channels; ++k) {
+        mean[k] = channel_sum_[k] / window_.samples();
+        if (!std::isfinite(mean[k])) reading.missing |= 1u << k;
+    }
+    reading.channel = {mean.data(), n_channels};
+    reading.t_ns = end_ns_;
+    const Estimate e = automatic.decouple_anew(i, reading);
+    if (e.quality == TACTILED_BAD || (e.reasons & ~kOtherMayHave) != 0) return;
+    of_method_[i] = seen_or_0(e.wrench_S);
+    unknown_ &= ~(1u << i);
+}
+
+}  // namespace tactiled

@@ -1,0 +1,79 @@
+// The zero of one sensor, which is subtracted from its raw wrench, and the tare that measures the zero.
+//
+// With method "auto" each method has a zero of its own, because two methods read different forces from the same channels
+// without a load. A tare measures the zero of the method that runs, and remembers the mean of the channels. The other
+// methods find their zeros from that mean, one method in each later sample.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "config/names.hpp"
+#include "decoupling/auto_method.hpp"
+#include "decoupling/decoupler.hpp"
+#include "node/tare_window.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+
+// How the tare of a sensor stands. It has ended from `done` on: with success, or with the zero as it was because a sample
+// had no value, the force moved, or the new zero was further than the limit from the calibration's.
+enum class Tare { none, running, removing, done, failed, moved, loaded };
+
+class Zero {
+public:
+    struct Limits {
+        std::uint64_t tare_ns = 100'000'000;  // averaging time
+        double max_N = 0;                     // of a new zero from the calibration's, 0 = no limit
+    };
+    explicit Zero(const Limits& limits) : limits_(limits) {}
+    // Judges by these limits from now on; the zeros stay. rt: wait-free
+    void judge_by(const Limits& limits) noexcept { limits_ = limits; }
+
+    // The value can be a zero. A mounted sensor may rest outside the calibrated domain, but a saturated or incomplete
+    // reading has no known zero. rt: wait-free
+    [[nodiscard]] static bool can_be_zero(const tactiled_sample& sample) noexcept;
+
+    // rt: wait-free
+    void begin_tare(std::uint64_t now_ns) noexcept;
+    // Goes back to the calibration's zero with the next sample, at once where none is coming. rt: wait-free
+    void begin_removal(bool is_delivering) noexcept;
+    [[nodiscard]] Tare tare() const noexcept { return tare_; }
+    // As tare(); a tare that has ended is reported once. rt: wait-free
+    [[nodiscard]] Tare poll(bool is_delivering, std::uint64_t now_ns) noexcept;
+
+    // Takes the sample that method `method` of `n_methods` made of `channel` into the running tare. True when the sample
+    // completed the tare: the new zero applies to this sample first. rt: wait-free
+    [[nodiscard]] bool advance(const tactiled_sample& sample, std::span<const double> channel, std::size_t method,
+                               std::size_t n_methods) noexcept;
+    // A sample has shown that the tare was removed. rt: wait-free
+    void end_removal() noexcept { tare_ = Tare::done; }
+    // Finds the zero of one method that does not run, where there is one to find. rt: bounded by that method's decouple()
+    void find_other(AutoMethod& automatic, std::size_t method, std::size_t n_channels) noexcept;
+
+    // The zero of a method of the front; `method` is 0 without "auto".
+    [[nodiscard]] const Wrench& of(std::size_t method) const noexcept { return of_method_[method]; }
+    // False where a tare is in force whose zero is not known for this method.
+    [[nodiscard]] bool is_known(std::size_t method) const noexcept { return (unknown_ >> method & 1u) == 0; }
+    [[nodiscard]] bool has_more_to_find() const noexcept { return to_find_ != 0; }
+    // Finished tares since the last removal.
+    [[nodiscard]] std::uint32_t tare_count() const noexcept { return tare_count_; }
+
+private:
+    [[nodiscard]] Tare verdict(const tactiled_sample& last) const noexcept;
+
+    Limits limits_;
+    std::array<Wrench, MethodChoice::kMax> of_method_{};
+    std::uint32_t unknown_ = 0;  // bit i: the zero of method i is not known
+    std::uint32_t to_find_ = 0;  // bit i: method i is to find its zero from the mean of the last tare
+    std::uint32_t tare_count_ = 0;
+
+    Tare tare_ = Tare::none;
+    TareWindow window_;
+    std::array<double, kMaxChannels> channel_sum_{};  // over the window
+    std::uint64_t end_ns_ = 0;                        // when the last sample of the window was measured
+    bool is_unsure_ = false;                          // the method did not know the uncertainty of a sample of the window
+};
+
+}  // namespace tactiled
