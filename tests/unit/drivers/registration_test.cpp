@@ -23,12 +23,13 @@ struct Fruit {
     Registry<Fruit> in_list{this};
 };
 using Fruits = Registry<Fruit>;
-const Fruit pear{.name = "pear", .is_sweet = true}, lemon{.name = "lemon", .is_sweet = false};
-const Fruit apple{.name = "apple", .is_sweet = true};
+// Neither this order nor its reverse is sorted.
+const Fruit lemon{.name = "lemon", .is_sweet = false}, pear{.name = "pear", .is_sweet = true};
+const Fruit apple{.name = "apple", .is_sweet = true}, fig{.name = "fig", .is_sweet = true};
 
 TEST(Registry, NamesAreSortedWhateverTheOrderOfLinking) {
-    EXPECT_EQ(Fruits::names(), (Lines{"apple", "lemon", "pear"}));
-    EXPECT_EQ(Fruits::names([](const Fruit& fruit) { return bool(fruit.is_sweet); }), (Lines{"apple", "pear"}));
+    EXPECT_EQ(Fruits::names(), (Lines{"apple", "fig", "lemon", "pear"}));
+    EXPECT_EQ(Fruits::names([](const Fruit& fruit) { return bool(fruit.is_sweet); }), (Lines{"apple", "fig", "pear"}));
 }
 
 TEST(Registry, FindsByTheWholeName) {
@@ -203,6 +204,30 @@ TEST(Registration, EachFormatThatIsPlayedIsReadBack) {
         }
         EXPECT_GE(counts[TACTILED_LINK_FRAMES], 2u) << name;
     }
+}
+
+// For `tactilectl doctor`.
+TEST(Registration, ADriverNamesTheDevicesThatItNeeds) {
+    using Kind = Requirement::Kind;
+    const auto required = [](const std::string& driver, const std::string& keys) {
+        Problems problems;
+        Options options = Options::parse_text(keys, "test.toml", problems);
+        const auto list = Drivers::find(driver)->requirements(options);
+        EXPECT_EQ(problems.lines(), Lines{}) << driver;
+        EXPECT_LE(list.size(), 1u) << driver;
+        return list.empty() ? Requirement{Kind::file, "nothing"} : list[0];
+    };
+    EXPECT_EQ(required("uart", "device = '/dev/ttyUSB0'").name, "/dev/ttyUSB0");
+    EXPECT_EQ(required("uart", "device = '/dev/ttyUSB0'").kind, Kind::serial_port);
+    EXPECT_EQ(required("modbus", "device = '/dev/ttyUSB0'").name, "/dev/ttyUSB0");
+    EXPECT_EQ(required("modbus", "device = '/dev/ttyUSB0'").kind, Kind::serial_port);
+    EXPECT_EQ(required("modbus", "address = '192.168.1.1'").name, "nothing");
+    EXPECT_EQ(required("i2c", "bus = '/dev/i2c-1'").name, "/dev/i2c-1");
+    EXPECT_EQ(required("i2c", "bus = '/dev/i2c-1'").kind, Kind::file);
+    EXPECT_EQ(required("can", "interface = 'can1'").name, "can1");
+    EXPECT_EQ(required("can", "interface = 'can1'").kind, Kind::network_interface);
+    EXPECT_EQ(required("can", "interface = 'can1'").bring_up, "ip link set can1 up type can bitrate 1000000");
+    for (const char* driver : {"tcp", "replay"}) EXPECT_EQ(Drivers::find(driver)->requirements, nullptr) << driver;
 }
 
 // ---- the examples of drivers/README.md, which are compiled from the page ----
