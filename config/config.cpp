@@ -118,11 +118,7 @@ LinkSettings read_link(Options table) {
     const std::string name = table.text("name");
     if (!name.empty()) check_name(table, name);
     const std::string driver = table.text("driver");
-    const bool never_measures = driver == "sim" || driver == "replay";
-    const bool simulated = table.flag("simulated", never_measures);
-    if (never_measures && !simulated)
-        table.problem("simulated", fmt::format("driver \"{}\" measures nothing: simulated = true", driver));
-    return {name, driver, simulated, 0, table};
+    return {name, driver, table.optional_flag("simulated"), 0, table};
 }
 
 std::vector<std::string> read_channels(Options& table) {

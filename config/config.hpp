@@ -28,9 +28,9 @@ struct RealtimeSettings {
 struct LinkSettings {
     std::string name;
     std::string driver;
-    bool simulated;   // the data are simulated or replayed: said in STATUS
-    int sensors;      // how many sensors use it; filled by load_config
-    Options options;  // the driver's own keys, not yet read
+    std::optional<bool> simulated;  // STATUS says that the data are simulated or replayed; unset: as the driver declares
+    int sensors;                    // how many sensors use it; filled by load_config
+    Options options;                // the driver's own keys, not yet read
 };
 
 // A sensor of the same thing in the same frame: of two, one names the other, and both have this.

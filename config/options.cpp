@@ -239,12 +239,14 @@ std::int64_t Options::integer(std::string_view key, Range range, std::int64_t fa
     return fallback;
 }
 
-bool Options::flag(std::string_view key, bool fallback) {
+bool Options::flag(std::string_view key, bool fallback) { return optional_flag(key).value_or(fallback); }
+
+std::optional<bool> Options::optional_flag(std::string_view key) {
     const toml::node* found = node_->ask(key);
-    if (!found) return fallback;
+    if (!found) return std::nullopt;
     if (const auto* value = found->as_boolean()) return value->get();
     node_->wrong_kind(key, *found, "true or false");
-    return fallback;
+    return std::nullopt;
 }
 
 std::string Options::one_of(std::string_view key, const std::vector<std::string>& allowed) {
@@ -261,10 +263,7 @@ std::string Options::one_of(std::string_view key, const std::vector<std::string>
         return std::string(fallback);
     }
     if (std::find(allowed.begin(), allowed.end(), value->get()) != allowed.end()) return value->get();
-    const auto near = nearest_name(value->get(), allowed);
-    node_->problem(key, fmt::format("{} = {} is unknown; {}", key, in_quotes(value->get()),
-                                    near ? fmt::format("did you mean \"{}\"?", *near)
-                                         : fmt::format("known: \"{}\"", fmt::join(allowed, "\", \""))));
+    node_->problem(key, fmt::format("{} = {} {}", key, in_quotes(value->get()), is_unknown(value->get(), allowed)));
     return std::string(fallback);
 }
 

@@ -46,6 +46,9 @@ struct Count {  // of an array's entries
 // The name of `known` nearest to `name` by edit distance, where it is near enough to be meant.
 std::optional<std::string> nearest_name(std::string_view name, const std::vector<std::string>& known);
 
+// For a message after a name that is none of `known`: `is unknown; did you mean "cobs"? known: "cobs", "lines"`.
+std::string is_unknown(std::string_view name, const std::vector<std::string>& known);
+
 // `text` in quotes for a message: control characters escaped, so that a file cannot steer the terminal; cut when long.
 std::string in_quotes(std::string_view text);
 
@@ -66,6 +69,7 @@ public:
     std::int64_t integer(std::string_view key, Range range);
     std::int64_t integer(std::string_view key, Range range, std::int64_t fallback);
     bool flag(std::string_view key, bool fallback);
+    std::optional<bool> optional_flag(std::string_view key);  // nullopt where the key is missing or has an error
     std::string one_of(std::string_view key, const std::vector<std::string>& allowed);
     std::string one_of(std::string_view key, const std::vector<std::string>& allowed, std::string_view fallback);
     // Arrays are optional: a missing one is empty, and so is a wrong one.

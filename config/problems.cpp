@@ -81,6 +81,12 @@ std::optional<std::string> nearest_name(std::string_view name, const std::vector
     return nearest;
 }
 
+std::string is_unknown(std::string_view name, const std::vector<std::string>& known) {
+    const auto near = nearest_name(name, known);
+    return fmt::format("is unknown; {}known: \"{}\"", near ? fmt::format("did you mean \"{}\"? ", *near) : "",
+                       fmt::join(known, "\", \""));
+}
+
 std::string in_quotes(std::string_view text) {
     std::string out = "\"";
     std::size_t i = 0;

@@ -358,7 +358,14 @@ private:
     bool ready_ = false;
 };
 
-const DriverEntry entry{"can", [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<Can>(options); }};
+std::unique_ptr<Driver> make(Options& options) { return std::make_unique<Can>(options); }
+
+std::vector<Requirement> requirements(Options& options) {
+    const std::string name = options.text("interface");
+    return {{Requirement::Kind::network_interface, name, fmt::format("ip link set {} up type can bitrate 1000000", name)}};
+}
+
+const DriverEntry entry{.name = "can", .measures = true, .make = make, .requirements = requirements};
 
 }  // namespace
 }  // namespace tactiled

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "config/options.hpp"
+#include "config/registry.hpp"
 #include "drivers/frame.hpp"
 #include "tactiled/layout.h"
 
@@ -53,19 +54,30 @@ public:
     LinkCounts counts;
 };
 
-// One kind of driver. An entry object stands at the foot of the driver's file and links itself into a list, so that a
-// new driver is one new file and one line in drivers/CMakeLists.txt.
-struct DriverEntry {
-    std::string_view name;  // as in `driver = "uart"`
-    // Reads the driver's own keys of a [[link]] table. Errors go to the options' Problems; never throws SetupError itself.
-    std::unique_ptr<Driver> (*make)(Options& options);
-    const DriverEntry* next;
-
-    DriverEntry(std::string_view name_, std::unique_ptr<Driver> (*make_)(Options&)) noexcept;
+// Something on this machine that a link cannot work without. `tactilectl doctor` checks it.
+struct Requirement {
+    enum class Kind {
+        file,              // must exist, and the daemon's user must be allowed to read and write it
+        serial_port,       // a file that is a serial port: its adapter should not hold received bytes back
+        network_interface  // must exist and be up
+    } kind;
+    std::string name;           // path of the file, or name of the interface
+    std::string bring_up = "";  // network_interface: the command that sets it up
 };
 
-// nullptr where no driver has that name. setup
-const DriverEntry* find_driver(std::string_view name) noexcept;
-std::vector<std::string> driver_names();
+// One kind of driver. A new driver is one new file, with an entry at its end, and one line in drivers/CMakeLists.txt.
+struct DriverEntry {
+    std::string_view name;  // as in `driver = "uart"`
+    // False: the driver invents or replays its data, so that they are always published as simulated. There is no default:
+    // simulated data that pass for measured ones are worse than the reverse.
+    Required<bool> measures;
+    // Reads the driver's own keys of a [[link]] table. Errors go to the options' Problems; never throws SetupError itself.
+    std::unique_ptr<Driver> (*make)(Options& options);
+    // What the link of these keys, which make() has accepted, needs on this machine. nullptr: nothing. setup
+    std::vector<Requirement> (*requirements)(Options& options) = nullptr;
+    Registry<DriverEntry> in_list{this};
+};
+
+using Drivers = Registry<DriverEntry>;
 
 }  // namespace tactiled

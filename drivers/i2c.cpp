@@ -117,8 +117,8 @@ private:
         const auto device = std::uint16_t(options.integer("device", {0, 65535}));
         if (!devices_.insert(device).second)
             options.problem("device", fmt::format("device = {} is another chip's of this link", device));
-        const std::string name = options.one_of("chip", chip_names());
-        const ChipEntry* const entry = find_chip(name);
+        const std::string name = options.one_of("chip", Chips::names());
+        const ChipEntry* const entry = Chips::find(name);
         if (entry == nullptr) return;  // reported
         Place place;
         place.address = std::uint8_t(
@@ -187,7 +187,11 @@ private:
     std::vector<Place> places_;
 };
 
-const DriverEntry entry{"i2c", [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<I2c>(options); }};
+std::unique_ptr<Driver> make(Options& options) { return std::make_unique<I2c>(options); }
+
+std::vector<Requirement> requirements(Options& options) { return {{Requirement::Kind::file, options.text("bus")}}; }
+
+const DriverEntry entry{.name = "i2c", .measures = true, .make = make, .requirements = requirements};
 
 }  // namespace
 }  // namespace tactiled

@@ -302,8 +302,14 @@ private:
     std::uint64_t too_old_ns_ = 0;  // deadline_ns_ by the clock that goes on in suspend
 };
 
-const DriverEntry entry{"modbus",
-                        [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<Modbus>(options); }};
+std::unique_ptr<Driver> make(Options& options) { return std::make_unique<Modbus>(options); }
+
+std::vector<Requirement> requirements(Options& options) {
+    if (!options.has("device")) return {};  // over TCP
+    return {{Requirement::Kind::serial_port, options.text("device")}};
+}
+
+const DriverEntry entry{.name = "modbus", .measures = true, .make = make, .requirements = requirements};
 
 }  // namespace
 }  // namespace tactiled

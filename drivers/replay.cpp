@@ -137,8 +137,8 @@ private:
     } left_out_;  // as it was counted last
 };
 
-const DriverEntry entry{"replay",
-                        [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<Replay>(options); }};
+std::unique_ptr<Driver> make(Options& options) { return std::make_unique<Replay>(options); }
+const DriverEntry entry{.name = "replay", .measures = false, .make = make};
 
 }  // namespace
 }  // namespace tactiled

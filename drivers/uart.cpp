@@ -1,5 +1,6 @@
 // Drivers "uart": any tty, and "tcp": a device that streams over a connection. Bytes go to the decoder of the configured
-// wire format; read() = 0 or an error means that the device is gone, and the node opens it again.
+// serial format (wire/stream_format.hpp). read() = 0 or an error means that the device is disconnected; the node then opens
+// it again.
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/ioctl.h>
@@ -8,6 +9,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -16,32 +18,15 @@
 #include "drivers/driver.hpp"
 #include "drivers/tcp.hpp"
 #include "drivers/tty.hpp"
-#include "drivers/wire/ascii_line.hpp"
-#include "drivers/wire/cobs_frame.hpp"
-#include "drivers/wire/ft300_frame.hpp"
-#include "drivers/wire/hex_line.hpp"
-#include "drivers/wire/kms40_line.hpp"
+#include "drivers/wire/stream_format.hpp"
 
 namespace tactiled {
 namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
-constexpr std::uint64_t kSilentNs = 1'000'000'000;  // 100 frames of the FT 300
+constexpr std::uint64_t kSilentNs = 1'000'000'000;  // a device that was asked for a stream is asked again
 constexpr std::uint64_t kAwayMs = 950;              // bytes may wait so long, and for the turn of read() (50 ms in the node)
-constexpr std::uint64_t kStopMs = 20;               // two of its frames: what it was sending has ended
-
-HexFormat read_hex_format(Options& options) {
-    HexFormat format;
-    format.channels = unsigned(options.integer("channels", {1, double(kMaxChannels)}));
-    format.digits = unsigned(options.integer("digits", {1, 8}, 4));
-    const auto highest = std::int64_t((std::uint64_t{1} << 4 * format.digits) - 1);
-    format.max = std::uint32_t(options.integer("most", {1, double(highest)}, highest));
-    const std::string digit = options.one_of("digit", {"none", "ignored", "counter"}, "none");
-    if (digit != "none") format.first = digit == "counter" ? HexFormat::Digit::counter : HexFormat::Digit::ignored;
-    format.start = options.text("start", "");
-    format.stop = options.text("stop", "");
-    return format;
-}
+constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: the frame that it was sending has ended
 
 class Stream final : public Driver {
 public:
@@ -53,27 +38,15 @@ public:
         } else {
             baud_ = unsigned(options.integer("baud", {50, 12'000'000}, 115'200));
         }
-        const std::string format_name = options.one_of("format", {"cobs", "lines", "hex", network ? "kms40" : "ft300"});
-        if (format_name == "kms40") {
-            decoder_ = std::make_unique<Kms40Decoder>(counts);
-        } else if (format_name == "ft300") {
-            decoder_ = std::make_unique<Ft300Decoder>(std::uint8_t(options.integer("unit", {1, 247}, 9)), counts);
-        } else if (format_name == "lines") {
-            AsciiFormat format;
-            format.channels = unsigned(options.integer("channels", {1, double(kMaxChannels)}));
-            format.checksum = options.flag("checksum", false);
-            format.sequence = options.flag("sequence", false);
-            format.time_us = options.flag("time_us", false);
-            decoder_ = std::make_unique<AsciiDecoder>(format, counts);
-        } else if (format_name == "hex") {
-            decoder_ = std::make_unique<HexDecoder>(read_hex_format(options), counts);
-        } else {
-            decoder_ = std::make_unique<CobsDecoder>(counts);
-        }
+        const auto exists_here = [&](const StreamFormat& format) { return network ? format.on_tcp : format.on_tty; };
+        const std::string name = options.one_of("format", StreamFormats::names(exists_here));
+        if (const StreamFormat* const format = StreamFormats::find(name, exists_here))
+            decoder_ = format->make(options, counts);
     }
     ~Stream() override { close(); }
 
     std::string open() override {
+        assert(decoder_ != nullptr);
         close();
         std::string why;
         fd_ = network_ ? open_tcp(address_, path_, kConnectMs, why)
@@ -166,7 +139,7 @@ private:
     std::string path_;  // or address
     TcpAddress address_;
     unsigned baud_ = 0;
-    std::unique_ptr<StreamDecoder> decoder_;
+    std::unique_ptr<StreamDecoder> decoder_;  // nullptr where the configuration has an error: the node does not open it then
     int fd_ = -1;
     std::uint64_t empty_ns_ = 0;                   // nothing waited then, with_suspend_ns(): what is read came later
     std::uint64_t asked_ns_ = 0;                   // for the stream, or when it last brought a frame
@@ -177,8 +150,11 @@ private:
 
 std::unique_ptr<Driver> make_uart(Options& options) { return std::make_unique<Stream>(options, false); }
 std::unique_ptr<Driver> make_tcp(Options& options) { return std::make_unique<Stream>(options, true); }
-const DriverEntry uart{"uart", make_uart};
-const DriverEntry tcp{"tcp", make_tcp};
+
+std::vector<Requirement> serial_port(Options& options) { return {{Requirement::Kind::serial_port, options.text("device")}}; }
+
+const DriverEntry uart{.name = "uart", .measures = true, .make = make_uart, .requirements = serial_port};
+const DriverEntry tcp{.name = "tcp", .measures = true, .make = make_tcp};
 
 }  // namespace
 }  // namespace tactiled

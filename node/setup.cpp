@@ -23,14 +23,23 @@ void put(char (&field)[N], const std::string& text) {
 
 constexpr int kFrozenAfter = 100;  // readings, where the driver knows that noise moves them
 
-std::unique_ptr<Driver> make_driver(LinkSettings& settings) {
-    if (settings.driver.empty()) return nullptr;  // reported already
-    if (const DriverEntry* entry = find_driver(settings.driver)) return entry->make(settings.options);
-    const auto near = nearest_name(settings.driver, driver_names());
-    settings.options.problem("driver", fmt::format("driver = \"{}\" is unknown; {}", settings.driver,
-                                                   near ? fmt::format("did you mean \"{}\"?", *near)
-                                                        : fmt::format("known are {}", fmt::join(driver_names(), ", "))));
-    return nullptr;
+// Makes the driver of `link` and enters in the directory what readers are told about it.
+void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
+    put(directory.name, settings.name);
+    put(directory.driver, settings.driver);
+    if (settings.driver.empty()) return;  // reported already
+    const DriverEntry* const entry = Drivers::find(settings.driver);
+    if (entry == nullptr) {
+        settings.options.problem("driver", fmt::format("driver = {} {}", in_quotes(settings.driver),
+                                                       is_unknown(settings.driver, Drivers::names())));
+        return;
+    }
+    const bool simulated = settings.simulated.value_or(!entry->measures);
+    if (!entry->measures && !simulated)
+        settings.options.problem("simulated",
+                                 fmt::format("driver \"{}\" measures nothing: simulated = true", settings.driver));
+    directory.simulated = simulated ? 1 : 0;
+    link.driver = entry->make(settings.options);
 }
 
 // Where each of the calibration's channels stands in a frame.
@@ -232,12 +241,9 @@ Node load_node(const std::string& config_path, Problems& problems, const std::st
         auto link = std::make_unique<Link>();
         link->name = config.links[i].name;
         link->index = std::uint32_t(i);
-        link->driver = make_driver(config.links[i]);
         tactiled_link entry{};
-        put(entry.name, config.links[i].name);
-        put(entry.driver, config.links[i].driver);
-        entry.simulated = config.links[i].simulated ? 1 : 0;
-        node.simulated |= config.links[i].simulated;
+        make_driver(config.links[i], *link, entry);
+        node.simulated |= entry.simulated != 0;
         node.plan.links.push_back(entry);
         node.links.push_back(std::move(link));
     }

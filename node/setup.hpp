@@ -18,7 +18,7 @@ struct Node {
     std::vector<Sensor> sensors;  // in the order of the file, which is the order in segment and register map
     std::optional<Grasping::Setup> grasp;
     SegmentPlan plan;
-    bool simulated = false;  // a link is declared so
+    bool simulated = false;  // the data of a link are
 };
 
 // Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with any,

@@ -159,8 +159,8 @@ private:
     Frame frame_;
 };
 
-const ChipEntry entry{"ad7746", 0x48, 0x48,
-                      [](Options& options) -> std::unique_ptr<Chip> { return std::make_unique<Ad7746>(options); }};
+std::unique_ptr<Chip> make(Options& options) { return std::make_unique<Ad7746>(options); }
+const ChipEntry entry{.name = "ad7746", .min_address = 0x48, .max_address = 0x48, .make = make};
 
 }  // namespace
 }  // namespace tactiled

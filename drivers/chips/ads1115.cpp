@@ -90,8 +90,8 @@ private:
     Frame frame_;
 };
 
-const ChipEntry entry{"ads1115", 0x48, 0x4B,
-                      [](Options& options) -> std::unique_ptr<Chip> { return std::make_unique<Ads1115>(options); }};
+std::unique_ptr<Chip> make(Options& options) { return std::make_unique<Ads1115>(options); }
+const ChipEntry entry{.name = "ads1115", .min_address = 0x48, .max_address = 0x4B, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -144,8 +144,8 @@ private:
     std::uint8_t count_ = 0;  // of the conversion that was taken last
 };
 
-const ChipEntry entry{"ads122c04", 0x40, 0x4F,
-                      [](Options& options) -> std::unique_ptr<Chip> { return std::make_unique<Ads122c04>(options); }};
+std::unique_ptr<Chip> make(Options& options) { return std::make_unique<Ads122c04>(options); }
+const ChipEntry entry{.name = "ads122c04", .min_address = 0x40, .max_address = 0x4F, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "config/options.hpp"
+#include "config/registry.hpp"
 #include "drivers/chips/port.hpp"
 #include "drivers/frame.hpp"
 
@@ -74,14 +75,10 @@ struct ChipEntry {
     std::string_view name;  // as in `chip = "ad7746"`
     std::uint8_t min_address, max_address;
     std::unique_ptr<Chip> (*make)(Options& options);  // reads the chip's own keys; errors go to the options' Problems
-    const ChipEntry* next;
-
-    ChipEntry(std::string_view name_, std::uint8_t min, std::uint8_t max, std::unique_ptr<Chip> (*make_)(Options&)) noexcept;
+    Registry<ChipEntry> in_list{this};
 };
 
-// nullptr where no chip has that name. setup
-const ChipEntry* find_chip(std::string_view name) noexcept;
-std::vector<std::string> chip_names();
+using Chips = Registry<ChipEntry>;
 
 // The place in `allowed` of the number at `key`; that of `fallback` where the key is missing or has an error. setup
 unsigned choice(Options& options, std::string_view key, std::initializer_list<double> allowed, double fallback);

@@ -127,8 +127,8 @@ private:
     bool is_stale_ = false;  // the round before still looks done: not to be told from it
 };
 
-const ChipEntry entry{"fdc1004", 0x50, 0x50,
-                      [](Options& options) -> std::unique_ptr<Chip> { return std::make_unique<Fdc1004>(options); }};
+std::unique_ptr<Chip> make(Options& options) { return std::make_unique<Fdc1004>(options); }
+const ChipEntry entry{.name = "fdc1004", .min_address = 0x50, .max_address = 0x50, .make = make};
 
 }  // namespace
 }  // namespace tactiled

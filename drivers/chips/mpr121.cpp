@@ -72,8 +72,8 @@ private:
     std::array<std::uint8_t, 3> set_{};  // registers 0x5C .. 0x5E
 };
 
-const ChipEntry entry{"mpr121", 0x5A, 0x5D,
-                      [](Options& options) -> std::unique_ptr<Chip> { return std::make_unique<Mpr121>(options); }};
+std::unique_ptr<Chip> make(Options& options) { return std::make_unique<Mpr121>(options); }
+const ChipEntry entry{.name = "mpr121", .min_address = 0x5A, .max_address = 0x5D, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -137,8 +137,8 @@ private:
     Frame frame_;
 };
 
-const ChipEntry entry{"nau7802", 0x2A, 0x2A,
-                      [](Options& options) -> std::unique_ptr<Chip> { return std::make_unique<Nau7802>(options); }};
+std::unique_ptr<Chip> make(Options& options) { return std::make_unique<Nau7802>(options); }
+const ChipEntry entry{.name = "nau7802", .min_address = 0x2A, .max_address = 0x2A, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -98,8 +98,8 @@ private:
     std::size_t sensor_ = 0;
 };
 
-const DriverEntry entry{"sim",
-                        [](Options& options) -> std::unique_ptr<Driver> { return std::make_unique<SimDriver>(options); }};
+std::unique_ptr<Driver> make(Options& options) { return std::make_unique<SimDriver>(options); }
+const DriverEntry entry{.name = "sim", .measures = false, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -5,6 +5,8 @@
 #include <functional>
 #include <limits>
 
+#include "drivers/wire/stream_format.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -144,4 +146,25 @@ std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::spa
     return std::size_t(at - out.data());
 }
 
+namespace {
+
+std::unique_ptr<StreamDecoder> make(Options& options, LinkCounts& counts) {
+    AsciiFormat format;
+    format.channels = unsigned(options.integer("channels", {1, double(kMaxChannels)}));
+    format.checksum = options.flag("checksum", false);
+    format.sequence = options.flag("sequence", false);
+    format.time_us = options.flag("time_us", false);
+    return std::make_unique<AsciiDecoder>(format, counts);
+}
+
+std::vector<std::uint8_t> encode(const Frame& frame, const StreamSettings& settings) {
+    std::array<char, kAsciiMaxBytes * 2> line;
+    const AsciiFormat format{frame.n_channels, settings.checksum, settings.sequence, settings.time_us};
+    const std::size_t n = encode_ascii(frame, format, line);
+    return {line.begin(), line.begin() + std::ptrdiff_t(n)};
+}
+
+const StreamFormat entry{.name = "lines", .make = make, .encode = encode};
+
+}  // namespace
 }  // namespace tactiled

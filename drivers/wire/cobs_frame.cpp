@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "drivers/wire/stream_format.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -132,4 +134,17 @@ std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kC
     return n;
 }
 
+namespace {
+
+std::vector<std::uint8_t> encode(const Frame& frame, const StreamSettings& settings) {
+    std::array<std::uint8_t, kCobsMaxEncoded> bytes;
+    const std::size_t n = encode_cobs(frame, settings.bits, bytes);
+    return {bytes.begin(), bytes.begin() + std::ptrdiff_t(n)};
+}
+
+std::unique_ptr<StreamDecoder> make(Options&, LinkCounts& counts) { return std::make_unique<CobsDecoder>(counts); }
+
+const StreamFormat entry{.name = "cobs", .max_devices = kCobsMaxDevices, .make = make, .encode = encode};
+
+}  // namespace
 }  // namespace tactiled

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "drivers/wire/modbus_message.hpp"
+#include "drivers/wire/stream_format.hpp"
 
 namespace tactiled {
 namespace {
@@ -67,4 +68,13 @@ void encode_ft300(const Frame& frame, std::span<std::uint8_t, kFt300Bytes> out) 
     out[kChecked + 1] = std::uint8_t(crc >> 8);
 }
 
+namespace {
+
+std::unique_ptr<StreamDecoder> make(Options& options, LinkCounts& counts) {
+    return std::make_unique<Ft300Decoder>(std::uint8_t(options.integer("unit", {1, 247}, 9)), counts);
+}
+
+const StreamFormat entry{.name = "ft300", .on_tcp = false, .make = make};
+
+}  // namespace
 }  // namespace tactiled

@@ -2,6 +2,8 @@
 
 #include <charconv>
 
+#include "drivers/wire/stream_format.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -55,4 +57,22 @@ bool HexDecoder::count_on(unsigned digit, Frame& frame) noexcept {
     return true;
 }
 
+namespace {
+
+std::unique_ptr<StreamDecoder> make(Options& options, LinkCounts& counts) {
+    HexFormat format;
+    format.channels = unsigned(options.integer("channels", {1, double(kMaxChannels)}));
+    format.digits = unsigned(options.integer("digits", {1, 8}, 4));
+    const auto highest = std::int64_t((std::uint64_t{1} << 4 * format.digits) - 1);
+    format.max = std::uint32_t(options.integer("most", {1, double(highest)}, highest));
+    const std::string digit = options.one_of("digit", {"none", "ignored", "counter"}, "none");
+    if (digit != "none") format.first = digit == "counter" ? HexFormat::Digit::counter : HexFormat::Digit::ignored;
+    format.start = options.text("start", "");
+    format.stop = options.text("stop", "");
+    return std::make_unique<HexDecoder>(format, counts);
+}
+
+const StreamFormat entry{.name = "hex", .make = make};
+
+}  // namespace
 }  // namespace tactiled

@@ -3,6 +3,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "drivers/wire/stream_format.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -39,4 +41,10 @@ bool Kms40Decoder::read_line(std::string_view line, Frame& frame) noexcept {
     return skip();
 }
 
+namespace {
+
+std::unique_ptr<StreamDecoder> make(Options&, LinkCounts& counts) { return std::make_unique<Kms40Decoder>(counts); }
+const StreamFormat entry{.name = "kms40", .on_tty = false, .make = make};
+
+}  // namespace
 }  // namespace tactiled

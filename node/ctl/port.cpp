@@ -8,15 +8,12 @@
 #include <time.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 
 #include "config/options.hpp"
-#include "drivers/wire/ascii_line.hpp"
-#include "drivers/wire/cobs_frame.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"
@@ -78,26 +75,27 @@ bool Port::send(const void* bytes, std::size_t size) {
 }
 
 void Wire::add_options(CLI::App* verb) {
-    verb->add_option("--format", format, "wire format")->check(CLI::IsMember({"lines", "cobs"}))->capture_default_str();
-    verb->add_option("--bits", bits, "cobs: width of a channel")->check(CLI::IsMember({24, 32}))->capture_default_str();
+    const auto names = StreamFormats::names([](const StreamFormat& each) { return each.encode != nullptr; });
+    verb->add_option("--format", name, "wire format")->check(CLI::IsMember(names))->capture_default_str();
+    verb->add_option("--bits", settings.bits, "binary formats: width of a channel")
+        ->check(CLI::IsMember({24, 32}))
+        ->capture_default_str();
     verb->add_option("--counts-per-unit", counts_per_unit, "what is sent = value x this")->capture_default_str();
-    verb->add_flag("--checksum", checksum, "lines: with a checksum");
-    verb->add_flag("--sequence", sequence, "lines: with a leading counter (cobs always has one)");
-    verb->add_flag("--time", time, "with the device's time");
+    verb->add_flag("--checksum", settings.checksum, "text formats: with a checksum");
+    verb->add_flag("--sequence", settings.sequence, "text formats: with a leading counter (binary ones always have one)");
+    verb->add_flag("--time", settings.time_us, "with the device's time");
 }
 
+const StreamFormat& Wire::format() const { return *StreamFormats::find(name); }
+
 bool Wire::send(Port& port, Frame frame) const {
-    if (!time) frame.device_time_us = 0;
+    if (!settings.time_us) frame.device_time_us = 0;
     for (std::size_t k = 0; k < frame.n_channels; ++k) {
         frame.channel[k] *= counts_per_unit;
         if (std::isnan(frame.channel[k])) frame.missing |= 1u << k;
     }
-    if (format == "cobs") {
-        std::array<std::uint8_t, kCobsMaxEncoded> bytes;
-        return port.send(bytes.data(), encode_cobs(frame, bits, bytes));
-    }
-    std::array<char, kAsciiMaxBytes * 2> line;
-    return port.send(line.data(), encode_ascii(frame, {frame.n_channels, checksum, sequence, time}, line));
+    const std::vector<std::uint8_t> bytes = format().encode(frame, settings);
+    return port.send(bytes.data(), bytes.size());
 }
 
 void wait_for_reader(const Port& port) {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "drivers/frame.hpp"
+#include "drivers/wire/stream_format.hpp"
 
 namespace CLI {
 class App;
@@ -35,12 +35,13 @@ private:
 
 // How frames are written, with the options of a verb that say so.
 struct Wire {
-    std::string format = "lines";  // or "cobs"
-    int bits = 24;
+    std::string name = "lines";  // of a serial format that has an encoder
+    StreamSettings settings;
     double counts_per_unit = 1;
-    bool checksum = false, sequence = false, time = false;
 
     void add_options(CLI::App* verb);
+    // setup: the options are parsed
+    [[nodiscard]] const StreamFormat& format() const;
     // Writes a frame whose channels are in their units; without a value: NaN. False where nobody took it all.
     [[nodiscard]] bool send(Port& port, Frame frame) const;
 };

@@ -1,11 +1,11 @@
 // A scene as devices behind ptys, at the scene's pace: what the simulator's sensors would send, in either wire format.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <limits>
 #include <memory>
 
-#include "drivers/wire/cobs_frame.hpp"
 #include "node/ctl/simulate.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"
@@ -17,20 +17,25 @@ constexpr double kClockOffset_us = 1e6;  // 0 would say that the device has no c
 
 void check(const sim::Scene& scene, const std::vector<std::string>& ptys, const Wire& wire) {
     const std::size_t sensors = scene.sensors.size();
+    const auto carries_several = [](const StreamFormat& format) {
+        return format.encode != nullptr && format.max_devices > 1;
+    };
+    const auto for_all = [&] { return fmt::format("{}", fmt::join(StreamFormats::names(carries_several), " or ")); };
+    const StreamFormat& format = wire.format();
     if (ptys.size() == 1 && sensors > 1) {
-        if (wire.format != "cobs")
+        if (format.max_devices == 1)
             throw SetupError(
-                fmt::format("--pty: {} sensors; text lines do not say whose they are: give {} times --pty, or "
-                            "--format cobs",
-                            sensors, sensors));
-        if (sensors > kCobsMaxDevices)
+                fmt::format("--pty: {} sensors; frames of format {} do not name their sensor: give {} times --pty, or "
+                            "--format {}",
+                            sensors, format.name, sensors, for_all()));
+        if (sensors > format.max_devices)
             throw SetupError(fmt::format("--pty: {} sensors; a link carries at most {} devices: give {} times --pty",
-                                         sensors, kCobsMaxDevices, sensors));
+                                         sensors, format.max_devices, sensors));
     } else if (ptys.size() != sensors) {
         throw SetupError(
             fmt::format("--pty: given {} times for {} sensors: one for each, in the scene's order, or, with "
-                        "--format cobs, one for all",
-                        ptys.size(), sensors));
+                        "--format {}, one for all",
+                        ptys.size(), sensors, for_all()));
     }
 }
 

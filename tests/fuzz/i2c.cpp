@@ -36,7 +36,7 @@ void any_answers(const ChipKind& kind, Input& input) {
     Options options = Options::parse_text(kind.keys, "fuzz.toml", problems);
     LinkCounts counts;
     Schedule schedule(bus);
-    schedule.add(kind.name, find_chip(kind.name)->make(options), {kind.address, 0x70, 3}, 0, counts);
+    schedule.add(kind.name, Chips::find(kind.name)->make(options), {kind.address, 0x70, 3}, 0, counts);
     Frame frame;
     if (!schedule.open().empty()) return;
     while (!input.is_empty()) {

@@ -47,14 +47,14 @@ def checked_line(text):
 
 
 def wire(put):
-    formats = 10
+    formats = 11  # of the target; 253 is a multiple of it
     stream = b"".join(checked_line(f"{n},{1000 * n},{n * 0.5},,nan") for n in range(5))
     put(bytes([0]) + stream)
     put(bytes([formats * 3]) + b"1,2,3,4,5\r\n2,3,4,5,6\r\n# nothing\n")
     for chunk in (0, 6, 40):
         frame = b"\x20\x4e" + struct.pack("<6h", 1, -2, 300, 4, -5, 6)
-        put(bytes([formats * chunk % 252 + 2]) + (frame + struct.pack("<H", crc16(frame))) * 3)
-        put(bytes([formats * chunk % 252 + 3]) + b"F={1.5,-2.0,3.25,0.1,0.2,0.3},%d\n" % (10 + chunk) * 3)
+        put(bytes([formats * chunk % 253 + 2]) + (frame + struct.pack("<H", crc16(frame))) * 3)
+        put(bytes([formats * chunk % 253 + 3]) + b"F={1.5,-2.0,3.25,0.1,0.2,0.3},%d\n" % (10 + chunk) * 3)
     answer = bytes([9, 3, 4, 0, 1, 0xFF, 0xFE])
     put(bytes([4]) + answer + struct.pack("<H", crc16(answer)))
     refusal = bytes([9, 0x83, 2])
@@ -72,6 +72,8 @@ def wire(put):
     put(bytes([0]) + b"\n0,0,inf,-inf,1\n1,2,1e999,3,4\n")
     put(bytes([7]) + struct.pack("<6h", 1, -2, 300, 4, -5, 6))
     put(bytes([8]) + answer)
+    for choice in range(12):  # of a registered format; then bytes of each kind
+        put(bytes([10, choice]) + b"\n1,2,3\n2,,4\n1a2B\n0F00\n\0" + cobs(bytes(20)) + (frame + struct.pack("<H", crc16(frame))) + b"F={1,2,3,4,5,6},7\n")
     put(bytes([9]) + b"31\r\n00aBf\r\n1bf00\n2BF7f\r\n2BF7f\r\n7c012\n80102\n")
 
 

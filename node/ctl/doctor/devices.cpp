@@ -9,6 +9,7 @@
 #include <set>
 #include <sstream>
 
+#include "drivers/driver.hpp"
 #include "node/ctl/doctor/doctor.hpp"
 
 namespace tactiled::ctl::doctor {
@@ -91,15 +92,14 @@ void look_at_latency_timer(const Machine& machine, const std::string& link, cons
              fmt::format("echo 1 > /sys/bus/usb-serial/devices/{}/latency_timer, or the package's udev rules", real)});
 }
 
-void look_at_interface(const Machine& machine, const std::string& link, const std::string& name, Findings& found) {
-    const std::string folder = "/sys/class/net/" + name;
+void look_at_interface(const Machine& machine, const std::string& link, const Requirement& required, Findings& found) {
+    const std::string &name = required.name, folder = "/sys/class/net/" + name;
     const auto flags = std::strtoul(machine.line(folder + "/flags").c_str(), nullptr, 16);
     if (!machine.has(folder))
         found.push_back({"device", Verdict::wrong, fmt::format("{}: there is no interface {}", link, name),
                          "ip link shows those that there are"});
     else if ((flags & 1u) == 0)  // IFF_UP
-        found.push_back({"device", Verdict::wrong, fmt::format("{}: interface {} is down", link, name),
-                         fmt::format("ip link set {} up type can bitrate 1000000", name)});
+        found.push_back({"device", Verdict::wrong, fmt::format("{}: interface {} is down", link, name), required.bring_up});
     else
         found.push_back({"device", Verdict::good, fmt::format("{}: interface {} is up", link, name), ""});
 }
@@ -113,24 +113,23 @@ void look_at_devices(const Machine& machine, Config& config, const std::string& 
                          "install the package, or name another with --user"});
         return;
     }
-    const auto port = [&](const std::string& what, const std::string& device) {
-        look_at_file(machine, what, device, user, found);
-        look_at_latency_timer(machine, what, device, found);
+    const auto look = [&](const std::string& what, const Requirement& required) {
+        if (required.kind == Requirement::Kind::network_interface) return look_at_interface(machine, what, required, found);
+        look_at_file(machine, what, required.name, user, found);
+        if (required.kind == Requirement::Kind::serial_port) look_at_latency_timer(machine, what, required.name, found);
     };
     for (auto& link : config.links) {
-        const std::string what = fmt::format("link \"{}\"", link.name);
-        if (link.driver == "can")
-            look_at_interface(machine, what, link.options.text("interface"), found);
-        else if (link.driver == "i2c")
-            look_at_file(machine, what, link.options.text("bus"), user, found);
-        else if ((link.driver == "uart" || link.driver == "modbus") && link.options.has("device"))
-            port(what, link.options.text("device"));
+        const DriverEntry* const driver = Drivers::find(link.driver);
+        if (driver == nullptr || driver->requirements == nullptr) continue;
+        for (const auto& required : driver->requirements(link.options))
+            look(fmt::format("link \"{}\"", link.name), required);
     }
-    if (!config.modbus.rtu.device.empty()) port("[modbus.rtu]", config.modbus.rtu.device);
+    using Kind = Requirement::Kind;
+    if (!config.modbus.rtu.device.empty()) look("[modbus.rtu]", {Kind::serial_port, config.modbus.rtu.device});
     if (config.gpio && config.gpio->chip.starts_with("gpiochip"))
-        look_at_file(machine, "[gpio]", "/dev/" + config.gpio->chip, user, found);
+        look("[gpio]", {Kind::file, "/dev/" + config.gpio->chip});
     else if (config.gpio && config.gpio->chip.starts_with("/"))
-        look_at_file(machine, "[gpio]", config.gpio->chip, user, found);
+        look("[gpio]", {Kind::file, config.gpio->chip});
 }
 
 void look_at_readers(const Machine& machine, const Config& config, Findings& found) {

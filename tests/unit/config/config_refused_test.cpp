@@ -46,13 +46,18 @@ TEST(ConfigRefused, WhoMayConnectIsNamedByAddress) {
     EXPECT_EQ(of_table("[modbus]\ncommands = true\ncommand_allow = ['10.0.0.1/32']"), "");
 }
 
-TEST(ConfigRefused, WhatNeverMeasuresIsSimulated) {
-    for (const std::string driver : {"sim", "replay"}) {
-        const std::string link = "[[link]]\nname = 'usb0'\ndriver = '" + driver + "'\n";
-        EXPECT_EQ(problem_of(link + kSensor), "");
-        EXPECT_EQ(problem_of(link + "simulated = false\n" + kSensor),
-                  "t.toml:4: link \"usb0\": driver \"" + driver + "\" measures nothing: simulated = true");
-    }
+TEST(ConfigRefused, SimulatedIsSetUnsetOrAnError) {
+    const auto simulated = [](const std::string& key, std::size_t n_problems) {
+        const test::Folder folder;
+        Problems problems;
+        const Config config = load_config(folder.write("t.toml", kLink + key + kSensor), problems);
+        EXPECT_EQ(problems.lines().size(), n_problems) << key;
+        return config.links.at(0).simulated;
+    };
+    EXPECT_EQ(simulated("", 0), std::nullopt);
+    EXPECT_EQ(simulated("simulated = false\n", 0), false);
+    EXPECT_EQ(simulated("simulated = true\n", 0), true);
+    EXPECT_EQ(simulated("simulated = 1\n", 1), std::nullopt);  // the driver decides; one error is enough
 }
 
 TEST(ConfigRefused, ContactEndsBelowWhereItBegins) {

@@ -36,7 +36,7 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(c.shm.group, "");
     EXPECT_EQ(c.shm.history, 0);  // as many as keep the segment within 1 MB
     ASSERT_EQ(c.links.size(), 1u);
-    EXPECT_FALSE(c.links[0].simulated);
+    EXPECT_EQ(c.links[0].simulated, std::nullopt);
     EXPECT_EQ(c.links[0].sensors, 1);
     ASSERT_EQ(c.sensors.size(), 1u);
     const SensorSettings& s = c.sensors[0];
@@ -88,7 +88,7 @@ TEST(Config, ReadsEveryKey) {
     ASSERT_EQ(c.links.size(), 1u);
     EXPECT_EQ(c.links[0].name, "l");
     EXPECT_EQ(c.links[0].driver, "d");
-    EXPECT_TRUE(c.links[0].simulated);
+    EXPECT_EQ(c.links[0].simulated, true);
     ASSERT_EQ(c.sensors.size(), 1u);
     const SensorSettings& s = c.sensors[0];
     EXPECT_EQ(s.name, "s");

@@ -87,7 +87,8 @@ TEST(DocumentedConfig, NamesTheDefaults) {
     EXPECT_EQ(a.sensors.at(0).contact_on_N, b.sensors.at(0).contact_on_N);
     EXPECT_EQ(a.sensors.at(0).contact_off_N, b.sensors.at(0).contact_off_N);
     EXPECT_EQ(a.sensors.at(0).overload_N, b.sensors.at(0).overload_N);
-    EXPECT_EQ(a.links.at(0).simulated, b.links.at(0).simulated);
+    EXPECT_EQ(a.links.at(0).simulated, false);  // said of this driver, which measures
+    EXPECT_EQ(b.links.at(0).simulated, std::nullopt);
     EXPECT_EQ(a.sensors.at(0).device, b.sensors.at(0).device);
     EXPECT_EQ(a.sensors.at(0).stale_ms, b.sensors.at(0).stale_ms);
     EXPECT_EQ(a.sensors.at(0).tare_ms, b.sensors.at(0).tare_ms);

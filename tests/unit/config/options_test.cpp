@@ -145,9 +145,10 @@ TEST(Options, NameTheNearestOfAChoice) {
     EXPECT_EQ(p.options.one_of("a", {"cobs", "lines"}, "lines"), "lines");
     p.options.one_of("b", {"cobs", "lines"});
     p.options.one_of("c", {"cobs", "lines"});
-    EXPECT_EQ(p.problems.lines(), (Lines{"t.toml:1: a = \"cosb\" is unknown; did you mean \"cobs\"?",
-                                         "t.toml:2: b = \"xyz\" is unknown; known: \"cobs\", \"lines\"",
-                                         "t.toml:3: c = 4 is an integer, should be one of \"cobs\", \"lines\""}));
+    EXPECT_EQ(p.problems.lines(),
+              (Lines{"t.toml:1: a = \"cosb\" is unknown; did you mean \"cobs\"? known: \"cobs\", \"lines\"",
+                     "t.toml:2: b = \"xyz\" is unknown; known: \"cobs\", \"lines\"",
+                     "t.toml:3: c = 4 is an integer, should be one of \"cobs\", \"lines\""}));
 }
 
 TEST(Options, RefuseAnEmptyTextWhereOneIsRequired) {

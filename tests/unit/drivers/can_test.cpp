@@ -46,7 +46,7 @@ protected:
         Options options =
             Options::parse_text((link_keys ? "interface = \"can0\"\n" : "") + keys, folder_ + "/t.toml", problems);
         if (link_keys) {
-            (void)find_driver("can")->make(options);
+            (void)Drivers::find("can")->make(options);
         } else {
             plan_ = read_can_plan(options);
         }
@@ -179,7 +179,7 @@ TEST_F(CanKeys, TellWhatIsWrongAndWhatWouldBeRight) {
     EXPECT_EQ(one(with_dbc + "signals = [\"Tip.Fx\"]\nsequence = \"Torque.Count\""),
               "t.toml:6: [[device]]: sequence is in a message that none of the signals is in");
     EXPECT_EQ(one("stamp = \"hard\"\n" + head + "id = 1\nsignals = [" + kFx + "]"),
-              "t.toml:2: stamp = \"hard\" is unknown; did you mean \"hardware\"?");
+              "t.toml:2: stamp = \"hard\" is unknown; did you mean \"hardware\"? known: \"software\", \"hardware\"");
     std::ofstream(folder_ + "/bad.dbc") << "BO_ 1 A: 8 X\n SG_ F : 60|8@1+ (1,0)\n";
     EXPECT_EQ(one(head + "dbc = \"bad.dbc\"\nsignals = [\"A.F\"]"),
               "t.toml:4: [[device]]: bad.dbc:2: signal \"F\": 8 bits from start bit 60 (Intel) need 9 bytes, but the "
@@ -201,7 +201,7 @@ TEST_F(CanKeys, TheExampleOfTheDocumentedConfigurationIsRight) {
     Options root = Options::parse_text(example, TACTILED_SOURCE_DIR "/config/tactiled.toml", problems);
     for (auto& link : root.tables("link")) {
         (void)link.text("name");
-        (void)find_driver(link.text("driver"))->make(link);
+        (void)Drivers::find(link.text("driver"))->make(link);
     }
     root.finish();
     EXPECT_EQ(problems.lines(), Lines{});
@@ -211,7 +211,7 @@ TEST_F(CanKeys, AnInterfaceThatIsNotThereIsSaidSo) {
     Problems problems;
     Options options = Options::parse_text("interface = \"nocan7\"\n[[device]]\ndevice = 0\nid = 1\nsignals = [" + kFx + "]",
                                           "t.toml", problems);
-    const auto driver = find_driver("can")->make(options);
+    const auto driver = Drivers::find("can")->make(options);
     const std::string why = driver->open();
     EXPECT_TRUE(why == "there is no interface nocan7: plug it in; `ip -br link` lists what is there" ||
                 why.starts_with("no CAN in this kernel"))

@@ -90,7 +90,7 @@ public:
                    bool has_line = false) {
         Problems problems;
         Options options = Options::parse_text(kind.keys, "test.toml", problems);
-        auto chip = find_chip(kind.name)->make(options);
+        auto chip = Chips::find(kind.name)->make(options);
         options.finish();
         problems.throw_if_any();
         models.push_back(kind.make_model());

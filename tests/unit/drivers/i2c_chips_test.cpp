@@ -123,7 +123,7 @@ TEST_P(EveryChip, OfAnotherKindIsRefusedAtOpening) {
         Options options = Options::parse_text(GetParam().keys, "test.toml", problems);
         const auto model_of_other = other.make_model();
         wrong.bus.wires.put(GetParam().address, *model_of_other);
-        wrong.schedule.add(GetParam().name, find_chip(GetParam().name)->make(options), {GetParam().address}, 0,
+        wrong.schedule.add(GetParam().name, Chips::find(GetParam().name)->make(options), {GetParam().address}, 0,
                            wrong.counts);
         const bool opened = wrong.schedule.open().empty();
         EXPECT_TRUE(!opened || GetParam().name == "ads122c04") << other.name;  // it has nothing to be known by

@@ -16,7 +16,7 @@ std::string problems_of(const std::string& text) {
     std::string all = "bus = \"/dev/i2c-1\"\n";
     all += text;
     Options options = Options::parse_text(all, "test.toml", problems);
-    const auto driver = find_driver("i2c")->make(options);
+    const auto driver = Drivers::find("i2c")->make(options);
     options.finish();
     return fmt::format("{}", fmt::join(problems.lines(), "\n"));
 }
@@ -83,8 +83,10 @@ charge_us = 1
 
 TEST(I2cKeys, SayWhatIsWrongWithLineAndRemedy) {
     EXPECT_EQ(problems_of(""), "test.toml:1: no chip: add [[link.chip]] with device and chip");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7747\""),
-              "test.toml:4: [[chip]]: chip = \"ad7747\" is unknown; did you mean \"ad7746\"?");
+    EXPECT_EQ(
+        problems_of("[[chip]]\ndevice = 0\nchip = \"ad7747\""),
+        "test.toml:4: [[chip]]: chip = \"ad7747\" is unknown; did you mean \"ad7746\"? known: \"ad7746\", \"ads1115\", "
+        "\"ads122c04\", \"demo16\", \"fdc1004\", \"mpr121\", \"nau7802\"");
     EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\naddress = 0x49"),
               "test.toml:5: [[chip]]: address = 73 is outside 72 .. 72");
     EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\nrate_Hz = 90"),
@@ -167,7 +169,7 @@ TEST(I2cKeys, OfTheExampleInTheDocumentedConfigurationAreGood) {
     ASSERT_EQ(links.size(), 1u) << text;
     EXPECT_EQ(links[0].text("name"), "i2c1");
     EXPECT_EQ(links[0].text("driver"), "i2c");
-    find_driver("i2c")->make(links[0]);
+    Drivers::find("i2c")->make(links[0]);
     options.finish();
     EXPECT_EQ(fmt::format("{}", fmt::join(problems.lines(), "\n")), "");
 }
@@ -176,10 +178,10 @@ TEST(I2cKeys, ABusThatIsNotThereIsSaid) {
     Problems problems;
     Options options =
         Options::parse_text("bus = \"/dev/i2c-99\"\n[[chip]]\ndevice = 0\nchip = \"ad7746\"", "test.toml", problems);
-    const auto driver = find_driver("i2c")->make(options);
+    const auto driver = Drivers::find("i2c")->make(options);
     EXPECT_EQ(driver->open(), "/dev/i2c-99: no such bus: load the module i2c-dev, plug the adapter in, see i2cdetect -l");
     options = Options::parse_text("bus = \"/dev/null\"\n[[chip]]\ndevice = 0\nchip = \"ad7746\"", "test.toml", problems);
-    EXPECT_EQ(find_driver("i2c")->make(options)->open(), "/dev/null: is no I2C bus; should be such as /dev/i2c-1");
+    EXPECT_EQ(Drivers::find("i2c")->make(options)->open(), "/dev/null: is no I2C bus; should be such as /dev/i2c-1");
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ protected:
     }
     void make(const std::string& link, const std::string& slaves) {
         Options options = Options::parse_text(link + "\n" + slaves, "test.toml", problems_);
-        driver_ = find_driver("modbus")->make(options);
+        driver_ = Drivers::find("modbus")->make(options);
         options.finish();
         EXPECT_TRUE(problems_.empty()) << problems_.lines().front();
     }
@@ -317,7 +317,7 @@ TEST(ModbusKeys, TellWhatIsWrongWithALink) {
     const auto wrong = [](const std::string& text, const std::string& expected) {
         Problems problems;
         Options options = Options::parse_text(text, "test.toml", problems);
-        (void)find_driver("modbus")->make(options);
+        (void)Drivers::find("modbus")->make(options);
         options.finish();
         std::string all;
         for (const auto& line : problems.lines()) all += line + "\n";
@@ -348,7 +348,7 @@ TEST(ModbusKeys, TheExampleOfTactiledTomlIsGoodOnceItIsTakenOutOfItsComment) {
         link.text("name");
         if (link.text("driver") != "modbus") continue;
         ++found;
-        (void)find_driver("modbus")->make(link);
+        (void)Drivers::find("modbus")->make(link);
         link.finish();
     }
     EXPECT_EQ(found, 1u);

@@ -15,7 +15,7 @@ struct Replay : testing::Test {
         Problems problems;
         Options options =
             Options::parse_text(fmt::format("file = \"{}\"\nspeed = 1000\n{}", recording.path, keys), "test.toml", problems);
-        auto driver = find_driver("replay")->make(options);
+        auto driver = Drivers::find("replay")->make(options);
         options.finish();
         EXPECT_TRUE(problems.empty());
         return driver;

@@ -30,7 +30,7 @@ protected:
     std::unique_ptr<Driver> make(const std::string& keys) {
         Options options =
             Options::parse_text(fmt::format("address = \"127.0.0.1:{}\"\n{}", port_, keys), "test.toml", problems_);
-        auto driver = find_driver("tcp")->make(options);
+        auto driver = Drivers::find("tcp")->make(options);
         options.finish();
         EXPECT_TRUE(problems_.empty()) << problems_.lines().front();
         return driver;

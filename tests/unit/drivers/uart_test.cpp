@@ -36,7 +36,7 @@ protected:
     }
     std::unique_ptr<Driver> make(const std::string& keys) {
         Options options = Options::parse_text("device = \"" + port_ + "\"\n" + keys, "test.toml", problems_);
-        auto driver = find_driver("uart")->make(options);
+        auto driver = Drivers::find("uart")->make(options);
         options.finish();
         return driver;
     }
@@ -267,19 +267,6 @@ TEST_F(UartTest, AsksAnFt300ForItsStreamAtOpeningAndAgainWhenItFellSilentAndStop
     EXPECT_EQ(driver->counts[TACTILED_LINK_RESTARTED], 1u);
     driver->close();
     EXPECT_EQ(sent(50), stop);
-}
-
-TEST(ReadmeDriver, TheExampleOfThePageRuns) {
-    Problems problems;
-    Options options = Options::parse_text("period_ms = 2", "test.toml", problems);
-    ASSERT_NE(find_driver("ramp"), nullptr);
-    const auto driver = find_driver("ramp")->make(options);
-    ASSERT_EQ(driver->open(), "");
-    Frame frame;
-    for (int n = 0; n < 3; ++n) {
-        ASSERT_EQ(driver->read(frame, 50), Status::frame);
-        EXPECT_EQ(frame.channel[0], n);
-    }
 }
 
 TEST_F(UartTest, ChecksItsKeys) {

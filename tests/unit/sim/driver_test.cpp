@@ -18,7 +18,7 @@ TEST(SimDriver, CountsEachLostFrameOnce) {
     Problems problems;
     Options options =
         Options::parse_text("scene = \"" + scene + "\"\neffects = \"lost_frames\"\nspeed = 1000\n", "test.toml", problems);
-    const auto driver = find_driver("sim")->make(options);
+    const auto driver = Drivers::find("sim")->make(options);
     problems.throw_if_any();
     ASSERT_EQ(driver->open(), "");
     Frame frame{};

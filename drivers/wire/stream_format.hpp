@@ -1,0 +1,40 @@
+// A serial format: how the bytes of a tty or a TCP connection become frames. A new format is one new file, with an entry at
+// its end, and one line in drivers/CMakeLists.txt. To add one: drivers/README.md.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "config/options.hpp"
+#include "config/registry.hpp"
+#include "drivers/wire/decoder.hpp"
+
+namespace tactiled {
+
+// The properties of a device that is played (`tactilectl play`, `simulate --pty`). A format ignores those that it does not
+// have.
+struct StreamSettings {
+    int bits = 24;          // of a channel, 24 or 32: binary formats
+    bool checksum = false;  // each frame has one: text formats
+    bool sequence = false;  // each frame has a counter: text formats
+    bool time_us = false;   // each frame has the device's time
+};
+
+struct StreamFormat {
+    std::string_view name;  // as in `format = "cobs"`
+    // The links on which devices with this format exist.
+    bool on_tty = true, on_tcp = true;
+    // Number of devices that one stream can tell apart: Frame::device is 0 .. max_devices - 1.
+    unsigned max_devices = 1;
+    // Reads the format's own keys of a [[link]] table; errors go to the options' Problems. `counts` outlives the decoder.
+    // setup
+    std::unique_ptr<StreamDecoder> (*make)(Options& options, LinkCounts& counts);
+    // The bytes that a device sends for `frame`. nullptr: `tactilectl play` does not offer this format. setup
+    std::vector<std::uint8_t> (*encode)(const Frame& frame, const StreamSettings& settings) = nullptr;
+    Registry<StreamFormat> in_list{this};
+};
+
+using StreamFormats = Registry<StreamFormat>;
+
+}  // namespace tactiled

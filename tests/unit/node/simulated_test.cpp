@@ -1,0 +1,101 @@
+// Data that nothing measured are published as simulated, whatever their driver; and a driver with an unknown name is an
+// error.
+#include <gtest/gtest.h>
+
+#include "node/setup.hpp"
+#include "tactiled/reader.hpp"
+#include "tests/unit/config/folder.hpp"
+#include "tests/unit/node/segment_fixture.hpp"
+
+namespace tactiled {
+namespace {
+
+using Lines = std::vector<std::string>;
+
+// A node with one link of these keys.
+class Simulated : public SegmentTest {
+protected:
+    Node load(const std::string& link) {
+        (void)folder_.write("c.toml", R"(format = 1
+model = "generic"
+method = "matrix"
+contact_model = "unknown"
+serial = "unit"
+date = "2026-01-01"
+channels = ["c1", "c2", "c3"]
+channel_unit = "N"
+zero = [0.0, 0.0, 0.0]
+components = ["fx", "fy", "fz"]
+matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+sd = [0.01, 0.01, 0.01]
+full_scale = [10.0, 10.0, 10.0]
+)");
+        Node node = load_node(folder_.write("t.toml", "[node]\nname = '" + name_ + "'\n[[link]]\nname = 'usb0'\n" + link +
+                                                          "[[sensor]]\nname = 'left'\nlink = 'usb0'\nmodel = 'generic'\n"
+                                                          "calibration = 'c.toml'\n"),
+                              problems_);
+        for (const auto& line : problems_.lines()) lines_.push_back(line.substr(folder_.path().size() + 1));
+        return node;
+    }
+
+    // As a reader sees it: the link's entry in the directory.
+    bool is_published_as_simulated(const std::string& link) {
+        const Node node = load(link);
+        EXPECT_EQ(lines_, Lines{}) << link;
+        if (!lines_.empty()) return false;
+        const SegmentWriter writer(node.plan);
+        const Segment segment = Segment::open(name_);
+        const bool simulated = segment.link(0).simulated != 0;
+        EXPECT_EQ(node.simulated, simulated) << link;  // STATUS, bit 9
+        return simulated;
+    }
+
+    test::Folder folder_;
+    Problems problems_;
+    Lines lines_;
+};
+
+constexpr char kUart[] = "driver = 'uart'\ndevice = '/dev/null'\nformat = 'lines'\nchannels = 1\n";
+
+TEST_F(Simulated, AreTheDataOfADriverThatDoesNotMeasure) {
+    EXPECT_TRUE(is_published_as_simulated("driver = 'toy'\n"));
+    EXPECT_TRUE(is_published_as_simulated("driver = 'toy'\nsimulated = true\n"));
+    EXPECT_TRUE(is_published_as_simulated("driver = 'replay'\nfile = 'r.mcap'\n"));
+}
+
+// Copied as it stands, the example of drivers/README.md is not taken for a measurement.
+TEST_F(Simulated, AreTheDataOfTheExampleOfThePage) { EXPECT_TRUE(is_published_as_simulated("driver = 'ramp'\n")); }
+
+TEST_F(Simulated, AreTheDataOfADriverThatMeasuresOnlyWhereTheLinkSaysSo) {
+    EXPECT_FALSE(is_published_as_simulated(kUart));
+    EXPECT_FALSE(is_published_as_simulated(std::string(kUart) + "simulated = false\n"));
+    EXPECT_TRUE(is_published_as_simulated(std::string(kUart) + "simulated = true\n"));
+}
+
+TEST_F(Simulated, CannotBeDenied) {
+    const std::string keys[] = {"'sim'\nscene = '" TACTILED_SOURCE_DIR "/config/scenes/array.toml'", "'replay'\nfile = 'r'",
+                                "'toy'", "'ramp'"};
+    for (const std::string& key : keys) {
+        const std::string driver = key.substr(1, key.find('\'', 1) - 1);
+        lines_.clear();
+        problems_ = {};
+        (void)load("simulated = false\ndriver = " + key + "\n");
+        EXPECT_EQ(lines_, Lines{"t.toml:5: link \"usb0\": driver \"" + driver + "\" measures nothing: simulated = true"});
+    }
+}
+
+TEST_F(Simulated, AWrongValueIsOneError) {
+    (void)load("driver = 'toy'\nsimulated = 'no'\n");
+    EXPECT_EQ(lines_.size(), 1u);
+}
+
+TEST_F(Simulated, AMisspeltDriverIsAnErrorThatListsAll) {
+    (void)load("driver = 'uert'\n");
+    ASSERT_EQ(lines_.size(), 1u);
+    EXPECT_EQ(lines_[0],
+              "t.toml:5: link \"usb0\": driver = \"uert\" is unknown; did you mean \"uart\"? known: \"can\", \"i2c\", "
+              "\"modbus\", \"ramp\", \"replay\", \"sim\", \"tcp\", \"toy\", \"uart\"");
+}
+
+}  // namespace
+}  // namespace tactiled
