@@ -36,15 +36,15 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(c.shm.group, "");
     EXPECT_EQ(c.shm.history, 0);  // as many as keep the segment within 1 MB
     ASSERT_EQ(c.links.size(), 1u);
-    EXPECT_FALSE(c.links[0].simulated);
+    EXPECT_EQ(c.links[0].simulated, false);
     EXPECT_EQ(c.links[0].sensors, 1);
     ASSERT_EQ(c.sensors.size(), 1u);
     const SensorSettings& s = c.sensors[0];
     EXPECT_EQ(s.device, 0);
     EXPECT_TRUE(s.channels.empty());
     EXPECT_EQ(s.counts_per_unit, 1.0);
-    EXPECT_EQ(s.saturates_below, -std::numeric_limits<double>::infinity());
-    EXPECT_EQ(s.saturates_above, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(s.saturates_at[0], -std::numeric_limits<double>::infinity());
+    EXPECT_EQ(s.saturates_at[1], std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.method, "");
     EXPECT_EQ(s.stale_ms, 100);
     EXPECT_EQ(s.frozen_after, -1);  // as the driver knows
@@ -88,7 +88,7 @@ TEST(Config, ReadsEveryKey) {
     ASSERT_EQ(c.links.size(), 1u);
     EXPECT_EQ(c.links[0].name, "l");
     EXPECT_EQ(c.links[0].driver, "d");
-    EXPECT_TRUE(c.links[0].simulated);
+    EXPECT_EQ(c.links[0].simulated, true);
     ASSERT_EQ(c.sensors.size(), 1u);
     const SensorSettings& s = c.sensors[0];
     EXPECT_EQ(s.name, "s");
@@ -96,8 +96,8 @@ TEST(Config, ReadsEveryKey) {
     EXPECT_EQ(s.device, 65535);
     EXPECT_EQ(s.channels, (Lines{"a", "-", "-"}));
     EXPECT_EQ(s.counts_per_unit, 0.5);
-    EXPECT_EQ(s.saturates_below, -2.0);
-    EXPECT_EQ(s.saturates_above, 3.0);
+    EXPECT_EQ(s.saturates_at[0], -2.0);
+    EXPECT_EQ(s.saturates_at[1], 3.0);
     EXPECT_EQ(s.model, "m");
     EXPECT_EQ(s.calibration, "/c");
     EXPECT_EQ(s.method, "x");

@@ -83,7 +83,7 @@ TEST(DocumentedConfig, NamesTheDefaults) {
     EXPECT_EQ(a.modbus.rtu.address, b.modbus.rtu.address);
     EXPECT_EQ(a.modbus.rtu.rs485, b.modbus.rtu.rs485);
     EXPECT_EQ(b.shm.history, 0);  // said in words: it depends on the number of sensors
-    EXPECT_EQ(a.sensors.at(0).filter_Hz, b.sensors.at(0).filter_Hz);
+    EXPECT_EQ(a.sensors.at(0).filter_hz, b.sensors.at(0).filter_hz);
     EXPECT_EQ(a.sensors.at(0).contact_on_N, b.sensors.at(0).contact_on_N);
     EXPECT_EQ(a.sensors.at(0).contact_off_N, b.sensors.at(0).contact_off_N);
     EXPECT_EQ(a.sensors.at(0).overload_N, b.sensors.at(0).overload_N);
