@@ -1,4 +1,5 @@
-// What a user may set, as plain structures. The keys, units and defaults: config/tactiled.toml.
+// The settings of a user as plain structures. config/KEYS.md lists the keys with units, ranges and defaults; the lists of
+// fields that fill these structures stand in the file of each table (tables.hpp).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -9,6 +10,8 @@
 #include "config/options.hpp"
 
 namespace tactiled {
+
+Options no_options();  // an empty table of no file
 
 struct NodeSettings {
     std::string name;     // the segment is /dev/shm/tactiled.NAME
@@ -28,9 +31,9 @@ struct RealtimeSettings {
 struct LinkSettings {
     std::string name;
     std::string driver;
-    std::optional<bool> simulated;  // STATUS says that the data are simulated or replayed; unset: as the driver declares
-    int sensors;                    // how many sensors use it; filled by load_config
-    Options options;                // the driver's own keys, not yet read
+    std::optional<bool> simulated;   // STATUS shows that the data are simulated or replayed; unset: as the driver declares
+    int sensors;                     // how many sensors use it; filled by load_config
+    Options options = no_options();  // the driver's own keys, not yet read
 };
 
 // A sensor of the same thing in the same frame: of two, one names the other, and both have this.
@@ -45,9 +48,9 @@ struct SensorSettings {
     std::string name;
     std::string link;
     int device;
-    std::vector<std::string> channels;  // name of each channel of the frame in order, "-" = not used; empty = as calibrated
-    double counts_per_unit;             // raw number of the frame / this = the unit of the calibration
-    double saturates_below, saturates_above;  // raw numbers; at or beyond them a channel counts as saturated
+    std::vector<std::string> channels;   // name of each channel of the frame in order, "-" = not used; empty = as calibrated
+    double counts_per_unit;              // raw number of the frame / this = the unit of the calibration
+    std::array<double, 2> saturates_at;  // raw numbers, lowest and highest; at or beyond them a channel counts as saturated
     std::string model;
     std::string calibration;  // path, as given or beside the configuration file
     std::string method;       // "" = the calibration's own; "auto"
@@ -59,12 +62,14 @@ struct SensorSettings {
     double drift_limit_N;            // 0 = none
     int tare_ms;                     // how long a tare averages
     double tare_limit_N;             // 0 = none
-    double filter_Hz;                // low pass on force and torque, 0 = off
+    double filter_hz;                // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;
     double overload_N;        // 0 = none
     std::string agrees_with;  // "" = none, or none that is named here
+    double agree_N;           // as written on this sensor; `pair` has the values of the sensor that names the other
+    int agree_ms;
     PairSettings pair;
-    Options options;  // the model's own keys, not yet read
+    Options options = no_options();  // the model's own keys, not yet read
 };
 
 struct RtuSettings {
@@ -99,9 +104,10 @@ struct ShmSettings {
 
 struct JawSettings {
     std::string sensor;
+    std::array<double, 3> x_S_in_G, z_S_in_G;       // as written: of any length, perpendicular within 1 degree
     std::array<std::array<double, 3>, 3> S_from_G;  // rows: the axes of the skin's frame S, seen in the gripper's frame G
     double share;                                   // of the object's weight, 0 = all jaws alike
-    Options options;
+    Options options = no_options();
 };
 
 struct GraspSettings {
@@ -112,7 +118,7 @@ struct GraspSettings {
     double share_sd;                       // of a jaw's share from grasp to grasp, once a known weight was shown
     double margin;                         // recommended grip / least grip
     double weigh_window_ms;
-    double slip_sensitivity;  // 0 .. 1
+    double slip_sensitivity;  // 0 .. 1; the key is in percent
     double lift_acceleration_m_s2, lift_accelerates_ms;
     std::string objects;  // path of the file of taught objects
 };
@@ -120,7 +126,7 @@ struct GraspSettings {
 struct GpioSettings {
     std::string chip;
     std::string fault, grasped, slip, alive;  // lines; "" = none
-    bool fault_is_low;                        // the level that says so
+    std::string fault_is;                     // the level that means a fault: "low" or "high"
     int slip_ms;                              // a slip is shown for so long at least
 };
 
@@ -134,7 +140,7 @@ struct Config {
     std::vector<SensorSettings> sensors;
     std::optional<GraspSettings> grasp;
     std::optional<GpioSettings> gpio;
-    Options root;  // finish() it once drivers and models have read theirs
+    Options root = no_options();  // finish() it once drivers and models have read theirs
 };
 
 // Reads every key that is not a driver's or a model's own, checks names, references between them, and that each

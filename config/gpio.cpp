@@ -5,19 +5,41 @@
 
 namespace tactiled {
 
+const Fields<GpioSettings>& gpio_fields() {
+    using S = GpioSettings;
+    static const Fields<S> fields = {
+        {TACTILED_KEY(S, chip), kRequired, Text::any, Reload::restart,
+         "Label, name or path of the chip, as gpiodetect prints them."},
+        {TACTILED_KEY(S, fault), Default("", "none"), Text::any, Reload::restart,
+         "Line, an offset or a name as gpioinfo prints them. It means a fault unless every sensor has a value and no fault "
+         "is latched, and also when the daemon ends."},
+        {TACTILED_KEY(S, grasped), Default("", "none"), Text::any, Reload::restart,
+         "Line that is high while something is grasped; needs [grasp]."},
+        {TACTILED_KEY(S, slip), Default("", "none"), Text::any, Reload::restart,
+         "Line that is high during a slip, for slip_ms at least; needs [grasp]."},
+        {TACTILED_KEY(S, alive), Default("", "none"), Text::any, Reload::restart,
+         "Line that changes each 100 ms while the loop runs and a sensor delivers. Watch it: a daemon that was killed "
+         "cannot report a fault, and most chips keep the last level."},
+        {TACTILED_KEY(S, fault_is), "low", Choices{"low", "high"}, Reload::restart,
+         "Level of the line `fault` that means a fault. A cut wire with a pull-down is low, too."},
+        {TACTILED_KEY(S, slip_ms), 100, range(10, 10'000), "ms", Reload::restart,
+         "Time for which a slip is shown at least."},
+    };
+    return fields;
+}
+
 std::optional<GpioSettings> read_gpio(Options& root) {
     if (!root.has("gpio")) return std::nullopt;
     Options table = root.table("gpio");
-    GpioSettings settings;
-    settings.chip = table.text("chip");
+    GpioSettings settings{};
+    read_fields(gpio_fields(), table, settings);
     const struct {
         const char* key;
-        std::string& line;
+        const std::string& line;
     } lines[] = {
         {"fault", settings.fault}, {"grasped", settings.grasped}, {"slip", settings.slip}, {"alive", settings.alive}};
     bool any = false;
     for (const auto& [key, line] : lines) {
-        line = table.text(key, "");
         any |= !line.empty();
         for (const auto& [earlier, other] : lines) {
             if (&other == &line) break;
@@ -26,8 +48,6 @@ std::optional<GpioSettings> read_gpio(Options& root) {
         }
     }
     if (!any) table.problem("fault", "[gpio] names no line: fault, grasped, slip or alive = \"17\", an offset or a name");
-    settings.fault_is_low = table.one_of("fault_is", {"low", "high"}, "low") == "low";
-    settings.slip_ms = int(table.integer("slip_ms", {10, 10000}, 100));
     if (!settings.grasped.empty() || !settings.slip.empty())
         if (!root.has("grasp"))
             table.problem(settings.grasped.empty() ? "slip" : "grasped",

@@ -29,28 +29,28 @@ Vector unit(const Vector& a) {
     return {a[0] / l, a[1] / l, a[2] / l};
 }
 
-// Nothing where it is wrong; why has been told then.
-std::optional<Vector> read_axis(Options& table, const char* key) {
+// The direction of a field of the jaw; nothing, with an error, where it has none.
+std::optional<Vector> axis(Options& table, const char* key, const Vector& v) {
     if (!table.has(key)) {
         table.problem(key, fmt::format("{} is missing; it says where this axis of the skin points in the gripper's frame G, "
                                        "for example {} = [0, 1, 0]",
                                        key, key));
         return std::nullopt;
     }
-    const auto v = table.numbers(key, {-1000, 1000}, {3, 3});
-    if (v.size() != 3) return std::nullopt;
+    if (std::isnan(v[0])) return std::nullopt;  // reported already
     if (v[0] == 0 && v[1] == 0 && v[2] == 0) {
         table.problem(key, fmt::format("{} = [0, 0, 0] has no direction", key));
         return std::nullopt;
     }
-    return unit({v[0], v[1], v[2]});
+    return unit(v);
 }
 
 JawSettings read_jaw(Options table) {
-    const std::string sensor = table.text("sensor");
-    const auto x_read = read_axis(table, "x_S_in_G"), z_read = read_axis(table, "z_S_in_G");
+    JawSettings jaw{};
+    jaw.options = table;
+    read_fields(jaw_fields(), table, jaw);
+    const auto x_read = axis(table, "x_S_in_G", jaw.x_S_in_G), z_read = axis(table, "z_S_in_G", jaw.z_S_in_G);
     const Vector x = x_read.value_or(Vector{1, 0, 0}), z = z_read.value_or(Vector{0, 0, 1});
-    const double share = table.number("share", {0, 1}, 0);
     const double skew_deg = std::abs(std::asin(std::clamp(dot(x, z), -1.0, 1.0))) * kDeg;
     if (x_read && z_read && skew_deg > kSkewDeg)
         table.problem("z_S_in_G",
@@ -58,8 +58,8 @@ JawSettings read_jaw(Options table) {
                                   "are {:.1f} degrees from it",
                                   skew_deg));
     const Vector y = skew_deg < 89 ? unit(cross(z, x)) : Vector{0, 1, 0};
-    return {
-        sensor, {cross(y, z), y, z}, share, table};  // z as it was written; x moves where they were not quite perpendicular
+    jaw.S_from_G = {cross(y, z), y, z};  // z as it was written; x moves where they were not quite perpendicular
+    return jaw;
 }
 
 void check_jaws(Options& grasp, std::vector<JawSettings>& jaws, const std::vector<SensorSettings>& sensors) {
@@ -85,35 +85,74 @@ void check_jaws(Options& grasp, std::vector<JawSettings>& jaws, const std::vecto
 
 }  // namespace
 
+const Fields<JawSettings>& jaw_fields() {
+    using S = JawSettings;
+    static const Fields<S> fields = {
+        {TACTILED_KEY(S, sensor), kRequired, Text::any, Reload::tune,
+         "Name of a [[sensor]]; its contact_on_N and contact_off_N are those of the press."},
+        {TACTILED_KEY(S, x_S_in_G), kRequired, range(-1000, 1000), "", Reload::tune,
+         "Direction of the skin's x axis, along its connector, in G; of any length."},
+        {TACTILED_KEY(S, z_S_in_G), kRequired, range(-1000, 1000), "", Reload::tune,
+         "Direction of the skin's z axis, out of the skin, in G; perpendicular to x within 1 degree."},
+        {TACTILED_KEY(S, share), Default(0.0, "0 = all jaws alike"), range(0, 1), "", Reload::tune,
+         "Fraction of the weight that this jaw carries; for all jaws or for none."},
+    };
+    return fields;
+}
+
+const Fields<GraspSettings>& grasp_fields() {
+    using S = GraspSettings;
+    static const Fields<S> fields = {
+        {TACTILED_KEY(S, jaws_of_gripper), Default(0, "as many as there are [[grasp.jaw]]"), range(1, 16), "", Reload::tune,
+         "Number of jaws, with and without a sensor."},
+        {TACTILED_KEY(S, gravity_G_m_s2), Vector{0, 0, 0}, range(-10, 10), "m/s^2", Reload::tune,
+         "Direction in which weight pulls, seen in G, with a length of 9.7 .. 9.9; [0, 0, 9.81] = the palm looks down. [0, "
+         "0, 0] = not known: no weight until the PLC writes GRAVITY_X .. GRAVITY_Z."},
+        {TACTILED_KEY(S, friction), 0, range(0, 5), "", Reload::tune,
+         "Friction coefficient between skin and object at the start; 0 = not known until a slip shows it."},
+        {TACTILED_KEY(S, share_sd), 0.01, range(1e-6, 1), "", Reload::tune,
+         "Standard deviation of a jaw's share of the weight from grasp to grasp, where some jaws have no sensor and a known "
+         "weight was shown (`tactilectl weigh known`)."},
+        {TACTILED_KEY(S, margin), 1.5, range(1, 10), "", Reload::tune, "Recommended grip divided by the least grip."},
+        {TACTILED_KEY(S, weigh_window_ms), 100, range(10, 1000), "ms", Reload::tune,
+         "Time over which the weight is averaged."},
+        {TACTILED_KEY(S, slip_sensitivity), 50, range(0, 100), "%", Reload::tune,
+         "100 detects the smallest slips, and false ones as well."},
+        {TACTILED_KEY(S, lift_acceleration_m_s2), 2, range(0, 50), "m/s^2", Reload::tune,
+         "Largest acceleration of the arm while it lifts, where the PLC does not write it."},
+        {TACTILED_KEY(S, lift_accelerates_ms), 1000, range(0, 5000), "ms", Reload::tune,
+         "Time after lift-off by which the arm no longer accelerates or brakes. A weight becomes stable weigh_window_ms "
+         "later at the earliest. Set less only where it is true of the arm: otherwise a stable weight may be measured while "
+         "the arm brakes. Not waited for where the PLC writes the acceleration."},
+        {TACTILED_KEY(S, objects), "/var/lib/tactiled/NAME.objects.toml", Text::any, Reload::restart,
+         "File of taught objects, seen from the folder of this file. The register TEACH and `tactilectl teach` write it; "
+         "the user who runs the latter must be allowed to write there."},
+    };
+    return fields;
+}
+
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
                                         const std::vector<SensorSettings>& sensors, const std::string& folder) {
     if (!root.has("grasp")) return std::nullopt;
     Options table = root.table("grasp");
     GraspSettings g{};
     for (const auto& jaw : table.tables("jaw", kMaxJaws)) g.jaws.push_back(read_jaw(jaw));
+    read_fields(grasp_fields(), table, g, node_name);
     if (!table.has("jaw")) table.problem("jaw", "[grasp] has no [[grasp.jaw]]; one for each sensor that sits on a jaw");
     check_jaws(table, g.jaws, sensors);
-    g.jaws_of_gripper = static_cast<int>(table.integer("jaws_of_gripper", {1, 16}, std::int64_t(g.jaws.size())));
+    if (g.jaws_of_gripper == 0) g.jaws_of_gripper = int(g.jaws.size());
     if (g.jaws_of_gripper < int(g.jaws.size()))
         table.problem("jaws_of_gripper",
                       fmt::format("jaws_of_gripper = {}, but {} have a sensor", g.jaws_of_gripper, g.jaws.size()));
-    const auto gravity = table.numbers("gravity_G_m_s2", {-10, 10}, {3, 3});
-    if (gravity.size() == 3) std::copy_n(gravity.begin(), 3, g.gravity_G_m_s2.begin());
     const double pull = length(g.gravity_G_m_s2);
     if (pull != 0 && (pull < kMinG_m_s2 || pull > kMaxG_m_s2))
-        table.problem("gravity_G_m_s2", fmt::format("gravity_G_m_s2 has a length of {:.3g}; on Earth it is 9.81 m/s^2, "
-                                                    "and [0, 0, 0] where its direction is not known",
+        table.problem("gravity_G_m_s2", fmt::format("gravity_G_m_s2 has a length of {:.3g}; on Earth it is 9.81 m/s^2, and "
+                                                    "[0, 0, 0] where its direction is not known",
                                                     pull));
-    g.friction = table.number("friction", {0, 5}, 0);
-    g.share_sd = table.number("share_sd", {1e-6, 1}, 0.01);
-    g.margin = table.number("margin", {1, 10}, 1.5);
-    g.weigh_window_ms = table.number("weigh_window_ms", {10, 1000}, 100);
-    g.slip_sensitivity = table.number("slip_sensitivity", {0, 100}, 50) / 100;
-    g.lift_acceleration_m_s2 = table.number("lift_acceleration_m_s2", {0, 50}, 2);
-    g.lift_accelerates_ms = table.number("lift_accelerates_ms", {0, 5000}, 1000);
-    const std::string objects = table.text("objects", fmt::format("/var/lib/tactiled/{}.objects.toml", node_name));
-    if (objects.empty()) table.problem("objects", "objects = \"\" names no file; leave the key out for the default");
-    g.objects = (std::filesystem::absolute(folder) / objects).lexically_normal().string();
+    g.slip_sensitivity /= 100;
+    if (g.objects.empty()) table.problem("objects", "objects = \"\" names no file; leave the key out for the default");
+    // absolute("") throws: a configuration that is named without a folder is in the current one.
+    g.objects = (std::filesystem::absolute(folder.empty() ? "." : folder) / g.objects).lexically_normal().string();
     return g;
 }
 

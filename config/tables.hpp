@@ -1,12 +1,35 @@
-// Parts of load_config() that have a file of their own. Inside of config/ only.
+// The tables of the configuration: the list of fields of each, and the parts of load_config() that have a file of their own.
+// Inside of config/ only.
 #pragma once
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "config/config.hpp"
+#include "config/fields.hpp"
 
 namespace tactiled {
+
+const Fields<NodeSettings>& node_fields();
+const Fields<RealtimeSettings>& realtime_fields();
+const Fields<LinkSettings>& link_fields();      // the other keys of [[link]] are the driver's
+const Fields<SensorSettings>& sensor_fields();  // the other keys of [[sensor]] are the model's
+const Fields<GraspSettings>& grasp_fields();
+const Fields<JawSettings>& jaw_fields();
+const Fields<ModbusSettings>& modbus_fields();
+const Fields<RtuSettings>& rtu_fields();
+const Fields<ShmSettings>& shm_fields();
+const Fields<GpioSettings>& gpio_fields();
+
+// [[sensor]] alone. setup: never throws for bad input
+SensorSettings read_sensor(Options table, const std::string& folder);
+// Two sensors that are compared know each other, whichever of them names the other. setup: never throws for bad input
+void pair_sensors(std::vector<SensorSettings>& sensors);
+// Several sensors may read one frame, each its own channels. setup: never throws for bad input
+void check_shared_frames(std::vector<SensorSettings>& sensors);
+
+// [modbus] and [modbus.rtu]. setup: never throws for bad input
+ModbusSettings read_modbus(Options table, const std::string& node_name);
 
 // [grasp], checked against the sensors; nothing where the file has none. setup: never throws for bad input
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,

@@ -39,7 +39,7 @@ GpioOutputs::GpioOutputs(std::string node_name, const GpioSettings& settings)
     const auto add = [&](const char* key, const std::string& line, bool GpioSigns::*sign, bool high_means) {
         if (!line.empty()) lines_.push_back({.key = key, .name = line, .sign = sign, .high_means = high_means});
     };
-    add("fault", settings.fault, &GpioSigns::fault, !settings.fault_is_low);
+    add("fault", settings.fault, &GpioSigns::fault, settings.fault_is == "high");
     add("grasped", settings.grasped, &GpioSigns::grasped, true);
     add("slip", settings.slip, &GpioSigns::slip, true);
     add("alive", settings.alive, &GpioSigns::alive, true);

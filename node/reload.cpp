@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "config/keys.hpp"
 #include "node/log.hpp"
 
 namespace tactiled {
@@ -12,17 +13,6 @@ namespace {
 
 constexpr int kPatienceMs = 1000;  // for the loop to come round
 constexpr char kRestart[] = "cannot change while the daemon runs; restart it (systemctl restart tactiled)";
-// Of [[sensor]]: what stands in the directory, or binds to a link.
-constexpr std::string_view kFixed[] = {"name", "link", "device", "model", "stale_ms"};
-// What changes neither the value nor its zero.
-constexpr std::string_view kTuned[] = {"saturates_at",  "tare_ms",      "filter_hz",        "contact_on_N", "contact_off_N",
-                                       "overload_N",    "frozen_after", "slew_limit_per_s", "rate_Hz",      "rate_tolerance",
-                                       "drift_limit_N", "tare_limit_N", "agrees_with",      "agree_N",      "agree_ms"};
-
-template <std::size_t N>
-bool is_one_of(const std::string_view (&keys)[N], std::string_view key) {
-    return std::find(std::begin(keys), std::end(keys), key) != std::end(keys);
-}
 
 bool is_jaw(const std::optional<Grasping::Setup>& grasp, std::uint32_t sensor) {
     return grasp && std::any_of(grasp->estimator.jaws.begin(), grasp->estimator.jaws.end(),
@@ -35,12 +25,7 @@ Reloader::Reloader(const Node& running, std::string costs_folder)
     : path_(running.config.path), costs_folder_(std::move(costs_folder)), now_(accepted(running)) {}
 
 Reloader::Accepted Reloader::accepted(const Node& node) {
-    return {node.config.root,
-            node.config.sensors,
-            node.calibrations,
-            node.grasp,
-            node.config.grasp ? node.config.grasp->objects : "",
-            node.plan.calibration_id};
+    return {node.config.root, node.config.sensors, node.calibrations, node.grasp, node.plan.calibration_id};
 }
 
 void Reloader::reload(Pipeline& pipeline) noexcept try {
@@ -83,7 +68,7 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
 void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
     Options& root = fresh.config.root;
     for (const auto& key : root.differing_keys(now_.root))
-        if (key != "sensor" && key != "grasp") root.problem(key, fmt::format("[{}] {}", key, kRestart));
+        if (needs_restart(key)) root.problem(key, fmt::format("[{}] {}", key, kRestart));
     const auto names = [](const auto& sensors) {
         std::vector<std::string> all;
         for (const auto& sensor : sensors) all.push_back(sensor.name);
@@ -94,18 +79,20 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
     for (std::size_t i = 0; i < now_.sensors.size(); ++i) {
         Options& sensor = fresh.config.sensors[i].options;
         for (const auto& key : sensor.differing_keys(now_.sensors[i].options))
-            if (is_one_of(kFixed, key)) sensor.problem(key, fmt::format("{} {}", key, kRestart));
+            if (reload_rule("sensor", key) == Reload::restart) sensor.problem(key, fmt::format("{} {}", key, kRestart));
     }
     if (fresh.grasp.has_value() != now_.grasp.has_value())
-        root.problem("grasp", fmt::format("whether there is a [grasp] {}", kRestart));
-    else if (fresh.config.grasp && fresh.config.grasp->objects != now_.objects)
-        root.problem("grasp", fmt::format("[grasp] objects {}", kRestart));
+        return root.problem("grasp", fmt::format("whether there is a [grasp] {}", kRestart));
+    Options before = now_.root;
+    for (const auto& key : root.table("grasp").differing_keys(before.table("grasp")))
+        if (reload_rule("grasp", key) == Reload::restart) root.problem("grasp", fmt::format("[grasp] {} {}", key, kRestart));
 }
 
 bool Reloader::measures_alike(const Node& fresh, std::size_t i) const {
     const auto keys = fresh.config.sensors[i].options.differing_keys(now_.sensors[i].options);
     return fresh.calibrations[i] == now_.calibrations[i] &&
-           std::all_of(keys.begin(), keys.end(), [](const std::string& key) { return is_one_of(kTuned, key); });
+           std::all_of(keys.begin(), keys.end(),
+                       [](const std::string& key) { return reload_rule("sensor", key) == Reload::tune; });
 }
 
 Replacement Reloader::difference(Node& fresh) const {

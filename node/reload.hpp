@@ -1,7 +1,5 @@
 // SIGHUP: reads the configuration and the calibrations again and puts what changed into the running node, all or nothing.
-// What a person tunes and calibrates changes without a lost sample: [[sensor]] but for name, link, device, model and
-// stale_ms, and [grasp] but for its objects' path. For everything else the daemon is to be restarted, and the refusal says
-// so.
+// config/KEYS.md states for each key whether it may change without a restart; the refusal of another change names it.
 #pragma once
 #include <string>
 #include <vector>
@@ -25,7 +23,6 @@ private:
         std::vector<SensorSettings> sensors;
         std::vector<std::string> calibrations;
         std::optional<Grasping::Setup> grasp;
-        std::string objects;
         std::uint32_t calibration_id;
     };
     [[nodiscard]] static Accepted accepted(const Node& node);

@@ -133,8 +133,8 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
     if (setup.decoupler == nullptr || !problems.empty()) return;
     setup.counts_per_unit = settings.counts_per_unit;
-    setup.saturates_below = settings.saturates_below;
-    setup.saturates_above = settings.saturates_above;
+    setup.saturates_below = settings.saturates_at[0];
+    setup.saturates_above = settings.saturates_at[1];
     setup.stream.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
     setup.stream.slew_per_s = settings.slew_limit_per_s;
     setup.stream.rate_Hz = settings.rate_Hz;
@@ -143,7 +143,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
     setup.tare_limit_N = settings.tare_limit_N;
     setup.agreement = {settings.pair.other, settings.pair.agree_N, std::uint64_t(settings.pair.agree_ms) * 1'000'000u};
-    setup.settable = {settings.filter_Hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
+    setup.settable = {settings.filter_hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     if (setup.automatic != nullptr) put_front(node.plan.sensors.back(), *setup.automatic, settings.budget_us);
     const auto index = std::uint16_t(node.sensors.size());

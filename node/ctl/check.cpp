@@ -1,8 +1,10 @@
-// tactilectl check FILE: a configuration with all that it refers to; every error at once.
+// tactilectl check FILE: a configuration with all that it refers to; every error at once. check --keys: the keys that it may
+// have.
 #include <fmt/format.h>
 
 #include <memory>
 
+#include "config/keys.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
@@ -10,16 +12,27 @@
 namespace tactiled::ctl {
 
 void add_check(CLI::App& app, Run& run) {
-    auto path = std::make_shared<std::string>();
+    struct Args {
+        std::string path;
+        bool keys = false;
+    };
+    auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "check", "Checks a configuration and its calibrations; prints every error in them");
-    verb->add_option("file", *path, "the configuration")->required();
-    verb->callback([path, &run] {
-        run = [path] {
+    auto* file = verb->add_option("file", args->path, "the configuration");
+    verb->add_flag("--keys", args->keys, "print every key with its unit, range and default instead, as Markdown")
+        ->excludes(file);
+    verb->callback([args, &run] {
+        if (args->path.empty() && !args->keys) throw CLI::RequiredError("file");
+        run = [args] {
+            if (args->keys) {
+                fmt::print("{}", keys_markdown());
+                return kGood;
+            }
             Problems problems;
-            const Node node = load_node(*path, problems);
+            const Node node = load_node(args->path, problems);
             for (const auto& line : problems.lines()) fmt::print(stderr, "{}\n", line);
             if (!problems.empty()) return kUnhealthy;
-            fmt::print("{}: good: {} links, {} sensors\n", *path, node.links.size(), node.sensors.size());
+            fmt::print("{}: good: {} links, {} sensors\n", args->path, node.links.size(), node.sensors.size());
             return kGood;
         };
     });

@@ -213,6 +213,14 @@ class TheDaemon(unittest.TestCase):
             done = subprocess.run([BIN / "tactilectl", "check", ROOT / "config" / name], capture_output=True, text=True, timeout=10)
             self.assertEqual(done.returncode, 0, done.stderr)
 
+    def test_the_page_of_the_keys_is_what_the_program_prints(self):
+        def check(*words):
+            return subprocess.run([BIN / "tactilectl", "check", *words], capture_output=True, text=True, timeout=10)
+
+        self.assertEqual(check("--keys").stdout, (ROOT / "config/KEYS.md").read_text(), "tactilectl check --keys > config/KEYS.md")
+        for words in ((), ("--keys", ROOT / "config/demo.toml")):
+            self.assertEqual(check(*words).returncode, 2, words)
+
     def test_a_taken_port_stops_neither_sensors_nor_shared_memory(self):
         with unit_daemon() as d, socket.socket() as squatter:
             squatter.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -43,8 +43,8 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(s.device, 0);
     EXPECT_TRUE(s.channels.empty());
     EXPECT_EQ(s.counts_per_unit, 1.0);
-    EXPECT_EQ(s.saturates_below, -std::numeric_limits<double>::infinity());
-    EXPECT_EQ(s.saturates_above, std::numeric_limits<double>::infinity());
+    EXPECT_EQ(s.saturates_at[0], -std::numeric_limits<double>::infinity());
+    EXPECT_EQ(s.saturates_at[1], std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.method, "");
     EXPECT_EQ(s.stale_ms, 100);
     EXPECT_EQ(s.frozen_after, -1);  // as the driver knows
@@ -96,8 +96,8 @@ TEST(Config, ReadsEveryKey) {
     EXPECT_EQ(s.device, 65535);
     EXPECT_EQ(s.channels, (Lines{"a", "-", "-"}));
     EXPECT_EQ(s.counts_per_unit, 0.5);
-    EXPECT_EQ(s.saturates_below, -2.0);
-    EXPECT_EQ(s.saturates_above, 3.0);
+    EXPECT_EQ(s.saturates_at[0], -2.0);
+    EXPECT_EQ(s.saturates_at[1], 3.0);
     EXPECT_EQ(s.model, "m");
     EXPECT_EQ(s.calibration, "/c");
     EXPECT_EQ(s.method, "x");

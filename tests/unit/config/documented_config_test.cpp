@@ -1,9 +1,11 @@
 // config/tactiled.toml, the file that shows everything: it loads, it shows every key, its values are the defaults.
 #include <gtest/gtest.h>
 
+#include <map>
 #include <sstream>
 
 #include "config/config.hpp"
+#include "config/keys.hpp"
 #include "folder.hpp"
 #include "loaded.hpp"
 
@@ -57,6 +59,39 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
     EXPECT_EQ(n_keys, 76u);
 }
 
+// The comment of each key where it stands first in its table, on one line; "" where the key has none.
+std::map<std::string, std::string> comments_of(const std::string& text, const std::string& header) {
+    std::map<std::string, std::string> comments;
+    std::istringstream lines(text.substr(text.find("\n" + header + "\n") + header.size() + 2));
+    std::string key;
+    for (std::string line; std::getline(lines, line) && line[0] != '[';) {
+        const std::size_t hash = line.find("  # "), equals = line.find(" = ");
+        const std::string comment = hash == line.npos ? "" : line.substr(hash + 4);
+        if (line.empty() || line[0] == '#')
+            key = "";
+        else if (line[0] != ' ')
+            comments[key = line.substr(0, equals)] = comment;
+        else
+            comments[key] += " " + comment;
+    }
+    return comments;
+}
+
+TEST(DocumentedConfig, HasTheKeysAndCommentsOfTheFieldsAndNoOther) {
+    const std::string text = test::read_file(kDocumented);
+    for (const auto& table : key_tables()) {
+        auto comments = comments_of(text, table.header);
+        for (const auto& key : table.keys) {
+            ASSERT_EQ(comments.count(key.name), 1u) << table.header << " has no " << key.name;
+            EXPECT_EQ(comments[key.name], key_comment(key)) << table.header << " " << key.name;
+            comments.erase(key.name);
+        }
+        if (table.header == "[[link]]")
+            for (const char* of_the_driver : {"device", "baud", "format"}) EXPECT_EQ(comments.erase(of_the_driver), 1u);
+        for (const auto& [key, comment] : comments) ADD_FAILURE() << table.header << " has no field " << key;
+    }
+}
+
 TEST(DocumentedConfig, NamesTheDefaults) {
     const Loaded documented(test::read_file(kDocumented)), plain(std::string(kLink) + kSensor);
     const Config &a = documented.config, &b = plain.config;
@@ -83,7 +118,7 @@ TEST(DocumentedConfig, NamesTheDefaults) {
     EXPECT_EQ(a.modbus.rtu.address, b.modbus.rtu.address);
     EXPECT_EQ(a.modbus.rtu.rs485, b.modbus.rtu.rs485);
     EXPECT_EQ(b.shm.history, 0);  // said in words: it depends on the number of sensors
-    EXPECT_EQ(a.sensors.at(0).filter_Hz, b.sensors.at(0).filter_Hz);
+    EXPECT_EQ(a.sensors.at(0).filter_hz, b.sensors.at(0).filter_hz);
     EXPECT_EQ(a.sensors.at(0).contact_on_N, b.sensors.at(0).contact_on_N);
     EXPECT_EQ(a.sensors.at(0).contact_off_N, b.sensors.at(0).contact_off_N);
     EXPECT_EQ(a.sensors.at(0).overload_N, b.sensors.at(0).overload_N);

@@ -26,7 +26,7 @@ TEST(Gpio, IsOptionalAndHasItsDefaults) {
     const auto one = read("[gpio]\nchip = 'gpiochip0'\nfault = 'ESTOP'");
     ASSERT_TRUE(one.settings);
     EXPECT_EQ(one.problems, "");
-    EXPECT_TRUE(one.settings->fault_is_low);
+    EXPECT_EQ(one.settings->fault_is, "low");
     EXPECT_EQ(one.settings->slip_ms, 100);
     EXPECT_EQ(one.settings->alive, "");
 }

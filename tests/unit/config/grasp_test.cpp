@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
 
 #include "loaded.hpp"
 
@@ -52,6 +53,17 @@ TEST(GraspConfig, HasDefaults) {
     EXPECT_EQ(g.lift_accelerates_ms, 1000);
     EXPECT_EQ(g.objects, "/var/lib/tactiled/gripper.objects.toml");
     EXPECT_EQ(loaded.config.modbus.objects, g.objects);
+}
+
+TEST(GraspConfig, AFileNamedWithoutAFolderIsInTheCurrentOne) {
+    const test::Folder folder;
+    (void)folder.write("t.toml", "[grasp]\nobjects = 'o.toml'\n" + jaw("left") + kSensors);
+    std::filesystem::current_path(folder.path());
+    Problems problems;
+    const Config config = load_config("t.toml", problems);
+    std::filesystem::current_path("/");
+    EXPECT_EQ(problems.lines(), Lines{});
+    EXPECT_EQ(config.grasp->objects, folder / "o.toml");
 }
 
 TEST(GraspConfig, AJawIsTurnedAsItsAxesSay) {

@@ -1,0 +1,33 @@
+// All keys of the configuration but those of drivers and models: what a reload may change, and the pages about them.
+#pragma once
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "config/fields.hpp"
+
+namespace tactiled {
+
+struct KeyTable {
+    std::string header, about;  // "[[grasp.jaw]]"
+    Reload others;              // of keys that are not in the list: of a driver or a model, or a table below
+    std::vector<ConfigKey> keys;
+
+    [[nodiscard]] std::string name() const;  // "grasp.jaw"
+};
+
+// In the order of config/tactiled.toml.
+const std::vector<KeyTable>& key_tables();
+
+// The effect of a changed `key` of `table`, such as "sensor", on a reload.
+Reload reload_rule(std::string_view table, std::string_view key);
+// None of the keys of the table may change without a restart.
+bool needs_restart(std::string_view table);
+
+// The comment of a key in config/tactiled.toml: "ms, 1 .. 10000, default 100: Without a frame for longer, the force is BAD."
+std::string key_comment(const ConfigKey& key);
+
+// config/KEYS.md.
+std::string keys_markdown();
+
+}  // namespace tactiled

@@ -1,0 +1,170 @@
+// [[sensor]]: channels of a frame, the model that turns them into a force, and how the force is judged.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "config/names.hpp"
+#include "config/tables.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::array<double, 2> kUnlimited = {-kInf, kInf};
+constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();  // no number of a file
+
+void check_channels(Options& table, const std::vector<std::string>& channels) {
+    const auto wrong = [&](const std::string& why) { table.problem("channels", why); };
+    std::size_t used = 0;
+    for (auto at = channels.begin(); at != channels.end(); ++at) {
+        if (*at == "-") continue;
+        ++used;
+        if (!valid_channel(*at)) wrong(fmt::format("channels has {}; {}", in_quotes(*at), kValidChannel));
+        if (std::find(channels.begin(), at, *at) != at)
+            wrong(fmt::format("channels has {} twice; write \"-\" for a channel that is not used", in_quotes(*at)));
+    }
+    if (!channels.empty() && used == 0) wrong("channels uses none of the frame's channels; \"-\" stands for one not used");
+}
+
+}  // namespace
+
+const Fields<SensorSettings>& sensor_fields() {
+    using S = SensorSettings;
+    static const Fields<S> fields = {
+        {TACTILED_KEY(S, name), kRequired, Text::name, Reload::restart,
+         "Name of the sensor, unique, as commands and readers refer to it."},
+        {TACTILED_KEY(S, link), kRequired, Text::any, Reload::restart, "Name of a [[link]]."},
+        {TACTILED_KEY(S, device), 0, range(0, 65'535), "", Reload::restart,
+         "Number of the device, where the link carries several."},
+        {TACTILED_KEY(S, channels), "the channels of the calibration, in its order", Count{1, kMaxChannels}, Reload::epoch,
+         "Names of the channels of the frame, in order; \"-\" = not used."},
+        {TACTILED_KEY(S, counts_per_unit), 1, range(1e-18, 1e18), "", Reload::epoch,
+         "The raw number of the frame divided by this value is in the unit of the calibration."},
+        {TACTILED_KEY(S, saturates_at), Default(kUnlimited, "only what the driver reports"), range(-1e300, 1e300),
+         "raw numbers", Reload::tune, "A channel at or beyond one of the two, [lowest, highest], is saturated."},
+        {TACTILED_KEY(S, model), kRequired, Text::any, Reload::restart,
+         "Model of the sensor, as in the calibration; decoupling/README.md lists them."},
+        {TACTILED_KEY(S, calibration), kRequired, Text::any, Reload::epoch,
+         "Path of the calibration, seen from the folder of this file."},
+        {TACTILED_KEY(S, method), Default("", "the method of the calibration"), Text::any, Reload::epoch,
+         "A method of the model, or \"auto\" = the most accurate one within budget_us."},
+        {TACTILED_KEY(S, budget_us), 10, range(0.01, 10'000), "us", Reload::epoch,
+         "Time that 7 of 8 samples may take with method \"auto\". When they take longer, it steps down to a faster method, "
+         "and up again after a calm stretch (decoupling/README.md)."},
+        {TACTILED_KEY(S, stale_ms), 100, range(1, 10'000), "ms", Reload::restart,
+         "Without a frame for longer, the force is BAD."},
+        {TACTILED_KEY(S, frozen_after), Default(-1, "100 where the driver knows that noise moves every number, else 0"),
+         range(0, 1'000'000), "readings", Reload::tune,
+         "A channel that repeats one number this often (2 or more) is dead and has no value; 0 = a channel may repeat. A "
+         "quiet sensor of few bits, or one that is asked more often than it measures, repeats itself rightly: set many "
+         "times what a recording at rest shows (`tactilectl record`)."},
+        {TACTILED_KEY(S, slew_limit_per_s), Default(kInf, "none"), range(1e-300, 1e300), "raw numbers a second",
+         Reload::tune, "A channel that changes faster makes the force UNCERTAIN."},
+        {TACTILED_KEY(S, rate_Hz), 0, range(0, 1e6), "Hz", Reload::tune,
+         "Rate at which the device is set to send; 0 = not declared. Another rate is reported as a warning, and the force "
+         "stays GOOD."},
+        {TACTILED_KEY(S, rate_tolerance), 0.2, range(0.01, 1), "", Reload::tune,
+         "Deviation from rate_Hz, measured over a second, that is accepted, as a fraction of it."},
+        {TACTILED_KEY(S, drift_limit_N), 0, range(0, 1e6), "N", Reload::tune,
+         "A zero at rest that is farther than this from that of the calibration is reported as maintenance; 0 = no limit."},
+        {TACTILED_KEY(S, tare_ms), 100, range(1, 10'000), "ms", Reload::tune,
+         "Time over which a tare averages, at least 8 samples. A tare is refused while the force moves."},
+        {TACTILED_KEY(S, tare_limit_N), 0, range(0, 1e6), "N", Reload::tune,
+         "A tare is refused when the force, as calibrated, is larger than this: the sensor is loaded. 0 = no limit."},
+        {TACTILED_KEY(S, filter_hz), 0, range(0, 10'000), "Hz", Reload::tune,
+         "Low-pass filter on force and torque (-3 dB at this frequency); 0 = off. Raw values are never filtered."},
+        {TACTILED_KEY(S, contact_on_N), 0.5, range(0.01, 300), "N", Reload::tune,
+         "Magnitude of the force at which contact begins."},
+        {TACTILED_KEY(S, contact_off_N), Default(kUnset, "half of contact_on_N"), range(0, 300), "N", Reload::tune,
+         "Magnitude of the force below which contact ends; at most contact_on_N."},
+        {TACTILED_KEY(S, overload_N), 0, range(0, 1e6), "N", Reload::tune,
+         "Magnitude of the force above which OVERLOAD is set; 0 = never."},
+        {TACTILED_KEY(S, agrees_with), "", Text::any, Reload::tune,
+         "Another [[sensor]] that measures the same force in the same frame; \"\" = none. Both are UNCERTAIN where they "
+         "differ. One of the two names the other."},
+        {TACTILED_KEY(S, agree_N), 0, range(0, 1e6), "N", Reload::tune,
+         "Required with agrees_with: by how much the tared forces of the two may differ, as magnitude over the components "
+         "that both see."},
+        {TACTILED_KEY(S, agree_ms), 100, range(1, 60'000), "ms", Reload::tune, "Time for which they may differ by more."},
+    };
+    return fields;
+}
+
+SensorSettings read_sensor(Options table, const std::string& folder) {
+    SensorSettings s{};
+    s.options = table;
+    read_fields(sensor_fields(), table, s);
+    if (s.name == "all") table.problem("name", "name = \"all\" means every sensor in commands; choose another");
+    check_channels(table, s.channels);
+    if (const auto [lowest, highest] = s.saturates_at; !(lowest < highest))
+        table.problem("saturates_at", fmt::format("saturates_at = [{}, {}] should be [lowest, highest]", lowest, highest));
+    if (s.frozen_after == 1)
+        table.problem("frozen_after", "frozen_after = 1 is no number of equal readings; 0 = off, else 2 or more");
+    if (s.agrees_with.empty() && s.agree_N != 0)
+        table.problem("agree_N", "agree_N stands beside agrees_with, on one of the two sensors");
+    if (!s.agrees_with.empty() && s.agree_N == 0)
+        table.problem("agrees_with", "agrees_with needs agree_N: by how many newtons the two may differ");
+    s.pair = {-1, s.agree_N, s.agree_ms};
+    if (std::isnan(s.contact_off_N)) s.contact_off_N = s.contact_on_N / 2;
+    if (s.contact_off_N > s.contact_on_N)
+        table.problem("contact_off_N",
+                      fmt::format("contact_off_N = {} is above contact_on_N = {}", s.contact_off_N, s.contact_on_N));
+    if (!s.calibration.empty())  // an absolute path stays itself
+        s.calibration = (std::filesystem::path(folder) / s.calibration).string();
+    return s;
+}
+
+void pair_sensors(std::vector<SensorSettings>& sensors) {
+    std::vector<std::string> names;
+    for (const auto& sensor : sensors) names.push_back(sensor.name);
+    for (std::size_t i = 0; i < sensors.size(); ++i) {
+        SensorSettings& one = sensors[i];
+        if (one.agrees_with.empty()) continue;
+        const auto wrong = [&](const std::string& why) {
+            one.options.problem("agrees_with", fmt::format("agrees_with = {} {}", in_quotes(one.agrees_with), why));
+        };
+        const auto at = std::find(names.begin(), names.end(), one.agrees_with);
+        if (at == names.end()) {
+            const auto near = nearest_name(one.agrees_with, names);
+            wrong(near ? fmt::format("is no [[sensor]]; did you mean \"{}\"?", *near) : "is no [[sensor]]");
+            continue;
+        }
+        SensorSettings& other = sensors[std::size_t(at - names.begin())];
+        if (&one == &other) {
+            wrong("is this sensor itself");
+        } else if (one.pair.other >= 0 || other.pair.other >= 0) {
+            wrong("is in a pair already: a sensor is compared with one other, and one of the two says so");
+        } else {
+            one.pair.other = int(at - names.begin());
+            other.pair = {int(i), one.pair.agree_N, one.pair.agree_ms};
+        }
+    }
+}
+
+void check_shared_frames(std::vector<SensorSettings>& sensors) {
+    for (auto later = sensors.begin(); later != sensors.end(); ++later)
+        for (auto first = sensors.begin(); first != later; ++first) {
+            if (first->link != later->link || first->device != later->device || first->link.empty()) continue;
+            if (first->channels.empty() || later->channels.empty()) {
+                later->options.problem("link",
+                                       fmt::format("link \"{}\", device {} is read by sensor \"{}\", too: give each its own "
+                                                   "`device`, or its own `channels` with \"-\" for the other's",
+                                                   later->link, later->device, first->name));
+                continue;
+            }
+            const std::size_t n = std::min(first->channels.size(), later->channels.size());
+            for (std::size_t i = 0; i < n; ++i)
+                if (first->channels[i] != "-" && later->channels[i] != "-") {
+                    later->options.problem(
+                        "channels",
+                        fmt::format("channels[{}] = {} is used by sensor \"{}\", too (as {}): write \"-\" in one of them", i,
+                                    in_quotes(later->channels[i]), first->name, in_quotes(first->channels[i])));
+                    break;
+                }
+        }
+}
+
+}  // namespace tactiled
