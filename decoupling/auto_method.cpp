@@ -34,13 +34,13 @@ std::vector<double> reading_number(const Calibration& calibration, int number) {
 }
 
 // Without their costs; none where one is wrong: that is said, not skipped.
-std::vector<FrontMethod> fitted_methods(const Calibration& calibration, Options& options) {
+std::vector<FrontMethod> fitted_methods(const Calibration& calibration, DecouplerFault& fault) {
     std::vector<std::string> fitted{calibration.method};
     for (const Fit& other : calibration.others) fitted.push_back(other.method);
     std::vector<FrontMethod> methods;
     for (const auto& method : fitted) {
         const Calibration one = calibration.with_method(method);
-        auto decoupler = make_decoupler(one, method, 0, options);
+        auto decoupler = make_decoupler(one, method, 0, fault);
         if (decoupler == nullptr) return {};
         const std::string name{decoupler->method()};
         methods.push_back({{name, 0}, inaccuracy(one), std::move(decoupler)});
@@ -108,15 +108,15 @@ void AutoMethod::took(std::uint64_t ns, std::uint64_t t_ns) noexcept {
     if (choice_.now() != before) front_[choice_.now()].decoupler->forget();
 }
 
-std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, double budget_us, Options& options,
-                                             std::vector<MethodCost>& costs) {
-    auto methods = fitted_methods(calibration, options);
+std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, double budget_us,
+                                             std::vector<MethodCost>& costs, DecouplerFault& fault) {
+    auto methods = fitted_methods(calibration, fault);
     if (methods.empty()) return nullptr;
     if (!take_known(methods, costs)) {
         measure(methods, calibration);
         costs.clear();
         for (const auto& each : methods) costs.push_back(each.cost);
-        methods = fitted_methods(calibration, options);  // anew: these have seen loads that never were
+        methods = fitted_methods(calibration, fault);  // anew: these have seen loads that never were
         (void)take_known(methods, costs);
     }
     return std::make_unique<AutoMethod>(front_of(std::move(methods)), budget_us);

@@ -59,9 +59,9 @@ private:
 
 // Of the methods that the calibration has a fit and a standard deviation of (where it has of none: the fastest), those on
 // the front of accuracy against time. `costs`: what was measured before, used where it names all of these methods; else it
-// is measured, for less than 0.1 s, and put there. nullptr where a fit is wrong or the model unknown; errors go to the
-// options' Problems. setup
-std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, double budget_us, Options& options,
-                                             std::vector<MethodCost>& costs);
+// is measured, for less than 0.1 s, and put there. nullptr where a fit is wrong or the model unknown, and `fault` says why.
+// setup
+std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, double budget_us,
+                                             std::vector<MethodCost>& costs, DecouplerFault& fault);
 
 }  // namespace tactiled

@@ -5,54 +5,74 @@
 #include <algorithm>
 
 #include "decoupling/auto_method.hpp"
+#include "decoupling/method.hpp"
 
 namespace tactiled {
 namespace {
 
-// The calibration as `method` runs it. A standard deviation speaks of the method whose errors it was taken from; "signs" is
-// "linear" in steps, and adds those to it.
-Calibration fit_for(const Calibration& calibration, const std::string& method) {
-    Calibration one = calibration.with_method(method);
-    const bool fitted = calibration.method.empty() || calibration.method == method ||
+// The calibration as `method` runs it. A standard deviation holds for the method whose errors it was taken from, and for
+// one that names it.
+Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
+    const std::string name(method.method);
+    Calibration one = calibration.with_method(name);
+    const bool fitted = calibration.method.empty() || calibration.method == name ||
                         std::any_of(calibration.others.begin(), calibration.others.end(),
-                                    [&](const Fit& other) { return other.method == method; });
-    if (!fitted && !(calibration.method == "linear" && method == "signs")) {
+                                    [&](const Fit& other) { return other.method == name; });
+    if (!fitted && calibration.method != method.sd_of) {
         one.sd.clear();
         one.sd_slope.clear();
     }
     return one;
 }
 
+// A name in the calibration's file that no method of its model has.
+std::string fault_of_fits(const Calibration& calibration) {
+    std::vector<std::string> fitted;
+    if (!calibration.method.empty()) fitted.push_back(calibration.method);
+    for (const Fit& other : calibration.others) fitted.push_back(other.method);
+    const auto known = method_names(calibration.model);
+    for (const auto& name : fitted)
+        if (find_method(calibration.model, name) == nullptr)
+            return fmt::format("{}: model \"{}\" has no method \"{}\"; it has {}{}", calibration.path, calibration.model,
+                               name, fmt::join(known, " "), or_did_you_mean(name, known));
+    return "";
+}
+
 }  // namespace
 
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& wanted, double budget_us,
-                                          Options& options) {
-    const DecouplerEntry* entry = find_decoupler(calibration.model);
+                                          DecouplerFault& fault) {
     const auto refuse = [&](const char* key, const std::string& text) {
-        options.problem(key, text);
+        fault = {key, text};
         return nullptr;
     };
-    if (entry == nullptr)
-        return refuse("model", fmt::format("{}: model \"{}\" is unknown; known are {}", calibration.path, calibration.model,
-                                           fmt::join(decoupler_names(), " ")));
-    const auto has = [&](const std::string& method) {
-        return std::find(entry->methods.begin(), entry->methods.end(), method) != entry->methods.end();
-    };
-    for (const Fit& fit : calibration.others)
-        if (!has(fit.method))
-            return refuse("calibration", fmt::format("{}: model \"{}\" has no method \"{}\"; it has {}", calibration.path,
-                                                     calibration.model, fit.method, fmt::join(entry->methods, " ")));
+    if (const std::string text = fault_of_methods(); !text.empty()) return refuse("model", text);
+    const auto known = method_names(calibration.model);
+    if (known.empty())
+        return refuse("model",
+                      fmt::format("{}: model \"{}\" is unknown; known are {}{}", calibration.path, calibration.model,
+                                  fmt::join(model_names(), " "), or_did_you_mean(calibration.model, model_names())));
+    if (const std::string text = fault_of_fits(calibration); !text.empty()) return refuse("calibration", text);
     if (wanted == "auto") {
         std::vector<MethodCost> measured_now;
-        return make_auto_method(calibration, budget_us, options, measured_now);
+        return make_auto_method(calibration, budget_us, measured_now, fault);
     }
-    const std::string method = !wanted.empty()               ? wanted
-                               : !calibration.method.empty() ? calibration.method
-                                                             : entry->methods.front();
-    if (!has(method))
-        return refuse("method", fmt::format("method = \"{}\": model \"{}\" has {} (or auto)", method, calibration.model,
-                                            fmt::join(entry->methods, " ")));
-    return entry->make(fit_for(calibration, method), method, options);
+    const std::string name = !wanted.empty() ? wanted : !calibration.method.empty() ? calibration.method : known.front();
+    const MethodEntry* method = find_method(calibration.model, name);
+    if (method == nullptr)
+        return refuse("method", fmt::format("method = \"{}\": model \"{}\" has {} (or auto){}", name, calibration.model,
+                                            fmt::join(known, " "), or_did_you_mean(name, known)));
+    std::string text;
+    auto decoupler = make_method(*method, fit_for(calibration, *method), text);
+    if (decoupler == nullptr) return refuse("calibration", fmt::format("{}: method {}: {}", calibration.path, name, text));
+    return decoupler;
+}
+
+std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us) {
+    DecouplerFault fault;
+    auto decoupler = make_decoupler(calibration, method, budget_us, fault);
+    if (decoupler == nullptr) throw SetupError(fault.text);
+    return decoupler;
 }
 
 }  // namespace tactiled

@@ -54,26 +54,19 @@ public:
     [[nodiscard]] virtual std::string_view method() const noexcept = 0;
 };
 
-// One model; an entry object at the foot of its own file links itself into the list (as DriverEntry).
-struct DecouplerEntry {
-    std::string_view name;             // as in `model = "table"`
-    std::vector<std::string> methods;  // the first is the default
-    // Reads the model's own keys of a [[sensor]] table and prepares everything that decouple() needs; errors go to the
-    // options' Problems. setup
-    std::unique_ptr<Decoupler> (*make)(const Calibration& calibration, const std::string& method, Options& options);
-    const DecouplerEntry* next;
-
-    DecouplerEntry(std::string_view name_, std::vector<std::string> methods_,
-                   std::unique_ptr<Decoupler> (*make_)(const Calibration&, const std::string&, Options&));
+// The reason why there is no decoupler.
+struct DecouplerFault {
+    std::string key;   // of [[sensor]], that has to change: "model", "calibration" or "method"
+    std::string text;  // names the calibration's file or the key
 };
 
-const DecouplerEntry* find_decoupler(std::string_view name) noexcept;
-std::vector<std::string> decoupler_names();
-
 // The decoupler of a calibration. `method`: "" = the one that it was fitted for; "auto" = auto_method.hpp, within
-// `budget_us` a sample. Another method than those that were fitted has no standard deviation. nullptr where that cannot be;
-// errors go to the options' Problems. setup
+// `budget_us` a sample. A method that has no fit in the calibration states no standard deviation. nullptr where that cannot
+// be, and `fault` says why. setup
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us,
-                                          Options& options);
+                                          DecouplerFault& fault);
+// The same. setup: throws SetupError with the fault's text
+std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method = "",
+                                          double budget_us = 0);
 
 }  // namespace tactiled

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "config/text_file.hpp"
+#include "decoupling/method.hpp"
 #include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/objects.hpp"
@@ -97,14 +98,11 @@ tactiled_sensor directory_entry(const SensorSettings& settings, const Calibratio
 
 // A sensor whose files are wrong is left out: the problems say why, and the node will not run.
 void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const std::string& costs_folder) {
-    const DecouplerEntry* entry = find_decoupler(settings.model);
-    if (entry == nullptr) {
+    if (method_names(settings.model).empty()) {
         if (settings.model.empty()) return;  // reported already
-        const auto near = nearest_name(settings.model, decoupler_names());
-        settings.options.problem("model",
-                                 fmt::format("model = \"{}\" is unknown; {}", settings.model,
-                                             near ? fmt::format("did you mean \"{}\"?", *near)
-                                                  : fmt::format("known are {}", fmt::join(decoupler_names(), ", "))));
+        settings.options.problem(
+            "model", fmt::format("model = \"{}\" is unknown; known are {}{}", settings.model, fmt::join(model_names(), ", "),
+                                 or_did_you_mean(settings.model, model_names())));
         return;
     }
     if (settings.calibration.empty()) return;
@@ -118,17 +116,19 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         return;
     }
     Sensor::Setup setup;
+    DecouplerFault fault;
     if (settings.method == "auto") {
         const MethodCostFile file(costs_folder, node.config.node.name, settings.name, calibration);
         const std::vector<MethodCost> kept = file.load();
         std::vector<MethodCost> costs = kept;
-        auto automatic = make_auto_method(calibration, settings.budget_us, settings.options, costs);
+        auto automatic = make_auto_method(calibration, settings.budget_us, costs, fault);
         if (automatic != nullptr && costs != kept) file.save(costs);
         setup.automatic = automatic.get();
         setup.decoupler = std::move(automatic);
     } else {
-        setup.decoupler = make_decoupler(calibration, settings.method, 0, settings.options);
+        setup.decoupler = make_decoupler(calibration, settings.method, 0, fault);
     }
+    if (setup.decoupler == nullptr) settings.options.problem(fault.key, fault.text);
     setup.channel_of_frame = channel_map(settings, calibration);
     setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
     if (setup.decoupler == nullptr || !problems.empty()) return;
@@ -193,7 +193,8 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPl
                 const float full_scale_N = plan.sensors[i].full_scale[c];
                 if (std::isfinite(full_scale_N)) entry.full_scale_N[c] = double(full_scale_N);
             }
-            entry.errs_by_gain = sensor.model == "hair" && std::string_view(plan.sensors[i].method) == "matrix";
+            const MethodEntry* const method = find_method(sensor.model, plan.sensors[i].method);  // not of "auto"
+            entry.errs_by_gain = method != nullptr && method->errs_by_gain;
             setup.estimator.jaws.push_back(entry);
         }
     setup.estimator.jaws_of_gripper = unsigned(settings.jaws_of_gripper);

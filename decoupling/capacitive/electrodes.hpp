@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <numbers>
 #include <string_view>
 
 #include "decoupling/capacitive/sector_overlap.hpp"
@@ -38,8 +39,7 @@ struct ElectrodeGeometry {
     double gap_m;  // at rest
 
     [[nodiscard]] Sector sector(std::size_t electrode) const noexcept {
-        constexpr double kPi = 3.14159265358979323846;
-        if (electrode == kCentre) return {0, centre_radius_m, 0, kPi};
+        if (electrode == kCentre) return {0, centre_radius_m, 0, std::numbers::pi};
         return {inner_radius_m, outer_radius_m, std::atan2(kElectrode[electrode].along_y, kElectrode[electrode].along_x),
                 opening_rad / 2};
     }
@@ -62,5 +62,11 @@ inline constexpr std::array<Parameter, 6> kGeometryParameters{
      {"opening_rad", "angle that each of C1 .. C4 spans, about 1.4 (80 degrees)", 0.1, 1.5707963267948966},
      {"centre_radius_m", "radius of the electrode Cn", 1e-6, 1},
      {"gap_m", "distance of the electrodes at rest", 1e-6, 1}}};
+
+// From kGeometryParameters. setup
+inline ElectrodeGeometry electrode_geometry(const CalibrationData& data) {
+    return {data["disc_radius_m"], data["inner_radius_m"],  data["outer_radius_m"],
+            data["opening_rad"],   data["centre_radius_m"], data["gap_m"]};
+}
 
 }  // namespace tactiled

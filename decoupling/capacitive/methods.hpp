@@ -1,21 +1,18 @@
-// The parts of model "capacitive" that its files share. See capacitive.cpp.
+// What the methods of model "capacitive" share, and the wiring of the electrodes for model "piezo". See README.md.
 #pragma once
 #include <memory>
 #include <string>
 
 #include "decoupling/capacitive/electrodes.hpp"
+#include "decoupling/method.hpp"
 #include "decoupling/solve/checked.hpp"
 
 namespace tactiled {
 
-// Each returns nullptr on a fault, and `fault` says why. setup
-std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibration, const Wiring& wiring,
-                                                     std::string& fault);
-std::unique_ptr<Decoupler> make_capacitive_ratio(const Calibration& calibration, const Wiring& wiring, std::string& fault);
-std::unique_ptr<Decoupler> make_capacitive_overlap(const Calibration& calibration, const Wiring& wiring, std::string& fault);
-
-// Where the electrodes are wired; other channels than C1 .. C4, Cn and Vp, and one twice, are a fault. setup
+// The channel of each electrode; other channels than C1 .. C4, Cn and Vp, and one twice, are a fault. setup
 Wiring electrode_wiring(const Calibration& calibration, std::string& fault);
+// The same for model "capacitive", where another component than fx fy fz is a fault as well. setup
+Wiring pad_wiring(const Calibration& calibration, std::string& fault);
 
 inline std::uint32_t channels_of(const Wiring& wiring) noexcept {
     std::uint32_t mask = 0;
@@ -24,9 +21,9 @@ inline std::uint32_t channels_of(const Wiring& wiring) noexcept {
     return mask;
 }
 
-// The capacitance at rest that answers the pad: zero less stray, of each electrode; all five must be wired. setup
-std::array<double, kElectrodes> active_at_rest(const Calibration& calibration, const Wiring& wiring, const double* stray,
-                                               std::string& fault);
+// The capacitance at rest that answers the pad: zero less stray (kStrayParameters), of each electrode; all five must be
+// wired. setup
+std::array<double, kElectrodes> active_at_rest(const CalibrationData& data, const Wiring& wiring, std::string& fault);
 
 inline constexpr std::array<Parameter, kElectrodes> kStrayParameters{
     {{"stray_C1", "capacitance of C1 that does not depend on the gap, in channel_unit", -1e12, 1e12},

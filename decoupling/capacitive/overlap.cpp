@@ -6,14 +6,14 @@
 #include "decoupling/capacitive/methods.hpp"
 #include "decoupling/capacitive/overlap_solver.hpp"
 #include "decoupling/capacitive/pad.hpp"
+#include "decoupling/solve/consistency.hpp"
 #include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr double kDoubtful = 6;      // residual in standard deviations, as in model "table"
-constexpr double kGainError = 0.01;  // electrodes that disagree by 1 % of their readings are sound
-constexpr double kWorstCondition = 1000;
+// Of the derivatives by closeness and shift; beyond it a set of electrodes is not solved.
+constexpr double kWorstConditionOfPad = 1000;
 
 class OverlapMethod final : public CheckedModel {
 public:
@@ -32,7 +32,7 @@ public:
             const OverlapSolver::Jacobian scaled = j / active[kCentre];
             const Eigen::JacobiSVD<Eigen::MatrixXd> svd(Eigen::MatrixXd(scaled), Eigen::ComputeThinU | Eigen::ComputeThinV);
             const auto& s = svd.singularValues();
-            subset_[set].solvable = std::popcount(set) >= 3 && s[2] * kWorstCondition > s[0];
+            subset_[set].solvable = std::popcount(set) >= 3 && s[2] * kWorstConditionOfPad > s[0];
             if (!subset_[set].solvable) continue;
             // Rows of the pseudo-inverse: how noise reaches each unknown.
             const Eigen::MatrixXd inverse = svd.solve(Eigen::MatrixXd::Identity(kElectrodes, kElectrodes));
@@ -88,26 +88,26 @@ private:
     double noise_;  // one standard deviation of an electrode, channel_unit
 };
 
-}  // namespace
+constexpr auto kParameters =
+    joined(joined(joined(kStrayParameters, kPadParameters), kGeometryParameters),
+           std::array<Parameter, 2>{{{"shear_stiffness_N_per_m", "shear force a shift at rest, N/m", 1e-3, 1e9},
+                                     {"noise", "one standard deviation of an electrode, in channel_unit", 1e-12, 1e12}}});
 
-std::unique_ptr<Decoupler> make_capacitive_overlap(const Calibration& calibration, const Wiring& wiring,
-                                                   std::string& fault) {
-    std::array<Parameter, 16> known;
-    std::copy(kStrayParameters.begin(), kStrayParameters.end(), known.begin());
-    std::copy(kPadParameters.begin(), kPadParameters.end(), known.begin() + 5);
-    std::copy(kGeometryParameters.begin(), kGeometryParameters.end(), known.begin() + 8);
-    known[14] = {"shear_stiffness_N_per_m", "shear force a shift at rest, N/m", 1e-3, 1e9};
-    known[15] = {"noise", "one standard deviation of an electrode, in channel_unit", 1e-12, 1e12};
-    std::array<double, known.size()> value;
-    fault = read_parameters(calibration, known, value.data());
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    const Wiring wiring = pad_wiring(data.calibration(), fault);
     if (!fault.empty()) return nullptr;
-    const ElectrodeGeometry geometry{value[8], value[9], value[10], value[11], value[12], value[13]};
+    const ElectrodeGeometry geometry = electrode_geometry(data);
     fault = geometry.fault();
     if (!fault.empty()) return nullptr;
-    const auto active = active_at_rest(calibration, wiring, value.data(), fault);
+    const auto active = active_at_rest(data, wiring, fault);
     if (!fault.empty()) return nullptr;
-    return std::make_unique<OverlapMethod>(calibration, wiring, active, geometry,
-                                           PadLaw{value[5], value[6], value[14], value[7]}, value[15]);
+    return std::make_unique<OverlapMethod>(
+        data.calibration(), wiring, active, geometry,
+        PadLaw{data["normal_stiffness_N"], data["stiffening"], data["shear_stiffness_N_per_m"], data["shear_gap_exponent"]},
+        data["noise"]);
 }
 
+const MethodEntry entry({.model = "capacitive", .method = "overlap", .place = 30, .parameters = kParameters, .make = make});
+
+}  // namespace
 }  // namespace tactiled

@@ -20,24 +20,23 @@ constexpr std::array<Parameter, 4> kParameters{
 
 class Quadratic final : public CheckedModel {
 public:
-    Quadratic(const Calibration& calibration, const Wiring& wiring, std::uint32_t needed, const double* parameter)
-        : CheckedModel(calibration, channels_of(wiring), needed),
+    Quadratic(const CalibrationData& data, const Wiring& wiring, std::uint32_t needed)
+        : CheckedModel(data.calibration(), channels_of(wiring), needed),
           wiring_(wiring),
-          normal_(parameter[0], parameter[1], 0, parameter[2]),
-          shear_range_N_(parameter[3]) {
+          normal_(data["normal_b"], data["normal_a"], 0, data["normal_range_N"]),
+          shear_range_N_(data["shear_range_N"]) {
+        const Calibration& calibration = data.calibration();
         for (std::size_t i = 0; i < calibration.components.size() && !calibration.sd.empty(); ++i)
             sd_[component_index(calibration.components[i])] = calibration.sd[i];
-        const auto found = calibration.tables.find("side");
-        if (found == calibration.tables.end()) return;
-        const auto& side = found->second;
+        if (data.table("side") == nullptr) return;
+        const NumberRows& side = *data.table("side");
         for (std::size_t e = 0; e < kCentre; ++e) {
-            const double range = parameter[3];
-            single_[e] = Curve(side[e][0], side[e][1], -range, range);
-            press_[e] = Curve(side[e][2], side[e][3], 0, parameter[2]);
+            single_[e] = Curve(side[e][0], side[e][1], -shear_range_N_, shear_range_N_);
+            press_[e] = Curve(side[e][2], side[e][3], 0, data["normal_range_N"]);
         }
         for (const std::size_t axis : {0u, 1u}) {
             const auto &plus = side[2 * axis], &minus = side[2 * axis + 1];
-            pair_[axis] = Curve(plus[0] + minus[0], plus[1] - minus[1], -parameter[3], parameter[3]);
+            pair_[axis] = Curve(plus[0] + minus[0], plus[1] - minus[1], -shear_range_N_, shear_range_N_);
         }
     }
     [[nodiscard]] std::string_view method() const noexcept override { return "quadratic"; }
@@ -99,12 +98,22 @@ private:
     Wrench sd_ = kUnseen;
 };
 
-}  // namespace
+// side: a row for each of C1 .. C4, b a of the force towards it and b a of the press.
+constexpr std::array<KnownTable, 1> kTables{{{"side", 4, 4, false}}};
 
-std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibration, const Wiring& wiring,
-                                                     std::string& fault) {
-    std::array<double, kParameters.size()> value;
-    fault = read_parameters(calibration, kParameters, value.data());
+// The fault of the parts that a shear needs, "" where there is none.
+std::string fault_of_sides(const CalibrationData& data) {
+    const NumberRows* side = data.table("side");
+    if (side == nullptr) return "table side is missing: 4 rows C1 .. C4 of b a normal_b normal_a";
+    for (std::size_t e = 0; e < kCentre; ++e)
+        if (!((*side)[e][0] > 0))
+            return fmt::format("table side, row {}: needed are b a normal_b normal_a with b > 0", kElectrode[e].name);
+    if (!(data["shear_range_N"] > 0)) return "parameter shear_range_N is missing: " + std::string(kParameters[3].what);
+    return "";
+}
+
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    const Wiring wiring = pad_wiring(data.calibration(), fault);
     if (!fault.empty()) return nullptr;
     std::uint32_t needed = 0;
     const auto need = [&](std::size_t e) {
@@ -114,7 +123,7 @@ std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibrat
     if (wiring[kCentre] >= 0) needed = 1u << wiring[kCentre];
     Wiring used{-1, -1, -1, -1, wiring[kCentre]};
     bool shear = false;
-    for (const auto& name : calibration.components) {
+    for (const auto& name : data.calibration().components) {
         const std::size_t axis = component_index(name);
         if (axis > 1) continue;
         shear = true;
@@ -123,20 +132,12 @@ std::unique_ptr<Decoupler> make_capacitive_quadratic(const Calibration& calibrat
             used[e] = wiring[e];
         }
     }
-    if (shear && fault.empty()) {
-        const auto side = calibration.tables.find("side");
-        if (side == calibration.tables.end() || side->second.size() != 4)
-            fault = "table side is missing or has not 4 rows C1 .. C4 of b a normal_b normal_a";
-        else
-            for (std::size_t e = 0; e < kCentre; ++e)
-                if (fault.empty() && (side->second[e].size() != 4 || !(side->second[e][0] > 0)))
-                    fault =
-                        fmt::format("table side, row {}: needed are b a normal_b normal_a with b > 0", kElectrode[e].name);
-        if (fault.empty() && !(value[3] > 0))
-            fault = "parameter shear_range_N is missing: " + std::string(kParameters[3].what);
-    }
-    if (!fault.empty()) return nullptr;
-    return std::make_unique<Quadratic>(calibration, used, needed, value.data());
+    if (shear && fault.empty()) fault = fault_of_sides(data);
+    return fault.empty() ? std::make_unique<Quadratic>(data, used, needed) : nullptr;
 }
 
+const MethodEntry entry(
+    {.model = "capacitive", .method = "quadratic", .place = 10, .parameters = kParameters, .tables = kTables, .make = make});
+
+}  // namespace
 }  // namespace tactiled

@@ -8,8 +8,9 @@
 #include "decoupling/fit/capacitive_fit.hpp"
 
 namespace tactiled {
+namespace {
 
-void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::string>&) {
+void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::string>&) {
     std::string fault;
     const Wiring wiring = electrode_wiring(calibration, fault);
     if (!fault.empty()) throw Undetermined(fault);
@@ -85,4 +86,11 @@ void fit_capacitive_quadratic(const Rows& rows, Calibration& calibration, std::v
     calibration.parameters["normal_range_N"] = max_press;
 }
 
+const FitEntry entry({.model = "capacitive",
+                      .method = "quadratic",
+                      .fit = fit_quadratic,
+                      .knows_channel = is_electrode,
+                      .channels = kElectrodeOfPad});
+
+}  // namespace
 }  // namespace tactiled

@@ -7,7 +7,7 @@
 namespace tactiled {
 
 Scaled fit_matrix_and_scale(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
-    fit_generic(rows, calibration, warnings);
+    fit_affine(rows, calibration, warnings);
     const auto n = Eigen::Index(calibration.channels.size());
     Scaled scaled{.u = Eigen::MatrixXd(Eigen::Index(rows.size()), n), .component = {}};
     for (std::size_t i = 0; i < rows.size(); ++i)

@@ -11,6 +11,7 @@
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/outliers.hpp"
 #include "decoupling/fit/validate.hpp"
+#include "decoupling/method.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -20,28 +21,22 @@ constexpr double kIllConditioned = 1000;  // 0.1 % of noise in a channel becomes
 
 constexpr double kTooGood = 1e-6;  // of full scale: six digits are what a reference may have
 
-// The methods that were asked for, at least one.
-std::vector<FitMethod> methods_of(const FitRequest& request) {
-    std::vector<FitMethod> of_model, chosen;
-    std::vector<std::string> names;
-    for (const FitMethod& method : fit_methods()) {
-        if (method.model != request.model) continue;
-        of_model.push_back(method);
-        names.emplace_back(method.method);
-        if (method.method == request.method) chosen = {method};
-    }
-    if (of_model.empty()) {
-        const auto near = nearest_name(request.model, decoupler_names());
-        throw SetupError(fmt::format("model \"{}\" is unknown; {}", request.model,
-                                     near ? fmt::format("did you mean \"{}\"?", *near)
-                                          : fmt::format("known are {}", fmt::join(decoupler_names(), " "))));
-    }
+// The fits that were asked for, at least one.
+std::vector<const FitEntry*> fits_for(const FitRequest& request) {
+    for (const std::string& fault : {fault_of_methods(), fault_of_fits()})
+        if (!fault.empty()) throw SetupError(fault);
+    const auto of_model = fits_of(request.model);
+    if (of_model.empty() && method_names(request.model).empty())
+        throw SetupError(fmt::format("model \"{}\" is unknown; known are {}{}", request.model, fmt::join(model_names(), " "),
+                                     or_did_you_mean(request.model, model_names())));
+    if (of_model.empty()) throw SetupError(fmt::format("no method of model \"{}\" is fitted", request.model));
     if (request.method.empty()) return {of_model.front()};
     if (request.method == "auto") return of_model;
-    if (chosen.empty())
-        throw SetupError(fmt::format("method \"{}\" of model \"{}\" is not fitted; {} are (or auto: all)", request.method,
-                                     request.model, fmt::join(names, " ")));
-    return chosen;
+    if (const FitEntry* chosen = find_fit(request.model, request.method); chosen != nullptr) return {chosen};
+    std::vector<std::string> names;
+    for (const FitEntry* each : of_model) names.emplace_back(each->method);
+    throw SetupError(fmt::format("method \"{}\" of model \"{}\" is not fitted; {} are (or auto: all){}", request.method,
+                                 request.model, fmt::join(names, " "), or_did_you_mean(request.method, names)));
 }
 
 // Rows that have a label and every channel; counts the others.
@@ -90,7 +85,7 @@ struct Fitted {
     Validation validation;
 };
 
-Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitMethod& method, const FitRequest& request,
+Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitEntry& method, const FitRequest& request,
                FitReport& report) {
     Fitted fitted{.calibration = report.calibration, .about = {}, .validation = {}};
     Calibration& calibration = fitted.calibration;
@@ -126,7 +121,7 @@ Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitMethod& meth
 }  // namespace
 
 FitReport fit(const Labelled& all, const FitRequest& request) {
-    const std::vector<FitMethod> methods = methods_of(request);
+    const auto methods = fits_for(request);
     FitReport report;
     Calibration& calibration = report.calibration;
     calibration.model = request.model;
@@ -135,13 +130,13 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     calibration.channel_unit = request.channel_unit;
     calibration.date = request.date;
 
-    const auto labelled = std::make_shared<const Labelled>(with_useful_channels(all, methods.front(), report.warnings));
+    const auto labelled = std::make_shared<const Labelled>(with_useful_channels(all, *methods.front(), report.warnings));
     report.labelled = labelled;
     calibration.channels = labelled->channels;
     Rows rows = usable_rows(*labelled, report);
     check_labels(rows, report);
     check_number(rows, report);
-    if (Rows kept = methods.front().remembers ? rows : without_outliers(*labelled, rows, report);
+    if (Rows kept = methods.front()->remembers ? rows : without_outliers(*labelled, rows, report);
         kept.size() < rows.size()) {
         // A label that is left out sets no full scale, and is no reason to believe that an axis was loaded.
         rows = std::move(kept);
@@ -152,7 +147,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     for (const auto& component : report.components) calibration.full_scale.push_back(component.full_scale);
 
     std::vector<Fitted> all_fitted;
-    for (const FitMethod& method : methods) {
+    for (const FitEntry* const entry : methods) {
+        const FitEntry& method = *entry;
         // Of several methods each says which one it is, and what another has said is not said again.
         const std::vector<std::string> before = std::exchange(report.warnings, {});
         const auto keep_warnings = [&] {

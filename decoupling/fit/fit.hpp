@@ -3,6 +3,7 @@
 #include <array>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -11,6 +12,7 @@
 #include "config/calibration.hpp"
 #include "decoupling/fit/labelled.hpp"
 #include "decoupling/fit/least_squares.hpp"
+#include "decoupling/solve/parameters.hpp"
 
 namespace tactiled {
 
@@ -73,23 +75,52 @@ FitReport fit(const Labelled& labelled, const FitRequest& request);
 using Rows = std::vector<const LabelledRow*>;
 using FitModel = void (*)(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
-struct FitMethod {
-    std::string_view model, method;
-    FitModel fit;
+// An option of `tactilectl calibrate` that gives a fit the numbers from which it starts.
+struct FitOption {
+    const char *name = nullptr, *help = "";  // "influence" for --influence; nullptr: there is none
+    // Puts what `value` stands for into the fit. setup: throws SetupError
+    void (*put)(const std::string& value, Fit& start) = nullptr;
+};
+
+struct Fitting {
+    std::string_view model = {}, method = {};
+    FitModel fit = nullptr;
     bool (*knows_channel)(std::string_view) = nullptr;  // nullptr: any channel
-    std::string_view channels = "";                     // said of the channels that it knows
+    std::string_view channels = {};                     // said of the channels that it knows
+    const char* channel_unit = "unknown";               // that such channels usually have
     // What it makes of a row depends on the rows before, as fit() must then respect: nothing is taken out of their midst,
     // neither a row that looks odd nor a pose, and what is held out is read with its past.
     bool remembers = false;
+    FitOption option = {};
 };
-// All of them; of a model, the one that is taken without being named comes first. fit/methods.cpp
-std::span<const FitMethod> fit_methods();
 
-void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
-void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
-void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
-void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
-void fit_table(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
+// An entry object at the end of each fit's own file links itself into the list, as MethodEntry does (decoupling/method.hpp).
+struct FitEntry : Fitting {
+    explicit FitEntry(const Fitting& about) noexcept;
+    ~FitEntry();  // a test may add an entry for a while; the last one goes first
+    FitEntry(const FitEntry&) = delete;
+    FitEntry& operator=(const FitEntry&) = delete;
+    const FitEntry* next;
+};
+
+// nullptr where there is none of that name. setup
+const FitEntry* find_fit(std::string_view model, std::string_view method) noexcept;
+// The fits of one model in the order of its methods: the first is taken where none is named. all_fits(): of all models,
+// these in alphabetical order. setup
+std::vector<const FitEntry*> fits_of(std::string_view model);
+std::vector<const FitEntry*> all_fits();
+// The fault of the list: two fits of one name, or a fit of no method; "" where there is none. fit() asks. setup
+std::string fault_of_fits();
+// For each fit that has an option of this name. setup: throws SetupError
+void put_fit_option(std::string_view name, const std::string& value, FitRequest& request);
+
+// The parameters that a fit may be told beforehand. setup: throws Undetermined where one is outside its range
+CalibrationData known_beforehand(const Calibration& calibration, std::span<const Parameter> parameters);
+
+// Each component is an affine function of the channels: matrix and zero. `forget`: row i of N counts forget^(N - i).
+// setup: throws Undetermined
+void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings,
+                std::optional<double> forget = {});
 
 inline constexpr std::size_t kRowsPerCoefficient = 3;  // fewer describe the noise
 

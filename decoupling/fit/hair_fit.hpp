@@ -1,29 +1,37 @@
-// Calibrations of model "hair". Forwards, hair by hair: the noise is in the readings. Rows that contradict the rest (swapped
-// labels) lose their weight (Cauchy).
-//
-// Taken from `calibration.parameters` where they are there, else the documents' values: area_m2 (a cap of 6 mm diameter),
-// and for physics the geometry and elastomer (HairPhysics). setup: throws Undetermined
+// The parts that the fits of model "hair" share. Forwards, hair by hair: the noise is in the readings. Rows that contradict
+// the rest (swapped labels) lose their weight (Cauchy).
 #pragma once
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/hair_rows.hpp"
 #include "decoupling/hair/physics.hpp"
 
 namespace tactiled {
 
 inline constexpr double kHairCapArea_m2 = 2.827433388230814e-5;  // pi (3 mm)^2
 
-// Parameters diff_x_per_Pa, diff_y_per_Pa; tables gains, intercept, noise.
-void fit_hair_sum_diff(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
-// Tables gains, leak, noise.
-void fit_hair_matrix(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
-// Parameters correction_normal, correction_shear; tables hair_gain, noise.
-void fit_hair_physics(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
+bool is_hair(std::string_view name);
+inline constexpr std::string_view kHair = "a hair of model \"hair\" (H1 .. H4)";
+inline constexpr const char* kHairUnit = "dR/R0";
+
+// The parameter area_m2 where it is stated, else kHairCapArea_m2. setup: throws Undetermined
+double cap_area_m2(const Calibration& calibration);
+
+// Each hair of the session, with zero, noise and condition into the calibration. `first`: of the leak terms that may be
+// used; kLeakTerms = none. setup: throws Undetermined
+std::vector<HairFit> fit_hairs(const HairSession& session, Calibration& calibration, std::size_t first,
+                               std::vector<std::string>& warnings);
+// Area and ranges as parameters; gains and, in the table of that name, the leak terms from `first` on.
+void store_scales(const HairSession& session, double area_m2, Calibration& calibration);
+void store_response(const HairSession& session, const std::vector<HairFit>& hairs, std::size_t first, const char* name,
+                    Calibration& calibration);
 
 // The parameters of method physics for a named elastomer of kElastomers, the rest as in `start`; for the
-// `calibration.parameters` before fit_hair_physics. setup: throws SetupError where the name is none
+// `calibration.parameters` before the fit. setup: throws SetupError where the name is none
 std::map<std::string, double> hair_parameters(std::string_view elastomer, const HairPhysics& start = {});
 
 }  // namespace tactiled

@@ -5,13 +5,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/fit/robust.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {
 
-// Cauchy's weight at 95 % efficiency on normal noise.
-constexpr double kCauchy = 2.385;
 constexpr int kReweightings = 20;
 // A hair's noise is taken as at least this part of its rms reading: rows without noise are no reason for infinite weights.
 constexpr double kMinNoise = 1e-4;
@@ -26,9 +25,9 @@ RobustFit robust_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& 
         std::vector<double> sizes(error.data(), error.data() + error.size());
         for (double& size : sizes) size = std::abs(size);
         std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
-        result.sd = 1.4826 * sizes[sizes.size() / 2] * std::sqrt(double(a.rows()) / double(a.rows() - a.cols()));
+        result.sd = kRobustSd * sizes[sizes.size() / 2] * std::sqrt(double(a.rows()) / double(a.rows() - a.cols()));
         if (!(result.sd > 1e-13 * y.cwiseAbs().maxCoeff())) break;  // rounding
-        const Eigen::VectorXd weight = (1 + (error / (kCauchy * result.sd)).array().square()).rsqrt();
+        const Eigen::VectorXd weight = (1 + (error / (kCauchyEfficient * result.sd)).array().square()).rsqrt();
         const LeastSquares next = least_squares(weight.asDiagonal() * a, weight.cwiseProduct(y));
         if (!next.dependent.empty()) break;
         const double change = (a * (next.coefficient - result.solved.coefficient)).cwiseAbs().maxCoeff();

@@ -34,7 +34,7 @@ bool has_label(const LabelledRow& row) {
     return std::any_of(row.wrench_S.begin(), row.wrench_S.end(), [](double value) { return std::isfinite(value); });
 }
 
-Labelled with_useful_channels(const Labelled& labelled, const FitMethod& method, std::vector<std::string>& warnings) {
+Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, std::vector<std::string>& warnings) {
     std::vector<std::size_t> kept;
     for (std::size_t k = 0; k < labelled.channels.size(); ++k) {
         const std::string& name = labelled.channels[k];

@@ -11,7 +11,7 @@ bool has_label(const LabelledRow& row);
 
 // Without the channels that say nothing: those that the method does not know, and those that never change.
 // setup: throws Undetermined where none is left, or one that the method needs never changes
-Labelled with_useful_channels(const Labelled& labelled, const FitMethod& method, std::vector<std::string>& warnings);
+Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, std::vector<std::string>& warnings);
 
 // The labels of the components must vary, and not only together. Fills the report's part about labels.
 // setup: throws Undetermined

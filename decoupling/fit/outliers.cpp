@@ -7,14 +7,13 @@
 #include <set>
 #include <utility>
 
+#include "decoupling/fit/robust.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr double kRobustSd = 1.4826;   // from the median of |error| to a standard deviation, for normal errors
-constexpr double kCauchy = 2.385;      // robust standard deviations: 95 % of least squares' efficiency on normal errors
 constexpr double kFarOff = 10;         // robust standard deviations
 constexpr double kOfFullScale = 0.05;  // and this much, at least
 constexpr std::size_t kMaxRows = 2;    // may be outliers, or
@@ -47,7 +46,7 @@ Eigen::VectorXd robust_errors(const Eigen::MatrixXd& x, const Eigen::VectorXd& y
         error = now;
         const double sd = kRobustSd * median(sizes_of(error));
         if (settled || !(sd > 0)) break;
-        weight = 1 / (1 + (error.array() / (kCauchy * sd)).square());
+        weight = 1 / (1 + (error.array() / (kCauchyEfficient * sd)).square());
     }
     return error;
 }
@@ -99,7 +98,7 @@ Rows without_outliers(const Labelled& labelled, const Rows& rows, FitReport& rep
 }
 
 void report_disagreement(const Labelled& labelled, const Rows& rows, FitReport& report) {
-    const auto decoupler = decoupler_of(report.calibration);
+    const auto decoupler = make_decoupler(report.calibration);
     for (const auto& component : report.components) {
         const std::size_t c = component_index(component.name);
         std::vector<std::pair<double, std::int64_t>> errors;  // size, line

@@ -8,6 +8,7 @@
 #include "decoupling/capacitive/methods.hpp"
 #include "decoupling/fit/piezo_fit.hpp"
 #include "decoupling/fit/piezo_statistics.hpp"
+#include "decoupling/piezo/parameters.hpp"
 
 namespace tactiled {
 namespace {
@@ -33,7 +34,7 @@ double left_with(const std::vector<PiezoRun>& runs, double window_s) {
 // The time between new values of Cn; but behind noise, or a running mean, each row has a new one, and then it is the window
 // with which the curve leaves least.
 double window_of(const std::vector<PiezoRun>& runs) {
-    const double interval_s = std::clamp(conversion_interval_s(runs), 1e-4, 10.0);
+    const double interval_s = std::clamp(conversion_interval_s(runs), kWindow.min, kWindow.max);
     if (interval_s > 1.5 * row_interval_s(runs)) return interval_s;
     double best_s = interval_s, min = kSurelyLess * left_with(runs, interval_s);
     for (int step = 1; step <= kWindowSteps; ++step) {
@@ -50,8 +51,8 @@ double window_of(const std::vector<PiezoRun>& runs) {
 }  // namespace
 
 void fit_centre(const std::vector<PiezoRun>& runs, double range_N, std::size_t Cn, Calibration& calibration) {
-    const auto stated = calibration.parameters.find("window_s");
-    const double window_s = stated != calibration.parameters.end() ? stated->second : window_of(runs);
+    const CalibrationData known = known_beforehand(calibration, kKnownOfPiezo);
+    const double window_s = known.has("window_s") ? known["window_s"] : window_of(runs);
     const std::vector<CentreReading> readings = centre_readings(runs, window_s);
     const auto n = Eigen::Index(readings.size());
     if (readings.size() < 3 * kRowsPerCoefficient)

@@ -13,11 +13,11 @@
 
 #include "decoupling/capacitive/methods.hpp"
 #include "decoupling/fit/piezo_statistics.hpp"
+#include "decoupling/piezo/parameters.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr double kMinTau_s = 1e-3, kMaxTau_s = 1e4;  // what the model accepts
 // Of the spread that a film without a leak would show. Below, what the model leaves out is as great as the film's signal,
 // however little noise there is: 2 % of full scale (the thesis' error of its film).
 constexpr double kMinPassed = 0.03;
@@ -182,11 +182,11 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
               std::vector<std::string>& warnings) {
     double longest_s = 0;
     for (const PiezoRun& run : runs) longest_s = std::max(longest_s, run.t_s.back());
-    const auto stated = calibration.parameters.find("leak_tau_s");
-    const bool tau_is_stated = stated != calibration.parameters.end();
+    const CalibrationData known = known_beforehand(calibration, kKnownOfPiezo);
+    const bool tau_is_stated = known.has("leak_tau_s");
     const double low_s = kMinTau_s, high_s = std::clamp(10 * longest_s, 10 * kMinTau_s, kMaxTau_s);
     Film film(runs);
-    double tau_s = tau_is_stated ? stated->second : film.search(low_s, high_s);
+    double tau_s = tau_is_stated ? known["leak_tau_s"] : film.search(low_s, high_s);
     Film::Solved solved = film.solve(tau_s);
     for (int round = 0; round < kRounds && solved.dependent.empty(); ++round) {
         film.weigh(solved.errors);
@@ -242,8 +242,6 @@ void check_levels(const std::vector<PiezoRun>& runs, double range_N) {
     throw Undetermined("the press must take three levels or more, far from each other: nearly all rows are of two");
 }
 
-}  // namespace
-
 void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     if (calibration.components != std::vector<std::string>{"fz"})
         throw Undetermined("model \"piezo\" sees fz and nothing else: leave the other labels' columns out");
@@ -258,7 +256,8 @@ void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::stri
     for (const PiezoRun& run : runs) range_N = std::max(range_N, *std::max_element(run.press_N.begin(), run.press_N.end()));
     if (!(range_N > 0)) throw Undetermined("no row has a press (fz_N < 0)");
     std::erase_if(calibration.parameters, [](const auto& parameter) {
-        return parameter.first != "leak_tau_s" && parameter.first != "fusion_tau_s" && parameter.first != "window_s";
+        return std::none_of(kKnownOfPiezo.begin(), kKnownOfPiezo.end(),
+                            [&](const Parameter& known) { return parameter.first == known.name; });
     });
     calibration.zero.assign(calibration.channels.size(), 0.0);
     calibration.matrix.clear();
@@ -269,4 +268,14 @@ void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::stri
     fit_film(runs, range_N, Vp, calibration, warnings);
 }
 
+bool is_film_or_centre(std::string_view name) { return name == "Vp" || name == "Cn"; }
+
+const FitEntry entry({.model = "piezo",
+                      .method = "fused",
+                      .fit = fit_piezo,
+                      .knows_channel = is_film_or_centre,
+                      .channels = "a channel of model \"piezo\" (Vp, Cn)",
+                      .remembers = true});
+
+}  // namespace
 }  // namespace tactiled

@@ -1,5 +1,10 @@
-// Fit of model "piezo", method "fused". See decoupling/capacitive/README.md for what is fitted and what a recording must
-// contain.
+// The parts of the fit of model "piezo", method "fused". decoupling/piezo/README.md says what is fitted and what a recording
+// must contain.
+//
+// Curve, zero and leak of the film Vp: simulated from the applied press and compared with what was read, so that noise of
+// a reading never becomes an input. Curve and zero of Cn: against the mean press of each of its windows. leak_tau_s,
+// fusion_tau_s and window_s are kept where they are stated. The fit is refused where the press never changes fast or is
+// never held, because gain and leak are one number then.
 #pragma once
 #include <span>
 #include <vector>
@@ -7,12 +12,6 @@
 #include "decoupling/fit/fit.hpp"
 
 namespace tactiled {
-
-// Curve, zero and leak of the film Vp: simulated from the applied press and compared with what was read, so that noise of
-// a reading never becomes an input. Curve and zero of Cn: against the mean press of each of its windows. Keeps leak_tau_s,
-// fusion_tau_s and window_s where they are stated.
-// setup: throws Undetermined, also where the press never changes fast or is never held: gain and leak are one number then
-void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
 // What a film shows of a drive q at times t_s (not falling), 0 before: charge.hpp, a step at a time; and how that changes
 // with the logarithm of the leak's time constant.

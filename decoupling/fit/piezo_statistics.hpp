@@ -5,12 +5,11 @@
 #include <vector>
 
 #include "decoupling/fit/least_squares.hpp"
+#include "decoupling/fit/robust.hpp"
 
 namespace tactiled {
 
-inline constexpr double kRobustSd = 1.4826;  // of the median of |error|
-inline constexpr double kCauchy = 4;         // robust standard deviations; little else than spikes weighs less
-inline constexpr int kRounds = 3;            // of weights
+inline constexpr int kRounds = 3;  // of weights
 // Gain and leak must be known to this share, one standard deviation: a leak 20 % off is 9 % of gain at 0.1 Hz.
 inline constexpr double kSureEnough = 0.05;
 
@@ -26,7 +25,7 @@ inline double robust_sd(const Eigen::VectorXd& errors) {
 inline Eigen::VectorXd root_weights(const Eigen::VectorXd& errors) {
     const double sd = robust_sd(errors);
     if (!(sd > 0)) return Eigen::VectorXd::Ones(errors.size());
-    return (1 + (errors.array() / (kCauchy * sd)).square()).rsqrt();
+    return (1 + (errors.array() / (kCauchyOfSpikes * sd)).square()).rsqrt();
 }
 
 // By how much errors that resemble their neighbours make everything less sure than as many that do not.

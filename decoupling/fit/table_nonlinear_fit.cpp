@@ -1,9 +1,10 @@
-// Method "nonlinear" of model "table": curve and plays together, on top of the fit of "linear".
+// Model "table", method "nonlinear": curve and plays together, on top of the fit of "linear". The rows of one
+// session are taken as one stretch of time that begins unloaded.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "decoupling/fit/table_more_fit.hpp"
+#include "decoupling/fit/table_fit.hpp"
 #include "decoupling/solve/monotone_curve.hpp"
 #include "decoupling/solve/play_hysteresis.hpp"
 #include "decoupling/table/methods.hpp"
@@ -78,16 +79,12 @@ double bent(double load, double max, const Eigen::Vector3d& bend) {
     return load * (bend[0] + share * (bend[1] + share * bend[2]));
 }
 
-}  // namespace
-
 void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
-    fit_table(rows, calibration, warnings);
+    fit_table_linear(rows, calibration, warnings);
     calibration.tables.clear();
     const Rows whole = rows_with(rows, calibration.components);
-    std::string fault;
-    const auto linear = make_table_nonlinear(calibration, fault);
-    if (linear == nullptr) throw Undetermined(fault);
-    std::array<Track, 3> track;  // Fx Fy N
+    const auto linear = decoupler_of_fit(calibration, "nonlinear");  // it has no curve and no plays yet
+    std::array<Track, 3> track;                                      // Fx Fy N
     for (std::size_t i = 0; i < whole.size(); ++i) {
         const Estimate estimate = linear->decouple({.channel = whole[i]->channel});
         for (std::size_t c = 0; c < 3; ++c) {
@@ -149,7 +146,7 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     for (std::size_t c = 0; c < 3; ++c)
         operators[c] =
             fit_play_operators(c == 2 ? pressed : track[c].load, track[c], thresholds, nothing, more, constant[c]);
-    const auto gains = gains_of_signs(calibration);
+    const auto gains = gains_of_signs({calibration, kLinearParameters});
     for (std::size_t k = 0; k < gains.size(); ++k)
         for (std::size_t c = 0; c < 3; ++c) calibration.zero[k] += gains[k][c] * constant[c];
     const auto loop = [&](const PlayOperators& one) {
@@ -163,7 +160,15 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
         for (std::size_t i = 0; i < kPlayOperators; ++i)
             table.push_back({thresholds[i], operators[0].weight[i], operators[1].weight[i], operators[2].weight[i]});
     }
-    if (make_table_nonlinear(calibration, fault) == nullptr) throw Undetermined(fault);
+    (void)decoupler_of_fit(calibration, "nonlinear");
 }
 
+const FitEntry entry({.model = "table",
+                      .method = "nonlinear",
+                      .fit = fit_table_nonlinear,
+                      .knows_channel = is_gauge,
+                      .channels = kGauge,
+                      .channel_unit = kGaugeUnit});
+
+}  // namespace
 }  // namespace tactiled

@@ -39,7 +39,7 @@ std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows,
     for (const LabelledRow& row : seen_too) {
         if (result.size() == rows.size()) break;
         auto& decoupler = of_session[row.session];
-        if (decoupler == nullptr) decoupler = decoupler_of(calibration);
+        if (decoupler == nullptr) decoupler = make_decoupler(calibration);
         const Estimate estimate = decoupler->decouple({.channel = row.channel, .t_ns = row.t_ns});
         if (&row == rows[result.size()]) result.push_back({&row, estimate.wrench_S});
     }
@@ -47,7 +47,7 @@ std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows,
 }
 
 std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows) {
-    const auto decoupler = decoupler_of(calibration);
+    const auto decoupler = make_decoupler(calibration);
     std::vector<HeldOut> result;
     for (const auto* row : rows)
         result.push_back({row, decoupler->decouple({.channel = row->channel, .t_ns = row->t_ns}).wrench_S});
@@ -111,14 +111,6 @@ Groups groups_of(const Labelled& labelled, const Rows& rows, bool remembers) {
 
 }  // namespace
 
-std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration) {
-    Problems problems;
-    Options none = Options::parse_text("", "fit", problems);
-    auto decoupler = make_decoupler(calibration, calibration.method, 0, none);
-    problems.throw_if_any();
-    return decoupler;
-}
-
 Wrench error_of(Decoupler& decoupler, const LabelledRow& row) {
     const Estimate estimate = decoupler.decouple({.channel = row.channel, .t_ns = row.t_ns});
     Wrench error;
@@ -139,7 +131,7 @@ void set_domain(const Rows& rows, Calibration& calibration) {
         }
 }
 
-Validation hold_out(const Labelled& labelled, const Rows& rows, const FitMethod& method, const Calibration& whole,
+Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& whole,
                     std::vector<std::string>& warnings) {
     const Groups groups = groups_of(labelled, rows, method.remembers);
     Validation validation;

@@ -8,9 +8,6 @@
 
 namespace tactiled {
 
-// The Decoupler of the loop for the calibration's own method. setup: throws SetupError where the calibration is wrong
-std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration);
-
 // Estimated minus applied, of one row; NaN where either is unknown. A model that remembers starts anew.
 Wrench error_of(Decoupler& decoupler, const LabelledRow& row);
 
@@ -29,7 +26,7 @@ struct Validation {
 // repeat poses, else each of five stretches of time. A method that remembers is not held out by poses, and its loop reads
 // the whole recording in order, each session from its start: to what is held out it comes with the past that it would
 // have had, of which it has seen no label.
-Validation hold_out(const Labelled& labelled, const Rows& rows, const FitMethod& method, const Calibration& calibration,
+Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& calibration,
                     std::vector<std::string>& warnings);
 
 // sd and sd_slope such that 68.27 % of the held-out errors of each component are within one standard deviation; none

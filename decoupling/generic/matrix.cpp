@@ -13,8 +13,6 @@
 namespace tactiled {
 namespace {
 
-using MakeCorrection = std::unique_ptr<Correction> (*)(const Calibration&, std::string&);
-
 std::uint32_t used_channels(const Calibration& calibration, bool corrected) {
     std::uint32_t used = 0;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k)
@@ -25,7 +23,7 @@ std::uint32_t used_channels(const Calibration& calibration, bool corrected) {
 
 class Generic final : public CheckedModel {
 public:
-    Generic(const Calibration& calibration, const std::string& method, std::unique_ptr<Correction> correction)
+    Generic(const Calibration& calibration, std::string_view method, std::unique_ptr<Correction> correction)
         : CheckedModel(calibration, used_channels(calibration, correction != nullptr), ~0u),
           method_(method),
           correction_(std::move(correction)) {
@@ -76,9 +74,8 @@ private:
     std::array<double, kMaxChannels> width_{}, zero_{};
 };
 
-// What would make the matrix unusable, "" where nothing does. A calibration may come from code as well as from a file.
-std::string fault_of(const Calibration& calibration) {
-    if (std::string fault = fault_of_checked(calibration); !fault.empty()) return fault;
+// The fault of the matrix, "" where there is none. A calibration may come from code as well as from a file.
+std::string fault_of_matrix(const Calibration& calibration) {
     const std::size_t n = calibration.channels.size(), rows = calibration.components.size();
     if (calibration.matrix.size() != rows)
         return fmt::format("matrix has {} rows for {} components", calibration.matrix.size(), rows);
@@ -87,7 +84,7 @@ std::string fault_of(const Calibration& calibration) {
     return "";
 }
 
-// A component of which the matrix tells nothing would be 0, and GOOD, under any load.
+// A component for which the matrix has only zeros would be 0, and GOOD, under any load.
 std::string fault_of_empty_row(const Calibration& calibration) {
     for (std::size_t i = 0; i < calibration.matrix.size(); ++i) {
         const auto& row = calibration.matrix[i];
@@ -98,54 +95,33 @@ std::string fault_of_empty_row(const Calibration& calibration) {
     return "";
 }
 
-std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string& method, Options& options) {
-    std::string fault = fault_of(calibration);
-    std::unique_ptr<Correction> correction;
-    const MakeCorrection make_correction = method == "quadratic" ? make_quadratic
-                                           : method == "rbf"     ? make_rbf
-                                           : method == "mlp"     ? make_mlp
-                                                                 : nullptr;
-    if (fault.empty() && make_correction == nullptr) fault = fault_of_empty_row(calibration);
-    if (fault.empty() && make_correction != nullptr) {
-        const auto* width = table_of(calibration, "width", 1, calibration.channels.size(), fault);
-        if (width != nullptr)
-            for (const double w : width->front())
-                if (!(w > 0)) fault = "table width has a number that is not above 0";
-        if (fault.empty() && calibration.channel_least.empty()) fault = "channel_least and channel_most are needed";
-        if (fault.empty()) correction = make_correction(calibration, fault);
-    }
-    if (!fault.empty()) {
-        options.problem("calibration",
-                        calibration.path + ": " + (make_correction == nullptr ? "" : "method " + method + ": ") + fault);
-        return nullptr;
-    }
-    return std::make_unique<Generic>(calibration, method, std::move(correction));
+std::string fault_of_width(const CalibrationData& data) {
+    for (const double width : data.table(kWidth.name)->front())
+        if (!(width > 0)) return "table width has a number that is not above 0";
+    if (data.calibration().channel_least.empty()) return "channel_least and channel_most are needed";
+    return "";
 }
 
-const DecouplerEntry entry("generic", {"matrix", "quadratic", "rbf", "mlp"}, make);
+constexpr std::array<Parameter, 1> kParameters{kForget};
+
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    return make_generic(data, "matrix", nullptr, fault);
+}
+
+const MethodEntry entry({.model = "generic",
+                         .method = "matrix",
+                         .place = 10,
+                         .parameters = kParameters,
+                         .make = make,
+                         .takes_fit_of = kAnyMethod});
 
 }  // namespace
 
-const std::vector<std::vector<double>>* table_of(const Calibration& calibration, const std::string& name, std::size_t rows,
-                                                 std::size_t columns, std::string& fault) {
-    const auto found = calibration.tables.find(name);
-    if (found == calibration.tables.end() || found->second.empty()) {
-        fault = fmt::format("table {} is missing", name);
-        return nullptr;
-    }
-    const auto& table = found->second;
-    if ((rows != 0 && table.size() != rows) || (columns != 0 && table.front().size() != columns)) {
-        fault = fmt::format("table {} has {} rows of {}; needed are {} of {}", name, table.size(), table.front().size(),
-                            rows == 0 ? "any number" : fmt::format("{}", rows),
-                            columns == 0 ? "any number" : fmt::format("{}", columns));
-        return nullptr;
-    }
-    for (const auto& row : table)
-        if (row.size() != table.front().size()) {
-            fault = fmt::format("table {}: its rows are not equally long", name);
-            return nullptr;
-        }
-    return &table;
+std::unique_ptr<Decoupler> make_generic(const CalibrationData& data, std::string_view method,
+                                        std::unique_ptr<Correction> correction, std::string& fault) {
+    if (fault.empty()) fault = fault_of_matrix(data.calibration());
+    if (fault.empty()) fault = correction == nullptr ? fault_of_empty_row(data.calibration()) : fault_of_width(data);
+    return fault.empty() ? std::make_unique<Generic>(data.calibration(), method, std::move(correction)) : nullptr;
 }
 
 }  // namespace tactiled

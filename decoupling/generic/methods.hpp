@@ -1,8 +1,10 @@
-// The parts of model "generic" that its files share. See generic.cpp.
+// The parts of model "generic" that its methods share. See matrix.cpp.
 #pragma once
 #include <memory>
 #include <string>
+#include <string_view>
 
+#include "decoupling/method.hpp"
 #include "decoupling/solve/checked.hpp"
 
 namespace tactiled {
@@ -15,14 +17,20 @@ public:
     virtual void add(const double* u, double* out) noexcept = 0;
 };
 
-// What a correction is made of, from `calibration.tables`; sizes are checked: on a fault nullptr, and `fault` says why.
-// setup
-std::unique_ptr<Correction> make_quadratic(const Calibration& calibration, std::string& fault);
-std::unique_ptr<Correction> make_rbf(const Calibration& calibration, std::string& fault);
-std::unique_ptr<Correction> make_mlp(const Calibration& calibration, std::string& fault);
+// The standard deviation of each channel over the calibration's rows, one number for each channel: every correction needs
+// it.
+inline constexpr KnownTable kWidth{"width", 1, kPerChannel};
 
-// The table of that name; where it is missing or not `rows` x `columns` (0 = any number), `fault` says so. setup
-const std::vector<std::vector<double>>* table_of(const Calibration& calibration, const std::string& name, std::size_t rows,
-                                                 std::size_t columns, std::string& fault);
+// The fit writes down by how much old rows counted less; the loop does not use it.
+inline constexpr Parameter kForget{"forget", "weight of a row over that of the next one", 0.5, 1, 1};
+
+// The decoupler of `method`: the matrix of the calibration and, where it is not nullptr, a correction. nullptr where the
+// calibration does not serve, and `fault` says why; a fault that is there already stays. setup
+std::unique_ptr<Decoupler> make_generic(const CalibrationData& data, std::string_view method,
+                                        std::unique_ptr<Correction> correction, std::string& fault);
+
+// The correction of method "quadratic" from the table of that name, which "rbf" may add to as well. nullptr on a fault,
+// and `fault` says why. setup
+std::unique_ptr<Correction> make_quadratic(const CalibrationData& data, std::string& fault);
 
 }  // namespace tactiled

@@ -8,6 +8,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMaxNeurons = 128;  // of a layer
+constexpr std::size_t kMaxLayers = 8;     // the fit makes two
 
 struct Layer {
     std::size_t inputs, outputs;
@@ -38,25 +39,42 @@ private:
     std::vector<Layer> layers_;
 };
 
-}  // namespace
+// The sizes of a layer follow from those of the layer before it.
+constexpr std::array<KnownTable, 1 + kMaxLayers> kTables{{kWidth,
+                                                          {"layer1", kAnyNumber, kAnyNumber},
+                                                          {"layer2", kAnyNumber, kAnyNumber, false},
+                                                          {"layer3", kAnyNumber, kAnyNumber, false},
+                                                          {"layer4", kAnyNumber, kAnyNumber, false},
+                                                          {"layer5", kAnyNumber, kAnyNumber, false},
+                                                          {"layer6", kAnyNumber, kAnyNumber, false},
+                                                          {"layer7", kAnyNumber, kAnyNumber, false},
+                                                          {"layer8", kAnyNumber, kAnyNumber, false}}};
 
-std::unique_ptr<Correction> make_mlp(const Calibration& calibration, std::string& fault) {
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
     std::vector<Layer> layers;
-    std::size_t inputs = calibration.channels.size();
-    for (int l = 1; l == 1 || calibration.tables.count(fmt::format("layer{}", l)) != 0; ++l) {
-        const auto* table = table_of(calibration, fmt::format("layer{}", l), 0, 1 + inputs, fault);
+    std::size_t inputs = data.calibration().channels.size();
+    for (std::size_t l = 1; l <= kMaxLayers && data.table(kTables[l].name) != nullptr; ++l) {
+        const auto* table = data.table(kTables[l].name, kAnyNumber, 1 + inputs, fault);
         if (table == nullptr) return nullptr;
-        if (table->size() > kMaxNeurons)
-            fault = fmt::format("layer{} has {} rows; at most {}", l, table->size(), kMaxNeurons);
+        if (table->size() > kMaxNeurons) {
+            fault = fmt::format("{} has {} rows; at most {}", kTables[l].name, table->size(), kMaxNeurons);
+            return nullptr;
+        }
         Layer layer{.inputs = inputs, .outputs = table->size(), .weight = {}};
         for (std::size_t k = 0; k < 1 + inputs; ++k)
             for (const auto& row : *table) layer.weight.push_back(row[k]);
         inputs = layer.outputs;
         layers.push_back(std::move(layer));
     }
-    if (fault.empty() && inputs != calibration.components.size())
-        fault = fmt::format("the last layer has {} rows for {} components", inputs, calibration.components.size());
-    return fault.empty() ? std::make_unique<Mlp>(std::move(layers)) : nullptr;
+    if (inputs != data.calibration().components.size()) {
+        fault = fmt::format("the last layer has {} rows for {} components", inputs, data.calibration().components.size());
+        return nullptr;
+    }
+    return make_generic(data, "mlp", std::make_unique<Mlp>(std::move(layers)), fault);
 }
 
+const MethodEntry entry(
+    {.model = "generic", .method = "mlp", .place = 40, .tables = kTables, .make = make, .takes_fit_of = kAnyMethod});
+
+}  // namespace
 }  // namespace tactiled

@@ -40,11 +40,21 @@ private:
     std::vector<Components> features_;
 };
 
+constexpr std::array<KnownTable, 2> kTables{{kWidth, {"quadratic", kPerComponent, kAnyNumber}}};
+
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    auto correction = make_quadratic(data, fault);
+    return make_generic(data, "quadratic", std::move(correction), fault);
+}
+
+const MethodEntry entry(
+    {.model = "generic", .method = "quadratic", .place = 20, .tables = kTables, .make = make, .takes_fit_of = kAnyMethod});
+
 }  // namespace
 
-std::unique_ptr<Correction> make_quadratic(const Calibration& calibration, std::string& fault) {
-    const std::size_t n = calibration.channels.size();
-    const auto* q = table_of(calibration, "quadratic", calibration.components.size(), 1 + n + n * (n + 1) / 2, fault);
+std::unique_ptr<Correction> make_quadratic(const CalibrationData& data, std::string& fault) {
+    const std::size_t n = data.calibration().channels.size();
+    const auto* q = data.table("quadratic", data.calibration().components.size(), 1 + n + n * (n + 1) / 2, fault);
     if (q == nullptr) return nullptr;
     if (q->size() <= 2) return std::make_unique<Quadratic<1>>(n, *q);
     if (q->size() <= 4) return std::make_unique<Quadratic<2>>(n, *q);

@@ -62,25 +62,33 @@ private:
     std::unique_ptr<Correction> quadratic_;
 };
 
-}  // namespace
+constexpr std::array<Parameter, 2> kParameters{
+    {{"spread", "distance, in widths, at which a centre counts half", kAboveZero, kLargest},
+     {"ridge", "of the fit; it is told, not used", 0, kLargest, 0}}};
+constexpr std::array<KnownTable, 4> kTables{{kWidth,
+                                             {"centres", kAnyNumber, kPerChannel},
+                                             {"weights", kPerComponent, kAnyNumber},
+                                             {"quadratic", kPerComponent, kAnyNumber, false}}};
 
-std::unique_ptr<Correction> make_rbf(const Calibration& calibration, std::string& fault) {
-    const std::size_t n = calibration.channels.size();
-    const auto* centres = table_of(calibration, "centres", 0, n, fault);
-    if (centres == nullptr) return nullptr;
-    const auto* weights = table_of(calibration, "weights", calibration.components.size(), centres->size(), fault);
-    if (weights == nullptr) return nullptr;
-    const auto spread = calibration.parameters.find("spread");
-    if (spread == calibration.parameters.end() || !(spread->second > 0)) {
-        fault = "parameter spread is missing or not above 0";
-        return nullptr;
-    }
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    const auto* centres = data.table("centres");
+    const auto* weights = data.table("weights", data.calibration().components.size(), centres->size(), fault);
     std::unique_ptr<Correction> quadratic;
-    if (calibration.tables.count("quadratic") != 0) {
-        quadratic = make_quadratic(calibration, fault);
-        if (quadratic == nullptr) return nullptr;
-    }
-    return std::make_unique<Rbf>(n, *centres, *weights, spread->second, std::move(quadratic));
+    if (fault.empty() && data.table("quadratic") != nullptr) quadratic = make_quadratic(data, fault);
+    if (!fault.empty()) return nullptr;
+    return make_generic(
+        data, "rbf",
+        std::make_unique<Rbf>(data.calibration().channels.size(), *centres, *weights, data["spread"], std::move(quadratic)),
+        fault);
 }
 
+const MethodEntry entry({.model = "generic",
+                         .method = "rbf",
+                         .place = 30,
+                         .parameters = kParameters,
+                         .tables = kTables,
+                         .make = make,
+                         .takes_fit_of = kAnyMethod});
+
+}  // namespace
 }  // namespace tactiled

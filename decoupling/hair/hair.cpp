@@ -1,36 +1,31 @@
-// Model "hair": the embedded hairs of Cao et al., H1 .. H4 or one pair of them. Frame, signs and steps: hair_stages.hpp,
+// Model "hair": the embedded hairs of Cao et al., H1 .. H4 or one pair of them. Frame, signs and steps: stages.hpp,
 // decoupling/hair/README.md.
 //
 //     sum_diff   DIFF of a pair gives its shear, the shear gives the intercept of SUM, SUM gives the normal stress
 //     matrix     weighted least squares of all hairs, with leak terms of second and third order
-//     physics    the same without leak terms, gains from the hair's geometry (hair_physics.hpp)
+//     physics    the same without leak terms, gains from the hair's geometry
+//
+// This file is the decoupler; each method has a file that says what it reads from a calibration.
 //
 // Forces are stresses times the area of the cap: fx = tau_x A, fy = tau_y A, fz = -sigma A.
 #include <fmt/format.h>
 
 #include <bit>
 #include <cmath>
-#include <optional>
 
 #include "decoupling/hair/setup.hpp"
 #include "decoupling/solve/checked.hpp"
+#include "decoupling/solve/consistency.hpp"
 
 namespace tactiled {
 namespace {
 
-// As for model "table": 6 sigma of pure noise is once in 5e8 samples, and hairs that differ from their calibration by 1 % of
-// their readings are sound.
-constexpr double kDoubtful = 6, kGainError = 0.01;
 constexpr std::array<std::size_t, 3> kComponentOf{2, 0, 1};  // of sigma, tau_x, tau_y in a wrench
 
 class Hair final : public CheckedModel {
 public:
-    Hair(const Calibration& calibration, const std::string& method, const HairSetup& setup, const HairSolver& solver)
-        : CheckedModel(calibration, ~0u, 0),
-          method_(method),
-          sum_diff_(method == "sum_diff"),
-          setup_(setup),
-          solver_(solver) {}
+    Hair(const Calibration& calibration, std::string_view method, const HairSetup& setup, const HairSolver& solver)
+        : CheckedModel(calibration, ~0u, 0), method_(method), setup_(setup), solver_(solver) {}
 
     [[nodiscard]] std::string_view method() const noexcept override { return method_; }
 
@@ -44,7 +39,7 @@ private:
             r[setup_.hair[k]] = input.r[k];
             usable |= 1u << setup_.hair[k];
         }
-        const std::uint32_t pairs = sum_diff_ ? whole_pairs(usable) : 0;
+        const std::uint32_t pairs = setup_.two_steps ? whole_pairs(usable) : 0;
         const std::uint32_t used = pairs != 0 ? pairs : usable;
         if (!solver_.solvable(used)) return;
         const HairLoad load = pairs != 0 ? two_steps(r, pairs) : solver_.solve(r, used);
@@ -110,33 +105,24 @@ private:
     }
 
     std::string method_;
-    bool sum_diff_;
     HairSetup setup_;
     HairSolver solver_;
 };
 
-std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string& method, Options& options) {
-    HairSetup setup;
-    std::string fault = read_hair_setup(calibration, method, setup);
-    std::optional<HairSolver> solver;
-    if (fault.empty()) {
-        solver.emplace(setup.response, setup.wired, setup.unknowns);
-        if (solver->contraction(setup.wired) >= HairSolver::kSlowest)
-            fault = fmt::format(
-                "the leak terms are too large beside the gains: a step of the iteration leaves {:.2g} of an "
-                "error, at most {} is solved; calibrate over a smaller range",
-                solver->contraction(setup.wired), HairSolver::kSlowest);
-        else if (!solver->solvable(setup.wired))
-            fault = "these hairs and gains cannot tell the stresses apart";
-    }
-    if (!fault.empty()) {
-        options.problem("calibration", fmt::format("{}: method {}: {}", calibration.path, method, fault));
-        return nullptr;
-    }
-    return std::make_unique<Hair>(calibration, method, setup, *solver);
+}  // namespace
+
+std::unique_ptr<Decoupler> make_hair(const CalibrationData& data, std::string_view method, const HairSetup& setup,
+                                     std::string& fault) {
+    if (!fault.empty()) return nullptr;
+    const HairSolver solver(setup.response, setup.wired, setup.unknowns);
+    if (solver.contraction(setup.wired) >= HairSolver::kSlowest)
+        fault = fmt::format(
+            "the leak terms are too large beside the gains: a step of the iteration leaves {:.2g} of an "
+            "error, at most {} is solved; calibrate over a smaller range",
+            solver.contraction(setup.wired), HairSolver::kSlowest);
+    else if (!solver.solvable(setup.wired))
+        fault = "these hairs and gains cannot tell the stresses apart";
+    return fault.empty() ? std::make_unique<Hair>(data.calibration(), method, setup, solver) : nullptr;
 }
 
-const DecouplerEntry entry("hair", {"sum_diff", "matrix", "physics"}, make);
-
-}  // namespace
 }  // namespace tactiled

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <string_view>
 
+#include "decoupling/solve/parameters.hpp"
+
 namespace tactiled {
 
 struct Elastomer {
@@ -30,6 +32,41 @@ struct HairPhysics {
     double elastomer_kPa = 750;      // E
     double poisson = 0.49;           // G = E / 2 (1 + nu)
 };
+
+// Its members as parameters of a calibration: the one list for the loop and for the fit.
+struct HairGeometry {
+    Parameter parameter;
+    double HairPhysics::*member;
+};
+inline constexpr std::array<HairGeometry, 10> kHairGeometry{
+    {{{"radius_m", "of the hair's arc, m", kAboveZero, kLargest}, &HairPhysics::radius_m},
+     {{"width_m", "of the hair, m", kAboveZero, kLargest}, &HairPhysics::width_m},
+     {{"thickness_m", "of the hair, m", kAboveZero, kLargest}, &HairPhysics::thickness_m},
+     {{"root_distance_m", "L of Cao et al., m", 0, kLargest}, &HairPhysics::root_distance_m},
+     {{"k_x_Pa", "foundation modulus, N/m^2", kAboveZero, kLargest}, &HairPhysics::k_x_Pa},
+     {{"k_y_Pa", "foundation modulus, N/m^2", kAboveZero, kLargest}, &HairPhysics::k_y_Pa},
+     {{"friction", "mu", 0, kLargest}, &HairPhysics::friction},
+     {{"pi_l_per_Pa", "piezoresistive coefficient, 1/Pa", kAboveZero, kLargest}, &HairPhysics::pi_l_per_Pa},
+     {{"elastomer_kPa", "Young's modulus, kPa; PDMS 750, Ecoflex 250, hydrogel 150", kAboveZero, kLargest},
+      &HairPhysics::elastomer_kPa},
+     {{"poisson", "Poisson's ratio of the elastomer", 0, 0.5, HairPhysics{}.poisson}, &HairPhysics::poisson}}};
+
+// The parameters alone; `with_defaults`: those of HairPhysics where one is not stated, as a fit takes them.
+constexpr std::array<Parameter, kHairGeometry.size()> hair_geometry_parameters(bool with_defaults) {
+    std::array<Parameter, kHairGeometry.size()> parameters{};
+    for (std::size_t i = 0; i < parameters.size(); ++i) {
+        parameters[i] = kHairGeometry[i].parameter;
+        if (with_defaults) parameters[i].fallback = HairPhysics{}.*kHairGeometry[i].member;
+    }
+    return parameters;
+}
+
+// setup
+inline HairPhysics hair_physics(const CalibrationData& data) {
+    HairPhysics physics;
+    for (const HairGeometry& each : kHairGeometry) physics.*each.member = data[each.parameter.name];
+    return physics;
+}
 
 // Mean of 3 (1/2 + cos t)^2 over 0 .. 60 degrees: a horizontal load a unit height, M = q a^2 / 2. 5.351225
 inline constexpr double kHorizontalMean = 9 * (2 * std::numbers::pi + 5 * std::numbers::sqrt3) / (8 * std::numbers::pi);

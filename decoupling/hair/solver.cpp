@@ -4,14 +4,13 @@
 #include <cmath>
 #include <vector>
 
+#include "decoupling/solve/consistency.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {
 
-// Sound sensors are below 5 for any three hairs.
-constexpr double kWorstCondition = 100;
 constexpr int kGrid = 8;  // the leak's slopes are looked at in 9 x 9 x 9 points
 
 }  // namespace
@@ -50,6 +49,7 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
     if (!(scale.minCoeff() > 0) || !scale.allFinite()) return subset;
     const Eigen::MatrixXd scaled = g.array().rowwise() / scale.array();
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled);
+    // Sound sensors are below 5 for any three hairs.
     if (!(svd.singularValues()[m - 1] * kWorstCondition > svd.singularValues()[0])) return subset;
     const Eigen::MatrixXd inverse = scaled.colPivHouseholderQr().solve(Eigen::MatrixXd::Identity(n, n));
     for (Eigen::Index j = 0; j < m; ++j) {

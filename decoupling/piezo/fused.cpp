@@ -1,10 +1,11 @@
 // Model "piezo", method "fused": press from the piezoelectric film Vp, fast and blind to what lasts, and from the
-// capacitance Cn, slow and absolute. See decoupling/capacitive/README.md and charge.hpp. fz only.
+// capacitance Cn, slow and absolute. See decoupling/piezo/README.md and charge.hpp. fz only.
 //
 //     Vp = leak of (gain_b N + gain_a N^2)      thesis, eq. XXXV (its constant is the channel's zero)
 //     Cn = normal_b N + normal_a N^2            thesis, eq. XXXIII, mean over the last window_s
 #include "decoupling/capacitive/methods.hpp"
 #include "decoupling/piezo/charge.hpp"
+#include "decoupling/piezo/parameters.hpp"
 #include "decoupling/solve/curve.hpp"
 
 namespace tactiled {
@@ -13,27 +14,17 @@ namespace {
 // Beyond this many times the range a reading is no force; cut there, so that the state recovers from it at once.
 constexpr double kMaxRanges = 20;
 
-constexpr std::array<Parameter, 8> kParameters{
-    {{"gain_b", "slope of the film at rest, channel_unit of Vp a N of press", 1e-12, 1e12},
-     {"gain_a", "curvature of the film, channel_unit of Vp a N^2", 0, 1e12, 0},
-     {"normal_b", "slope of Cn at rest, channel_unit of Cn a N of press", 1e-12, 1e12},
-     {"normal_a", "curvature of Cn, channel_unit of Cn a N^2", -1e12, 1e12, 0},
-     {"normal_range_N", "press up to which both were measured, N", 1e-9, 1e9},
-     {"leak_tau_s", "time constant of the film with its read-out, R C, s", 1e-3, 1e4},
-     {"fusion_tau_s", "time constant of the fusion, s; at most leak_tau_s, which is the default", 1e-3, 1e4, 0},
-     {"window_s", "time over which the converter of Cn takes its mean, s", 1e-4, 10, 0.1}}};
-
 class Piezo final : public CheckedModel {
 public:
-    Piezo(const Calibration& calibration, std::size_t Vp, std::size_t Cn, const double* p)
-        : CheckedModel(calibration, 1u << Vp | 1u << Cn, 1u << Cn),
+    Piezo(const CalibrationData& data, std::size_t Vp, std::size_t Cn, double fusion_tau_s)
+        : CheckedModel(data.calibration(), 1u << Vp | 1u << Cn, 1u << Cn),
           Vp_(Vp),
           Cn_(Cn),
-          range_N_(p[4]),
-          film_(p[0], p[1], 0, p[4]),
-          normal_(p[2], p[3], 0, p[4]),
-          longest_gap_s_(std::max(p[5], p[7])),
-          fusion_(p[5], p[6], p[7]) {}
+          range_N_(data["normal_range_N"]),
+          film_(data["gain_b"], data["gain_a"], 0, range_N_),
+          normal_(data["normal_b"], data["normal_a"], 0, range_N_),
+          longest_gap_s_(std::max(data["leak_tau_s"], data["window_s"])),
+          fusion_(data["leak_tau_s"], fusion_tau_s, data["window_s"]) {}
     [[nodiscard]] std::string_view method() const noexcept override { return "fused"; }
 
 private:
@@ -92,30 +83,24 @@ private:
     double last_Cn_ = 0;
 };
 
-std::unique_ptr<Decoupler> make(const Calibration& calibration, const std::string&, Options& options) {
-    std::string fault = fault_of_checked(calibration);
-    Wiring wiring{};
-    if (fault.empty()) wiring = electrode_wiring(calibration, fault);
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    const Calibration& calibration = data.calibration();
+    const Wiring wiring = electrode_wiring(calibration, fault);
     const auto film = std::find(calibration.channels.begin(), calibration.channels.end(), "Vp");
     if (fault.empty() && (film == calibration.channels.end() || wiring[kCentre] < 0))
         fault = fmt::format("channels lacks {}; needed are Vp Cn", film == calibration.channels.end() ? "Vp" : "Cn");
     if (fault.empty() && calibration.components != std::vector<std::string>{"fz"})
         fault = "model \"piezo\" sees fz and nothing else: components = [\"fz\"]";
-    std::array<double, kParameters.size()> value{};
-    if (fault.empty()) fault = read_parameters(calibration, kParameters, value.data());
-    if (fault.empty() && calibration.parameters.count("fusion_tau_s") == 0) value[6] = value[5];
-    if (fault.empty() && value[6] > value[5])
+    const double leak_s = data["leak_tau_s"], fusion_s = data.has("fusion_tau_s") ? data["fusion_tau_s"] : leak_s;
+    if (fault.empty() && fusion_s > leak_s)
         fault = fmt::format("parameter fusion_tau_s = {} is above leak_tau_s = {}: it would amplify the film's offset",
-                            value[6], value[5]);
-    if (!fault.empty()) {
-        options.problem("calibration", calibration.path + ": " + fault);
-        return nullptr;
-    }
-    return std::make_unique<Piezo>(calibration, std::size_t(film - calibration.channels.begin()),
-                                   std::size_t(wiring[kCentre]), value.data());
+                            fusion_s, leak_s);
+    if (!fault.empty()) return nullptr;
+    return std::make_unique<Piezo>(data, std::size_t(film - calibration.channels.begin()), std::size_t(wiring[kCentre]),
+                                   fusion_s);
 }
 
-const DecouplerEntry entry("piezo", {"fused"}, make);
+const MethodEntry entry({.model = "piezo", .method = "fused", .place = 10, .parameters = kPiezoParameters, .make = make});
 
 }  // namespace
 }  // namespace tactiled

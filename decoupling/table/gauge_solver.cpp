@@ -8,13 +8,6 @@
 #include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
-namespace {
-
-// Subsets worse conditioned than this, columns scaled to length 1, are not solved; nor those that determine a load 100
-// times worse than all gauges together.
-constexpr double kWorst = 100;
-
-}  // namespace
 
 GaugeSolver::GaugeSolver(const std::vector<std::vector<double>>& gains, const std::vector<double>& noise,
                          const std::vector<double>& zero, std::uint32_t inner, int inner_needed)
@@ -30,8 +23,9 @@ GaugeSolver::GaugeSolver(const std::vector<std::vector<double>>& gains, const st
     for (std::uint32_t usable = 0; usable + 1 < subsets_.size(); ++usable) {
         if (!subsets_.back().solvable || std::popcount(usable & inner) < inner_needed) continue;
         Subset subset = prepare(usable, nullptr);
+        // Nor is a subset solved that determines a load a hundred times worse than all gauges together.
         for (std::size_t j = 0; j < n_loads_; ++j)
-            subset.solvable = subset.solvable && subset.sd[j] < kWorst * subsets_.back().sd[j];
+            subset.solvable = subset.solvable && subset.sd[j] < kWorstCondition * subsets_.back().sd[j];
         subsets_[usable] = subset;
     }
     for (Subset& subset : subsets_)
@@ -58,13 +52,13 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
     const auto& s = svd.singularValues();
     subset.condition = s[n - 1] > 0 ? s[0] / s[n - 1] : std::numeric_limits<double>::infinity();
     // Written so that a NaN is not solvable.
-    subset.solvable = s[n - 1] * kWorst > s[0] && length.minCoeff() > 0 && length.allFinite();
+    subset.solvable = s[n - 1] * kWorstCondition > s[0] && length.minCoeff() > 0 && length.allFinite();
     if (!subset.solvable) {
         if (confused != nullptr)
             for (Eigen::Index j = 0; j < n; ++j) {
                 bool part = false;
                 for (Eigen::Index i = 0; i < n; ++i)
-                    part = part || (!(s[i] * kWorst > s[0]) && !(std::abs(svd.matrixV()(j, i)) < 0.1));
+                    part = part || (!(s[i] * kWorstCondition > s[0]) && !(std::abs(svd.matrixV()(j, i)) < 0.1));
                 if (part) confused->push_back(std::size_t(j));
             }
         return subset;

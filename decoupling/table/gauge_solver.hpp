@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "decoupling/solve/consistency.hpp"
 #include "decoupling/solve/pairs.hpp"
 
 namespace tactiled {
@@ -52,14 +53,6 @@ public:
     [[nodiscard]] const std::vector<std::size_t>& confused() const noexcept { return confused_; }
 
 private:
-    // A residual is doubtful from here on, in standard deviations. 6 sigma of pure noise is once in 5e8 samples, 6 days at
-    // 1 kHz; 4 sigma would be once in 16 s.
-    static constexpr double kDoubtful = 6;
-    // Gauges that differ from their common gain by 1 % are sound: within the documents' 4.84 % hysteresis and 0.99 %
-    // linearity nobody can calibrate them closer. All four off by 1 % in the worst signs make a residual of 2 sigma, one
-    // gauge alone has to be off by about 12 % of the others' reading to reach kDoubtful.
-    static constexpr double kGainError = 0.01;
-
     static constexpr std::size_t kPairs = kMaxGauges / 2;
     using Gauges = Pair[kPairs];
     struct Subset {

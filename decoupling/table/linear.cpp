@@ -84,19 +84,24 @@ private:
     GaugeSolver solver_;
 };
 
-}  // namespace
-
-std::unique_ptr<Decoupler> make_table_linear(const Calibration& calibration, std::string& fault) {
-    // The tables are those of "nonlinear", whose fit serves this method, too.
-    const TableNeeds needs{kLinearParameters, {"normal_curve", "hysteresis"}, {"fx", "fy", "fz"}, true};
-    fault = fault_of_table(calibration, needs);
-    if (fault.empty()) fault = fault_of_gains(calibration);
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    fault = fault_of_linear(data);
     if (!fault.empty()) return nullptr;
-    auto solver = solver_of_signs(calibration, fault);
+    auto solver = solver_of_signs(data, fault);
     if (!solver) return nullptr;
+    const Calibration& calibration = data.calibration();
     if (calibration.channels.size() == 8) return std::make_unique<Table<8>>(calibration, std::move(*solver));
     if (calibration.channels.size() == 4) return std::make_unique<Table<4>>(calibration, std::move(*solver));
     return std::make_unique<Table<0>>(calibration, std::move(*solver));
 }
 
+// The fit of "nonlinear" is that of this method and more.
+const MethodEntry entry({.model = "table",
+                         .method = "linear",
+                         .place = 10,
+                         .parameters = kLinearParameters,
+                         .make = make,
+                         .takes_fit_of = "nonlinear"});
+
+}  // namespace
 }  // namespace tactiled

@@ -12,8 +12,8 @@
 #include <cmath>
 #include <optional>
 
-#include "decoupling/generic/methods.hpp"
 #include "decoupling/solve/checked.hpp"
+#include "decoupling/solve/consistency.hpp"
 #include "decoupling/table/gauge_solver.hpp"
 #include "decoupling/table/methods.hpp"
 #include "decoupling/table/point_search.hpp"
@@ -22,9 +22,8 @@
 namespace tactiled {
 namespace {
 
-constexpr double kDoubtful = 6;  // as method "linear"
-constexpr double kRest = 3;      // nothing touches: the readings are within 3 sigma of noise, root mean square
-constexpr double kPoor = 3;      // from this residual on a point is not believed
+constexpr double kRest = 3;  // nothing touches: the readings are within 3 sigma of noise, root mean square
+constexpr double kPoor = 3;  // from this residual on a point is not believed
 constexpr double kDefaultLocate = 5;
 // Shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has a small press or
 // a pull, and what cannot be pushed so is not believed.
@@ -43,16 +42,17 @@ constexpr unsigned kDeadEvery = 16;     // samples with disagreement between loo
 
 class TableMap final : public CheckedModel {
 public:
-    TableMap(const Calibration& calibration, InfluenceMap map, GaugeSolver spread, double noise, bool point)
-        : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0),
-          zero_(calibration.zero),
+    TableMap(const CalibrationData& data, InfluenceMap map, GaugeSolver spread, double noise, bool point)
+        : CheckedModel(data.calibration(), (1u << data.calibration().channels.size()) - 1, 0),
+          zero_(data.calibration().zero),
           noise_(noise),
-          locate_(parameter_or(calibration, "locate", kDefaultLocate)),
-          friction_(parameter_or(calibration, "friction", kDefaultFriction)),
+          locate_(data["locate"]),
+          friction_(data["friction"]),
           solver_(std::move(map)),
           search_(solver_),
           spread_(std::move(spread)),
           point_(point) {
+        const Calibration& calibration = data.calibration();
         sd_slope_.fill(0);
         for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
             const std::size_t c = component_index(calibration.components[i]);
@@ -68,7 +68,7 @@ private:
         Gauges y = Gauges::Zero();
         for (std::size_t k = 0; k < n_channels(); ++k) y[Eigen::Index(k)] = input.r[k];
         const double reading2 = y.squaredNorm() / std::max(1, std::popcount(input.usable));
-        const double variance = noise_ * noise_ + kGainErrorOfGauge * kGainErrorOfGauge * reading2;
+        const double variance = noise_ * noise_ + kGainError * kGainError * reading2;
         const bool rests = reading2 <= kRest * kRest * noise_ * noise_;
         if (!std::isfinite(variance)) return lose_point();  // readings of 1e154 and more: BAD
         std::uint32_t usable = input.usable & ~dead_;
@@ -249,22 +249,74 @@ private:
 // Values of the parameter `contact`.
 constexpr double kUniform = 0, kPoint = 1, kRigid = 2;
 
+constexpr std::array<Parameter, 5> kParameters{
+    {{"gauge_factor", "channel_unit per strain; about 2 for Ni-Cr and dR/R0", kAboveZero, kLargest},
+     kGaugeNoise,
+     {"contact", "0 (uniform), 1 (point) or 2 (rigid)", kUniform, kRigid, kPoint},
+     {"locate", "force over its standard deviation, from which on a point is reported", 0, kLargest, kDefaultLocate},
+     {"friction", "greatest shear over press", 0, kLargest, kDefaultFriction}}};
+// rigid: a row a channel, channel_unit per N of fx fy fz.
+constexpr std::array<KnownTable, 3> kTables{
+    {{"influence", kAnyNumber, 26}, {"gauge_scale", 1, kPerChannel, false}, {"rigid", kPerChannel, 3, false}}};
+
+// The fault of the kind of contact, "" where there is none.
+std::string fault_of_contact(const CalibrationData& data) {
+    const double contact = data["contact"];
+    const std::size_t n = data.calibration().channels.size();
+    if (contact != kUniform && contact != kPoint && contact != kRigid)
+        return fmt::format("parameter contact = {}; it is 0 (uniform), 1 (point) or 2 (rigid)", contact);
+    if (contact == kPoint && n < std::size_t(kFewestGauges))
+        return fmt::format("{} gauges; a point contact has five unknowns and needs {} or more", n, kFewestGauges);
+    for (const auto& name : data.calibration().components)
+        if (contact != kPoint && name[0] == 'm')
+            return fmt::format("component \"{}\"; a contact that is not a point has fx fy fz", name);
+    if (contact == kRigid && data.table("rigid") == nullptr) return "table rigid is missing";
+    return "";
+}
+
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    const Calibration& calibration = data.calibration();
+    fault = fault_of_gauges(calibration, kForcesAndMoments);
+    if (!fault.empty()) return nullptr;
+    const auto map = influence_of(calibration, fault);
+    if (!map) return nullptr;
+    fault = fault_of_contact(data);
+    if (!fault.empty()) return nullptr;
+    const std::size_t n = calibration.channels.size();
+    const Influence mean = map->mean();
+    NumberRows columns;
+    for (Eigen::Index k = 0; k < Eigen::Index(n); ++k) columns.push_back({mean(k, 0), mean(k, 1), mean(k, 2)});
+    if (data["contact"] == kRigid) columns = *data.table("rigid");
+    const double noise = data.has("noise") ? data["noise"] : kDefaultNoise_per_reading * mean.cwiseAbs().maxCoeff();
+    if (!(noise > 0)) {
+        fault = "parameter noise (one standard deviation of a gauge, channel_unit) is not above 0";
+        return nullptr;
+    }
+    GaugeSolver spread(columns, std::vector<double>(n, noise), calibration.zero, inner_gauges(calibration), 3);
+    if (!spread.confused().empty() || !spread.solvable((1u << n) - 1)) {
+        fault = "a load spread over the plate: these gauges cannot tell fx fy fz apart";
+        return nullptr;
+    }
+    return std::make_unique<TableMap>(data, *map, std::move(spread), noise, data["contact"] == kPoint);
+}
+
+const MethodEntry entry(
+    {.model = "table", .method = "map", .place = 40, .parameters = kParameters, .tables = kTables, .make = make});
+
 }  // namespace
 
 std::optional<InfluenceMap> influence_of(const Calibration& calibration, std::string& fault) {
+    const CalibrationData data(calibration, kParameters, kTables);
     const std::size_t n = calibration.channels.size();
-    const auto* rows = table_of(calibration, "influence", 0, 26, fault);
+    const auto* rows = data.table("influence", kAnyNumber, 26, fault);
     if (rows == nullptr) return std::nullopt;
     fault = InfluenceMap::fault_of(*rows);
-    if (!fault.empty()) return std::nullopt;
-    const double gauge_factor = parameter_or(calibration, "gauge_factor", 0);
-    if (!(gauge_factor > 0)) {
+    if (fault.empty() && !(data["gauge_factor"] > 0))
         fault = "parameter gauge_factor (channel_unit per strain; about 2 for Ni-Cr and dR/R0) is missing or 0";
-        return std::nullopt;
-    }
+    if (!fault.empty()) return std::nullopt;
     std::vector<double> scale(n, 1.0);
-    if (calibration.tables.count("gauge_scale") != 0) {
-        const auto* row = table_of(calibration, "gauge_scale", 1, n, fault);
+    if (data.table("gauge_scale") != nullptr) {
+        const auto* row = data.table("gauge_scale", 1, n, fault);
         if (row == nullptr) return std::nullopt;
         scale = row->front();
     }
@@ -273,59 +325,9 @@ std::optional<InfluenceMap> influence_of(const Calibration& calibration, std::st
     std::array<double, 8> gain{};
     for (std::size_t k = 0; k < n; ++k) {
         gauge[k] = table_gauge(calibration.channels[k])->number - 1;
-        gain[k] = gauge_factor * scale[k];
+        gain[k] = data["gauge_factor"] * scale[k];
     }
     return InfluenceMap(*rows, gauge, gain);
-}
-
-std::unique_ptr<Decoupler> make_table_map(const Calibration& calibration, std::string& fault) {
-    const TableNeeds needs{{"gauge_factor", "noise", "contact", "locate", "friction"},
-                           {"influence", "gauge_scale", "rigid"},
-                           {"fx", "fy", "fz", "mx", "my"},
-                           true};
-    fault = fault_of_table(calibration, needs);
-    if (!fault.empty()) return nullptr;
-    const auto map = influence_of(calibration, fault);
-    if (!map) return nullptr;
-    const double contact = parameter_or(calibration, "contact", kPoint);
-    if (contact != kUniform && contact != kPoint && contact != kRigid) {
-        fault = fmt::format("parameter contact = {}; it is 0 (uniform), 1 (point) or 2 (rigid)", contact);
-        return nullptr;
-    }
-    const std::size_t n = calibration.channels.size();
-    if (contact == kPoint && n < std::size_t(kFewestGauges)) {
-        fault = fmt::format("{} gauges; a point contact has five unknowns and needs {} or more", n, kFewestGauges);
-        return nullptr;
-    }
-    if (contact != kPoint)
-        for (const auto& name : calibration.components)
-            if (name[0] == 'm') {
-                fault = fmt::format("component \"{}\"; a contact that is not a point has fx fy fz", name);
-                return nullptr;
-            }
-    const Influence mean = map->mean();
-    std::vector<std::vector<double>> columns;
-    for (Eigen::Index k = 0; k < Eigen::Index(n); ++k) columns.push_back({mean(k, 0), mean(k, 1), mean(k, 2)});
-    if (contact == kRigid) {
-        // A row a channel, channel_unit per N of fx fy fz.
-        const auto* rigid = table_of(calibration, "rigid", n, 3, fault);
-        if (rigid == nullptr) return nullptr;
-        columns = *rigid;
-    }
-    const double noise = parameter_or(calibration, "noise", kDefaultNoise_per_reading * mean.cwiseAbs().maxCoeff());
-    std::uint32_t inner = 0;
-    for (std::size_t k = 0; k < n; ++k)
-        if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
-    if (!(noise > 0)) {
-        fault = "parameter noise (one standard deviation of a gauge, channel_unit) is not above 0";
-        return nullptr;
-    }
-    GaugeSolver spread(columns, std::vector<double>(n, noise), calibration.zero, inner, 3);
-    if (!spread.confused().empty() || !spread.solvable((1u << n) - 1)) {
-        fault = "a load spread over the plate: these gauges cannot tell fx fy fz apart";
-        return nullptr;
-    }
-    return std::make_unique<TableMap>(calibration, *map, std::move(spread), noise, contact == kPoint);
 }
 
 }  // namespace tactiled

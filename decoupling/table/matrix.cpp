@@ -6,11 +6,9 @@
 
 #include <cmath>
 
-#include "decoupling/generic/methods.hpp"
 #include "decoupling/solve/checked_loop.hpp"
 #include "decoupling/table/gauge_solver.hpp"
 #include "decoupling/table/methods.hpp"
-#include "decoupling/table/sign_table.hpp"
 
 namespace tactiled {
 namespace {
@@ -44,31 +42,27 @@ private:
     std::vector<std::size_t> component_;
 };
 
-}  // namespace
+constexpr std::array<Parameter, 1> kParameters{kGaugeNoise};
+// forward: a row a gauge, a column a component, channel_unit per N or Nm.
+constexpr std::array<KnownTable, 2> kTables{{{"forward", kPerChannel, kPerComponent}, {"noise", 1, kPerChannel, false}}};
 
-std::unique_ptr<Decoupler> make_table_matrix(const Calibration& calibration, std::string& fault) {
-    const TableNeeds needs{{"noise"}, {"forward", "noise"}, {"fx", "fy", "fz", "mx", "my"}, false};
-    fault = fault_of_table(calibration, needs);
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    const Calibration& calibration = data.calibration();
+    fault = fault_of_gauges(calibration, kForcesAndMoments, false);
     if (!fault.empty()) return nullptr;
-    const std::size_t n = calibration.channels.size(), components = calibration.components.size();
-    // A row a gauge, a column a component, channel_unit per N or Nm.
-    const auto* forward = table_of(calibration, "forward", n, components, fault);
-    if (forward == nullptr) return nullptr;
+    const std::size_t n = calibration.channels.size();
+    const NumberRows& forward = *data.table("forward");
     double greatest = 0;
-    for (const auto& row : *forward)
+    for (const auto& row : forward)
         for (const double gain : row) greatest = std::max(greatest, std::abs(gain));
-    std::vector<double> noise(n, parameter_or(calibration, "noise", kDefaultNoise_per_reading * greatest));
-    if (calibration.tables.count("noise") != 0) {
-        const auto* row = table_of(calibration, "noise", 1, n, fault);
-        if (row == nullptr) return nullptr;
-        noise = row->front();
-    }
+    std::vector<double> noise(n, data.has("noise") ? data["noise"] : kDefaultNoise_per_reading * greatest);
+    if (const auto* row = data.table("noise"); row != nullptr) noise = row->front();
     for (const double sd : noise)
         if (!(sd > 0)) {
             fault = "noise (one standard deviation of a gauge, channel_unit) is not above 0";
             return nullptr;
         }
-    GaugeSolver solver(*forward, noise, calibration.zero, 0, 0);
+    GaugeSolver solver(forward, noise, calibration.zero, 0, 0);
     if (!solver.confused().empty() || !solver.solvable((1u << n) - 1)) {
         std::vector<std::string> names;
         for (const std::size_t j : solver.confused()) names.push_back(calibration.components[j]);
@@ -79,4 +73,8 @@ std::unique_ptr<Decoupler> make_table_matrix(const Calibration& calibration, std
     return std::make_unique<TableMatrix>(calibration, std::move(solver));
 }
 
+const MethodEntry entry(
+    {.model = "table", .method = "matrix", .place = 30, .parameters = kParameters, .tables = kTables, .make = make});
+
+}  // namespace
 }  // namespace tactiled

@@ -7,13 +7,11 @@
 // nothing is solved in the loop. hysteresis: play operators, whose inverse is play operators again (play_hysteresis.hpp).
 #include <cmath>
 
-#include "decoupling/generic/methods.hpp"
 #include "decoupling/solve/checked.hpp"
 #include "decoupling/solve/monotone_curve.hpp"
 #include "decoupling/solve/play_hysteresis.hpp"
 #include "decoupling/table/gauge_solver.hpp"
 #include "decoupling/table/methods.hpp"
-#include "decoupling/table/sign_table.hpp"
 
 namespace tactiled {
 namespace {
@@ -60,57 +58,59 @@ private:
     std::array<PlayState, 3> state_;
 };
 
-}  // namespace
+// normal_curve: rows (N, reading of the linear method), both in N, rising from (0, 0). hysteresis: rows of a threshold in N,
+// then the weights of Fx, Fy and N.
+constexpr std::array<KnownTable, 2> kTables{{{"normal_curve", kAnyNumber, 2, false}, {"hysteresis", kAnyNumber, 4, false}}};
 
-std::unique_ptr<Decoupler> make_table_nonlinear(const Calibration& calibration, std::string& fault) {
-    const TableNeeds needs{kLinearParameters, {"normal_curve", "hysteresis"}, {"fx", "fy", "fz"}, true};
-    fault = fault_of_table(calibration, needs);
-    if (fault.empty()) fault = fault_of_gains(calibration);
-    if (!fault.empty()) return nullptr;
-    MonotoneCurve curve;
-    if (calibration.tables.count("normal_curve") != 0) {
-        // Rows (N, reading of the linear method), both in N, rising from (0, 0).
-        const auto* points = table_of(calibration, "normal_curve", 0, 2, fault);
-        if (points == nullptr) return nullptr;
-        std::vector<double> normal, reading;
-        for (const auto& row : *points) {
-            normal.push_back(row[0]);
-            reading.push_back(row[1]);
-        }
-        fault = MonotoneCurve::fault_of(reading, normal);
-        if (fault.empty() && (normal.front() != 0 || reading.front() != 0)) fault = "its first row is not 0, 0";
-        if (!fault.empty()) {
-            fault = "table normal_curve: " + fault;
-            return nullptr;
-        }
-        curve = MonotoneCurve(reading, normal);
+std::string read_curve(const NumberRows& points, MonotoneCurve& curve) {
+    std::vector<double> normal, reading;
+    for (const auto& row : points) {
+        normal.push_back(row[0]);
+        reading.push_back(row[1]);
     }
-    std::array<PlayOperators, 3> undo;
-    if (calibration.tables.count("hysteresis") != 0) {
-        // Rows: threshold in N, then the weights of Fx, Fy and N.
-        const auto* rows = table_of(calibration, "hysteresis", 0, 4, fault);
-        if (rows == nullptr) return nullptr;
-        for (std::size_t c = 0; c < 3; ++c) {
-            std::vector<double> thresholds, weights;
-            for (const auto& row : *rows) {
-                thresholds.push_back(row[0]);
-                weights.push_back(row[c + 1]);
-            }
-            fault = PlayOperators::fault_of(thresholds, weights);
-            if (!fault.empty()) {
-                fault = "table hysteresis: " + fault;
-                return nullptr;
-            }
-            PlayOperators operators;
-            operators.n = thresholds.size();
-            std::copy(thresholds.begin(), thresholds.end(), operators.threshold.begin());
-            std::copy(weights.begin(), weights.end(), operators.weight.begin());
-            undo[c] = operators.inverse();
-        }
-    }
-    auto solver = solver_of_signs(calibration, fault);
-    if (!solver) return nullptr;
-    return std::make_unique<TableNonlinear>(calibration, std::move(*solver), std::move(curve), undo);
+    std::string fault = MonotoneCurve::fault_of(reading, normal);
+    if (fault.empty() && (normal.front() != 0 || reading.front() != 0)) fault = "its first row is not 0, 0";
+    if (fault.empty()) curve = MonotoneCurve(reading, normal);
+    return fault.empty() ? "" : "table normal_curve: " + fault;
 }
 
+// The plays that undo those of component c.
+std::string read_hysteresis(const NumberRows& rows, std::size_t c, PlayOperators& undo) {
+    std::vector<double> thresholds, weights;
+    for (const auto& row : rows) {
+        thresholds.push_back(row[0]);
+        weights.push_back(row[c + 1]);
+    }
+    if (const std::string fault = PlayOperators::fault_of(thresholds, weights); !fault.empty())
+        return "table hysteresis: " + fault;
+    PlayOperators operators;
+    operators.n = thresholds.size();
+    std::copy(thresholds.begin(), thresholds.end(), operators.threshold.begin());
+    std::copy(weights.begin(), weights.end(), operators.weight.begin());
+    undo = operators.inverse();
+    return "";
+}
+
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    fault = fault_of_linear(data);
+    MonotoneCurve curve;
+    if (const auto* points = data.table("normal_curve"); fault.empty() && points != nullptr)
+        fault = read_curve(*points, curve);
+    std::array<PlayOperators, 3> undo;
+    if (const auto* rows = data.table("hysteresis"); rows != nullptr)
+        for (std::size_t c = 0; c < 3 && fault.empty(); ++c) fault = read_hysteresis(*rows, c, undo[c]);
+    if (!fault.empty()) return nullptr;
+    auto solver = solver_of_signs(data, fault);
+    if (!solver) return nullptr;
+    return std::make_unique<TableNonlinear>(data.calibration(), std::move(*solver), std::move(curve), undo);
+}
+
+const MethodEntry entry({.model = "table",
+                         .method = "nonlinear",
+                         .place = 50,
+                         .parameters = kLinearParameters,
+                         .tables = kTables,
+                         .make = make});
+
+}  // namespace
 }  // namespace tactiled

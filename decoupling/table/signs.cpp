@@ -15,6 +15,7 @@
 #include <cmath>
 
 #include "decoupling/solve/checked.hpp"
+#include "decoupling/solve/consistency.hpp"
 #include "decoupling/table/methods.hpp"
 #include "decoupling/table/sign_table.hpp"
 
@@ -42,22 +43,25 @@ constexpr std::array<std::uint32_t, 9> kPressed{16, 11, 15, 13, 1, 12, 17, 10, 1
 
 constexpr double kDefaultBand_per_noise = 5;  // 5 sigma: a false sign once in 30 minutes at 1 kHz
 constexpr double kDefaultLevel_N = 0.1;
-constexpr double kDoubtful = 6;      // of the parity, in standard deviations; as method "linear"
-constexpr double kGainError = 0.01;  // as method "linear"
+
+constexpr std::array<Parameter, 3> kStepParameters{
+    {{"dead_band", "reading that counts as 0, channel_unit", kAboveZero, kLargest, 0},
+     {"level_normal", "step of fz, N", kAboveZero, kLargest, kDefaultLevel_N},
+     {"level_tangential", "step of fx and fy, N", kAboveZero, kLargest, kDefaultLevel_N}}};
+constexpr auto kParameters = joined(kLinearParameters, kStepParameters);
 
 int sign_of(double value, double band) { return int(value > band) - int(value < -band); }
 
 class TableSigns final : public CheckedModel {
 public:
-    TableSigns(const Calibration& calibration, std::uint32_t inner)
-        : CheckedModel(calibration, inner, inner),
-          normal_per_N_(calibration.parameters.at("normal_inner")),
-          tangential_per_N_(calibration.parameters.at("tangential_inner")),
-          noise_(parameter_or(calibration, "noise", kDefaultNoise_per_reading * normal_per_N_)),
-          band_(parameter_or(calibration, "dead_band", kDefaultBand_per_noise * noise_)),
-          level_N_{parameter_or(calibration, "level_tangential", kDefaultLevel_N),
-                   parameter_or(calibration, "level_tangential", kDefaultLevel_N),
-                   parameter_or(calibration, "level_normal", kDefaultLevel_N)} {
+    TableSigns(const CalibrationData& data, std::uint32_t inner)
+        : CheckedModel(data.calibration(), inner, inner),
+          normal_per_N_(data["normal_inner"]),
+          tangential_per_N_(data["tangential_inner"]),
+          noise_(data.has("noise") ? data["noise"] : kDefaultNoise_per_reading * normal_per_N_),
+          band_(data.has("dead_band") ? data["dead_band"] : kDefaultBand_per_noise * noise_),
+          level_N_{data["level_tangential"], data["level_tangential"], data["level_normal"]} {
+        const Calibration& calibration = data.calibration();
         for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
             const int number = table_gauge(calibration.channels[k])->number;
             if (number % 2 == 1) channel_[std::size_t(number / 2)] = k;
@@ -126,21 +130,14 @@ private:
     Wrench sd_ = kUnseen, sd_slope_{};
 };
 
-}  // namespace
-
-std::unique_ptr<Decoupler> make_table_signs(const Calibration& calibration, std::string& fault) {
-    TableNeeds needs{kLinearParameters, {}, {"fx", "fy", "fz"}, true};
-    for (const char* name : {"dead_band", "level_normal", "level_tangential"}) needs.parameters.emplace_back(name);
-    fault = fault_of_table(calibration, needs);
-    if (fault.empty()) fault = fault_of_gains(calibration);
-    for (const char* name : {"noise", "dead_band", "level_normal", "level_tangential"})
-        if (fault.empty() && !(parameter_or(calibration, name, 1) > 0))
-            fault = std::string("parameter ") + name + " is not above 0";
-    if (!fault.empty()) return nullptr;
-    std::uint32_t inner = 0;
-    for (std::size_t k = 0; k < calibration.channels.size(); ++k)
-        if (table_gauge(calibration.channels[k])->inner) inner |= 1u << k;
-    return std::make_unique<TableSigns>(calibration, inner);
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    fault = fault_of_linear(data);
+    return fault.empty() ? std::make_unique<TableSigns>(data, inner_gauges(data.calibration())) : nullptr;
 }
 
+// The forces are those of "linear" in steps, and the steps are added to its standard deviation.
+const MethodEntry entry(
+    {.model = "table", .method = "signs", .place = 20, .parameters = kParameters, .make = make, .sd_of = "linear"});
+
+}  // namespace
 }  // namespace tactiled

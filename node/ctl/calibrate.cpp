@@ -1,10 +1,12 @@
 // tactilectl calibrate: from labelled rows to a calibration file, and how far to trust it.
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <ctime>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -12,9 +14,8 @@
 #include "config/calibration.hpp"
 #include "config/text_file.hpp"
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/fit/hair_fit.hpp"
 #include "decoupling/fit/report.hpp"
-#include "decoupling/fit/table_more_fit.hpp"
+#include "decoupling/method.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
 
@@ -25,8 +26,8 @@ struct Settings {
     std::string in, out, report;
     Selection selection;
     FitRequest request;
-    std::vector<std::string> set;  // "area_m2=3e-5"
-    std::string influence, elastomer;
+    std::vector<std::string> set;              // "area_m2=3e-5"
+    std::map<std::string, std::string> start;  // options of the fits
     std::optional<double> forget;
     bool json = false;
 };
@@ -107,9 +108,10 @@ void check_outputs(const Settings& settings) {
 
 int calibrate(Settings settings) {
     check_outputs(settings);
-    if (settings.request.channel_unit.empty())
-        settings.request.channel_unit =
-            settings.request.model == "table" || settings.request.model == "hair" ? "dR/R0" : "unknown";
+    if (settings.request.channel_unit.empty()) {
+        const auto fits = fits_of(settings.request.model);
+        settings.request.channel_unit = fits.empty() ? "unknown" : fits.front()->channel_unit;
+    }
     settings.request.date = fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)));
     FitRequest& request = settings.request;
     for (const auto& text : settings.set) {
@@ -121,12 +123,8 @@ int calibrate(Settings settings) {
         request.parameters[text.substr(0, at)] = value;
     }
     if (settings.forget) request.parameters["forget"] = *settings.forget;
-    if (!settings.influence.empty()) {
-        Calibration map;
-        add_influence(settings.influence, map);
-        request.start["map"] = map;
-    }
-    if (!settings.elastomer.empty()) request.start["physics"].parameters = hair_parameters(settings.elastomer);
+    for (const auto& [name, value] : settings.start)
+        if (!value.empty()) put_fit_option(name, value, request);
     const FitReport report = fit(read_labelled(settings.in, settings.selection), settings.request);
     save_calibration(report.calibration, settings.out);
     if (!settings.report.empty())
@@ -146,17 +144,17 @@ void add_calibrate(CLI::App& app, Run& run) {
     settings->request.channel_unit.clear();
     auto* verb = add_verb(app, "calibrate",
                           "Fits a calibration to labelled readings and says how good it is on rows it has not seen");
-    verb->add_option("--model", settings->request.model, "generic, table, hair, capacitive or piezo")->required();
+    verb->add_option("--model", settings->request.model, fmt::format("{}", fmt::join(model_names(), ", ")))->required();
     verb->add_option("--method", settings->request.method,
                      "of the model; its first if not given; auto: all that the rows determine");
     verb->add_option("--set", settings->set, "a parameter that is known: NAME=NUMBER, e.g. area_m2=3e-5")->take_all();
     verb->add_option("--forget", settings->forget,
                      "method matrix of model generic: row i of N counts this to the power N - i; 0.999: the last 1000 rows")
         ->check(CLI::Range(0.5, 1.0));
-    verb->add_option("--influence", settings->influence,
-                     "method map of model table: the file with the plate's influence map");
-    verb->add_option("--elastomer", settings->elastomer,
-                     "method physics of model hair: PDMS, Ecoflex or hydrogel to start from");
+    for (const FitEntry* entry : all_fits())
+        if (entry->option.name != nullptr)
+            verb->add_option(fmt::format("--{}", entry->option.name), settings->start[entry->option.name],
+                             entry->option.help);
     verb->add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
         ->required();
     verb->add_option("--out", settings->out, "the calibration file to write")->required();

@@ -26,14 +26,6 @@ struct Settings {
     double saturates_above = std::numeric_limits<double>::infinity();
 };
 
-std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration, const Settings& settings) {
-    Problems problems;
-    Options none = Options::parse_text("", calibration.path, problems);
-    auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us, none);
-    problems.throw_if_any();
-    return decoupler;
-}
-
 // The column of each channel, by name.
 std::vector<std::size_t> channel_columns(const CsvReader& csv, const Calibration& calibration) {
     std::vector<std::size_t> columns;
@@ -55,7 +47,7 @@ int decouple(const Settings& settings) {
     Problems problems;
     const Calibration calibration = load_calibration(settings.calibration, problems);
     problems.throw_if_any();
-    const auto decoupler = decoupler_of(calibration, settings);
+    const auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us);
     CsvReader csv(settings.in);
     const auto time = csv.find("t_s");
     if (!time) csv.refuse("has no column t_s");

@@ -84,14 +84,6 @@ Calibration shipped_calibration(const CostSetup& setup, const std::string& name)
     return calibration;
 }
 
-std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration) {
-    Problems problems;
-    Options none = Options::parse_text("", calibration.path, problems);
-    auto decoupler = make_decoupler(calibration, calibration.method, 0, none);
-    problems.throw_if_any();
-    return decoupler;
-}
-
 void check_output(const std::string& path) {
     const std::filesystem::path folder = std::filesystem::path(path).parent_path();
     if (std::filesystem::is_directory(path)) throw SetupError(fmt::format("{}: is a folder; name a file", path));

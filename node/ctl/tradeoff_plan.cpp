@@ -8,7 +8,7 @@
 #include <future>
 
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/fit/table_more_fit.hpp"
+#include "decoupling/method.hpp"
 #include "node/ctl/simulate.hpp"
 #include "node/ctl/tradeoff.hpp"
 
@@ -62,11 +62,6 @@ std::string path_of(const std::string& folder, const std::string& scene) {
     return (std::filesystem::path(folder) / (scene + ".toml")).string();
 }
 
-bool is_fitted(const std::string& model, const std::string& method) {
-    const auto all = fit_methods();
-    return std::any_of(all.begin(), all.end(), [&](const FitMethod& m) { return m.model == model && m.method == method; });
-}
-
 struct Made {
     std::vector<Candidate> candidates;
     std::vector<std::string> refused;
@@ -76,7 +71,8 @@ struct Made {
 Made calibrate(const std::string& folder, const Source& source, const sim::Sensor* sensor) {
     CalibrationScene scene = read_calibration_scene(path_of(folder, source.scene));
     if (sensor != nullptr) scene.scene.sensors = {*sensor};
-    const Labelled rows = calibration_rows(scene, source.model == "piezo" ? kMaxRowsOfMemory : kMaxRows);
+    const FitEntry* const first = find_fit(source.model, source.methods.front());
+    const Labelled rows = calibration_rows(scene, first != nullptr && first->remembers ? kMaxRowsOfMemory : kMaxRows);
     Made made;
     for (const auto& method : source.methods) {
         const bool twice = std::any_of(sources().begin(), sources().end(), [&](const Source& other) {
@@ -84,18 +80,14 @@ Made calibrate(const std::string& folder, const Source& source, const sim::Senso
                    std::find(other.methods.begin(), other.methods.end(), method) != other.methods.end();
         });
         Candidate candidate{source.model, method, twice && !source.how.empty() ? method + ", " + source.how : method, {}};
-        if (!is_fitted(source.model, method) && !made.candidates.empty()) {
+        if (find_fit(source.model, method) == nullptr && !made.candidates.empty()) {
             candidate.calibration = made.candidates.front().calibration;
             made.candidates.push_back(std::move(candidate));
             continue;
         }
         FitRequest request{.model = source.model, .method = method, .serial = "", .date = ""};
-        if (source.model != "generic") request.parameters = scene.known;
-        if (!scene.influence.empty()) {
-            Calibration map;
-            add_influence(scene.influence, map);
-            request.start["map"] = map;
-        }
+        request.parameters = scene.known;
+        if (!scene.influence.empty()) put_fit_option("influence", scene.influence, request);
         try {
             candidate.calibration = fit(rows, request).calibration;
             candidate.calibration.path = source.scene;
@@ -114,13 +106,7 @@ void add(Contest& contest, Made&& made) {
 
 }  // namespace
 
-std::unique_ptr<Decoupler> Candidate::make() const {
-    Problems problems;
-    Options none = Options::parse_text("", calibration.path, problems);
-    auto decoupler = make_decoupler(calibration, method, 0, none);
-    problems.throw_if_any();
-    return decoupler;
-}
+std::unique_ptr<Decoupler> Candidate::make() const { return make_decoupler(calibration, method); }
 
 std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show) {
     std::atomic<std::size_t> done = 0;
@@ -162,7 +148,8 @@ Contest contest_of_calibration(const std::string& path) {
     Contest contest{.model = calibration.model, .candidates = {}, .trials = {}, .refused = {}};
     std::vector<std::string> methods{calibration.method};
     for (const Fit& other : calibration.others) methods.push_back(other.method);
-    if (calibration.method == "linear" && calibration.model == "table") methods.emplace_back("signs");
+    for (const MethodEntry* entry : methods_of(calibration.model))
+        if (!entry->sd_of.empty() && entry->sd_of == calibration.method) methods.emplace_back(entry->method);
     for (const auto& method : methods) contest.candidates.push_back({calibration.model, method, method, calibration});
     return contest;
 }

@@ -122,10 +122,7 @@ Case piezo() {  // the thesis' curves
     calibration.sd = {0.05};
     calibration.parameters = {{"gain_b", 0.2917},   {"gain_a", 0.0092},       {"normal_b", 0.0405},
                               {"normal_a", 0.0008}, {"normal_range_N", 10.0}, {"leak_tau_s", 1.0}};
-    Problems problems;
-    Options none = Options::parse_text("", "bench", problems);
-    Case result{.name = "piezo/fused", .decoupler = make_decoupler(calibration, "fused", 0, none), .readings = {}, .ns = {}};
-    problems.throw_if_any();
+    Case result{.name = "piezo/fused", .decoupler = make_decoupler(calibration), .readings = {}, .ns = {}};
     for (const Wrench& load : finger(kReadings))
         result.readings.push_back({0.0768 - 0.3 * (load[2] + 0.5), 1.3039 - 0.0405 * load[2]});
     return result;
@@ -135,11 +132,8 @@ Case fitted(const std::string& model, const std::string& method, const Labelled&
     FitRequest request;
     request.model = model;
     request.method = method;
-    Problems problems;
-    Options none = Options::parse_text("", "bench", problems);
     Case result{.name = model + "/" + method, .decoupler = nullptr, .readings = {}, .ns = {}};
-    result.decoupler = make_decoupler(fit(rows, request).calibration, method, 0, none);
-    problems.throw_if_any();
+    result.decoupler = make_decoupler(fit(rows, request).calibration, method);
     // Methods that know one contact see none that moves: its readings would be doubted, and that is not the usual way.
     const bool one_contact = method == "linear" || method == "nonlinear";
     for (const Wrench& load : finger(kReadings, !one_contact)) result.readings.push_back(forward(load));
@@ -151,9 +145,8 @@ Case plate() {
     Problems problems;
     const Calibration calibration =
         load_calibration(TACTILED_SOURCE_DIR "/config/calibration/table_influence.toml", problems);
-    Options none = Options::parse_text("", "bench", problems);
-    Case result{.name = "table/map", .decoupler = make_decoupler(calibration, "map", 0, none), .readings = {}, .ns = {}};
     problems.throw_if_any();
+    Case result{.name = "table/map", .decoupler = make_decoupler(calibration, "map"), .readings = {}, .ns = {}};
     const auto& map = calibration.tables.at("influence");
     const auto loads = finger(kReadings);
     for (std::size_t i = 0; i < kReadings; ++i) {

@@ -245,13 +245,7 @@ Calibration calibrate(const std::string& calibrate_scene, int serial, bool mirro
     return fit(labelled, request).calibration;
 }
 
-std::unique_ptr<Decoupler> decoupler(const Calibration& calibration) {
-    Problems problems;
-    Options options = Options::parse_text("", "calibration", problems);
-    auto made = make_decoupler(calibration, "", 0, options);
-    problems.throw_if_any();
-    return made;
-}
+std::unique_ptr<Decoupler> decoupler(const Calibration& calibration) { return make_decoupler(calibration); }
 
 std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& masses_kg, int times, const Conditions& c,
                              const std::vector<grasp::Object>& taught) {

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "config/calibration.hpp"
-#include "decoupling/decoupler.hpp"
+#include "decoupling/method.hpp"
 #include "tests/fuzz/input.hpp"
 
 namespace {
@@ -52,14 +52,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Problems again;
     check(calibration_text(parse_calibration(written, "again.toml", again)) == written && again.empty());
 
-    const DecouplerEntry* const entry = find_decoupler(calibration.model);
-    if (entry == nullptr) return 0;
-    for (const std::string& method : entry->methods) {
-        Problems refused;
-        Options options = Options::parse_text("", "fuzz.toml", refused);
-        const auto decoupler = entry->make(calibration, method, options);
-        if (decoupler == nullptr || !refused.empty()) continue;
-        auto twin = entry->make(calibration, method, options);
+    for (const MethodEntry* const method : methods_of(calibration.model)) {
+        std::string fault;
+        const auto decoupler = make_method(*method, calibration, fault);
+        if (decoupler == nullptr) continue;
+        auto twin = make_method(*method, calibration, fault);
         Input input(data + length, size - length);
         (void)input.byte();
         std::uint64_t t_ns = 1'000'000'000;
@@ -86,7 +83,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             check_same(estimate, twin->decouple({others, reading.missing, reading.saturated, reading.t_ns}));
             if ((how & 8) == 0) continue;
             decoupler->forget();
-            twin = entry->make(calibration, method, options);
+            twin = make_method(*method, calibration, fault);
         }
     }
     return 0;

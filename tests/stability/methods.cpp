@@ -231,12 +231,6 @@ Calibration calibration_of(const std::string& name) {
     std::abort();
 }
 
-std::unique_ptr<Decoupler> made(const Calibration& calibration) {
-    Problems problems;
-    Options none = Options::parse_text("", "stability", problems);
-    auto decoupler = make_decoupler(calibration, "", 0, none);
-    problems.throw_if_any();
-    return decoupler;
-}
+std::unique_ptr<Decoupler> made(const Calibration& calibration) { return make_decoupler(calibration); }
 
 }  // namespace tactiled::stability

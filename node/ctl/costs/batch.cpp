@@ -23,7 +23,7 @@ Contender taxels_of(const Calibration& calibration, std::size_t n, const std::ve
         Sensor::Setup setup;
         for (int k = 0; k < int(kGauges); ++k) setup.channel_of_frame.push_back(k);
         setup.frame_channels = kGauges;
-        setup.decoupler = decoupler_of(calibration);
+        setup.decoupler = make_decoupler(calibration);
         sensors->emplace_back(std::move(setup));
     }
     return [sensors, n, &reading](std::size_t first, std::size_t last) {

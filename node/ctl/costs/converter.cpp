@@ -38,7 +38,7 @@ struct ForceNoise {
     double fx_N, fz_N;
 };
 ForceNoise force_noise(const Calibration& calibration, double noise_pF, std::size_t samples) {
-    const auto decoupler = decoupler_of(calibration);
+    const auto decoupler = make_decoupler(calibration);
     const auto rest = reading(calibration, kShear_N, kPress_N);
     std::mt19937_64 random(1);
     std::normal_distribution<double> normal(0, noise_pF);
@@ -93,7 +93,7 @@ Cost measure(const CostSetup& setup) {
         fx.points.push_back({v[4], v[3], ""});
     }
     // What the chip's accuracy, which no averaging improves, is as a press there.
-    const auto decoupler = decoupler_of(calibration);
+    const auto decoupler = make_decoupler(calibration);
     auto off = reading(calibration, kShear_N, kPress_N);
     off[4] += kAccuracy_fF * 1e-3;
     const double accuracy_mN = (-decoupler->decouple({.channel = off, .t_ns = 1}).wrench_S[2] - kPress_N) * 1e3;

@@ -40,8 +40,7 @@ struct CostEntry {
     Cost (*measure)(const CostSetup&);  // setup: throws SetupError where a file is missing or wrong
 };
 
-// The decoupler of a calibration file or of one in memory. setup: throws SetupError with what is wrong
+// A calibration file of the sources. setup: throws SetupError with what is wrong
 Calibration shipped_calibration(const CostSetup& setup, const std::string& name);
-std::unique_ptr<Decoupler> decoupler_of(const Calibration& calibration);
 
 }  // namespace tactiled::ctl

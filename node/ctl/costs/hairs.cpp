@@ -65,7 +65,7 @@ Cost measure(const CostSetup& setup) {
         double normal_Pa, shear_Pa;
     };
     const auto through = [&](const Calibration& calibration, const std::vector<double>& reading) {
-        const auto decoupler = decoupler_of(calibration);
+        const auto decoupler = make_decoupler(calibration);
         const std::size_t channels = calibration.channels.size();
         std::vector<double> normal_Pa, shear_Pa;
         for (std::size_t i = 0; i < n; ++i) {
@@ -91,7 +91,7 @@ Cost measure(const CostSetup& setup) {
                                         for (std::size_t i = first; i < last; ++i) sum += reading_1[i % n] / per_normal_Pa;
                                         return sum;
                                     },
-                                    runs(decoupler_of(pair), reading_2, 2), runs(decoupler_of(four), reading_4, 4)},
+                                    runs(make_decoupler(pair), reading_2, 2), runs(make_decoupler(four), reading_4, 4)},
                                    n);
     Cost cost;
     cost.columns = {"hairs",    "normal_Pa",      "normal_ideal_Pa",  "normal_printed_Pa",

@@ -104,7 +104,7 @@ Cost measure(const CostSetup& setup) {
     for (const Step step : {Step{1, 1}, Step{2, 1}, Step{2, 2}, Step{2, 4}, Step{4, 4}, Step{4, 6}}) {
         const Calibration calibration = thinned(whole, polar, step.ring, step.angle);
         points.push_back(calibration.tables.at("influence").size());
-        decouplers.push_back(decoupler_of(calibration));
+        decouplers.push_back(make_decoupler(calibration));
         errors.push_back(errors_of(*decouplers.back(), contacts));
         resting.push_back([decoupler = decouplers.back(), &held](std::size_t first, std::size_t last) {
             double sum = 0;  // a contact that stays where it is and presses more and less

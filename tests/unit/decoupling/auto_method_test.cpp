@@ -26,10 +26,9 @@ Calibration with_hysteresis() {
 std::vector<double> press(double N) { return {kNormal_per_N * N, kNormal_per_N * N, kNormal_per_N * N, kNormal_per_N * N}; }
 
 std::unique_ptr<AutoMethod> automatic(const Calibration& calibration, double budget_us, std::vector<MethodCost> costs) {
-    Problems problems;
-    Options none = Options::parse_text("", "test", problems);
-    auto made = make_auto_method(calibration, budget_us, none, costs);
-    problems.throw_if_any();
+    DecouplerFault fault;
+    auto made = make_auto_method(calibration, budget_us, costs, fault);
+    EXPECT_EQ(fault.text, "");
     return made;
 }
 
@@ -53,12 +52,11 @@ TEST(AutoMethod, TakesTheFrontOfAccuracyAgainstTheCostsThatWereKept) {
 
 TEST(AutoMethod, MeasuresWhatWasNotKeptOrIsNoTime) {
     const Calibration calibration = with_hysteresis();
-    Problems problems;
-    Options none = Options::parse_text("", "test", problems);
+    DecouplerFault fault;
     for (const std::vector<MethodCost>& kept : {std::vector<MethodCost>{}, std::vector<MethodCost>{{"linear", 1}},
                                                 std::vector<MethodCost>{{"linear", 1}, {"nonlinear", kNaN}}}) {
         std::vector<MethodCost> costs = kept;
-        ASSERT_NE(make_auto_method(calibration, 10, none, costs), nullptr);
+        ASSERT_NE(make_auto_method(calibration, 10, costs, fault), nullptr);
         ASSERT_EQ(costs.size(), 2u);
         for (const auto& each : costs) EXPECT_GT(each.us, 0) << each.method;
     }

@@ -150,8 +150,8 @@ Rows pointers_to(const std::vector<LabelledRow>& rows) {
 }
 
 using FitFunction = void (*)(const Rows&, Calibration&, std::vector<std::string>&);
-const std::pair<const char*, FitFunction> kFitOf[] = {
-    {"quadratic", fit_capacitive_quadratic}, {"ratio", fit_capacitive_ratio}, {"overlap", fit_capacitive_overlap}};
+FitFunction fit_of(const char* method) { return find_fit("capacitive", method)->fit; }
+constexpr const char* kMethods[] = {"quadratic", "ratio", "overlap"};
 
 void state_geometry(Calibration& calibration) {
     for (const char* name : {"disc_radius_m", "inner_radius_m", "outer_radius_m", "opening_rad", "centre_radius_m", "gap_m"})
@@ -166,11 +166,11 @@ TEST(CapacitiveFit, OverlapIsBetterThanQuadraticOffTheAxisOnFiniteElements) {
         "finite elements, %zu rows on the axes, %zu off: rms %% of 1.2 N shear, of 10 N press\n"
         "                 shear on    off   press on    off\n",
         on_axis.size(), off_axis.size());
-    for (const auto& [name, fit] : kFitOf) {
+    for (const char* name : kMethods) {
         Calibration calibration = capacitive_calibration(name);
         if (calibration.method == "overlap") state_geometry(calibration);
         std::vector<std::string> warnings;
-        fit(pointers_to(on_axis), calibration, warnings);
+        fit_of(name)(pointers_to(on_axis), calibration, warnings);
         for (const auto& warning : warnings) ADD_FAILURE() << warning;
         on[name] = rms_of(calibration, pointers_to(on_axis));
         off[name] = rms_of(calibration, pointers_to(off_axis));
@@ -183,7 +183,7 @@ TEST(CapacitiveFit, OverlapIsBetterThanQuadraticOffTheAxisOnFiniteElements) {
     }
     Calibration assumed = capacitive_calibration("overlap");
     std::vector<std::string> warnings;
-    fit_capacitive_overlap(pointers_to(on_axis), assumed, warnings);
+    fit_of("overlap")(pointers_to(on_axis), assumed, warnings);
     EXPECT_EQ(warnings.size(), 1u);
     const Rms wrong = rms_of(assumed, pointers_to(off_axis));
     std::printf("overlap, assumed geometry (wrong by 20 %%): off the axes %.3f shear, %.3f press\n",
@@ -214,7 +214,7 @@ TEST(CapacitiveFit, OverlapIsFittedThroughNoiseAndSwappedLabels) {
     Calibration calibration = capacitive_calibration("overlap");
     state_geometry(calibration);
     std::vector<std::string> warnings;
-    fit_capacitive_overlap(pointers_to(rows), calibration, warnings);
+    fit_of("overlap")(pointers_to(rows), calibration, warnings);
     EXPECT_NEAR(calibration.parameters.at("noise"), 2e-5, 0.4e-5);
     EXPECT_NEAR(calibration.parameters.at("shear_gap_exponent"), -0.4, 0.1);
     EXPECT_NEAR(calibration.parameters.at("shear_stiffness_N_per_m"), 1195, 60);
@@ -258,24 +258,24 @@ TEST(CapacitiveFit, RefusesWhatDataOrGeometryDoNotDetermine) {
     };
     auto rows = fem_rows(true, 4e-5, 3);
     Calibration calibration = capacitive_calibration("overlap");
-    EXPECT_NE(refusal(fit_capacitive_overlap, rows, calibration).find("geometry is not stated"), std::string::npos);
+    EXPECT_NE(refusal(fit_of("overlap"), rows, calibration).find("geometry is not stated"), std::string::npos);
     calibration.parameters["disc_radius_m"] = 4e-3;
-    EXPECT_NE(refusal(fit_capacitive_overlap, rows, calibration).find("missing: inner_radius_m"), std::string::npos);
+    EXPECT_NE(refusal(fit_of("overlap"), rows, calibration).find("missing: inner_radius_m"), std::string::npos);
     state_geometry(calibration);
     calibration.channels = {"C2", "C1", "C3", "C4", "Cn"};
-    for (const auto& [name, fit] : kFitOf)
-        EXPECT_NE(refusal(fit, rows, calibration).find("C1 lies on +x"), std::string::npos) << name;
+    for (const char* name : kMethods)
+        EXPECT_NE(refusal(fit_of(name), rows, calibration).find("C1 lies on +x"), std::string::npos) << name;
     calibration.channels = kChannels;
     auto flipped = rows;
     for (auto& row : flipped) row.wrench_S[2] = -row.wrench_S[2];
-    for (const auto& [name, fit] : kFitOf)
-        EXPECT_NE(refusal(fit, flipped, calibration).find("it must rise"), std::string::npos) << name;
+    for (const char* name : kMethods)
+        EXPECT_NE(refusal(fit_of(name), flipped, calibration).find("it must rise"), std::string::npos) << name;
     for (auto& row : rows) row.wrench_S[1] = 0;
-    for (const auto& [name, fit] : kFitOf)
-        EXPECT_NE(refusal(fit, rows, calibration).find("independently"), std::string::npos) << name;
+    for (const char* name : kMethods)
+        EXPECT_NE(refusal(fit_of(name), rows, calibration).find("independently"), std::string::npos) << name;
     calibration.components = {"fz"};
-    EXPECT_NE(refusal(fit_capacitive_ratio, rows, calibration).find("labels"), std::string::npos);
-    EXPECT_EQ(refusal(fit_capacitive_quadratic, rows, calibration), "accepted");
+    EXPECT_NE(refusal(fit_of("ratio"), rows, calibration).find("labels"), std::string::npos);
+    EXPECT_EQ(refusal(fit_of("quadratic"), rows, calibration), "accepted");
 }
 
 }  // namespace

@@ -136,7 +136,8 @@ TEST(Generic, IsBadForAFrameOfAnotherShape) {
 TEST(Generic, RefusesACalibrationThatDoesNotFitItself) {
     Calibration calibration = two_by_three();
     calibration.matrix[1].pop_back();
-    EXPECT_NE(refusal(calibration).find("skin.toml: a row of matrix has 2 numbers for 3 channels"), std::string::npos);
+    EXPECT_NE(refusal(calibration).find("skin.toml: method matrix: a row of matrix has 2 numbers for 3 channels"),
+              std::string::npos);
     calibration = two_by_three();
     calibration.components[1] = "fw";
     EXPECT_NE(refusal(calibration).find("components has \"fw\""), std::string::npos);

@@ -135,9 +135,7 @@ inline Calibration fitted_hair(const std::string& method, const Rows& rows, Cali
     if (calibration.channels.empty()) calibration = hair_calibration(method);
     calibration.method = method;
     std::vector<std::string> warnings;
-    (method == "sum_diff" ? fit_hair_sum_diff
-     : method == "matrix" ? fit_hair_matrix
-                          : fit_hair_physics)(rows, calibration, warnings);
+    find_fit("hair", method)->fit(rows, calibration, warnings);
     if (said != nullptr) *said = warnings;
     return calibration;
 }

@@ -224,10 +224,10 @@ TEST(Hair, RefusesCalibrationsThatItCannotUse) {
     says(c, "diff_y_per_Pa (DIFF of the pair at 1 Pa of shear, r4 - r2) is missing");
     c = paper("matrix");
     c.parameters.erase("area_m2");
-    says(c, "area_m2 (of the cap; 2.827e-5 of one of 6 mm diameter) is missing");
+    says(c, "parameter area_m2 is missing: of the cap; 2.827e-5 of one of 6 mm diameter");
     c = paper("matrix");
     c.tables["leek"] = {{1}};
-    says(c, "table leek is unknown; method matrix has gains leak noise");
+    says(c, "table leek is unknown; did you mean leak?");
     c = paper("matrix");
     c.tables["gains"].pop_back();
     says(c, "table gains has 3 rows of 3; needed are 4 of 3");
@@ -245,7 +245,7 @@ TEST(Hair, RefusesCalibrationsThatItCannotUse) {
     says(c, "table noise");
     c = paper("physics");
     c.parameters["thickness_m"] = 0;
-    says(c, "parameter thickness_m (of the hair) = 0 is not above 0");
+    says(c, "parameter thickness_m = 0 is not above 0: of the hair");
     c = paper_hair("sum_diff", {"H1", "H2", "H3"});
     says(c, "H2 H4 for fy");
 }

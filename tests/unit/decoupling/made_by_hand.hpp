@@ -35,25 +35,12 @@ inline Calibration table_calibration(std::vector<std::string> channels) {
 inline std::vector<std::string> inner_gauges() { return {"R1", "R3", "R5", "R7"}; }
 inline std::vector<std::string> all_gauges() { return {"R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8"}; }
 
-// nullptr where the calibration is refused; `problems` says why.
-inline std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, Problems& problems) {
-    Options none = Options::parse_text("", "test", problems);
-    const auto* entry = find_decoupler(calibration.model);
-    return entry->make(calibration, calibration.method, none);
-}
-
-inline std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration) {
-    Problems problems;
-    auto decoupler = make_decoupler(calibration, problems);
-    problems.throw_if_any();
-    return decoupler;
-}
-
-// The first line that is said of a calibration that must be refused; "" where nothing is.
-inline std::string refusal(const Calibration& calibration) {
-    Problems problems;
-    EXPECT_EQ(make_decoupler(calibration, problems), nullptr);
-    return problems.empty() ? "" : problems.lines().front();
+// Why a calibration is refused that must be.
+inline std::string refusal(const Calibration& calibration, const std::string& method = "") {
+    DecouplerFault fault;
+    EXPECT_EQ(make_decoupler(calibration, method, 0, fault), nullptr);
+    EXPECT_NE(fault.text, "");
+    return fault.text;
 }
 
 inline Estimate decouple(Decoupler& decoupler, const std::vector<double>& channel, std::uint32_t missing = 0,

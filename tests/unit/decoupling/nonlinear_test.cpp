@@ -194,35 +194,29 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     Problems problems;
     const Calibration back = load_calibration(file.path(), problems);
     problems.throw_if_any();
-    Options none = Options::parse_text("", "test", problems);
+    DecouplerFault fault;
     for (const char* method : {"matrix", "quadratic", "rbf", "mlp"}) {
-        const auto decoupler = make_decoupler(back, method, 0, none);
+        const auto decoupler = make_decoupler(back, method);
         ASSERT_NE(decoupler, nullptr);
         EXPECT_EQ(decoupler->method(), method);
         // To the last bit what was fitted.
-        const auto direct = make_decoupler(report.calibration, method, 0, none);
+        const auto direct = make_decoupler(report.calibration, method);
         EXPECT_EQ(decouple(*decoupler, bent(0.5, 0.5)).wrench_S[2], decouple(*direct, bent(0.5, 0.5)).wrench_S[2]);
     }
     // With time enough the most accurate, with none the fastest: of costs that are given, as a busy machine may measure any.
     std::vector<MethodCost> costs{{"matrix", 0.05}, {"quadratic", 0.2}, {"rbf", 2}, {"mlp", 4}};
-    EXPECT_EQ(make_auto_method(back, 1e4, none, costs)->method(), "rbf");
-    EXPECT_EQ(make_auto_method(back, 1e-6, none, costs)->method(), "matrix");
-    EXPECT_EQ(make_decoupler(back, "auto", 1e9, none)->method(), "rbf");
-    EXPECT_EQ(make_decoupler(back, "", 0, none)->method(), "rbf");
-    problems.throw_if_any();
-    EXPECT_EQ(make_decoupler(back, "rbff", 0, none), nullptr);
-    EXPECT_FALSE(problems.empty());
+    EXPECT_EQ(make_auto_method(back, 1e4, costs, fault)->method(), "rbf");
+    EXPECT_EQ(make_auto_method(back, 1e-6, costs, fault)->method(), "matrix");
+    EXPECT_EQ(make_decoupler(back, "auto", 1e9)->method(), "rbf");
+    EXPECT_EQ(make_decoupler(back)->method(), "rbf");
+    EXPECT_NE(refusal(back, "rbff").find("matrix quadratic rbf mlp"), std::string::npos);
 }
 
 // 1 Nm is little beside 100 N and much beside 2 Nm.
 TEST(Auto, WeighsEachComponentByItsFullScaleAndItsSlope) {
     Calibration calibration = fitted("auto", bent_rows(500, 1e-3)).calibration;
     calibration.full_scale = {100, 2};
-    const auto chosen = [&] {
-        Problems problems;
-        Options none = Options::parse_text("", "test", problems);
-        return std::string(make_decoupler(calibration, "auto", 1e6, none)->method());
-    };
+    const auto chosen = [&] { return std::string(make_decoupler(calibration, "auto", 1e6)->method()); };
     const auto state = [&](const std::vector<double>& sd_of_rbf, double slope_of_rbf) {
         const auto set = [&](Fit& fit) {
             fit.sd = fit.method == "rbf"      ? sd_of_rbf
@@ -244,15 +238,12 @@ TEST(Auto, WeighsEachComponentByItsFullScaleAndItsSlope) {
 // The matrix of a fit of "quadratic" errs ten times more than the quadratic: its standard deviation would be a lie.
 TEST(Auto, AMethodThatWasNotFittedHasNoStandardDeviation) {
     const Calibration quadratic = fitted("quadratic", bent_rows(500, 1e-3)).calibration;
-    Problems problems;
-    Options none = Options::parse_text("", "test", problems);
-    const Estimate own = decouple(*make_decoupler(quadratic, "", 0, none), bent(0.5, 0.5));
+    const Estimate own = decouple(*make_decoupler(quadratic), bent(0.5, 0.5));
     EXPECT_EQ(own.quality, TACTILED_GOOD);
-    const Estimate other = decouple(*make_decoupler(quadratic, "matrix", 0, none), bent(0.5, 0.5));
+    const Estimate other = decouple(*make_decoupler(quadratic, "matrix"), bent(0.5, 0.5));
     EXPECT_EQ(other.quality, TACTILED_UNCERTAIN);
     EXPECT_EQ(other.reasons, std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY));
     EXPECT_TRUE(std::isnan(other.sd[2]));
-    problems.throw_if_any();
 }
 
 // Nothing of a session is known to the calibration that it judges, not even how far its channels went.

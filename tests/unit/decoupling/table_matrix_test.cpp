@@ -6,7 +6,7 @@
 #include <numbers>
 #include <random>
 
-#include "decoupling/fit/table_more_fit.hpp"
+#include "decoupling/fit/table_fit.hpp"
 #include "decoupling/table/influence_map.hpp"
 #include "fem_table.hpp"
 
@@ -237,7 +237,7 @@ TEST(TableMatrix, IsFittedAndTrustsTheQuietGauges) {
     calibration.channels = all_gauges();
     calibration.components = kAll;
     std::vector<std::string> warnings;
-    fit_table_matrix(pointers(rows), calibration, warnings);
+    find_fit("table", "matrix")->fit(pointers(rows), calibration, warnings);
     EXPECT_NEAR(calibration.tables.at("noise")[0][2], 50e-6, 5e-6);
     const auto compliance = fem_compliance();
     for (std::size_t k = 0; k < 8; ++k) {
@@ -265,9 +265,9 @@ TEST(TableMatrix, TheFitRefusesMomentsThatFollowFromTheForces) {
     calibration.channels = all_gauges();
     calibration.components = kAll;
     std::vector<std::string> warnings;
-    EXPECT_THROW(fit_table_matrix(pointers(rows), calibration, warnings), Undetermined);
+    EXPECT_THROW(find_fit("table", "matrix")->fit(pointers(rows), calibration, warnings), Undetermined);
     calibration.components = {"fx", "fy", "fz", "mz"};
-    EXPECT_THROW(fit_table_matrix(pointers(rows), calibration, warnings), Undetermined);
+    EXPECT_THROW(find_fit("table", "matrix")->fit(pointers(rows), calibration, warnings), Undetermined);
 }
 
 TEST(TableMap, IsFittedWithAScaleAndAZeroForEachGauge) {
@@ -294,9 +294,9 @@ TEST(TableMap, IsFittedWithAScaleAndAZeroForEachGauge) {
     fitted.tables.clear();
     fitted.parameters.clear();
     std::vector<std::string> warnings;
-    EXPECT_THROW(fit_table_map(pointers(rows), fitted, warnings), Undetermined);  // no influence
+    EXPECT_THROW(find_fit("table", "map")->fit(pointers(rows), fitted, warnings), Undetermined);  // no influence
     add_influence(TACTILED_SOURCE_DIR "/config/calibration/table_influence.toml", fitted);
-    fit_table_map(pointers(rows), fitted, warnings);
+    find_fit("table", "map")->fit(pointers(rows), fitted, warnings);
     for (std::size_t k = 0; k < 8; ++k) {
         EXPECT_NEAR(fitted.tables.at("gauge_scale")[0][k], scale[k] / 2, 0.001);  // the file's gauge factor is 2
         EXPECT_NEAR(fitted.zero[k], 1e-4 * double(k), 1e-6);
@@ -334,7 +334,7 @@ TEST(TableMap, TakesForNoiseOnlyWhatNoPointExplainsAndTheZeroFromRest) {
     }
     Calibration fitted = calibration;
     std::vector<std::string> warnings;
-    fit_table_map(pointers(rows), fitted, warnings);
+    find_fit("table", "map")->fit(pointers(rows), fitted, warnings);
     for (std::size_t k = 0; k < 8; ++k) EXPECT_NEAR(fitted.zero[k], 1e-4 * double(k), 5e-6);
     EXPECT_NEAR(fitted.parameters.at("noise"), 1e-5 / std::sqrt(3), 2e-6);
 }

@@ -6,7 +6,7 @@
 #include <functional>
 #include <random>
 
-#include "decoupling/fit/table_more_fit.hpp"
+#include "decoupling/fit/table_fit.hpp"
 #include "decoupling/solve/monotone_curve.hpp"
 #include "decoupling/solve/play_hysteresis.hpp"
 #include "made_by_hand.hpp"
@@ -217,8 +217,8 @@ TEST(TableNonlinear, LowersAHysteresisOf484PercentThreeTimesOnLoopsItHasNotSeen)
         Calibration nonlinear = nonlinear_calibration(), linear = nonlinear;
         std::vector<std::string> warnings;
         linear.method = "linear";
-        fit_table(pointers(calibrated), linear, warnings);
-        fit_table_nonlinear(pointers(calibrated), nonlinear, warnings);
+        fit_table_linear(pointers(calibrated), linear, warnings);
+        find_fit("table", "nonlinear")->fit(pointers(calibrated), nonlinear, warnings);
         const Errors before = errors_of(linear, tested, 400), after = errors_of(nonlinear, tested, 400);
         std::printf(
             "%s, loop of %.2f %%, other loops than taught: linear %.2f %% of 1 N at most, %.2f %% rms; nonlinear %.2f %%, "
@@ -243,7 +243,7 @@ TEST(TableNonlinear, AFirstTouchIsReadAfterACalibrationThatNeverLetGo) {
     const auto calibrated = recording(bouc_wen(amount), taught), tested = recording(bouc_wen(amount), asked);
     Calibration nonlinear = nonlinear_calibration();
     std::vector<std::string> warnings;
-    fit_table_nonlinear(pointers(calibrated), nonlinear, warnings);
+    find_fit("table", "nonlinear")->fit(pointers(calibrated), nonlinear, warnings);
     EXPECT_LT(errors_of(nonlinear, calibrated, 0).rms, 0.005);  // N
     EXPECT_LT(errors_of(nonlinear, tested, 0).rms, 0.005);
 }
@@ -256,8 +256,8 @@ TEST(TableNonlinear, FitsTheCurveFromLabelledRows) {
     Calibration nonlinear = nonlinear_calibration(), linear = nonlinear;
     linear.method = "linear";
     std::vector<std::string> warnings;
-    fit_table(pointers(rows), linear, warnings);
-    fit_table_nonlinear(pointers(rows), nonlinear, warnings);
+    fit_table_linear(pointers(rows), linear, warnings);
+    find_fit("table", "nonlinear")->fit(pointers(rows), nonlinear, warnings);
     const Errors before = errors_of(linear, rows, 0), after = errors_of(nonlinear, rows, 0);
     std::printf("fitted to a press of 0 .. 5 N: linear %.2f N at most, nonlinear %.3f N\n", before.worst, after.worst);
     EXPECT_LT(after.worst, before.worst / 5);

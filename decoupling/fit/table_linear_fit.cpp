@@ -1,10 +1,10 @@
-// Model "table": one normal and one tangential gain for the inner gauges, another pair for the outer ones, a zero each.
-// Fitted forwards, readings from forces: the noise is in the readings.
+// Model "table", method "linear": one normal and one tangential gain for the inner gauges, another pair for the outer ones,
+// a zero each. Fitted forwards, readings from forces: the noise is in the readings.
 #include <fmt/format.h>
 
 #include <cmath>
 
-#include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/table_fit.hpp"
 #include "decoupling/table/sign_table.hpp"
 
 namespace tactiled {
@@ -54,7 +54,7 @@ Gains fit_ring(const Rows& rows, const std::vector<Gauge>& gauges, const char* r
 
 }  // namespace
 
-void fit_table(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
+void fit_table_linear(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     if (calibration.components != std::vector<std::string>{"fx", "fy", "fz"})
         throw Undetermined("model \"table\" needs the labels fx_N, fy_N and fz_N, and no others");
     Rows whole;
@@ -99,4 +99,16 @@ void fit_table(const Rows& rows, Calibration& calibration, std::vector<std::stri
             noise, 100 * noise / inner_gains.normal));
 }
 
+bool is_gauge(std::string_view name) { return table_gauge(name).has_value(); }
+
+namespace {
+
+const FitEntry entry({.model = "table",
+                      .method = "linear",
+                      .fit = fit_table_linear,
+                      .knows_channel = is_gauge,
+                      .channels = kGauge,
+                      .channel_unit = kGaugeUnit});
+
+}  // namespace
 }  // namespace tactiled

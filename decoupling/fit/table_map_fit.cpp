@@ -1,19 +1,23 @@
-#include "decoupling/fit/table_more_fit.hpp"
-
+// Model "table", method "map": a scale and a zero for each gauge, for the table `influence` that the calibration brings
+// along. The labels fx fy fz mx my say where the point was.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "decoupling/generic/methods.hpp"
+#include "decoupling/fit/table_fit.hpp"
+#include "decoupling/solve/consistency.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "decoupling/table/influence_map.hpp"
 #include "decoupling/table/methods.hpp"
 
 namespace tactiled {
 namespace {
+
+constexpr double kDefaultGaugeFactor = 2;  // of Ni-Cr
+constexpr std::array<Parameter, 1> kBeforehand{
+    {{"gauge_factor", "channel_unit per strain", kAboveZero, kLargest, kDefaultGaugeFactor}}};
 
 constexpr std::size_t kFewestAtRest = 5;  // rows without load: from here on they say where zero is
 
@@ -39,69 +43,12 @@ double unexplained_variance(const std::vector<Loaded>& loaded, const std::vector
         const LeastSquares solved = least_squares(a, off);
         if (!solved.dependent.empty()) continue;
         left.push_back((off - a * solved.coefficient).squaredNorm() / double(n - 5) -
-                       std::pow(kGainErrorOfGauge, 2) * y.squaredNorm() / double(n));
+                       std::pow(kGainError, 2) * y.squaredNorm() / double(n));
     }
     if (left.empty()) return 0;
     const auto middle = left.begin() + std::ptrdiff_t(left.size() / 2);
     std::nth_element(left.begin(), middle, left.end());
     return std::max(0.0, *middle);
-}
-
-}  // namespace
-
-Rows rows_with(const Rows& rows, const std::vector<std::string>& components) {
-    Rows whole;
-    for (const auto* row : rows) {
-        bool all = true;
-        for (const auto& name : components) all = all && std::isfinite(row->wrench_S[component_index(name)]);
-        if (all) whole.push_back(row);
-    }
-    return whole;
-}
-
-void fit_table_matrix(const Rows& rows, Calibration& calibration, std::vector<std::string>&) {
-    for (const auto& name : calibration.components)
-        if (name == "mz")
-            throw Undetermined("mz cannot be seen by the gauges of a table sensor: leave the column mz_Nm out");
-    const Rows whole = rows_with(rows, calibration.components);
-    const auto n = Eigen::Index(whole.size()), loads = Eigen::Index(calibration.components.size());
-    if (n < 3 * (loads + 1)) throw Undetermined(fmt::format("{} rows have all labels; {} are needed", n, 3 * (loads + 1)));
-    Eigen::MatrixXd x(n, loads);
-    for (Eigen::Index i = 0; i < n; ++i)
-        for (Eigen::Index j = 0; j < loads; ++j)
-            x(i, j) = whole[std::size_t(i)]->wrench_S[component_index(calibration.components[std::size_t(j)])];
-    auto& forward = calibration.tables["forward"];
-    auto& noise = calibration.tables["noise"];
-    forward.clear();
-    noise.assign(1, {});
-    calibration.zero.clear();
-    calibration.parameters.clear();
-    calibration.matrix.clear();
-    calibration.condition = 0;
-    double greatest = 0;
-    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
-        Eigen::VectorXd y(n);
-        for (Eigen::Index i = 0; i < n; ++i) y[i] = whole[std::size_t(i)]->channel[k];
-        const Affine fitted = affine_fit(x, y);
-        if (!fitted.slope.dependent.empty()) {
-            std::vector<std::string> names;
-            for (const std::size_t j : fitted.slope.dependent) names.push_back(calibration.components[j]);
-            throw Undetermined(
-                fmt::format("the labels of {} follow from each other: load the axes independently, or leave one "
-                            "out (a point that never moves ties the moments to the forces)",
-                            fmt::join(names, " ")));
-        }
-        calibration.zero.push_back(fitted.constant);
-        forward.emplace_back(fitted.slope.coefficient.data(), fitted.slope.coefficient.data() + loads);
-        const Eigen::VectorXd rest = (x * fitted.slope.coefficient).array() + fitted.constant - y.array();
-        noise.front().push_back(std::sqrt(rest.squaredNorm() / double(n - loads - 1)));
-        greatest = std::max(greatest, noise.front().back());
-        calibration.condition = std::max(calibration.condition, fitted.slope.condition);
-    }
-    // A gauge is never trusted a hundred times more than the worst one: few rows may leave nothing over by chance.
-    for (double& sd : noise.front()) sd = std::max({sd, greatest / 100, 1e-300});
-    std::string fault;
-    if (make_table_matrix(calibration, fault) == nullptr) throw Undetermined(fault);
 }
 
 void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
@@ -114,7 +61,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
     if (calibration.components.size() > all.size())
         throw Undetermined("method \"map\" cannot see mz: leave the column mz_Nm out");
     calibration.tables.erase("gauge_scale");
-    calibration.parameters.emplace("gauge_factor", 2.0);
+    calibration.parameters["gauge_factor"] = known_beforehand(calibration, kBeforehand)["gauge_factor"];
     std::string fault;
     const auto map = influence_of(calibration, fault);
     if (!map) throw Undetermined(fault);
@@ -186,14 +133,25 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
     calibration.matrix.clear();
 }
 
-void add_influence(const std::string& path, Calibration& calibration) {
+const FitEntry entry({.model = "table",
+                      .method = "map",
+                      .fit = fit_table_map,
+                      .knows_channel = is_gauge,
+                      .channels = kGauge,
+                      .channel_unit = kGaugeUnit,
+                      .option = {"influence", "method map of model table: the file with the plate's influence map",
+                                 add_influence}});
+
+}  // namespace
+
+void add_influence(const std::string& path, Fit& fit) {
     Problems problems;
     Calibration source = load_calibration(path, problems);
     problems.throw_if_any();
     if (source.method != "map") source = source.with_method("map");
     if (source.tables.count("influence") == 0) throw SetupError(path + ": has no table influence");
-    calibration.tables["influence"] = source.tables.at("influence");
-    calibration.parameters["gauge_factor"] = parameter_or(source, "gauge_factor", 2.0);
+    fit.tables["influence"] = source.tables.at("influence");
+    fit.parameters["gauge_factor"] = CalibrationData(source, kBeforehand)["gauge_factor"];
 }
 
 }  // namespace tactiled

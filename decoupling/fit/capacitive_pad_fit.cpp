@@ -12,14 +12,10 @@
 #include <cmath>
 
 #include "decoupling/capacitive/methods.hpp"
-#include "decoupling/fit/capacitive_model.hpp"
+#include "decoupling/fit/robust.hpp"
 
 namespace tactiled {
 namespace {
-
-// The thesis gives 12 mm for the whole and about 80 degrees; the radii are assumed. Forces depend on them at the second
-// order of the shift only: at the first, the fitted shear stiffness takes up everything.
-constexpr ElectrodeGeometry kAssumed{5e-3, 3e-3, 6e-3, 1.3962634015954636, 3e-3, 3e-3};
 
 struct RowError {
     CapacitiveModel model;
@@ -118,7 +114,7 @@ double robust_rms(std::vector<double> errors) {
     for (auto& error : errors) error = std::abs(error);
     const auto middle = errors.begin() + std::ptrdiff_t(errors.size() / 2);
     std::nth_element(errors.begin(), middle, errors.end());
-    const double typical = 1.4826 * *middle;
+    const double typical = kRobustSd * *middle;
     double squares = 0;
     std::size_t n = 0;
     for (const double error : errors)
@@ -129,13 +125,8 @@ double robust_rms(std::vector<double> errors) {
     return std::sqrt(squares / double(n));
 }
 
-struct Fitted {
-    std::array<double, kUnknowns> p;
-    double noise, condition;
-};
-
-Fitted solve(const Rows& rows, const Wiring& wiring, const CapacitiveModel& model, double pair_gain, bool together) {
-    Fitted fitted{};
+FittedPad solve(const Rows& rows, const Wiring& wiring, const CapacitiveModel& model, double pair_gain, bool together) {
+    FittedPad fitted{};
     fitted.p = first_guess(rows, wiring, pair_gain, fitted.noise);
     const double log_active = fitted.p[kLogActive + kCentre];
     double largest = 0;
@@ -149,7 +140,7 @@ Fitted solve(const Rows& rows, const Wiring& wiring, const CapacitiveModel& mode
         for (const auto* row : rows)
             data.push_back(problem.AddResidualBlock(new ceres::AutoDiffCostFunction<RowError, kElectrodes, kUnknowns>(
                                                         new RowError{model, row, wiring, fitted.noise}),
-                                                    new ceres::CauchyLoss(4), fitted.p.data()));
+                                                    new ceres::CauchyLoss(kCauchyOfSpikes), fitted.p.data()));
         problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Prior, 3, kUnknowns>(new Prior{log_active}), nullptr,
                                  fitted.p.data());
         if (!together) {
@@ -182,35 +173,12 @@ Fitted solve(const Rows& rows, const Wiring& wiring, const CapacitiveModel& mode
     return fitted;
 }
 
-// All of the geometry's parameters, or none: the assumed one.
-ElectrodeGeometry stated_geometry(const Calibration& calibration, std::vector<std::string>& warnings) {
-    std::array<double, kGeometryParameters.size()> value{};
-    std::string missing;
-    std::size_t n = 0;
-    for (const Parameter& parameter : kGeometryParameters) {
-        const auto found = calibration.parameters.find(parameter.name);
-        const auto i = std::size_t(&parameter - kGeometryParameters.data());
-        if (found == calibration.parameters.end())
-            missing += std::string(missing.empty() ? "" : ", ") + parameter.name + " (" + parameter.what + ")";
-        else
-            value[i] = found->second, ++n;
-    }
-    if (n == 0) {
-        warnings.push_back(
-            fmt::format("the electrodes' geometry is not stated: disc_radius_m {} inner_radius_m {} outer_radius_m {} "
-                        "opening_rad {:.4f} "
-                        "centre_radius_m {} gap_m {} are assumed; forces far off the axis are worse for it",
-                        kAssumed.disc_radius_m, kAssumed.inner_radius_m, kAssumed.outer_radius_m, kAssumed.opening_rad,
-                        kAssumed.centre_radius_m, kAssumed.gap_m));
-        return kAssumed;
-    }
-    if (!missing.empty()) throw Undetermined("the electrodes' geometry is stated in part; missing: " + missing);
-    const ElectrodeGeometry geometry{value[0], value[1], value[2], value[3], value[4], value[5]};
-    if (const std::string fault = geometry.fault(); !fault.empty()) throw Undetermined("the electrodes' geometry: " + fault);
-    return geometry;
-}
+}  // namespace
 
-void fit_pad(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings, bool exact) {
+bool is_electrode(std::string_view name) { return electrode_index(name) < kElectrodes; }
+
+FittedPad fit_pad(const Rows& rows, const ElectrodeGeometry* geometry, double pair_gain, Calibration& calibration,
+                  std::vector<std::string>& warnings) {
     if (calibration.components != std::vector<std::string>{"fx", "fy", "fz"})
         throw Undetermined("this method needs the labels fx_N, fy_N and fz_N, and no others");
     std::string fault;
@@ -235,19 +203,10 @@ void fit_pad(const Rows& rows, Calibration& calibration, std::vector<std::string
         return -row->wrench_S[2] > 0.2 * max_press && std::hypot(row->wrench_S[0], row->wrench_S[1]) > 0.2 * max_shear;
     });
     if (!together)
-        warnings.push_back(
+        warnings.emplace_back(
             "no row has press and shear together: how the shear stiffness changes under a press is assumed "
             "(shear_gap_exponent = 0)");
-    ElectrodeGeometry geometry{};
-    double pair_gain = 1;
-    if (exact) {
-        geometry = stated_geometry(calibration, warnings);
-        Sector sector = geometry.sector(0);
-        sector.inner /= geometry.disc_radius_m;
-        sector.outer /= geometry.disc_radius_m;
-        pair_gain = 2 * std::sin(geometry.opening_rad / 2) / area_at_rest(sector, 1);
-    }
-    const Fitted fitted = solve(whole, wiring, {exact ? &geometry : nullptr}, pair_gain, together);
+    const FittedPad fitted = solve(whole, wiring, {geometry}, pair_gain, together);
 
     calibration.zero.assign(calibration.channels.size(), 0.0);
     calibration.matrix.clear();
@@ -262,25 +221,7 @@ void fit_pad(const Rows& rows, Calibration& calibration, std::vector<std::string
     out["stiffening"] = fitted.p[kStiffening];
     out["shear_gap_exponent"] = fitted.p[kExponent];
     calibration.condition = fitted.condition;
-    if (exact) {
-        out["shear_stiffness_N_per_m"] = std::exp(fitted.p[kLogShear]) / geometry.disc_radius_m;
-        out["noise"] = fitted.noise;
-        const double value[] = {geometry.disc_radius_m, geometry.inner_radius_m,  geometry.outer_radius_m,
-                                geometry.opening_rad,   geometry.centre_radius_m, geometry.gap_m};
-        for (std::size_t i = 0; i < kGeometryParameters.size(); ++i) out[kGeometryParameters[i].name] = value[i];
-    } else {
-        out["shear_scale_N"] = std::exp(fitted.p[kLogShear]);
-    }
-}
-
-}  // namespace
-
-void fit_capacitive_ratio(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
-    fit_pad(rows, calibration, warnings, false);
-}
-
-void fit_capacitive_overlap(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
-    fit_pad(rows, calibration, warnings, true);
+    return fitted;
 }
 
 }  // namespace tactiled

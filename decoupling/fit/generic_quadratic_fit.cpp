@@ -5,6 +5,7 @@
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
+namespace {
 
 void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     const Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
@@ -26,4 +27,7 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
     }
 }
 
+const FitEntry entry({.model = "generic", .method = "quadratic", .fit = fit_quadratic});
+
+}  // namespace
 }  // namespace tactiled

@@ -19,8 +19,6 @@ constexpr std::size_t kMaxRows = 4000;  // evenly chosen: a fit shall take a min
 constexpr double kRowsPerWeight = 3;
 constexpr double kDecay = 1e-5;  // of the weights, a row
 
-}  // namespace
-
 void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     const Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
     const int n = int(scaled.u.cols()), components = int(scaled.component.size());
@@ -73,4 +71,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     }
 }
 
+const FitEntry entry({.model = "generic", .method = "mlp", .fit = fit_mlp});
+
+}  // namespace
 }  // namespace tactiled

@@ -1,11 +1,12 @@
-// Model "generic": each component is an affine function of the channels, fitted for itself; with the parameter `forget` row
-// i of N counts forget^(N - i).
+// Model "generic", method "matrix": each component is an affine function of the channels, fitted for itself; with the
+// parameter `forget` row i of N counts forget^(N - i).
 #include <fmt/format.h>
 
 #include <cmath>
 
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/recursive.hpp"
+#include "decoupling/generic/methods.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -55,7 +56,8 @@ void forget_old_rows(const Eigen::MatrixXd& x, const Eigen::VectorXd& y, double 
 
 }  // namespace
 
-void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
+void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings,
+                std::optional<double> forget) {
     const auto n_channels = Eigen::Index(calibration.channels.size());
     const auto n_components = Eigen::Index(calibration.components.size());
     if (n_components > n_channels)
@@ -63,10 +65,6 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
     Eigen::MatrixXd m(n_components, n_channels);
     Eigen::VectorXd b(n_components);
     calibration.condition = 0;
-    const auto forget = calibration.parameters.find("forget");
-    const bool forgets = calibration.method == "matrix" && forget != calibration.parameters.end();
-    if (forgets && !(forget->second >= 0.5 && forget->second <= 1))
-        throw Undetermined(fmt::format("forget = {} is outside 0.5 .. 1", forget->second));
     for (Eigen::Index i = 0; i < n_components; ++i) {
         const std::size_t c = component_index(calibration.components[std::size_t(i)]);
         Eigen::Index n = 0;
@@ -87,7 +85,7 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
                 fmt::format("the channels {} are a combination of each other (or constant) in the rows with {}: "
                             "leave one of them out with --channels",
                             names_of(affine.slope.dependent, calibration.channels), label_column(c)));
-        if (forgets) forget_old_rows(x, y, forget->second, affine);
+        if (forget) forget_old_rows(x, y, *forget, affine);
         m.row(i) = affine.slope.coefficient.transpose();
         b[i] = affine.constant;
         calibration.condition = std::max(calibration.condition, affine.slope.condition);
@@ -126,10 +124,22 @@ void fit_generic(const Rows& rows, Calibration& calibration, std::vector<std::st
     calibration.matrix.assign(std::size_t(n_components), std::vector<double>(std::size_t(n_channels)));
     for (Eigen::Index i = 0; i < n_components; ++i)
         for (Eigen::Index k = 0; k < n_channels; ++k) calibration.matrix[std::size_t(i)][std::size_t(k)] = m(i, k);
-    if (forgets)
-        calibration.parameters = {{"forget", forget->second}};
-    else
-        calibration.parameters.clear();
+    calibration.parameters.clear();
 }
 
+namespace {
+
+constexpr std::array<Parameter, 1> kBeforehand{kForget};
+
+void fit_matrix(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
+    const CalibrationData known = known_beforehand(calibration, kBeforehand);
+    if (!known.has("forget")) return fit_affine(rows, calibration, warnings);
+    const double forget = known["forget"];
+    fit_affine(rows, calibration, warnings, forget);
+    calibration.parameters = {{"forget", forget}};
+}
+
+const FitEntry entry({.model = "generic", .method = "matrix", .fit = fit_matrix});
+
+}  // namespace
 }  // namespace tactiled

@@ -87,8 +87,6 @@ void search(const Scaled& scaled, const Eigen::MatrixXd& centres, double& best_s
     }
 }
 
-}  // namespace
-
 void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     const Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
     const Eigen::Index n_quadratic = 1 + scaled.u.cols() + scaled.u.cols() * (scaled.u.cols() + 1) / 2;
@@ -126,4 +124,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
     }
 }
 
+const FitEntry entry({.model = "generic", .method = "rbf", .fit = fit_rbf});
+
+}  // namespace
 }  // namespace tactiled
