@@ -48,14 +48,15 @@ private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
         // Each component has a sum of its own, from the first channel on.
-        std::array<double, 6> value{};
+        double value[6]{};
+        const double* const r = input.r.data();
         for (std::size_t k = 0; k < n_channels(); ++k)
-            for (std::size_t i = 0; i < 6; ++i) value[i] += matrix_[k][i] * input.r[k];
+            for (std::size_t i = 0; i < 6; ++i) value[i] += matrix_[k][i] * r[k];
         if (correction_ != nullptr) {
             std::array<double, kMaxChannels> u;
             for (std::size_t k = 0; k < n_channels(); ++k)
                 u[k] = (domain().nearest(k, input.r[k] + zero_[k]) - zero_[k]) / width_[k];
-            correction_->add(u.data(), value.data());
+            correction_->add(u.data(), value);
         }
         for (std::size_t i = 0; i < n_components_; ++i) estimate.wrench_S[component_[i]] = value[i];
     }
@@ -64,7 +65,7 @@ private:
     std::unique_ptr<Correction> correction_;
     std::size_t n_components_ = 0;
     std::array<std::size_t, 6> component_{};
-    std::array<double, 6> matrix_[kMaxChannels]{};  // a row a channel, 0 beyond the components
+    double matrix_[kMaxChannels][6]{};  // a row a channel, 0 beyond the components
     std::array<double, kMaxChannels> width_{}, zero_{};
 };
 

@@ -5,8 +5,8 @@
 namespace tactiled {
 namespace {
 
-// Components side by side, each summed as alone. `kComponents` of them.
-template <std::size_t kComponents>
+// Components side by side, each summed as alone: `kPairs` pairs of them, as two fill a register of any x86-64 and AArch64.
+template <std::size_t kPairs>
 class Quadratic final : public Correction {
 public:
     Quadratic(std::size_t n, const std::vector<std::vector<double>>& q)
@@ -28,10 +28,10 @@ public:
 
 private:
     struct Components {
-        double of[kComponents]{};
+        double of[2 * kPairs]{};  // a number a component, then 0
     };
     static void add_to(Components& sum, const Components& q, double u) noexcept {
-        for (std::size_t i = 0; i < kComponents; ++i) sum.of[i] += q.of[i] * u;
+        for (std::size_t i = 0; i < 2 * kPairs; ++i) sum.of[i] += q.of[i] * u;
     }
 
     std::size_t n_, components_;
@@ -44,9 +44,9 @@ std::unique_ptr<Correction> make_quadratic(const Calibration& calibration, std::
     const std::size_t n = calibration.channels.size();
     const auto* q = table_of(calibration, "quadratic", calibration.components.size(), 1 + n + n * (n + 1) / 2, fault);
     if (q == nullptr) return nullptr;
-    if (q->size() <= 2) return std::make_unique<Quadratic<2>>(n, *q);
-    if (q->size() <= 4) return std::make_unique<Quadratic<4>>(n, *q);
-    return std::make_unique<Quadratic<6>>(n, *q);
+    if (q->size() <= 2) return std::make_unique<Quadratic<1>>(n, *q);
+    if (q->size() <= 4) return std::make_unique<Quadratic<2>>(n, *q);
+    return std::make_unique<Quadratic<3>>(n, *q);
 }
 
 }  // namespace tactiled

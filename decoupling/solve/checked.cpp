@@ -10,6 +10,16 @@ constexpr double kMaxFinite = std::numeric_limits<double>::max();
 // The square of a number in this range neither underflows nor overflows.
 constexpr double kMinSquared = 1e-99, kMaxSquared = 1e99;
 
+// Bit k of a channel mask, as wide as a double: a comparison of two doubles then selects it without a branch.
+struct Bits {
+    std::uint64_t of[kMaxChannels];
+};
+constexpr Bits kBits = [] {
+    Bits bits{};
+    for (std::size_t k = 0; k < kMaxChannels; ++k) bits.of[k] = std::uint64_t{1} << k;
+    return bits;
+}();
+
 }  // namespace
 
 CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, std::uint32_t needed)
@@ -19,8 +29,8 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
       always_((calibration.nominal ? std::uint32_t(TACTILED_UNCALIBRATED) : 0u) |
               (calibration.sd.empty() ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u)),
       domain_(calibration) {
-    std::copy_n(calibration.zero.begin(), n_, zero_.begin());
-    full_scale_.fill(std::numeric_limits<double>::infinity());
+    std::copy_n(calibration.zero.begin(), n_, zero_);
+    std::fill_n(full_scale_, 6, std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         seen_[c] = true;
@@ -53,13 +63,13 @@ Estimate CheckedModel::decouple(const Reading& reading) noexcept {
 inline bool CheckedModel::check_channels(const Reading& reading, double* r, Input& input,
                                          Estimate& estimate) const noexcept {
     const double* const channel = reading.channel.data();
-    std::uint32_t broken = 0, beyond = 0;  // without a branch: each channel by itself
+    for (std::size_t k = 0; k < n_; ++k) r[k] = channel[k] - zero_[k];
+    std::uint64_t broken = 0, beyond = 0;
     for (std::size_t k = 0; k < n_; ++k) {
-        r[k] = channel[k] - zero_[k];
-        broken |= std::uint32_t(!(std::abs(r[k]) <= kMaxFinite)) << k;
-        beyond |= std::uint32_t(domain_.is_beyond(k, channel[k])) << k;
+        broken |= std::abs(r[k]) <= kMaxFinite ? 0 : kBits.of[k];
+        beyond |= domain_.is_beyond(k, channel[k]) ? kBits.of[k] : 0;
     }
-    const std::uint32_t missing = (reading.missing | broken) & used_;
+    const std::uint32_t missing = (reading.missing | std::uint32_t(broken)) & used_;
     if (missing != 0) estimate.reasons |= TACTILED_MISSING_CHANNEL;
     if ((missing & needed_) != 0) return false;
     const std::uint32_t saturated = reading.saturated & used_ & ~missing;

@@ -58,11 +58,12 @@ private:
     std::uint32_t used_, needed_;
     // Reasons of every sample: TACTILED_UNCALIBRATED of a nominal calibration, TACTILED_UNKNOWN_UNCERTAINTY of one without sd.
     std::uint32_t always_;
-    std::array<double, kMaxChannels> zero_{};
-    std::array<double, 6> full_scale_, sd_{}, sd_slope_{};
+    // Plain arrays: an element of a std::array is checked against its size here, and a loop that may end so is not vectorised.
+    double zero_[kMaxChannels]{};
+    double full_scale_[6], sd_[6]{}, sd_slope_[6]{};
     // Up to this magnitude of a component the squares of sd and sd_slope x component neither underflow nor overflow, and
     // the root of their sum is as good as hypot(), which takes several times as long.
-    std::array<double, 6> max_squared_{};
+    double max_squared_[6]{};
     std::array<bool, 6> seen_{};
     Domain domain_;
 };

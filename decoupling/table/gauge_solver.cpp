@@ -15,7 +15,7 @@ namespace {
 constexpr double kWorst = 100;
 
 // The sum over kMaxGauges gauges, those of even and of odd index apart: two additions at a time.
-double sum_of(const std::array<double, kMaxGauges>& a) noexcept {
+double sum_of(const double* a) noexcept {
     const double even = (a[0] + a[2]) + (a[4] + a[6]), odd = (a[1] + a[3]) + (a[5] + a[7]);
     return even + odd;
 }
@@ -25,7 +25,7 @@ double sum_of(const std::array<double, kMaxGauges>& a) noexcept {
 GaugeSolver::GaugeSolver(const std::vector<std::vector<double>>& gains, const std::vector<double>& noise,
                          const std::vector<double>& zero, std::uint32_t inner, int inner_needed)
     : n_gauges_(gains.size()), n_loads_(gains.front().size()), zero_(zero) {
-    noise2_.fill(1);
+    std::fill_n(noise2_, kMaxGauges, 1.0);
     for (std::size_t k = 0; k < n_gauges_; ++k) {
         noise2_[k] = noise[k] * noise[k];
         same_noise_ = same_noise_ && noise[k] == noise[0];
@@ -96,7 +96,7 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
 }
 
 // The loads and what they leave unexplained.
-inline void GaugeSolver::find(const Subset& subset, const double* r, Solved& solved) const noexcept {
+void GaugeSolver::find(const Subset& subset, const double* r, Solved& solved) const noexcept {
     Gauges product, rest;
     for (std::size_t j = 0; j < n_loads_; ++j) {
         for (std::size_t k = 0; k < kMaxGauges; ++k) product[k] = subset.inverse[j][k] * r[k];
@@ -127,17 +127,20 @@ inline void GaugeSolver::find(const Subset& subset, const double* r, Solved& sol
         solved.residual = std::numeric_limits<double>::infinity();
 }
 
+// One variable is filled and returned on every way: a copy of it would wait for the stores before.
 GaugeSolver::Solved GaugeSolver::solve(const double* r, std::uint32_t usable) const noexcept {
-    Solved all;
-    if (!subsets_[usable].solvable) return all;
-    find(subsets_[usable], r, all);
-    all.used = usable;
-    if (!(all.residual > kDoubtful)) return all;
-    // The gauges disagree: one of them is dead, or which is wrong is not known.
-    Solved others = without_dead(r, usable, all);
-    others.residual = all.residual;  // it says why one was left out
-    all.doubtful = true;
-    return others.dead ? others : all;
+    Solved solved;
+    if (!subsets_[usable].solvable) return solved;
+    find(subsets_[usable], r, solved);
+    solved.used = usable;
+    if (solved.residual > kDoubtful) [[unlikely]] {
+        // The gauges disagree: one of them is dead, or it is not known which is wrong.
+        Solved others = without_dead(r, usable, solved);
+        others.residual = solved.residual;  // the reason why one was left out
+        solved.doubtful = true;
+        if (others.dead) solved = others;
+    }
+    return solved;
 }
 
 // Without the one gauge that delivers 0 as no live gauge would: the readings of the others are consistent and demand another

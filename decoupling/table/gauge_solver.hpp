@@ -50,7 +50,7 @@ private:
     // gauge alone has to be off by about 12 % of the others' reading to reach kDoubtful.
     static constexpr double kGainError = 0.01;
 
-    using Gauges = std::array<double, kMaxGauges>;  // a number a gauge, 0 where there is none
+    using Gauges = double[kMaxGauges];  // a number a gauge, 0 where there is none
     struct Subset {
         Gauges inverse[kMaxLoads]{};  // a row a load; 0 where not used
         Gauges gains[kMaxLoads]{};    // likewise
