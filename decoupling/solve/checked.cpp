@@ -24,7 +24,8 @@ constexpr Bits kBits = [] {
 
 CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, std::uint32_t needed)
     : n_(calibration.channels.size()),
-      used_(used & (n_ >= 32 ? ~0u : (1u << n_) - 1)),
+      all_(n_ >= 32 ? ~0u : (1u << n_) - 1),
+      used_(used & all_),
       needed_(needed & used_),
       always_((calibration.nominal ? std::uint32_t(TACTILED_UNCALIBRATED) : 0u) |
               (calibration.sd.empty() ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u)),
@@ -78,6 +79,7 @@ inline bool CheckedModel::check_channels(const Reading& reading, double* r, Inpu
     if ((saturated & needed_) != 0) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     input.usable = used_ & ~missing & ~(saturated & ~needed_);
     input.outside = (beyond & input.usable) != 0;
+    if (input.usable == all_) return true;
     for (std::size_t k = 0; k < n_; ++k)
         if ((input.usable >> k & 1u) == 0) r[k] = 0;  // else 0 * NaN of a channel that is not needed
     return true;

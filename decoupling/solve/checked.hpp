@@ -55,7 +55,7 @@ private:
     void check_components(const Input& input, Estimate& estimate) const noexcept;
 
     std::size_t n_;
-    std::uint32_t used_, needed_;
+    std::uint32_t all_, used_, needed_;  // bit k: channel k
     // Reasons of every sample: TACTILED_UNCALIBRATED of a nominal calibration, TACTILED_UNKNOWN_UNCERTAINTY of one without sd.
     std::uint32_t always_;
     // Plain arrays: an element of a std::array is checked against its size here, and a loop that may end so is not vectorised.
