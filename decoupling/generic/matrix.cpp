@@ -29,7 +29,7 @@ public:
           correction_(std::move(correction)) {
         for (std::size_t i = 0; i < calibration.components.size(); ++i) {
             component_[i] = component_index(calibration.components[i]);
-            for (std::size_t k = 0; k < n_channels(); ++k) matrix_[k][i / 2][i % 2] = calibration.matrix[i][k];
+            for (std::size_t k = 0; k < n_channels(); ++k) matrix_[k][i] = calibration.matrix[i][k];
         }
         n_components_ = calibration.components.size();
         if (correction_ == nullptr) return;
@@ -45,32 +45,25 @@ public:
 private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        alignas(16) std::array<double, 6> value{};
-        n_components_ <= 4 ? sum<2>(input.r.data(), value.data()) : sum<3>(input.r.data(), value.data());
+        // Each component has a sum of its own, from the first channel on.
+        double value[6]{};
+        const double* const r = input.r.data();
+        for (std::size_t k = 0; k < n_channels(); ++k)
+            for (std::size_t i = 0; i < 6; ++i) value[i] += matrix_[k][i] * r[k];
         if (correction_ != nullptr) {
             std::array<double, kMaxChannels> u;
             for (std::size_t k = 0; k < n_channels(); ++k)
                 u[k] = (domain().nearest(k, input.r[k] + zero_[k]) - zero_[k]) / width_[k];
-            correction_->add(u.data(), value.data());
+            correction_->add(u.data(), value);
         }
         for (std::size_t i = 0; i < n_components_; ++i) estimate.wrench_S[component_[i]] = value[i];
-    }
-
-    // Each component's own sum runs from the first channel on; two components side by side.
-    template <std::size_t kPairs>
-    void sum(const double* r, double* value) const noexcept {
-        Pair sums[kPairs]{};
-        for (const auto* row = matrix_; row != matrix_ + n_channels(); ++row, ++r)
-#pragma GCC unroll 3
-            for (std::size_t i = 0; i < kPairs; ++i) sums[i] += (*row)[i] * both(*r);
-        for (std::size_t i = 0; i < kPairs; ++i) store(value + 2 * i, sums[i]);
     }
 
     std::string method_;
     std::unique_ptr<Correction> correction_;
     std::size_t n_components_ = 0;
     std::array<std::size_t, 6> component_{};
-    Pair matrix_[kMaxChannels][3]{};  // a row a channel, 0 beyond the components
+    double matrix_[kMaxChannels][6]{};  // a row a channel, 0 beyond the components
     std::array<double, kMaxChannels> width_{}, zero_{};
 };
 

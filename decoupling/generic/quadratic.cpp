@@ -1,19 +1,18 @@
 // Model "generic", method "quadratic": g_c(u) = Q[c] . (1, u_1 .. u_n, u_1 u_1, u_1 u_2 .. u_n u_n), products in the order
 // of the upper triangle by rows.
 #include "decoupling/generic/methods.hpp"
-#include "decoupling/solve/pairs.hpp"
 
 namespace tactiled {
 namespace {
 
-// Two components side by side, each summed as alone. `kPairs` of them hold all.
+// Components side by side, each summed as alone: `kPairs` pairs of them, as two fill a register of any x86-64 and AArch64.
 template <std::size_t kPairs>
 class Quadratic final : public Correction {
 public:
     Quadratic(std::size_t n, const std::vector<std::vector<double>>& q)
         : n_(n), components_(q.size()), features_(q.front().size()) {
         for (std::size_t c = 0; c < components_; ++c)
-            for (std::size_t f = 0; f < features_.size(); ++f) features_[f].of[c / 2][c % 2] = q[c][f];
+            for (std::size_t f = 0; f < features_.size(); ++f) features_[f].of[c] = q[c][f];
     }
     void add(const double* u, double* out) noexcept override {
         const Components* q = features_.data();
@@ -24,16 +23,15 @@ public:
             for (std::size_t j = k; j < n_; ++j) add_to(part, *q++, u[j]);
             add_to(sum, part, u[k]);
         }
-        for (std::size_t c = 0; c < components_; ++c) out[c] += sum.of[c / 2][c % 2];
+        for (std::size_t c = 0; c < components_; ++c) out[c] += sum.of[c];
     }
 
 private:
     struct Components {
-        Pair of[kPairs]{};  // a number a component, then 0
+        double of[2 * kPairs]{};  // a number a component, then 0
     };
     static void add_to(Components& sum, const Components& q, double u) noexcept {
-#pragma GCC unroll 3
-        for (std::size_t i = 0; i < kPairs; ++i) sum.of[i] += q.of[i] * both(u);
+        for (std::size_t i = 0; i < 2 * kPairs; ++i) sum.of[i] += q.of[i] * u;
     }
 
     std::size_t n_, components_;

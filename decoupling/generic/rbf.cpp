@@ -5,13 +5,12 @@
 //
 // The inverse quadratic is as smooth as a Gaussian, falls off more gently between centres, and needs no exponential.
 #include "decoupling/generic/methods.hpp"
-#include "decoupling/solve/pairs.hpp"
 
 namespace tactiled {
 namespace {
 
 // Eight centres at a time, side by side in memory: their distances stay in registers from the first channel to the last.
-constexpr std::size_t kLanes = 8, kPairs = kLanes / 2;
+constexpr std::size_t kLanes = 8;
 
 class Rbf final : public Correction {
 public:
@@ -33,26 +32,21 @@ public:
     }
     void add(const double* u, double* out) noexcept override {
         if (quadratic_ != nullptr) quadratic_->add(u, out);
-        Pair sums[6][kPairs]{};  // a row a component; each lane by itself
+        double sums[6][kLanes]{};  // a row a component; each lane by itself
         const double *centre = centres_.data(), *weight = weights_.data();
         for (std::size_t block = 0; block < blocks_; ++block) {
-            Pair near[kPairs]{};  // the squared distance, then what the centre answers
-            for (std::size_t k = 0; k < n_; ++k) {
-                const Pair at = both(u[k]);
-#pragma GCC unroll 4
-                for (std::size_t i = 0; i < kPairs; ++i, centre += 2) {
-                    const Pair d = load(centre) - at;
+            double near[kLanes]{};  // the squared distance, then what the centre answers
+            for (std::size_t k = 0; k < n_; ++k, centre += kLanes)
+                for (std::size_t i = 0; i < kLanes; ++i) {
+                    const double d = centre[i] - u[k];
                     near[i] += d * d;
                 }
-            }
-#pragma GCC unroll 4
-            for (std::size_t i = 0; i < kPairs; ++i) near[i] = both(1) / (both(1) + near[i] * both(per_spread2_));
-            for (std::size_t c = 0; c < components_; ++c)
-#pragma GCC unroll 4
-                for (std::size_t i = 0; i < kPairs; ++i, weight += 2) sums[c][i] += load(weight) * near[i];
+            for (std::size_t i = 0; i < kLanes; ++i) near[i] = 1 / (1 + near[i] * per_spread2_);
+            for (std::size_t c = 0; c < components_; ++c, weight += kLanes)
+                for (std::size_t i = 0; i < kLanes; ++i) sums[c][i] += weight[i] * near[i];
         }
         for (std::size_t c = 0; c < components_; ++c)
-            for (const Pair sum : sums[c]) out[c] = (out[c] + sum[0]) + sum[1];
+            for (const double sum : sums[c]) out[c] += sum;
     }
 
 private:

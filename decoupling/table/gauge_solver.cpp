@@ -8,13 +8,22 @@
 #include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
+namespace {
+
+// The sum over kMaxGauges gauges, those of even and of odd index apart: two additions at a time.
+double sum_of(const double* a) noexcept {
+    const double even = (a[0] + a[2]) + (a[4] + a[6]), odd = (a[1] + a[3]) + (a[5] + a[7]);
+    return even + odd;
+}
+
+}  // namespace
 
 GaugeSolver::GaugeSolver(const std::vector<std::vector<double>>& gains, const std::vector<double>& noise,
                          const std::vector<double>& zero, std::uint32_t inner, int inner_needed)
     : n_gauges_(gains.size()), n_loads_(gains.front().size()), zero_(zero) {
-    std::fill_n(noise2_, kPairs, both(1));
+    std::fill_n(noise2_, kMaxGauges, 1.0);
     for (std::size_t k = 0; k < n_gauges_; ++k) {
-        noise2_[k / 2][k % 2] = noise[k] * noise[k];
+        noise2_[k] = noise[k] * noise[k];
         same_noise_ = same_noise_ && noise[k] == noise[0];
         for (std::size_t j = 0; j < n_loads_; ++j) gains_[j][k] = gains[k][j];
     }
@@ -36,7 +45,7 @@ GaugeSolver::GaugeSolver(const std::vector<std::vector<double>>& gains, const st
 GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::size_t>* confused) const {
     Subset subset;
     std::vector<std::size_t> rows;
-    const auto noise_of = [this](std::size_t k) { return std::sqrt(noise2_[k / 2][k % 2]); };
+    const auto noise_of = [this](std::size_t k) { return std::sqrt(noise2_[k]); };
     for (std::size_t k = 0; k < n_gauges_; ++k)
         if ((usable >> k & 1u) != 0) rows.push_back(k);
     const auto m = Eigen::Index(rows.size()), n = Eigen::Index(n_loads_);
@@ -67,15 +76,15 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
     for (Eigen::Index j = 0; j < n; ++j) {
         for (Eigen::Index i = 0; i < m; ++i) {
             const std::size_t k = rows[std::size_t(i)];
-            subset.inverse[j][k / 2][k % 2] = inverse(j, i) / length[j] / noise_of(k);
-            subset.gains[j][k / 2][k % 2] = gains_[j][k];
+            subset.inverse[j][k] = inverse(j, i) / length[j] / noise_of(k);
+            subset.gains[j][k] = gains_[j][k];
         }
         // inverse * inverse' is the covariance of the scaled loads at 1 sd of noise; this is the root of its diagonal.
         subset.sd[j] = inverse.row(j).norm() / length[j];
     }
     for (const std::size_t k : rows) {
         subset.free[k] = 1;
-        for (std::size_t j = 0; j < n_loads_; ++j) subset.free[k] -= gains_[j][k] * subset.inverse[j][k / 2][k % 2];
+        for (std::size_t j = 0; j < n_loads_; ++j) subset.free[k] -= gains_[j][k] * subset.inverse[j][k];
     }
     subset.gain_error2_per_read2 = kGainError * kGainError / double(m);
     subset.can_disagree = m > n;
@@ -83,20 +92,52 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
     return subset;
 }
 
-void GaugeSolver::find_any(const Subset& subset, const double* r, Solved& solved) const noexcept {
-    n_loads_ <= 3 ? find<3>(subset, r, solved) : find<kMaxLoads>(subset, r, solved);
+// The loads and what they leave unexplained.
+void GaugeSolver::find(const Subset& subset, const double* r, Solved& solved) const noexcept {
+    Gauges product, rest;
+    for (std::size_t j = 0; j < n_loads_; ++j) {
+        for (std::size_t k = 0; k < kMaxGauges; ++k) product[k] = subset.inverse[j][k] * r[k];
+        solved.load[j] = sum_of(product);
+    }
+    if (!subset.can_disagree) {
+        solved.residual = std::numeric_limits<double>::quiet_NaN();
+        return;
+    }
+    for (std::size_t k = 0; k < kMaxGauges; ++k) {
+        product[k] = r[k] * r[k];
+        rest[k] = r[k];
+    }
+    for (std::size_t j = 0; j < n_loads_; ++j)
+        for (std::size_t k = 0; k < kMaxGauges; ++k) rest[k] -= subset.gains[j][k] * solved.load[j];
+    const double gain_error2 = subset.gain_error2_per_read2 * sum_of(product);
+    for (double& one : rest) one *= one;
+    double unexplained;
+    if (same_noise_) {
+        unexplained = sum_of(rest) / (noise2_[0] + gain_error2);
+    } else {
+        for (std::size_t k = 0; k < kMaxGauges; ++k) rest[k] /= noise2_[k] + gain_error2;
+        unexplained = sum_of(rest);
+    }
+    solved.residual = std::sqrt(unexplained * subset.per_freedom);
+    // Readings of 1e154 and more overflow: doubtful, not undecided.
+    if (!(gain_error2 + unexplained <= std::numeric_limits<double>::max()))
+        solved.residual = std::numeric_limits<double>::infinity();
 }
 
-// The gauges do not determine the loads, or they disagree: one of them is dead, or which is wrong is not known.
-GaugeSolver::Solved GaugeSolver::solve_disagreeing(const double* r, std::uint32_t usable) const noexcept {
-    Solved all;
-    if (!subsets_[usable].solvable) return all;
-    find_any(subsets_[usable], r, all);
-    all.used = usable;
-    Solved others = without_dead(r, usable, all);
-    others.residual = all.residual;  // it says why one was left out
-    all.doubtful = true;
-    return others.dead ? others : all;
+// One variable is filled and returned on every way: a copy of it would wait for the stores before.
+GaugeSolver::Solved GaugeSolver::solve(const double* r, std::uint32_t usable) const noexcept {
+    Solved solved;
+    if (!subsets_[usable].solvable) return solved;
+    find(subsets_[usable], r, solved);
+    solved.used = usable;
+    if (solved.residual > kDoubtful) [[unlikely]] {
+        // The gauges disagree: one of them is dead, or it is not known which is wrong.
+        Solved others = without_dead(r, usable, solved);
+        others.residual = solved.residual;  // the reason why one was left out
+        solved.doubtful = true;
+        if (others.dead) solved = others;
+    }
+    return solved;
 }
 
 // Without the one gauge that delivers 0 as no live gauge would: the readings of the others are consistent and demand another
@@ -111,7 +152,7 @@ GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::uint32_t usa
         double taken_off = 0;
     } max[2];
     for (std::size_t k = 0; k < n_gauges_; ++k) {
-        const double read = r[k] + zero_[k], noise2 = noise2_[k / 2][k % 2];
+        const double read = r[k] + zero_[k], noise2 = noise2_[k];
         if ((usable >> k & 1u) == 0 || !(read * read <= 9 * noise2) || !subsets_[usable & ~(1u << k)].solvable) continue;
         double predicted = 0;
         for (std::size_t j = 0; j < n_loads_; ++j) predicted += gains_[j][k] * all.load[j];
@@ -134,7 +175,7 @@ GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::uint32_t usa
         Solved solved;
         solved.used = usable & ~(1u << candidate.gauge);
         solved.dead = true;
-        find_any(subsets_[solved.used], live, solved);
+        find(subsets_[solved.used], live, solved);
         if (solved.residual > kDoubtful) continue;
         if (found.dead) return {};  // two candidates: not known which
         found = solved;

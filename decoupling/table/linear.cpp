@@ -13,7 +13,7 @@
 
 #include <algorithm>
 
-#include "decoupling/solve/checked_loop.hpp"
+#include "decoupling/solve/checked.hpp"
 #include "decoupling/table/gauge_solver.hpp"
 #include "decoupling/table/methods.hpp"
 #include "decoupling/table/sign_table.hpp"
@@ -21,64 +21,24 @@
 namespace tactiled {
 namespace {
 
-// `kGauges`: 4 or 8, whose good readings have a way of their own; 0 = any number.
-template <std::size_t kGauges>
-class Table final : public CheckedModel {
+class TableLinear final : public CheckedModel {
 public:
-    Table(const Calibration& calibration, GaugeSolver solver)
+    TableLinear(const Calibration& calibration, GaugeSolver solver)
         : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0), solver_(std::move(solver)) {}
-    [[gnu::flatten]] Estimate decouple(const Reading& reading) noexcept override {
-        if constexpr (kGauges != 0) {
-            alignas(16) double r[kMaxGauges];
-            if (reading.channel.size() != kGauges || !is_plain<kGauges>(reading, r)) [[unlikely]]
-                return decouple_any(reading);
-            const auto solved = solver_.solve_agreeing<3>(r, kAll);
-            if (solved.used == 0) [[unlikely]]
-                return decouple_any(reading);
-            return finished<2>({fx_fy(solved), fz_mx(solved)}, solver_.sd_factors(kAll), solved.residual);
-        } else {
-            return decouple_any(reading);
-        }
-    }
     [[nodiscard]] std::string_view method() const noexcept override { return "linear"; }
 
 private:
-    static constexpr std::uint32_t kAll = (1u << kGauges) - 1;
-
-    // The same for any reading. rt: wait-free
-    [[gnu::flatten, gnu::noinline]] Estimate decouple_any(const Reading& reading) noexcept {
-        return checked(reading, [this](Input& input, Estimate& estimate) { solve(input, estimate); });
-    }
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        const auto solved = solver_.solve_agreeing<3>(input.r.data(), input.usable);
-        if (solved.used == 0) [[unlikely]]
-            return solve_doubtful(input, estimate);
-        put(solved, input, estimate);
-    }
-
-    [[gnu::noinline]] void solve_doubtful(Input& input, Estimate& estimate) noexcept {
-        const auto solved = solver_.solve_disagreeing(input.r.data(), input.usable);
+        const auto solved = solver_.solve(input.r.data(), input.usable);
         if (solved.used == 0) return;  // BAD
-        if (solved.doubtful || solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT;
-        // Which gauge is wrong is not known, so neither is how wrong the forces are.
-        if (solved.doubtful) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-        if (solved.dead) estimate.reasons |= TACTILED_MISSING_CHANNEL;
-        if (solved.dead) input.outside = is_outside(input.r, solved.used);
-        put(solved, input, estimate);
-    }
-
-    // fz = -N, and 0 rather than -0 at rest.
-    static Pair fx_fy(const GaugeSolver::Solved& solved) noexcept { return Pair{solved.load[0], solved.load[1]} + both(0); }
-    static Pair fz_mx(const GaugeSolver::Solved& solved) noexcept { return Pair{0.0 - solved.load[2], kNaN}; }
-
-    // In pairs, as they are read again: a load that spans two stores waits for both.
-    void put(const GaugeSolver::Solved& solved, Input& input, Estimate& estimate) const noexcept {
         estimate.residual = solved.residual;
-        store(estimate.wrench_S.data(), fx_fy(solved));
-        store(estimate.wrench_S.data() + 2, fz_mx(solved));
-        store(input.sd_factor.data(), load(solver_.sd_factors(solved.used)));
-        store(input.sd_factor.data() + 2, load(solver_.sd_factors(solved.used) + 2));
+        if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
+        // It is not known which gauge is wrong, and therefore not how wrong the forces are.
+        if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
+        if (solved.dead) input.outside = is_outside(input.r, solved.used);
+        estimate.wrench_S = {solved.load[0] + 0.0, solved.load[1] + 0.0, 0.0 - solved.load[2], kNaN, kNaN, kNaN};  // never -0
+        for (std::size_t c = 0; c < 3; ++c) input.sd_factor[c] = solver_.sd_factor(c, solved.used);
     }
 
     GaugeSolver solver_;
@@ -89,10 +49,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     if (!fault.empty()) return nullptr;
     auto solver = solver_of_signs(data, fault);
     if (!solver) return nullptr;
-    const Calibration& calibration = data.calibration();
-    if (calibration.channels.size() == 8) return std::make_unique<Table<8>>(calibration, std::move(*solver));
-    if (calibration.channels.size() == 4) return std::make_unique<Table<4>>(calibration, std::move(*solver));
-    return std::make_unique<Table<0>>(calibration, std::move(*solver));
+    return std::make_unique<TableLinear>(data.calibration(), std::move(*solver));
 }
 
 // The fit of "nonlinear" is that of this method and more.

@@ -197,7 +197,7 @@ private:
     void spread_evenly(Input& input, Estimate& estimate, bool true_here) noexcept {
         double r[kMaxGauges];
         for (std::size_t k = 0; k < kMaxGauges; ++k) r[k] = (dead_ >> k & 1u) != 0 ? 0 : input.r.data()[k];
-        const auto solved = spread_.solve<3>(r, input.usable & ~dead_);
+        const auto solved = spread_.solve(r, input.usable & ~dead_);
         if (solved.used == 0) return;  // BAD
         if (true_here && !point_) {
             estimate.residual = solved.residual;

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "decoupling/solve/checked_loop.hpp"
+#include "decoupling/solve/checked.hpp"
 #include "decoupling/table/gauge_solver.hpp"
 #include "decoupling/table/methods.hpp"
 
@@ -18,9 +18,6 @@ public:
     TableMatrix(const Calibration& calibration, GaugeSolver solver)
         : CheckedModel(calibration, (1u << calibration.channels.size()) - 1, 0), solver_(std::move(solver)) {
         for (const auto& name : calibration.components) component_.push_back(component_index(name));
-    }
-    [[gnu::flatten]] Estimate decouple(const Reading& reading) noexcept override {
-        return checked(reading, [this](Input& input, Estimate& estimate) { solve(input, estimate); });
     }
     [[nodiscard]] std::string_view method() const noexcept override { return "matrix"; }
 

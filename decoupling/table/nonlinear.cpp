@@ -30,7 +30,7 @@ public:
 private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        const auto solved = solver_.solve<3>(input.r.data(), input.usable);
+        const auto solved = solver_.solve(input.r.data(), input.usable);
         if (solved.used == 0) return;  // BAD
         estimate.residual = solved.residual;
         if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
