@@ -21,6 +21,7 @@ TIMES = {"SEQ": "number of the frame", "SEQ_END": "number of the frame", "HEARTB
          "CYCLE_WORST": "a duration", "SINCE_LIFT": "a duration", "RATE": "measured", "BLINK": "from HEARTBEAT",
          "LOST": "frames that a loaded machine lost", "WARN": "late cycles of a loaded machine", "PEAK": "may have begun before the first frame"}
 REST_s = 0.5  # a value that stayed so long is no value between two loads
+MIN_CHANGED = 40  # registers; where fewer change, the recording was not played
 STILL = """
 format = 1
 title = "Holds"
@@ -216,7 +217,7 @@ def compare_registers(recording, new, outcome):
     for part in links[1:]:
         name = part.split('name = "')[1].split('"')[0]
         rest = part[part.index("\n[["):] if "\n[[" in part else ""
-        replayed.append(f'\nname = "{name}"\ndriver = "replay"\nfile = "{recording.file}"\n' + rest)
+        replayed.append(f'\nname = "{name}"\ndriver = "replay"\nlink = "{name}"\nfile = "{recording.file}"\n' + rest)
     recording.daemon.config.write_text("[[link]]".join(replayed))
     blocks = blocks_of(recording.base)
     base, other = (watch(recording, build, blocks) for build in (recording.base, new))
@@ -224,8 +225,11 @@ def compare_registers(recording, new, outcome):
         for runs, others, build in ((base, other, "new"), (other, base, "base")):
             rested, missing = not_found(runs.get(name, []), others.get(name, []))
             outcome.add(rested, len(missing), 1.0 if missing else 0, f"{name[1]}: {missing[0]} was not read from {build}" if missing else "")
+    changed = sum(len(runs) > 1 for runs in base.values())
+    if changed < MIN_CHANGED:
+        outcome.add(1, 1, math.inf, f"only {changed} registers changed while the recording played:\n{recording.daemon.log()}")
     print(f"registers: {len(base)} of {sum(b[2] for b in blocks)} compared where they rested for {REST_s} s, "
-          f"{sum(len(r) > 1 for r in base.values())} of them changed; left out: " + ", ".join(f"{name} ({why})" for name, why in TIMES.items()))
+          f"{changed} of them changed; left out: " + ", ".join(f"{name} ({why})" for name, why in TIMES.items()))
 
 
 def compare(base, new, parts, outcome):
