@@ -30,8 +30,8 @@ OPEN, CLOSE = {"(": ")", "[": "]", "{": "}"}, {")", "]", "}"}
 # An operand or receiver of one of these names holds no driver, chip, format, model or method.
 OTHER_THINGS = {"verb", "command", "channel", "channels", "channel_names", "column", "columns", "key", "keys", "parameter", "parameters",
                 "tables", "component", "effect", "unit"}
-# Objects and calls of these types and names list other things that may have the same word for a name.
-OTHER_LISTS = {"CostEntry", "Verb", "ordered_json", "json", "channels", "columns", "keys", "parameters", "effects"}
+# Objects of these types and names (or kNames) list other things that may have the same word for a name.
+OTHER_LISTS = {"CostEntry", "Verb", "ordered_json", "json", "channels", "columns", "keys", "parameters", "tables", "effects"}
 # Keys of a configuration whose choices are names of entries: one_of("format", {"cobs", ...}) lists formats, one_of("course", ...) not.
 KEYS_OF_NAMES = {"driver", "chip", "format", "model", "method", "fit"}
 
@@ -87,6 +87,20 @@ def objects(tokens):
             yield token.text, j, array
 
 
+FIELD = {"model": "model", "method": "method", "fit": "method"}  # of a designated initializer; "name" for the others
+
+
+def names_of(tokens, bracket, kinds):
+    """The names of one entry object, or fewer than kinds where they are no string literals."""
+    if text(tokens, bracket + 1) == "{" and tokens[bracket].text == "(":
+        bracket += 1  # entry({.model = ...})
+    if text(tokens, bracket + 1) != ".":
+        return list(strings_in(tokens, bracket, kinds[-1] == "..."))
+    fields = {text(tokens, i + 1): tokens[i + 3].name for i in range(bracket + 1, len(tokens) - 3)
+              if tokens[i].text == "." and tokens[i].inside == bracket and text(tokens, i + 2) == "="}
+    return [name for kind in kinds if (name := fields.get(FIELD.get(kind, "name"))) is not None]
+
+
 def strings_in(tokens, bracket, deep):
     """String literals between the brackets; `deep`: those of inner braces, too, but none of a function's body or call."""
     for i in range(bracket + 1, len(tokens)):
@@ -101,11 +115,11 @@ def harvest(files):
     """[(kind, name, file)], errors. files: {name: tokens}."""
     names, errors = [], []
     for file, tokens in files.items():
-        for entry_type, bracket, array in objects(tokens):
+        for entry_type, bracket, array in objects(tokens) if file.endswith(".cpp") else ():
             kinds = ENTRIES[entry_type]
             rows = [i for i, t in enumerate(tokens) if t.text == "{" and t.inside == bracket] if array else [bracket]
             for row in rows:
-                strings = list(strings_in(tokens, row, kinds[-1] == "..."))
+                strings = names_of(tokens, row, kinds)
                 wanted = kinds if kinds[-1] != "..." else kinds[:-1] + [kinds[-2]] * (len(strings) - len(kinds) + 1)
                 if len(strings) < len(wanted):
                     if strings or text(tokens, row) == "{":
@@ -173,7 +187,7 @@ def use(tokens, i):
     if tokens[around].text == "{" and text(tokens, i - 1) in ("{", ","):
         key = tokens[around - 2].name if text(tokens, around - 1) == "," and around > 1 else None
         other = key is not None and key not in KEYS_OF_NAMES and text(tokens, around - 3) == "("
-        return None if other or OTHER_LISTS.intersection(header(tokens, around)) else "is in a list"
+        return None if other or any(not OTHER_LISTS.isdisjoint((w, w[1:].lower())) for w in header(tokens, around)) else "is in a list"
     if tokens[around].text == "[" and text(tokens, i - 1) == "[" and text(tokens, i + 1) == "]":
         return None if operand(tokens, around - 1, -1) in OTHER_THINGS else "is an index"
     return None

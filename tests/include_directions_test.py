@@ -19,9 +19,9 @@ ENTRIES = {  # the forms in which entry objects are written
     "drivers/wire/lines.cpp": 'constinit const StreamFormat format("lines", make);\n',
     "decoupling/table/linear.cpp": 'const MethodEntry entry{"table", "linear", make};\n',
     "decoupling/table/map.cpp": 'const MethodEntry entry{.model = "table", .method = "map", .make = make};\n',
-    "decoupling/hair/matrix.cpp": 'const MethodEntry entry{"hair", "matrix", make};\n',
+    "decoupling/hair/matrix.cpp": 'const MethodEntry entry(\n    {.model = "hair", .method = "matrix", .place = 10, .make = make});\n',
     "decoupling/fit/table_fit.cpp": 'constexpr FitEntry kFits[] = {{"table", "linear", fit}, {"table", "bent", fit}};\n',
-    "decoupling/decoupler.hpp": 'struct MethodEntry {\n    MethodEntry(std::string_view model, int make);\n};\n',
+    "decoupling/decoupler.hpp": 'struct MethodEntry {\n    MethodEntry(std::string_view model, int make);\n    Registry<MethodEntry> in_list{this};\n};\n',
 }
 FEW = {"driver": 4, "chip": 1, "format": 2, "model": 2, "method": 3, "fit": 2}
 
@@ -90,7 +90,7 @@ class Names(unittest.TestCase):
                      'file.has("matrix"); file.rows("matrix");', 'parameters.find("linear");', 'tables["map"];', '// driver == "sim"',
                      '/* x == "sim" */', 'log("driver == \\"sim\\"");', 'throw Error("not \\"sim\\"");', 'options.one_of("course", {"linear", "smooth"});',
                      'if (driver == "simulator") f();', 'if (word == "other") f();', 'thread_.start("sim", 0);',
-                     'const CostEntry cost{"map", "density", measure};', 'cost.columns = {"map", "points"};', '#include "table"'):
+                     'const CostEntry cost{"map", "density", measure};', 'cost.columns = {"map", "points"};', 'constexpr const char* kTables[] = {"map", "other"};', '#include "table"'):
             with self.subTest(code):
                 self.assertEqual([e for e in self.found(code) if "may not include" not in e], [])
 
@@ -127,6 +127,8 @@ class Names(unittest.TestCase):
                 self.assertTrue(any("adapt ENTRIES" in e for e in self.errors()), file)
                 self.write(file, ENTRIES[file])
         self.write("drivers/can.cpp", "const DriverEntry entry{kName, make};\n")
+        self.assertTrue(any("no name as a string literal" in e for e in self.errors()))
+        self.write("drivers/can.cpp", 'const DriverEntry entry{.name = kName, .unit = "can"};\n')
         self.assertTrue(any("no name as a string literal" in e for e in self.errors()))
 
     def test_includes(self):

@@ -94,20 +94,20 @@ class Calibrations:
         made = {p.stem: p for p in sorted((ROOT / "config/calibration").glob("*.toml"))}
         runs = {}
         for name, words in sorted(self.jobs.items(), key=lambda job: "auto" not in job[0] and "mlp" not in job[0]):
-            out = {build: self.folder / f"{name}.{k}.toml" for k, build in (("base", self.base), ("new", new))}
-            runs[name] = out, [pool.submit(ctl, build, "calibrate", *words, "--out", out[build]) for build in out]
-        for name, (out, (base_run, new_run)) in runs.items():
+            outs = [self.folder / f"{name}.{k}.toml" for k in ("base", "new")]
+            runs[name] = outs, [pool.submit(ctl, build, "calibrate", *words, "--out", out) for build, out in zip((self.base, new), outs)]
+        for name, (outs, (base_run, new_run)) in runs.items():
             a, b = base_run.result(), new_run.result()
             fits.equal(a.returncode, b.returncode, f"{name}: exit status")
             messages.equal(*(re.sub(r"\.(base|new)\.toml", ".toml", r.stdout + r.stderr) for r in (a, b)), name)
             if a.returncode == b.returncode == 0:
-                texts = [re.sub(r'^date = .*\n', "", out[build].read_text(), flags=re.MULTILINE) for build in (self.base, new)]
+                texts = [re.sub(r'^date = .*\n', "", out.read_text(), flags=re.MULTILINE) for out in outs]
                 lines = texts[0].count("\n")
                 if texts[0] == texts[1]:
                     fits.add(lines)
                 else:
                     fits.add(lines, 1, float("inf"), f"{name}: {first_difference(*texts)}")
-                made[name] = out[self.base]
+                made[name] = outs[0]
         return made
 
 
