@@ -11,7 +11,10 @@ ALLOWED = {  # folder: prefixes of our own headers that its files may include
     "decoupling": ["config/options.hpp", "config/names.hpp", "config/calibration.hpp", "decoupling/", "tactiled/layout.h"],
     "node/include/tactiled": ["layout.h", "reader.h"],
     "node": ["config/", "drivers/", "decoupling/", "node/", "tactiled/"],
+    "node/lab": ["config/", "drivers/", "decoupling/", "node/", "tactiled/"],
 }
+# The daemon and the program that operates it do without fits, charts and reports; these are in a program of their own.
+FORBIDDEN = {"node": ["decoupling/fit/", "node/lab/"]}
 ONLY_HERE = {"toml++": "config/", "Eigen/": "decoupling/", "ceres/": "decoupling/", "modbus": "node/modbus/"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 
@@ -33,6 +36,8 @@ def main():
             quote, header = found.groups()
             if quote == '"' and not any(header.startswith(a) for a in ALLOWED[folder]):
                 errors.append(f"{name}:{number}: may not include {header}; allowed: {', '.join(ALLOWED[folder])}")
+            if quote == '"' and any(header.startswith(f) for f in FORBIDDEN.get(folder, [])):
+                errors.append(f"{name}:{number}: {header} belongs to the laboratory, node/lab")
             for library, home in ONLY_HERE.items():
                 if quote == "<" and header.startswith(library) and not name.startswith(home):
                     errors.append(f"{name}:{number}: {header} belongs in {home}")
