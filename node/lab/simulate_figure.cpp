@@ -4,9 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 
-#include "node/lab/chart/plot.hpp"
+#include "node/lab/chart/axis.hpp"
+#include "node/lab/chart/svg.hpp"
+#include "node/lab/chart/text.hpp"
 #include "node/lab/simulate.hpp"
 
 namespace tactiled::ctl {
@@ -18,45 +19,39 @@ constexpr double kLetter = 5.6;  // of a small label, about
 
 class Drawing {
 public:
-    explicit Drawing(const Timeline& t) : t_(t) {
-        rows_ = kTitle + kMotion + kLane * double(t.lanes.size()) + 6;
-        foot_ = rows_ + kRow * double(t.rows.size()) + 4;
+    explicit Drawing(const Timeline& t)
+        : t_(t),
+          rows_(kTitle + kMotion + kLane * double(t.lanes.size()) + 6),
+          foot_(rows_ + kRow * double(t.rows.size()) + 4),
+          time_({0, t.length_s}, kLeft, kWidth - kRight),
+          svg_({.width = kWidth,
+                .height = foot_ + kAxis,
+                .about = "effects that the scene calls for, over its time",
+                .css_class = "wide",
+                .font_size = 11}) {
         const auto on = std::count_if(t.rows.begin(), t.rows.end(), [](const auto& row) { return !row.on_s.empty(); });
         bars_foot_ = rows_ + kRow * double(on);
     }
 
     std::string text(const std::string& title) {
-        svg_ = fmt::format(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"wide\" viewBox=\"0 0 {} {:.0f}\" role=\"img\" "
-            "aria-label=\"{}\" font-family=\"sans-serif\" font-size=\"11\" fill=\"#1b1f24\">\n",
-            kWidth, foot_ + kAxis, html_text("effects that the scene calls for, over its time"));
-        put("<text x=\"{}\" y=\"14\">{}</text>\n", kLeft, html_text(title));
+        svg_.put("<text x=\"{}\" y=\"14\">{}</text>\n", kLeft, html_text(title));
         axis();
         motions();
         for (std::size_t i = 0; i < t_.lanes.size(); ++i) lane(t_.lanes[i], kTitle + kMotion + kLane * double(i));
         for (std::size_t i = 0; i < t_.rows.size(); ++i) row(t_.rows[i], rows_ + kRow * double(i));
-        return svg_ + "</svg>\n";
+        return svg_.text();
     }
 
 private:
-    template <class... T>
-    void put(fmt::format_string<T...> format, T&&... values) {
-        fmt::format_to(std::back_inserter(svg_), format, std::forward<T>(values)...);
-    }
-    [[nodiscard]] double x(double t_s) const {
-        return kLeft + (kWidth - kLeft - kRight) * std::clamp(t_s / t_.length_s, 0.0, 1.0);
-    }
+    [[nodiscard]] double x(double t_s) const { return time_.at(t_s); }
 
     void axis() {
-        std::string grid;
-        for (const auto& [at, text] : axis_ticks({0, t_.length_s})) {
-            grid += fmt::format("M{:.1f} {:.0f}V{:.0f}", x(at), kTitle + kMotion, foot_);
-            put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">{}</text>\n", x(at), foot_ + 14, text);
-        }
-        put("<path class=\"grid\" fill=\"none\" stroke=\"#d0d7de\" d=\"{}\"/>\n", grid);
-        put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">time, s</text>\n", x(t_.length_s / 2), foot_ + 30);
-        put("<text x=\"{:.0f}\" y=\"{:.0f}\">bound at</text><text x=\"{:.0f}\" y=\"{:.0f}\">the end, N</text>\n",
-            kWidth - kRight + 8, rows_ - 20, kWidth - kRight + 8, rows_ - 7);
+        AxisMarks marks;
+        marks.add_x({kLeft, kWidth - kRight, kTitle + kMotion, foot_}, time_, axis_ticks({0, t_.length_s}), 14);
+        svg_.put(marks.numbers + svg_line(marks.grid, {.css_class = "grid", .colour = "#d0d7de"}));
+        svg_.put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">time, s</text>\n", x(t_.length_s / 2), foot_ + 30);
+        svg_.put("<text x=\"{:.0f}\" y=\"{:.0f}\">bound at</text><text x=\"{:.0f}\" y=\"{:.0f}\">the end, N</text>\n",
+                 kWidth - kRight + 8, rows_ - 20, kWidth - kRight + 8, rows_ - 7);
     }
 
     // Where a motion begins, down through all bars; its name where there is room, upright where that is enough.
@@ -67,49 +62,48 @@ private:
             const double left = x(m.begin_s), width = x(m.end_s) - left, middle = left + width / 2;
             if (width > 3) borders += fmt::format("M{:.1f} {:.0f}V{:.0f}", left, kTitle + 4, bars_foot_);
             if (width > kLetter * double(m.kind.size()) + 2)
-                put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">{}</text>\n", middle, y - 6, html_text(m.kind));
+                svg_.put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">{}</text>\n", middle, y - 6,
+                         html_text(m.kind));
             else if (width > 11)
-                put("<text transform=\"translate({:.1f} {:.0f}) rotate(-90)\">{}</text>\n", middle + 4, y - 4,
-                    html_text(m.kind));
+                svg_.put("<text transform=\"translate({:.1f} {:.0f}) rotate(-90)\">{}</text>\n", middle + 4, y - 4,
+                         html_text(m.kind));
         }
-        put("<path class=\"frame\" fill=\"none\" stroke=\"#8c959f\" stroke-dasharray=\"2 2\" d=\"{}\"/>\n", borders);
+        svg_.put(svg_line(borders, {.css_class = "frame", .colour = "#8c959f", .dashes = "2 2"}));
     }
 
     void lane(const Timeline::Lane& lane, double top) {
         const auto [min, max] = std::minmax_element(lane.value.begin(), lane.value.end());
-        const double low = std::min(0.0, *min), high = std::max(0.0, *max), foot = top + kLane - 4;
-        std::string path, last;
-        for (std::size_t i = 0; i < lane.value.size(); ++i) {
-            const std::string y = fmt::format("{:.1f}", foot - (kLane - 8) * (lane.value[i] - low) / (high - low));
-            const std::string next =
-                i + 1 < lane.value.size()
-                    ? fmt::format("{:.1f}", foot - (kLane - 8) * (lane.value[i + 1] - low) / (high - low))
-                    : "";
-            if (y != last || y != next)
-                path += fmt::format("{}{:.1f} {}", path.empty() ? "M" : "L",
-                                    x(t_.length_s * double(i) / double(lane.value.size() - 1)), y);
-            last = y;
-        }
-        put("<path class=\"curve\" fill=\"none\" stroke=\"#b3261e\" stroke-width=\"1.3\" d=\"{}\"/>\n", path);
-        put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\">{}, {:.3g} .. {:.3g} {}</text>\n", kLeft - 8,
-            top + kLane / 2 + 3, html_text(lane.name), *min, *max, lane.unit);
+        const double foot = top + kLane - 4;
+        const Scale scale({std::min(0.0, *min), std::max(0.0, *max)}, foot, top + 4);
+        // Of values that look the same only the first and the last are points.
+        std::vector<std::string> y;
+        for (const double value : lane.value) y.push_back(fmt::format("{:.1f}", scale.at(value)));
+        SvgPath path;
+        for (std::size_t i = 0; i < y.size(); ++i)
+            if (i == 0 || i + 1 == y.size() || y[i] != y[i - 1] || y[i] != y[i + 1])
+                path.to(x(t_.length_s * double(i) / double(y.size() - 1)), scale.at(lane.value[i]));
+        svg_.put(svg_line(path.d(), {.css_class = "curve", .colour = "#b3261e", .width = 1.3}));
+        svg_.put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\">{}, {:.3g} .. {:.3g} {}</text>\n", kLeft - 8,
+                 top + kLane / 2 + 3, html_text(lane.name), *min, *max, lane.unit);
     }
 
     void row(const Timeline::Row& row, double top) {
         const bool ever = !row.on_s.empty();
         const char* faint = ever ? "" : " opacity=\"0.6\"";
-        put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\"{}>{}</text>\n", kLeft - 8, top + 11, faint,
-            html_text(row.effect->name));
-        if (!ever) put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11, html_text(row.why));
+        svg_.put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\"{}>{}</text>\n", kLeft - 8, top + 11, faint,
+                 html_text(row.effect->name));
+        if (!ever)
+            svg_.put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11, html_text(row.why));
         for (const auto& [begin_s, end_s] : row.on_s)
-            put("<path class=\"bar\" fill=\"#1f5fa8\" d=\"M{:.1f} {:.1f}H{:.1f}v{}H{:.1f}Z\"/>\n", x(begin_s), top + 2,
-                std::max(x(end_s), x(begin_s) + 0.5), kRow - 4, x(begin_s));
-        put("<text x=\"{}\" y=\"{:.0f}\"{}>{:.2g}</text>\n", kWidth - kRight + 8, top + 11, faint, row.bound_N);
+            svg_.put("<path class=\"bar\" fill=\"#1f5fa8\" d=\"M{:.1f} {:.1f}H{:.1f}v{}H{:.1f}Z\"/>\n", x(begin_s), top + 2,
+                     std::max(x(end_s), x(begin_s) + 0.5), kRow - 4, x(begin_s));
+        svg_.put("<text x=\"{}\" y=\"{:.0f}\"{}>{:.2g}</text>\n", kWidth - kRight + 8, top + 11, faint, row.bound_N);
     }
 
     const Timeline& t_;
-    double rows_, bars_foot_, foot_;
-    std::string svg_;
+    double rows_, foot_, bars_foot_;
+    Scale time_;
+    Svg svg_;
 };
 
 }  // namespace

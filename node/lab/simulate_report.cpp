@@ -4,7 +4,7 @@
 
 #include <filesystem>
 
-#include "node/lab/chart/plot.hpp"
+#include "node/lab/chart/text.hpp"
 #include "node/lab/report/html.hpp"
 #include "node/lab/simulate.hpp"
 

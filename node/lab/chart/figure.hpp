@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-namespace tactiled::ctl {
+namespace tactiled {
 
 enum class Symbol { none, circle, ring, square, triangle, diamond, cross };
 enum class Stroke { none, solid, dashed };
@@ -34,4 +34,4 @@ struct Figure {
 // Texts are text, not HTML. setup
 std::string figure_svg(const Figure& figure);
 
-}  // namespace tactiled::ctl
+}  // namespace tactiled

@@ -5,7 +5,7 @@
 #include <iterator>
 #include <numbers>
 
-namespace tactiled::ctl {
+namespace tactiled {
 namespace {
 
 constexpr double kGap = 3;      // between symbol and label
@@ -66,20 +66,6 @@ Leader leader_between(const Box& symbol, const Box& label) {
     return {std::lerp(x, to_x, share), std::lerp(y, to_y, share), to_x, to_y};
 }
 
-double text_width(std::string_view text, double font_size) {
-    double width = 0;  // in parts of the size; DejaVu Sans is the widest that is common
-    for (const char c : text) {
-        if ((static_cast<unsigned char>(c) & 0xC0u) == 0x80) continue;  // goes on with a character
-        if (std::string_view("iljI.,:;|'!() ").find(c) != std::string_view::npos)
-            width += 0.38;
-        else if (std::string_view("mwMW%").find(c) != std::string_view::npos)
-            width += 0.98;
-        else
-            width += c >= 'A' && c <= 'Z' ? 0.74 : 0.64;
-    }
-    return width * font_size;
-}
-
 std::vector<std::optional<Box>> place_labels(const std::vector<LabelRequest>& requests, const std::vector<Box>& taken,
                                              std::vector<Box> crossed, const Box& frame) {
     std::vector<Box> solid = taken;
@@ -113,4 +99,4 @@ std::vector<std::optional<Box>> place_labels(const std::vector<LabelRequest>& re
     return result;
 }
 
-}  // namespace tactiled::ctl
+}  // namespace tactiled

@@ -1,10 +1,9 @@
 // Where the labels of a figure's points go: beside their points, over no symbol and no other label.
 #pragma once
 #include <optional>
-#include <string_view>
 #include <vector>
 
-namespace tactiled::ctl {
+namespace tactiled {
 
 struct Box {  // y grows downwards
     double left, top, right, bottom;
@@ -15,9 +14,6 @@ struct Box {  // y grows downwards
         return left <= other.left && other.right <= right && top <= other.top && other.bottom <= bottom;
     }
 };
-
-// Of a text in a sans-serif font of that size, rather too wide than too narrow.
-double text_width(std::string_view text, double font_size);
 
 struct LabelRequest {
     Box symbol;  // beside which
@@ -32,10 +28,10 @@ struct Leader {
 };
 Leader leader_between(const Box& symbol, const Box& label);
 
-// A place for each wish, greedily in their order: the nearest that is free, right of the symbol before left, above and
-// below. All lie in `frame`, over no wish's symbol, nothing in `taken` and no other label. Over what is `crossed` (lines),
-// or with a leader over any of them, only where there is no other place. Nothing where there is no room.
+// A place for each request, greedily in their order: the nearest that is free, right of the symbol before left, above and
+// below. All lie in `frame`, over no request's symbol, nothing in `taken` and no other label. Over what is `crossed`
+// (lines), or with a leader over any of them, only where there is no other place. Nothing where there is no room.
 std::vector<std::optional<Box>> place_labels(const std::vector<LabelRequest>& requests, const std::vector<Box>& taken,
                                              std::vector<Box> crossed, const Box& frame);
 
-}  // namespace tactiled::ctl
+}  // namespace tactiled

@@ -6,29 +6,10 @@
 #include <string_view>
 #include <vector>
 
+#include "node/lab/chart/axis.hpp"
+#include "node/lab/chart/svg.hpp"
+
 namespace tactiled {
-
-// Text for HTML: markup escaped; control characters and bytes that are no UTF-8 become U+FFFD.
-std::string html_text(std::string_view text);
-
-struct Span {  // of numbers
-    double min, max;
-};
-
-// All finite numbers of `values`; {0, 0} where there are none.
-Span span_of(std::span<const double> values);
-// Made usable as an axis: finite, least < most, `margin` x its width wider on both sides.
-Span as_axis(Span span, double margin = 0.04);
-
-struct Tick {
-    double at;
-    std::string text;
-};
-// About five for an axis: multiples of 1, 2 or 5 times a power of ten.
-std::vector<Tick> axis_ticks(Span axis);
-// For a logarithmic axis, 0 < least < most: powers of ten, where those are fewer than three also 2 and 5 times them; every
-// so many where they are more than eight. What is far from 1 reads 10⁻⁵.
-std::vector<Tick> log_ticks(Span axis);
 
 struct Dot {
     double x, y;
@@ -49,14 +30,13 @@ public:
     // From the foot of the plot to `height`.
     void bar(double left, double right, double height);
 
-    [[nodiscard]] std::string text() const;
+    [[nodiscard]] std::string text() const { return svg_.text(); }
 
 private:
-    [[nodiscard]] std::string at(Dot dot) const;  // "12.3 45.6"
-    std::string path(std::span<const Dot> dots) const;
+    [[nodiscard]] std::string path(std::span<const Dot> dots) const;
 
-    Span x_, y_;
-    std::string frame_, inside_;
+    Scale x_, y_;
+    Svg svg_;
 };
 
 }  // namespace tactiled

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "node/lab/chart/plot.hpp"
+#include "node/lab/chart/text.hpp"
 #include "node/lab/report/style.hpp"
 
 namespace tactiled {

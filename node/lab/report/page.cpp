@@ -7,7 +7,7 @@
 #include <set>
 
 #include "decoupling/solve/domain.hpp"
-#include "node/lab/chart/plot.hpp"
+#include "node/lab/chart/text.hpp"
 #include "node/lab/report/html.hpp"
 #include "node/lab/report/report.hpp"
 

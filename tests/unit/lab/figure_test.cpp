@@ -6,8 +6,8 @@
 #include <limits>
 #include <random>
 
+#include "node/lab/chart/axis.hpp"
 #include "node/lab/chart/labels.hpp"
-#include "node/lab/chart/plot.hpp"
 
 namespace tactiled::ctl {
 namespace {

@@ -9,6 +9,7 @@
 
 #include "decoupling/solve/domain.hpp"
 #include "node/lab/chart/plot.hpp"
+#include "node/lab/chart/text.hpp"
 #include "node/lab/report/report.hpp"
 #include "tests/unit/decoupling/made_by_hand.hpp"
 
