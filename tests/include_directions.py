@@ -14,16 +14,18 @@ ALLOWED = {  # folder: prefixes of our own headers that its files may include
     "decoupling": ["config/options.hpp", "config/registry.hpp", "config/names.hpp", "config/calibration.hpp", "decoupling/", "tactiled/layout.h"],
     "node/include/tactiled": ["layout.h", "reader.h"],
     "node": ["config/", "drivers/", "decoupling/", "node/", "tactiled/"],
+    "node/lab": ["config/", "drivers/", "decoupling/", "node/", "tactiled/"],
 }
+# The daemon and the program that operates it do without fits, charts and reports; these are in a program of their own.
+FORBIDDEN = {"node": ["decoupling/fit/", "node/lab/"]}
 ONLY_HERE = {"toml++": "config/", "Eigen/": "decoupling/", "ceres/": "decoupling/", "modbus": "node/modbus/"}
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 # file: (names that it may compare with although other files own them, why). An exception that is not needed is an error.
 EXCEPTIONS = {
     "drivers/sim/sensor.cpp": ("table hair capacitive",
                                "the simulator's sensors carry the models' names and share no code with the models"),
-    "node/ctl/simulate_text.cpp": ("table hair capacitive", "prints the names of the simulator's sensors, as above"),
-    "node/ctl/costs/precision.cpp": ("matrix quadratic", "labels of a figure"),
-    "node/ctl/tradeoff_plan.cpp": ("table hair capacitive piezo generic linear signs matrix map nonlinear sum_diff physics quadratic "
+    "node/lab/simulate_text.cpp": ("table hair capacitive", "prints the names of the simulator's sensors, as above"),
+    "node/lab/tradeoff_plan.cpp": ("table hair capacitive piezo generic linear signs matrix map nonlinear sum_diff physics quadratic "
                                    "ratio overlap fused rbf mlp", "the plan of a study: which scene calibrates and judges which method"),
 }
 MAX_EXCEPTIONS = 10
@@ -49,6 +51,8 @@ def include_errors(root):
             quote, header = found.groups()
             if quote == '"' and not any(header.startswith(a) for a in ALLOWED[folder]):
                 yield f"{name}:{number}: may not include {header}; allowed: {', '.join(ALLOWED[folder])}"
+            if quote == '"' and any(header.startswith(f) for f in FORBIDDEN.get(folder, [])):
+                yield f"{name}:{number}: {header} belongs to the laboratory, node/lab"
             for library, home in ONLY_HERE.items():
                 if quote == "<" and header.startswith(library) and not name.startswith(home):
                     yield f"{name}:{number}: {header} belongs in {home}"

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <optional>
 
-#include "decoupling/fit/csv.hpp"
+#include "decoupling/csv.hpp"
 
 namespace tactiled {
 namespace {

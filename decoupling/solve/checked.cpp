@@ -110,15 +110,14 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
     for (std::size_t c = 0; c < 6; ++c) {
         if (!seen_[c]) continue;
         const double sloped = sd_slope_[c] * wrench[c];
-        estimate.sd[c] =
-            input.sd_factor[c] * (can_be_squared ? std::sqrt(sd_[c] * sd_[c] + sloped * sloped) : std::hypot(sd_[c], sloped));
+        estimate.sd[c] = input.sd_factor[c] *
+                         (can_be_squared ? std::sqrt(sd_[c] * sd_[c] + sloped * sloped) : std::hypot(sd_[c], sloped));
     }
 }
 
 bool CheckedModel::is_outside(std::span<const double> r, std::uint32_t mask) const noexcept {
     bool any = false;
-    for (std::size_t k = 0; k < r.size(); ++k)
-        any = any || ((mask >> k & 1u) != 0 && domain_.is_beyond(k, r[k] + zero_[k]));
+    for (std::size_t k = 0; k < r.size(); ++k) any = any || ((mask >> k & 1u) != 0 && domain_.is_beyond(k, r[k] + zero_[k]));
     return any;
 }
 

@@ -1,74 +1,23 @@
 // tactilectl: everything that a person runs. Each verb is one file.
-#include <fmt/format.h>
-#include <CLI/CLI.hpp>  // all of it, once: command_line.hpp
-
-#include <cstdio>
-#include <cstdlib>
-#include <exception>
-
-#include "config/options.hpp"
-#include "config/text_file.hpp"
+#include "node/ctl/command_line.hpp"
+#include "node/ctl/laboratory.hpp"
 #include "node/ctl/verb.hpp"
-#include "tactiled/layout.h"
 
-namespace tactiled::ctl {
+namespace {
 
-volatile std::sig_atomic_t interrupted = 0;
-
-void catch_interrupt() {
-    struct sigaction action {};
-    action.sa_handler = [](int) { interrupted = 1; };
-    action.sa_flags = int(SA_RESETHAND);  // without SA_RESTART, which std::signal() sets
-    ::sigaction(SIGINT, &action, nullptr);
-    ::sigaction(SIGTERM, &action, nullptr);
+// The verbs of tactilectl-lab, for --help. main() starts that program before these could be parsed.
+void list_laboratory(CLI::App& app, tactiled::ctl::Run&) {
+    using namespace tactiled::ctl;
+    for (const LaboratoryVerb& verb : kLaboratoryVerbs)
+        add_verb(app, verb.name, verb.help)->group("Laboratory (package tactiled-lab)");
 }
 
-CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help) {
-    return app.add_subcommand(name, help);
-}
-
-void add_node_option(CLI::App* verb, std::string& node_name) {
-    verb->add_option("--node", node_name, "name of the daemon, as [node] name says")->capture_default_str();
-}
-
-std::string quality_text(std::uint32_t quality, std::uint32_t reasons) {
-    static constexpr const char* kQuality[] = {"no-value", "good", "uncertain", "bad"};
-    std::string text = quality < std::size(kQuality) ? kQuality[quality] : "unknown";
-    char separator = ':';
-    for (std::size_t bit = 0; bit < kReasonWords.size(); ++bit)
-        if ((reasons >> bit & 1u) != 0) {
-            text += separator;
-            text += kReasonWords[bit];
-            separator = ',';
-        }
-    return text;
-}
-
-}  // namespace tactiled::ctl
+}  // namespace
 
 int main(int argc, char** argv) {
-    using namespace tactiled;
     using namespace tactiled::ctl;
-    std::signal(SIGPIPE, SIG_IGN);
-    CLI::App app{"Reads, checks and calibrates the tactile sensors of a tactiled daemon.", "tactilectl"};
-    app.set_version_flag("--version", TACTILED_VERSION);
-    app.require_subcommand(1);
-    Run run;
-    for (auto* add : {add_status, add_top, add_read, add_record, add_replay, add_tare, add_weigh, add_teach, add_map,
-                      add_check, add_doctor, add_calibrate, add_decouple, add_play, add_simulate, add_tradeoff})
-        add(app, run);
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? kGood : kUsage; }
-    int status = kUnhealthy;
-    try {
-        status = run();
-    } catch (const SaveError& error) {  // nothing is wrong with the words
-        fmt::print(stderr, "tactilectl: {}\n", error.what());
-    } catch (const SetupError& error) {
-        fmt::print(stderr, "tactilectl: {}\n", error.what());
-        status = kUsage;
-    } catch (const std::exception& error) { fmt::print(stderr, "tactilectl: {}\n", error.what()); }
-    if (interrupted != 0 && std::ferror(stdout) != 0) std::_Exit(status);  // exit() would wait for the full pipe once more
-    return status;
+    if (const auto status = start_laboratory(argv)) return *status;
+    static constexpr AddVerb kVerbs[] = {add_status, add_top,   add_read, add_record, add_replay, add_tare,
+                                         add_weigh,  add_teach, add_map,  add_check,  add_doctor, list_laboratory};
+    return run_verb(argc, argv, kVerbs);
 }

@@ -11,7 +11,7 @@
 #include <optional>
 #include <utility>
 
-#include "decoupling/fit/csv.hpp"
+#include "decoupling/csv.hpp"
 #include "drivers/mcap/frame_message.hpp"
 #include "drivers/mcap/message_file.hpp"
 #include "node/ctl/command_line.hpp"

@@ -1,9 +1,11 @@
-// tactilectl's verbs, one file each: NAME.cpp defines add_NAME(), main.cpp calls them all.
+// tactilectl's verbs, one file each: NAME.cpp defines add_NAME(), main.cpp calls them all. verb.cpp is the part of this
+// header that the laboratory's program (node/lab) links, too.
 #pragma once
 #include <array>
 #include <csignal>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 
 namespace CLI {
@@ -18,9 +20,10 @@ inline constexpr int kUnhealthy = 1;     // unhealthy, or the check failed
 inline constexpr int kUsage = 2;         // the words or the files given are wrong
 inline constexpr int kNotReachable = 3;  // no daemon of that name
 
-// A verb adds its subcommand and, from the subcommand's callback, sets `run` to what it does; main runs it after parsing.
-// What `run` throws (std::exception) is printed as an error, exit status kUsage for SetupError, else kUnhealthy.
+// A verb adds its subcommand and, from the subcommand's callback, sets `run` to what it does; run_program() runs it after
+// parsing. What `run` throws (std::exception) is printed as an error, exit status kUsage for SetupError, else kUnhealthy.
 using Run = std::function<int()>;
+using AddVerb = void (*)(CLI::App& app, Run& run);
 
 void add_status(CLI::App& app, Run& run);
 void add_top(CLI::App& app, Run& run);
@@ -33,15 +36,15 @@ void add_teach(CLI::App& app, Run& run);
 void add_map(CLI::App& app, Run& run);
 void add_doctor(CLI::App& app, Run& run);
 void add_check(CLI::App& app, Run& run);
-void add_calibrate(CLI::App& app, Run& run);
-void add_decouple(CLI::App& app, Run& run);
-void add_play(CLI::App& app, Run& run);
-void add_simulate(CLI::App& app, Run& run);
-void add_tradeoff(CLI::App& app, Run& run);
 
 // ---- what several verbs share ----
 
-// add_subcommand(), compiled once, in main.cpp: with it comes most of CLI11.
+// Parses the words into `app`, calls `run`, prints what it throws after the program's name; returns the exit status.
+int run_program(CLI::App& app, int argc, char** argv, const Run& run);
+// The same for a program of several verbs, of which users know one name, tactilectl.
+int run_verb(int argc, char** argv, std::span<const AddVerb> verbs);
+
+// add_subcommand(), compiled once, in verb.cpp: with it comes most of CLI11.
 CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help);
 
 // Adds --node NAME, the daemon to talk to.

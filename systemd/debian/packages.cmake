@@ -1,4 +1,4 @@
-# Three packages of one build: the daemon, the headers, the Python reader. Every install() without a COMPONENT is the daemon's.
+# Four packages of one build: the daemon, the laboratory, the headers, the Python reader. Every install() without a COMPONENT is the daemon's.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tactiled)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
@@ -12,18 +12,28 @@ set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
-set(CPACK_COMPONENTS_ALL Unspecified dev python)
+set(CPACK_COMPONENTS_ALL Unspecified lab dev python)
 
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_NAME tactiled)
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers, init-system-helpers (>= 1.54~)")
-set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SUGGESTS "python3-tactiled, libtactiled-dev, i2c-tools, mbpoll")
+set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SUGGESTS "tactiled-lab, python3-tactiled, libtactiled-dev, i2c-tools, mbpoll")
 set(CPACK_COMPONENT_UNSPECIFIED_DESCRIPTION "daemon for the tactile sensors of a robot gripper
 It reads tactile sensors over serial ports, CAN, I2C and Modbus, turns
 their channels into forces with their uncertainty, and shows them to
 programs through shared memory and to a PLC through Modbus.
 It is not a safety function.")
+
+# Of the very version of tactiled: one table of verbs is in both.
+set(CPACK_DEBIAN_LAB_PACKAGE_NAME tactiled-lab)
+set(CPACK_DEBIAN_LAB_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_LAB_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_LAB_PACKAGE_DEPENDS "tactiled (= ${PROJECT_VERSION})")
+set(CPACK_COMPONENT_LAB_DESCRIPTION "calibration and simulation of tactile sensors for tactiled
+It adds the verbs of tactilectl that fit calibrations to recordings, turn
+recordings into forces, simulate sensors and compare methods.
+A computer that only runs tactiled does without.")
 
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libtactiled-dev)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
@@ -48,7 +58,7 @@ add_custom_command(OUTPUT changelog.gz DEPENDS ${CMAKE_CURRENT_BINARY_DIR}/chang
     COMMAND sh -c "gzip -9nc changelog > changelog.gz")
 add_custom_target(debian_changelog ALL DEPENDS changelog.gz)
 add_dependencies(manual_pages debian_changelog)
-foreach(pair "tactiled Unspecified" "libtactiled-dev dev" "python3-tactiled python")
+foreach(pair "tactiled Unspecified" "tactiled-lab lab" "libtactiled-dev dev" "python3-tactiled python")
     separate_arguments(pair)
     list(GET pair 0 package)
     list(GET pair 1 component)

@@ -20,7 +20,7 @@
 #include "config/text_file.hpp"
 #include "naive/corrections.hpp"
 #include "naive/searches.hpp"
-#include "node/ctl/tradeoff.hpp"
+#include "node/lab/tradeoff.hpp"
 #include "tactiled/reader.hpp"
 
 namespace {

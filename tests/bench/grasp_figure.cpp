@@ -5,12 +5,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "node/lab/chart/svg.hpp"
+#include "node/lab/chart/text.hpp"
+
 namespace tactiled::bench {
 namespace {
 
 constexpr double kWidth = 430, kHeight = 300, kLeft = 48, kTop = 44, kFoot = 44, kGap = 30;  // of a panel, in the viewBox
-constexpr double kMin = 0.3, kMax = 60;                                                      // %, logarithmic
-constexpr const char* kDashes[] = {"", "7 4", "2 3"};                                        // one, two, three jaws
+constexpr double kFont = 11;
+constexpr double kMin = 0.3, kMax = 60;                // %, logarithmic
+constexpr const char* kDashes[] = {"", "7 4", "2 3"};  // one, two, three jaws
 
 struct Point {
     double ms, within_68, within_95, stable;
@@ -35,47 +39,42 @@ std::vector<Point> curve(const std::vector<Outcome>& outcomes, std::size_t sense
     return points;
 }
 
-struct Frame {
-    double left;
-    [[nodiscard]] double x(double ms) const {
-        return left + kLeft + (kWidth - kLeft) * ms / (1e3 * kMomentEvery_s * kMoments);
-    }
-    [[nodiscard]] static double y(double percent) {
-        const double u = std::log(std::clamp(percent, kMin, kMax) / kMin) / std::log(kMax / kMin);
-        return kTop + kHeight * (1 - u);
-    }
+// One panel: its place on the paper, time in ms to the right, the error in % upwards.
+struct Axes {
+    explicit Axes(double left)
+        : area{left + kLeft, left + kWidth, kTop, kTop + kHeight},
+          x({0, 1e3 * kMomentEvery_s * kMoments}, area.left, area.right),
+          y(Scale::logarithmic({std::log10(kMin), std::log10(kMax)}, area.foot, area.top)) {}
+    PlotArea area;
+    Scale x, y;
 };
 
-std::string axes(const Frame& f, const std::string& title) {
-    std::string svg =
-        fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" font-weight=\"bold\">{}</text>\n", f.x(0), kTop - 8, title);
-    std::string grid;
-    for (const double percent : {0.3, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0}) {
-        grid += fmt::format("M{:.1f} {:.1f}H{:.1f}", f.x(0), Frame::y(percent), f.x(1e3 * kMomentEvery_s * kMoments));
-        svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.1f}\" text-anchor=\"end\">{:g}</text>\n", f.x(0) - 6,
-                           Frame::y(percent) + 4, percent);
-    }
-    for (int ms = 0; ms <= 600; ms += 100) {
-        grid += fmt::format("M{:.1f} {:.0f}v{:.0f}", f.x(ms), kTop, kHeight);
-        svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">{}</text>\n", f.x(ms),
-                           kTop + kHeight + 16, ms);
-    }
-    svg += fmt::format("<path fill=\"none\" stroke=\"#c8c8c8\" d=\"{}\"/>\n", grid);
-    svg += fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">ms after lift-off</text>\n", f.x(300),
-                       kTop + kHeight + 34);
-    return svg;
+std::string frame(const Axes& axes, const std::string& title) {
+    std::vector<Tick> percent, ms;
+    for (const double at : {0.3, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0}) percent.push_back({at, fmt::format("{:g}", at)});
+    for (int at = 0; at <= 600; at += 100) ms.push_back({double(at), fmt::format("{}", at)});
+    AxisMarks marks;
+    marks.add_y(axes.area, axes.y, percent, 6, 4);
+    marks.add_x(axes.area, axes.x, ms, 16);
+    return fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" font-weight=\"bold\">{}</text>\n", axes.area.left, kTop - 8,
+                       html_text(title)) +
+           marks.numbers + svg_line(marks.grid, {.colour = "#c8c8c8"}) +
+           fmt::format("<text x=\"{:.0f}\" y=\"{:.0f}\" text-anchor=\"middle\">ms after lift-off</text>\n", axes.x.at(300),
+                       axes.area.foot + 34);
 }
 
-std::string lines(const Frame& f, const std::vector<Outcome>& outcomes) {
+Pen pen_of(std::size_t sensed, bool outer) {
+    return {.colour = outer ? "#6e6e6e" : "#000000", .dashes = kDashes[sensed - 1], .width = outer ? 1.0 : 2.0};
+}
+
+std::string lines(const Axes& axes, const std::vector<Outcome>& outcomes) {
     std::string svg;
     for (std::size_t sensed = 1; sensed <= kMaxSensed; ++sensed)
-        for (const bool max : {false, true}) {
-            std::string path;
+        for (const bool outer : {false, true}) {
+            SvgPath path;
             for (const Point& p : curve(outcomes, sensed))
-                path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", f.x(p.ms),
-                                    Frame::y(max ? p.within_95 : p.within_68));
-            svg += fmt::format("<path fill=\"none\" stroke=\"{}\" stroke-width=\"{}\" stroke-dasharray=\"{}\" d=\"{}\"/>\n",
-                               max ? "#6e6e6e" : "#000000", max ? "1" : "2", kDashes[sensed - 1], path);
+                path.to(axes.x.at(p.ms), axes.y.at(outer ? p.within_95 : p.within_68));
+            svg += svg_line(path.d(), pen_of(sensed, outer));
         }
     return svg;
 }
@@ -83,16 +82,12 @@ std::string lines(const Frame& f, const std::vector<Outcome>& outcomes) {
 std::string legend(double left) {
     std::string svg;
     for (std::size_t sensed = 1; sensed <= kMaxSensed; ++sensed) {
-        const double y = kTop + 16 + 17 * double(sensed - 1);
-        svg += fmt::format(
-            "<path fill=\"none\" stroke=\"#000\" stroke-width=\"2\" stroke-dasharray=\"{}\" d=\"M{:.0f} {:.0f}h34\"/>"
-            "<text x=\"{:.0f}\" y=\"{:.0f}\">{} of 3 jaws sensed</text>\n",
-            kDashes[sensed - 1], left, y - 4, left + 40, y, sensed);
+        const double middle = kTop + 12 + 17 * double(sensed - 1);
+        svg += legend_line(left, middle, 34, pen_of(sensed, false)) +
+               legend_text(left + 40, middle, fmt::format("{} of 3 jaws sensed", sensed), kFont);
     }
-    return svg + fmt::format(
-                     "<text x=\"{0:.0f}\" y=\"{1:.0f}\">thick: 68 % of the grasps are within</text>"
-                     "<text x=\"{0:.0f}\" y=\"{2:.0f}\">thin: 95 %</text>\n",
-                     left, kTop + 69, kTop + 84);
+    return svg + legend_text(left, kTop + 65, "thick: 68 % of the grasps are within", kFont) +
+           legend_text(left, kTop + 80, "thin: 95 %", kFont);
 }
 
 }  // namespace
@@ -109,17 +104,14 @@ std::string error_csv(const std::vector<Panel>& panels) {
 
 std::string error_svg(const std::vector<Panel>& panels, const std::string& title) {
     const double width = double(panels.size()) * (kWidth + kGap) + 20, height = kTop + kHeight + kFoot;
-    std::string svg = fmt::format(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {0:.0f} {1:.0f}\" role=\"img\" aria-label=\"{2}\" "
-        "font-family=\"sans-serif\" font-size=\"11\" fill=\"#111\">\n<rect width=\"{0:.0f}\" height=\"{1:.0f}\" "
-        "fill=\"#fff\"/>\n"
-        "<text x=\"{3:.0f}\" y=\"16\">{2}</text>\n",
-        width, height, title, kLeft);
+    Svg svg({.width = width, .height = height, .about = title, .font_size = kFont, .ink = "#111", .paper = true});
+    svg.put("<text x=\"{:.0f}\" y=\"16\">{}</text>\n", kLeft, html_text(title));
     for (std::size_t i = 0; i < panels.size(); ++i) {
-        const Frame f{double(i) * (kWidth + kGap)};
-        svg += axes(f, panels[i].title) + lines(f, panels[i].outcomes);
+        const Axes axes(double(i) * (kWidth + kGap));
+        svg.put(frame(axes, panels[i].title) + lines(axes, panels[i].outcomes));
     }
-    return svg + legend(kWidth - 195) + "</svg>\n";
+    svg.put(legend(kWidth - 195));
+    return svg.text();
 }
 
 }  // namespace tactiled::bench

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "config/options.hpp"
-#include "decoupling/fit/csv.hpp"
+#include "decoupling/csv.hpp"
 #include "tests/fuzz/input.hpp"
 
 namespace {

@@ -40,7 +40,7 @@ overlay=$(mktemp -d); trap 'rm -rf "$overlay"' EXIT
 root=$overlay/project
 mkdir -p "$root/build/release/bin"
 tar c -C "$project" --exclude=__pycache__ tests/kernel tests/system node/python config | tar x -C "$root"  # a test beside writes into __pycache__
-for program in "$bin"/{tactiled,gpio_edges} "$tools"/{tactilectl,usbip_i2c,usbip_can,link_feeder}; do
+for program in "$bin"/{tactiled,gpio_edges} "$tools"/{tactilectl,tactilectl-lab,usbip_i2c,usbip_can,link_feeder}; do
     "$here/program.sh" "$overlay" "$program"
     mv "$overlay/usr/bin/${program##*/}" "$root/build/release/bin/"
     strip --strip-debug "$root/build/release/bin/${program##*/}"  # all of it lives in the machine's memory

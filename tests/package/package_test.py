@@ -121,6 +121,13 @@ class Packages(unittest.TestCase):
                              "tactilectl status && break; done; kill %1; wait %1")
         self.assertRegex(said, r"left .* uncertain:sd-unknown")
 
+    def test_it_needs_no_library_of_fits_and_the_laboratory_is_a_package_of_its_own(self):
+        for name in ("ceres", "lapack", "cholmod", "glog", "atlas", "blas"):
+            self.assertNotIn(name, " ".join(dependencies("tactiled")))
+        self.assertIn("libceres", " ".join(dependencies("tactiled-lab")))
+        self.install()
+        self.assertIn("tactiled-lab, which is not installed", self.tree.run("tactilectl", "calibrate", status=2))
+
     def test_an_upgrade_keeps_configuration_state_and_the_wish_not_to_start(self):
         self.install()
         self.configure()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""tactilectl tradeoff --cost: each cost with few samples; judged is the physics, never a time."""
+"""accuracy_costs: each cost with few samples; judged is the physics, never a time."""
 import csv
 import io
 import json
@@ -16,13 +16,13 @@ from daemon import BIN, ROOT  # noqa: E402
 NAMES = ["filter", "hairs", "converter", "fidelity", "map", "solver", "precision", "batch", "register"]
 
 
-def tradeoff(*words, cwd=ROOT):
-    return subprocess.run([BIN / "tactilectl", "tradeoff", *map(str, words)], cwd=cwd, capture_output=True, text=True)
+def accuracy_costs(*words, cwd=ROOT):
+    return subprocess.run([BIN / "accuracy_costs", *map(str, words)], cwd=cwd, capture_output=True, text=True)
 
 
 def cost(name, samples):
     """{row: {column: number}}; rows of one name are a list."""
-    done = tradeoff("--cost", name, "--samples", samples, "--json")
+    done = accuracy_costs(name, "--samples", samples, "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
     assert answer["schema"] == 1 and answer["advice"].endswith("."), answer
@@ -117,7 +117,7 @@ class Files(unittest.TestCase):
     def test_csv_and_figure_say_what_the_table_says(self):
         with tempfile.TemporaryDirectory() as folder:
             table, figure = pathlib.Path(folder) / "a.csv", pathlib.Path(folder) / "a.svg"
-            done = tradeoff("--cost", "register", "--samples", 100, "--csv", table, "--svg", figure)
+            done = accuracy_costs("register", "--samples", 100, "--csv", table, "--svg", figure)
             self.assertEqual(done.returncode, 0, done.stderr)
             rows = list(csv.DictReader(io.StringIO(table.read_text())))
             self.assertEqual(len(rows), len(cost("register", 100)))
@@ -125,8 +125,15 @@ class Files(unittest.TestCase):
             self.assertIn("float32, two registers", drawn)
             self.assertIn("force, N", drawn)
 
+    def test_a_cost_is_printed_as_json(self):
+        done = accuracy_costs("filter", "--samples", 50, "--json")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        page = json.loads(done.stdout)
+        self.assertEqual((page["schema"], page["cost"]), (1, "filter"))
+        self.assertTrue(all(isinstance(row, dict) for row in page["rows"]))
+
     def test_every_figure_that_the_list_names_lies_there_and_a_page_shows_it(self):
-        listed = tradeoff("--cost", "list").stdout.splitlines()
+        listed = accuracy_costs("list").stdout.splitlines()
         self.assertEqual([line.split()[0] for line in listed], NAMES)
         pages = "".join(page.read_text() for page in ROOT.glob("*/**/*.md"))
         for line in listed:
@@ -135,14 +142,18 @@ class Files(unittest.TestCase):
             self.assertIn(f"]({path.name})", pages)
 
     def test_what_is_wrong_is_said_with_what_to_do(self):
-        for words, said in ((("--cost", "fliter"), "did you mean filter?"),
-                            (("--cost", "all", "--svg", "a.svg"), "for one cost")):
-            done = tradeoff(*words)
+        for words, said in ((("fliter",), "did you mean filter?"),
+                            (("all", "--svg", "a.svg"), "for one cost"), (("all", "--json"), "for one cost"),
+                            (("list", "--svg", "l.svg"), "for one cost"), ((), "name is required"),
+                            (("all", "--folder", "nowhere"), "no file can be written"),
+                            (("filter", "--csv", "nowhere/t.csv"), "no file can be written"),
+                            (("filter", "--samples", 0), "--samples")):
+            done = accuracy_costs(*words)
             self.assertEqual(done.returncode, 2, words)
-            self.assertIn(said, done.stderr)
+            self.assertIn(said, done.stderr + done.stdout)
         with tempfile.TemporaryDirectory() as elsewhere:
             for name, said in (("hairs", "--folder"), ("map", "--influence")):
-                done = tradeoff("--cost", name, cwd=elsewhere)
+                done = accuracy_costs(name, cwd=elsewhere)
                 self.assertEqual(done.returncode, 2, name)
                 self.assertIn(said, done.stderr)
 

@@ -95,25 +95,11 @@ class Tradeoff(unittest.TestCase):
         self.assertEqual(methods["overlap"]["bad_percent"], 0)   # it makes do with four, and says so
         self.assertGreater(methods["overlap"]["uncertain_percent"], 50)
 
-    def test_a_cost_is_printed_as_json(self):
-        done = tradeoff("--cost", "filter", "--samples", 50, "--json")
-        self.assertEqual(done.returncode, 0, done.stderr)
-        page = json.loads(done.stdout)
-        self.assertEqual((page["schema"], page["cost"]), (1, "filter"))
-        self.assertTrue(all(isinstance(row, dict) for row in page["rows"]))
-
     def test_what_is_asked_wrongly_is_said(self):
         skin = self.skin()
         for words, said in ((("--calibration", skin), "--scene"), (("--in", LABELLED), "--calibration"),
                             (("--calibration", skin, "--scene", SCENES / "tap.toml"), "has no channel"),
                             (("--scenes", self.folder), "tradeoff_table_calibrate"),
-                            (("--cost", "map", "--in", LABELLED), "excludes"),
-                            (("--cost", "filter", "--scenes", SCENES), "excludes"),
-                            (("--scene", SCENES / "tap.toml", "--influence", skin), "requires"),
-                            (("--cost", "list", "--svg", self.folder / "l.svg"), "for one cost"),
-                            (("--cost", "all", "--json"), "for one cost"),
-                            (("--cost", "all", "--folder", self.folder / "nowhere"), "no file can be written"),
-                            (("--cost", "filter", "--csv", self.folder / "nowhere/t.csv"), "no file can be written"),
                             (("--svg", self.folder / "nowhere/t.svg"), "no file can be written")):
             done = tradeoff(*words, "--samples", 10)
             self.assertEqual(done.returncode, 2, (words, done.stdout, done.stderr))

@@ -5,7 +5,7 @@
 #include <random>
 #include <sstream>
 
-#include "decoupling/fit/csv.hpp"
+#include "decoupling/csv.hpp"
 #include "decoupling/fit/labelled.hpp"
 #include "made_by_hand.hpp"
 

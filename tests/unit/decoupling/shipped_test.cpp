@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "decoupling/fit/csv.hpp"
+#include "decoupling/csv.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "made_by_hand.hpp"
 

@@ -1,0 +1,34 @@
+// The verbs of the laboratory. They are a program of their own, tactilectl-lab: with it come the libraries that fits need,
+// and a gripper's computer does without them. Users type tactilectl for all verbs.
+#pragma once
+#include <optional>
+#include <string_view>
+
+namespace tactiled::ctl {
+
+struct LaboratoryVerb {
+    const char *name, *help;
+};
+inline constexpr LaboratoryVerb kLaboratoryVerbs[] = {
+    {"calibrate", "Fits a calibration to labelled readings and says how good it is on rows it has not seen"},
+    {"decouple", "Turns a file of readings into forces, with the code of the daemon's loop"},
+    {"play", "Plays a recording as a device behind a pty"},
+    {"simulate", "Computes what sensors would read in a scene, with the effects it calls for"},
+    {"tradeoff",
+     "Measures what accuracy costs in time, on this machine: every method of every model, calibrated on simulated sensors "
+     "with all effects, over easy, combined, eccentric, dynamic loads and with a damaged channel"},
+};
+
+// The help of one verb. It does not compile where the table has no such verb.
+consteval const char* laboratory_help(std::string_view name) {
+    for (const auto& verb : kLaboratoryVerbs)
+        if (name == verb.name) return verb.help;
+    throw "no verb of the laboratory";
+}
+
+// Replaces this process by tactilectl-lab, which lies in the same folder, where the first word that is no option is a verb
+// of the laboratory; arguments, environment, open files and signal dispositions stay. Returns nothing where the verb is
+// another, and the exit status, with the reason printed, where the program cannot be started.
+std::optional<int> start_laboratory(char** argv);
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,75 @@
+#include "node/ctl/verb.hpp"
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>  // all of it, once: command_line.hpp
+
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+
+#include "config/options.hpp"
+#include "config/text_file.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled::ctl {
+
+volatile std::sig_atomic_t interrupted = 0;
+
+void catch_interrupt() {
+    struct sigaction action {};
+    action.sa_handler = [](int) { interrupted = 1; };
+    action.sa_flags = int(SA_RESETHAND);  // without SA_RESTART, which std::signal() sets
+    ::sigaction(SIGINT, &action, nullptr);
+    ::sigaction(SIGTERM, &action, nullptr);
+}
+
+CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help) {
+    return app.add_subcommand(name, help);
+}
+
+void add_node_option(CLI::App* verb, std::string& node_name) {
+    verb->add_option("--node", node_name, "name of the daemon, as [node] name says")->capture_default_str();
+}
+
+std::string quality_text(std::uint32_t quality, std::uint32_t reasons) {
+    static constexpr const char* kQuality[] = {"no-value", "good", "uncertain", "bad"};
+    std::string text = quality < std::size(kQuality) ? kQuality[quality] : "unknown";
+    char separator = ':';
+    for (std::size_t bit = 0; bit < kReasonWords.size(); ++bit)
+        if ((reasons >> bit & 1u) != 0) {
+            text += separator;
+            text += kReasonWords[bit];
+            separator = ',';
+        }
+    return text;
+}
+
+int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
+    std::signal(SIGPIPE, SIG_IGN);
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? kGood : kUsage; }
+    int status = kUnhealthy;
+    const auto print = [&](const std::exception& error) { fmt::print(stderr, "{}: {}\n", app.get_name(), error.what()); };
+    try {
+        status = run();
+    } catch (const SaveError& error) {  // nothing is wrong with the words
+        print(error);
+    } catch (const SetupError& error) {
+        print(error);
+        status = kUsage;
+    } catch (const std::exception& error) { print(error); }
+    if (interrupted != 0 && std::ferror(stdout) != 0) std::_Exit(status);  // exit() would wait for the full pipe once more
+    return status;
+}
+
+int run_verb(int argc, char** argv, std::span<const AddVerb> verbs) {
+    CLI::App app{"Reads, checks and calibrates the tactile sensors of a tactiled daemon.", "tactilectl"};
+    app.set_version_flag("--version", TACTILED_VERSION);
+    app.require_subcommand(1);
+    Run run;
+    for (const AddVerb add : verbs) add(app, run);
+    return run_program(app, argc, argv, run);
+}
+
+}  // namespace tactiled::ctl

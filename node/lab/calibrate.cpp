@@ -1,0 +1,172 @@
+// tactilectl calibrate: from labelled rows to a calibration file, and how far to trust it.
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+#include <ctime>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "config/calibration.hpp"
+#include "config/text_file.hpp"
+#include "decoupling/fit/fit.hpp"
+#include "decoupling/method.hpp"
+#include "node/ctl/command_line.hpp"
+#include "node/lab/report/report.hpp"
+#include "node/lab/verbs.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Settings {
+    std::string in, out, report;
+    Selection selection;
+    FitRequest request;
+    std::vector<std::string> set;              // "area_m2=3e-5"
+    std::map<std::string, std::string> start;  // options of the fits
+    std::optional<double> forget;
+    bool json = false;
+};
+
+void print_report(const FitReport& report, const Settings& settings) {
+    const Calibration& calibration = report.calibration;
+    fmt::print("{}: model {}, method {}, {} channels\n", settings.out, calibration.model, calibration.method,
+               calibration.channels.size());
+    fmt::print("rows: {} used of {} ({} without a label, {} with a missing channel)\n", calibration.rows, report.rows_read,
+               report.rows_without_label, report.rows_missing_channel);
+    fmt::print("held out: {}\n", calibration.validation.empty() ? "not validated" : calibration.validation);
+    fmt::print("{:>9} {:>10} {:>13} {:>15} {:>15} {:>8}\n", "component", "rows", "full scale", "fitted rms", "held-out rms",
+               "% of FS");
+    for (const auto& c : report.components) {
+        const std::string unit = unit_of(c);
+        fmt::print("{:>9} {:>10} {:>10.4g} {:<2} {:>12.3g} {:<2}", c.name, c.rows, c.full_scale, unit, c.fitted_rms, unit);
+        if (std::isfinite(c.held_out_rms))
+            fmt::print(" {:>12.3g} {:<2} {:>8.2f}\n", c.held_out_rms, unit, 100 * c.held_out_rms / c.full_scale);
+        else
+            fmt::print(" {:>15} {:>8}\n", "unknown", "unknown");
+    }
+    if (report.methods.size() > 1)
+        for (const auto& method : report.methods) {
+            fmt::print("method {:10}", method.method);
+            if (!method.refused.empty()) fmt::print(" refused: {}", method.refused);
+            for (std::size_t i = 0; i < method.held_out_rms.size(); ++i) {
+                const double percent = 100 * method.held_out_rms[i] / report.components[i].full_scale;
+                fmt::print(" {} {}", report.components[i].name,
+                           std::isfinite(percent) ? fmt::format("{:.2f} %", percent) : "unknown");
+            }
+            fmt::print("\n");
+        }
+    for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);
+    fmt::print("condition number: {:.3g}\n", calibration.condition);
+    for (const auto& warning : report.warnings) fmt::print(stderr, "warning: {}\n", warning);
+}
+
+void print_json(const FitReport& report, const Settings& settings) {
+    // What is unknown is null: JSON has no NaN.
+    const auto number = [](double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); };
+    nlohmann::json json{{"schema", 1},
+                        {"calibration", settings.out},
+                        {"model", report.calibration.model},
+                        {"method", report.calibration.method},
+                        {"channels", report.calibration.channels},
+                        {"rows_read", report.rows_read},
+                        {"rows_used", report.calibration.rows},
+                        {"rows_without_label", report.rows_without_label},
+                        {"rows_missing_channel", report.rows_missing_channel},
+                        {"validation", report.calibration.validation},
+                        {"condition", number(report.calibration.condition)},
+                        {"parameters", report.calibration.parameters},
+                        {"components", nlohmann::json::array()},
+                        {"warnings", report.warnings}};
+    for (const auto& c : report.components)
+        json["components"].push_back({{"name", c.name},
+                                      {"unit", unit_of(c)},
+                                      {"rows", c.rows},
+                                      {"full_scale", number(c.full_scale)},
+                                      {"fitted_rms", number(c.fitted_rms)},
+                                      {"held_out_rms", number(c.held_out_rms)}});
+    fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+// A mistyped --out or --report must not cost the recording or the calibration.
+void check_outputs(const Settings& settings) {
+    namespace fs = std::filesystem;
+    const auto check = [](const char* option, const std::string& path, const std::string& other) {
+        std::error_code ignored;
+        if (fs::path(path).lexically_normal() == fs::path(other).lexically_normal() || fs::equivalent(path, other, ignored))
+            throw SetupError(fmt::format("{} {}: would replace this file; name another", option, in_quotes(path)));
+    };
+    check("--out", settings.out, settings.in);
+    if (settings.report.empty()) return;
+    check("--report", settings.report, settings.in);
+    check("--report", settings.report, settings.out);
+}
+
+int calibrate(Settings settings) {
+    check_outputs(settings);
+    if (settings.request.channel_unit.empty()) {
+        const auto fits = fits_of(settings.request.model);
+        settings.request.channel_unit = fits.empty() ? "unknown" : fits.front()->channel_unit;
+    }
+    settings.request.date = fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)));
+    FitRequest& request = settings.request;
+    for (const auto& text : settings.set) {
+        const auto at = text.find('=');
+        char* end = nullptr;
+        const double value = at == text.npos ? 0 : std::strtod(text.c_str() + at + 1, &end);
+        if (end == nullptr || end == text.c_str() + at + 1 || *end != 0)
+            throw SetupError(fmt::format("--set {}: write NAME=NUMBER", in_quotes(text)));
+        request.parameters[text.substr(0, at)] = value;
+    }
+    if (settings.forget) request.parameters["forget"] = *settings.forget;
+    for (const auto& [name, value] : settings.start)
+        if (!value.empty()) put_fit_option(name, value, request);
+    const FitReport report = fit(read_labelled(settings.in, settings.selection), settings.request);
+    save_calibration(report.calibration, settings.out);
+    if (!settings.report.empty())
+        replace_file(settings.report,
+                     html_report(report, "Calibration " + std::filesystem::path(settings.out).filename().string()));
+    if (settings.json)
+        print_json(report, settings);
+    else
+        print_report(report, settings);
+    return kGood;
+}
+
+}  // namespace
+
+void add_calibrate(CLI::App& app, Run& run) {
+    auto settings = std::make_shared<Settings>();
+    settings->request.channel_unit.clear();
+    auto* verb = add_verb(app, "calibrate", laboratory_help("calibrate"));
+    verb->add_option("--model", settings->request.model, fmt::format("{}", fmt::join(model_names(), ", ")))->required();
+    verb->add_option("--method", settings->request.method,
+                     "of the model; its first if not given; auto: all that the rows determine");
+    verb->add_option("--set", settings->set, "a parameter that is known: NAME=NUMBER, e.g. area_m2=3e-5")->take_all();
+    verb->add_option("--forget", settings->forget,
+                     "method matrix of model generic: row i of N counts this to the power N - i; 0.999: the last 1000 rows")
+        ->check(CLI::Range(0.5, 1.0));
+    for (const FitEntry* entry : all_fits())
+        if (entry->option.name != nullptr)
+            verb->add_option(fmt::format("--{}", entry->option.name), settings->start[entry->option.name],
+                             entry->option.help);
+    verb->add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
+        ->required();
+    verb->add_option("--out", settings->out, "the calibration file to write")->required();
+    verb->add_option("--report", settings->report, "also write a report with plots: one HTML file");
+    verb->add_option("--session", settings->selection.sessions, "use only these sessions")->take_all();
+    verb->add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")
+        ->delimiter(',');
+    verb->add_option("--serial", settings->request.serial, "of this sensor");
+    verb->add_option("--contact-model", settings->request.contact_model, "what pressed on it: uniform, point ...")
+        ->capture_default_str();
+    verb->add_option("--channel-unit", settings->request.channel_unit, "unit of the channels: dR/R0, pF, uT, counts ...");
+    verb->add_flag("--json", settings->json, "print the report as JSON");
+    verb->callback([settings, &run] { run = [settings] { return calibrate(*settings); }; });
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,45 @@
+// Axes: the span of the values, the ticks, and where on the paper a value stands. May allocate; never in the loop.
+#pragma once
+#include <span>
+#include <string>
+#include <vector>
+
+namespace tactiled {
+
+struct Span {  // of numbers
+    double min, max;
+};
+
+// All finite numbers of `values`; {0, 0} where there are none.
+Span span_of(std::span<const double> values);
+// Made usable as an axis: finite, min < max, `margin` x its width wider on both sides.
+Span as_axis(Span span, double margin = 0.04);
+
+struct Tick {
+    double at;
+    std::string text;
+};
+// About five for an axis: multiples of 1, 2 or 5 times a power of ten.
+std::vector<Tick> axis_ticks(Span axis);
+// For a logarithmic axis, 0 < min < max: powers of ten, where those are fewer than three also 2 and 5 times them; every
+// so many where they are more than eight. What is far from 1 reads 10⁻⁵.
+std::vector<Tick> log_ticks(Span axis);
+
+// Maps the values of an axis to coordinates on the paper; values beyond the axis stand at its ends.
+class Scale {
+public:
+    // `from` and `to` are the coordinates of axis.min and axis.max.
+    Scale(Span axis, double from, double to) : axis_(axis), from_(from), to_(to) {}
+    // `powers` are the decimal logarithms of the ends; 0 and less stand at the first.
+    static Scale logarithmic(Span powers, double from, double to);
+
+    [[nodiscard]] double at(double value) const;
+    [[nodiscard]] Span axis() const { return axis_; }  // logarithms, if it is logarithmic
+
+private:
+    Span axis_;
+    double from_, to_;
+    bool logarithmic_ = false;
+};
+
+}  // namespace tactiled

@@ -1,0 +1,97 @@
+// tactilectl decouple: a file of readings through the very Decoupler of the loop, row by row.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "config/calibration.hpp"
+#include "decoupling/csv.hpp"
+#include "decoupling/decoupler.hpp"
+#include "node/ctl/command_line.hpp"
+#include "node/lab/verbs.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+constexpr double kLatest_s = 1.8e10;  // in nanoseconds just below 2^64
+
+struct Settings {
+    std::string calibration, method, in = "-", out = "-";
+    double budget_us = 10;  // of method auto
+    double saturates_below = -std::numeric_limits<double>::infinity();
+    double saturates_above = std::numeric_limits<double>::infinity();
+};
+
+// The column of each channel, by name.
+std::vector<std::size_t> channel_columns(const CsvReader& csv, const Calibration& calibration) {
+    std::vector<std::size_t> columns;
+    std::vector<std::string> lacking;
+    for (const auto& name : calibration.channels) {
+        const auto column = csv.find(name);
+        if (column)
+            columns.push_back(*column);
+        else
+            lacking.push_back(name);
+    }
+    if (!lacking.empty())
+        csv.refuse(fmt::format("lacks the channels {}, which {} needs; its columns are {}", fmt::join(lacking, " "),
+                               calibration.path, fmt::join(csv.columns(), " ")));
+    return columns;
+}
+
+int decouple(const Settings& settings) {
+    Problems problems;
+    const Calibration calibration = load_calibration(settings.calibration, problems);
+    problems.throw_if_any();
+    const auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us);
+    CsvReader csv(settings.in);
+    const auto time = csv.find("t_s");
+    if (!time) csv.refuse("has no column t_s");
+    const auto columns = channel_columns(csv, calibration);
+    std::error_code none;
+    if (settings.in != "-" && settings.out != "-" && std::filesystem::equivalent(settings.in, settings.out, none))
+        throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
+    ForcesWriter forces(settings.out);
+    std::vector<double> channel(columns.size());
+    while (csv.next()) {
+        const double t_s = csv.number(*time);
+        if (std::isnan(t_s)) csv.refuse("column t_s is empty; when was this row read?");
+        if (t_s > kLatest_s) csv.refuse(fmt::format("column t_s: {} s is more than 500 years; t_s is in seconds", t_s));
+        const auto t_ns = std::uint64_t(std::max(0.0, std::round(t_s * 1e9)));
+        Reading reading{.channel = channel, .missing = 0, .saturated = 0, .t_ns = t_ns};
+        for (std::size_t k = 0; k < columns.size(); ++k) {
+            channel[k] = csv.number(columns[k]);
+            if (std::isnan(channel[k])) reading.missing |= 1u << k;
+            if (channel[k] <= settings.saturates_below || channel[k] >= settings.saturates_above)
+                reading.saturated |= 1u << k;
+        }
+        const Estimate estimate = decoupler->decouple(reading);
+        forces.write(t_s, estimate, quality_text(estimate.quality, estimate.reasons));
+    }
+    forces.close();
+    return kGood;
+}
+
+}  // namespace
+
+void add_decouple(CLI::App& app, Run& run) {
+    auto settings = std::make_shared<Settings>();
+    auto* verb = add_verb(app, "decouple", laboratory_help("decouple"));
+    verb->add_option("--calibration", settings->calibration, "the calibration file")->required();
+    verb->add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
+    verb->add_option("--budget-us", settings->budget_us, "what a sample may cost with --method auto")->capture_default_str();
+    verb->add_option("--in", settings->in, "signals.csv: t_s and a column a channel; - is standard input")
+        ->capture_default_str();
+    verb->add_option("--out", settings->out, "forces.csv; - is standard output")->capture_default_str();
+    verb->add_option("--saturates-below", settings->saturates_below,
+                     "a channel at or below is at its rail (unit of the calibration)");
+    verb->add_option("--saturates-above", settings->saturates_above,
+                     "a channel at or above is at its rail (unit of the calibration)");
+    verb->callback([settings, &run] { run = [settings] { return decouple(*settings); }; });
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,115 @@
+#include "node/lab/port.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
+#include <pty.h>
+#include <termios.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+
+#include "config/options.hpp"
+#include "node/ctl/command_line.hpp"
+#include "node/ctl/verb.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+// A tty's bytes go through a worker of the kernel that runs with ordinary priority, and a reader waits for it: beside eight
+// busy programs on two CPUs for 0.23 s (2026-11-22).
+constexpr std::uint64_t kPatienceNs = 1'000'000'000;
+
+}  // namespace
+
+Port::Port(const std::string& link) : link_(link) {
+    char name[128];
+    int slave = -1;
+    if (::openpty(&master_, &slave, name, nullptr, nullptr) != 0)
+        throw SetupError(fmt::format("pty: {}", std::strerror(errno)));
+    termios raw{};
+    ::tcgetattr(slave, &raw);
+    ::cfmakeraw(&raw);
+    ::tcsetattr(slave, TCSANOW, &raw);
+    ::close(slave);
+    ::fcntl(master_, F_SETFL, O_NONBLOCK);
+    std::error_code error;
+    const auto kind = std::filesystem::symlink_status(link, error).type();
+    if (kind == std::filesystem::file_type::symlink) std::filesystem::remove(link, error);  // an earlier run's
+    std::filesystem::create_symlink(name, link, error);
+    if (error) {
+        ::close(master_);
+        throw SetupError(fmt::format("{}: {}", link, error.message()));
+    }
+}
+
+Port::~Port() {
+    ::unlink(link_.c_str());
+    ::close(master_);
+}
+
+bool Port::has_reader() const {
+    pollfd p{master_, POLLOUT, 0};
+    ::poll(&p, 1, 0);
+    return (p.revents & POLLHUP) == 0;
+}
+
+bool Port::send(const void* bytes, std::size_t size) {
+    const auto* at = static_cast<const char*>(bytes);
+    const std::uint64_t until_ns = monotonic_ns() + (is_stuck_ ? 0 : kPatienceNs);
+    for (;;) {
+        const ssize_t taken = ::write(master_, at, size);
+        if (taken > 0) {
+            at += taken;
+            size -= std::size_t(taken);
+        }
+        is_stuck_ = size != 0 && monotonic_ns() >= until_ns;
+        if (size == 0 || is_stuck_ || interrupted != 0) return size == 0;
+        ::usleep(1'000);
+    }
+}
+
+void Wire::add_options(CLI::App* verb) {
+    const auto names = StreamFormats::names([](const StreamFormat& each) { return each.encode != nullptr; });
+    verb->add_option("--format", name, "wire format")->check(CLI::IsMember(names))->capture_default_str();
+    verb->add_option("--bits", settings.bits, "binary formats: width of a channel")
+        ->check(CLI::IsMember({24, 32}))
+        ->capture_default_str();
+    verb->add_option("--counts-per-unit", counts_per_unit, "what is sent = value x this")->capture_default_str();
+    verb->add_flag("--checksum", settings.checksum, "text formats: with a checksum");
+    verb->add_flag("--sequence", settings.sequence, "text formats: with a leading counter (binary ones always have one)");
+    verb->add_flag("--time", settings.time_us, "with the device's time");
+}
+
+const StreamFormat& Wire::format() const { return *StreamFormats::find(name); }
+
+bool Wire::send(Port& port, Frame frame) const {
+    if (!settings.time_us) frame.device_time_us = 0;
+    for (std::size_t k = 0; k < frame.n_channels; ++k) {
+        frame.channel[k] *= counts_per_unit;
+        if (std::isnan(frame.channel[k])) frame.missing |= 1u << k;
+    }
+    const std::vector<std::uint8_t> bytes = format().encode(frame, settings);
+    return port.send(bytes.data(), bytes.size());
+}
+
+void wait_for_reader(const Port& port) {
+    while (interrupted == 0 && !port.has_reader()) ::usleep(2'000);
+    ::usleep(20'000);  // the opener sets its tty up and flushes it
+}
+
+void sleep_until(std::uint64_t due_ns) {
+    const timespec due{time_t(due_ns / 1'000'000'000u), long(due_ns % 1'000'000'000u)};
+    while (interrupted == 0 && ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr) == EINTR) {}
+}
+
+void let_reader_finish() {
+    if (interrupted == 0) ::usleep(200'000);
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,208 @@
+// The plots of a report, each a <figure> with what it shows.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "decoupling/solve/domain.hpp"
+#include "node/lab/chart/plot.hpp"
+#include "node/lab/report/report.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kHistogramEnd = 4;  // standard deviations
+constexpr int kBins = 32;
+
+std::string figure(const SvgPlot& plot, const std::string& caption_html) {
+    return fmt::format("<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n", plot.text(), caption_html);
+}
+
+std::string thinned(std::size_t n) {
+    return n > kMaxDots ? fmt::format(" {} of {} rows are drawn, evenly thinned.", kMaxDots, n) : "";
+}
+
+std::vector<Dot> pairs(const std::vector<double>& x, const std::vector<double>& y) {
+    std::vector<Dot> dots;
+    for (std::size_t i = 0; i < x.size(); ++i) dots.push_back({x[i], y[i]});
+    return dots;
+}
+
+std::string applied_estimated(const ComponentErrors& errors, const std::string& name, const std::string& unit) {
+    const Span a = span_of(errors.applied), e = span_of(errors.estimated);
+    const Span both = as_axis({std::min(a.min, e.min), std::max(a.max, e.max)});
+    SvgPlot plot(name + ": estimated against applied, held-out rows", fmt::format("applied {}, {}", name, unit), both,
+                 fmt::format("estimated {}, {}", name, unit), both);
+    const Dot diagonal[] = {{both.min, both.min}, {both.max, both.max}};
+    plot.line(diagonal, "ideal");
+    plot.dots(pairs(errors.applied, errors.estimated));
+    return figure(plot, fmt::format("Estimated against applied {}, held-out rows. On the line they are equal.{}", name,
+                                    thinned(errors.applied.size())));
+}
+
+std::string residuals(const FitReport& report, std::size_t i, const ComponentErrors& errors, const std::string& unit) {
+    const std::string& name = report.components[i].name;
+    const Calibration& calibration = report.calibration;
+    const Span x = as_axis(span_of(errors.applied));
+    std::vector<Dot> lower, upper;
+    std::vector<double> y = errors.error;
+    if (errors.sd_known)
+        for (int k = 0; k <= 40; ++k) {
+            const double load = x.min + (x.max - x.min) * k / 40;
+            const double sd =
+                std::hypot(calibration.sd[i], i < calibration.sd_slope.size() ? calibration.sd_slope[i] * load : 0);
+            lower.push_back({load, -sd});
+            upper.push_back({load, sd});
+            y.insert(y.end(), {-sd, sd});
+        }
+    SvgPlot plot(name + ": error against applied, held-out rows", fmt::format("applied {}, {}", name, unit), x,
+                 fmt::format("estimated − applied, {}", unit), as_axis(span_of(y)));
+    plot.band(lower, upper);
+    const Dot zero[] = {{x.min, 0}, {x.max, 0}};
+    plot.line(zero, "ideal");
+    plot.dots(pairs(errors.applied, errors.error));
+    return figure(plot, fmt::format("Error against applied {}, held-out rows. {}{}", name,
+                                    errors.sd_known ? "Shaded: one stated sd each way, at an estimate equal to the load."
+                                                    : "No band: the sd is unknown.",
+                                    thinned(errors.applied.size())));
+}
+
+// Errors in sd, beside a normal distribution; in rms where the sd is unknown.
+std::string distribution(const ComponentReport& component, const ComponentErrors& errors) {
+    const char* const scale = errors.sd_known ? "sd" : "rms";
+    std::vector<double> density(kBins);
+    const double width = 2 * kHistogramEnd / kBins;
+    std::size_t n = 0;
+    for (std::size_t k = 0; k < errors.error.size(); ++k) {
+        const double ratio = errors.error[k] / (errors.sd_known ? errors.sd[k] : component.held_out_rms);
+        if (std::isnan(ratio)) continue;
+        ++n;
+        const double bin = std::clamp((ratio + kHistogramEnd) / width, 0.0, kBins - 1.0);
+        density[std::size_t(bin)] += 1;
+    }
+    if (n == 0) return "";
+    for (double& d : density) d /= double(n) * width;
+    const double max = std::max(0.4, *std::max_element(density.begin(), density.end()));
+    SvgPlot plot(fmt::format("{}: histogram of held-out error over {}", component.name, scale),
+                 fmt::format("error of {} / {}", component.name, scale), {-kHistogramEnd, kHistogramEnd},
+                 fmt::format("share of errors per {}", scale), {0, 1.06 * max});
+    std::vector<Dot> normal;
+    for (int k = 0; k < kBins; ++k)
+        plot.bar(-kHistogramEnd + k * width, -kHistogramEnd + (k + 1) * width, density[std::size_t(k)]);
+    for (int k = 0; k <= 80; ++k) {
+        const double z = kHistogramEnd * (k / 40.0 - 1);
+        normal.push_back({z, std::exp(-z * z / 2) / std::sqrt(2 * M_PI)});
+    }
+    plot.line(normal, "curve");
+    std::string caption = fmt::format(
+        "Error of {} in {}; the line is the normal distribution. Errors beyond {:g} {} are "
+        "in the outermost bars.",
+        component.name, scale, kHistogramEnd, scale);
+    if (errors.sd_known)
+        caption += fmt::format(" Beyond 2 sd: {:.2f} % (normal: 4.55 %); beyond 3 sd: {:.2f} % (normal: 0.27 %).",
+                               100 * (1 - errors.within(2)), 100 * (1 - errors.within(3)));
+    return figure(plot, caption);
+}
+
+// The labels of rows that have all channels.
+std::vector<Wrench> loads(const FitReport& report) {
+    std::vector<Wrench> result;
+    if (report.labelled == nullptr) {
+        for (const auto& [row, estimated] : report.held_out) result.push_back(row->wrench_S);
+        return result;
+    }
+    for (const auto& row : report.labelled->rows)
+        if (std::none_of(row.channel.begin(), row.channel.end(), [](double value) { return std::isnan(value); }))
+            result.push_back(row.wrench_S);
+    return result;
+}
+
+std::string load_histogram(const ComponentReport& component, const std::vector<Wrench>& all) {
+    const std::size_t c = component_index(component.name);
+    std::vector<double> values;
+    for (const auto& wrench : all)
+        if (std::isfinite(wrench[c])) values.push_back(wrench[c]);
+    if (values.empty()) return "";
+    const Span x = as_axis(span_of(values), 0);
+    std::vector<double> count(kBins);
+    const double width = x.max / kBins - x.min / kBins;
+    for (const double value : values) count[std::size_t(std::clamp((value - x.min) / width, 0.0, kBins - 1.0))] += 1;
+    SvgPlot plot(component.name + ": histogram of the loads",
+                 fmt::format("applied {}, {}", component.name, unit_of(component)), x, "rows",
+                 {0, 1.06 * *std::max_element(count.begin(), count.end())});
+    for (int k = 0; k < kBins; ++k) plot.bar(x.min + k * width, x.min + (k + 1) * width, count[std::size_t(k)]);
+    return figure(plot, fmt::format("Loads {} of {} rows.", component.name, values.size()));
+}
+
+std::string load_pair(const ComponentReport& a, const ComponentReport& b, const std::vector<Wrench>& all) {
+    std::vector<double> x, y;
+    for (const auto& wrench : all)
+        if (const double va = wrench[component_index(a.name)], vb = wrench[component_index(b.name)];
+            std::isfinite(va) && std::isfinite(vb)) {
+            x.push_back(va);
+            y.push_back(vb);
+        }
+    if (x.empty()) return "";
+    SvgPlot plot(fmt::format("loads: {} against {}", b.name, a.name), fmt::format("applied {}, {}", a.name, unit_of(a)),
+                 as_axis(span_of(x)), fmt::format("applied {}, {}", b.name, unit_of(b)), as_axis(span_of(y)));
+    plot.dots(pairs(x, y));
+    return figure(plot, fmt::format("Loads {} and {}, {} rows.{}", a.name, b.name, x.size(), thinned(x.size())));
+}
+
+}  // namespace
+
+double ComponentErrors::within(double times) const {
+    if (!sd_known || error.empty()) return kNaN;
+    std::size_t n = 0;
+    for (std::size_t k = 0; k < error.size(); ++k) n += std::abs(error[k]) <= times * sd[k] ? 1 : 0;
+    return double(n) / double(error.size());
+}
+
+ComponentErrors component_errors(const FitReport& report, std::size_t i) {
+    const Calibration& calibration = report.calibration;
+    const std::size_t c = component_index(report.components[i].name);
+    ComponentErrors result;
+    if (c >= kComponentNames.size()) return result;
+    result.sd_known = i < calibration.sd.size();
+    for (const auto& [row, estimated_S] : report.held_out) {
+        const double applied = row->wrench_S[c], estimated = estimated_S[c];
+        if (!std::isfinite(applied)) continue;
+        if (!std::isfinite(estimated)) {
+            ++result.without_estimate;
+            continue;
+        }
+        result.applied.push_back(applied);
+        result.estimated.push_back(estimated);
+        result.error.push_back(estimated - applied);
+        result.session.push_back(row->session);
+        if (result.sd_known)
+            result.sd.push_back(
+                std::hypot(calibration.sd[i], i < calibration.sd_slope.size() ? calibration.sd_slope[i] * estimated : 0));
+    }
+    return result;
+}
+
+std::string unit_of(const ComponentReport& component) { return component.name.starts_with('f') ? "N" : "Nm"; }
+
+std::string html_component_plots(const FitReport& report, std::size_t i) {
+    const ComponentReport& component = report.components[i];
+    const ComponentErrors errors = component_errors(report, i);
+    if (errors.error.empty()) return "<p>No held-out rows: nothing to draw.</p>\n";
+    const std::string unit = unit_of(component);
+    return "<div class=\"plots\">\n" + applied_estimated(errors, component.name, unit) + residuals(report, i, errors, unit) +
+           distribution(component, errors) + "</div>\n";
+}
+
+std::string html_coverage(const FitReport& report) {
+    const std::vector<Wrench> all = loads(report);
+    std::vector<ComponentReport> known;
+    for (const auto& component : report.components)
+        if (component_index(component.name) < kComponentNames.size()) known.push_back(component);
+    std::string plots;
+    if (known.size() == 1) plots = load_histogram(known[0], all);
+    for (std::size_t i = 0; i < known.size(); ++i)
+        for (std::size_t j = i + 1; j < known.size(); ++j) plots += load_pair(known[i], known[j], all);
+    return plots.empty() ? "<p>No labelled rows.</p>\n" : "<div class=\"plots\">\n" + plots + "</div>\n";
+}
+
+}  // namespace tactiled

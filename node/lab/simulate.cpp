@@ -1,0 +1,121 @@
+// tactilectl simulate: a scene as signals and truth, without the daemon; or as devices behind ptys, for it.
+#include "node/lab/simulate.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <numeric>
+
+#include "config/text_file.hpp"
+#include "node/ctl/command_line.hpp"
+#include "node/lab/verbs.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+struct Args {
+    std::string scene, effects = "auto", out, truth, report, figure, sensor;
+    std::vector<std::string> ptys;
+    Wire wire;
+    double speed = 1;
+    bool json = false, list = false;
+};
+
+void print(const nlohmann::json& json) {
+    fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
+}
+
+// No file that is written may be another that is written or the scene itself.
+void check_files(const Args& args) {
+    namespace fs = std::filesystem;
+    const std::pair<const char*, const std::string*> files[] = {{"--scene", &args.scene},
+                                                                {"--out", &args.out},
+                                                                {"--truth", &args.truth},
+                                                                {"--report", &args.report},
+                                                                {"--figure", &args.figure}};
+    for (const auto& [name, path] : files)
+        for (const auto& [other_name, other] : files) {
+            if (other == path) break;  // those before it
+            std::error_code ignored;
+            if (path->empty() || other->empty()) continue;
+            if (fs::path(*path).lexically_normal() == fs::path(*other).lexically_normal() ||
+                fs::equivalent(*path, *other, ignored))
+                throw SetupError(fmt::format("{} {}: is {} too; name another", name, in_quotes(*path), other_name));
+        }
+    if (args.json && (args.out == "-" || args.truth == "-"))
+        throw SetupError("--json and a CSV cannot both go to standard output; name a file");
+}
+
+std::vector<std::size_t> sensors_of(const sim::Scene& scene, const std::string& name) {
+    std::vector<std::size_t> sensors(scene.sensors.size());
+    std::iota(sensors.begin(), sensors.end(), 0u);
+    if (name.empty()) return sensors;
+    std::vector<std::string> names;
+    for (const auto& sensor : scene.sensors) names.push_back(sensor.name);
+    const auto at = std::find(names.begin(), names.end(), name);
+    if (at != names.end()) return {std::size_t(at - names.begin())};
+    const auto nearest = nearest_name(name, names);
+    throw SetupError(fmt::format("--sensor {}: the scene has none of that name; {} {}", in_quotes(name),
+                                 nearest ? "did you mean" : "its first is", in_quotes(nearest ? *nearest : names.front())));
+}
+
+int list_effects(const Args& args) {
+    if (args.json)
+        print(effects_json());
+    else
+        fmt::print("{}", effects_text());
+    return kGood;
+}
+
+int simulate(const Args& args) {
+    if (args.list) return list_effects(args);
+    if (args.scene.empty()) throw SetupError("--scene: name the scene's file, or ask for --list");
+    check_files(args);
+    const sim::Scene scene = sim::read_scene(args.scene);
+    const auto sensors = sensors_of(scene, args.sensor);
+    const sim::Simulation chosen(scene, args.effects);
+    const bool files = !args.out.empty() || !args.truth.empty();
+    if (files) write_csv(scene, args.effects, args.out, args.truth);
+    if (!args.figure.empty()) replace_file(args.figure, timeline_svg(scene, scene.sensors[sensors.front()]));
+    if (!args.report.empty() || args.json) {
+        Report report{chosen, args.effects, sensors, {}};
+        for (const std::size_t i : sensors) report.measured.push_back(measure(scene, args.effects, i));
+        if (!args.report.empty()) replace_file(args.report, scene_html(report));
+        if (args.json) print(scene_json(report));
+    } else if (!files && args.figure.empty() && args.ptys.empty()) {
+        fmt::print("{}", choice_text(chosen, sensors));
+    }
+    if (!args.ptys.empty()) return play_scene(scene, args.effects, args.ptys, args.wire, args.speed);
+    return kGood;
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app, Run& run) {
+    auto args = std::make_shared<Args>();
+    auto* verb = add_verb(app, "simulate", laboratory_help("simulate"));
+    verb->add_option("--scene", args->scene, "the scene, config/scenes/*.toml");
+    verb->add_option("--effects", args->effects,
+                     "auto: those that the scene calls for; all; none; or names with commas, see --list")
+        ->capture_default_str();
+    verb->add_option("--out", args->out, "signals.csv: t_s and a column a channel; - is standard output");
+    verb->add_option("--truth", args->truth, "truth.csv: the loads and the centre of contact; - is standard output");
+    verb->add_option("--report", args->report,
+                     "a page on each effect: bound, cost, on or off and why, measured share, and the figure");
+    verb->add_option("--figure", args->figure, "the figure alone, SVG: when the effects come on; of the first sensor");
+    verb->add_option("--sensor", args->sensor, "report, figure and JSON of this sensor alone");
+    verb->add_option("--pty", args->ptys,
+                     "be the sensors' device behind this name; one for each sensor, or one for all with --format cobs")
+        ->allow_extra_args(false);
+    args->wire.add_options(verb);
+    verb->add_option("--speed", args->speed, "with --pty: times faster than the scene")
+        ->check(CLI::PositiveNumber)
+        ->capture_default_str();
+    verb->add_flag("--json", args->json, "print what --report says as JSON; with --list the effects");
+    verb->add_flag("--list", args->list, "print all effects: equation, source, parameters");
+    verb->callback([args, &run] { run = [args] { return simulate(*args); }; });
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,88 @@
+// The parts of `tactilectl simulate`, one file each.
+#pragma once
+#include <nlohmann/json.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "drivers/sim/simulation.hpp"
+#include "node/lab/port.hpp"
+#include "node/lab/progress.hpp"
+
+namespace tactiled::ctl {
+
+// ---- simulate_csv.cpp: signals.csv and truth.csv ----
+
+// Either path may be empty, or "-" for standard output. One sensor: plain columns and a row for each frame that arrives.
+// Several: NAME.COLUMN and a row where any arrives. Both files have the same rows. setup: throws SetupError where a file
+// cannot be created, std::runtime_error where it cannot be written
+void write_csv(const sim::Scene& scene, const std::string& effects, const std::string& signals, const std::string& truth);
+
+// ---- simulate_pty.cpp: the scene as a device ----
+
+// One pty a sensor, in the scene's order, or one for all of them in format cobs, which names the device of each frame.
+// Returns the exit status. setup: throws SetupError
+int play_scene(const sim::Scene& scene, const std::string& effects, const std::vector<std::string>& ptys, const Wire& wire,
+               double speed);
+
+// ---- simulate_measure.cpp: what the effects do and cost, measured in this run ----
+
+struct Measured {
+    // Of each effect that concerns the sensor, in the order of Choice::decisions, all of them at work:
+    std::vector<double> share_N;     // largest change that it made to a channel
+    std::vector<double> time_ns;     // it took a sample
+    double linear_ns = 0;            // what the linear model took a sample, in the same run
+    double none_ns = 0, all_ns = 0;  // a sample without effects, with all
+    double chosen_ns = 0;            // with those chosen
+    double difference_N = 0;         // largest, chosen - all, over all channels and samples that both have
+    std::uint64_t samples = 0;       // of the scene, that were compared
+};
+// setup; runs the whole scene twice, and parts of it again against the clock
+Measured measure(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
+
+// ---- simulate_timeline.cpp: which effects a scene would call for that ended earlier ----
+
+struct Timeline {
+    struct Named {
+        double begin_s, end_s;
+        std::string kind;
+    };
+    struct Row {
+        const sim::EffectEntry* effect;
+        std::vector<std::pair<double, double>> on_s;  // begin, end
+        double bound_N;                               // over the whole scene
+        std::string_view why;                         // at its end
+    };
+    struct Lane {  // what the body does
+        std::string name, unit;
+        std::vector<double> value;  // evenly spaced over the scene
+    };
+    double length_s = 0;
+    std::vector<Named> motions;  // neighbours of one kind are one
+    std::vector<Lane> lanes;     // those that change
+    std::vector<Row> rows;       // in the order in which they come on; those that never do, last
+};
+Timeline timeline(const sim::Scene& scene, const sim::Sensor& sensor);
+
+// simulate_figure.cpp. An SVG that stands alone and in a page.
+std::string timeline_svg(const sim::Scene& scene, const sim::Sensor& sensor);
+
+// ---- simulate_report.cpp, simulate_text.cpp ----
+
+struct Report {
+    const sim::Simulation& simulation;  // as chosen
+    std::string effects;                // the wish
+    std::vector<std::size_t> sensors;   // which
+    std::vector<Measured> measured;     // of each
+};
+std::string scene_html(const Report& report);
+nlohmann::json scene_json(const Report& report);
+// What is on, and why. Nothing is run.
+std::string choice_text(const sim::Simulation& simulation, const std::vector<std::size_t>& sensors);
+std::string effects_text();
+nlohmann::json effects_json();
+
+const char* name_of(sim::Stage stage);
+const char* name_of(sim::Model model);
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,142 @@
+// What each effect does to the channels and how long it takes, on this machine, in this run.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include "node/lab/simulate.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+using sim::Block;
+using sim::Scene;
+using sim::Simulation;
+
+// Times are medians over pieces of a run: somebody else's turn on the processor falls out.
+constexpr std::size_t kPiece_blocks = 16, kMaxPieces = 400, kMinPieces = 9;
+constexpr std::uint64_t kTiming_ns = 400'000'000;
+
+double median(std::vector<double>& values) {
+    if (values.empty()) return 0;
+    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+// Reading the clock once.
+double clock_ns() {
+    std::vector<double> pieces;
+    for (int i = 0; i < 101; ++i) {
+        const std::uint64_t began_ns = monotonic_ns();
+        for (int k = 0; k < 30; ++k) monotonic_ns();
+        pieces.push_back(double(monotonic_ns() - began_ns) / 31);
+    }
+    return median(pieces);
+}
+
+// A scene that begins again when it ends, so that short ones can be timed too.
+class Endless {
+public:
+    Endless(const Scene& scene, std::string effects, std::size_t sensor, bool times)
+        : scene_(scene), effects_(std::move(effects)), sensor_(sensor), times_(times) {
+        begin();
+    }
+    // ns a sample of the next piece.
+    double piece() {
+        if (left_ == 0) begin();
+        std::size_t samples = 0;
+        const std::uint64_t began_ns = monotonic_ns();
+        for (std::size_t i = 0; i < kPiece_blocks && left_ > 0; ++i) {
+            const std::size_t n = simulation_->advance(sensor_).n;
+            samples += n;
+            left_ -= n;
+        }
+        const double ns = double(monotonic_ns() - began_ns);
+        samples_ = samples;
+        return ns / double(samples);
+    }
+    [[nodiscard]] std::size_t samples() const { return samples_; }  // of the last piece
+    [[nodiscard]] std::vector<std::uint64_t> times_ns() {
+        if (left_ == 0) begin();
+        return simulation_->times_ns(sensor_);
+    }
+    [[nodiscard]] const std::vector<std::uint64_t>& times_after_ns() const { return simulation_->times_ns(sensor_); }
+
+private:
+    void begin() {
+        simulation_ = std::make_unique<Simulation>(scene_, effects_);
+        simulation_->measure_times(times_);
+        left_ = scene_.samples;
+    }
+    const Scene& scene_;
+    std::string effects_;
+    std::size_t sensor_;
+    bool times_;
+    std::unique_ptr<Simulation> simulation_;
+    std::uint64_t left_ = 0;
+    std::size_t samples_ = 0;
+};
+
+void measure_times(const Scene& scene, const std::string& effects, std::size_t sensor, Measured& result) {
+    if (scene.samples == 0) return;
+    Endless none(scene, "none", sensor, false), chosen(scene, effects, sensor, false), all(scene, "all", sensor, false),
+        steps(scene, "all", sensor, true);
+    const std::size_t n = result.share_N.size();
+    std::vector<double> none_ns, chosen_ns, all_ns;
+    std::vector<std::vector<double>> step_ns(n + 1);
+    const double reading_ns = clock_ns();
+    constexpr double kLinearSteps = 4;  // clock, world, drive, gauges
+    const std::uint64_t began_ns = monotonic_ns();
+    for (std::size_t i = 0; i < kMaxPieces && (i < kMinPieces || monotonic_ns() - began_ns < kTiming_ns); ++i) {
+        const double a = none.piece(), b = chosen.piece(), c = all.piece();
+        const auto before = steps.times_ns();
+        steps.piece();
+        if (i == 0) continue;  // cold
+        none_ns.push_back(a);
+        chosen_ns.push_back(b);
+        all_ns.push_back(c);
+        const double samples = double(steps.samples()), blocks = std::ceil(samples / double(Block::kSize));
+        for (std::size_t d = 0; d <= n; ++d) {
+            const double spent = double(steps.times_after_ns()[d] - before[d]);
+            step_ns[d].push_back(std::max(0.0, spent - blocks * reading_ns * (d == n ? kLinearSteps : 1)) / samples);
+        }
+    }
+    result.none_ns = median(none_ns);
+    result.chosen_ns = median(chosen_ns);
+    result.all_ns = median(all_ns);
+    for (std::size_t d = 0; d < n; ++d) result.time_ns.push_back(median(step_ns[d]));
+    result.linear_ns = median(step_ns[n]);
+}
+
+}  // namespace
+
+Measured measure(const Scene& scene, const std::string& effects, std::size_t i) {
+    const sim::Sensor& sensor = scene.sensors[i];
+    Measured result;
+    Simulation chosen(scene, effects), all(scene, "all");
+    all.measure_shares(true);
+    Progress progress(fmt::format("measuring {}", sensor.name));
+    for (std::uint64_t done = 0; done < scene.samples;) {
+        const Block& a = chosen.advance(i);
+        const Block& b = all.advance(i);
+        for (std::size_t n = 0; n < a.n; ++n) {
+            if ((done + n) % sensor.every != 0 || a.dropped[n] || b.dropped[n]) continue;
+            std::array<double, sim::kMaxSensorChannels> change{};
+            for (std::size_t k = 0; k < sensor.n(); ++k)
+                if (((a.missing[n] | b.missing[n]) >> k & 1u) == 0) change[k] = a.channel[k][n] - b.channel[k][n];
+            result.difference_N = std::max(result.difference_N, sensor.largest_N(change));
+            ++result.samples;
+        }
+        done += a.n;
+        progress.show(double(done) / double(scene.samples));
+    }
+    result.share_N = all.shares_N(i);
+    measure_times(scene, effects, i, result);
+    return result;
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,124 @@
+// The page of `simulate --report`: for each sensor what the scene states, which effects it calls for and why, and what
+// that costs and keeps of its promise.
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "node/lab/chart/text.hpp"
+#include "node/lab/report/html.hpp"
+#include "node/lab/simulate.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+std::string in(const char* unit, double value, int digits = 4) { return html_number(value, digits) + " " + unit; }
+
+std::string scene_facts(const Report& report) {
+    const sim::Scene& scene = report.simulation.scene();
+    std::string facts = html_fact("scene", html_text(std::filesystem::path(scene.file).filename().string()));
+    facts += html_fact("effects", html_text(report.effects));
+    facts += html_fact("length", fmt::format("{} samples at {}, {}", html_number(double(scene.samples), 12),
+                                             in("Hz", scene.rate_Hz), in("s", double(scene.samples) / scene.rate_Hz)));
+    facts += html_fact("seed", html_number(double(scene.seed), 17));
+    return html_facts(facts);
+}
+
+std::string sensor_facts(const sim::Sensor& sensor, const sim::Choice& choice, const Measured& m) {
+    std::size_t on = 0;
+    double sum_ns = m.linear_ns;
+    for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
+        if (!choice.decisions[d].on) continue;
+        ++on;
+        if (d < m.time_ns.size()) sum_ns += m.time_ns[d];
+    }
+    std::string facts = html_fact("model", name_of(sensor.model));
+    facts += html_fact("effects on",
+                       fmt::format("{} of {}", html_number(double(on)), html_number(double(choice.decisions.size()))));
+    facts += html_fact("wanted accuracy", in("N", choice.wanted_N));
+    facts += html_fact("guaranteed: no channel differs from all effects by more than", in("N", choice.guaranteed_N));
+    facts += html_fact("measured: largest difference from all effects, whole scene, all channels",
+                       fmt::format("{} over {} samples", in("N", m.difference_N), html_number(double(m.samples), 12)));
+    facts += html_fact("a sample costs", fmt::format("{} without effects, {} with these, {} with all", in("ns", m.none_ns),
+                                                     in("ns", m.chosen_ns), in("ns", m.all_ns)));
+    facts += html_fact("linear model and those effects, each timed alone", in("ns", sum_ns));
+    return html_facts(facts, "facts-" + sensor.name);
+}
+
+std::string stated(const sim::Sensor& sensor, const sim::Extent& e) {
+    std::string rows = html_row({"load", "most", "span", "rate", "jump"}, "th");
+    const char* axis[] = {"fx", "fy", "fz", "mx", "my"};
+    for (std::size_t a = 0; a < sim::kAxes; ++a) {
+        const char* unit = a < sim::kMx ? "N" : "Nm";
+        rows += html_row({axis[a], in(unit, e.max[a]), in(unit, e.span[a]), in(a < sim::kMx ? "N/s" : "Nm/s", e.rate[a]),
+                          in(unit, e.jump[a])});
+    }
+    std::string facts = html_fact("length", in("s", e.length_s));
+    facts += html_fact("comes back", e.reverses ? "yes" : "no");
+    facts += html_fact("highest frequency", in("Hz", e.frequency_Hz));
+    facts += html_fact("sliding", fmt::format("{}, path {}", in("m/s", e.speed_m_s), in("m", e.slide_m)));
+    facts += html_fact("shear beyond friction, beyond kinetic friction",
+                       fmt::format("{}, {}", in("N", e.shear_excess_N), in("N", e.kinetic_excess_N)));
+    facts += html_fact("centre of contact", fmt::format("|x| {}, |y| {}", in("m", e.x_m), in("m", e.y_m)));
+    facts += html_fact("surroundings, body against them", fmt::format("{}, {}", in("K", e.ambient_K), in("K", e.body_K)));
+    facts += html_fact("acceleration", in("m/s²", e.acceleration_m_s2));
+    return "<h3>What the scene states</h3>\n<p>Largest values at this sensor, by the scene's text alone: nothing was run "
+           "for "
+           "them. The bounds are made of these.</p>\n" +
+           html_table(rows, "load-" + sensor.name) + html_facts(facts, "extent-" + sensor.name);
+}
+
+std::string effects_table(const sim::Sensor& sensor, const sim::Choice& choice, const Measured& m) {
+    std::string rows = html_row(
+        {"effect", "what", "stage", "class", "bound, N", "measured share, N", "instructions", "measured, ns", "", "why"},
+        "th");
+    for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
+        const sim::Decision& decision = choice.decisions[d];
+        const sim::EffectEntry& effect = *decision.effect;
+        rows += html_row({html_text(effect.name), html_text(effect.title), name_of(effect.stage),
+                          html_text(effect.cost_class), html_number(decision.bound.change_N, 3),
+                          effect.stage == sim::Stage::time ? "–" : html_number(m.share_N[d], 3),
+                          html_number(effect.instructions, 6), d < m.time_ns.size() ? html_number(m.time_ns[d], 3) : "–",
+                          decision.on ? "<strong>on</strong>" : "off", html_text(decision.why)});
+    }
+    return "<h3>Effects</h3>\n" + html_table(rows, "effects-" + sensor.name);
+}
+
+std::string timeline_figure(const sim::Scene& scene, const sim::Sensor& sensor) {
+    return "<h3>When they come on</h3>\n<figure>\n" + timeline_svg(scene, sensor) +
+           "<figcaption>What the body does, and below it a bar for each effect over the motions at whose end a scene that "
+           "ended there would need it (--effects auto). An effect can go off again when others come on: what may be left "
+           "out is decided anew.</figcaption>\n</figure>\n";
+}
+
+constexpr const char* kHowToRead = R"(<h2>How to read the numbers</h2>
+<ul>
+<li>N stands for a channel's change too: its change in its own unit over its response to the axis that it feels least, of
+those that it feels at all. So an error is rather named too large than too small.</li>
+<li>Bound: the largest change that the effect can make to any channel in any scene that states the same. Effects are left out
+in the order of bound over instructions, as long as the guaranteed error stays within the wanted accuracy.</li>
+<li>Measured share: the largest change that the effect made to a channel, in a run of the whole scene with all effects. Of
+what moves the instant of a sample it is not measured (–).</li>
+<li>Instructions: a sample of the sensor with all its channels, counted once and for all; the choice hangs on them alone, so
+that it is the same on every machine.</li>
+<li>Measured ns: a sample of the sensor, by reading the clock after each step of a block of 64 samples in a run with all
+effects; the median over pieces of 1024 samples, the clock's own time taken off. It is of this machine and this run.</li>
+<li>What a sample costs: the median of pieces of whole runs, without, with the chosen and with all effects in turn.</li>
+</ul>
+)";
+
+}  // namespace
+
+std::string scene_html(const Report& report) {
+    const sim::Scene& scene = report.simulation.scene();
+    std::string page = scene_facts(report);
+    for (std::size_t k = 0; k < report.sensors.size(); ++k) {
+        const sim::Sensor& sensor = scene.sensors[report.sensors[k]];
+        const sim::Choice& choice = report.simulation.choice(report.sensors[k]);
+        page += "<h2>Sensor " + html_text(sensor.name) + "</h2>\n" + sensor_facts(sensor, choice, report.measured[k]);
+        page += timeline_figure(scene, sensor) + effects_table(sensor, choice, report.measured[k]);
+        page += stated(sensor, scene.motion.extent(sensor));
+    }
+    return html_page("Scene " + scene.title, page + kHowToRead);
+}
+
+}  // namespace tactiled::ctl

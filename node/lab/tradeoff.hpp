@@ -1,0 +1,119 @@
+// The parts of `tactilectl tradeoff`, one file each.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "decoupling/fit/labelled.hpp"
+#include "drivers/sim/scene.hpp"
+
+namespace tactiled::ctl {
+
+// ---- tradeoff_rows.cpp: what sensors read in a scene, and what was applied ----
+
+inline constexpr std::size_t kMaxOfScene = 30'000;  // samples that are judged
+
+// The scene's first sensor with all effects, at most `most` of its samples; a frame that is lost is no row, a channel
+// without a value NaN. The labels are the load that the world exerts. setup: throws SetupError
+Labelled rows_of(const sim::Scene& scene, std::size_t max);
+
+// The [calibrate] table of a scene, as config/scenes/README.md has it.
+struct CalibrationScene {
+    sim::Scene scene;
+    std::string model, influence;  // its path
+    std::vector<std::string> components, channels;
+    std::map<std::string, double> known;
+    double settle_s, from_s;
+};
+CalibrationScene read_calibration_scene(const std::string& path);  // setup: throws SetupError
+
+// Its rows as a calibration bench records them: settled, of the chosen channels and labels, evenly thinned to `most`.
+Labelled calibration_rows(const CalibrationScene& scene, std::size_t max);
+
+// ---- tradeoff_plan.cpp: which methods, how calibrated, in which scenes ----
+
+struct Candidate {
+    std::string model, method;
+    std::string name;  // the method, and where it occurs twice how it was calibrated
+    Calibration calibration;
+    [[nodiscard]] std::unique_ptr<Decoupler> make() const;  // setup: throws SetupError
+};
+inline constexpr const char* kDamaged = "damaged";  // the trial that does not count among "all": its errors have no end
+struct Trial {
+    std::string kind;  // "easy", "combined", "eccentric", "dynamic", kDamaged, or the name of a file
+    Labelled rows;
+};
+struct Contest {  // the methods of one model, and what they are asked
+    std::string model;
+    std::vector<Candidate> candidates;
+    std::vector<Trial> trials;
+    std::vector<std::string> refused;  // methods that could not be calibrated, and why
+};
+
+// All models, calibrated in process on scenes of `folder` and asked there. Calls `show` with the share that is done.
+// setup: throws SetupError
+std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show);
+// The methods of the model of a scene's first sensor, calibrated as in all_contests() but on that sensor.
+Contest contest_of_scene(const std::string& folder, const std::string& scene);
+// All methods that a calibration has a fit of.
+Contest contest_of_calibration(const std::string& calibration);
+
+// Where config/scenes is for this program: beside it, or where it was installed. setup: throws SetupError where it is not
+std::string scenes_folder();
+
+// ---- tradeoff_judge.cpp: errors ----
+
+struct Judged {
+    // Of samples that are not BAD, after a tare before the first load, % of full scale; NaN = not seen or no such sample.
+    Wrench rms_percent = kUnseen, p99_percent = kUnseen;
+    double force_rms_percent = kNaN;  // over the axes of force that the method sees
+    double good_rms_percent = kNaN;   // the same of GOOD samples alone
+    std::size_t samples = 0, good = 0, uncertain = 0, bad = 0;
+    std::size_t undetected = 0;  // GOOD, and off by more than 5 of its own standard deviations in some component
+};
+// The number of the first row under load; that of rows where none is.
+std::size_t first_load(const Labelled& rows);
+Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows);
+// One row over the trials of a whole sensor. Errors: the geometric mean, so that no trial drowns the others, and NaN where a
+// trial had no value at all: to say BAD throughout is no way to be accurate. p99: the worst trial's; shares: all samples
+// together.
+Judged over_all(const std::vector<Judged>& trials);
+
+// ---- tradeoff_time.cpp: times ----
+
+// Each channel of a trial's rows where the candidate wants it. setup: throws SetupError where one is missing
+std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& rows, std::vector<double>& storage);
+
+struct Timing {
+    std::vector<float> ns;       // of each sample that was timed, the clock's own share subtracted
+    double instructions = kNaN;  // a sample, in user space; NaN = the kernel does not count them
+};
+// The candidates take turns, so that what disturbs one disturbs all.
+std::vector<Timing> time_all(const std::vector<Candidate>& candidates, const Labelled& rows, std::size_t samples);
+double clock_ns();                  // what reading the clock twice takes by itself, median of this run
+std::string why_no_instructions();  // "" where they are counted
+double quantile(std::vector<float>& values, double share);
+
+// ---- tradeoff_text.cpp, tradeoff_figure.cpp ----
+
+struct Measure {  // one candidate in one trial; the last of a candidate is over all but kDamaged
+    std::string trial;
+    Judged judged;
+    double p50_ns, p99_ns, p99_9_ns, instructions;
+    bool on_front = false;
+};
+struct Result {
+    const Contest* contest;
+    std::vector<std::vector<Measure>> measures;  // [candidate][trial, then all]
+    std::string sentence;
+};
+std::string tradeoff_text(const std::vector<Result>& results);
+std::string tradeoff_csv(const std::vector<Result>& results);
+std::string tradeoff_json(const std::vector<Result>& results);
+std::string tradeoff_svg(const std::vector<Result>& results);
+
+}  // namespace tactiled::ctl

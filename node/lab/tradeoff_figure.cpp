@@ -1,0 +1,40 @@
+// The methods as points of error over time: a symbol and colour a model, the front of each model filled and joined.
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "node/lab/chart/figure.hpp"
+#include "node/lab/tradeoff.hpp"
+
+namespace tactiled::ctl {
+
+std::string tradeoff_svg(const std::vector<Result>& results) {
+    constexpr std::array kSymbols{Symbol::circle, Symbol::square, Symbol::triangle, Symbol::diamond, Symbol::cross};
+    constexpr std::array kColours{"#1f5fa8", "#c4561e", "#1b1f24", "#6a994e", "#8d5a97"};
+    Figure figure{.title = "What accuracy costs in time (filled: nothing is faster and as accurate)",
+                  .x = {"time a sample, median, microseconds", true},
+                  .y = {"error of force, rms, % of full scale", true},
+                  .series = {}};
+    for (std::size_t r = 0; r < results.size(); ++r) {
+        const Result& result = results[r];
+        Figure::Series best{.name = result.contest->model,
+                            .symbol = kSymbols[r % kSymbols.size()],
+                            .stroke = Stroke::solid,
+                            .points = {},
+                            .colour = kColours[r % kColours.size()]};
+        Figure::Series others{.name = "", .symbol = best.symbol, .points = {}, .colour = best.colour, .hollow = true};
+        for (std::size_t i = 0; i < result.measures.size(); ++i) {
+            const Measure& all = result.measures[i].back();
+            // A method that the clock cannot tell from nothing stands at its resolution.
+            const Figure::Point point{std::max(all.p50_ns, 1.0) / 1e3, all.judged.force_rms_percent,
+                                      result.contest->candidates[i].name};
+            (all.on_front ? best : others).points.push_back(point);
+        }
+        std::sort(best.points.begin(), best.points.end(), [](const auto& a, const auto& b) { return a.x < b.x; });
+        figure.series.push_back(std::move(best));
+        figure.series.push_back(std::move(others));
+    }
+    return figure_svg(figure);
+}
+
+}  // namespace tactiled::ctl

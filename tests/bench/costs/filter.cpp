@@ -1,0 +1,93 @@
+// Noise that the low-pass leaves against the delay that it adds: node/low_pass.hpp on white noise and on a ramp.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "node/low_pass.hpp"
+#include "tests/bench/costs/cost.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+constexpr double kRate_Hz = 1000, kStep_s = 1 / kRate_Hz, kMaxDelay_ms = 10;  // of a loop at 100 Hz: one turn
+constexpr std::uint64_t kStep_ns = 1'000'000;
+
+// sd out / sd in, all six components together.
+double noise_left(double cutoff_Hz, std::size_t samples) {
+    LowPass filter;
+    filter.set_cutoff(cutoff_Hz);
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> normal;
+    const auto settled = std::size_t(2 * kRate_Hz / cutoff_Hz);  // 20 of its time constants
+    double squares_in = 0, squares_out = 0;
+    for (std::size_t i = 0; i < settled + samples; ++i) {
+        std::array<double, 6> value;
+        for (double& v : value) v = normal(random);
+        for (const double v : value) squares_in += i < settled ? 0 : v * v;
+        filter.apply(value, (i + 1) * kStep_ns);
+        for (const double v : value) squares_out += i < settled ? 0 : v * v;
+    }
+    return std::sqrt(squares_out / squares_in);
+}
+
+// By how much a ramp comes out late: the group delay at low frequencies.
+double delay_ms(double cutoff_Hz) {
+    LowPass filter;
+    filter.set_cutoff(cutoff_Hz);
+    const auto settled = std::uint64_t(4 * kRate_Hz / cutoff_Hz);
+    std::array<double, 6> value{};
+    double t_s = 0;
+    for (std::uint64_t i = 0; i <= settled; ++i) {
+        t_s = double(i) * kStep_s;
+        value.fill(t_s);
+        filter.apply(value, (i + 1) * kStep_ns);
+    }
+    return (t_s - value[0]) * 1e3;
+}
+
+// Two equal stages y += g (x - y), g = 1 - b: impulse response (n + 1) g^2 b^n, squares summed; delay 2 b / (1 - b) steps.
+double theory_noise(double b) { return std::pow(1 - b, 2) * std::sqrt((1 + b * b) / std::pow(1 - b * b, 3)); }
+double theory_delay_ms(double b) { return 2 * b / (1 - b) * kStep_s * 1e3; }
+double pole(double cutoff_Hz) {
+    return std::exp(-2 * std::numbers::pi * cutoff_Hz * kStep_s / std::sqrt(std::sqrt(2.0) - 1));
+}
+
+Cost measure(const CostSetup& setup) {
+    Cost cost;
+    cost.columns = {"filter", "cutoff_Hz", "delay_ms", "delay_theory_ms", "noise_left", "noise_left_theory"};
+    Figure::Series measured{"measured", Symbol::circle, Stroke::none, {}, ""},
+        theory{"theory", Symbol::none, Stroke::solid, {}, "#7f8790"};
+    const Cost::Row* best = nullptr;
+    for (const double cutoff_Hz : {1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0}) {
+        const double b = pole(cutoff_Hz);
+        cost.rows.push_back({fmt::format("{:g} Hz", cutoff_Hz),
+                             {cutoff_Hz, delay_ms(cutoff_Hz), theory_delay_ms(b),
+                              noise_left(cutoff_Hz, setup.samples_or(400'000)), theory_noise(b)}});
+        const auto& v = cost.rows.back().values;
+        measured.points.push_back({v[1], 100 * v[3], cost.rows.back().name});
+    }
+    for (double cutoff_Hz = 0.8; cutoff_Hz < 250; cutoff_Hz *= 1.1)
+        theory.points.push_back({theory_delay_ms(pole(cutoff_Hz)), 100 * theory_noise(pole(cutoff_Hz)), ""});
+    for (const auto& row : cost.rows)
+        if (row.values[1] <= kMaxDelay_ms && (best == nullptr || row.values[3] < best->values[3])) best = &row;
+    cost.figure = {"Low-pass: noise against delay, samples at 1 kHz",
+                   {"group delay, ms", true},
+                   {"white noise that is left, % of its sd", true},
+                   {theory, measured}};
+    const auto &slow = cost.rows[0].values, &fast = cost.rows[2].values;
+    cost.advice = fmt::format(
+        "For at most {:g} ms of delay choose filter_hz = {:g}: {:.0f} % of the noise is left, {:.1f} ms late; from "
+        "{:g} down to {:g} Hz the noise falls {:.1f} times and the delay grows {:.1f} times.",
+        kMaxDelay_ms, best->values[0], 100 * best->values[3], best->values[1], fast[0], slow[0], fast[3] / slow[3],
+        slow[1] / fast[1]);
+    return cost;
+}
+
+}  // namespace
+
+extern const CostEntry filter_cost;
+const CostEntry filter_cost{"filter", "filter bandwidth: noise against group delay", "node/costs_filter.svg", measure};
+
+}  // namespace tactiled::ctl
