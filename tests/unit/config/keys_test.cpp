@@ -70,7 +70,7 @@ TEST(Keys, AreUniqueAndExplained) {
             EXPECT_NE(key.name.find("_" + std::string(key.unit == "Hz" ? "hz" : key.unit)), std::string::npos) << key.name;
         }
     });
-    EXPECT_EQ(seen.size(), 74u);
+    EXPECT_EQ(seen.size(), 75u);
 }
 
 TEST(Keys, AValueOfAnotherTypeIsAnErrorOfThatKey) {
@@ -78,6 +78,21 @@ TEST(Keys, AValueOfAnotherTypeIsAnErrorOfThatKey) {
         const Lines lines = errors_of_key(table, key.name, "{a = 1}");
         ASSERT_EQ(lines.size(), 1u) << table.header << key.name;
         EXPECT_NE(lines[0].find(": " + key.name + " is a table, should be "), std::string::npos) << lines[0];
+    });
+}
+
+TEST(Keys, AMisspeltOneIsAnErrorThatNamesTheRightOne) {
+    for_each_key([](const KeyTable& table, const ConfigKey& key) {
+        std::string text = with(table, key.name, "1");
+        text.insert(text.find("\n" + key.name + " = 1\n") + 1 + key.name.size(), "x");
+        test::Loaded loaded(text);
+        loaded.config.root.finish();
+        const std::string start = "unknown key \"" + key.name + "x\"; did you mean \"";
+        std::string hint;
+        for (const auto& line : loaded.lines())
+            if (const auto at = line.find(start); at != line.npos) hint = line.substr(at + start.size());
+        ASSERT_NE(hint, "") << table.header << key.name;
+        EXPECT_EQ(key.name.find(hint.substr(0, hint.find('"'))), 0u) << hint;  // or a key that begins it: slip of slip_ms
     });
 }
 
