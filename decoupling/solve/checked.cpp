@@ -10,16 +10,6 @@ constexpr double kMaxFinite = std::numeric_limits<double>::max();
 // The square of a number in this range neither underflows nor overflows.
 constexpr double kMinSquared = 1e-99, kMaxSquared = 1e99;
 
-// Bit k of a channel mask, as wide as a double: a comparison of two doubles then selects it without a branch.
-struct Bits {
-    std::uint64_t of[kMaxChannels];
-};
-constexpr Bits kBits = [] {
-    Bits bits{};
-    for (std::size_t k = 0; k < kMaxChannels; ++k) bits.of[k] = std::uint64_t{1} << k;
-    return bits;
-}();
-
 }  // namespace
 
 CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, std::uint32_t needed)
@@ -64,13 +54,15 @@ Estimate CheckedModel::decouple(const Reading& reading) noexcept {
 inline bool CheckedModel::check_channels(const Reading& reading, double* r, Input& input,
                                          Estimate& estimate) const noexcept {
     const double* const channel = reading.channel.data();
+    // A loop of its own: it vectorises (two channels a step with -O3, a runtime size), so that GaugeSolver, which loads r in
+    // pairs, does not wait for single stores. The comparisons make a mask without a branch, one channel at a time.
     for (std::size_t k = 0; k < n_; ++k) r[k] = channel[k] - zero_[k];
-    std::uint64_t broken = 0, beyond = 0;
+    std::uint32_t broken = 0, beyond = 0;
     for (std::size_t k = 0; k < n_; ++k) {
-        broken |= std::abs(r[k]) <= kMaxFinite ? 0 : kBits.of[k];
-        beyond |= domain_.is_beyond(k, channel[k]) ? kBits.of[k] : 0;
+        broken |= std::uint32_t(!(std::abs(r[k]) <= kMaxFinite)) << k;
+        beyond |= std::uint32_t(domain_.is_beyond(k, channel[k])) << k;
     }
-    const std::uint32_t missing = (reading.missing | std::uint32_t(broken)) & used_;
+    const std::uint32_t missing = (reading.missing | broken) & used_;
     if (missing != 0) estimate.reasons |= TACTILED_MISSING_CHANNEL;
     if ((missing & needed_) != 0) return false;
     const std::uint32_t saturated = reading.saturated & used_ & ~missing;
@@ -110,15 +102,14 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
     for (std::size_t c = 0; c < 6; ++c) {
         if (!seen_[c]) continue;
         const double sloped = sd_slope_[c] * wrench[c];
-        estimate.sd[c] =
-            input.sd_factor[c] * (can_be_squared ? std::sqrt(sd_[c] * sd_[c] + sloped * sloped) : std::hypot(sd_[c], sloped));
+        estimate.sd[c] = input.sd_factor[c] *
+                         (can_be_squared ? std::sqrt(sd_[c] * sd_[c] + sloped * sloped) : std::hypot(sd_[c], sloped));
     }
 }
 
 bool CheckedModel::is_outside(std::span<const double> r, std::uint32_t mask) const noexcept {
     bool any = false;
-    for (std::size_t k = 0; k < r.size(); ++k)
-        any = any || ((mask >> k & 1u) != 0 && domain_.is_beyond(k, r[k] + zero_[k]));
+    for (std::size_t k = 0; k < r.size(); ++k) any = any || ((mask >> k & 1u) != 0 && domain_.is_beyond(k, r[k] + zero_[k]));
     return any;
 }
 

@@ -15,8 +15,7 @@ namespace tactiled {
 
 class CheckedModel : public Decoupler {
 public:
-    // Every reading takes the same path through the checks. They cost about TODO instructions with eight channels, next to a
-    // formula of 100 to 20,000.
+    // Every reading takes the same path through the checks, with or without faults.
     // rt: as solve(); the checks are wait-free, make one pass over the channels and one over the components
     Estimate decouple(const Reading& reading) noexcept final;
 
@@ -56,9 +55,11 @@ private:
 
     std::size_t n_;
     std::uint32_t all_, used_, needed_;  // bit k: channel k
-    // Reasons of every sample: TACTILED_UNCALIBRATED of a nominal calibration, TACTILED_UNKNOWN_UNCERTAINTY of one without sd.
+    // Reasons of every sample: TACTILED_UNCALIBRATED of a nominal calibration, TACTILED_UNKNOWN_UNCERTAINTY of one without
+    // sd.
     std::uint32_t always_;
-    // Plain arrays: an element of a std::array is checked against its size here, and a loop that may end so is not vectorised.
+    // Plain arrays: an element of a std::array is checked against its size here, and a loop that may end so is not
+    // vectorised.
     double zero_[kMaxChannels]{};
     double full_scale_[6], sd_[6]{}, sd_slope_[6]{};
     // Up to this magnitude of a component the squares of sd and sd_slope x component neither underflow nor overflow, and

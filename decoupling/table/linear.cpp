@@ -37,7 +37,8 @@ private:
         // It is not known which gauge is wrong, and therefore not how wrong the forces are.
         if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         if (solved.dead) input.outside = is_outside(input.r, solved.used);
-        estimate.wrench_S = {solved.load[0] + 0.0, solved.load[1] + 0.0, 0.0 - solved.load[2], kNaN, kNaN, kNaN};  // never -0
+        estimate.wrench_S = {
+            solved.load[0] + 0.0, solved.load[1] + 0.0, 0.0 - solved.load[2], kNaN, kNaN, kNaN};  // never -0
         for (std::size_t c = 0; c < 3; ++c) input.sd_factor[c] = solver_.sd_factor(c, solved.used);
     }
 
