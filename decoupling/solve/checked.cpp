@@ -10,7 +10,7 @@ constexpr double kMaxFinite = std::numeric_limits<double>::max();
 // The square of a number in this range neither underflows nor overflows.
 constexpr double kMinSquared = 1e-99, kMaxSquared = 1e99;
 
-// Bit k of a channel mask, as wide as a double: a comparison of two doubles then selects it without a branch.
+// Bit k of a mask of channels, as wide as a double: a comparison of two doubles selects it without a branch.
 struct Bits {
     std::uint64_t of[kMaxChannels];
 };
@@ -64,11 +64,15 @@ Estimate CheckedModel::decouple(const Reading& reading) noexcept {
 inline bool CheckedModel::check_channels(const Reading& reading, double* r, Input& input,
                                          Estimate& estimate) const noexcept {
     const double* const channel = reading.channel.data();
+    // Both loops vectorise at any number of channels, two channels a step: with -O3, plain arrays, and -fno-trapping-math,
+    // without which a comparison may not be made where its result is not needed. r is stored in pairs, as GaugeSolver
+    // loads it: a load of two numbers from two single stores waits for both.
     for (std::size_t k = 0; k < n_; ++k) r[k] = channel[k] - zero_[k];
     std::uint64_t broken = 0, beyond = 0;
     for (std::size_t k = 0; k < n_; ++k) {
         broken |= std::abs(r[k]) <= kMaxFinite ? 0 : kBits.of[k];
-        beyond |= domain_.is_beyond(k, channel[k]) ? kBits.of[k] : 0;
+        beyond |= domain_.is_below(k, channel[k]) ? kBits.of[k] : 0;
+        beyond |= domain_.is_above(k, channel[k]) ? kBits.of[k] : 0;
     }
     const std::uint32_t missing = (reading.missing | std::uint32_t(broken)) & used_;
     if (missing != 0) estimate.reasons |= TACTILED_MISSING_CHANNEL;

@@ -38,8 +38,10 @@ public:
     }
 
     // Never for a NaN. rt: wait-free
+    [[nodiscard]] bool is_below(std::size_t k, double value) const noexcept { return value < min_[k]; }
+    [[nodiscard]] bool is_above(std::size_t k, double value) const noexcept { return value > max_[k]; }
     [[nodiscard]] bool is_beyond(std::size_t k, double value) const noexcept {
-        return (value < min_[k]) | (value > max_[k]);  // both: cheaper than a branch
+        return is_below(k, value) || is_above(k, value);
     }
 
     // The value of channel k in the domain (margin included) that is nearest to `value`. rt: wait-free
