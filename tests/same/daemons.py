@@ -1,4 +1,4 @@
-"""What base's daemon recorded, replayed by both builds: each sample, and the registers while nothing changes."""
+"""Recordings of base's daemon, replayed by both builds: each sample, and the registers while nothing changes."""
 import csv
 import io
 import json
