@@ -87,7 +87,7 @@ def objects(tokens):
             yield token.text, j, array
 
 
-FIELD = {"model": "model", "method": "method", "fit": "method"}  # of a designated initializer; "name" for the others
+FIELD = {"model": "model", "method": "method", "fit": "method"}  # a kind without an entry has the field "name"
 
 
 def names_of(tokens, bracket, kinds):
@@ -164,7 +164,7 @@ def operand(tokens, i, step):
 
 
 def use(tokens, i):
-    """What the code does with the string literal at i: a word of explanation where it compares, else None."""
+    """Describes a comparison with the string literal at i; None where the code does another thing with it."""
     before, after = i - 1, i + 1
     while text(tokens, before) in STRING_TYPES and (text(tokens, before) not in "({" or text(tokens, before - 1) in STRING_TYPES - {"(", "{"}):
         before -= 1  # std::string_view("name")

@@ -43,7 +43,7 @@ def sentences(paragraph):
     for line, part in paragraph:
         starts.append((len(text), line))
         text += part.strip() + " "
-    text = re.sub(r"``?[^`]+``?", lambda code: CODE.ljust(len(code.group()), "_"), text)  # of the same length
+    text = re.sub(r"``?[^`]+``?", lambda code: CODE.ljust(len(code.group()), "_"), text)  # the length stays
     ends = [0]
     for found in SENTENCE_END.finditer(text):
         if not ABBREVIATION.search(text[ends[-1]:found.start() + 1]) or text[found.start()] != ".":

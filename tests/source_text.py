@@ -36,7 +36,7 @@ def comments(text, pattern):
 
 
 def python_comments(text):
-    """As comments(); a docstring is a comment that begins with three quotes."""
+    """The same tuples as comments() gives; a docstring is a comment that begins with three quotes."""
     lines = text.splitlines()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:

@@ -1,4 +1,4 @@
-"""What base's daemon recorded, replayed by both builds: each sample, and the registers while nothing changes."""
+"""Recordings of base's daemon, replayed by both builds: each sample, and the registers while nothing changes."""
 import csv
 import io
 import json
@@ -220,7 +220,11 @@ def compare_registers(recording, new, outcome):
         replayed.append(f'\nname = "{name}"\ndriver = "replay"\nlink = "{name}"\nfile = "{recording.file}"\n' + rest)
     recording.daemon.config.write_text("[[link]]".join(replayed))
     blocks = blocks_of(recording.base)
-    base, other = (watch(recording, build, blocks) for build in (recording.base, new))
+    try:
+        base, other = (watch(recording, build, blocks) for build in (recording.base, new))
+    except AssertionError as log:
+        outcome.add(1, 1, math.inf, f"a daemon did not start: {log}")
+        return
     for name in sorted(base.keys() | other.keys()):
         for runs, others, build in ((base, other, "new"), (other, base, "base")):
             rested, missing = not_found(runs.get(name, []), others.get(name, []))

@@ -1,4 +1,4 @@
-"""What was compared, how much of it, and how much of it differs."""
+"""Counts of compared and differing values."""
 import csv
 import math
 
