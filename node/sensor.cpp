@@ -50,7 +50,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     return s;
 }
 
-tactiled_sample Sensor::next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept {
+inline tactiled_sample Sensor::next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept {
     tactiled_sample s{};
     s.sequence = sequence_++;
     s.t_ns = t_ns;
@@ -89,7 +89,7 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
 }
 
 // The channels of the model, in its order and unit. `raw` receives the same channels as numbers of the frame.
-Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept {
+inline Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept {
     Reading reading;
     const std::size_t n = setup_.channel_of_frame.size();
     for (std::size_t k = 0; k < n; ++k) {
@@ -138,7 +138,7 @@ void Sensor::put_method(tactiled_sample& s) const noexcept {
 // ---- tare, filter, magnitude -------------------------------------------------------------------------------------------
 
 // The sample that completes a tare is the first sample that the new zero applies to.
-void Sensor::follow_tare(tactiled_sample& s) noexcept {
+inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
     const std::size_t n_channels = setup_.channel_of_frame.size();
     if (zero_.has_more_to_find()) zero_.find_other(*setup_.automatic, method_, n_channels);
     if (zero_.tare() == Tare::running) {

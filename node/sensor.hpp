@@ -107,16 +107,17 @@ public:
     [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_.of(method_); }
 
 private:
-    [[nodiscard]] tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
+    // Inline where they are used, which is sensor.cpp alone.
+    [[nodiscard]] inline tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
-    [[nodiscard]] Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
+    [[nodiscard]] inline Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
     [[nodiscard]] std::uint32_t epoch() const noexcept {
         return daemon_epoch_ << 16 | (stream_.discontinuities() & 0xFFFFu);
     }
     void take_over_method() noexcept;
     void put_method(tactiled_sample& sample) const noexcept;
-    void follow_tare(tactiled_sample& sample) noexcept;
+    inline void follow_tare(tactiled_sample& sample) noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;

@@ -71,7 +71,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
     return true;
 }
 
-// Whether the mean of the window is fit to be a zero; `last` is the last sample of the window.
+// Judges whether the mean of the window is fit to be a zero; `last` is the last sample of the window.
 Tare Zero::verdict(const tactiled_sample& last) const noexcept {
     const double *f = last.sd_force_N, *m = last.sd_torque_Nm;
     if (window_.has_moved({f[0], f[1], f[2], m[0], m[1], m[2]})) return Tare::moved;
