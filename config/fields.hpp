@@ -39,8 +39,8 @@ struct Default {
     Default(T v, const char* w) : value(v), words(w) {}
 };
 
-struct Required {};
-inline constexpr Required kRequired;
+struct NoDefault {};  // the key must be there
+inline constexpr NoDefault kRequired;
 
 using Choices = std::vector<std::string>;
 constexpr Range range(double min, double max) { return {min, max}; }  // braces would stand one below the other
@@ -106,7 +106,7 @@ struct Field : ConfigKey {
 
     // All NaN, which is no number of a file, where the key is wrong or missing; the caller reports a missing one.
     template <std::size_t N>
-    Field(const char* key, std::array<double, N> Settings::*member, Required, Range r, const char* u, Reload l,
+    Field(const char* key, std::array<double, N> Settings::*member, NoDefault, Range r, const char* u, Reload l,
           const char* h)
         : Field(key, member, Default(not_numbers<N>()), r, u, l, h) {
         otherwise = "";
@@ -125,7 +125,7 @@ struct Field : ConfigKey {
               if (yes || no) settings.*member = yes;
           }) {}
 
-    Field(const char* key, std::string Settings::*member, Required, Text t, Reload l, const char* h)
+    Field(const char* key, std::string Settings::*member, NoDefault, Text t, Reload l, const char* h)
         : ConfigKey{key, "string", "", field::text_kind(t), "", l, h},
           read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = field::read_text(table, key, nullptr, t);
