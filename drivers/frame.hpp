@@ -1,4 +1,4 @@
-// What a driver delivers: the channels of one device at one instant, as the device sent them.
+// The result of a driver: the channels of one device at one instant, as the device sent them.
 #pragma once
 #include <array>
 #include <cstddef>

@@ -46,7 +46,8 @@ struct Command {
     grasp::Hint gripper{};                // of `hint`
     grasp::Vector robot_G_m_s2{};         // of `gravity` and `acceleration`; NaN = not known
     std::uint64_t reported_ns = 0;        // of `acceleration`
-    // Of `objects`. The sender owns the memory and keeps it until the command is acknowledged, however long that takes.
+    // Argument of `objects`. The sender owns the memory and keeps it until the command is acknowledged, however long that
+    // takes.
     std::span<const TaughtObject> objects{};
 };
 

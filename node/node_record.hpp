@@ -53,7 +53,7 @@ public:
     void beat(std::uint64_t now_ns) noexcept;
     // The time in the loop that a cycle took, and the number of periods that were slept through before it. rt: wait-free
     void account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept;
-    // Whether the last reload was refused: a warning until the next reload. rt: wait-free; from any thread
+    // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void set_reload_refused(bool refused) noexcept { reload_refused_.store(refused, std::memory_order_relaxed); }
 
     // Something is new since the last record, or that record is 10 ms old. rt: wait-free

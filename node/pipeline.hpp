@@ -47,7 +47,7 @@ public:
     // Exchanges the parts of `replacement` with the running ones, between two cycles. Returns false, and nothing was
     // exchanged, when the loop did not respond within `patience_ms`. setup: while the loop runs, from another thread
     bool replace(Replacement& replacement, int patience_ms) noexcept;
-    // Whether the last reload was refused: a warning until the next reload. rt: wait-free; from any thread
+    // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void reload_refused(bool refused) noexcept { record_.set_reload_refused(refused); }
 
     Commands commands;

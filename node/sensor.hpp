@@ -89,7 +89,7 @@ public:
         low_pass_.reset();
     }
     using Tare = tactiled::Tare;
-    // How the tare stands; a tare that has ended is reported once. rt: wait-free
+    // The state of the tare; a tare that has ended is reported once. rt: wait-free
     [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept { return zero_.poll(is_delivering(), now_ns); }
 
     // Takes effect with the next sample. rt: wait-free

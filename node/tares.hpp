@@ -12,7 +12,8 @@ class Tares {
 public:
     explicit Tares(std::vector<Sensor>& sensors) : sensors_(sensors) {}
 
-    // Begins a tare of the sensors in `mask`. Nothing begins, and the result is false, if one of them cannot be tared now.
+    // Begins a tare of the sensors in `mask`. If one of them cannot be tared now, the
+    // result is false and no tare begins.
     // is_running() must be false. rt: bounded by the number of sensors
     [[nodiscard]] bool begin(std::uint32_t mask, std::uint64_t now_ns) noexcept;
     // Begins to remove the tare of the sensors in `mask`. is_running() must be false. rt: bounded by the number of sensors
@@ -21,7 +22,7 @@ public:
     [[nodiscard]] bool poll(std::uint64_t now_ns) noexcept;
 
     [[nodiscard]] bool is_running() const noexcept { return running_ != 0; }
-    // Of the last command: the first result of a sensor that is not OK, else OK.
+    // The first result of a sensor in the last command that is not OK, else OK.
     [[nodiscard]] tactiled_command_result result() const noexcept { return result_; }
     // The last command left every zero as it was, because the force moved or was too large.
     [[nodiscard]] bool was_refused() const noexcept {

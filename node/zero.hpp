@@ -17,7 +17,7 @@
 
 namespace tactiled {
 
-// How the tare of a sensor stands. It has ended from `done` on: with success, or with the zero as it was because a sample
+// The state of a sensor's tare. A tare has ended from `done` on: with success, or with the zero as it was because a sample
 // had no value, the force moved, or the new zero was further than the limit from the calibration's.
 enum class Tare { none, running, removing, done, failed, moved, loaded };
 
@@ -40,7 +40,7 @@ public:
     // Goes back to the calibration's zero with the next sample, at once where none is coming. rt: wait-free
     void begin_removal(bool is_delivering) noexcept;
     [[nodiscard]] Tare tare() const noexcept { return tare_; }
-    // As tare(); a tare that has ended is reported once. rt: wait-free
+    // The state as tare() returns it; a tare that has ended is reported once. rt: wait-free
     [[nodiscard]] Tare poll(bool is_delivering, std::uint64_t now_ns) noexcept;
 
     // Takes the sample that method `method` of `n_methods` made of `channel` into the running tare. True when the sample
