@@ -2,7 +2,7 @@
 // Oracle, against a model that cuts each client's whole stream at leisure: a client gets the answers to its own requests, in
 // order, each once, and all of them, unless it asked one by one until its socket was full; where its stream stops being
 // Modbus, those before that; no call answers more than it may.
-#include <fcntl.h>
+#include <sys/epoll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -68,6 +68,7 @@ struct Client {
     }
     void serve(std::uint64_t now_ns) {
         if (!closed.empty()) return;
+        const bool has_backlog = connection->backlog_ns() != 0 || connection->interest() == EPOLLOUT;
         int n = 0;
         closed = connection->serve(
             [&](std::span<const std::uint8_t> request) {
@@ -82,6 +83,7 @@ struct Client {
             },
             now_ns);
         check(n <= 16);
+        if (closed == "takes no answers") check(!has_backlog);  // else it waits for room
         if (closed.empty()) (void)connection->overdue(now_ns);
     }
     // What it is owed for all that it has said; false where it has said something that is not Modbus.
