@@ -24,7 +24,9 @@ enum Function : std::uint8_t {
     kReadWrite = 23,
     kEncapsulated = 43
 };
-inline constexpr std::uint8_t kExceptionBit = 0x80;  // set in the function code of an answer that is an exception
+inline constexpr std::uint8_t kReadIdentity = 14;           // the MEI type of function 43 that is served
+inline constexpr std::uint8_t kBasic = 1, kIndividual = 4;  // its first and last read device id code: 6.21
+inline constexpr std::uint8_t kExceptionBit = 0x80;         // set in the function code of an answer that is an exception
 
 enum Exception : std::uint8_t {
     kNone = 0,

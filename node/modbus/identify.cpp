@@ -6,7 +6,6 @@
 
 namespace tactiled::modbus {
 namespace {
-constexpr std::uint8_t kBasic = 1, kIndividual = 4;  // read device id codes; 2 = regular, 3 = extended
 constexpr std::size_t kBasicObjects = 3;
 constexpr std::uint8_t kConformity = 0x82;  // regular, by stream and by individual access
 // The project has no public address; this one leads to the manual that its package installs.
@@ -32,7 +31,7 @@ std::size_t Identity::answer(std::span<const std::uint8_t> pdu, bool is_running,
     // There is no extended object: a device of a lower conformity answers with what it has.
     const std::size_t end = code == kIndividual ? first + 1 : code == kBasic ? kBasicObjects : objects_.size();
     if (first >= end) first = 0;  // "if the object id does not match any known object, the server restarts at the beginning"
-    const std::uint8_t head[] = {kEncapsulated, 14, code, kConformity, 0, 0, std::uint8_t(end - first)};
+    const std::uint8_t head[] = {kEncapsulated, kReadIdentity, code, kConformity, 0, 0, std::uint8_t(end - first)};
     auto at = std::copy(std::begin(head), std::end(head), out.begin());
     for (std::size_t id = first; id < end; ++id) {  // all of them fit into one answer: no "more follows"
         *at++ = std::uint8_t(id);

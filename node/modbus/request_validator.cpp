@@ -9,9 +9,6 @@ std::uint16_t word(std::span<const std::uint8_t> bytes, std::size_t at) noexcept
     return std::uint16_t(bytes[at] << 8 | bytes[at + 1]);
 }
 
-constexpr std::uint8_t kReadIdentity = 14;           // MEI type of function 43
-constexpr std::uint8_t kBasic = 1, kIndividual = 4;  // the first and the last read device id code (6.21)
-
 bool in(unsigned count, unsigned max) noexcept { return count >= 1 && count <= max; }
 
 bool is_readable(Run run, std::uint8_t function, bool scratch) noexcept {
