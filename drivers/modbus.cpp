@@ -1,8 +1,9 @@
 // Driver "modbus": the master of devices on an RTU line or behind one TCP connection. One request stands open at a time; a
 // frame is one answer, whole.
 //
-// libmodbus is not used here: its reads block until the whole answer is there, which may take longer than a turn of the
-// link's thread, drop the answer that follows a late one, and do not look at the unit over TCP.
+// libmodbus is not used here. It reads an answer in one blocking call: when that call ends in time for the link's thread,
+// the bytes that it has received so far are lost, and it waits for the length that a foreign message seems to have.
+// README.md names the tests that it fails.
 //
 // Late answers. Over TCP a transaction tells them. An RTU answer has only unit, function and length. So a request without a
 // good answer puts its unit in doubt, and a doubted unit is first asked for a number of registers that no other request to

@@ -45,8 +45,9 @@ RegisterSet::Ready read_ready(Options table) {
 
 ModbusDevice::Write read_write(Options table) {
     const std::uint16_t at = word(table, "at", kAddress), value = word(table, "value", kWord);
-    const std::int64_t function = table.integer("function", {6, 16}, 6);
-    if (function != 6 && function != 16)
+    using modbus::kWriteRegister, modbus::kWriteRegisters;
+    const std::int64_t function = table.integer("function", {kWriteRegister, kWriteRegisters}, kWriteRegister);
+    if (function != kWriteRegister && function != kWriteRegisters)
         table.problem("function", fmt::format("function = {}; 6 and 16 write registers", function));
     return {at, value, std::uint8_t(function)};
 }
@@ -81,12 +82,12 @@ void cover(RegisterSet& set, Options& table, int max_gap) {
         last = std::max(last, span.last);
     }
     const unsigned first = spans.front().first, count = last - first + 1;
-    if (count > kModbusMaxRegisters || last > 65535) {
+    if (count > modbus::kMaxRead || last > 65535) {
         table.problem(
             "registers",
             fmt::format("registers {} .. {} are {}; one answer has at most {}, up to 65535: give each group its own "
                         "[[link.slave]]",
-                        first, last, count, kModbusMaxRegisters));
+                        first, last, count, modbus::kMaxRead));
         return;
     }
     set.at = std::uint16_t(first);
@@ -95,7 +96,8 @@ void cover(RegisterSet& set, Options& table, int max_gap) {
 
 // The keys that describe a kind of device, wherever they stand.
 void read_kind(ModbusDevice& device, Options& table) {
-    device.function = std::uint8_t(table.integer("function", {3, 4}, 3));
+    device.function =
+        std::uint8_t(table.integer("function", {modbus::kReadHolding, modbus::kReadInputRegisters}, modbus::kReadHolding));
     const bool low_word_first = table.one_of("word_order", {"high_first", "low_first"}, "high_first") == "low_first";
     const int max_gap = int(table.integer("max_gap", {0, kMaxGap}, 8));
     for (auto& one : table.tables("registers", kMaxChannels))

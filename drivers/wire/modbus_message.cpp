@@ -7,11 +7,13 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMbap = 6;           // transaction, protocol, length
-constexpr std::size_t kLongestBody = 254;  // unit and PDU
-constexpr std::uint8_t kFailed = 0x80;     // set in the function of an exception
+using modbus::kCrcSize, modbus::kExceptionBit, modbus::kWriteRegister, modbus::kWriteRegisters;
+constexpr std::size_t kMbap = modbus::kMbapSize - 1;  // without the unit, which RTU has, too
+constexpr std::size_t kLongestBody = 1 + modbus::kMaxPdu;
 
-bool reads(const ModbusRequest& request) noexcept { return request.function == 3 || request.function == 4; }
+bool reads(const ModbusRequest& request) noexcept {
+    return request.function == modbus::kReadHolding || request.function == modbus::kReadInputRegisters;
+}
 
 std::uint16_t get16(const std::uint8_t* bytes) noexcept { return std::uint16_t(bytes[0] << 8 | bytes[1]); }
 
@@ -37,12 +39,12 @@ std::size_t encode_modbus(ModbusWire wire, const ModbusRequest& request,
     if (wire == ModbusWire::tcp) {
         put16(at, request.transaction);
         put16(at, 0);
-        put16(at, request.function == 16 ? 9 : 6);
+        put16(at, request.function == kWriteRegisters ? 9 : 6);
     }
     *at++ = request.unit;
     *at++ = request.function;
     put16(at, request.at);
-    if (request.function == 16) {
+    if (request.function == kWriteRegisters) {
         put16(at, 1);
         *at++ = 2;
     }
@@ -55,7 +57,7 @@ std::size_t encode_modbus(ModbusWire wire, const ModbusRequest& request,
 }
 
 std::size_t modbus_answer_bytes(ModbusWire wire, const ModbusRequest& request) noexcept {
-    return answer_body(request) + (wire == ModbusWire::rtu ? 2 : kMbap);
+    return answer_body(request) + (wire == ModbusWire::rtu ? kCrcSize : kMbap);
 }
 
 void ModbusAnswers::reset() noexcept {
@@ -91,7 +93,7 @@ ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
         const std::uint8_t* const message = &bytes_[at];
         const std::size_t left = size_ - at;
         if (message[0] != request_.unit) continue;
-        if (!echo_seen_ && (request_.function != 6 || line_echoes_) &&
+        if (!echo_seen_ && (request_.function != kWriteRegister || line_echoes_) &&
             std::equal(message, message + std::min(left, n_sent_), sent_.begin())) {
             if (left < n_sent_) break;
             echo_seen_ = true;
@@ -100,7 +102,7 @@ ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
             continue;
         }
         if (left < 2) break;
-        const bool failed = message[1] == (request_.function | kFailed);
+        const bool failed = message[1] == (request_.function | kExceptionBit);
         if (message[1] != request_.function && !failed) continue;
         if (left < 3) break;
         const std::size_t body = failed ? 3 : answer_body(request_);
@@ -108,7 +110,7 @@ ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
             other_length_ = true;
             continue;
         }
-        if (left < body + 2) break;
+        if (left < body + kCrcSize) break;
         const std::uint16_t crc = modbus_crc({message, body});
         if (message[body] != (crc & 0xFF) || message[body + 1] != crc >> 8) {
             checksum_failed_ = true;
@@ -117,7 +119,7 @@ ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
         found = judge(message, body);
         if (found == Found::good || found == Found::refused) {
             if (reads(request_)) line_echoes_ = echo_seen_;
-            const std::size_t end = at + body + 2;
+            const std::size_t end = at + body + kCrcSize;
             skipped += std::uint32_t(at);
             std::memmove(bytes_.data(), bytes_.data() + end, size_ - end);
             size_ -= end;
@@ -147,7 +149,7 @@ ModbusAnswers::Found ModbusAnswers::next_tcp() noexcept {
 
 ModbusAnswers::Found ModbusAnswers::judge(const std::uint8_t* message, std::size_t size) noexcept {
     if (message[0] != request_.unit) return Found::foreign;
-    if (message[1] == (request_.function | kFailed)) {
+    if (message[1] == (request_.function | kExceptionBit)) {
         if (size != 3) return Found::wrong_length;
         exception_ = message[2];
         return Found::refused;
@@ -156,7 +158,7 @@ ModbusAnswers::Found ModbusAnswers::judge(const std::uint8_t* message, std::size
     if (size != answer_body(request_)) return Found::wrong_length;
     n_registers_ = 0;
     if (!reads(request_)) {
-        const std::uint16_t second = request_.function == 16 ? 1 : request_.value;
+        const std::uint16_t second = request_.function == kWriteRegisters ? 1 : request_.value;
         return get16(message + 2) == request_.at && get16(message + 4) == second ? Found::good : Found::foreign;
     }
     if (message[2] != 2u * request_.count) return Found::wrong_length;

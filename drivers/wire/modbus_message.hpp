@@ -8,23 +8,21 @@
 #include <cstdint>
 #include <span>
 
+#include "drivers/wire/modbus_codes.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
 
-enum class ModbusWire { rtu, tcp };
-
-inline constexpr std::size_t kModbusMaxRegisters = 125;  // of one read
-inline constexpr std::size_t kModbusMaxRequest = 15;     // bytes
+inline constexpr std::size_t kModbusMaxRequest = 15;  // bytes
 
 struct ModbusRequest {
     std::uint16_t transaction = 0;  // sent over TCP alone
     std::uint8_t unit = 1;
-    std::uint8_t function = 3;  // 3 and 4 read `count` registers, 6 and 16 write one: `value`
+    std::uint8_t function = modbus::kReadHolding;  // 3 and 4 read `count` registers, 6 and 16 write one: `value`
     std::uint16_t at = 0, count = 1, value = 0;
 };
 
-// Modbus' CRC, sent low byte first.
+// The CRC-16 of Modbus RTU, sent low byte first.
 std::uint16_t modbus_crc(std::span<const std::uint8_t> bytes) noexcept;
 
 // Returns the number of bytes. rt: wait-free
@@ -80,7 +78,7 @@ private:
     std::size_t n_sent_ = 0;
     std::array<std::uint8_t, 1024> bytes_{};  // the longest answer has 260
     std::size_t size_ = 0;
-    std::array<std::uint16_t, kModbusMaxRegisters> registers_{};
+    std::array<std::uint16_t, modbus::kMaxRead> registers_{};
     std::size_t n_registers_ = 0;
     std::uint8_t exception_ = 0;
 };

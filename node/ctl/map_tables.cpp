@@ -81,7 +81,9 @@ constexpr const char* kRules[] = {
     "2 read-only, locked or not allowed; 3 a value out of range, or a mask that names no sensor; 4 not possible now; 6 a "
     "tare or a SAVE "
     "runs. With an exception nothing is written.",
-    "FC 43 / 14 gives vendor, product, version and the node's name.",
+    "FC 43 / 14 gives vendor, product, version and the node's name. FC 17 gives the server id 0x54, a run indicator that is "
+    "0xFF while "
+    "the daemon acquires, and the version. FC 8 returns query data.",
 };
 
 std::string title_of(const Area& area) {

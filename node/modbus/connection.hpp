@@ -1,24 +1,27 @@
-// One client: what it has sent and what it has not taken yet. Never blocks.
+// One TCP client: receives its requests and has them answered in order. Never blocks.
+//
+// Answers go straight into the client's socket. Its kernel buffer has room for what a client that reads may leave there: 16
+// answers at a time (Guide 4.4.1.2). Where more requests wait, the next ones are answered only once the socket has room
+// again. An answer that the kernel does not take whole ends the connection.
 #pragma once
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <functional>
-#include <span>
-#include <vector>
 
 #include "node/modbus/controls.hpp"
+#include "node/modbus/responder.hpp"
 
 namespace tactiled::modbus {
-
-// Answers a whole request into `out`, returns the answer's length.
-using Answer = std::function<std::size_t(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out)>;
 
 class Connection {
 public:
     static constexpr std::uint64_t kRequestNs = 1'000'000'000;  // from the first byte of a request to its last
-    static constexpr std::uint64_t kDeafNs = 2'000'000'000;     // that a client may leave its answers untaken
+    static constexpr std::uint64_t kDeafNs = 2'000'000'000;     // that requests may wait for room in the socket
     static constexpr std::uint64_t kIdleNs = 60'000'000'000;
+
+    // The send buffer that `fd` needs, as SO_SNDBUF takes it; the kernel doubles it. Small answers occupy about 1.5 KiB each
+    // until they are acknowledged, and the kernel reports room when a third is free: more than kMaxAtOnce answers need.
+    static constexpr int kSendBuffer = 64 * 1024;
 
     // Takes over `fd`, a non-blocking socket. `max_per_s` requests a second are answered, 0 = any number; more wait.
     Connection(int fd, std::uint64_t now_ns, int max_per_s = 0)
@@ -27,43 +30,41 @@ public:
     Connection(const Connection&) = delete;
     Connection& operator=(const Connection&) = delete;
 
-    // Receives, answers whole requests in order, sends. Returns "" or why the connection must be closed.
+    // Receives, and has whole requests answered in order on the socket. Returns "" or why the connection must be closed.
+    // rt: at most 2 system calls besides those of kMaxAtOnce answers; does not block
     const char* serve(const Answer& answer, std::uint64_t now_ns);
-    // As serve() says, for a client that is late.
+    // The same for a client that is late.
     [[nodiscard]] const char* overdue(std::uint64_t now_ns) const noexcept;
 
-    [[nodiscard]] bool wants_to_send() const noexcept { return !out_.empty(); }
-    // When a whole request that waits may be answered although nothing new has come: serve() again then. 0: none waits.
+    // The time at which serve() must be called although nothing new has come, for a request that waits. 0: none does.
     [[nodiscard]] std::uint64_t backlog_ns() const noexcept {
-        return request_waits_ && out_.size() < kMaxWaiting ? std::max<std::uint64_t>(held_until_ns(), 1) : 0;
+        return request_waits_ && stuck_since_ns_ == 0 ? std::max<std::uint64_t>(held_until_ns(), 1) : 0;
     }
-    // What it waits for: EPOLLIN, EPOLLOUT or, while it is held back, nothing.
+    // The events to call serve() for: EPOLLIN, EPOLLOUT or, while it is held back, none.
     [[nodiscard]] std::uint32_t interest() const noexcept;
-    std::uint32_t watched = 0;  // what epoll was told
+    std::uint32_t watched = 0;  // the events that epoll watches for
 
     modbus::Session session;
     [[nodiscard]] bool has_asked() const noexcept { return asked_; }
     [[nodiscard]] std::uint64_t heard_ns() const noexcept { return heard_ns_; }
 
 private:
-    static constexpr std::size_t kMaxWaiting = 16 * kMaxAdu;  // Guide 4.4.1.2: up to 16 transactions at a time
-    static constexpr int kMaxAtOnce = 16;                     // then the other clients have their turn
+    static constexpr int kMaxAtOnce = 16;  // then the other clients have their turn
     static constexpr std::uint64_t kBurst = 64;
 
+    [[nodiscard]] bool has_room(std::uint64_t now_ns) noexcept;
     const char* receive(std::uint64_t now_ns);
     const char* answer_all(const Answer& answer, std::uint64_t now_ns);
-    const char* send(std::uint64_t now_ns);
 
     int fd_;
-    std::array<std::uint8_t, kMaxWaiting> in_{};
+    std::array<std::uint8_t, kMaxAtOnce * kMaxAdu> in_{};
     std::size_t received_ = 0;
-    std::vector<std::uint8_t> out_;  // not yet sent, at most kMaxWaiting + kMaxAdu bytes
-    bool asked_ = false;             // at least one whole request
-    bool request_waits_ = false;     // a whole one at the start of in_
-    bool said_all_ = false;          // the client will send no more
+    bool asked_ = false;          // at least one whole request
+    bool request_waits_ = false;  // a whole one at the start of in_
+    bool said_all_ = false;       // the client will send no more
     std::uint64_t heard_ns_;
     std::uint64_t request_began_ns_ = 0;  // 0: no request is incomplete
-    std::uint64_t stuck_since_ns_ = 0;    // 0: the client takes its answers
+    std::uint64_t stuck_since_ns_ = 0;    // a request waits for room in the socket; 0: none does
     // Each answer costs so much time; a client may be kBurst answers ahead of its account.
     std::uint64_t cost_ns_;
     std::uint64_t account_ns_ = 0;  // when all that was answered so far will be paid

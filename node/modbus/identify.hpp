@@ -1,4 +1,5 @@
-// Function 43 / 14, read device identification (Modbus Application Protocol 1.1b3, 6.21): libmodbus does not have it.
+// The server's identity: functions 43 / 14 and 17 (Modbus Application Protocol 1.1b3, 6.21 and 6.13). libmodbus does not
+// implement the first, and answers the second with its own name and version.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -11,13 +12,15 @@ namespace tactiled::modbus {
 
 class Identity {
 public:
-    // `node_name` is told as UserApplicationName.
+    // `node_name` is reported as UserApplicationName.
     explicit Identity(const std::string& node_name);
-    // The answer to a request of function 43 / 14 that check_adu() found good.
-    std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) const noexcept;
+    // The PDU that answers a request of one of these functions that check_pdu() found good. `is_running` is the run
+    // indicator of function 17. Returns its length in `out`. rt: wait-free
+    std::size_t answer(std::span<const std::uint8_t> pdu, bool is_running,
+                       std::span<std::uint8_t, kMaxPdu> out) const noexcept;
 
 private:
-    std::array<std::string, 7> objects_;  // by object id
+    std::array<std::string, kIdentityObjects> objects_;  // by object id
 };
 
 }  // namespace tactiled::modbus

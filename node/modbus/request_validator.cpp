@@ -1,7 +1,5 @@
 #include "node/modbus/request_validator.hpp"
 
-#include <algorithm>
-
 #include "node/modbus/table.hpp"
 
 namespace tactiled::modbus {
@@ -10,9 +8,6 @@ namespace {
 std::uint16_t word(std::span<const std::uint8_t> bytes, std::size_t at) noexcept {
     return std::uint16_t(bytes[at] << 8 | bytes[at + 1]);
 }
-
-constexpr unsigned kMaxRead = 125, kMaxWrite = 123, kMaxWriteBeside = 121;  // 1.1b3, 6.3, 6.12 and 6.17
-constexpr unsigned kMaxReadBits = 2000, kMaxWriteBits = 1968;               // 6.1 and 6.11
 
 bool in(unsigned count, unsigned max) noexcept { return count >= 1 && count <= max; }
 
@@ -44,9 +39,8 @@ Cut cut_adu(std::span<const std::uint8_t> bytes, std::size_t& size) noexcept {
     return bytes.size() < size ? Cut::more : Cut::adu;
 }
 
-Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept {
+Request check_pdu(std::span<const std::uint8_t> pdu, bool scratch) noexcept {
     Request request;
-    const auto pdu = adu.subspan(kMbapSize);
     const std::size_t size = pdu.size();
     request.function = pdu[0];
     const auto refuse = [&](Exception exception) {
@@ -111,37 +105,17 @@ Request check_adu(std::span<const std::uint8_t> adu, bool scratch) noexcept {
             if (!is_readable(request.read, pdu[0], scratch) || !is_writable(request.write, scratch))
                 return refuse(kIllegalAddress);
             return request;
-        case kEncapsulated:  // identify.hpp knows the rest
-            if (size < 2 || pdu[1] != 14) return refuse(kIllegalFunction);
-            if (size != 4) return refuse(kIllegalValue);
-            return request;
+        case kDiagnostics:  // only "return query data", with any number of words
+            if (size < 3) return refuse(kIllegalValue);
+            if (word(pdu, 1) != 0) return refuse(kIllegalFunction);
+            return size < 5 || size % 2 == 0 ? refuse(kIllegalValue) : request;
+        case kReportServerId: return size != 1 ? refuse(kIllegalValue) : request;
+        case kEncapsulated:
+            if (size < 2 || pdu[1] != kReadIdentity) return refuse(kIllegalFunction);
+            if (size != 4 || pdu[2] < kBasic || pdu[2] > kIndividual) return refuse(kIllegalValue);
+            return pdu[2] == kIndividual && pdu[3] >= kIdentityObjects ? refuse(kIllegalAddress) : request;
         default: return refuse(kIllegalFunction);
     }
-}
-
-std::size_t exception_adu(std::span<const std::uint8_t> adu, Exception exception,
-                          std::span<std::uint8_t, kMaxAdu> out) noexcept {
-    std::copy_n(adu.begin(), kMbapSize, out.begin());
-    out[4] = 0;
-    out[5] = 3;
-    out[7] = std::uint8_t(adu[7] | 0x80);
-    out[8] = exception;
-    return 9;
-}
-
-std::size_t registers_adu(std::span<const std::uint8_t> adu, std::span<const std::uint16_t> registers,
-                          std::span<std::uint8_t, kMaxAdu> out) noexcept {
-    const std::size_t bytes = 2 * registers.size();  // at most 250
-    std::copy_n(adu.begin(), kMbapSize + 1, out.begin());
-    out[4] = 0;
-    out[5] = std::uint8_t(3 + bytes);
-    out[8] = std::uint8_t(bytes);
-    auto next = out.begin() + 9;
-    for (const std::uint16_t word : registers) {
-        *next++ = std::uint8_t(word >> 8);
-        *next++ = std::uint8_t(word & 0xFFu);
-    }
-    return 9 + bytes;
 }
 
 }  // namespace tactiled::modbus

@@ -1,12 +1,11 @@
-// libmodbus answers what writes, and what reads bits: it gets a checked request by a call and writes its answer to one end
-// of a socket pair, the other end of which is ours: a packet an answer, so that nothing of one is left for the next
-// request. It never sees a client. Reads of registers, which a PLC asks for all the time, do not come here: wall.hpp,
-// registers_adu().
+// Every answer leaves here. libmodbus composes those to the functions that it knows, and all exceptions, and writes them to
+// the client's own socket or to the tty, in one call. It never reads from them.
 #pragma once
 #include <modbus.h>
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 
@@ -15,34 +14,48 @@
 
 namespace tactiled::modbus {
 
-// The whole map by address, as libmodbus wants it. Only what a request reads needs to be filled in.
+// The whole map by address, in the layout of libmodbus. Only the cells that a request reads need to be filled in.
 struct Tables {
-    std::array<std::uint16_t, kMapEnd> registers{};
+    std::array<std::uint16_t, kMapEnd + kMaxWriteBeside> registers{};  // the last ones: see Responder::reply()
     std::array<std::uint8_t, kCoils> coils{};
     std::array<std::uint8_t, kInputs> inputs{};
 };
 
-// Whether `answer` is to `request`: of the same transaction, protocol and unit, and as long as it says. rt: wait-free
-[[nodiscard]] bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> answer) noexcept;
+// Answers a whole request. Returns the number of bytes sent, or 0 if the answer was not sent in full or none is due.
+using Answer = std::function<std::size_t(std::span<const std::uint8_t> request)>;
 
+// One framing. A request is passed in this framing: with its MBAP header, or as an RTU frame with its checksum.
 class Responder {
 public:
-    // setup: throws SetupError where libmodbus or a socket pair cannot be had
-    Responder();
-    ~Responder();
-    Responder(const Responder&) = delete;
-    Responder& operator=(const Responder&) = delete;
+    // setup: throws SetupError where libmodbus gives no context
+    explicit Responder(ModbusWire wire);
 
-    // The answer to a request that check_adu() found good. What it writes, it writes into `tables`. Returns its length in
-    // `out`; where libmodbus gives none or a wrong one, exception 4.
-    std::size_t answer(std::span<const std::uint8_t> adu, Tables& tables, std::span<std::uint8_t, kMaxAdu> out) noexcept;
+    // The non-blocking socket or tty of the requests to come; stays the caller's. rt: wait-free
+    void set_descriptor(int fd) noexcept { modbus_set_socket(context_.get(), fd); }
+    // rt: wait-free
+    [[nodiscard]] std::span<const std::uint8_t> pdu_of(std::span<const std::uint8_t> request) const noexcept;
+
+    // Each sends one answer and returns the number of its bytes, or 0 if the kernel did not take all of them, or if the
+    // request was a broadcast.
+
+    // The answer of libmodbus, from `tables`, to a request of functions 1 .. 6, 15, 16, 22 and 23 that check_pdu() found
+    // good.
+    // rt: one system call, does not block
+    std::size_t reply(std::span<const std::uint8_t> request, Tables& tables) noexcept;
+    // rt: one system call, does not block
+    std::size_t refuse(std::span<const std::uint8_t> request, Exception exception) noexcept;
+    // An answer that the project composed. rt: one system call, does not block
+    std::size_t send(std::span<const std::uint8_t> request, std::span<const std::uint8_t> pdu) noexcept;
 
 private:
     struct Free {
         void operator()(modbus_t* context) const noexcept { modbus_free(context); }
     };
+    [[nodiscard]] bool is_broadcast(std::span<const std::uint8_t> request) const noexcept {
+        return wire_ == ModbusWire::rtu && request[0] == MODBUS_BROADCAST_ADDRESS;
+    }
+    ModbusWire wire_;
     std::unique_ptr<modbus_t, Free> context_;
-    std::array<int, 2> pair_{-1, -1};
 };
 
 }  // namespace tactiled::modbus

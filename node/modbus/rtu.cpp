@@ -4,12 +4,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/crc.hpp>
 #include <cerrno>
 #include <cstring>
 #include <utility>
 
 #include "drivers/tty.hpp"
+#include "drivers/wire/modbus_message.hpp"
 #include "node/log.hpp"
 
 namespace tactiled::modbus {
@@ -34,30 +34,34 @@ TtySettings tty_of(const RtuSettings& settings) {
 
 }  // namespace
 
-std::uint16_t rtu_crc(std::span<const std::uint8_t> bytes) noexcept {
-    boost::crc_optimal<16, 0x8005, 0xFFFF, 0, true, true> crc;
-    crc.process_bytes(bytes.data(), bytes.size());
-    return crc.checksum();
+bool is_rtu_frame(std::span<const std::uint8_t> frame) noexcept {
+    if (frame.size() < 4 || frame.size() > kMaxRtu) return false;  // address, function, checksum
+    const std::uint16_t crc = modbus_crc(frame.first(frame.size() - kCrcSize));
+    return frame[frame.size() - 2] == (crc & 0xFF) && frame[frame.size() - 1] == crc >> 8;
 }
 
-std::size_t adu_of_rtu(std::span<const std::uint8_t> frame, std::span<std::uint8_t, kMaxAdu> out) noexcept {
-    if (frame.size() < 4 || frame.size() > kMaxRtu) return 0;
-    const std::uint16_t crc = rtu_crc(frame.first(frame.size() - 2));
-    if (frame[frame.size() - 2] != (crc & 0xFF) || frame[frame.size() - 1] != crc >> 8) return 0;
-    const std::size_t length = frame.size() - 2;
-    const std::uint8_t header[] = {0, 0, 0, 0, 0, std::uint8_t(length)};
-    std::copy(std::begin(header), std::end(header), out.begin());
-    std::copy_n(frame.begin(), length, out.begin() + 6);
-    return 6 + length;
-}
-
-std::size_t rtu_of_adu(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxRtu> out) noexcept {
-    const std::size_t length = adu.size() - 6;
-    std::copy_n(adu.begin() + 6, length, out.begin());
-    const std::uint16_t crc = rtu_crc(out.first(length));
-    out[length] = std::uint8_t(crc & 0xFF);
-    out[length + 1] = std::uint8_t(crc >> 8);
-    return length + 2;
+bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame) noexcept {
+    if (frame[0] != request[0]) return false;
+    const std::size_t size = frame.size();
+    if ((frame[1] & kExceptionBit) != 0) return size == 5 && frame[1] == (request[1] | kExceptionBit);
+    if (frame[1] != request[1]) return false;
+    const auto starts_as_the_request = [&](std::size_t n) {
+        return size >= n && request.size() >= n && std::equal(frame.begin(), frame.begin() + long(n), request.begin());
+    };
+    switch (frame[1]) {
+        case kReadWrite:  // a request, too, may have the byte count of an answer in this place: the high byte of its address
+            if (size >= 15 && frame[10] == size - 13 && frame[9] * 2u == frame[10]) return false;
+            [[fallthrough]];
+        case kReadCoils:
+        case kReadInputs:
+        case kReadHolding:
+        case kReadInputRegisters:
+        case kReportServerId: return size > 5 && frame[2] == size - 5;
+        case kEncapsulated: return size > 7 && starts_as_the_request(4);
+        case kWriteCoils:
+        case kWriteRegisters: return size == 8 && starts_as_the_request(6);
+        default: return size == request.size() && starts_as_the_request(size);  // the request itself
+    }
 }
 
 RtuLine::RtuLine(const RtuSettings& settings)
@@ -67,6 +71,7 @@ RtuLine::RtuLine(const RtuSettings& settings)
 void RtuLine::open(std::uint64_t now_ns) {
     std::string why;
     fd_ = open_tty(settings_.device, tty_of(settings_), why);
+    responder.set_descriptor(fd_);
     open_again_ns_ = now_ns + kRetryNs;
     received_ = 0;
     silent_since_ns_ = 0;
@@ -125,42 +130,33 @@ void RtuLine::tick(const Answer& answer, std::uint64_t now_ns) {
 
 // A frame that is not for us, or is none, is answered by silence (2.2: the other units on the line do the same).
 void RtuLine::take_frame(const Answer& answer, std::uint64_t now_ns) {
-    if (is_echo(now_ns)) return;
-    std::array<std::uint8_t, kMaxAdu> request, reply;
-    const std::size_t size = adu_of_rtu(std::span(frame_).first(received_), request);
-    if (size == 0) {
+    const auto frame = std::span(std::as_const(frame_)).first(received_);
+    const bool may_be_echo = std::exchange(sent_size_, 0) == received_ && now_ns <= echo_until_ns_;
+    if (!is_rtu_frame(frame)) {
         ++counts_.bad_frames;
         return;
     }
-    const std::uint8_t address = request[6];
+    // Only once: no master repeats a request that early, and the answer to a write may equal its request.
+    if (may_be_echo && is_answer_to(std::span(answered_).first(answered_size_), frame)) {
+        ++counts_.echoes;
+        return;
+    }
+    const std::uint8_t address = frame[0];
     if (address != 0 && address != settings_.address) {
         ++counts_.for_others;
         return;
     }
     ++counts_.frames;
-    const std::size_t length = answer(std::span(request).first(size), reply);
+    // If the kernel does not take the answer, which has at most 256 bytes, the master misses it and asks again.
+    sent_size_ = answer(frame);
     if (address == 0) {
         ++counts_.broadcasts;
         return;
     }
-    std::array<std::uint8_t, kMaxRtu> frame;
-    const std::size_t bytes = rtu_of_adu(std::span(reply).first(length), frame);
-    // At most 256 bytes: the kernel's buffer takes them. What it does not take the master misses, and asks again.
-    [[maybe_unused]] const auto written = ::write(fd_, frame.data(), bytes);
-    sent_ = frame;
-    sent_size_ = bytes;
-    const auto line_ns = std::uint64_t(double(bytes) * 11 * 1e9 / settings_.baud);
+    std::copy(frame.begin(), frame.end(), answered_.begin());
+    answered_size_ = frame.size();
+    const auto line_ns = std::uint64_t(double(sent_size_) * 11 * 1e9 / settings_.baud);
     echo_until_ns_ = now_ns + line_ns + 2 * silence_ns_ + kEchoLateNs;
-}
-
-// Our own answer come back, once: no master repeats a request that early, and the answer to a write looks like one.
-bool RtuLine::is_echo(std::uint64_t now_ns) noexcept {
-    const std::size_t size = std::exchange(sent_size_, 0);
-    if (size == 0 || now_ns > echo_until_ns_ || received_ != size ||
-        !std::equal(sent_.begin(), sent_.begin() + long(size), frame_.begin()))
-        return false;
-    ++counts_.echoes;
-    return true;
 }
 
 }  // namespace tactiled::modbus

@@ -1,8 +1,7 @@
-// Modbus RTU on a tty (Modbus over Serial Line 1.02, 2.5): silence ends a frame, the checksum says whether it is one.
+// Modbus RTU on a tty (Modbus over Serial Line 1.02, 2.5): silence ends a frame, and its checksum tells whether it is one.
 #pragma once
 #include <array>
 #include <cstdint>
-#include <functional>
 #include <span>
 #include <string>
 
@@ -11,15 +10,11 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::size_t kMaxRtu = 256;  // address, PDU, CRC: 2.5.1.1
-
-// CRC of a frame without its last two bytes, which hold it low byte first (2.5.1.2).
-std::uint16_t rtu_crc(std::span<const std::uint8_t> bytes) noexcept;
-
-// A frame with a right checksum as a request with an MBAP header, transaction 0; 0 when it is none. `out` holds kMaxAdu.
-std::size_t adu_of_rtu(std::span<const std::uint8_t> frame, std::span<std::uint8_t, kMaxAdu> out) noexcept;
-// An answer with an MBAP header as a frame with its checksum.
-std::size_t rtu_of_adu(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxRtu> out) noexcept;
+// Whether `frame` has the length of a frame and a correct checksum.
+[[nodiscard]] bool is_rtu_frame(std::span<const std::uint8_t> frame) noexcept;
+// Whether `frame` has the form of the answer to `request` (both whole frames) rather than that of another request of the
+// same length. The data of a read are not compared.
+[[nodiscard]] bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame) noexcept;
 
 class RtuLine {
 public:
@@ -37,10 +32,11 @@ public:
 
     // Takes what has come. False when the device is gone: it is closed then.
     [[nodiscard]] bool receive(std::uint64_t now_ns);
-    // Opens the device when that is due; ends the frame when the line was silent for long enough, and answers it.
+    // Opens the device when that is due; ends the frame when the line was silent for long enough, and has it answered.
     void tick(const Answer& answer, std::uint64_t now_ns);
 
     Session session;
+    Responder responder{ModbusWire::rtu};  // has the descriptor
     struct Counts {
         std::uint64_t frames = 0, bad_frames = 0, for_others = 0, broadcasts = 0, echoes = 0;
     };
@@ -50,7 +46,6 @@ private:
     void open(std::uint64_t now_ns);
     void close() noexcept;
     void take_frame(const Answer& answer, std::uint64_t now_ns);
-    [[nodiscard]] bool is_echo(std::uint64_t now_ns) noexcept;
     [[nodiscard]] std::uint64_t frame_ends_ns() const noexcept { return silent_since_ns_ + silence_ns_; }
 
     RtuSettings settings_;
@@ -61,9 +56,10 @@ private:
     std::array<std::uint8_t, kMaxRtu> frame_{};
     std::size_t received_ = 0;
     bool too_long_ = false;
-    // What we sent last, until it cannot come back any more: an adapter that hears itself must not make us answer ourselves.
-    std::array<std::uint8_t, kMaxRtu> sent_{};
-    std::size_t sent_size_ = 0;
+    // The request answered last, until its answer can no longer come back: an adapter that hears itself must not make us
+    // answer ourselves.
+    std::array<std::uint8_t, kMaxRtu> answered_{};
+    std::size_t answered_size_ = 0, sent_size_ = 0;
     std::uint64_t echo_until_ns_ = 0;
     std::string complaint_;
     Counts counts_;

@@ -135,7 +135,7 @@ void ModbusServer::serve_held_back(std::uint64_t now_ns) {
 
 void ModbusServer::serve_line(std::uint64_t now_ns, bool readable) {
     if (readable && !line_.receive(now_ns)) watched_line_ = -1;  // closed: epoll has forgotten it
-    line_.tick([this](auto adu, auto out) { return service_.answer(adu, line_.session, out); }, now_ns);
+    line_.tick([this](auto frame) { return service_.answer(frame, line_.session, line_.responder); }, now_ns);
     if (line_.fd() >= 0 && watched_line_ < 0) watch(epoll_, EPOLL_CTL_ADD, watched_line_ = line_.fd(), EPOLLIN);
 }
 
@@ -187,8 +187,8 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
             continue;
         }
         const int one = 1, keep_idle_s = 5, keep_interval_s = 2, keep_count = 3;
-        const int waiting_bytes = 32 * 1024;  // of answers, in the kernel: a client that takes none is soon noticed
-        ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &waiting_bytes, sizeof waiting_bytes);
+        const int send_buffer = modbus::Connection::kSendBuffer;
+        ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &send_buffer, sizeof send_buffer);
         ::setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
         ::setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &one, sizeof one);  // a pulled cable frees its place after about 11 s
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &keep_idle_s, sizeof keep_idle_s);
@@ -238,11 +238,12 @@ void ModbusServer::serve_client(int fd, std::uint32_t events, std::uint64_t now_
     const auto found = clients_.find(fd);
     if (found == clients_.end()) return;
     Client& client = *found->second;
-    const auto answer = [&](auto adu, auto out) { return service_.answer(adu, client.session, out); };
+    tcp_.set_descriptor(fd);
+    const auto answer = [&](auto adu) { return service_.answer(adu, client.session, tcp_); };
     const char* why = "no memory";
     try {
         why = client.serve(answer, now_ns);
-    } catch (const std::bad_alloc&) {}  // nobody knows which of its requests were answered
+    } catch (const std::bad_alloc&) {}  // which of its requests were answered is not known
     if (*why != 0 || (events & (EPOLLERR | EPOLLHUP)) != 0) return close(fd);  // hung up: nobody would hear the rest
     if (client.interest() != client.watched) watch(epoll_, EPOLL_CTL_MOD, fd, client.watched = client.interest());
 }

@@ -60,6 +60,7 @@ private:
     ModbusSettings settings_;
     modbus::AllowList allowed_, plcs_, writers_;
     modbus::Service service_;
+    modbus::Responder tcp_{ModbusWire::tcp};
     modbus::RtuLine line_;
     int watched_line_ = -1;
 

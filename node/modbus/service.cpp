@@ -9,9 +9,10 @@ constexpr std::uint64_t kLookAgainNs = 100'000'000;  // for a segment that is no
 
 bool writes(const Request& request) { return request.write.count != 0; }
 bool reads_bits(const Request& request) { return request.function == kReadCoils || request.function == kReadInputs; }
-// What does not change with the sensors needs no look at them.
+// Whether the answer depends on the sensors.
 bool needs_view(const Request& request) {
-    if (writes(request) || reads_bits(request)) return true;
+    if (writes(request) || reads_bits(request) || request.function == kReportServerId) return true;
+    if (request.read.count == 0) return false;
     const Block block = area_of(request.read.at, request.read.count)->block;
     return block != Block::controls && block != Block::scratch && block != Block::constants;
 }
@@ -21,30 +22,34 @@ bool needs_view(const Request& request) {
 Service::Service(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands)
     : node_name_(std::move(node_name)), scratch_(settings.scratch), controls_(settings, commands), identity_(node_name_) {}
 
-std::size_t Service::answer(std::span<const std::uint8_t> adu, Session& session, std::span<std::uint8_t, kMaxAdu> out) {
+std::size_t Service::answer(std::span<const std::uint8_t> bytes, Session& session, Responder& responder) {
     counts_.requests.fetch_add(1, std::memory_order_relaxed);
     const auto refuse = [&](Exception exception) {
         counts_.exceptions.fetch_add(1, std::memory_order_relaxed);
-        return exception_adu(adu, exception, out);
+        return responder.refuse(bytes, exception);
     };
-    const Request request = check_adu(adu, scratch_);
+    const auto pdu = responder.pdu_of(bytes);
+    const Request request = check_pdu(pdu, scratch_);
     if (request.exception != kNone) return refuse(request.exception);
-    if (request.function == kEncapsulated) return identity_.answer(adu, out);
+    if (request.function == kDiagnostics) return responder.send(bytes, pdu);  // "return query data"
 
     const std::uint64_t now_ns = monotonic_ns();
     const View view = needs_view(request) ? look() : View{};  // one frame a request
     if (needs_view(request)) controls_.follow(view, now_ns);
+    if (request.function == kEncapsulated || request.function == kReportServerId) {
+        std::array<std::uint8_t, kMaxPdu> answer;
+        return responder.send(bytes, std::span(answer).first(identity_.answer(pdu, view.alive, answer)));
+    }
     if (writes(request)) {
         const Exception exception = controls_.check(request, view, session, now_ns);
         if (exception != kNone) return refuse(exception);
         controls_.write(request, view, session, now_ns);
     }
-    if (!reads_bits(request) && request.read.count != 0) {
+    if (reads_bits(request))
+        fill_bits(view, now_ns);
+    else if (request.read.count != 0)
         fill_registers(request.read, view, session, now_ns);
-        return registers_adu(adu, std::span(tables_.registers).subspan(request.read.at, request.read.count), out);
-    }
-    if (reads_bits(request)) fill_bits(view, now_ns);
-    return responder_.answer(adu, tables_, out);
+    return responder.reply(bytes, tables_);
 }
 
 View Service::look() {

@@ -15,11 +15,12 @@ namespace tactiled::modbus {
 
 class Service {
 public:
-    // setup: throws SetupError where libmodbus cannot be had
+    // setup
     Service(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands);
 
-    // Answers `adu` (MBAP header and PDU) into `out`, returns the answer's length.
-    std::size_t answer(std::span<const std::uint8_t> adu, Session& session, std::span<std::uint8_t, kMaxAdu> out);
+    // Answers a whole request, in the framing of `responder`, through it. Returns the number of bytes sent, or 0 if the
+    // answer was not sent in full or none is due.
+    std::size_t answer(std::span<const std::uint8_t> request, Session& session, Responder& responder);
 
     struct Counts {
         std::atomic<std::uint64_t> requests{0}, exceptions{0};
@@ -39,7 +40,6 @@ private:
     bool scratch_;
     Controls controls_;
     Identity identity_;
-    Responder responder_;
     Tables tables_;
     Segment segment_;
     std::uint64_t segment_tried_ns_ = 0;

@@ -242,8 +242,10 @@ Witness::Registers Witness::read_registers() {
     const auto ask = [&](std::uint16_t at, std::span<std::uint16_t> cells) {
         const std::uint8_t n = std::uint8_t(cells.size());
         const std::array<std::uint8_t, 12> adu{0, 1, 0, 0, 0, 6, 1, 4, std::uint8_t(at >> 8), std::uint8_t(at), 0, n};
+        responder_.set_descriptor(socket_.fd());
+        (void)service_.answer(adu, session_, responder_);
         std::array<std::uint8_t, modbus::kMaxAdu> answer{};
-        const std::size_t size = service_.answer(adu, session_, answer);
+        const std::size_t size = socket_.take(answer);
         for (std::size_t k = 0; size == 9u + 2u * n && k < n; ++k)
             cells[k] = std::uint16_t(answer[9 + 2 * k] << 8 | answer[10 + 2 * k]);
     };

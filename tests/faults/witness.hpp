@@ -9,6 +9,7 @@
 #include "force_truth.hpp"
 #include "node/modbus/service.hpp"
 #include "tactiled/reader.hpp"
+#include "tests/unit/modbus/answer_socket.hpp"
 
 namespace tactiled::faults {
 
@@ -90,6 +91,8 @@ private:
     Findings& findings_;
     modbus::Service service_;
     modbus::Session session_;
+    test::AnswerSocket socket_;
+    modbus::Responder responder_{ModbusWire::tcp};
     std::array<Reader, kSensors> readers_;
     std::array<tactiled_cursor, kSensors> cursors_{};
     std::array<std::uint32_t, kSensors> attached_epoch_{};

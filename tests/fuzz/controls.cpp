@@ -126,9 +126,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             answer = {what % 8 == 0 ? sent : input.byte(), input.byte() % 4u,
                       input.byte() % (TACTILED_COMMAND_UNDER_LOAD + 1u)};
         Session& session = sessions[what % 16 == 1 ? 1 : 0];
-        auto adu = request_of(input);
-        adu.insert(adu.begin(), {0, 1, 0, 0, 0, std::uint8_t(adu.size() + 1), 1});
-        const Request request = check_adu(adu, true);
+        const auto pdu = request_of(input);
+        const Request request = check_pdu(pdu, true);
         if (request.exception != kNone || saves(request)) continue;
         const View view = node.view(answer);
         controls.follow(view, now_ns);

@@ -46,12 +46,27 @@ bool is_frame(const Bytes& bytes) {
     return bytes.size() >= 4 && bytes.size() <= kMaxRtu && slow_crc(bytes) == 0;  // a CRC over itself is 0
 }
 
-std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) {
-    std::copy_n(adu.begin(), 8, out.begin());
-    out[5] = 4;
-    out[8] = std::uint8_t(adu.size());
-    out[9] = adu.back();
-    return 10;
+// What the server's answer is in this test: function 4 reads numbers, function 6 is confirmed, the rest is refused.
+bool reads(std::span<const std::uint8_t> pdu) {
+    return pdu.size() == 5 && pdu[0] == kReadInputRegisters && pdu[1] == 0 && pdu[3] == 0 && pdu[4] >= 1 && pdu[4] <= 125;
+}
+bool writes(std::span<const std::uint8_t> pdu) { return pdu.size() == 5 && pdu[0] == kWriteRegister && pdu[1] == 0; }
+
+std::size_t answer(Responder& responder, std::span<const std::uint8_t> frame) {
+    static Tables tables;
+    for (std::size_t i = 0; i < 512; ++i) tables.registers[i] = std::uint16_t(i * 259);
+    const auto pdu = responder.pdu_of(frame);
+    return reads(pdu) || writes(pdu) ? responder.reply(frame, tables) : responder.refuse(frame, kIllegalFunction);
+}
+
+Bytes answer_of_model(const Bytes& frame) {
+    const std::span pdu(frame.data() + 1, frame.size() - 3);
+    if (writes(pdu)) return frame;
+    if (!reads(pdu)) return with_crc({frame[0], std::uint8_t(pdu[0] | 0x80), kIllegalFunction});
+    Bytes bytes{frame[0], pdu[0], std::uint8_t(2 * pdu[4])};
+    for (unsigned i = pdu[2]; i < pdu[2] + unsigned(pdu[4]); ++i)
+        bytes.insert(bytes.end(), {std::uint8_t(i * 259 >> 8), std::uint8_t(i * 259)});
+    return with_crc(bytes);
 }
 
 class Line {
@@ -108,7 +123,7 @@ struct Model {
         if (frame[0] != kUs && frame[0] != 0) return {};
         ++frames;
         if (frame[0] == 0) return {};
-        sent = with_crc({kUs, frame[1], std::uint8_t(frame.size() + 4), frame[frame.size() - 3]});
+        sent = answer_of_model(frame);
         has_sent = true;
         echo_until_ns = now_ns + std::uint64_t(double(sent.size()) * 11 * 1e9 / 115200) + 2 * kSilence_ns + 2'000'000;
         return sent;
@@ -120,6 +135,7 @@ struct Model {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     static const Line wire;
     static RtuLine line({wire.path(), 115200, "none", kUs, 0, false});
+    static const Answer answer = [](auto frame) { return ::answer(line.responder, frame); };
     static std::uint64_t now_ns = 1;
     now_ns += 2'000'000'000;  // whatever the input before has left is over
     line.tick(answer, now_ns);

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 OURS = "ours"
 CLOSED = "closed"
 TRANSACTION, UNIT = 0x1234, 1
-SUPPORTED = {1, 2, 3, 4, 5, 6, 15, 16, 22, 23, 43}
+SUPPORTED = {1, 2, 3, 4, 5, 6, 8, 15, 16, 17, 22, 23, 43}
 OTHERS = [n for n in range(256) if n not in SUPPORTED]
 SCRATCH, SCRATCH_END = 5100, 5228
 UNLOCK_WORD, SAVE_WORD = 0x5AFE, 0x7361

@@ -10,7 +10,9 @@ import sys
 import unittest
 
 from pymodbus.client import ModbusTcpClient
+from pymodbus.diag_message import ReturnQueryDataRequest
 from pymodbus.mei_message import ReadDeviceInformationRequest
+from pymodbus.other_message import ReportSlaveIdRequest
 
 INTEROP = pathlib.Path(__file__).resolve().parent / "interop"
 sys.path[:0] = [str(INTEROP), str(INTEROP.parent)]
@@ -99,6 +101,13 @@ class Clients(unittest.TestCase):
         self.assertEqual(regular[6], self.daemon.name)
         self.assertEqual(one, {6: self.daemon.name})
 
+    def test_pymodbus_gets_its_query_data_back_and_reads_the_server_id(self):
+        query = with_pymodbus(self.daemon, lambda c: c.client.execute(ReturnQueryDataRequest(0xA537, unit=1)))
+        self.assertEqual((query.function_code, query.sub_function_code), (8, 0))
+        self.assertEqual(tuple(query.message), (0xA537,))
+        answer = with_pymodbus(self.daemon, lambda c: c.client.execute(ReportSlaveIdRequest(unit=1)))
+        self.assertRegex(answer.identifier, rb"^T\xfftactiled \d+\.\d+\.\d+")
+
     def test_libmodbus_sees_the_map_and_tares(self):
         self.assertEqual(libmodbus(self.daemon), expected(without=["identity"]))
 
@@ -113,7 +122,7 @@ class Clients(unittest.TestCase):
         text = nmap(self.daemon)
         self.assertRegex(text, rf"{self.daemon.port}/tcp open +modbus")
         self.assertRegex(text, r"sid 0x1:")
-        self.assertRegex(text, r"error: ILLEGAL FUNCTION")
+        self.assertRegex(text, r"Slave ID data: .*tactiled \d+\.\d+")
         self.assertRegex(text, r"Device identification: tactiled tactiled \S+")
 
     def test_every_unit_id_is_answered_and_echoed(self):

@@ -148,7 +148,7 @@ class OnTheLine(unittest.TestCase):
 
     def test_a_broadcast_that_reads_or_errs_is_met_with_silence(self):
         for pdu in (read_words(0, 2), read_words(0, 2, function=4), read_words(0, 8, function=1), bytes([43, 14, 1, 0]),
-                    bytes([17]), write_word(0, 1), read_words(0, 0)):
+                    bytes([17]), struct.pack(">BHH", 8, 0, 1), write_word(0, 1), read_words(0, 0)):
             self.assert_silent_then_answered(framed(0, pdu))
 
     def test_every_exception_is_the_one_that_tcp_gives(self):
@@ -180,6 +180,24 @@ class OnTheLine(unittest.TestCase):
         self.line.write(self.line.read(1.0))  # what it has sent comes back
         self.assertEqual(self.line.heard(), b"")
         self.assertEqual(words(self.line.ask(read_words(5110, 1))), [7])
+
+    def test_no_answer_that_an_adapter_hears_is_answered(self):
+        for pdu in (read_words(0, 2), read_words(0, 8, function=1), read_words(0, 20, function=1), read_words(0, 0), bytes([7]),
+                    bytes([0x83]), bytes([17]), bytes([43, 14, 2, 0]), struct.pack(">BHH", 8, 0, 7), struct.pack(">BHH", 5, 33, 0),
+                    struct.pack(">BHHB2H", 16, SCRATCH, 2, 4, 1, 2), struct.pack(">BHHH", 22, SCRATCH, 0, 1),
+                    struct.pack(">BHHHHBH", 23, 0, 6, SCRATCH, 1, 2, 7)):
+            with self.subTest(pdu.hex(" ")):
+                self.line.write(framed(RTU_ADDRESS, pdu))
+                answer = self.line.read(1.0)
+                self.line.write(answer)
+                self.assertEqual(self.line.heard(), b"")
+                self.assert_answered()
+                time.sleep(GAP_S)
+
+    def test_query_data_and_the_server_id(self):
+        query = struct.pack(">BHH", 8, 0, 0xA537)
+        self.assertEqual(self.line.ask(query), query)
+        self.assertRegex(self.line.ask(bytes([17])), rb"^\x11.T\xfftactiled \d+\.\d+\.\d+$")
 
     def test_the_command_block_is_busy_while_a_tare_runs(self):
         block = struct.pack(">BHHB5H", 16, 5000, 5, 10, 1, 1, 0, 0, 77)

@@ -78,7 +78,7 @@ EXPECTED = {
     "refused": [2, 2, 2, 2],
     "refused_fc22": 2,
     "refused_fc23": 2,
-    "fc17": 1,
+    "fc17": 0,  # the server id is answered
     "identity": ["tactiled", "tactiled"],
 }
 

@@ -21,9 +21,9 @@ def identity(mei, code, first):
 
 ILLEGAL_FUNCTION = {
     "FC 7": bytes([7]),
-    "FC 8": pdu(8, 0, 0x1234),
+    "FC 8 with sub-function 1": pdu(8, 1, 0),
+    "FC 8 with sub-function 4": pdu(8, 4, 0),
     "FC 11": bytes([11]),
-    "FC 17": bytes([17]),
     "FC 20": bytes([20, 7, 6, 0, 1, 0, 0, 0, 1]),
     "FC 24": pdu(24, 0),
     "FC 65": bytes([65, 1, 2, 3]),
@@ -46,6 +46,9 @@ ILLEGAL_QUANTITY = {
     "FC 5 with 1": pdu(5, 0, 1),
     "FC 6 that is too short": pdu(6, 5100),
     "FC 6 that is too long": pdu(6, 5100, 1, 2),
+    "FC 8 without data": pdu(8, 0),
+    "FC 8 with half a word": pdu(8, 0, data=b"1"),
+    "FC 17 that is too long": bytes([17, 0]),
     "FC 15 of no coils": write(15, 0, 0, 0),
     "FC 15 of 1969 coils": write(15, 0, 1969, 247),
     "FC 15 with a byte too many": write(15, 0, 8, 2),

@@ -30,9 +30,9 @@ def length(frame):
         return None
     if frame[1] & 0x80:
         return 5
-    if frame[1] in (1, 2, 3, 4, 23):
+    if frame[1] in (1, 2, 3, 4, 17, 23):
         return 5 + frame[2]
-    if frame[1] in (5, 6, 15, 16):
+    if frame[1] in (5, 6, 8, 15, 16):  # FC 8 of one word
         return 8
     if frame[1] == 22:
         return 10

@@ -266,6 +266,31 @@ TEST_F(Slave, OverTcpALateAnswerIsPassedOverByItsTransaction) {
     EXPECT_EQ(count(TACTILED_LINK_FRAMES), 1u);
 }
 
+TEST_F(Slave, AnAnswerInPiecesIsWaitedForByReadsThatReturnInTime) {
+    for (const bool over_tcp : {false, true}) {
+        if (over_tcp)
+            open_connection("timeout_ms = 2000", "[[slave]]\n" + kValues);
+        else
+            open_pty("timeout_ms = 2000", "[[slave]]\n" + kValues);
+        Bytes r = request();
+        if (!over_tcp) {
+            send(one(0));
+            r = request();
+        }
+        const Bytes answer = over_tcp ? tcp(r, {1, 3, 4, 0, 5, 0, 6}) : two(5, 6);
+        for (std::size_t i = 0; i + 1 < answer.size(); ++i) {
+            send({answer[i]});
+            ASSERT_EQ(read(1), Status::timeout) << i;
+        }
+        send({answer.back()});
+        ASSERT_EQ(read(), Status::frame);
+        EXPECT_EQ(frame_.channel[0], 5);
+        EXPECT_EQ(frame_.channel[1], 6);
+        EXPECT_EQ(count(TACTILED_LINK_SKIPPED), 0u);
+        if (!over_tcp) ::close(std::exchange(end_, -1));
+    }
+}
+
 TEST_F(Slave, AnAnswerThatLayThereWhileTheProcessStoodStillIsNotTaken) {
     open_connection("timeout_ms = 20", "[[slave]]\nrate_Hz = 20\n" + kValues);
     const Bytes asked = request();

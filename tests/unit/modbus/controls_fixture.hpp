@@ -58,9 +58,8 @@ protected:
         node_.command[TACTILED_FROM_MODBUS] = {number, std::uint32_t(state), std::uint32_t(result)};
         beat();
     }
-    int ask(Bytes pdu, std::uint64_t now_ns = kSecond) {
-        pdu.insert(pdu.begin(), {0, 1, 0, 0, 0, std::uint8_t(pdu.size() + 1), 1});
-        const Request request = check_adu(pdu, scratch_);
+    int ask(const Bytes& pdu, std::uint64_t now_ns = kSecond) {
+        const Request request = check_pdu(pdu, scratch_);
         EXPECT_EQ(request.exception, kNone) << "not a matter of Controls";
         const View view = view_of(segment_);
         controls_->follow(view, now_ns);

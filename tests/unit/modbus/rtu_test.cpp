@@ -11,21 +11,66 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/wire/modbus_message.hpp"
+
 namespace tactiled::modbus {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
 Bytes framed(Bytes bytes) {
-    const std::uint16_t crc = rtu_crc(bytes);
+    const std::uint16_t crc = modbus_crc(bytes);
     bytes.insert(bytes.end(), {std::uint8_t(crc & 0xFF), std::uint8_t(crc >> 8)});
     return bytes;
 }
 
 TEST(Rtu, AFrameHasAFunction) {
-    std::array<std::uint8_t, kMaxAdu> out;
-    EXPECT_EQ(adu_of_rtu(framed({1}), out), 0u);  // an address and a right checksum
-    EXPECT_EQ(adu_of_rtu(framed({1, 7}), out), 8u);
+    EXPECT_FALSE(is_rtu_frame(framed({1})));  // an address and a correct checksum
+    EXPECT_TRUE(is_rtu_frame(framed({1, 7})));
+    EXPECT_TRUE(is_rtu_frame(framed(Bytes(kMaxRtu - 2))));
+    EXPECT_FALSE(is_rtu_frame(framed(Bytes(kMaxRtu - 1))));
+}
+
+TEST(Rtu, AnAnswerIsToldFromAnotherRequestOfItsLength) {
+    struct Case {
+        const char* what;
+        Bytes request, other;
+        bool is_answer;
+    };
+    const Case cases[] = {
+        {"a read", {1, 3, 0, 0, 0, 2}, {1, 3, 4, 0x54, 0x41, 0x43, 0x54}, true},
+        {"of another unit", {1, 3, 0, 0, 0, 2}, {2, 3, 4, 0x54, 0x41, 0x43, 0x54}, false},
+        {"of another function", {1, 3, 0, 0, 0, 2}, {1, 4, 4, 0x54, 0x41, 0x43, 0x54}, false},
+        {"of another length", {1, 3, 0, 0, 0, 2}, {1, 3, 2, 0x54, 0x41, 0x43, 0x54}, false},
+        {"the same request", {1, 3, 0, 0, 0, 2}, {1, 3, 0, 0, 0, 2}, false},
+        {"20 coils, as long as a request", {1, 1, 0, 0, 0, 20}, {1, 1, 3, 0, 0, 0}, true},
+        {"the request for 20 coils", {1, 1, 0, 0, 0, 20}, {1, 1, 0, 0, 0, 20}, false},
+        {"an exception", {1, 3, 0, 99, 0, 1}, {1, 0x83, 2}, true},
+        {"an exception of another function", {1, 3, 0, 99, 0, 1}, {1, 0x84, 2}, false},
+        {"function 0x83, refused", {1, 0x83, 0, 0, 0, 1}, {1, 0x83, 1}, true},
+        {"a written register", {1, 6, 0x13, 0xEC, 0, 7}, {1, 6, 0x13, 0xEC, 0, 7}, true},
+        {"another value", {1, 6, 0x13, 0xEC, 0, 7}, {1, 6, 0x13, 0xEC, 0, 8}, false},
+        {"a mask write", {1, 22, 0x13, 0xEC, 0, 1, 0, 2}, {1, 22, 0x13, 0xEC, 0, 1, 0, 2}, true},
+        {"another mask", {1, 22, 0x13, 0xEC, 0, 1, 0, 2}, {1, 22, 0x13, 0xEC, 0, 1, 0, 3}, false},
+        {"written registers", {1, 16, 0x13, 0xEC, 0, 1, 2, 0, 7}, {1, 16, 0x13, 0xEC, 0, 1}, true},
+        {"written at another address", {1, 16, 0x13, 0xEC, 0, 1, 2, 0, 7}, {1, 16, 0x13, 0xED, 0, 1}, false},
+        {"written coils", {1, 15, 0, 0, 0, 8, 1, 7}, {1, 15, 0, 0, 0, 8}, true},
+        {"read and write", {1, 23, 0, 0, 0, 1, 0x13, 0xEC, 0, 1, 2, 0, 7}, {1, 23, 2, 0x54, 0x41}, true},
+        {"read of 6 and write, its answer",
+         {1, 23, 0, 0, 0, 6, 0x13, 0xEC, 0, 1, 2, 0, 7},
+         {1, 23, 12, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12},
+         true},
+        {"read at 0x0C1C and write of 2, as long as that answer",
+         {1, 23, 0, 0, 0, 6, 0x13, 0xEC, 0, 1, 2, 0, 7},
+         {1, 23, 0x0C, 0x1C, 0, 6, 0x13, 0xEC, 0, 2, 4, 0, 7, 0, 8},
+         false},
+        {"query data", {1, 8, 0, 0, 1, 2}, {1, 8, 0, 0, 1, 2}, true},
+        {"other query data", {1, 8, 0, 0, 1, 2}, {1, 8, 0, 0, 1, 3}, false},
+        {"the server id", {1, 17}, {1, 17, 3, 84, 255, 65}, true},
+        {"the identity", {1, 43, 14, 4, 0}, {1, 43, 14, 4, 0x82, 0, 0, 1, 0, 1, 65}, true},
+        {"another part of the identity", {1, 43, 14, 4, 0}, {1, 43, 14, 1, 0x82, 0, 0, 1, 0, 1, 65}, false},
+    };
+    for (const Case& c : cases) EXPECT_EQ(is_answer_to(framed(c.request), framed(c.other)), c.is_answer) << c.what;
 }
 
 class RtuTest : public testing::Test {
@@ -51,10 +96,9 @@ protected:
     }
     void tick() {
         line_->tick(
-            [this](auto adu, auto out) {
+            [this](auto frame) {
                 ++asked_;
-                std::copy(adu.begin(), adu.end(), out.begin());
-                return adu.size();
+                return line_->responder.send(frame, line_->responder.pdu_of(frame));
             },
             now_ns_);
     }

@@ -45,6 +45,10 @@ TEST_F(ServerTest, AHangingPipelineShowsSentinelsAndAStandingHeartbeat) {
     EXPECT_EQ(register_at(global, 7) & 1, 0);    // ready
     EXPECT_NE(register_at(global, 7) >> 15, 0);  // fault
     EXPECT_EQ(register_at(global, 5), 7);        // heartbeat
+    ASSERT_TRUE(client.send({0, 4, 0, 0, 0, 2, 1, 17}));
+    const Bytes id = client.answer();
+    ASSERT_GT(id.size(), 10u);
+    EXPECT_EQ(id[10], 0);  // the run indicator of the server id
 }
 
 TEST_F(ServerTest, AnswersAHundredPipelinedRequestsInOrder) {
@@ -83,6 +87,23 @@ TEST_F(ServerTest, ServesByteByByteAndLibmodbusAsAClient) {
     EXPECT_EQ(errno, EMBXILADD);
     modbus_close(context);
     modbus_free(context);
+}
+
+TEST_F(ServerTest, TheFunctionsThatLibmodbusDoesNotKnowAreAnswered) {
+    const auto server = serve();
+    Client client(port_);
+    const Bytes query{0, 1, 0, 0, 0, 6, 7, 8, 0, 0, 0xA5, 0x37};
+    ASSERT_TRUE(client.send(query));
+    EXPECT_EQ(client.answer(), query);
+    ASSERT_TRUE(client.send({0, 2, 0, 0, 0, 2, 7, 17}));
+    const Bytes id = client.answer();
+    ASSERT_GT(id.size(), 12u);
+    EXPECT_EQ(id[9], 'T');
+    EXPECT_EQ(id[10], 0xFF);  // it runs
+    ASSERT_TRUE(client.send({0, 3, 0, 0, 0, 5, 7, 43, 14, 4, 0}));
+    const Bytes object = client.answer();
+    ASSERT_GT(object.size(), 16u);
+    EXPECT_EQ(std::string(object.begin() + 16, object.end()), "tactiled");
 }
 
 TEST_F(ServerTest, ABadNeighbourDelaysNobody) {

@@ -1,0 +1,35 @@
+// A client's socket as a Responder sees it, and the answers that arrive at its other end, each apart from the next.
+#pragma once
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdint>
+#include <cstdlib>
+#include <span>
+
+namespace tactiled::test {
+
+class AnswerSocket {
+public:
+    AnswerSocket() {
+        if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends_.data()) != 0) std::abort();
+    }
+    ~AnswerSocket() {
+        for (const int fd : ends_) ::close(fd);
+    }
+    AnswerSocket(const AnswerSocket&) = delete;
+    AnswerSocket& operator=(const AnswerSocket&) = delete;
+
+    [[nodiscard]] int fd() const { return ends_[0]; }
+    // The next answer; its length, 0 = none.
+    std::size_t take(std::span<std::uint8_t> out) const {
+        const ssize_t size = ::recv(ends_[1], out.data(), out.size(), MSG_DONTWAIT);
+        return size > 0 ? std::size_t(size) : 0;
+    }
+
+private:
+    std::array<int, 2> ends_{};
+};
+
+}  // namespace tactiled::test
