@@ -45,7 +45,7 @@ struct Stone {
 };
 
 TEST(RegistryDeathTest, RefusesTwoEntriesWithOneName) {
-    static const Stone one{.name = "flint"}, same{.name = "flint"};
+    [[maybe_unused]] static const Stone one{.name = "flint"}, same{.name = "flint"};
     EXPECT_DEATH((void)Registry<Stone>::find("flint"), "two entries have the same name");
     EXPECT_EQ(Registry<Stone>::find("chalk"), nullptr);
 }
