@@ -70,7 +70,7 @@ LIST = [
     (48, "SIGHUP storm", "", "`reload_test`: `test_a_storm_of_signals_with_broken_files_and_good_ones_loses_no_sample`"),
     (49, "calibration corrupt, cut, of another version", "", "`Calibration.OneChangedBitAnywhereIsAnErrorOrTheSame`, `CutAnywhereIsAnErrorOrTheSame`"),
     (50, "killed at every call of a save", "", "`save_test`: `test_killed_at_any_call_it_leaves_the_old_file_or_the_new_one`"),
-    (51, "ENOSPC, EIO .. at every call of a save", "", "`save_test`: `test_an_error_of_any_call_is_told_and_leaves_no_half_of_a_file`"),
+    (51, "ENOSPC, EIO .. at every call of a save", "", "`save_test`: `test_an_error_of_any_call_is_reported_and_leaves_no_half_of_a_file`"),
     (52, "power loss after \"saved\"", "", "`save_test`: the order of write, sync, rename, sync of the folder, saved"),
     (53, "state folder missing or read-only", "", "`ControlsTest.ASaveThatFailsIsSaid`, `MethodCosts.ThatCannotBeKeptStopNobody`"),
     (54, "recorder: disk full", "", "`record_test`: `test_a_full_disk_ends_the_recording_and_nothing_else`"),

@@ -34,7 +34,7 @@ TEST(World, WithoutAFaultEverySampleIsGoodAndRight) {
                f.samples, f.reads, f.tares, f.stable_weights, f.samples - f.good - before);
 }
 
-TEST(World, NoFaultAndNoPairOfFaultsMakesALieOrHarmsAnotherSensor) {
+TEST(World, NoFaultAndNoPairOfFaultsMakesAnUndetectedWrongValueOrHarmsAnotherSensor) {
     const std::uint64_t seeds = number("SEEDS", combinations());  // each fault and each pair once
     std::uint64_t red = 0, samples = 0, good = 0;
     for (std::uint64_t seed = number("SEED", 0), end = seed + seeds; seed < end && red < 20; ++seed) {

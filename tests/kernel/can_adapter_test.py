@@ -107,7 +107,7 @@ class GsUsb(Case):
         wait_for(lambda: "give the daemon CAP_NET_ADMIN" in self.daemon.log(), 5, "the complaint")
         self.expect(restarted=0, gone=1)
 
-    def test_a_bus_off_that_nobody_told_shows_in_the_silence(self):
+    def test_a_bus_off_that_nobody_reported_shows_in_the_silence(self):
         self.start(link(self.name))
         self.sample()
         self.good()
@@ -158,7 +158,7 @@ class GsUsb(Case):
         self.expect(gone=0, lost=0)
         self.assertEqual(self.tip.quality(), GOOD)
 
-    def test_a_hardware_stamp_tells_when_a_message_was_on_the_bus(self):
+    def test_a_hardware_timestamp_tells_when_a_message_was_on_the_bus(self):
         late_us = {}
         for stamp in "software", "hardware":
             # The device measures when it sends, in us modulo 1 s.
@@ -182,7 +182,7 @@ class GsUsb(Case):
         spread = late_us["hardware"][len(late_us["hardware"]) * 9 // 10] - late_us["hardware"][0]
         self.assertLess(spread, 1_000)
 
-    def test_hardware_stamps_that_an_interface_does_not_give_are_refused(self):
+    def test_hardware_timestamps_that_an_interface_does_not_give_are_refused(self):
         self.daemon = machine_daemon(link("vcan0", 'stamp = "hardware"'))
         self.addCleanup(self.daemon.__exit__)
         self.daemon.start()

@@ -62,7 +62,7 @@ class TheLines(unittest.TestCase):
         plug(True)
         pull(0, False)
 
-    def test_an_edge_has_the_stamp_of_its_interrupt(self):
+    def test_an_edge_has_the_timestamp_of_its_interrupt(self):
         line = Edges("drdy0")
         self.assertEqual(line.ask("open"), "ok")
         for _ in range(20):
@@ -102,7 +102,7 @@ class TheLines(unittest.TestCase):
         self.assertGreaterEqual(int(stamp), before)
         line.close()
 
-    def test_a_chip_that_is_taken_away_is_gone_within_a_wait_and_opens_again(self):
+    def test_a_chip_that_is_taken_away_is_disconnected_within_a_wait_and_opens_again(self):
         line = Edges("drdy0")
         self.assertEqual(line.ask("open"), "ok")
         line.begin("500")

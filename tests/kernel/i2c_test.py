@@ -141,7 +141,7 @@ class I2c(unittest.TestCase):
         self.assertEqual(len({sample.epoch for _, sample in self.other.samples}), 1, "the other link was disturbed")
         self.assertEqual(link_of(daemon, "other")["lost"], 0)
 
-    def test_a_data_ready_line_gives_the_stamps_and_without_it_the_chip_is_read_all_the_same(self):
+    def test_a_data_ready_line_gives_the_timestamps_and_without_it_the_chip_is_read_all_the_same(self):
         live, (_, lines) = pathlib.Path("/sys/kernel/config/gpio-sim/tactile/live"), gpio_chip()
         self.addCleanup(lambda: live.write_text("1") if live.read_text() == "0\n" else None)
         self.bus.tell(f"line 0 {lines}/sim_gpio0/pull")

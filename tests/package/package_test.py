@@ -128,7 +128,7 @@ class Packages(unittest.TestCase):
         self.install()
         self.assertIn("tactiled-lab, which is not installed", self.tree.run("tactilectl", "calibrate", status=2))
 
-    def test_an_upgrade_keeps_configuration_state_and_the_wish_not_to_start(self):
+    def test_an_upgrade_keeps_configuration_state_and_the_request_not_to_start(self):
         self.install()
         self.configure()
         self.tree.run("systemctl", "disable", "tactiled")

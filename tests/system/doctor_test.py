@@ -139,7 +139,7 @@ class Doctor(unittest.TestCase):
         self.assertEqual([f["check"] for f in said["findings"] if f["verdict"] == "wrong"], ["port"])
         self.assertEqual(status, 1)
 
-    def test_an_error_in_the_configuration_is_told_with_its_line(self):
+    def test_an_error_in_the_configuration_is_reported_with_its_line(self):
         self.config.write_text(CONFIG.replace("cpu = 2", "cpus = 2"))
         status, said = self.doctor(self.machine())
         self.assertEqual(status, 1)

@@ -113,7 +113,7 @@ class Reload(unittest.TestCase):
         self.assertEqual({(s.quality, s.epoch, s.force_S_N) for s in samples},
                          {(tactiled.GOOD, samples[0].epoch, (1.0, 2.0, -3.0))})
 
-    def test_a_filter_changes_without_a_break_and_the_tare_stays(self):
+    def test_a_filter_changes_without_a_discontinuity_and_the_tare_stays(self):
         self.assertEqual(self.d.ctl("tare", "a").returncode, 0)
         calibration_id = self.register(CAL_ID)
         self.edit('name = "a"\nlink', 'name = "a"\nfilter_hz = 10\ncontact_on_N = 0.2\nlink')

@@ -75,7 +75,7 @@ class Save(unittest.TestCase):
         self.assertEqual(seen, {self.old, self.new}, "killed before the rename and after it")
         self.assertGreaterEqual(len(self.calls), 6)
 
-    def test_an_error_of_any_call_is_told_and_leaves_no_half_of_a_file(self):
+    def test_an_error_of_any_call_is_reported_and_leaves_no_half_of_a_file(self):
         told = 0
         for name, number in self.calls:
             for error in ERRORS:
@@ -132,7 +132,7 @@ class Load(unittest.TestCase):
     def broken_at(self, name, number, error):
         return self.check("strace", "-f", "-qq", "-o", "/dev/null", "-e", f"trace={name}", "-e", f"inject={name}:error={error}:when={number}")
 
-    def test_a_disk_that_fails_is_told_and_nothing_is_taken_from_half_a_file(self):
+    def test_a_disk_that_fails_is_reported_and_nothing_is_taken_from_half_a_file(self):
         for name, number in self.calls:
             said = self.broken_at(name, number, "EIO")
             self.assertRegex(said, r"C\.toml: cannot be (read|examined): Input/output error")

@@ -84,7 +84,7 @@ class Teach(unittest.TestCase):
             hands.join()
         return subprocess.CompletedProcess(teaching.args, teaching.returncode, out, err)
 
-    def test_an_object_is_taught_told_listed_and_forgotten(self):
+    def test_an_object_is_taught_recognised_listed_and_forgotten(self):
         self.assertEqual(self.hold(0.2).object_id, 0)
         self.let_go()
         taught = self.teach("bolt", 0.2, 3)

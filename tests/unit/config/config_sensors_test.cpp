@@ -80,7 +80,7 @@ TEST(Config, ChecksChannelsOfASensor) {
     EXPECT_EQ(channels(many + "'-']"), Lines{at + "has 33 entries, should have 1 .. 32"});
 }
 
-TEST(Config, ChecksTheRails) {
+TEST(Config, ChecksTheSaturationLimits) {
     const auto limits = [](const std::string& text) {
         return errors(std::string(kLink) + kSensor + "saturates_at = " + text + "\n");
     };

@@ -7,7 +7,7 @@
 namespace tactiled {
 namespace {
 
-TEST(OptionsKinds, AValueOfAnotherKindIsToldByItsName) {
+TEST(OptionsKinds, AValueOfAnotherKindIsReportedByItsName) {
     for (const auto& [value, reported] : {std::pair<std::string, std::string>("'a'", " = \"a\" is a string"),
                                           {"1", " = 1 is an integer"},
                                           {"1.5", " = 1.5 is a number"},

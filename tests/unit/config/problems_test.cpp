@@ -18,7 +18,7 @@ TEST(Problems, AreSortedByFileAndLine) {
               (Lines{"a.toml: whole", "a.toml:9:4: ninth", "a.toml:9:5: later", "a.toml:11: eleventh", "b.toml:2: second"}));
 }
 
-TEST(Problems, AreToldOnce) {
+TEST(Problems, AreReportedOnce) {
     Problems problems;
     problems.add("a", 1, "x");
     problems.add("a", 1, "x");

@@ -62,7 +62,7 @@ TEST(AutoMethod, MeasuresWhatWasNotKeptOrIsNoTime) {
     }
 }
 
-TEST(AutoMethod, AMethodWithoutADeviationIsNotTakenWhereAnotherHasOne) {
+TEST(AutoMethod, AMethodWithoutAStandardDeviationIsNotTakenWhereAnotherHasOne) {
     Calibration calibration = with_hysteresis();
     calibration.others[0].sd.clear();
     EXPECT_EQ(names(*automatic(calibration, 10, {{"linear", 5}, {"nonlinear", 1}})), Names{"linear"});

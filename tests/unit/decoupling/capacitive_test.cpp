@@ -93,7 +93,7 @@ TEST(Capacitive, APairGoesOnWhereOneElectrodeEnds) {
     EXPECT_GT(near.sd[0], 0.01 * 4);  // N; the slope is a tenth of that at rest
 }
 
-TEST(Capacitive, OneElectrodeOfAPairIsEnoughWithALargerDeviation) {
+TEST(Capacitive, OneElectrodeOfAPairIsEnoughWithALargerStandardDeviation) {
     Calibration calibration = thesis_calibration();
     for (std::size_t e = 0; e < 4; ++e) calibration.tables["side"][e] = {0.038, 0.0071, 0.005 + 0.001 * double(e), 0.0001};
     const auto decoupler = make_decoupler(calibration);

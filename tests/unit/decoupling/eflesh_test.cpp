@@ -43,7 +43,7 @@ TEST(Eflesh, AnUnseenSessionIsWithin23PerMilleOfFullScale) {
 
 // 68 % of the errors on rows that the fits had not seen lie within the standard deviation that is published with them. On
 // another session, which no row of the calibration tells anything about, it is a tenth less.
-TEST(Eflesh, TheClaimedDeviationHoldsForTwoThirdsOfTheErrors) {
+TEST(Eflesh, TheClaimedStandardDeviationHoldsForTwoThirdsOfTheErrors) {
     const FitReport report = fitted_on_session_1();
     const Calibration& c = report.calibration;
     ASSERT_EQ(c.sd.size(), 1u);

@@ -91,7 +91,7 @@ TEST(Generic, DoesNotCareForAChannelThatNoComponentUses) {
     }
 }
 
-TEST(Generic, IsUncertainAndClaimsNoDeviationWhenSaturated) {
+TEST(Generic, IsUncertainAndClaimsNoStandardDeviationWhenSaturated) {
     const Estimate estimate = decouple(*make_decoupler(two_by_three()), {3, 6, 4}, 0, 1u << 1);
     EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
     EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_SATURATED | TACTILED_UNKNOWN_UNCERTAINTY});

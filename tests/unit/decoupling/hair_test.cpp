@@ -55,7 +55,7 @@ TEST_P(HairBy, SeesHalfAPascalOfShearUnderTwoKilopascal) {
     expect_force(decouple(*decoupler, HairSensor::ideal().reading({2000, 0.5, 0})), {2000, 0.5, 0}, 1e-8);
 }
 
-TEST_P(HairBy, SurvivesEachDeadHairWithALargerDeviation) {
+TEST_P(HairBy, SurvivesEachDeadHairWithALargerStandardDeviation) {
     const auto decoupler = make_decoupler(paper(GetParam()));
     const Stress stress{1200, 700, -900};
     for (std::size_t dead = 0; dead < 4; ++dead)

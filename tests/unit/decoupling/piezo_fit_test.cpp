@@ -194,7 +194,7 @@ TEST(PiezoFit, ASquareWaveIsNotHeldOutByPoses) {
     expect_the_sensor(report.calibration, sensor, 0.01);
 }
 
-TEST(PiezoFit, SessionsAndBreaksAreNoSteps) {
+TEST(PiezoFit, SessionsAndDiscontinuitiesAreNoSteps) {
     FilmSensor sensor;
     Labelled labelled = nothing_yet();
     labelled.sessions = {"monday", "tuesday"};

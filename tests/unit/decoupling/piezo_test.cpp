@@ -204,7 +204,7 @@ TEST(Piezo, FramesMayComeUnevenly) {
 }
 
 // ---- time that does not pass as it should
-TEST(Piezo, ABreakARepeatedOrABackwardTimeDoesNotPoisonIt) {
+TEST(Piezo, ADiscontinuityARepeatedOrABackwardTimeDoesNotPoisonIt) {
     const auto reference = make_decoupler(linear_calibration(1.0));
     const auto decoupler = make_decoupler(linear_calibration(1.0));
     const auto feed = [&](double t, double V, double pF) { return press_of(*decoupler, t, V + 0.0768, pF + 1.3039); };

@@ -94,7 +94,7 @@ TEST(TableMatrix, SolvesFromAnySubsetOrIsBad) {
     EXPECT_GE(solved, 9);  // all, and each with one gauge missing
 }
 
-TEST(TableMatrix, TheDeviationGrowsAsTheErrorDoes) {
+TEST(TableMatrix, TheStandardDeviationGrowsAsTheErrorDoes) {
     const auto decoupler = make_decoupler(matrix_calibration(all_gauges(), {"fx", "fy", "fz"}));
     std::mt19937_64 random(1);
     std::normal_distribution<double> noise(0, 1e-6);
@@ -132,7 +132,7 @@ TEST(TableMatrix, TheInnerFourDoNotTellFxFromMy) {
     EXPECT_EQ(decouple(*eight, whole, 0b10101010u).quality, TACTILED_BAD);
 }
 
-TEST(TableMatrix, FindsADeadGaugeAndDropsOneAtItsRail) {
+TEST(TableMatrix, FindsADeadGaugeAndDropsOneAtItsSaturationLimit) {
     const auto decoupler = make_decoupler(matrix_calibration(all_gauges(), kAll));
     for (const std::size_t k : {0u, 1u, 2u, 3u, 4u, 5u, 6u, 7u}) {
         auto reading = strains_of(kLoad);

@@ -263,7 +263,7 @@ TEST(TableNonlinear, FitsTheCurveFromLabelledRows) {
     EXPECT_LT(after.worst, before.worst / 5);
 }
 
-TEST(TableNonlinear, ForgetsItsLoopsAfterABreakAndIsNotPoisoned) {
+TEST(TableNonlinear, ForgetsItsLoopsAfterADiscontinuityAndIsNotPoisoned) {
     Calibration calibration = nonlinear_calibration();
     calibration.tables["hysteresis"] = {{0, 1, 1, 1}, {0.05, 0.1, 0.1, 0.1}, {0.2, 0.1, 0.1, 0.1}};
     const auto decoupler = make_decoupler(calibration);

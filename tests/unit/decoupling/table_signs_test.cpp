@@ -118,7 +118,7 @@ TEST(TableSigns, NoiseDoesNotMakeADirection) {
     EXPECT_LE(false_directions, 2);  // 5 sigma, three times a sample: 0.3 expected
 }
 
-TEST(TableSigns, ForcesComeInLevelsAndTheDeviationSaysSo) {
+TEST(TableSigns, ForcesComeInLevelsAndTheStandardDeviationSaysSo) {
     Calibration calibration = signs_calibration();
     calibration.parameters["level_tangential"] = 0.25;
     calibration.parameters["level_normal"] = 0.5;

@@ -66,7 +66,7 @@ TEST_P(TableOf, SuperposesToRounding) {
     expect_force(decouple(*decoupler, sum), {0.1, 0.15, -0.9}, 1e-15);
 }
 
-TEST_P(TableOf, SurvivesEachMissingGaugeWithALargerDeviation) {
+TEST_P(TableOf, SurvivesEachMissingGaugeWithALargerStandardDeviation) {
     const auto decoupler = make_decoupler(table_calibration(GetParam()));
     const Force f{0.3, -0.2, -1.0};
     for (std::size_t k = 0; k < GetParam().size(); ++k) {
@@ -82,7 +82,7 @@ TEST_P(TableOf, SurvivesEachMissingGaugeWithALargerDeviation) {
     }
 }
 
-TEST_P(TableOf, DropsAGaugeAtItsRail) {
+TEST_P(TableOf, DropsAGaugeAtItsSaturationLimit) {
     const auto decoupler = make_decoupler(table_calibration(GetParam()));
     const Force f{0.3, -0.2, -1.0};
     for (std::size_t k = 0; k < GetParam().size(); ++k) {
@@ -220,7 +220,7 @@ TEST(Table, FindsTheDeadGaugeAmongOthersThatTrulyRead0) {
     EXPECT_EQ(decouple(*decoupler, reading).reasons, std::uint32_t{TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY});
 }
 
-TEST(Table, SaysDisagreementAndNoDeviationWhenItCannotTellWhichGaugeIsWrong) {
+TEST(Table, SaysDisagreementAndNoStandardDeviationWhenItCannotTellWhichGaugeIsWrong) {
     auto reading = reading_of(inner_gauges(), {0.3, -0.2, -1.0});
     reading[2] *= 0.6;
     const Estimate estimate = decouple(*make_decoupler(table_calibration(inner_gauges())), reading);
@@ -279,7 +279,7 @@ TEST_P(TableOf, IsBadForAnotherNumberOfChannels) {
     }
 }
 
-TEST_P(TableOf, TheDeviationGrowsWithTheForce) {
+TEST_P(TableOf, TheStandardDeviationGrowsWithTheForce) {
     Calibration calibration = table_calibration(GetParam());
     calibration.sd_slope = {0.01, 0.02, 0.03};
     const Estimate estimate = decouple(*make_decoupler(calibration), reading_of(GetParam(), {0.3, -0.2, -1}));

@@ -260,7 +260,7 @@ int mixed_or_foreign(Bus& bus, std::size_t first_frame) {
     return wrong;
 }
 
-TEST(CanSamples, TwoNodesOfOneIdentifierAreToldByTheirCounters) {
+TEST(CanSamples, TwoNodesOfOneIdentifierAreReportedByTheirCounters) {
     for (const int ahead : {0, 7, 100}) {
         Bus bus({{5, 1, {part(0x10, 0, true)}, 0}});
         for (int n = 0; n < 300; ++n) {
@@ -273,7 +273,7 @@ TEST(CanSamples, TwoNodesOfOneIdentifierAreToldByTheirCounters) {
     }
 }
 
-TEST(CanSamples, TwoNodesAreToldWhereTheirMessagesInterleaveWithinASample) {
+TEST(CanSamples, TwoNodesAreReportedWhereTheirMessagesInterleaveWithinASample) {
     for (const int ahead : {0, 7, 100}) {
         Bus bus({three(true)});
         for (int n = 0; n < 300; ++n) {
@@ -288,7 +288,7 @@ TEST(CanSamples, TwoNodesAreToldWhereTheirMessagesInterleaveWithinASample) {
     }
 }
 
-TEST(CanSamples, TwoNodesAreToldWhereOneMessageAloneCounts) {
+TEST(CanSamples, TwoNodesAreReportedWhereOneMessageAloneCounts) {
     Bus bus({{5, 2, {part(0x10, 0, true), part(0x11, 1, false)}, 2 * kMs}});
     for (int n = 0; n < 300; ++n) {
         bus.now_ns += 10 * kMs;

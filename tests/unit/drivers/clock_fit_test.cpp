@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000, kSecond = 1'000 * kMs;
 
-TEST(ArrivalTime, IsTheStampOnTheOtherClock) {
+TEST(ArrivalTime, IsTheTimestampOnTheOtherClock) {
     ArrivalTime arrival;
     arrival.seen_empty(90 * kSecond);
     EXPECT_TRUE(arrival.look(100 * kSecond, 5000 * kSecond));
@@ -119,7 +119,7 @@ TEST(ClockFit, AFewLateMessagesOfASlowDeviceChangeNothing) {
     }
 }
 
-TEST(ClockFit, SurvivesAnyStamps) {
+TEST(ClockFit, SurvivesAnyTimestamps) {
     std::mt19937_64 random(3);
     ClockFit fit;
     for (int n = 0; n < 100'000; ++n) (void)fit.monotonic_ns(random(), random());

@@ -22,7 +22,7 @@ TEST(CobsFrame, TheExampleOfItsPageIsRight) {
     EXPECT_EQ(frames[0].device_time_us, 0u);
 }
 
-TEST(CobsFrame, CarriesEveryChannelCountBothWidthsMissingTimeAndRails) {
+TEST(CobsFrame, CarriesEveryChannelCountBothWidthsMissingTimeAndSaturationLimits) {
     for (const int bits : {24, 32})
         for (unsigned n = 1; n <= kMaxChannels; ++n) {
             Frame sent;

@@ -72,7 +72,7 @@ TEST(HexLine, TheFirstLineMayBeginInItsMiddleWithoutAComplaint) {
     EXPECT_EQ(decode(decoder, bytes_of(line(7)))[0].lost, 0u);
 }
 
-TEST(HexLine, ANumberAtTheConvertersEndIsAtARail) {
+TEST(HexLine, ANumberAtTheConvertersEndIsAtASaturationLimit) {
     LinkCounts counts;
     HexDecoder decoder(kDynPick, counts);
     const auto frames = decode(decoder, bytes_of(line(1, "0000") + line(2, "3FFF") + line(3, "3FFE")));

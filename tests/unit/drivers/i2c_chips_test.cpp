@@ -100,7 +100,7 @@ TEST_P(EveryChip, WhoseSettingChangesGivesNoValueOfAnotherChannel) {
     EXPECT_GT(take(1), 1u);
 }
 
-TEST_P(EveryChip, IsGoneWithItsAdapterAndWithAHangingBus) {
+TEST_P(EveryChip, IsDisconnectedWithItsAdapterAndWithAHangingBus) {
     take(1.5);
     bench.bus.is_disconnected = true;
     Frame frame;

@@ -6,7 +6,7 @@
 namespace tactiled::test {
 namespace {
 
-TEST(Ad7746, MarksRailsMissingExcitationAndAddsTheTemperature) {
+TEST(Ad7746, MarksSaturationLimitsMissingExcitationAndAddsTheTemperature) {
     ChipBench bench;
     const ChipKind kind{
         "ad7746", "temperature = true\ncapdac_a = [100]\nrate_Hz = 50", 0x48, {0}, 1, 0, make_model<ModelAd7746>};
@@ -37,7 +37,7 @@ TEST(Ad7746, MarksRailsMissingExcitationAndAddsTheTemperature) {
     EXPECT_TRUE(std::isnan(rail.channel[0]));
 }
 
-TEST(Ad7746, WhoseSwitchGoesAwayIsGoneWithItsLinkAndGivesNoOtherElectrodesValue) {
+TEST(Ad7746, WhoseSwitchGoesAwayIsDisconnectedWithItsLinkAndGivesNoOtherElectrodesValue) {
     ChipBench bench;
     for (const ChipKind& kind : chip_kinds())
         if (kind.keys.find("electrodes") != std::string::npos) bench.add(kind);

@@ -103,7 +103,7 @@ TEST_F(IsoTpTest, AFrameThatComesTooLateBelongsToNothing) {
     EXPECT_TRUE(gives(frames, message));
 }
 
-TEST_F(IsoTpTest, AMessageThatHasNoRoomIsToldSoAndLost) {
+TEST_F(IsoTpTest, AMessageThatHasNoRoomIsReportedSoAndLost) {
     ASSERT_EQ(take({0x12, 0x01, 1, 2, 3, 4, 5, 6}), Found::first);  // 513 bytes
     EXPECT_EQ(receiver_.answer()[0], 0x32);
     EXPECT_EQ(receiver_.take_lost(), 1u);

@@ -164,7 +164,7 @@ TEST_F(Mcap, AMessageOfTooManyChannelsIsNoFrame) {
     EXPECT_FALSE(decode_frame(message, frame));
 }
 
-TEST(McapWriter, DoesNotReplaceAFileUnlessTold) {
+TEST(McapWriter, DoesNotReplaceAFileUnlessAsked) {
     const std::string path = scratch_path();
     { Writer writer(path, true); }
     EXPECT_THROW(Writer(path, false), SetupError);

@@ -242,7 +242,7 @@ TEST_F(Slave, WhatOneSetOfRegistersMissesIsSetUpForTheOthersOfItsUnit) {
     EXPECT_EQ(count(TACTILED_LINK_RESTARTED), 1u);
 }
 
-TEST_F(Slave, AHangUpIsGone) {
+TEST_F(Slave, AHangUpIsDisconnected) {
     open_pty("timeout_ms = 100", "[[slave]]\n" + kValues);
     request();
     ::close(end_);
@@ -315,7 +315,7 @@ TEST_F(Slave, AnAnswerThatCameWhileTheProcessStoodStillInSendIsNotTakenEither) {
     EXPECT_EQ(count(TACTILED_LINK_FRAMES), 0u);
 }
 
-TEST_F(Slave, AServerThatClosesOrSpeaksSomethingElseIsGone) {
+TEST_F(Slave, AServerThatClosesOrSpeaksSomethingElseIsDisconnected) {
     open_connection("timeout_ms = 5000", "[[slave]]\n" + kValues);
     request();
     send({'H', 'T', 'T', 'P', '/', '1', '.', '1', ' ', '4'});

@@ -62,7 +62,7 @@ TEST(RegisterSet, NoNumberIsAMissingChannelAndAnInfiniteOneNoFrame) {
     EXPECT_EQ(counts[TACTILED_LINK_BAD_VALUE], 1u);
 }
 
-TEST(RegisterSet, TheEndsOfAnIntegerAreRailsAndTheRestOfItIsNot) {
+TEST(RegisterSet, TheEndsOfAnIntegerAreSaturationLimitsAndTheRestOfItIsNot) {
     const auto one = read(R"(registers = [{name = "a", at = 0}, {name = "b", at = 1}, {name = "c", at = 2, type = "uint16"},
         {name = "d", at = 3, type = "int32"}, {name = "e", at = 5, type = "uint32"}, {name = "f", at = 7, type = "float32"}])");
     ASSERT_EQ(one.problems, "");
@@ -110,7 +110,7 @@ TEST(RegisterSet, AFrozenCounterGivesNoSecondFrameAndAGapIsLost) {
     EXPECT_EQ(counts[TACTILED_LINK_LOST], 2u);
 }
 
-TEST(RegisterSet, ASlaveThatAnswersWithTwoCountersByTurnsHasNoChannels) {
+TEST(RegisterSet, ASlaveThatAnswersWithTwoCountersAlternatelyHasNoChannels) {
     const auto one = read(R"(registers = [{name = "a", at = 1}]
         sequence = {at = 0, type = "uint16"})");
     SequenceTracker sequence;

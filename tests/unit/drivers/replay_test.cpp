@@ -59,7 +59,7 @@ TEST_F(Replay, GivesTheFramesOfItsLinkAndEnds) {
     EXPECT_NE(once->open().find("has ended"), std::string::npos);
 }
 
-TEST_F(Replay, ATurnReadsAMebibyteWhereItsLinkIsSilent) {
+TEST_F(Replay, ACycleReadsAMebibyteWhereItsLinkIsSilent) {
     recording.frame(0, 0, 1);
     others(40);
     recording.frame(0, 7, 2);
@@ -82,7 +82,7 @@ TEST_F(Replay, ALinkThatIsSilentForLongAtFirstIsFoundAndBeginsThen) {
     EXPECT_GE(turns, 11);
 }
 
-TEST_F(Replay, ALinkWithoutAFrameIsToldAtOpeningOrAtTheEnd) {
+TEST_F(Replay, ALinkWithoutAFrameIsReportedAtOpeningOrAtTheEnd) {
     recording.frame(1, 0, 1);
     recording.writer.flush();
     EXPECT_NE(make("link = \"usb0\"")->open().find("no frames of link \"usb0\"; it has usb0, usb1"), std::string::npos);

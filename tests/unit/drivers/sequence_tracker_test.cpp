@@ -49,7 +49,7 @@ struct Two {
     }
 };
 
-TEST(SequenceTracker, TwoDevicesUnderOneNameAreToldWhereverTheirCountersAndClocksStand) {
+TEST(SequenceTracker, TwoDevicesUnderOneNameAreReportedWhereverTheirCountersAndClocksStand) {
     for (const std::int64_t ahead :
          {-10'000, -20, -9, -5, -1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 20, 100, 10'000, 32'767, 32'768})
         for (const int every : {1, 2, 5, 10, 20})

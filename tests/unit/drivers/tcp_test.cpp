@@ -63,7 +63,7 @@ TEST_F(TcpStream, AKms40IsAskedReadAndStopped) {
     ::close(device);
 }
 
-TEST_F(TcpStream, AConnectionThatEndsIsGoneAndMadeAnew) {
+TEST_F(TcpStream, AConnectionThatEndsIsADisconnectionAndMadeAnew) {
     const auto driver = make("format = \"lines\"\nchannels = 1");
     Frame frame;
     for (int step = 0; step < 3; ++step) {
@@ -114,7 +114,7 @@ TEST_F(TcpStream, AReaderThatWaitsInTimeReadsASlowStream) {
     ::close(device);
 }
 
-TEST_F(TcpStream, ADeviceThatVanishesWithoutAWordIsGone) {
+TEST_F(TcpStream, ADeviceThatVanishesWithoutAWordIsDisconnected) {
     const auto driver = make("format = \"lines\"\nchannels = 1");
     ASSERT_EQ(driver->open(), "");
     const int device = ::accept(listener_, nullptr, nullptr);

@@ -82,7 +82,7 @@ TEST_F(UartTest, ReadsFramesInOrderOneACall) {
     EXPECT_EQ(driver->counts[TACTILED_LINK_FRAMES], 5u);
 }
 
-TEST_F(UartTest, AHangUpIsGoneAndNotReadAgain) {
+TEST_F(UartTest, AHangUpIsDisconnectedAndNotReadAgain) {
     const auto driver = make("format = \"cobs\"");
     ASSERT_EQ(driver->open(), "");
     send_frame(1);
@@ -94,7 +94,7 @@ TEST_F(UartTest, AHangUpIsGoneAndNotReadAgain) {
     EXPECT_NE(driver->open(), "");  // the pty is dead: says so, and does not throw
 }
 
-TEST_F(UartTest, WhatLayInTheBufferBeforeOpeningIsNotGivenANewStamp) {
+TEST_F(UartTest, WhatLayInTheBufferBeforeOpeningIsNotGivenANewTimestamp) {
     const auto driver = make("format = \"cobs\"");
     termios raw{};  // a line discipline that waits for the end of a line would count no bytes
     ASSERT_EQ(::tcgetattr(slave_, &raw), 0);
@@ -109,7 +109,7 @@ TEST_F(UartTest, WhatLayInTheBufferBeforeOpeningIsNotGivenANewStamp) {
     EXPECT_EQ(frame.sequence, 2u);
 }
 
-TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewStampEither) {
+TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewTimestampEither) {
     const auto driver = make("format = \"cobs\"");
     ASSERT_EQ(driver->open(), "");
     send_frame(1);

@@ -175,7 +175,7 @@ TEST_P(BothFormats, ADeviceThatRestartsIsBelievedWithItsSecondFrame) {
     EXPECT_EQ(counts[TACTILED_LINK_LOST], 0u);
 }
 
-TEST_P(BothFormats, TheStampIsThatOfTheLastByte) {
+TEST_P(BothFormats, TheTimestampIsThatOfTheLastByte) {
     const Bytes bytes = stream(0, 1);
     LinkCounts counts;
     const auto decoder = GetParam().decoder(counts);

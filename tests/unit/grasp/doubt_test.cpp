@@ -55,7 +55,7 @@ TEST(GraspDoubt, AKnownWeightOfZeroForgetsTheScale) {
     EXPECT_NEAR(hand.now().weight_kg, 0.2, 0.002);
 }
 
-TEST(GraspDoubt, AToldAccelerationCountsAlongEachSkin) {
+TEST(GraspDoubt, AReportedAccelerationCountsAlongEachSkin) {
     const double tilt = 25 * M_PI / 180, sideways_m_s2 = 3;
     grasp::Setup setup = two_jaws();
     setup.gravity_G = {kG * std::sin(tilt), 0, kG * std::cos(tilt)};
@@ -84,7 +84,7 @@ TEST(GraspDoubt, ATareWhileHoldingIsNoFreePhase) {
     EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
 }
 
-TEST(GraspDoubt, ABreakUnderALightGripIsNoFreePhase) {
+TEST(GraspDoubt, ADiscontinuityUnderALightGripIsNoFreePhase) {
     Hand hand;
     hand.go(0.5, 0, 0).go(0.2, 0.6, 0).go(0.1, 0.4, 0).go(0.1, 0.4, 0.2).stay(0.3);
     hand.spoil = [](std::size_t, JawSample& s) { s.quality = TACTILED_BAD; };

@@ -24,7 +24,7 @@ double error_kg(Hand& hand, double mass_kg) {
     return hand.now().weight_kg - mass_kg;
 }
 
-TEST(KnownWeight, ALeakThatIsAlwaysThereIsInTheDeviationOfOtherWeights) {
+TEST(KnownWeight, ALeakThatIsAlwaysThereIsInTheStandardDeviationOfOtherWeights) {
     for (const double scale : {1.0, 0.5}) {
         Hand hand(hairs());
         put(hand, 0.008, kKnown_kg);
@@ -37,7 +37,7 @@ TEST(KnownWeight, ALeakThatIsAlwaysThereIsInTheDeviationOfOtherWeights) {
     }
 }
 
-TEST(KnownWeight, AForceThatWasThereOnlyThenIsInTheDeviationOfOtherWeights) {
+TEST(KnownWeight, AForceThatWasThereOnlyThenIsInTheStandardDeviationOfOtherWeights) {
     Hand hand(hairs());
     put(hand, 0.04, kKnown_kg);
     hand.close().lift(kKnown_kg);
@@ -63,7 +63,7 @@ TEST(KnownWeight, OfItsOwnSizeALeakIsInTheScale) {
     EXPECT_NEAR(hand.now().weight_sd_kg, without_kg, 0.1 * without_kg);
 }
 
-TEST(KnownWeight, AForceOnTheTableIsNoWeightButInTheDeviation) {
+TEST(KnownWeight, AForceOnTheTableIsNoWeightButInTheStandardDeviation) {
     Hand hand(hairs());
     put(hand, 0, 0);
     hand.close().lift(kKnown_kg);
@@ -77,7 +77,7 @@ TEST(KnownWeight, AForceOnTheTableIsNoWeightButInTheDeviation) {
     EXPECT_NEAR(hand.now().weight_sd_kg, std::hypot(without_kg, 0.001), 0.0001);
 }
 
-TEST(KnownWeight, NoForceMakesTheDeviationLargerThanALeakCanBe) {
+TEST(KnownWeight, NoForceMakesTheStandardDeviationLargerThanALeakCanBe) {
     Hand hand(hairs());
     put(hand, 0, 0);
     hand.close().lift(kKnown_kg);
@@ -98,7 +98,7 @@ TEST(KnownWeight, IsRefusedWhereAForceWasThereBeforeTheLift) {
     EXPECT_NEAR(hand.now().weight_kg, 1.06 * kKnown_kg, 0.001);
 }
 
-TEST(KnownWeight, UnderAForceTheDeviationHasWhatTheScaleTookOfALeak) {
+TEST(KnownWeight, UnderAForceTheStandardDeviationHasWhatTheScaleTookOfALeak) {
     Hand hand(hairs());
     put(hand, 0.04, kKnown_kg);
     hand.close().lift(kKnown_kg);
@@ -212,7 +212,7 @@ TEST(KnownWeight, OfALightOneTheErrorGrowsWithTheLoad) {
 }
 
 // 5 mN that come at once with a load, whatever its size: no error of a gain, and within one deviation of each sensor.
-TEST(KnownWeight, OfOtherSensorsItLeavesHalfOfTheDeviation) {
+TEST(KnownWeight, OfOtherSensorsItLeavesHalfOfTheStandardDeviation) {
     Hand hand;
     hand.spoil = [](std::size_t, JawSample& s) {
         s.sd_N = {0.005, 0.005, 0.005};
@@ -230,7 +230,7 @@ TEST(KnownWeight, OfOtherSensorsItLeavesHalfOfTheDeviation) {
     EXPECT_GT(hand.now().weight_sd_kg, -0.9 * error);
 }
 
-TEST(KnownWeight, ForgottenTheDeviationIsAsBefore) {
+TEST(KnownWeight, ForgottenTheStandardDeviationIsAsBefore) {
     Hand hand(hairs());
     put(hand, 0, 0);
     hand.close().lift(kKnown_kg);

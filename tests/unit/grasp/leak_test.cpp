@@ -12,7 +12,7 @@ void leak(Hand& hand, double part) {
     };
 }
 
-TEST(Leak, IsInTheDeviationWithoutAKnownWeight) {
+TEST(Leak, IsInTheStandardDeviationWithoutAKnownWeight) {
     Hand hand;
     leak(hand, 0.004);
     hand.close().lift(0.1);
@@ -47,7 +47,7 @@ TEST(Leak, OfWhatWasPutDownAndSqueezedIsThatOfTheEnd) {
     EXPECT_GT(hand.now().weight_sd_kg, 0.95 * (hand.now().weight_kg - 0.05));
 }
 
-TEST(Leak, AForceThatComesAfterTheGripIsInTheDeviation) {
+TEST(Leak, AForceThatComesAfterTheGripIsInTheStandardDeviation) {
     Hand hand(hairs());
     leak(hand, 0);
     hand.go(0.5, 0, 0).go(0.2, 2, 0).stay(0.3).go(0.05, 2, 0.03).stay(0.4);  // 3 g a jaw, 1.5 % of the press, and it stays

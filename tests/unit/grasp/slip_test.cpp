@@ -96,7 +96,7 @@ TEST(GraspSlip, AVibrationThatBeginsAtOnceIsNone) {
     }
 }
 
-TEST(GraspSlip, AFastPullThatGivesWayBelowTheFrictionThatWasToldIsOne) {
+TEST(GraspSlip, AFastPullThatGivesWayBelowTheFrictionThatWasReportedIsOne) {
     Hand hand;
     hand.close().go(0.15, 2, 0.7).stay(0.8).go(0.05, 2, 0.48 * 2);  // 0.48 of 0.6 that were told
     ASSERT_EQ(hand.now().slips, 0u);

@@ -4,7 +4,7 @@
 namespace tactiled::grasp {
 namespace {
 
-TEST(GraspWeight, IsTheMassWithinItsDeviation) {
+TEST(GraspWeight, IsTheMassWithinItsStandardDeviation) {
     Hand hand;
     hand.close().lift(0.2);
     ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
@@ -31,7 +31,7 @@ TEST(GraspWeight, APlateauOfAccelerationIsNotStableBeforeItIsOver) {
     EXPECT_NEAR(hand.now().weight_kg, 0.2, 0.001);
 }
 
-TEST(GraspWeight, AnAccelerationThatIsToldIsTakenOffAtOnce) {
+TEST(GraspWeight, AnAccelerationThatIsReportedIsTakenOffAtOnce) {
     Hand hand;
     hand.close();
     const double weight_N = 0.2 * kG / 2;

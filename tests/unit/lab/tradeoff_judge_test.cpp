@@ -60,7 +60,7 @@ TEST(Judge, CountsErrorsInPercentOfFullScaleAndLeavesOutWhatIsBad) {
     EXPECT_EQ(j.bad, 1u);
 }
 
-TEST(Judge, CallsGoodAndFarOffALie) {
+TEST(Judge, CallsGoodAndFarOffUndetected) {
     EXPECT_EQ(judged({{-1, -1.04, TACTILED_GOOD}}).undetected, 0u);       // 4 sd
     EXPECT_EQ(judged({{-1, -1.06, TACTILED_GOOD}}).undetected, 1u);       // 6 sd
     EXPECT_EQ(judged({{-1, -1.06, TACTILED_UNCERTAIN}}).undetected, 0u);  // it said so

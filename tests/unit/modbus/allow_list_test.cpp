@@ -31,7 +31,7 @@ TEST(AllowList, APrefixNeedNotEndAtAByte) {
     EXPECT_FALSE(list.allows(peer("fd00:8::1")));
 }
 
-TEST(AllowList, ListensWhereItIsTold) {
+TEST(AllowList, ListensWhereItIsConfigured) {
     socklen_t size = 0;
     const sockaddr_storage v6 = listen_address("[::1]:1502", size);
     EXPECT_EQ(size, sizeof(sockaddr_in6));

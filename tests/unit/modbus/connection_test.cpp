@@ -208,7 +208,7 @@ TEST_F(ConnectionTest, AClientThatAsksOneByOneAndNeverReadsIsDroppedWhenItsSocke
     EXPECT_LT(asked, 1000);
 }
 
-TEST_F(ConnectionTest, AClientThatIsGoneIsNoticedWhileItIsReadAndWhileItIsAnswered) {
+TEST_F(ConnectionTest, AClientThatIsDisconnectedIsNoticedWhileItIsReadAndWhileItIsAnswered) {
     {
         Connection connection(server_, 1);
         say(requests(1));

@@ -146,7 +146,7 @@ TEST_F(GraspControls, AnAccelerationIsOfTheMomentOfItsCount) {
     nothing_was_sent();
 }
 
-TEST_F(GraspControls, WhatASilentPlcToldIsForgotten) {
+TEST_F(GraspControls, WhatASilentPlcReportedIsForgotten) {
     EXPECT_EQ(put(kPlcWatchdog, 100), kNone);
     EXPECT_EQ(put(kGripperState, 3), kNone);
     EXPECT_EQ(sent().gripper, grasp::Hint::lifting);
@@ -213,7 +213,7 @@ TEST_F(GraspControls, AWeightThatMayBeNoneIsNotTaught) {
     nothing_was_sent();
 }
 
-TEST_F(GraspControls, ATeachByTheCellThatFailedIsTold) {
+TEST_F(GraspControls, ATeachByTheCellThatFailedIsReported) {
     std::filesystem::create_directory(settings_.objects);  // no file can be written there
     hold(0.25, 0.002);
     EXPECT_EQ(put(kTeachCell, 7), kNone);
@@ -230,7 +230,7 @@ TEST_F(GraspControls, ATeachByTheCellThatFailedIsTold) {
     EXPECT_NE(global()[kFault] & (1u << 6), 0u);
 }
 
-TEST_F(GraspControls, AnObjectThatCannotBeToldFromAnotherIsNotTaught) {
+TEST_F(GraspControls, AnObjectThatCannotBeDistinguishedFromAnotherIsNotTaught) {
     TaughtObject bolt;
     bolt.id = 1;
     bolt.name = "bolt";

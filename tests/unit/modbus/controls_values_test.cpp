@@ -68,7 +68,7 @@ TEST_F(ControlsValues, EachCommandOfTheBlockIsItsOwn) {
     }
 }
 
-TEST_F(ControlsValues, ACommandOfTheBlockThatIsWrongIsToldInItsResult) {
+TEST_F(ControlsValues, ACommandOfTheBlockThatIsWrongIsReportedInItsResult) {
     for (const unsigned code : {kTare, kUntare, kResetPeaks, kSelfTest}) EXPECT_EQ(run(code, 0), TACTILED_COMMAND_BAD_MASK);
     EXPECT_EQ(run(kTare, 2), TACTILED_COMMAND_BAD_MASK);  // there is no second sensor
     EXPECT_EQ(run(kClearLatches, 2), TACTILED_COMMAND_BAD_MASK);
@@ -223,7 +223,7 @@ TEST_F(ControlsValues, WhatIsSavedIsThereAfterARestart) {
     EXPECT_DOUBLE_EQ(sent().settable.contact_on_N, 3);
 }
 
-TEST_F(ControlsValues, OfADamagedFileNothingIsUsedAndItIsTold) {
+TEST_F(ControlsValues, OfADamagedFileNothingIsUsedAndItIsReported) {
     for (const char* text : {"filter_hz = 20\ncontact_on_N = -1\n", "filter_hz = 20\nfiltre = 1\n", "filter_hz = \n"}) {
         std::ofstream(settings_.settings) << text;
         restart();

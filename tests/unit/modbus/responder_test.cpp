@@ -103,7 +103,7 @@ TEST_P(ResponderTest, OnlyALineHasBroadcasts) {
     }
 }
 
-TEST_P(ResponderTest, AFullSocketIsToldAndDelaysNobody) {
+TEST_P(ResponderTest, AFullSocketIsReportedAndDelaysNobody) {
     const Bytes request = framed({4, 0, 100, 0, 125});
     const auto began = std::chrono::steady_clock::now();
     int sent = 0;

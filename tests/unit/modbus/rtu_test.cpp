@@ -31,7 +31,7 @@ TEST(Rtu, AFrameHasAFunction) {
     EXPECT_FALSE(is_rtu_frame(framed(Bytes(kMaxRtu - 1))));
 }
 
-TEST(Rtu, AnAnswerIsToldFromAnotherRequestOfItsLength) {
+TEST(Rtu, AnAnswerIsReportedFromAnotherRequestOfItsLength) {
     struct Case {
         const char* what;
         Bytes request, other;

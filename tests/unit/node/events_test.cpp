@@ -82,14 +82,14 @@ TEST_F(EventsTest, WhoDoesNotReadFindsTheTotal) {
     ::close(event);
 }
 
-TEST_F(EventsTest, ARecordFromBeforeItsThreadRanIsToldToo) {
+TEST_F(EventsTest, ARecordFromBeforeItsThreadRanIsReportedToo) {
     const auto [connection, event] = subscribe();
     EXPECT_GT(reported(event, 300), 0u);
     ::close(connection);
     ::close(event);
 }
 
-TEST_F(EventsTest, WhoIsGoneLeavesNoDescriptor) {
+TEST_F(EventsTest, WhoIsDisconnectedLeavesNoDescriptor) {
     const int before = descriptors();
     const auto [connection, event] = subscribe();
     // Each of the two, and the other end of it; and, until the daemon's thread has closed it, what it sent.
@@ -109,7 +109,7 @@ TEST_F(EventsTest, WhoIsGoneLeavesNoDescriptor) {
     EXPECT_EQ(descriptors(), before);
 }
 
-TEST_F(EventsTest, NothingThatASubscriberDoesKeepsAnotherFromBeingTold) {
+TEST_F(EventsTest, NothingThatASubscriberDoesKeepsAnotherFromBeingNotified) {
     const auto [hostile_connection, hostile] = subscribe();
     for (int i = 0; i < 100 && reported(hostile, 100) == 0; ++i) publish(1);
     ASSERT_EQ(::fcntl(hostile, F_SETFL, ::fcntl(hostile, F_GETFL) & ~O_NONBLOCK), 0);

@@ -98,7 +98,7 @@ TEST_F(GraspingTest, AJawWithoutAValueMakesTheGraspUnknown) {
     EXPECT_TRUE(std::isnan(g.weight_kg));
 }
 
-TEST_F(GraspingTest, ANewZeroIsABreakAndNoEventOfTheWorld) {
+TEST_F(GraspingTest, ANewZeroIsADiscontinuityAndNoEventOfTheWorld) {
     hold_200_g();
     zero_ = {0.3 - 0.981, 0, -7, 0, 0, 0};  // tared while it holds: nothing presses, nothing hangs
     observe(5, -0.981, 1, 2);
@@ -107,7 +107,7 @@ TEST_F(GraspingTest, ANewZeroIsABreakAndNoEventOfTheWorld) {
     EXPECT_TRUE(std::isnan(g.weight_kg));  // what it weighs is not known until it was let go
 }
 
-TEST_F(GraspingTest, AnotherMethodIsABreakAndNoEventOfTheWorld) {
+TEST_F(GraspingTest, AnotherMethodIsADiscontinuityAndNoEventOfTheWorld) {
     observe(0, 0, 500, 1, 1);
     observe(5, 0, 300, 1, 1);
     observe(5, -0.981, 900, 1, 1);
@@ -176,7 +176,7 @@ TEST_F(GraspingTest, ObjectsAreReplacedAllAtOnce) {
     EXPECT_EQ(grasping_.state().object_id, 0u);
 }
 
-TEST_F(GraspingTest, OnlyObjectsThatWereTaughtUnderTheScaleInForceAreTold) {
+TEST_F(GraspingTest, OnlyObjectsThatWereTaughtUnderTheScaleInForceAreRecognised) {
     TaughtObject nut;  // taught after a known weight was shown, before a restart
     nut.id = 9;
     nut.name = "nut";
@@ -223,7 +223,7 @@ TEST_F(GraspingTest, ASuccessorCountsOnAndKnowsNothingElse) {
     EXPECT_EQ(after.slip_latch, before.slip_latch & ~(1u << 1));
 }
 
-TEST_F(GraspingTest, ASuccessorKnowsWhatTheRobotHasTold) {
+TEST_F(GraspingTest, ASuccessorKnowsWhatTheRobotHasReported) {
     Command gravity = command(Command::Kind::gravity);
     gravity.robot_G_m_s2 = {NAN, NAN, NAN};
     EXPECT_TRUE(grasping_.carry_out(gravity));

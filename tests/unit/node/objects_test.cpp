@@ -58,7 +58,7 @@ TEST_F(ObjectsTest, WhatIsStoredIsRead) {
     EXPECT_EQ(read[1].sd_kg, 1e-4);
 }
 
-TEST_F(ObjectsTest, AnErrorIsToldWithItsLine) {
+TEST_F(ObjectsTest, AnErrorIsReportedWithItsLine) {
     const std::string one = "format = 1\n[[object]]\nid = 1\nname = 'a'\nmass_kg = 0.1\nsd_kg = 0.001\n";
     write(one + "[[object]]\nid = 1\nname = 'b'\nmass_kg = 0.2\nsd_kg = 0.001\n");
     EXPECT_NE(first_problem().find("objects.toml:8: "), std::string::npos) << first_problem();

@@ -199,7 +199,7 @@ TEST_F(PipelineTest, TheHeartbeatBeatsWithDataAndStopsWithThem) {
     EXPECT_GT(look().node.heartbeat, stopped);
 }
 
-TEST_F(PipelineTest, WhatArrivedBeforeTheBreakIsDeliveredBeforeIt) {
+TEST_F(PipelineTest, WhatArrivedBeforeTheDiscontinuityIsDeliveredBeforeIt) {
     send(0, 1);
     acquire_all(0);
     links_[0]->connected = false;

@@ -86,7 +86,7 @@ TEST(StreamQuality, ADeadChannelStaysDeadUnderAnotherCalibration) {
     EXPECT_EQ(next.send(8, -8, 9).quality, kGood);
 }
 
-TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsABreakThoughNobodySawIt) {
+TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsADiscontinuityThoughNobodySawIt) {
     Stream stream({});
     const auto before = stream.send(1, 2, 3);
     stream.opening = 1;
@@ -97,7 +97,7 @@ TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsABreakThoughNobodySa
     EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 2);
 }
 
-TEST(StreamQuality, ARailRepeatsRightly) {
+TEST(StreamQuality, ASaturationLimitRepeatsRightly) {
     Stream stream({.frozen_after = 5});
     for (int i = 0; i < 20; ++i) EXPECT_EQ(stream.send(i, -i, 8'388'607).reasons, unsigned(TACTILED_SATURATED)) << i;
     for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
@@ -147,7 +147,7 @@ TEST(StreamQuality, TimeThatPassedIsNoStep) {
     EXPECT_EQ(stream.send(5000, 0, 0, 300).quality, kGood);  // over a break a channel may go anywhere
 }
 
-TEST(StreamQuality, AnotherRateThanDeclaredIsToldAndTheValueStaysGood) {
+TEST(StreamQuality, AnotherRateThanDeclaredIsReportedAndTheValueStaysGood) {
     Stream stream({.rate_Hz = 1000, .rate_tolerance = 0.2});
     std::uint32_t reasons = 0;
     const auto run = [&](int frames, std::uint64_t every_ms) {

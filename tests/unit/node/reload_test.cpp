@@ -201,7 +201,7 @@ TEST_F(ReloadTest, WhatStandsInTheDirectoryNeedsARestart) {
     EXPECT_TRUE(is_warned(true));
 }
 
-TEST_F(ReloadTest, AGraspCannotBeAddedAndALoopThatStandsIsTold) {
+TEST_F(ReloadTest, AGraspCannotBeAddedAndALoopThatStandsIsReported) {
     const std::string no_grasp = config_.substr(0, config_.find("[grasp]"));
     start(no_grasp);
     EXPECT_PRED2(has, reload(config_), "whether there is a [grasp] cannot change");

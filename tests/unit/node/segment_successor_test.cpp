@@ -4,7 +4,7 @@
 namespace tactiled {
 namespace {
 
-TEST_F(SegmentTest, ASecondDaemonIsToldThePidOfTheFirst) {
+TEST_F(SegmentTest, ASecondDaemonLearnsThePidOfTheFirst) {
     SegmentWriter writer(plan());
     try {
         SegmentWriter second(plan());
@@ -65,7 +65,7 @@ TEST_F(SegmentTest, ACleanRestartHasANewEpochToo) {
     EXPECT_GT(SegmentWriter(plan()).epoch(), before);
 }
 
-TEST_F(SegmentTest, AFollowerIsToldOnceThatTheDaemonIsDead) {
+TEST_F(SegmentTest, AFollowerLearnsOnceThatTheDaemonIsDead) {
     SegmentWriter writer(plan());
     writer.set_state(TACTILED_RUNNING);
     Reader reader(name_, "s0");
@@ -115,7 +115,7 @@ TEST_F(SegmentTest, AWriterRemovesOnlyItsOwnFile) {
     EXPECT_EQ(Segment::open(name_).header().epoch, second.epoch());
 }
 
-TEST_F(SegmentTest, AReaderOfADeadDaemonsFileIsToldOfTheSuccessor) {
+TEST_F(SegmentTest, AReaderOfADeadDaemonsFileLearnsOfTheSuccessor) {
     const pid_t child = ::fork();
     if (child == 0) {
         SegmentWriter writer(plan());

@@ -38,7 +38,7 @@ TEST_F(SegmentTest, AReaderCannotCutTheWakePage) {
     EXPECT_EQ(::fcntl(writer.wake_page(), F_GET_SEALS), F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL);
 }
 
-TEST_F(SegmentTest, ASleepingReaderIsWokenWhateverTheCountAndTheOldWish) {
+TEST_F(SegmentTest, ASleepingReaderIsWokenWhateverTheCountAndTheOldRequest) {
     for (const auto& [first, request] : {std::pair{std::uint64_t(0), 0u},
                                          {(1ull << 31) + 256, 0u},                   // the wish is that of an empty page
                                          {1000, 1000u + (1u << 30)},                 // of a reader that wrote nonsense

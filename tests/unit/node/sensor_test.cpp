@@ -32,7 +32,7 @@ Frame frame(std::uint64_t t_ns, double a, double b, double c) {
     return f;
 }
 
-TEST(Sensor, DividesCountsAndKeepsTheStampOfTheFrame) {
+TEST(Sensor, DividesCountsAndKeepsTheTimestampOfTheFrame) {
     Sensor sensor = make(100);
     const auto s = sensor.sample(frame(5 * kMs, 100, -200, 300), 6 * kMs);
     EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
@@ -61,7 +61,7 @@ TEST(Sensor, AMissingChannelIsBadAndItsForceNoNumber) {
     }
 }
 
-TEST(Sensor, AtTheRailCountsAsSaturated) {
+TEST(Sensor, AtTheSaturationLimitCountsAsSaturated) {
     Sensor sensor = make();
     EXPECT_EQ(sensor.sample(frame(kMs, 1000, 0, -1000), kMs).saturated, 0b101u);
     EXPECT_EQ(sensor.sample(frame(kMs, 999, 0, -999), kMs).saturated, 0u);
@@ -224,7 +224,7 @@ TEST(Sensor, TheLowPassHasItsCutoffWhateverTheRate) {
     }
 }
 
-TEST(Sensor, TheLowPassStartsAnewAfterABreak) {
+TEST(Sensor, TheLowPassStartsAnewAfterADiscontinuity) {
     Sensor sensor = make();
     sensor.set({.filter_Hz = 1, .contact_on_N = 1, .contact_off_N = 0.5, .overload_N = 0});
     EXPECT_EQ(sensor.sample(frame(kMs, 5, 0, 0), kMs).force_S_N[0], 5);  // no climb from 0

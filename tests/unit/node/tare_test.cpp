@@ -56,20 +56,20 @@ TEST(Tare, OfAForceThatMovesIsRefusedAndTheZeroBeforeStays) {
     }
 }
 
-TEST(Tare, OfWhatMovesByLessThanItsDeviationIsDone) {
+TEST(Tare, OfWhatMovesByLessThanItsStandardDeviationIsDone) {
     const Tared tared = tare(100, 0, [](unsigned i) { return 5 + 2 * Through::kSd_N * i / 100; });
     EXPECT_EQ(tared.end, Sensor::Tare::done);
     EXPECT_NEAR(tared.after.force_S_N[2], -8, 2 * Through::kSd_N);
 }
 
-TEST(Tare, NoiseOfManyTimesTheStatedDeviationIsNoMotion) {
+TEST(Tare, NoiseOfManyTimesTheStatedStandardDeviationIsNoMotion) {
     std::mt19937 random(3);
     std::normal_distribution<double> noise(0, 10 * Through::kSd_N);
     for (int i = 0; i < 1000; ++i)
         EXPECT_EQ(tare(100, 0, [&](unsigned) { return noise(random); }).end, Sensor::Tare::done) << i;
 }
 
-TEST(Tare, OfAModelWithoutADeviationIsJudgedByTheNoise) {
+TEST(Tare, OfAModelWithoutAStandardDeviationIsJudgedByTheNoise) {
     TareWindow still, moving, few;
     const Wrench unknown{NAN, NAN, NAN, NAN, NAN, NAN};
     std::mt19937 random(4);

@@ -194,7 +194,7 @@ TEST(Triboelectric, IsHeardOnlyWhileTheLoadMoves) {
     EXPECT_NEAR(after.back().channel[5], zero + 5 * V, 1e-12);
 }
 
-TEST(StrayCapacitance, IsSlowAndOfItsDeviation) {
+TEST(StrayCapacitance, IsSlowAndOfItsStandardDeviation) {
     AtWork pad("capacitive", {"stray_capacitance"}, "",
                "[effects.stray_capacitance]\ndeviation_pF = 0.01\nfrequency_Hz = 5\n");
     const auto r = pad.run(std::vector<Moment>(200'000, press(0)));

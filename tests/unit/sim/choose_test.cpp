@@ -126,7 +126,7 @@ TEST(Choose, AutoLeavesOutAsMuchAsItCan) {
     }
 }
 
-TEST(Choose, AStricterWishTurnsMoreOn) {
+TEST(Choose, AStricterRequestSelectsMore) {
     Scene scene = scene_of(kStill);
     const Extent extent = scene.motion.extent(scene.sensors[0]);
     const auto on = [&](double wanted_N) {

@@ -130,7 +130,7 @@ TEST(Quantisation, KnowsMultiplesOfItsStepOnly) {
     }
 }
 
-TEST(Saturation, EndsAtTheRail) {
+TEST(Saturation, EndsAtTheSaturationLimit) {
     const Scene scene = scene_with("hair", press(1, 1));
     const Sensor& sensor = scene.sensors[0];
     const double rail = 1.25 * (std::abs(sensor.gain[0][kFx]) + std::abs(sensor.gain[0][kFz])) * sensor.full_scale_N;

@@ -103,7 +103,7 @@ TEST(GainSpread, IsOneFactorAChannel) {
     EXPECT_TRUE(differ);
 }
 
-TEST(GainSpread, HasItsDeviationOverManySensors) {
+TEST(GainSpread, HasItsStandardDeviationOverManySensors) {
     double sum = 0;
     for (int seed = 1; seed <= 500; ++seed) {
         AtWork table("table", {"gain_spread"}, "serial = " + std::to_string(seed),

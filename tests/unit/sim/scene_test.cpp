@@ -181,7 +181,7 @@ TEST(Scene, AMirroredWanderComesAgainTurnedByHalfATurn) {
     }
 }
 
-TEST(Scene, ARepetitionOfATurnGoesAllTheWayRound) {
+TEST(Scene, ARepetitionOfARotationGoesAllTheWayRound) {
     const std::string pull = "[[motion]]\ndo = \"shear\"\nto_N = 0.5\nin_s = 0.1\n[[motion]]\ndo = \"rotate\"\nby_deg = ";
     const std::string again = "\nin_s = 0.1\n[[motion]]\ndo = \"repeat\"\ntimes = 3\n";
     EXPECT_EQ(refused(kHead + pull + "360" + again), "");
