@@ -26,12 +26,26 @@ template <class Entry>
 class Registry {
 public:
     explicit Registry(const Entry* entry) noexcept : entry_(entry), next_(first_) { first_ = this; }
+    ~Registry() {  // a test may add an entry for a while
+        const Registry** at = &first_;
+        while (*at != this) at = &(*at)->next_;
+        *at = next_;
+    }
     Registry(const Registry&) = delete;
     Registry& operator=(const Registry&) = delete;
 
     struct All {
         bool operator()(const Entry&) const noexcept { return true; }
     };
+
+    // All entries that `accept` accepts, in the order of linking.
+    template <class Accept = All>
+    static std::vector<const Entry*> all(Accept accept = {}) {
+        std::vector<const Entry*> found;
+        for (const Registry* at = first_; at != nullptr; at = at->next_)
+            if (accept(*at->entry_)) found.push_back(at->entry_);
+        return found;
+    }
 
     // The entry with that name, of those that `accept` accepts; nullptr where there is none. Two entries with the same name
     // are an error of the program: without the assertion, the order of linking would choose between them.
@@ -49,17 +63,16 @@ public:
     // The names of those that `accept` accepts, sorted.
     template <class Accept = All>
     static std::vector<std::string> names(Accept accept = {}) {
-        std::vector<std::string> all;
-        for (const Registry* at = first_; at != nullptr; at = at->next_)
-            if (accept(*at->entry_)) all.emplace_back(at->entry_->name);
-        std::sort(all.begin(), all.end());
-        return all;
+        std::vector<std::string> names;
+        for (const Entry* entry : Registry::all(accept)) names.emplace_back(entry->name);
+        std::sort(names.begin(), names.end());
+        return names;
     }
 
 private:
     inline static constinit const Registry* first_ = nullptr;  // constant, so that no entry comes before it
     const Entry* entry_;
-    const Registry* next_;
+    mutable const Registry* next_;  // changes when an entry leaves the list
 };
 
 // A field of an entry that has no default: an entry that does not state it does not compile.

@@ -8,9 +8,10 @@
 #include "decoupling/solve/checked.hpp"
 
 namespace tactiled {
-namespace {
 
-constinit const MethodEntry* first = nullptr;  // filled by the entries' constructors, before main
+using Methods = Registry<MethodEntry>;
+
+namespace {
 
 // The names that the other methods of the model know, where `method` runs on their fits.
 OtherNames names_of_others(const MethodEntry& entry) {
@@ -25,23 +26,13 @@ OtherNames names_of_others(const MethodEntry& entry) {
 
 }  // namespace
 
-MethodEntry::MethodEntry(const Method& about) noexcept : Method(about), next(first) { first = this; }
-
-MethodEntry::~MethodEntry() {
-    assert(first == this);
-    first = next;
-}
-
-const MethodEntry* find_method(std::string_view model, std::string_view method) noexcept {
-    for (const MethodEntry* entry = first; entry != nullptr; entry = entry->next)
-        if (entry->model == model && entry->method == method) return entry;
-    return nullptr;
+const MethodEntry* find_method(std::string_view model, std::string_view method) {
+    const auto found = Methods::all([&](const MethodEntry& e) { return e.model == model && e.method == method; });
+    return found.empty() ? nullptr : found.front();
 }
 
 std::vector<const MethodEntry*> methods_of(std::string_view model) {
-    std::vector<const MethodEntry*> methods;
-    for (const MethodEntry* entry = first; entry != nullptr; entry = entry->next)
-        if (entry->model == model) methods.push_back(entry);
+    auto methods = Methods::all([&](const MethodEntry& entry) { return entry.model == model; });
     std::sort(methods.begin(), methods.end(), [](const MethodEntry* a, const MethodEntry* b) {
         return a->place != b->place ? a->place < b->place : a->method < b->method;
     });
@@ -56,7 +47,7 @@ std::vector<std::string> method_names(std::string_view model) {
 
 std::vector<std::string> model_names() {
     std::vector<std::string> names;
-    for (const MethodEntry* entry = first; entry != nullptr; entry = entry->next) names.emplace_back(entry->model);
+    for (const MethodEntry* entry : Methods::all()) names.emplace_back(entry->model);
     std::sort(names.begin(), names.end());
     names.erase(std::unique(names.begin(), names.end()), names.end());
     return names;
@@ -68,7 +59,7 @@ std::string or_did_you_mean(std::string_view name, const std::vector<std::string
 }
 
 std::string fault_of_methods() {
-    for (const MethodEntry* entry = first; entry != nullptr; entry = entry->next) {
+    for (const MethodEntry* entry : Methods::all()) {
         if (entry->make == nullptr)
             return fmt::format("method \"{}\" of model \"{}\" cannot be made: its entry has no make()", entry->method,
                                entry->model);

@@ -1,6 +1,6 @@
-// The list of all methods. A method is one entry object at the end of its own file, which links itself into the list before
-// main() starts, so that a new method is one new file and one line in a CMakeLists.txt. A model exists because methods name
-// it. The order in which the linker meets the entries decides nothing.
+// The list of all methods (config/registry.hpp). A method is one entry object at the end of its own file, so that a new
+// method is one new file and one line in a CMakeLists.txt. A model exists because methods name it. The order in which the
+// linker meets the entries decides nothing.
 #pragma once
 #include <memory>
 #include <span>
@@ -8,12 +8,13 @@
 #include <string_view>
 #include <vector>
 
+#include "config/registry.hpp"
 #include "decoupling/decoupler.hpp"
 #include "decoupling/solve/parameters.hpp"
 
 namespace tactiled {
 
-struct Method {
+struct MethodEntry {
     std::string_view model = {}, method = {};  // as in `model = "table"` and `method = "linear"`
     int place = 0;  // among the methods of the model, in every list; the first is the model's default
     // The parameters and tables of the calibration that the method reads. They have been checked when make() is called.
@@ -28,19 +29,12 @@ struct Method {
     std::string_view takes_fit_of = {};
     // What a calibration leaves is a smooth curve through 0, as measured for hairs: one known weight corrects most of it.
     bool errs_by_gain = false;
+    Registry<MethodEntry> in_list{this};
 };
 inline constexpr std::string_view kAnyMethod = "*";
 
-struct MethodEntry : Method {
-    explicit MethodEntry(const Method& about) noexcept;
-    ~MethodEntry();  // a test may add an entry for a while; the last one goes first
-    MethodEntry(const MethodEntry&) = delete;
-    MethodEntry& operator=(const MethodEntry&) = delete;
-    const MethodEntry* next;
-};
-
 // nullptr where there is none of that name. setup
-const MethodEntry* find_method(std::string_view model, std::string_view method) noexcept;
+const MethodEntry* find_method(std::string_view model, std::string_view method);
 // The methods of one model in the order of their places; empty where the model is unknown. setup
 std::vector<const MethodEntry*> methods_of(std::string_view model);
 std::vector<std::string> method_names(std::string_view model);

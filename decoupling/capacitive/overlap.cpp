@@ -107,7 +107,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
         data["noise"]);
 }
 
-const MethodEntry entry({.model = "capacitive", .method = "overlap", .place = 30, .parameters = kParameters, .make = make});
+const MethodEntry entry{.model = "capacitive", .method = "overlap", .place = 30, .parameters = kParameters, .make = make};
 
 }  // namespace
 }  // namespace tactiled

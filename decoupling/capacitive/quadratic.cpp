@@ -136,8 +136,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return fault.empty() ? std::make_unique<Quadratic>(data, used, needed) : nullptr;
 }
 
-const MethodEntry entry(
-    {.model = "capacitive", .method = "quadratic", .place = 10, .parameters = kParameters, .tables = kTables, .make = make});
+const MethodEntry entry{
+    .model = "capacitive", .method = "quadratic", .place = 10, .parameters = kParameters, .tables = kTables, .make = make};
 
 }  // namespace
 }  // namespace tactiled

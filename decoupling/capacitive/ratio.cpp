@@ -57,7 +57,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
         PadLaw{data["normal_stiffness_N"], data["stiffening"], data["shear_scale_N"], data["shear_gap_exponent"], 0});
 }
 
-const MethodEntry entry({.model = "capacitive", .method = "ratio", .place = 20, .parameters = kParameters, .make = make});
+const MethodEntry entry{.model = "capacitive", .method = "ratio", .place = 20, .parameters = kParameters, .make = make};
 
 }  // namespace
 }  // namespace tactiled

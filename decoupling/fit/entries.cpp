@@ -2,29 +2,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cassert>
 
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/method.hpp"
 
 namespace tactiled {
-namespace {
 
-constinit const FitEntry* first = nullptr;  // filled by the entries' constructors, before main
+using Fits = Registry<FitEntry>;
 
-}  // namespace
-
-FitEntry::FitEntry(const Fitting& about) noexcept : Fitting(about), next(first) { first = this; }
-
-FitEntry::~FitEntry() {
-    assert(first == this);
-    first = next;
-}
-
-const FitEntry* find_fit(std::string_view model, std::string_view method) noexcept {
-    for (const FitEntry* entry = first; entry != nullptr; entry = entry->next)
-        if (entry->model == model && entry->method == method) return entry;
-    return nullptr;
+const FitEntry* find_fit(std::string_view model, std::string_view method) {
+    const auto found = Fits::all([&](const FitEntry& e) { return e.model == model && e.method == method; });
+    return found.empty() ? nullptr : found.front();
 }
 
 std::vector<const FitEntry*> fits_of(std::string_view model) {
@@ -42,7 +30,7 @@ std::vector<const FitEntry*> all_fits() {
 }
 
 std::string fault_of_fits() {
-    for (const FitEntry* entry = first; entry != nullptr; entry = entry->next) {
+    for (const FitEntry* entry : Fits::all()) {
         if (find_method(entry->model, entry->method) == nullptr)
             return fmt::format("this program fits method \"{}\" of model \"{}\", which it has not", entry->method,
                                entry->model);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "config/calibration.hpp"
+#include "config/registry.hpp"
 #include "decoupling/fit/labelled.hpp"
 #include "decoupling/fit/least_squares.hpp"
 #include "decoupling/solve/parameters.hpp"
@@ -82,7 +83,8 @@ struct FitOption {
     void (*put)(const std::string& value, Fit& start) = nullptr;
 };
 
-struct Fitting {
+// One fit, at the end of its own file: the list is as that of the methods (decoupling/method.hpp).
+struct FitEntry {
     std::string_view model = {}, method = {};
     FitModel fit = nullptr;
     bool (*knows_channel)(std::string_view) = nullptr;  // nullptr: any channel
@@ -92,19 +94,11 @@ struct Fitting {
     // neither a row that looks odd nor a pose, and what is held out is read with its past.
     bool remembers = false;
     FitOption option = {};
-};
-
-// An entry object at the end of each fit's own file links itself into the list, as MethodEntry does (decoupling/method.hpp).
-struct FitEntry : Fitting {
-    explicit FitEntry(const Fitting& about) noexcept;
-    ~FitEntry();  // a test may add an entry for a while; the last one goes first
-    FitEntry(const FitEntry&) = delete;
-    FitEntry& operator=(const FitEntry&) = delete;
-    const FitEntry* next;
+    Registry<FitEntry> in_list{this};
 };
 
 // nullptr where there is none of that name. setup
-const FitEntry* find_fit(std::string_view model, std::string_view method) noexcept;
+const FitEntry* find_fit(std::string_view model, std::string_view method);
 // The fits of one model in the order of its methods: the first is taken where none is named. all_fits(): of all models,
 // these in alphabetical order. setup
 std::vector<const FitEntry*> fits_of(std::string_view model);

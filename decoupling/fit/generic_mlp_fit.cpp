@@ -71,7 +71,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     }
 }
 
-const FitEntry entry({.model = "generic", .method = "mlp", .fit = fit_mlp});
+const FitEntry entry{.model = "generic", .method = "mlp", .fit = fit_mlp};
 
 }  // namespace
 }  // namespace tactiled

@@ -27,7 +27,7 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
     }
 }
 
-const FitEntry entry({.model = "generic", .method = "quadratic", .fit = fit_quadratic});
+const FitEntry entry{.model = "generic", .method = "quadratic", .fit = fit_quadratic};
 
 }  // namespace
 }  // namespace tactiled

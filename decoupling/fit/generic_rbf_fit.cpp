@@ -124,7 +124,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
     }
 }
 
-const FitEntry entry({.model = "generic", .method = "rbf", .fit = fit_rbf});
+const FitEntry entry{.model = "generic", .method = "rbf", .fit = fit_rbf};
 
 }  // namespace
 }  // namespace tactiled

@@ -61,14 +61,14 @@ void fit_hair_physics(const Rows& rows, Calibration& calibration, std::vector<st
 
 void put_elastomer(const std::string& name, Fit& start) { start.parameters = hair_parameters(name); }
 
-const FitEntry entry({.model = "hair",
-                      .method = "physics",
-                      .fit = fit_hair_physics,
-                      .knows_channel = is_hair,
-                      .channels = kHair,
-                      .channel_unit = kHairUnit,
-                      .option = {"elastomer", "method physics of model hair: PDMS, Ecoflex or hydrogel to start from",
-                                 put_elastomer}});
+const FitEntry entry{
+    .model = "hair",
+    .method = "physics",
+    .fit = fit_hair_physics,
+    .knows_channel = is_hair,
+    .channels = kHair,
+    .channel_unit = kHairUnit,
+    .option = {"elastomer", "method physics of model hair: PDMS, Ecoflex or hydrogel to start from", put_elastomer}};
 
 }  // namespace
 

@@ -270,12 +270,12 @@ void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::stri
 
 bool is_film_or_centre(std::string_view name) { return name == "Vp" || name == "Cn"; }
 
-const FitEntry entry({.model = "piezo",
-                      .method = "fused",
-                      .fit = fit_piezo,
-                      .knows_channel = is_film_or_centre,
-                      .channels = "a channel of model \"piezo\" (Vp, Cn)",
-                      .remembers = true});
+const FitEntry entry{.model = "piezo",
+                     .method = "fused",
+                     .fit = fit_piezo,
+                     .knows_channel = is_film_or_centre,
+                     .channels = "a channel of model \"piezo\" (Vp, Cn)",
+                     .remembers = true};
 
 }  // namespace
 }  // namespace tactiled

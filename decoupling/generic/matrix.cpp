@@ -101,12 +101,12 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return make_generic(data, "matrix", nullptr, fault);
 }
 
-const MethodEntry entry({.model = "generic",
-                         .method = "matrix",
-                         .place = 10,
-                         .parameters = kParameters,
-                         .make = make,
-                         .takes_fit_of = kAnyMethod});
+const MethodEntry entry{.model = "generic",
+                        .method = "matrix",
+                        .place = 10,
+                        .parameters = kParameters,
+                        .make = make,
+                        .takes_fit_of = kAnyMethod};
 
 }  // namespace
 

@@ -45,8 +45,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return make_generic(data, "quadratic", std::move(correction), fault);
 }
 
-const MethodEntry entry(
-    {.model = "generic", .method = "quadratic", .place = 20, .tables = kTables, .make = make, .takes_fit_of = kAnyMethod});
+const MethodEntry entry{
+    .model = "generic", .method = "quadratic", .place = 20, .tables = kTables, .make = make, .takes_fit_of = kAnyMethod};
 
 }  // namespace
 

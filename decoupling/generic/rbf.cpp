@@ -76,13 +76,13 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
         fault);
 }
 
-const MethodEntry entry({.model = "generic",
-                         .method = "rbf",
-                         .place = 30,
-                         .parameters = kParameters,
-                         .tables = kTables,
-                         .make = make,
-                         .takes_fit_of = kAnyMethod});
+const MethodEntry entry{.model = "generic",
+                        .method = "rbf",
+                        .place = 30,
+                        .parameters = kParameters,
+                        .tables = kTables,
+                        .make = make,
+                        .takes_fit_of = kAnyMethod};
 
 }  // namespace
 }  // namespace tactiled

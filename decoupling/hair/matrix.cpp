@@ -14,13 +14,13 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return make_hair(data, "matrix", setup, fault);
 }
 
-const MethodEntry entry({.model = "hair",
-                         .method = "matrix",
-                         .place = 20,
-                         .parameters = kFittedParameters,
-                         .tables = kTables,
-                         .make = make,
-                         .errs_by_gain = true});
+const MethodEntry entry{.model = "hair",
+                        .method = "matrix",
+                        .place = 20,
+                        .parameters = kFittedParameters,
+                        .tables = kTables,
+                        .make = make,
+                        .errs_by_gain = true};
 
 }  // namespace
 }  // namespace tactiled

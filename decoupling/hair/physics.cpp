@@ -32,8 +32,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return make_hair(data, "physics", setup, fault);
 }
 
-const MethodEntry entry(
-    {.model = "hair", .method = "physics", .place = 30, .parameters = kParameters, .tables = kTables, .make = make});
+const MethodEntry entry{
+    .model = "hair", .method = "physics", .place = 30, .parameters = kParameters, .tables = kTables, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -54,8 +54,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return make_hair(data, "sum_diff", setup, fault);
 }
 
-const MethodEntry entry(
-    {.model = "hair", .method = "sum_diff", .place = 10, .parameters = kParameters, .tables = kTables, .make = make});
+const MethodEntry entry{
+    .model = "hair", .method = "sum_diff", .place = 10, .parameters = kParameters, .tables = kTables, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -100,7 +100,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
                                    fusion_s);
 }
 
-const MethodEntry entry({.model = "piezo", .method = "fused", .place = 10, .parameters = kPiezoParameters, .make = make});
+const MethodEntry entry{.model = "piezo", .method = "fused", .place = 10, .parameters = kPiezoParameters, .make = make};
 
 }  // namespace
 }  // namespace tactiled

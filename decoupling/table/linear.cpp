@@ -54,12 +54,12 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
 }
 
 // The fit of "nonlinear" is that of this method and more.
-const MethodEntry entry({.model = "table",
-                         .method = "linear",
-                         .place = 10,
-                         .parameters = kLinearParameters,
-                         .make = make,
-                         .takes_fit_of = "nonlinear"});
+const MethodEntry entry{.model = "table",
+                        .method = "linear",
+                        .place = 10,
+                        .parameters = kLinearParameters,
+                        .make = make,
+                        .takes_fit_of = "nonlinear"};
 
 }  // namespace
 }  // namespace tactiled

@@ -300,8 +300,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return std::make_unique<TableMap>(data, *map, std::move(spread), noise, data["contact"] == kPoint);
 }
 
-const MethodEntry entry(
-    {.model = "table", .method = "map", .place = 40, .parameters = kParameters, .tables = kTables, .make = make});
+const MethodEntry entry{
+    .model = "table", .method = "map", .place = 40, .parameters = kParameters, .tables = kTables, .make = make};
 
 }  // namespace
 

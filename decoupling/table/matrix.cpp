@@ -70,8 +70,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return std::make_unique<TableMatrix>(calibration, std::move(solver));
 }
 
-const MethodEntry entry(
-    {.model = "table", .method = "matrix", .place = 30, .parameters = kParameters, .tables = kTables, .make = make});
+const MethodEntry entry{
+    .model = "table", .method = "matrix", .place = 30, .parameters = kParameters, .tables = kTables, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -105,12 +105,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return std::make_unique<TableNonlinear>(data.calibration(), std::move(*solver), std::move(curve), undo);
 }
 
-const MethodEntry entry({.model = "table",
-                         .method = "nonlinear",
-                         .place = 50,
-                         .parameters = kLinearParameters,
-                         .tables = kTables,
-                         .make = make});
+const MethodEntry entry{
+    .model = "table", .method = "nonlinear", .place = 50, .parameters = kLinearParameters, .tables = kTables, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -136,8 +136,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
 }
 
 // The forces are those of "linear" in steps, and the steps are added to its standard deviation.
-const MethodEntry entry(
-    {.model = "table", .method = "signs", .place = 20, .parameters = kParameters, .make = make, .sd_of = "linear"});
+const MethodEntry entry{
+    .model = "table", .method = "signs", .place = 20, .parameters = kParameters, .make = make, .sd_of = "linear"};
 
 }  // namespace
 }  // namespace tactiled

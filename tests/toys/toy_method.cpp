@@ -23,8 +23,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return make_generic(data, "cubic", std::make_unique<Cubic>(*data.table("cubic")), fault);
 }
 
-const MethodEntry entry(
-    {.model = "generic", .method = "cubic", .place = 25, .tables = kTables, .make = make, .takes_fit_of = kAnyMethod});
+const MethodEntry entry{
+    .model = "generic", .method = "cubic", .place = 25, .tables = kTables, .make = make, .takes_fit_of = kAnyMethod};
 
 }  // namespace
 }  // namespace tactiled

@@ -38,8 +38,8 @@ void fit_line(const Rows& rows, Calibration& calibration, std::vector<std::strin
     calibration.parameters = {{"gain", line.slope.coefficient[0]}};
 }
 
-const MethodEntry method({.model = "load_cell", .method = "line", .place = 10, .parameters = kParameters, .make = make});
-const FitEntry fitting({.model = "load_cell", .method = "line", .fit = fit_line, .channel_unit = "mV/V"});
+const MethodEntry method{.model = "load_cell", .method = "line", .place = 10, .parameters = kParameters, .make = make};
+const FitEntry fitting{.model = "load_cell", .method = "line", .fit = fit_line, .channel_unit = "mV/V"};
 
 }  // namespace
 }  // namespace tactiled

@@ -144,18 +144,18 @@ TEST(Registration, AMisspeltFitIsRefusedWithTheKnownNames) {
 }
 
 TEST(Registration, TheOrderOfAListDoesNotDependOnTheOrderOfLinking) {
-    const Method first{.model = "order", .method = "first", .place = 1, .make = make_nothing};
-    const Method second{.model = "order", .method = "second", .place = 2, .make = make_nothing};
-    const Method also_second{.model = "order", .method = "also_second", .place = 2, .make = make_nothing};
+    const auto entry = [](const char* method, int place) {
+        return MethodEntry{.model = "order", .method = method, .place = place, .make = make_nothing};
+    };
     const Names expected{"first", "also_second", "second"};
     {
-        const MethodEntry a(first), b(second), c(also_second);
+        const MethodEntry a = entry("first", 1), b = entry("second", 2), c = entry("also_second", 2);
         EXPECT_EQ(method_names("order"), expected);
     }
     {
-        const MethodEntry c(also_second), b(second), a(first);
-        const FitEntry y({.model = "order", .method = "second", .fit = fit_nothing});
-        const FitEntry x({.model = "order", .method = "first", .fit = fit_nothing});
+        const MethodEntry c = entry("also_second", 2), b = entry("second", 2), a = entry("first", 1);
+        const FitEntry y{.model = "order", .method = "second", .fit = fit_nothing};
+        const FitEntry x{.model = "order", .method = "first", .fit = fit_nothing};
         EXPECT_EQ(method_names("order"), expected);
         ASSERT_EQ(fits_of("order").size(), 2u);
         EXPECT_EQ(fits_of("order").front()->method, "first");
@@ -167,16 +167,16 @@ TEST(Registration, TheOrderOfAListDoesNotDependOnTheOrderOfLinking) {
 TEST(Registration, TwoEntriesOfOneNameAreFoundAtTheStart) {
     const Calibration calibration = cubic_calibration();
     {
-        const MethodEntry again({.model = "table", .method = "linear", .place = 90, .make = make_nothing});
+        const MethodEntry again{.model = "table", .method = "linear", .place = 90, .make = make_nothing};
         expect_says(refusal(calibration), {"two methods \"linear\" of model \"table\""});
         expect_says(setup_error(load_cell()), {"two methods \"linear\" of model \"table\""});
     }
     {
-        const FitEntry again({.model = "load_cell", .method = "line", .fit = fit_nothing});
+        const FitEntry again{.model = "load_cell", .method = "line", .fit = fit_nothing};
         expect_says(setup_error(load_cell()), {"two fits of method \"line\" of model \"load_cell\""});
     }
     {
-        const FitEntry of_nothing({.model = "load_cell", .method = "curve", .fit = fit_nothing});
+        const FitEntry of_nothing{.model = "load_cell", .method = "curve", .fit = fit_nothing};
         expect_says(setup_error(load_cell()), {"method \"curve\" of model \"load_cell\", which it has not"});
     }
     EXPECT_EQ(make_decoupler(calibration)->method(), "cubic");
