@@ -119,7 +119,7 @@ void add_incompressible(Cases& cases) {
     cases.value("H23c", "physics of a hair in an elastomer with nu = 0.4999: fx",
                 {kNaN, estimate_of(c, r).wrench_S[0], fx, 1, 32, 0, Textbook::none});
     c.parameters["poisson"] = 0.50001;
-    cases.refused("S6", "an elastomer with nu above 0.5", double(fx), refusal_of(c), "above 0.5");
+    cases.refused("S6", "an elastomer with nu above 0.5", double(fx), refusal_of(c), "outside 0 .. 0.5");
 }
 
 }  // namespace
