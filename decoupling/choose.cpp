@@ -71,6 +71,7 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us) {
     DecouplerFault fault;
     auto decoupler = make_decoupler(calibration, method, budget_us, fault);
+    if (decoupler == nullptr && fault.key == "method") throw SetupError(fmt::format("{}: {}", calibration.path, fault.text));
     if (decoupler == nullptr) throw SetupError(fault.text);
     return decoupler;
 }
