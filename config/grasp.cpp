@@ -113,7 +113,7 @@ const Fields<GraspSettings>& grasp_fields() {
         {TACTILED_KEY(S, share_sd), 0.01, range(1e-6, 1), "", Reload::tune,
          "Standard deviation of a jaw's share of the weight from grasp to grasp, where some jaws have no sensor and a known "
          "weight was shown (`tactilectl weigh known`)."},
-        {TACTILED_KEY(S, margin), 1.5, range(1, 10), "", Reload::tune, "Recommended grip divided by the least grip."},
+        {TACTILED_KEY(S, margin), 1.5, range(1, 10), "", Reload::tune, "Recommended grip divided by the minimum grip."},
         {TACTILED_KEY(S, weigh_window_ms), 100, range(10, 1000), "ms", Reload::tune,
          "Time over which the weight is averaged."},
         {TACTILED_KEY(S, slip_sensitivity), 50, range(0, 100), "%", Reload::tune,

@@ -141,7 +141,7 @@ private:
                 "ip link set {0} mtu 72 (vcan), or: ip link set {0} up type can bitrate 500000 dbitrate 2000000 fd on",
                 name_, max_bytes_);
         if (hardware_timestamps_ && !has_hardware_timestamps())
-            return fmt::format("{} gives no hardware stamps; stamp = \"software\" does without", name_);
+            return fmt::format("{} gives no hardware timestamps; stamp = \"software\" does without", name_);
         return "";
     }
 
@@ -170,7 +170,7 @@ private:
         }
         if (!restarts_)
             return fmt::format(
-                "{0} is bus-off: mend wiring, termination or bitrate, then ip link set {0} down; ip link set {0} "
+                "{0} is bus-off: fix wiring, termination or bitrate, then ip link set {0} down; ip link set {0} "
                 "up. bus_off = \"restart\" does so by itself",
                 name_);
         int error = netlink_.set(index_, false);

@@ -27,7 +27,7 @@ std::string remedy(int error, const std::string& path) {
     switch (error) {
         case ENOENT: return "no such bus: load the module i2c-dev, plug the adapter in, see i2cdetect -l";
         case EACCES: return "no right to use it: add the daemon's user to the group of the file (ls -l " + path + ")";
-        case ENXIO: return "the adapter is gone; plug it in again";
+        case ENXIO: return "the adapter is disconnected; plug it in again";
         default: return std::strerror(error);
     }
 }

@@ -22,7 +22,7 @@ const char* remedy(int error) {
         case EACCES: return " (join its group, usually dialout)";
         case EBUSY: return " (another program has it open; who: fuser PATH)";
         case ENXIO:
-        case EIO: return " (the device behind the name is gone)";
+        case EIO: return " (the device behind the name is disconnected)";
         case ENOTTY: return " (this is no serial port)";
         default: return "";
     }

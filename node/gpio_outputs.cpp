@@ -82,7 +82,8 @@ void GpioOutputs::cycle(std::uint64_t now_ns) {
     if (set_driven()) return;
     pause_ns_ = 0;
     open_ns_ = now_ns + kMinPauseNs;
-    say(said_disconnected_, LogLevel::warning, fmt::format("GPIO chip \"{}\" is gone; waiting for it to come back", chip_));
+    say(said_disconnected_, LogLevel::warning,
+        fmt::format("GPIO chip \"{}\" is disconnected; waiting for it to return", chip_));
 }
 
 GpioSigns GpioOutputs::look(std::uint64_t now_ns) {

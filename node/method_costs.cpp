@@ -102,9 +102,10 @@ void MethodCostFile::save(const std::vector<MethodCost>& costs) const {
     }
     try {
         std::filesystem::create_directories(folder_);
-        replace_file(path_, fmt::format("# What a sample of each method takes here, us. Measured anew where it is missing.\n"
-                                        "of = \"{}\"\nmethods = [{}]\nus = [{}]\n",
-                                        key_, fmt::join(methods, ", "), fmt::join(us, ", ")));
+        replace_file(path_,
+                     fmt::format("# What a sample of each method takes here, us. Measured again where it is missing.\n"
+                                 "of = \"{}\"\nmethods = [{}]\nus = [{}]\n",
+                                 key_, fmt::join(methods, ", "), fmt::join(us, ", ")));
     } catch (const std::exception& error) {
         log_line(LogLevel::warning, "{}; the next start measures the methods again", error.what());
     }

@@ -77,10 +77,10 @@ void store_objects(const std::string& path, std::span<const TaughtObject> object
         "has\n# the daemon read it with: tactilectl teach --reload\nformat = {}\n",
         kFormat);
     for (const auto& object : objects)
-        text +=
-            fmt::format("\n[[object]]\nid = {}\nname = \"{}\"\nmass_kg = {:.9g}\nsd_kg = {:.9g}\ngrasps = {}\n{}", object.id,
-                        object.name, object.mass_kg, object.sd_kg, object.grasps,
-                        object.scaled ? "scaled = true  # by a known weight: told only after one was shown again\n" : "");
+        text += fmt::format(
+            "\n[[object]]\nid = {}\nname = \"{}\"\nmass_kg = {:.9g}\nsd_kg = {:.9g}\ngrasps = {}\n{}", object.id,
+            object.name, object.mass_kg, object.sd_kg, object.grasps,
+            object.scaled ? "scaled = true  # by a known weight: recognised only after one was shown again\n" : "");
     replace_file(path, text);
 }
 

@@ -1,5 +1,5 @@
-// Who of the real-time threads goes round. Each counts its turns; one that looks on, from outside, tells by them who stands
-// still: in the kernel, in a loop of its own, or stopped by a debugger.
+// Liveness counters of the real-time threads. Each thread counts its cycles; an observer thread finds by these counts a
+// thread that makes no progress: in the kernel, in an endless loop, or stopped by a debugger.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -15,14 +15,14 @@ class Progress {
         std::string name;
         std::uint64_t limit_ns;
         std::atomic<std::uint64_t> cycles{0};
-        std::uint64_t seen_cycles = 0, seen_ns = 0;  // the onlooker's
+        std::uint64_t seen_cycles = 0, seen_ns = 0;  // the observer's
     };
 
 public:
     // One thread's place on the list, for as long as it runs.
     class Liveness {
     public:
-        // `limit_ns`: a turn that takes longer is a standstill. setup: may wait for a lock
+        // `limit_ns`: a cycle that takes longer counts as a standstill. setup: may wait for a lock
         Liveness(Progress& progress, std::string name, std::uint64_t limit_ns) : progress_(progress) {
             const std::lock_guard lock(progress_.mutex_);
             auto& entry = progress_.entries_.emplace_back();
@@ -47,8 +47,8 @@ public:
         Entry* entry_;
     };
 
-    // "" when each thread has made a turn within its limit, as far as looks so often can tell, else the first that has not,
-    // by a name that stands until its Turns end.
+    // "" when each thread has finished a cycle within its limit, as far as looks so often can show, else the first that has
+    // not, by a name that stands until its Turns end.
     std::string_view look(std::uint64_t now_ns) noexcept {
         const std::lock_guard lock(mutex_);
         std::string_view stuck;

@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr int kPatienceMs = 1000;  // for the loop to come round
+constexpr int kPatienceMs = 1000;  // for the pipeline to respond
 constexpr char kRestart[] = "cannot change while the daemon runs; restart it (systemctl restart tactiled)";
 
 bool is_jaw(const std::optional<Grasping::Setup>& grasp, std::uint32_t sensor) {
@@ -58,7 +58,8 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
                                      : fmt::format("changed {}", fmt::join(names, ", "));
     if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment
     if (!pipeline.replace(replacement, kPatienceMs)) {
-        problems.add(path_, 0, "the loop does not come round");
+        problems.add(path_, 0,
+                     fmt::format("the pipeline did not respond within {} ms; the reload was aborted", kPatienceMs));
         return "";
     }
     now_ = std::move(next);

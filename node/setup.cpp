@@ -209,7 +209,7 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPl
     setup.objects = load_objects(settings.objects, problems);
     if (std::any_of(setup.objects.begin(), setup.objects.end(), [](const TaughtObject& o) { return o.scaled; }))
         log_line(LogLevel::warning,
-                 "{}: objects that were taught after a known weight had set the scale are told only once a known "
+                 "{}: objects that were taught after a known weight had set the scale are recognised only once a known "
                  "weight is shown again (tactilectl weigh known)",
                  settings.objects);
     return setup;

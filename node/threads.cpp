@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kReadTimeoutMs = 50;  // how long a silent device keeps its thread from noticing stop()
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
-constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline that makes no turn for so long hangs
+constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline that finishes no cycle for this time hangs
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
 // An opening that gave a frame and lasted so long was a device: looked for at once when it is gone. Less is one that only
 // seems to be there, such as a server that accepts and hangs up.
@@ -166,7 +166,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         segment_.set_link_count(link.index, TACTILED_LINK_GONE, ++counts[TACTILED_LINK_GONE]);
         announce = worked;
         if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kMinPauseMs;
-        disconnected.about(link.name, "the device is gone; waiting for it to come back");
+        disconnected.about(link.name, "the device is disconnected; waiting for it to return");
         pause(pause_ms, cycles);
         pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
     }
@@ -189,7 +189,7 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& cycles) 
             next_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up
             if (!published) continue;
         }
-        segment_.wake_readers();  // one wake a turn, not one a sensor; the only system call but the sleep
+        segment_.wake_readers();  // one wake for each cycle, not for each sensor; the only system call but the sleep
     }
 }
 

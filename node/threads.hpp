@@ -20,7 +20,7 @@ public:
     // Starts all. Returns what was refused, one line a right; RT_DEGRADED is then set before the loop begins.
     // setup: throws SetupError where a thread cannot be made, or a right is refused and [realtime] required is set
     std::vector<std::string> start();
-    // Who of them goes round.
+    // Liveness counters of the real-time threads.
     Progress& progress() noexcept { return progress_; }
     // Returns when all threads have ended, at most about 0.1 s later.
     void stop() noexcept;

@@ -1,5 +1,5 @@
-// Feeds systemd's watchdog (WatchdogSec=) while the loop and every link go round, so that it restarts a daemon that hangs.
-// Without a watchdog it only says who stands still.
+// Feeds systemd's watchdog (WatchdogSec=) while the pipeline and each link make progress, so that it restarts a daemon that
+// hangs. Without a watchdog it only says who stands still.
 #pragma once
 #include <atomic>
 #include <cstdint>

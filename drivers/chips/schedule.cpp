@@ -40,7 +40,7 @@ std::string Schedule::open() {
                     return "the bus hangs, a transfer to " + station.place() +
                            " was never answered: SDA or SCL is held low, or the adapter has stopped; switch chips and "
                            "adapter off and on";
-                case Station::Outcome::disconnected: return "the adapter is gone; plug it in again";
+                case Station::Outcome::disconnected: return "the adapter is disconnected; plug it in again";
                 default: break;
             }
         }

@@ -11,7 +11,7 @@ struct LaboratoryVerb {
 };
 inline constexpr LaboratoryVerb kLaboratoryVerbs[] = {
     {"calibrate", "Fits a calibration to labelled readings and says how good it is on rows it has not seen"},
-    {"decouple", "Turns a file of readings into forces, with the code of the daemon's loop"},
+    {"decouple", "Turns a file of readings into forces, with the code that the daemon runs"},
     {"play", "Plays a recording as a device behind a pty"},
     {"simulate", "Computes what sensors would read in a scene, with the effects it calls for"},
     {"tradeoff",

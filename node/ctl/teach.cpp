@@ -123,11 +123,12 @@ int teach(Segment& segment, const std::string& path, const Args& args) {
     object.name = args.name;
     object.id = known != nullptr ? known->id : free_id(before);
     if (const auto confusion = confused_with(object, before))
-        return fail(kUnhealthy,
-                    fmt::format("\"{}\" ({:.4f} kg, sd {:.4f} kg) cannot be told from \"{}\" ({:.4f} kg, sd {:.4f} kg): "
-                                "they are {:.1f} sd of each apart, {:g} are needed. Nothing stored",
-                                object.name, object.mass_kg, object.sd_kg, confusion->other->name, confusion->other->mass_kg,
-                                confusion->other->sd_kg, confusion->apart_sd, kApart_sd));
+        return fail(
+            kUnhealthy,
+            fmt::format("\"{}\" ({:.4f} kg, sd {:.4f} kg) cannot be distinguished from \"{}\" ({:.4f} kg, sd {:.4f} kg): "
+                        "they are {:.1f} sd of each apart, {:g} are needed. Nothing stored",
+                        object.name, object.mass_kg, object.sd_kg, confusion->other->name, confusion->other->mass_kg,
+                        confusion->other->sd_kg, confusion->apart_sd, kApart_sd));
     std::vector<TaughtObject> taught;
     for (const auto& other : before)
         if (other.id != object.id) taught.push_back(other);

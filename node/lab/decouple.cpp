@@ -88,9 +88,9 @@ void add_decouple(CLI::App& app, Run& run) {
         ->capture_default_str();
     verb->add_option("--out", settings->out, "forces.csv; - is standard output")->capture_default_str();
     verb->add_option("--saturates-below", settings->saturates_below,
-                     "a channel at or below is at its rail (unit of the calibration)");
+                     "a channel at or below is saturated (unit of the calibration)");
     verb->add_option("--saturates-above", settings->saturates_above,
-                     "a channel at or above is at its rail (unit of the calibration)");
+                     "a channel at or above is saturated (unit of the calibration)");
     verb->callback([settings, &run] { run = [settings] { return decouple(*settings); }; });
 }
 

@@ -86,7 +86,7 @@ int play(const Args& args) {
         }
     }
     let_reader_finish();
-    fmt::print(stderr, "play: {} frames sent, {} dropped because nobody took them\n", sent, dropped);
+    fmt::print(stderr, "play: {} frames sent, {} dropped because no program read them\n", sent, dropped);
     return kGood;
 }
 

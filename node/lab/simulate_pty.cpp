@@ -87,7 +87,7 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
         }
     }
     let_reader_finish();
-    fmt::print(stderr, "simulate: {} frames sent, {} dropped because nobody took them\n", sent, dropped);
+    fmt::print(stderr, "simulate: {} frames sent, {} dropped because no program read them\n", sent, dropped);
     return kGood;
 }
 

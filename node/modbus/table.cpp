@@ -21,7 +21,7 @@ constexpr Register kGlobal[] = {
     {kSlip, "SLIP", Type::mask, "", "gross slip now"},
     {kSlipLatch, "SLIP_LATCH", Type::mask, "", "gross slip since the last CLEAR_SLIP, CLEAR_ALL or CLEAR_LATCH"},
     {kOverload, "OVERLOAD", Type::mask, "",
-     "a channel is at its rail, a register saturates, or the magnitude is above OVERLOAD_AT"},
+     "a channel is saturated, a register saturates, or the magnitude is above OVERLOAD_AT"},
     {kStale, "STALE", Type::mask, "", "the sensor delivers nothing"},
     {kGripForce, "GRIP_FORCE", Type::u16, "0.01 N", "normal force of a jaw, mean of those with a sensor"},
     {kGripState, "GRIP_STATE", Type::enumeration, "",
@@ -30,7 +30,7 @@ constexpr Register kGlobal[] = {
     {kWeightState, "WEIGHT_STATE", Type::enumeration, "", "how far WEIGHT may be trusted"},
     {kWeight, "WEIGHT", Type::i32, "0.1 g", "net, of the object alone"},
     {kWeightSd, "WEIGHT_SD", Type::u16, "0.1 g", "its standard deviation"},
-    {kRecGrip, "REC_GRIP", Type::u16, "0.01 N", "recommended GRIP_FORCE: the least that holds, with a margin"},
+    {kRecGrip, "REC_GRIP", Type::u16, "0.01 N", "recommended GRIP_FORCE: the minimum that holds, with a margin"},
     {kSlipCount, "SLIP_COUNT", Type::count, "",
      "gross slips of all jaws: counted in the loop, so that none is missed between two scans"},
     {kCmdSeqAck, "CMD_SEQ_ACK", Type::count, "",
@@ -39,7 +39,7 @@ constexpr Register kGlobal[] = {
     {kCmdResult, "CMD_RESULT", Type::enumeration, "", "of that command"},
     {kCalId, "CAL_ID", Type::text, "", "CRC-16 of configuration and calibrations: changes when either does"},
     {kPlcHbEcho, "PLC_HB_ECHO", Type::count, "", "echo of PLC_HEARTBEAT"},
-    {kCycleWorst, "CYCLE_WORST", Type::u16, "us", "worst turn of the pipeline within the last second"},
+    {kCycleWorst, "CYCLE_WORST", Type::u16, "us", "worst cycle of the pipeline within the last second"},
     {kSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
 
@@ -78,7 +78,7 @@ constexpr Register kSensor[] = {
     {kTareCount, "TARE_COUNT", Type::count, "", "finished tares; 0 = none in force"},
     {kRate, "RATE", Type::u16, "Hz", "measured over a second"},
     {kLost, "LOST", Type::count, "", "frames known to be lost"},
-    {kRawState, "RAW_STATE", Type::bits, "", "bit n: channel n is missing or at its rail (channels 0 .. 15)"},
+    {kRawState, "RAW_STATE", Type::bits, "", "bit n: channel n is missing or saturated (channels 0 .. 15)"},
     {kSensorSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
 
@@ -96,7 +96,7 @@ constexpr Register kFloat[] = {
     {kFloatWeight, "WEIGHT", Type::f32, "kg", "net, of the object alone"},
     {kFloatWeightSd, "WEIGHT_SD", Type::f32, "kg", "its standard deviation"},
     {kFloatGrip, "GRIP_FORCE", Type::f32, "N", "normal force of a jaw, mean"},
-    {kFloatRecGrip, "REC_GRIP", Type::f32, "N", "the least that holds, with a margin"},
+    {kFloatRecGrip, "REC_GRIP", Type::f32, "N", "the minimum that holds, with a margin"},
     {kFloatFriction, "FRICTION", Type::f32, "", "coefficient"},
     {kFloatTime, "TIME", Type::f32, "s", "of the frame, on the daemon's clock, modulo 4096"},
     {kFloatFrictionSd, "FRICTION_SD", Type::f32, "", "NaN where FRICTION is as configured"},
@@ -150,7 +150,8 @@ constexpr Register kControl[] = {
      "1 g",
      "what hangs now, stable and without a tare, weighs this, and read as no more than 5 % of it in the grip before its "
      "lift: sets the scale of WEIGHT until the daemon ends, [grasp] is reloaded, or `tactilectl weigh forget`; 0 does "
-     "nothing. Only objects that were taught with a scale that was set are told then, and without one only the others; "
+     "nothing. Only objects that were taught with a scale that was set are recognised then, and without one only the "
+     "others; "
      "reads 0",
      {0, 65534}},
     {kPlcHeartbeat, "PLC_HEARTBEAT", Type::count, "", "any changing value", kAny},

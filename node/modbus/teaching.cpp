@@ -36,10 +36,10 @@ void Teaching::store(std::uint32_t id, const Weighing& weighing) {
     object.id = id;
     if (known == nullptr) object.name = fmt::format("object{}", id);
     if (const auto confusion = confused_with(object, taught))
-        throw SetupError(
-            fmt::format("it cannot be told from object {} (\"{}\"): their weights are {:.1f} sd of each apart, {:g} are "
-                        "needed",
-                        confusion->other->id, confusion->other->name, confusion->apart_sd, kApart_sd));
+        throw SetupError(fmt::format(
+            "it cannot be distinguished from object {} (\"{}\"): their weights are {:.1f} sd of each apart, {:g} are "
+            "needed",
+            confusion->other->id, confusion->other->name, confusion->apart_sd, kApart_sd));
     if (known != nullptr)
         *known = object;
     else if (taught.size() < grasp::Grasp::kMaxObjects)

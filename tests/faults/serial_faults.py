@@ -10,7 +10,7 @@ from strikes import GOOD, STRACE, counter, spoiled, strike, told, words
 
 
 def unplugged():
-    return strike(lambda rig: rig.left.unplug(), lambda rig: rig.left.plug(), then=lambda rig: f"{rig.daemon.log().count('is gone')} line in the log")
+    return strike(lambda rig: rig.left.unplug(), lambda rig: rig.left.plug(), then=lambda rig: f"{rig.daemon.log().count('is disconnected')} line in the log")
 
 
 def comes_back_elsewhere():

@@ -61,7 +61,7 @@ class GsUsb(Case):
         self.device(self.sample)
 
         def left():
-            self.assertIn(f"{self.name} is bus-off: mend wiring, termination or bitrate, then ip link set {self.name} down",
+            self.assertIn(f"{self.name} is bus-off: fix wiring, termination or bitrate, then ip link set {self.name} down",
                           self.daemon.log())
             self.again()
         self.break_and_mend("bus-off, left", self.bus_off, left)

@@ -194,7 +194,7 @@ class TheOutputs(unittest.TestCase):
                 time.sleep(0.5)
                 plug(True)
                 wait_for(lambda: value(self.FAULT) == 1 and self.turns_of_alive(0.3) > 0, 10, "the lines to be driven again")
-            self.assertEqual(daemon.log().count("is gone"), 1, daemon.log())
+            self.assertEqual(daemon.log().count("is disconnected"), 1, daemon.log())
             self.assertEqual(len({sample.epoch for _, sample in other.samples}), 1)
             self.assertEqual(link_of(daemon, "other")["lost"], 0)
             other.close()

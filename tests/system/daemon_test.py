@@ -69,7 +69,7 @@ class TheDaemon(unittest.TestCase):
             wait_for(quality_is(d, "good"), 3, "the device to come back")
             second = json.loads(d.ctl("read", "left", "--json").stdout)
             self.assertNotEqual(first["epoch"], second["epoch"])
-            self.assertEqual(d.log().count("the device is gone"), 1)
+            self.assertEqual(d.log().count("the device is disconnected"), 1)
 
     def test_a_server_that_accepts_and_hangs_up_is_asked_less_and_less_often(self):
         server = socket.create_server(("127.0.0.1", 0))
@@ -85,7 +85,7 @@ class TheDaemon(unittest.TestCase):
                 except TimeoutError:
                     pass
             self.assertTrue(4 <= hung_up <= 10, f"{hung_up} connections in 5 s; at 50 ms, 100 ms .. 1 s they are 9")
-            self.assertEqual([d.log().count(what) for what in (": open\n", "is gone")], [1, 1], d.log())
+            self.assertEqual([d.log().count(what) for what in (": open\n", "is disconnected")], [1, 1], d.log())
             server.settimeout(5)
             for turn in range(1, 3):  # then it works: is said to be open; and, gone again, is looked for at once
                 device, began = server.accept()[0], time.monotonic()
@@ -99,7 +99,7 @@ class TheDaemon(unittest.TestCase):
                 self.assertEqual(d.log().count(": open\n"), 1 + turn, d.log())
                 device.close()
                 ended = time.monotonic()
-                wait_for(lambda: d.log().count("is gone") == 1 + turn, 2, "its end in the log")
+                wait_for(lambda: d.log().count("is disconnected") == 1 + turn, 2, "its end in the log")
 
     def test_a_device_that_floods_its_link_is_no_thread_out_of_control(self):
         """Under the unit's LimitRTTIME=: SIGXCPU for who runs 200 ms in real time without waiting."""

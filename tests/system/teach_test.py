@@ -101,7 +101,7 @@ class Teach(unittest.TestCase):
         self.let_go()
         like = self.teach("nut", 0.2005, 2)
         self.assertEqual(like.returncode, 1, like.stdout)
-        self.assertIn('cannot be told from "bolt"', like.stderr)
+        self.assertIn('cannot be distinguished from "bolt"', like.stderr)
         self.assertRegex(like.stderr, r"\d\.\d sd of each apart, 3 are needed")
         again = self.teach("bolt", 0.3, 2)  # the same name again: replaced, the id stays
         self.assertEqual(again.returncode, 0, again.stderr)

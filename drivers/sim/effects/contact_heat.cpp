@@ -58,7 +58,7 @@ const EffectEntry contact_heat{
     .parameters = {{"share", "of the body's temperature that reaches the surface in full contact", 0.5, 0, 1},
                    {"per_K", "of R0 or C0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1,
                     0.1},
-                   {"mismatch", "deviation between channels, relative", 0.01, 0, 1}},
+                   {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactHeat>(s); }};
 

@@ -73,7 +73,7 @@ const EffectEntry dead_channel{
     .instructions = 3,
     .models = kAll,
     .parameters = {{"rate_1_h", "deaths of a channel an hour", 1e-5, 0, 1e6},
-                   {"way", "0 it sticks, 1 it goes to its rail, 2 it is missing", 0, 0, 2}},
+                   {"way", "0 it sticks, 1 it goes to its saturation limit, 2 it is missing", 0, 0, 2}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<DeadChannel>(s); }};
 

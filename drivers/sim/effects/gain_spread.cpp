@@ -60,7 +60,7 @@ const EffectEntry gain_spread{
     .models = kAll,
     .parameters = {{"deviation", "of the gains, relative; by default by the sensor's model",
                     std::numeric_limits<double>::quiet_NaN(), 0, 0.2},
-                   {"offset_N", "deviation of the zeros", 0, 0, 100}},
+                   {"offset_N", "standard deviation of the zeros", 0, 0, 100}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GainSpread>(s); }};
 

@@ -78,9 +78,9 @@ const EffectEntry misalignment{
     .cost_class = "c0",
     .instructions = 40,
     .models = kAll,
-    .parameters = {{"about_x_deg", "turn of the sensing element", 0.5, -180, 180},
-                   {"about_y_deg", "turn of the sensing element", -0.3, -180, 180},
-                   {"about_z_deg", "turn of the sensing element", 1, -180, 180}},
+    .parameters = {{"about_x_deg", "rotation of the sensing element", 0.5, -180, 180},
+                   {"about_y_deg", "rotation of the sensing element", -0.3, -180, 180},
+                   {"about_z_deg", "rotation of the sensing element", 1, -180, 180}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Misalignment>(s); }};
 

@@ -53,7 +53,7 @@ extern const EffectEntry piezo_amplifier;
 const EffectEntry piezo_amplifier{
     .name = "piezo_amplifier",
     .title = "amplifier of the piezo film",
-    .equation = "v' = 2 pi f_c (u - v), clipped at the rails",
+    .equation = "v' = 2 pi f_c (u - v), clipped at the saturation limits",
     .source = "charge amplifier: 1 / (1 + s R_s C_p)",
     .stage = Stage::converter,
     .cost_class = "c0",

@@ -39,7 +39,7 @@ Bound bound(const Setting& s) {
 extern const EffectEntry saturation;
 const EffectEntry saturation{
     .name = "saturation",
-    .title = "rails of the converter",
+    .title = "saturation limits of the converter",
     .equation = "r = min(max(r, zero - rail), zero + rail)",
     .source = "full scales: 10 N of the capacitive sensor, 2 kPa of the hairs, 1 N of the table",
     .stage = Stage::converter,

@@ -28,7 +28,7 @@ const EffectEntry self_heating{
     .parameters = {{"rise_K", "in the end: V^2 / R times the thermal resistance", 0.1, 0, 100},
                    {"time_s", "tau", 20, 1e-3, 1e5},
                    {"per_K", "of R0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1, 0.1},
-                   {"mismatch", "deviation between channels, relative", 0.01, 0, 1}},
+                   {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},
     .bound = [](const Setting& s) { return approach_bound(s, per_K(s)); },
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Approach>(s, per_K(s)); }};
 

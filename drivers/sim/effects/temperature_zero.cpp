@@ -44,7 +44,7 @@ const EffectEntry temperature_zero{
     .models = kAll,
     .parameters = {{"per_K", "of R0 or C0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1,
                     0.1},
-                   {"mismatch", "deviation between channels, relative", 0.01, 0, 1}},
+                   {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureZero>(s); }};
 
