@@ -121,8 +121,7 @@ struct Field : ConfigKey {
     // Without a value where the key is missing or wrong.
     Field(const char* key, std::optional<bool> Settings::*member, const char* words, Reload l, const char* h)
         : ConfigKey{key, "boolean", "", "", words, l, h}, read([=](Options& table, Settings& settings, const std::string&) {
-              const bool yes = table.flag(key, false), no = !table.flag(key, true);
-              if (yes || no) settings.*member = yes;
+              settings.*member = table.optional_flag(key);
           }) {}
 
     Field(const char* key, std::string Settings::*member, NoDefault, Text t, Reload l, const char* h)

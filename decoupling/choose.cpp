@@ -26,7 +26,7 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
 }
 
 // A name in the calibration's file that no method of its model has.
-std::string fault_of_fits(const Calibration& calibration) {
+std::string fault_of_fitted_names(const Calibration& calibration) {
     std::vector<std::string> fitted;
     if (!calibration.method.empty()) fitted.push_back(calibration.method);
     for (const Fit& other : calibration.others) fitted.push_back(other.method);
@@ -49,10 +49,9 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
     if (const std::string text = fault_of_methods(); !text.empty()) return refuse("model", text);
     const auto known = method_names(calibration.model);
     if (known.empty())
-        return refuse("model",
-                      fmt::format("{}: model \"{}\" is unknown; known are {}{}", calibration.path, calibration.model,
-                                  fmt::join(model_names(), " "), or_did_you_mean(calibration.model, model_names())));
-    if (const std::string text = fault_of_fits(calibration); !text.empty()) return refuse("calibration", text);
+        return refuse("model", fmt::format("{}: model \"{}\" {}", calibration.path, calibration.model,
+                                           is_unknown(calibration.model, model_names())));
+    if (const std::string text = fault_of_fitted_names(calibration); !text.empty()) return refuse("calibration", text);
     if (wanted == "auto") {
         std::vector<MethodCost> measured_now;
         return make_auto_method(calibration, budget_us, measured_now, fault);

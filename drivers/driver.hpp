@@ -71,7 +71,8 @@ struct DriverEntry {
     // False: the driver invents or replays its data, so that they are always published as simulated. There is no default:
     // simulated data that pass for measured ones are worse than the reverse.
     Required<bool> measures;
-    // Reads the driver's own keys of a [[link]] table. Errors go to the options' Problems; never throws SetupError itself.
+    // Reads the driver's own keys of a [[link]] table. Errors go to the options' Problems; a driver with an
+    // error is never opened. Never throws SetupError itself.
     std::unique_ptr<Driver> (*make)(Options& options);
     // What the link of these keys, which make() has accepted, needs on this machine. nullptr: nothing. setup
     std::vector<Requirement> (*requirements)(Options& options) = nullptr;

@@ -25,7 +25,12 @@ Reloader::Reloader(const Node& running, std::string costs_folder)
     : path_(running.config.path), costs_folder_(std::move(costs_folder)), now_(accepted(running)) {}
 
 Reloader::Accepted Reloader::accepted(const Node& node) {
-    return {node.config.root, node.config.sensors, node.calibrations, node.grasp, node.plan.calibration_id};
+    return {node.config.root,
+            node.config.sensors,
+            node.calibrations,
+            node.grasp,
+            node.config.grasp ? node.config.grasp->objects : "",
+            node.plan.calibration_id};
 }
 
 void Reloader::reload(Pipeline& pipeline) noexcept try {
@@ -84,9 +89,12 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
     }
     if (fresh.grasp.has_value() != now_.grasp.has_value())
         return root.problem("grasp", fmt::format("whether there is a [grasp] {}", kRestart));
-    Options before = now_.root;
-    for (const auto& key : root.table("grasp").differing_keys(before.table("grasp")))
-        if (reload_rule("grasp", key) == Reload::restart) root.problem("grasp", fmt::format("[grasp] {} {}", key, kRestart));
+    if (!fresh.config.grasp) return;
+    Options before = now_.root, grasp = root.table("grasp");
+    const bool same_objects = fresh.config.grasp->objects == now_.objects;  // the same file, written in another way
+    for (const auto& key : grasp.differing_keys(before.table("grasp")))
+        if (reload_rule("grasp", key) == Reload::restart && !(key == "objects" && same_objects))
+            grasp.problem(key, fmt::format("{} {}", key, kRestart));
 }
 
 bool Reloader::measures_alike(const Node& fresh, std::size_t i) const {

@@ -101,8 +101,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     if (method_names(settings.model).empty()) {
         if (settings.model.empty()) return;  // reported already
         settings.options.problem(
-            "model", fmt::format("model = \"{}\" is unknown; known are {}{}", settings.model, fmt::join(model_names(), ", "),
-                                 or_did_you_mean(settings.model, model_names())));
+            "model", fmt::format("model = \"{}\" {}", settings.model, is_unknown(settings.model, model_names())));
         return;
     }
     if (settings.calibration.empty()) return;

@@ -9,16 +9,13 @@ import re
 
 from source_text import code_with_strings
 
-# Type of an entry object: the kind of each string that names it, in the order in which they stand. "..." repeats the last.
+# Type of an entry object: the kind of each string that names it, in the order in which they stand.
 ENTRIES = {
     "DriverEntry": ["driver"],
     "ChipEntry": ["chip"],
     "StreamFormat": ["format"],
-    "ModelEntry": ["model"],
     "MethodEntry": ["model", "method"],
     "FitEntry": ["model", "fit"],
-    "DecouplerEntry": ["model", "method", "..."],
-    "FitMethod": ["model", "fit"],
 }
 # Fewer names than these mean that the entries look otherwise than ENTRIES and objects() say.
 AT_LEAST = {"driver": 7, "chip": 6, "format": 5, "model": 5, "method": 12, "fit": 12}
@@ -92,22 +89,20 @@ FIELD = {"model": "model", "method": "method", "fit": "method"}  # a kind withou
 
 def names_of(tokens, bracket, kinds):
     """The names of one entry object, or fewer than kinds where they are no string literals."""
-    if text(tokens, bracket + 1) == "{" and tokens[bracket].text == "(":
-        bracket += 1  # entry({.model = ...})
     if text(tokens, bracket + 1) != ".":
-        return list(strings_in(tokens, bracket, kinds[-1] == "..."))
+        return list(strings_in(tokens, bracket))
     fields = {text(tokens, i + 1): tokens[i + 3].name for i in range(bracket + 1, len(tokens) - 3)
               if tokens[i].text == "." and tokens[i].inside == bracket and text(tokens, i + 2) == "="}
     return [name for kind in kinds if (name := fields.get(FIELD.get(kind, "name"))) is not None]
 
 
-def strings_in(tokens, bracket, deep):
-    """String literals between the brackets; `deep`: those of inner braces, too, but none of a function's body or call."""
+def strings_in(tokens, bracket):
+    """String literals between the brackets, but none of inner brackets."""
     for i in range(bracket + 1, len(tokens)):
         around = tokens[i].inside
         if around is None or around < bracket:
             return
-        if tokens[i].name is not None and (around == bracket or (deep and text(tokens, around) == "{" and tokens[around].inside == bracket)):
+        if tokens[i].name is not None and around == bracket:
             yield tokens[i].name
 
 
@@ -120,12 +115,11 @@ def harvest(files):
             rows = [i for i, t in enumerate(tokens) if t.text == "{" and t.inside == bracket] if array else [bracket]
             for row in rows:
                 strings = names_of(tokens, row, kinds)
-                wanted = kinds if kinds[-1] != "..." else kinds[:-1] + [kinds[-2]] * (len(strings) - len(kinds) + 1)
-                if len(strings) < len(wanted):
+                if len(strings) < len(kinds):
                     if strings or text(tokens, row) == "{":
                         errors.append(f"{file}:{tokens[row].line}: no name as a string literal in this {entry_type}")
                     continue
-                names += [(kind, name, file) for kind, name in zip(wanted, strings)]
+                names += [(kind, name, file) for kind, name in zip(kinds, strings)]
     for kind, least in AT_LEAST.items():
         found = {name for k, name, _ in names if k == kind}
         if len(found) < least:

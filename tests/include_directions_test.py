@@ -19,7 +19,7 @@ ENTRIES = {  # the forms in which entry objects are written
     "drivers/wire/lines.cpp": 'constinit const StreamFormat format("lines", make);\n',
     "decoupling/table/linear.cpp": 'const MethodEntry entry{"table", "linear", make};\n',
     "decoupling/table/map.cpp": 'const MethodEntry entry{.model = "table", .method = "map", .make = make};\n',
-    "decoupling/hair/matrix.cpp": 'const MethodEntry entry(\n    {.model = "hair", .method = "matrix", .place = 10, .make = make});\n',
+    "decoupling/hair/matrix.cpp": 'const MethodEntry entry{\n    .model = "hair", .method = "matrix", .place = 10, .make = make};\n',
     "decoupling/fit/table_fit.cpp": 'constexpr FitEntry kFits[] = {{"table", "linear", fit}, {"table", "bent", fit}};\n',
     "decoupling/decoupler.hpp": 'struct MethodEntry {\n    MethodEntry(std::string_view model, int make);\n    Registry<MethodEntry> in_list{this};\n};\n',
 }

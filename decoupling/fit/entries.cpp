@@ -41,7 +41,7 @@ std::string fault_of_fits() {
 }
 
 void put_fit_option(std::string_view name, const std::string& value, FitRequest& request) {
-    for (const FitEntry* entry : all_fits())
+    for (const FitEntry* entry : fits_of(request.model))
         if (entry->option.name != nullptr && entry->option.name == name)
             entry->option.put(value, request.start[std::string(entry->method)]);
 }

@@ -27,8 +27,7 @@ std::vector<const FitEntry*> fits_for(const FitRequest& request) {
         if (!fault.empty()) throw SetupError(fault);
     const auto of_model = fits_of(request.model);
     if (of_model.empty() && method_names(request.model).empty())
-        throw SetupError(fmt::format("model \"{}\" is unknown; known are {}{}", request.model, fmt::join(model_names(), " "),
-                                     or_did_you_mean(request.model, model_names())));
+        throw SetupError(fmt::format("model \"{}\" {}", request.model, is_unknown(request.model, model_names())));
     if (of_model.empty()) throw SetupError(fmt::format("no method of model \"{}\" is fitted", request.model));
     if (request.method.empty()) return {of_model.front()};
     if (request.method == "auto") return of_model;

@@ -105,7 +105,7 @@ std::vector<const FitEntry*> fits_of(std::string_view model);
 std::vector<const FitEntry*> all_fits();
 // The fault of the list: two fits of one name, or a fit of no method; "" where there is none. fit() asks. setup
 std::string fault_of_fits();
-// For each fit that has an option of this name. setup: throws SetupError
+// For each fit of the request's model that has an option of this name. setup: throws SetupError
 void put_fit_option(std::string_view name, const std::string& value, FitRequest& request);
 
 // The parameters that a fit may be told beforehand. setup: throws Undetermined where one is outside its range

@@ -178,7 +178,7 @@ TEST_F(ReloadTest, WhatStandsInTheDirectoryNeedsARestart) {
     };
     for (const auto& [config, says] :
          {Case{no_grasp, "whether there is a [grasp] "},
-          Case{with(config_, "objects.toml", "others.toml"), "[grasp] objects "},
+          Case{with(config_, "objects.toml", "others.toml"), "[grasp]: objects "},
           Case{with(config_, "control", "watchdog_ms = 99\ncontrol"), "[node] "},
           Case{with(config_, kLeft, "name = \"left\"\nstale_ms = 50\n"), "sensor \"left\": stale_ms "},
           Case{
