@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -139,7 +140,7 @@ class Files(unittest.TestCase):
         for line in listed:
             path = ROOT / line[line.rindex("(") + 1 : -1]
             self.assertTrue(path.exists(), path)
-            self.assertIn(f"]({path.name})", pages)
+            self.assertRegex(pages, rf"\]\((\.\./)?{re.escape(path.name)}\)")
 
     def test_what_is_wrong_is_said_with_what_to_do(self):
         for words, said in ((("fliter",), "did you mean filter?"),
