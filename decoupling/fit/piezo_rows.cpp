@@ -45,7 +45,7 @@ std::vector<PiezoRun> piezo_runs(const Rows& rows, std::size_t Vp, std::size_t C
     if (runs.back().t_s.size() < kMinRun) runs.pop_back();
     if (runs.empty())
         throw Undetermined(
-            fmt::format("no {} rows follow each other in time without a break: leave the rows in the order "
+            fmt::format("no {} rows follow each other in time without a gap: leave the rows in the order "
                         "in which they were recorded, a row a frame",
                         kMinRun));
     return runs;

@@ -8,7 +8,7 @@
 
 namespace tactiled::grasp {
 
-// What a jaw feels, less its zero, frame S.
+// The measurement of a jaw, less its zero, frame S.
 struct Observation {
     std::uint64_t t_ns = 0;
     Eigen::Vector3d force_S_N = Eigen::Vector3d::Zero(), sd_N = Eigen::Vector3d::Zero();
@@ -21,7 +21,7 @@ class Contact {
 public:
     explicit Contact(const JawSetup& setup) : setup_(setup) {}
 
-    // False: no value, or older than the last one; `feel` then says so. rt: wait-free
+    // False: no value, or older than the last one; `observation()` then says so. rt: wait-free
     bool take(const JawSample& sample) noexcept;
 
     // Nothing is in the gripper, somebody says.

@@ -79,7 +79,7 @@ struct tactiled_sample {
     TACTILED_ALIGN(8) uint64_t sequence; /* counts this sensor's samples from 0; a jump is a loss of the reader */
     TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel */
     TACTILED_ALIGN(8) uint64_t t_published_ns;
-    uint32_t epoch;           /* differs after each break, in no order: (header's epoch) << 16 | breaks since */
+    uint32_t epoch;           /* differs after each discontinuity, in no order: (header's epoch) << 16 | number since */
     uint32_t quality;         /* enum tactiled_quality */
     uint32_t reasons;         /* enum tactiled_reason */
     uint32_t device_sequence; /* as the device counts, 0 if it does not */

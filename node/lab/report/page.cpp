@@ -1,4 +1,4 @@
-// The page of a report: header, tables, and how to read them. Its plots: report_plots.cpp.
+// The page of a report: header, tables, and how to read them. Its plots: plots.cpp.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

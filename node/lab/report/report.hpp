@@ -28,7 +28,7 @@ std::string unit_of(const ComponentReport& component);  // "N", "Nm"
 // setup
 std::string html_report(const FitReport& report, const std::string& title);
 
-// Its parts. fit/report_plots.cpp
+// Parts of the page, in plots.cpp.
 std::string html_component_plots(const FitReport& report, std::size_t i);
 std::string html_coverage(const FitReport& report);
 
