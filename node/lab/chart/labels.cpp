@@ -25,7 +25,7 @@ bool is_free(const Box& box, const std::vector<Box>& of) {
     return std::none_of(of.begin(), of.end(), [&](const Box& other) { return box.overlaps(other); });
 }
 
-// Of a line, piece by piece.
+// The boxes of a line, piece by piece.
 std::vector<Box> boxes_of(const Leader& line) {
     std::vector<Box> boxes;
     const int n = 1 + int(std::hypot(line.to_x - line.from_x, line.to_y - line.from_y) / 2);
