@@ -1,4 +1,4 @@
-// Whether the stream of one sensor is alive and plausible, from times and raw numbers alone. What a number means is the
+// Checks that the stream of one sensor is alive and plausible, from times and raw numbers alone. What a number means is the
 // model's, what to publish is Sensor's.
 #pragma once
 #include <array>

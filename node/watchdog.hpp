@@ -20,7 +20,7 @@ private:
     void run() noexcept;
 
     Progress& progress_;
-    std::uint64_t timeout_us_ = 0;  // 0: nobody waits to be fed
+    std::uint64_t timeout_us_ = 0;  // 0: there is no watchdog
     std::atomic<bool> stop_{false};
     RtThread thread_;
 };

@@ -1,4 +1,4 @@
-// What a recording of model "piezo" holds: runs of rows in time, and what the converter of Cn saw of the press.
+// The contents of a recording of model "piezo": runs of rows in time, and what the converter of Cn saw of the press.
 #include <fmt/format.h>
 
 #include <algorithm>

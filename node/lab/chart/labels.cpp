@@ -44,8 +44,8 @@ bool is_clear(const Leader& leader, const Box& symbol, const std::vector<Box>& o
                         [&](const Box& other) { return !other.overlaps(symbol) && !is_free(other, line); });
 }
 
-// Where there is no place that is all right, one that is less so: off the lines of the figure and with a clear leader; over
-// a line; with a leader over others.
+// Fallbacks if no place is fully free, in this order: off the lines of the figure and with a clear leader; over a line;
+// with a leader over others.
 enum class Pass { off_lines, leader_clear, any };
 
 // The direction of try i of n: right, left, above, below, then between them.
