@@ -14,7 +14,7 @@ namespace tactiled {
 // fx fy fz in N, mx my mz in Nm, frame S.
 inline constexpr std::array<const char*, 6> kComponentNames{"fx", "fy", "fz", "mx", "my", "mz"};
 
-// What one method knows of a sensor sample. Which of it a method needs is said beside the method.
+// What one method knows of a sensor sample. The needs of a method are stated beside the method.
 struct Fit {
     std::string method;                       // "matrix", "linear" ...
     std::vector<double> zero;                 // a channel at no load, in channel_unit
@@ -25,7 +25,7 @@ struct Fit {
     // hypot(sd, sd_slope * |component|).
     std::vector<double> sd, sd_slope;
     double condition = 0;    // of the scaled problem that was solved; 0 = unknown
-    std::string validation;  // how held out: "leave one session out (2 sessions)" ...
+    std::string validation;  // groups that were held out: "leave one session out (2 sessions)" ...
 };
 
 // The Fit that it is itself, and those of other methods of the same model, for the same channels and components.

@@ -107,7 +107,7 @@ std::string calibration_text(const Calibration& calibration) {
 void save_calibration(const Calibration& calibration, const std::string& path) {
     const std::string text = calibration_text(calibration);
     Problems problems;
-    parse_calibration(text, path, problems);  // what could not be read again shall not replace what can
+    parse_calibration(text, path, problems);  // an unreadable file must not replace a readable one
     problems.throw_if_any();
     replace_file(path, text);
 }

@@ -32,7 +32,7 @@ struct LinkSettings {
     std::string name;
     std::string driver;
     std::optional<bool> simulated;   // STATUS shows that the data are simulated or replayed; unset: as the driver declares
-    int sensors;                     // how many sensors use it; filled by load_config
+    int sensors;                     // number of sensors that use it; filled by load_config
     Options options = no_options();  // the driver's own keys, not yet read
 };
 
@@ -54,13 +54,13 @@ struct SensorSettings {
     std::string model;
     std::string calibration;  // path, as given or beside the configuration file
     std::string method;       // "" = the calibration's own; "auto"
-    double budget_us;         // what a sample may cost with method "auto"
+    double budget_us;         // time budget of a sample with method "auto"
     int stale_ms;
     int frozen_after;                // readings; -1: as the driver knows
     double slew_limit_per_s;         // raw numbers a second; infinity = none
     double rate_Hz, rate_tolerance;  // 0 = not declared; of rate_Hz
     double drift_limit_N;            // 0 = none
-    int tare_ms;                     // how long a tare averages
+    int tare_ms;                     // length of a tare's mean
     double tare_limit_N;             // 0 = none
     double filter_hz;                // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;
@@ -90,7 +90,7 @@ struct ModbusSettings {
     bool commands;                           // the writable block may be written
     std::vector<std::string> command_allow;  // CIDR; empty = whoever may connect
     bool scratch;
-    std::string settings;  // where SAVE stores
+    std::string settings;  // file that SAVE writes
     RtuSettings rtu;
     std::string objects;  // of [grasp], where TEACH stores; "" = there is no [grasp], and nothing to weigh
 

@@ -1,4 +1,4 @@
-// What names and channels may look like, in the configuration and in calibrations.
+// Rules for names and channels in the configuration and in calibrations.
 #pragma once
 #include <algorithm>
 #include <cstddef>

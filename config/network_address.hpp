@@ -1,11 +1,11 @@
-// Where Modbus listens and who may connect, as text in a configuration.
+// The address of the Modbus server and its allowed clients, as text in a configuration.
 #pragma once
 #include <string>
 
 namespace tactiled {
 
 struct ListenAddress {
-    std::string fault;  // "" where the text is good, else what would be right
+    std::string fault;  // "" if the text is valid, else the expected form
     bool loopback;      // reached from this machine alone
 };
 

@@ -44,7 +44,7 @@ std::string value_of(const toml::node& node) {
     return "";
 }
 
-// What makes the text of a file unfit for the parser, as line and message.
+// The reason for which the text of a file is unfit for the parser, as line and message.
 std::optional<std::pair<std::uint32_t, std::string>> unfit(std::string_view text) {
     std::uint32_t line = 1;
     for (std::size_t start = 0; start < text.size(); ++line) {

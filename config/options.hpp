@@ -1,5 +1,5 @@
 // Typed, ranged look-ups in one table of a TOML file. Every error names file, line, key and what would be right; all of
-// them are collected, so that a user mends a file once. A key that nobody asked for is an error too.
+// them are collected, so that a user corrects a file once. A key that nobody asked for is an error too.
 #pragma once
 #include <cstdint>
 #include <memory>

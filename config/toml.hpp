@@ -3,7 +3,7 @@
 
 #define TOML_EXCEPTIONS 1      // without, a parser that finds no memory ends the program
 #define TOML_FLOAT_CHARCONV 1  // exact, and a stream that finds no memory only says "no number"; since g++ 11
-// How deep values may nest. Dotted keys (a.b.c = 1) nest tables without limit, see unfit() in options.cpp.
+// Maximum depth of nested values. Dotted keys (a.b.c = 1) nest tables without limit, see unfit() in options.cpp.
 #define TOML_MAX_NESTED_VALUES 16
 // The parser asserts what only good files satisfy ("a = 1979-05-", "{ ."), and reports the error in the lines that follow.
 // Fuzzed without the assertions under the address and undefined-behaviour sanitizers: 2.7 million inputs, no finding.

@@ -15,7 +15,7 @@
 
 namespace tactiled {
 
-// What a sample of a method takes on this machine: 7 in 8 samples need at most so long, the clock's own time included.
+// Time of a sample of a method on this machine: 7 in 8 samples need at most so long, the clock's own time included.
 struct MethodCost {
     std::string method;
     double us = 0;
@@ -47,7 +47,7 @@ public:
     void took(std::uint64_t ns, std::uint64_t t_ns) noexcept;
     void forget() noexcept override { front_[choice_.now()].decoupler->forget(); }
 
-    // Of the method that runs now.
+    // For the method that runs now.
     [[nodiscard]] std::string_view method() const noexcept override { return front_[choice_.now()].decoupler->method(); }
     [[nodiscard]] const std::vector<FrontMethod>& front() const noexcept { return front_; }
     [[nodiscard]] const MethodChoice& choice() const noexcept { return choice_; }

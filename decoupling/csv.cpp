@@ -18,7 +18,7 @@ constexpr std::size_t kMaxColumns = 4096;
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
-// What is shown of a cell that is wrong: short, and no control characters into somebody's terminal.
+// The text of a wrong cell for a message: short, and without control characters for the terminal.
 std::string shown(std::string_view text) {
     std::string result;
     for (const char c : text.substr(0, 40)) result += (c >= ' ' && c <= '~') ? c : '?';

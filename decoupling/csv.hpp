@@ -60,10 +60,11 @@ public:
     // "-" is standard output, written through with each row. Writes the header. setup: throws SetupError where the file
     // cannot be created
     explicit ForcesWriter(const std::string& path);
-    // What the sensor cannot see is an empty cell. Each number is the shortest text that reads back to the same double.
+    // A component that the sensor cannot measure is an empty cell. Each number is the shortest text that reads back to the
+    // same double.
     // setup: throws std::runtime_error where it cannot be written
     void write(double t_s, const Estimate& estimate, std::string_view quality);
-    void close();  // as write()
+    void close();  // same as write()
 
 private:
     void put(const std::string& row);

@@ -36,7 +36,7 @@ struct Estimate {
     tactiled_quality quality = TACTILED_BAD;
     std::uint32_t reasons = 0;                  // enum tactiled_reason
     double residual = kNaN;                     // of the model, in standard deviations of the channels
-    std::array<double, 2> cop_S_m{kNaN, kNaN};  // where on the surface the force acts, for methods that find it
+    std::array<double, 2> cop_S_m{kNaN, kNaN};  // place of the force on the surface, for methods that find it
     std::uint32_t direction = 0;                // method "signs": row of the decision table, 0 = none or not this method
 };
 

@@ -1,5 +1,5 @@
-// Which of several methods runs, from what its samples took: down a step where the budget is missed, up a step after calm.
-// Knows times alone, no method and no clock.
+// Chooses one of several methods from the times of its samples: down a step where the budget is missed, up a step after
+// calm. Knows times alone, no method and no clock.
 //
 // Missed: more than 1 in 8 of up to 64 timed samples took longer than the budget. One preemption is one sample; a hog, a
 // slower clock or cold caches are all of them, and nine are enough to act. Calm: of each 64 timed samples in a row at least

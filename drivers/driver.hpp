@@ -32,7 +32,7 @@ class Driver {
 public:
     virtual ~Driver() = default;
 
-    // Opens the device. Returns "" when it is open, else what is wrong and what would mend it, for the log.
+    // Opens the device. Returns "" when it is open, else the fault and the remedy, for the log.
     // Never throws. rt: not in the loop; may allocate and block for up to a second
     [[nodiscard]] virtual std::string open() = 0;
 

@@ -21,7 +21,7 @@ public:
 
     GpioEdges();
     ~GpioEdges();
-    // Returns "" when the line is held, else what is wrong and what would mend it. setup; may allocate
+    // Returns "" when the line is held, else the fault and the remedy. setup; may allocate
     [[nodiscard]] std::string open(const GpioName& name, Edge edge);
     void close() noexcept;
 

@@ -13,7 +13,7 @@ class I2cDevice final : public I2cBus {
 public:
     ~I2cDevice() override { close(); }
 
-    // "", or what is wrong and what would mend it. `timeout_ms` 0 leaves the adapter's own, which all users of it share.
+    // "", or the fault and the remedy. `timeout_ms` 0 leaves the adapter's own, which all users of it share.
     // setup
     [[nodiscard]] std::string open(const std::string& path, int timeout_ms);
     void close() noexcept;

@@ -24,7 +24,8 @@ constexpr int kKeepAlive = 1, kAskAfterS = 2, kAskEveryS = 1;
 
 const char* remedy(int error) {
     switch (error) {
-        case ECONNREFUSED: return " (nobody listens there: is the port right, and the service switched on in the device?)";
+        case ECONNREFUSED:
+            return " (no program listens on this port: is the port right, and the service switched on in the device?)";
         case ETIMEDOUT: return " (is it powered and on this network? ping it)";
         case EHOSTUNREACH:
         case ENETUNREACH: return " (no way there: is this computer's address in the device's network?)";

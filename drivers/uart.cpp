@@ -25,8 +25,8 @@ namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // a device that was asked for a stream is asked again
-constexpr std::uint64_t kAwayMs = 950;              // bytes may wait so long, and for the turn of read() (50 ms in the node)
-constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: the frame that it was sending has ended
+constexpr std::uint64_t kAwayMs = 950;  // bytes may wait so long, and for the cycle of read() (50 ms in the node)
+constexpr std::uint64_t kStopMs = 20;   // two frames of a device at 100 Hz: the frame that it was sending has ended
 
 class Stream final : public Driver {
 public:
@@ -69,7 +69,7 @@ public:
             asked_again_ = streamed_;
             if (!ask_for_stream(false)) return Status::disconnected;
         }
-        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its turn.
+        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle.
         const std::uint64_t cycle_ns = std::uint64_t(timeout_ms) * 1'000'000, waits_ns = with_suspend_ns();
         pollfd waiting{fd_, POLLIN, 0};
         const timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};

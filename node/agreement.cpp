@@ -5,11 +5,12 @@
 namespace tactiled {
 namespace {
 
-// What a sample may have and be right nevertheless.
+// Reasons that a correct sample may have.
 constexpr std::uint32_t kRight = TACTILED_SENSORS_DIFFER | TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED |
                                  TACTILED_UNCALIBRATED | TACTILED_UNKNOWN_UNCERTAINTY;
 
-// What shows that it was this one that lied. Not a rail: a force that is too large for one tells nothing of the other.
+// Reasons that show that this sensor was the wrong one. Saturation is not among them: a force that is too large for one
+// sensor says nothing about the other.
 constexpr std::uint32_t kCulprit =
     TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_MISSING_CHANNEL | TACTILED_NOT_FINITE | TACTILED_WRONG_DEVICE;
 

@@ -1,4 +1,4 @@
-// Whether two sensors of the same thing tell the same force. Each judges by its own newest sample and the other's.
+// Compares the forces of two sensors of the same object. Each judges by its own newest sample and the other's.
 #pragma once
 #include <cstdint>
 

@@ -58,7 +58,7 @@ std::optional<Command> weigh_command(const std::string& word) {
                    : word == "zero" ? Command::Kind::zero_weight
                                     : Command::Kind::known_weight;
     const bool mass = !word.empty() && *end == 0 && std::isfinite(command.mass_kg) && command.mass_kg > 0;
-    const bool known = word == "forget" || mass;  // what is no number reads as 0 kg, which forgets
+    const bool known = word == "forget" || mass;  // text that is not a number reads as 0 kg, which forgets
     if (command.kind == Command::Kind::known_weight && !known) return std::nullopt;
     return command;
 }

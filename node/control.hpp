@@ -49,7 +49,7 @@ private:
     EventFanOut events_;
     std::uint32_t number_ = 0;
     int listener_ = -1;
-    int asker_ = -1;  // who waits for the command that runs, -1 = none does
+    int asker_ = -1;  // the client that waits for the running command, -1 = none
     std::uint64_t give_up_ns_ = 0;
     std::array<std::uint32_t, TACTILED_COMMANDERS> refusal_seen_{};  // number of the command
     std::uint64_t silent_until_ns_ = 0;                              // of the log

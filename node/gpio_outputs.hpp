@@ -14,7 +14,7 @@
 
 namespace tactiled {
 
-// What the lines say; true is the meaning, not the level.
+// States of the lines; true is the meaning, not the level.
 struct GpioSigns {
     bool fault = true, grasped = false, slip = false, alive = false;
     bool operator==(const GpioSigns&) const = default;

@@ -22,7 +22,7 @@ public:
     // Without a setup nothing is known and no command is taken. setup
     explicit Grasping(const std::optional<Setup>& setup);
 
-    // What a sensor says, BAD ones included; `zero_S` is what its tare subtracts. A sensor that is no jaw is nobody's
+    // A sample of a sensor, BAD ones included; `zero_S` is what its tare subtracts. A sensor that is no jaw is nobody's
     // concern.
     // rt: wait-free
     void observe(std::uint32_t sensor, const tactiled_sample& sample, const Wrench& zero_S) noexcept;

@@ -1,4 +1,4 @@
-// What the methods of a calibration cost on this machine, kept between starts of the daemon: measured once a CPU, build and
+// Times of the methods of a calibration on this machine, kept between starts of the daemon: measured once a CPU, build and
 // calibration.
 #pragma once
 #include <string>
@@ -9,8 +9,8 @@
 
 namespace tactiled {
 
-// Where they are kept: $STATE_DIRECTORY (of systemd), else $XDG_CACHE_HOME/tactiled, else ~/.cache/tactiled, else "" =
-// nowhere.
+// The folder in which they are kept: $STATE_DIRECTORY (of systemd), else $XDG_CACHE_HOME/tactiled, else ~/.cache/tactiled,
+// else "" = nowhere.
 std::string method_costs_folder();
 
 class MethodCostFile {
@@ -18,7 +18,8 @@ public:
     // Of one sensor; with folder "" nothing is read or kept.
     MethodCostFile(const std::string& folder, const std::string& node, const std::string& sensor,
                    const Calibration& calibration);
-    // None where nothing is kept for this CPU, build and calibration. What is damaged is said in the log and not used. setup
+    // None where nothing is kept for this CPU, build and calibration. A damaged file is reported in the log and not used.
+    // setup
     [[nodiscard]] std::vector<MethodCost> load() const;
     // Where that is refused, it is said in the log, and the next start measures again. setup
     void save(const std::vector<MethodCost>& costs) const;

@@ -65,7 +65,7 @@ public:
     }
 
 private:
-    std::mutex mutex_;  // of the list, which changes when threads begin and end; never taken by count()
+    std::mutex mutex_;  // for the list, which changes when threads begin and end; never taken by count()
     std::list<Entry> entries_;
 };
 

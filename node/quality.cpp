@@ -39,7 +39,7 @@ void StreamQuality::succeed(const StreamQuality& before, bool same_channels) noe
 }
 
 bool StreamQuality::arrive(const Frame& frame) noexcept {
-    // The link was closed and opened again while the loop stood still: nobody has seen the break.
+    // The link was closed and opened again while the loop stood still: this discontinuity was not counted.
     if (broken_ == 0 && frame.opening != opening_) {
         ++discontinuities_;
         broken_ = TACTILED_DISCONNECTED;
@@ -80,7 +80,7 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
 
 std::uint32_t StreamQuality::find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept {
     for (std::size_t k = 0; k < raw.size(); ++k) {
-        if ((usable >> k & 1u) == 0) continue;  // a rail repeats rightly
+        if ((usable >> k & 1u) == 0) continue;  // a saturated value repeats rightly
         if (raw[k] == raw_[k] && (known_ >> k & 1u) != 0) {
             equal_[k] = std::min(equal_[k] + 1, limits_.frozen_after);
         } else {
@@ -138,7 +138,7 @@ bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noex
     const std::uint32_t waiting = broken_ & TACTILED_NO_DATA_YET;
     const std::uint32_t why = waiting | (connected ? TACTILED_STALE : TACTILED_DISCONNECTED);
     if (why == broken_) return false;
-    if (broken_ == 0) ++discontinuities_;  // a new break, not a new name for the old one
+    if (broken_ == 0) ++discontinuities_;  // a new discontinuity, not a new reason for the present one
     broken_ = why;
     rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
     return true;

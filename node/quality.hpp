@@ -1,4 +1,4 @@
-// Whether the stream of one sensor is alive and plausible, from times and raw numbers alone. What a number means is the
+// Checks that the stream of one sensor is alive and plausible, from times and raw numbers alone. What a number means is the
 // model's, what to publish is Sensor's.
 #pragma once
 #include <array>
@@ -27,23 +27,25 @@ public:
     // Call once, before the first frame. setup
     void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
 
-    // Goes on counting where `before` ends, after a break of its own. With the same channels what is dead stays dead.
+    // Goes on counting where `before` ends, after a discontinuity of its own. With the same channels what is dead stays
+    // dead.
     // rt: bounded by the channels
     void succeed(const StreamQuality& before, bool same_channels) noexcept;
     // Judges by these from now on; what is known of the stream stays. rt: wait-free
     void judge_by(const StreamLimits& limits) noexcept { limits_ = limits; }
 
-    // The stream delivers; true: again, after a break. rt: wait-free
+    // The stream delivers; true: again, after a discontinuity. rt: wait-free
     bool arrive(const Frame& frame) noexcept;
-    // Looks at the channels of the frame that has just arrived. `usable`: bit k, channel k has a number that is not a rail.
-    // What is of no use is set in `dead`: such a channel has no value. Returns reasons. rt: bounded by the channels
+    // Looks at the channels of the frame that has just arrived. `usable`: bit k, channel k has a number that is not
+    // saturated. What is of no use is set in `dead`: such a channel has no value. Returns reasons. rt: bounded by the
+    // channels
     [[nodiscard]] std::uint32_t judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept;
 
     // True when the stream has just broken, or the reason has changed. `connected` is the link's state. rt: wait-free
     [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept;
     // Why there is no stream now, 0 = it delivers.
     [[nodiscard]] std::uint32_t broken() const noexcept { return broken_; }
-    // Breaks so far, those of frozen channels included: the lower half of a sample's epoch.
+    // Discontinuities so far, those of frozen channels included: the lower half of a sample's epoch.
     [[nodiscard]] std::uint32_t discontinuities() const noexcept { return discontinuities_; }
 
     [[nodiscard]] std::uint64_t last_frame_ns() const noexcept { return last_frame_ns_; }

@@ -1,5 +1,5 @@
-// What the operating system must grant for a steady loop, and the threads that use it. A refused right is reported, not
-// fatal: the caller decides.
+// The rights that a steady loop needs from the operating system, and the threads that use them. A refused right is reported,
+// not fatal: the caller decides.
 #pragma once
 #include <pthread.h>
 

@@ -18,7 +18,7 @@ public:
     void reload(Pipeline& pipeline) noexcept;
 
 private:
-    struct Accepted {  // of the node that runs
+    struct Accepted {  // configuration of the running node
         Options root;
         std::vector<SensorSettings> sensors;
         std::vector<std::string> calibrations;

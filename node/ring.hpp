@@ -2,7 +2,7 @@
 // items are filled and read in place.
 //
 // Each side works on its own position and looks at the other's published index only when its remembered copy says full
-// or empty; indices are published once a burst. So a burst of frames costs one cache-line hop, not one a frame.
+// or empty; indices are published once a burst. A burst of frames thus costs one cache-line hop, not one a frame.
 // Measured beside boost::lockfree, moodycamel and DPDK: tests/bench/RESULTS.md.
 #pragma once
 #include <atomic>

@@ -34,10 +34,10 @@ constexpr int kForbidden[] = {
     // the machine
     SYS_init_module, SYS_finit_module, SYS_delete_module, SYS_kexec_load, SYS_kexec_file_load, SYS_reboot, SYS_swapon,
     SYS_swapoff, SYS_settimeofday, SYS_clock_settime, SYS_clock_adjtime, SYS_adjtimex, SYS_personality,
-    // what it sees of it
+    // mounts and namespaces
     SYS_mount, SYS_umount2, SYS_move_mount, SYS_mount_setattr, SYS_open_tree, SYS_fsopen, SYS_fspick, SYS_pivot_root,
     SYS_chroot, SYS_unshare, SYS_setns, SYS_open_by_handle_at,
-    // who it is
+    // user, group, capabilities and keys
     SYS_setuid, SYS_setgid, SYS_setreuid, SYS_setregid, SYS_setresuid, SYS_setresgid, SYS_setfsuid, SYS_setfsgid,
     SYS_setgroups, SYS_capset, SYS_add_key, SYS_request_key, SYS_keyctl};
 

@@ -1,4 +1,4 @@
-// What a tare averages, and whether the sensor was at rest meanwhile: a mean over a motion is nobody's zero.
+// The mean of a tare, and a check that the sensor was at rest meanwhile: a mean over a motion is not a zero.
 #pragma once
 #include <array>
 #include <cstdint>

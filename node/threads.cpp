@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr int kReadTimeoutMs = 50;  // how long a silent device keeps its thread from noticing stop()
+constexpr int kReadTimeoutMs = 50;  // longest time for which a silent device keeps its thread from noticing stop()
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
 constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline that finishes no cycle for this time hangs
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often

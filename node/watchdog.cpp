@@ -34,11 +34,11 @@ void Watchdog::run() noexcept {
         }
         if (stuck != said) {
             if (stuck.empty())
-                log_line(LogLevel::warning, "{}: goes on", said);
+                log_line(LogLevel::warning, "{}: responds again", said);
             else if (timeout_us_ == 0)
-                log_line(LogLevel::error, "{}: stands still", stuck);
+                log_line(LogLevel::error, "{}: does not respond", stuck);
             else
-                log_line(LogLevel::error, "{}: stands still; systemd restarts the daemon if that lasts {} ms", stuck,
+                log_line(LogLevel::error, "{}: does not respond; systemd restarts the daemon if this lasts {} ms", stuck,
                          timeout_us_ / 1000);
             said = stuck;
             stuck_ns = now_ns;

@@ -1,5 +1,5 @@
 // Feeds systemd's watchdog (WatchdogSec=) while the pipeline and each link make progress, so that it restarts a daemon that
-// hangs. Without a watchdog it only says who stands still.
+// hangs. Without a watchdog it only logs the thread that does not respond.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -20,7 +20,7 @@ private:
     void run() noexcept;
 
     Progress& progress_;
-    std::uint64_t timeout_us_ = 0;  // 0: nobody waits to be fed
+    std::uint64_t timeout_us_ = 0;  // 0: there is no watchdog
     std::atomic<bool> stop_{false};
     RtThread thread_;
 };

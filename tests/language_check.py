@@ -22,7 +22,7 @@ from source_text import CPP, HASH, TOML, comments, python_comments, source_files
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 RECORD = "tests/language.toml"
 BEGINNINGS = set("what who whose whether which where how of as so such nobody nothing none those that".split())
-OWN_FOLDERS = ("drivers/sim", "node/ctl", "node/modbus")  # in addition to the first level of the tree and to tests/*
+OWN_FOLDERS = ("drivers/sim", "node/ctl", "node/lab", "node/modbus")  # in addition to the first level of the tree and to tests/*
 CPP_FILES, TOML_FILES = (".c", ".cpp", ".h", ".hpp"), (".toml",)
 HASH_FILES = (".sh", ".cmake", "CMakeLists.txt", "run")  # shell and CMake
 SUFFIXES = (*CPP_FILES, *TOML_FILES, *HASH_FILES, ".py", ".md")

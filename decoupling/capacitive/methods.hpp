@@ -1,4 +1,4 @@
-// What the methods of model "capacitive" share, and the wiring of the electrodes for model "piezo". See README.md.
+// The common part of the methods of model "capacitive", and the wiring of the electrodes for model "piezo". See README.md.
 #pragma once
 #include <memory>
 #include <string>

@@ -1,5 +1,5 @@
 // Gap and shift of the pad from what the electrodes read, by the exact overlap: with closeness u = 1 + v = d0 / d, the shift
-// (dx, dy) of the upper electrode and A_k the overlap (overlap.hpp), each electrode reads, less its zero,
+// (dx, dy) of the upper electrode and A_k the overlap (sector_overlap.hpp), each electrode reads, less its zero,
 //
 //     r_k = active_k ((1 + v) A_k(dx, dy) / A_k(0) - 1) = active_k (v + (1 + v) dA_k / A_k(0)),   k = C1 C2 C3 C4 Cn
 //

@@ -1,4 +1,4 @@
-// What the electrodes of a pad read at a given force, for the fit: a function of its unknowns and their derivatives.
+// The readings of a pad's electrodes at a given force, for the fit: a function of its unknowns and their derivatives.
 //
 //     C_k = zero_k + active_k (v + (1 + v) dA_k(dx, dy)),    press(v, dx, dy) = N,    (dx, dy) = (fx, fy) / k_s(v)
 //

@@ -42,7 +42,7 @@ struct Prior {
     }
 };
 
-// Where to begin: slopes of the affine fit, half of Cn active.
+// Start values: slopes of the affine fit, half of Cn active.
 std::array<double, kUnknowns> first_guess(const Rows& rows, const Wiring& wiring, double pair_gain, double& noise) {
     Eigen::MatrixXd loads(Eigen::Index(rows.size()), 3);
     for (Eigen::Index i = 0; i < loads.rows(); ++i) {

@@ -1,4 +1,5 @@
-// What the fits of model "generic" beyond its matrix share: the matrix first, then a correction of what it leaves over.
+// The common part of the fits of model "generic" beyond its matrix: the matrix first, then a correction of what it leaves
+// over.
 #pragma once
 #include <vector>
 

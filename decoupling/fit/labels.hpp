@@ -1,4 +1,4 @@
-// What the labels and channels of a recording can determine, before anything is fitted.
+// The components that the labels and channels of a recording can determine, checked before the fit.
 #pragma once
 #include <string>
 #include <vector>

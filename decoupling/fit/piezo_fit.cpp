@@ -219,7 +219,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
     if (!(sure.tau < kSureEnough) || (!tau_is_stated && (tau_s > high_s / 1.1 || tau_s < low_s * 1.1)))
         throw Undetermined(
             fmt::format("the leak of Vp is known to {:.2g} % only: after a sudden press, hold it until Vp has fallen to "
-                        "a third (longest stretch without a break: {:.3g} s), or state it: --set leak_tau_s=SECONDS",
+                        "a third (longest stretch without a gap: {:.3g} s), or state it: --set leak_tau_s=SECONDS",
                         100 * sure.tau, longest_s));
     calibration.zero[Vp] = solved.coefficient[0];
     calibration.parameters["gain_b"] = solved.coefficient[1];

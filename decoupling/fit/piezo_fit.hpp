@@ -20,7 +20,7 @@ struct FilmResponse {
 };
 FilmResponse film_response(std::span<const double> t_s, std::span<const double> q, double tau_s);
 
-// Rows that follow each other in time without a break.
+// Rows that follow each other in time without a gap.
 struct PiezoRun {
     std::vector<double> t_s, press_N, Vp, Cn;
 };

@@ -1,4 +1,4 @@
-// What a recording of model "piezo" holds: runs of rows in time, and what the converter of Cn saw of the press.
+// The contents of a recording of model "piezo": runs of rows in time, and what the converter of Cn saw of the press.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -45,7 +45,7 @@ std::vector<PiezoRun> piezo_runs(const Rows& rows, std::size_t Vp, std::size_t C
     if (runs.back().t_s.size() < kMinRun) runs.pop_back();
     if (runs.empty())
         throw Undetermined(
-            fmt::format("no {} rows follow each other in time without a break: leave the rows in the order "
+            fmt::format("no {} rows follow each other in time without a gap: leave the rows in the order "
                         "in which they were recorded, a row a frame",
                         kMinRun));
     return runs;

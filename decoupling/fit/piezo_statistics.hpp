@@ -1,4 +1,4 @@
-// What the fits of the film and of the centre electrode have in common: weights against spikes, and how sure a fit is.
+// The common part of the fits of the film and of the centre electrode: weights against spikes, and how sure a fit is.
 #pragma once
 #include <algorithm>
 #include <cmath>

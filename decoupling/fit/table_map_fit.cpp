@@ -76,7 +76,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
         const Eigen::Vector3d force(w[0], w[1], w[2]);
         Influence answer = Influence::Zero();
         if (force.norm() > 0) {
-            // Where the press is too small to say where it was, the row says nothing.
+            // A row with a press that is too small to determine its place has no information.
             const double x = -w[4] / w[2], y = w[3] / w[2];
             if (!(std::abs(w[2]) > 0.02 * max) || !(std::hypot(x, y) <= map->radius_m())) {
                 ++beside;
@@ -113,7 +113,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
                             "under a press",
                             calibration.channels[k], scale.back()));
         // The search is not linear: what hysteresis adds to all loaded rows, taken for the zero, is another place in the
-        // loop's first touch. So the zero is that of the readings at rest, where there are some.
+        // loop's first touch. The zero is therefore that of the readings at rest, if there are any.
         const auto& still = resting[k];
         if (still.size() < kFewestAtRest) {
             calibration.zero.push_back(fitted.constant);

@@ -54,7 +54,7 @@ std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows)
     return result;
 }
 
-// What is left out, one group after the other.
+// The groups that are left out, one after the other.
 struct Groups {
     std::vector<std::size_t> of_row;
     std::vector<std::string> names;

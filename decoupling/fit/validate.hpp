@@ -1,4 +1,4 @@
-// How good a calibration is on rows that it has not seen.
+// The error of a calibration on rows that it has not seen.
 #pragma once
 #include <memory>
 #include <string>

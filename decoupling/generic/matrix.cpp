@@ -82,7 +82,7 @@ std::string fault_of_empty_row(const Calibration& calibration) {
     for (std::size_t i = 0; i < calibration.matrix.size(); ++i) {
         const auto& row = calibration.matrix[i];
         if (std::all_of(row.begin(), row.end(), [](double gain) { return gain == 0; }))
-            return fmt::format("matrix: the row of {} is all 0, no channel tells it; leave it out of components",
+            return fmt::format("matrix: the row of {} is all 0, no channel responds to it; leave it out of components",
                                calibration.components[i]);
     }
     return "";

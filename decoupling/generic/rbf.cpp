@@ -58,7 +58,7 @@ private:
 
 constexpr std::array<Parameter, 2> kParameters{
     {{"spread", "distance, in widths, at which a centre counts half", kAboveZero, kLargest},
-     {"ridge", "of the fit; it is told, not used", 0, kLargest, 0}}};
+     {"ridge", "of the fit; reported, not used", 0, kLargest, 0}}};
 constexpr std::array<KnownTable, 4> kTables{{kWidth,
                                              {"centres", kAnyNumber, kPerChannel},
                                              {"weights", kPerComponent, kAnyNumber},

@@ -24,7 +24,7 @@ constexpr double kPressTime_s = 1;                 // over which the press of be
 bool Contact::take(const JawSample& sample) noexcept {
     const auto& f = sample.force_S_N;
     if (sample.quality == TACTILED_BAD || !(std::abs(f[2]) < kMax_N) || std::abs(f[0]) > kMax_N || std::abs(f[1]) > kMax_N) {
-        zero_known_ = false;  // nobody knows what the zero did meanwhile
+        zero_known_ = false;  // the change of the zero meanwhile is unknown
         held_blind_ |= touching_;
         max_blind_N_ = -kMax_N;
         buckets_ = 0;

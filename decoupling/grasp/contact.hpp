@@ -8,7 +8,7 @@
 
 namespace tactiled::grasp {
 
-// What a jaw feels, less its zero, frame S.
+// The measurement of a jaw, less its zero, frame S.
 struct Observation {
     std::uint64_t t_ns = 0;
     Eigen::Vector3d force_S_N = Eigen::Vector3d::Zero(), sd_N = Eigen::Vector3d::Zero();
@@ -21,19 +21,19 @@ class Contact {
 public:
     explicit Contact(const JawSetup& setup) : setup_(setup) {}
 
-    // False: no value, or older than the last one; `feel` then says so. rt: wait-free
+    // False: no value, or older than the last one; `observation()` then says so. rt: wait-free
     bool take(const JawSample& sample) noexcept;
 
-    // Nothing is in the gripper, somebody says.
+    // The robot or a user reports that the gripper is empty.
     void opened() noexcept { held_blind_ = false; }
 
     [[nodiscard]] const Observation& observation() const noexcept { return observation_; }
     [[nodiscard]] bool touching() const noexcept { return touching_; }
     // The press fell from half of what it was to nothing faster than jaws open.
     [[nodiscard]] bool left_at_once() const noexcept { return left_at_once_; }
-    // Of a sample, one sd, as the free phase showed it; 0 = not seen yet.
+    // One sd of a sample, from the free phase; 0 = not seen yet.
     [[nodiscard]] double noise_N(int axis) const noexcept { return noise_N_[axis]; }
-    // How far the zero may have walked since the free phase, one sd; infinite where there was none since a break.
+    // One sd of the zero's random walk since the free phase; infinite if there was none since a discontinuity.
     [[nodiscard]] Eigen::Vector3d zero_sd_N() const noexcept;
 
 private:
@@ -60,9 +60,9 @@ private:
     std::uint64_t bucket_ns_ = 0, free_since_ns_ = 0, zero_ns_ = 0;
     Eigen::Vector3d walk_N2_s_ = Eigen::Vector3d::Zero();  // variance a second
     int buckets_ = 0;
-    bool zero_known_ = true;  // the node's tare, until a break
-    // A break while it touched: what reads as nothing since may be what it holds, tared, and is no zero until the press has
-    // fallen by a contact's worth.
+    bool zero_known_ = true;  // the node's tare, until a discontinuity
+    // A discontinuity during a contact: a reading of zero may since be a held object that was tared. It is no zero until the
+    // press has fallen by the threshold of a contact.
     bool held_blind_ = false;
     double max_blind_N_ = 0;
 };

@@ -10,7 +10,7 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kOneSlip =
     0.05;                      // relative sd of a coefficient from a single slip: forces of 3 % each, and speed of loading
-constexpr int kMaxSlips = 10;  // that the mean remembers: surfaces change
+constexpr int kMaxSlips = 10;  // weight of the mean, in slips: surfaces change
 
 }  // namespace
 

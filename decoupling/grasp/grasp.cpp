@@ -12,7 +12,7 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr double kNoises = 6;
-constexpr std::uint64_t kBeforeLift_ns = 100'000'000;  // so long before a load is seen it may have begun
+constexpr std::uint64_t kBeforeLift_ns = 100'000'000;  // a load may have begun this long before it is seen
 constexpr double kSteady = 0.05;                       // of the press, between its means of 10 and of 50 ms
 constexpr double kPeakTime_s = 1;                      // that a peak of the shear counts for the recommended grip
 constexpr std::uint64_t kAhead_ns = 500'000'000;  // a stamp that jumps by more is believed when the next one says so too
@@ -60,7 +60,7 @@ Seen Grasp::State::look() const noexcept {
     return seen;
 }
 
-// What a jaw reads in the grip. rt: wait-free
+// The reading of a jaw in the grip. rt: wait-free
 Rest Grasp::State::rest(std::size_t j) const noexcept {
     const Jaw& jaw = jaws[j];
     const Eigen::Vector3d& force_S_N = contacts[j].observation().force_S_N;

@@ -47,14 +47,14 @@ struct Setup {
     bool operator==(const Setup&) const = default;
 };
 
-// What is taught: an object weighs this much, +- the sd from grasp to grasp.
+// A taught object: it weighs this much, +- the sd from grasp to grasp.
 struct Object {
     std::uint32_t id = 0;  // > 0
     std::string name;
     double mass_kg = 0, sd_kg = 0;
 };
 
-// What one sensor says at one instant: tared, not low-passed, frame S.
+// The sample of one sensor at one instant: tared, not low-passed, frame S.
 struct JawSample {
     std::uint64_t t_ns = 0;
     std::array<double, 3> force_S_N{}, sd_N{};
@@ -79,7 +79,7 @@ public:
     // rt: wait-free
     [[nodiscard]] tactiled_grasp state() const noexcept;
 
-    // What the robot or the PLC tells. NaN or Hint::none: not known any more. rt: wait-free
+    // Data from the robot or the PLC. NaN or Hint::none: not known any more. rt: wait-free
     void hint(Hint gripper) noexcept;
     void gravity(const Vector& gravity_G_m_s2) noexcept;
     void acceleration(const Vector& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;  // of the hand; good for 100 ms

@@ -1,4 +1,4 @@
-// What the estimator remembers; for grasp.cpp and record.cpp alone.
+// The state of the estimator; for grasp.cpp and record.cpp alone.
 #pragma once
 #include <cmath>
 #include <vector>

@@ -1,4 +1,4 @@
-// Which of the taught objects a weight is, or none of them.
+// Finds the taught object that has a given weight, or none.
 #pragma once
 #include <array>
 #include <span>

@@ -6,7 +6,7 @@
 
 namespace tactiled::grasp {
 
-// What the jaws show at one instant.
+// The readings of the jaws at one instant.
 struct Seen {
     std::uint64_t t_ns = 0;
     bool unknown = false;           // a jaw has no value
@@ -28,7 +28,7 @@ public:
         return state_ == TACTILED_GRIP_GRASPED || state_ == TACTILED_GRIP_LIFTING || state_ == TACTILED_GRIP_HOLDING;
     }
     [[nodiscard]] bool hangs() const noexcept { return state_ == TACTILED_GRIP_LIFTING || state_ == TACTILED_GRIP_HOLDING; }
-    // The grasp of before a break goes on: nobody saw it begin.
+    // Continues a grasp after a discontinuity: its begin was not observed.
     [[nodiscard]] bool resumed() const noexcept { return resumed_; }
     // It hung a moment ago, when a jaw lost touch: no other grasp, and what hung hangs.
     [[nodiscard]] bool kept() const noexcept { return kept_; }

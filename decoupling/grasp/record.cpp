@@ -17,7 +17,7 @@ tactiled_grasp Grasp::state() const noexcept {
     g.slips = s.slips;
     g.slip_latch = s.latch;
     double grip_N = 0, needed_N = kNaN;
-    const Friction* min = nullptr;  // where friction is least it slips first
+    const Friction* min = nullptr;  // the jaw with the least friction slips first
     for (std::size_t j = 0; j < s.jaws.size(); ++j) {
         const State::Jaw& jaw = s.jaws[j];
         const Contact& contact = s.contacts[j];

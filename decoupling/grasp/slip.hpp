@@ -1,4 +1,4 @@
-// Whether the contact of one jaw slips: near the limit of friction, or over it.
+// Detects slip at one jaw: near the limit of friction, or over it.
 #pragma once
 #include <array>
 #include <cstdint>

@@ -16,10 +16,10 @@ struct Weighed {
 
 inline constexpr double kNoPart = 1e-6;    // of an axis: rounding of a rotation
 inline constexpr double kLeak = 0.03;      // of the press that may read as a shear
-inline constexpr double kDown_rad = 0.01;  // how well gravity's direction is known
+inline constexpr double kDown_rad = 0.01;  // uncertainty of gravity's direction
 
-// What a jaw reads in the grip before the lift. A leak of the press, which the weight has in it, or a force that the lift
-// takes away: the deviation has it.
+// The reading of a jaw in the grip before the lift. A leak of the press, which the weight has in it, or a force that the
+// lift takes away: the deviation has it.
 struct Rest {
     Eigen::Vector2d force_S_N{kNaN, kNaN};  // tangential; NaN: not seen
     double press_N = 0;
@@ -48,7 +48,7 @@ public:
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
     bool zero() noexcept;  // what hangs, stable, is tare
     void no_tare() noexcept { tare_kg_ = 0; }
-    // As Grasp::known_weight(). rt: wait-free
+    // The same as Grasp::known_weight(). rt: wait-free
     bool known(double mass_kg, std::span<const Contact> jaws) noexcept;
 
 private:

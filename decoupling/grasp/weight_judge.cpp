@@ -1,4 +1,4 @@
-// Whether what hangs is a weight already, and how far off it may be.
+// Decides if the load is a stable weight, and computes its standard deviation.
 #include <algorithm>
 #include <bit>
 #include <cmath>

@@ -8,7 +8,7 @@
 
 namespace tactiled {
 
-// What each of H1 .. H4 answers: r_i = gain_i . load + leak_i . leak_terms(load), all in dR/R0 at a load of 1 (full scale).
+// Response of each of H1 .. H4: r_i = gain_i . load + leak_i . leak_terms(load), all in dR/R0 at a load of 1 (full scale).
 struct HairResponse {
     std::array<HairLoad, 4> gain{};
     std::array<LeakTerms, 4> leak{};
@@ -17,7 +17,7 @@ struct HairResponse {
 
     // Where the leak is evaluated: `load`, or the nearest load that was calibrated (and 5 % more). rt: wait-free
     [[nodiscard]] HairLoad nearest(const HairLoad& load) const noexcept;
-    // What hair i reads at a load. rt: wait-free
+    // Reading of hair i at a load. rt: wait-free
     [[nodiscard]] double reading(std::size_t i, const HairLoad& load, const LeakTerms& terms) const noexcept;
 };
 

@@ -69,7 +69,7 @@ private:
     Domain domain_;
 };
 
-// What is wrong with the parts that a CheckedModel uses, "" where nothing is. setup
+// The fault of the parts that a CheckedModel uses, "" if there is none. setup
 std::string fault_of_checked(const Calibration& calibration);
 
 }  // namespace tactiled

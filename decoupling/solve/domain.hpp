@@ -1,5 +1,5 @@
-// What the models share about a calibration: the range of channels that it saw, and checks of the parts that every model
-// has.
+// The common part of the models about a calibration: the range of channels that it saw, and checks of the parts that every
+// model has.
 #pragma once
 #include <fmt/format.h>
 
@@ -54,7 +54,7 @@ private:
     double min_[32], max_[32];  // plain arrays: read a channel at a time in the loop
 };
 
-// What is wrong with components, sd, full scale, domain or a number of the calibration; "" where nothing is. setup
+// The fault of components, sd, full scale, domain or a number of the calibration; "" if there is none. setup
 inline std::string fault_of_shared_parts(const Calibration& calibration) {
     const std::size_t n = calibration.channels.size(), rows = calibration.components.size();
     for (std::size_t i = 0; i < rows; ++i) {

@@ -10,7 +10,7 @@ namespace tactiled {
 
 class MonotoneCurve {
 public:
-    // What is wrong, "" where nothing is: both coordinates rise from point to point. setup
+    // The fault, "" if there is none: both coordinates rise from point to point. setup
     static std::string fault_of(const std::vector<double>& x, const std::vector<double>& y) {
         if (x.size() < 2 || x.size() != y.size()) return "it needs two points or more";
         for (std::size_t i = 1; i < x.size(); ++i)

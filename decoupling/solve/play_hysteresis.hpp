@@ -17,7 +17,7 @@ struct PlayOperators {
     std::size_t n = 0;
     std::array<double, kMax> threshold{}, weight{};
 
-    // What is wrong, "" where nothing is: thresholds rise from 0, and the loading curve rises everywhere, that is the sums
+    // The fault, "" if there is none: thresholds rise from 0, and the loading curve rises everywhere, that is the sums
     // of the first weights are above 0. setup
     static std::string fault_of(std::span<const double> thresholds, std::span<const double> weights) {
         if (thresholds.empty() || thresholds.size() != weights.size() || thresholds.size() > kMax)
@@ -48,7 +48,7 @@ struct PlayOperators {
     }
 };
 
-// What the plays remember of one quantity.
+// State of the play operators of one quantity.
 class PlayState {
 public:
     // The next value through the plays; what is not finite is not remembered. rt: wait-free

@@ -1,4 +1,4 @@
-// What each gauge answers to 1 N at any point of the plate: finite-element strains on a polar grid, between them a bicubic
+// Response of each gauge to 1 N at any point of the plate: finite-element strains on a polar grid, between them a bicubic
 // spline.
 #pragma once
 #include <Eigen/Core>

@@ -22,7 +22,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kRest = 3;  // nothing touches: the readings are within 3 sigma of noise, root mean square
+constexpr double kRest = 3;  // there is no contact: the readings are within 3 sigma of noise, root mean square
 constexpr double kPoor = 3;  // from this residual on a point is not believed
 constexpr double kDefaultLocate = 5;
 // Shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has a small press or
@@ -204,7 +204,7 @@ private:
             if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
             if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         }
-        if (!true_here) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;  // how wrong depends on where it touches
+        if (!true_here) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;  // the error depends on the place of the contact
         for (std::size_t c = 0; c < 3; ++c) {
             estimate.wrench_S[c] = solved.load[c] + 0.0;
             if (point_) {

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t kAngles = 96;  // twice the map's own, and so are the rings: beside a column minima are 60 um apart
 constexpr std::size_t kBlocksAStep = 128, kRingsAStep = 10;
-// How many go on downhill in each round, and for how many evaluations of the map.
+// Number of points that continue downhill in each round, and their evaluations of the map.
 struct Round {
     std::size_t candidates;
     int steps;
@@ -77,7 +77,7 @@ void PointSearch::run(const Gauges& y, std::uint32_t usable, double variance) no
     while (!step()) {}
 }
 
-// What the best force at each point leaves unexplained. A gauge that is not usable may read anything: with P = I - q q' and
+// The residual of the best force at each point. A gauge that is not usable may read anything: with P = I - q q' and
 // rho = P y, leaving out the gauges m lowers the squares by rho_m' P_mm^-1 rho_m.
 void PointSearch::scan(std::size_t first, std::size_t last) noexcept {
     const double norm = y_.norm();

@@ -120,7 +120,7 @@ private:
     // other, for the bus has no time for four a value: a setting that changed by itself is seen within four values.
     Answer check(Port& port, bool& is_good, bool& is_same) noexcept {
         const bool has_crc = is_good, may_be_reset = !is_good || data_[0] == 0;
-        const unsigned next = (turn_ + 1) % unsigned(set_.size());
+        const unsigned next = (last_read_ + 1) % unsigned(set_.size());
         Answer answer = Answer::ok;
         for (unsigned i = 0; i < set_.size() && answer == Answer::ok && is_same; ++i) {
             if (!may_be_reset && i != next && (crc_ || i != kWithCounter)) continue;
@@ -132,14 +132,14 @@ private:
             const bool is_reported = is_register_good || !has_crc;  // else a bit was disturbed on the way
             is_same = !is_reported || (i == kWithCounter ? value & ~kReady : value) == set_[i];
         }
-        if (is_good) turn_ = next;
+        if (is_good) last_read_ = next;
         return answer;
     }
 
     unsigned rate_;
     bool turbo_, crc_;
     std::array<std::uint8_t, 4> set_{};  // all registers; the last one, current sources, stays off
-    unsigned turn_ = 0;                  // the one that was read last
+    unsigned last_read_ = 0;             // index into set_
     std::array<std::uint8_t, 6> data_{};
     std::uint8_t count_ = 0;  // of the conversion that was taken last
 };

@@ -26,7 +26,7 @@ void put(std::uint8_t*& at, std::uint32_t value, int n) noexcept {
     for (int i = 0; i < n; ++i) *at++ = std::uint8_t(value >> (8 * i));
 }
 
-std::int32_t rail(int bits) noexcept { return std::int32_t((1u << (bits - 1)) - 1); }
+std::int32_t saturation_limit(int bits) noexcept { return std::int32_t((1u << (bits - 1)) - 1); }
 
 // Length of the plain bytes, or 0 where `encoded` is no COBS.
 std::size_t uncobs(std::span<const std::uint8_t> encoded, std::uint8_t* plain) noexcept {
@@ -88,7 +88,7 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t 
     frame.lost = verdict.lost;
     put_number(frame, sequence, verdict);
     if (mask_bytes != 0) frame.missing = get(&plain[kHeader], 4);
-    const std::int32_t top = bytes == 3 ? rail(24) : std::numeric_limits<std::int32_t>::max();
+    const std::int32_t top = bytes == 3 ? saturation_limit(24) : std::numeric_limits<std::int32_t>::max();
     for (unsigned k = 0; k < channels; ++k) {
         const std::uint32_t raw = get(&plain[kHeader + mask_bytes + std::size_t(k) * std::size_t(bytes)], bytes);
         const auto value = bytes == 3 ? std::int32_t(raw << 8) >> 8 : std::int32_t(raw);
@@ -110,7 +110,7 @@ std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kC
     put(at, frame.sequence, 2);
     put(at, std::uint32_t(frame.device_time_us), 4);
     if (frame.missing != 0) put(at, frame.missing, 4);
-    const double top = bits == 24 ? double(rail(24)) : double(std::numeric_limits<std::int32_t>::max());
+    const double top = bits == 24 ? double(saturation_limit(24)) : double(std::numeric_limits<std::int32_t>::max());
     for (unsigned k = 0; k < frame.n_channels; ++k) {
         const bool missing = (frame.missing >> k & 1u) != 0;
         const double value = missing ? 0 : std::clamp(std::nearbyint(frame.channel[k]), -top - 1, top);

@@ -16,7 +16,7 @@ std::uint32_t bits_of(const RegisterValue& value, std::span<const std::uint16_t>
 
 }  // namespace
 
-bool register_is_at_rail(const RegisterValue& value, std::span<const std::uint16_t> words, std::uint16_t first) noexcept {
+bool register_is_saturated(const RegisterValue& value, std::span<const std::uint16_t> words, std::uint16_t first) noexcept {
     const std::uint32_t bits = bits_of(value, words, first);
     switch (value.type) {
         case RegisterType::int16: return bits == 0x7FFF || bits == 0x8000;
@@ -55,7 +55,7 @@ bool read_registers(const RegisterSet& set, std::span<const std::uint16_t> words
         number = register_value(channel, words, set.at);
         if (std::isinf(number)) return refuse(TACTILED_LINK_BAD_VALUE);
         if (std::isnan(number)) frame.missing |= 1u << frame.n_channels;
-        if (register_is_at_rail(channel, words, set.at)) frame.saturated |= 1u << frame.n_channels;
+        if (register_is_saturated(channel, words, set.at)) frame.saturated |= 1u << frame.n_channels;
         ++frame.n_channels;
     }
     for (const auto& counter : set.sequence) {  // last: a frame that is dropped must not count as seen

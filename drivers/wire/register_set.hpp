@@ -41,7 +41,7 @@ double register_value(const RegisterValue& value, std::span<const std::uint16_t>
 
 // True where it is the first or last number of a signed type or the last of an unsigned one, whose first is a common zero:
 // a device that clips does so there. rt: wait-free
-bool register_is_at_rail(const RegisterValue& value, std::span<const std::uint16_t> words, std::uint16_t first) noexcept;
+bool register_is_saturated(const RegisterValue& value, std::span<const std::uint16_t> words, std::uint16_t first) noexcept;
 
 // Fills channels, rails, sequence and losses of `frame`; false, and counted, where it is none: not ready, the same sample
 // again, or an infinite number. rt: bounded by the channels

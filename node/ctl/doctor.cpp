@@ -38,7 +38,7 @@ std::string running_daemon(const std::string& node_name) {
     return !pid.empty() && Machine("").line("/proc/" + pid + "/comm") == "tactiled" ? pid : "";
 }
 
-// Who owns the running daemon, else the package's user where there is one, else who asks.
+// The owner of the running daemon, else the package's user if there is one, else the caller.
 std::string user_of(const Machine& machine, const std::string& pid) {
     struct stat process {};
     if (!pid.empty() && ::stat(machine.path("/proc/" + pid).c_str(), &process) == 0)

@@ -88,7 +88,7 @@ int read(const Args& args) {
             continue;
         }
         std::fflush(stdout);
-        if (std::ferror(stdout) != 0) break;  // nobody listens any more
+        if (std::ferror(stdout) != 0) break;  // the reader of the output has disconnected
         if (args.timeout_s > 0 && double(monotonic_ns() - heard_ns) > args.timeout_s * 1e9) {
             fmt::print(stderr, "tactilectl: nothing from \"{}\" for {} s\n", args.sensor, args.timeout_s);
             return reader.is_attached() && reader.segment().is_current() ? kUnhealthy : kNotReachable;

@@ -27,7 +27,7 @@ struct Args {
     bool json = false;
 };
 
-// What became of one sensor's samples.
+// Result of the comparison of one sensor's samples.
 struct Outcome {
     std::uint64_t frames = 0, compared = 0, equal = 0;
     std::uint64_t raw_only = 0;  // of the equal ones: compared before tare and filter
@@ -89,7 +89,7 @@ public:
         waiting.pop_front();
         return sample;
     }
-    // Whether no frame came to the sensor before the file began.
+    // True if no frame came to the sensor before the file began.
     [[nodiscard]] bool from_the_start(std::size_t i) const { return sensors_[i].from_the_start; }
 
 private:

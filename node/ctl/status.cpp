@@ -32,7 +32,7 @@ nlohmann::json lateness_json(const Lateness& counts) {
     return out;
 }
 
-// How many samples had each reason since the start.
+// Number of samples with each reason since the start.
 std::string reason_line(const Segment& segment, std::uint32_t i) {
     std::string counts;
     for (unsigned bit = 0; bit < kReasonWords.size(); ++bit)

@@ -1,4 +1,4 @@
-// What status and top share.
+// Shared by status and top.
 #pragma once
 #include <nlohmann/json.hpp>
 

@@ -53,7 +53,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
     const auto print = [&](const std::exception& error) { fmt::print(stderr, "{}: {}\n", app.get_name(), error.what()); };
     try {
         status = run();
-    } catch (const SaveError& error) {  // nothing is wrong with the words
+    } catch (const SaveError& error) {  // the command line is correct
         print(error);
     } catch (const SetupError& error) {
         print(error);

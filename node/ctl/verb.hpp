@@ -37,7 +37,7 @@ void add_map(CLI::App& app, Run& run);
 void add_doctor(CLI::App& app, Run& run);
 void add_check(CLI::App& app, Run& run);
 
-// ---- what several verbs share ----
+// ---- shared by several verbs ----
 
 // Parses the words into `app`, calls `run`, prints what it throws after the program's name; returns the exit status.
 int run_program(CLI::App& app, int argc, char** argv, const Run& run);

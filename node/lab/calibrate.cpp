@@ -66,7 +66,7 @@ void print_report(const FitReport& report, const Settings& settings) {
 }
 
 void print_json(const FitReport& report, const Settings& settings) {
-    // What is unknown is null: JSON has no NaN.
+    // Unknown numbers are null, because JSON has no NaN.
     const auto number = [](double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); };
     nlohmann::json json{{"schema", 1},
                         {"calibration", settings.out},

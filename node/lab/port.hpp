@@ -1,4 +1,4 @@
-// A device's end of a pty, so that the daemon opens it as it opens a serial port. What `play` and `simulate --pty` share.
+// A device's end of a pty, so that the daemon opens it as it opens a serial port. Shared by `play` and `simulate --pty`.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -21,10 +21,10 @@ public:
     Port(const Port&) = delete;
     Port& operator=(const Port&) = delete;
 
-    // True while somebody has the other end open.
+    // True while a process has the other end open.
     [[nodiscard]] bool has_reader() const;
-    // Waits a while where the other end is behind: how much a pty holds is not the device's matter. What nobody takes even
-    // so is gone: false then, and the next is not waited for until one is taken again.
+    // Waits for a limited time if the pty is full, because a real device does not depend on its capacity. False if the
+    // bytes were dropped; later calls then do not wait until the reader takes bytes again.
     [[nodiscard]] bool send(const void* bytes, std::size_t size);
 
 private:
@@ -33,16 +33,16 @@ private:
     bool is_stuck_ = false;
 };
 
-// How frames are written, with the options of a verb that say so.
+// Format of the frames, with the options of a verb that select it.
 struct Wire {
-    std::string name = "lines";  // of a serial format that has an encoder
+    std::string name = "lines";  // a serial format that has an encoder
     StreamSettings settings;
     double counts_per_unit = 1;
 
     void add_options(CLI::App* verb);
     // setup: the options are parsed
     [[nodiscard]] const StreamFormat& format() const;
-    // Writes a frame whose channels are in their units; without a value: NaN. False where nobody took it all.
+    // Writes a frame whose channels are in their units; without a value: NaN. False if the frame was not taken completely.
     [[nodiscard]] bool send(Port& port, Frame frame) const;
 };
 
@@ -50,7 +50,7 @@ struct Wire {
 void wait_for_reader(const Port& port);
 // Blocks until that moment of CLOCK_MONOTONIC, or until interrupted.
 void sleep_until(std::uint64_t due_ns);
-// What the reader has not taken goes with the port: gives it time to.
+// Gives the reader time for the remaining bytes, which are lost when the port closes.
 void let_reader_finish();
 
 }  // namespace tactiled::ctl

@@ -1,4 +1,4 @@
-// What a person sees of a verb that takes long.
+// Progress display of a verb that takes long.
 #pragma once
 #include <cstdint>
 #include <string>

@@ -28,14 +28,14 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
 // ---- simulate_measure.cpp: what the effects do and cost, measured in this run ----
 
 struct Measured {
-    // Of each effect that concerns the sensor, in the order of Choice::decisions, all of them at work:
+    // One entry for each effect that concerns the sensor, in the order of Choice::decisions, with all of them active:
     std::vector<double> share_N;     // largest change that it made to a channel
     std::vector<double> time_ns;     // it took a sample
-    double linear_ns = 0;            // what the linear model took a sample, in the same run
+    double linear_ns = 0;            // the linear model's time a sample, in the same run
     double none_ns = 0, all_ns = 0;  // a sample without effects, with all
     double chosen_ns = 0;            // with those chosen
     double difference_N = 0;         // largest, chosen - all, over all channels and samples that both have
-    std::uint64_t samples = 0;       // of the scene, that were compared
+    std::uint64_t samples = 0;       // number of compared samples of the scene
 };
 // setup; runs the whole scene twice, and parts of it again against the clock
 Measured measure(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
@@ -53,13 +53,13 @@ struct Timeline {
         double bound_N;                               // over the whole scene
         std::string_view why;                         // at its end
     };
-    struct Lane {  // what the body does
+    struct Lane {  // motion of the body
         std::string name, unit;
         std::vector<double> value;  // evenly spaced over the scene
     };
     double length_s = 0;
     std::vector<Named> motions;  // neighbours of one kind are one
-    std::vector<Lane> lanes;     // those that change
+    std::vector<Lane> lanes;     // only lanes that change
     std::vector<Row> rows;       // in the order in which they come on; those that never do, last
 };
 Timeline timeline(const sim::Scene& scene, const sim::Sensor& sensor);
@@ -70,14 +70,14 @@ std::string timeline_svg(const sim::Scene& scene, const sim::Sensor& sensor);
 // ---- simulate_report.cpp, simulate_text.cpp ----
 
 struct Report {
-    const sim::Simulation& simulation;  // as chosen
-    std::string effects;                // the wish
-    std::vector<std::size_t> sensors;   // which
-    std::vector<Measured> measured;     // of each
+    const sim::Simulation& simulation;  // with the chosen effects
+    std::string effects;                // the option
+    std::vector<std::size_t> sensors;   // their indices
+    std::vector<Measured> measured;     // for each sensor
 };
 std::string scene_html(const Report& report);
 nlohmann::json scene_json(const Report& report);
-// What is on, and why. Nothing is run.
+// The active effects with the reasons. The scene is not run.
 std::string choice_text(const sim::Simulation& simulation, const std::vector<std::size_t>& sensors);
 std::string effects_text();
 nlohmann::json effects_json();

@@ -58,7 +58,7 @@ void add_signals(std::string& row, const sim::Sensor& sensor, const Block& block
 void add_truth(std::string& row, const sim::Sensor& sensor, const Block& block, std::size_t n) {
     const bool here = arrives(sensor, block, n), touches = here && block.load[sim::kFz][n] < 0;
     for (std::size_t axis = 0; axis < sim::kAxes; ++axis) add(row, here ? block.load[axis][n] + 0.0 : kNaN);
-    add(row, kNaN);  // mz: nothing in a scene exerts one that a sensor here could feel
+    add(row, kNaN);  // mz: no motion exerts a moment that a sensor here could measure
     add(row, touches ? block.x_m[n] + 0.0 : kNaN);
     add(row, touches ? block.y_m[n] + 0.0 : kNaN);
 }

@@ -54,7 +54,7 @@ private:
                  kWidth - kRight + 8, rows_ - 20, kWidth - kRight + 8, rows_ - 7);
     }
 
-    // Where a motion begins, down through all bars; its name where there is room, upright where that is enough.
+    // The begin of a motion, down through all bars; its name if there is room, upright if that is enough.
     void motions() {
         std::string borders;
         const double y = kTitle + kMotion;
@@ -75,7 +75,7 @@ private:
         const auto [min, max] = std::minmax_element(lane.value.begin(), lane.value.end());
         const double foot = top + kLane - 4;
         const Scale scale({std::min(0.0, *min), std::max(0.0, *max)}, foot, top + 4);
-        // Of values that look the same only the first and the last are points.
+        // Equal values are reduced to the first and the last point.
         std::vector<std::string> y;
         for (const double value : lane.value) y.push_back(fmt::format("{:.1f}", scale.at(value)));
         SvgPath path;

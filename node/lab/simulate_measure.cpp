@@ -1,4 +1,4 @@
-// What each effect does to the channels and how long it takes, on this machine, in this run.
+// The change that each effect makes to the channels and its time, on this machine, in this run.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -59,7 +59,7 @@ public:
         samples_ = samples;
         return ns / double(samples);
     }
-    [[nodiscard]] std::size_t samples() const { return samples_; }  // of the last piece
+    [[nodiscard]] std::size_t samples() const { return samples_; }  // belongs to the last piece
     [[nodiscard]] std::vector<std::uint64_t> times_ns() {
         if (left_ == 0) begin();
         return simulation_->times_ns(sensor_);

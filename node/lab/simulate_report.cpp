@@ -92,8 +92,8 @@ std::string timeline_figure(const sim::Scene& scene, const sim::Sensor& sensor) 
 
 constexpr const char* kHowToRead = R"(<h2>How to read the numbers</h2>
 <ul>
-<li>N stands for a channel's change too: its change in its own unit over its response to the axis that it feels least, of
-those that it feels at all. So an error is rather named too large than too small.</li>
+<li>N stands for a channel's change too: its change in its own unit over its response to the axis that it responds to least, of
+those that it responds to at all. So an error is rather named too large than too small.</li>
 <li>Bound: the largest change that the effect can make to any channel in any scene that states the same. Effects are left out
 in the order of bound over instructions, as long as the guaranteed error stays within the wanted accuracy.</li>
 <li>Measured share: the largest change that the effect made to a channel, in a run of the whole scene with all effects. Of

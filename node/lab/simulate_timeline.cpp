@@ -1,4 +1,4 @@
-// Which effects a scene would call for if it ended earlier, segment by segment: how they come on one by one.
+// The effects that a scene would call for if it ended earlier, segment by segment. They come on one by one.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -11,7 +11,7 @@ namespace {
 using sim::Block;
 
 constexpr std::size_t kMaxEnds = 200;     // segments at whose end the choice is made; of more, evenly some
-constexpr std::size_t kLaneValues = 361;  // of a curve over the scene
+constexpr std::size_t kLaneValues = 361;  // points of a curve over the scene
 
 std::vector<Timeline::Named> name_motions(const std::vector<sim::Segment>& segments, double length_s) {
     std::vector<Timeline::Named> named;

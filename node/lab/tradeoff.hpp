@@ -62,13 +62,13 @@ Contest contest_of_scene(const std::string& folder, const std::string& scene);
 // All methods that a calibration has a fit of.
 Contest contest_of_calibration(const std::string& calibration);
 
-// Where config/scenes is for this program: beside it, or where it was installed. setup: throws SetupError where it is not
+// The folder config/scenes of this program: beside it, or the installed one. setup: throws SetupError if it is missing
 std::string scenes_folder();
 
 // ---- tradeoff_judge.cpp: errors ----
 
 struct Judged {
-    // Of samples that are not BAD, after a tare before the first load, % of full scale; NaN = not seen or no such sample.
+    // Errors of samples that are not BAD, after a tare before the first load, % of full scale; NaN = not seen or no sample.
     Wrench rms_percent = kUnseen, p99_percent = kUnseen;
     double force_rms_percent = kNaN;  // over the axes of force that the method sees
     double good_rms_percent = kNaN;   // the same of GOOD samples alone
@@ -89,12 +89,12 @@ Judged over_all(const std::vector<Judged>& trials);
 std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& rows, std::vector<double>& storage);
 
 struct Timing {
-    std::vector<float> ns;       // of each sample that was timed, the clock's own share subtracted
+    std::vector<float> ns;       // time of each timed sample, less the clock's own share
     double instructions = kNaN;  // a sample, in user space; NaN = the kernel does not count them
 };
 // The candidates take turns, so that what disturbs one disturbs all.
 std::vector<Timing> time_all(const std::vector<Candidate>& candidates, const Labelled& rows, std::size_t samples);
-double clock_ns();                  // what reading the clock twice takes by itself, median of this run
+double clock_ns();                  // time of two readings of the clock, median of this run
 std::string why_no_instructions();  // "" where they are counted
 double quantile(std::vector<float>& values, double share);
 

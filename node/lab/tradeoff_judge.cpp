@@ -1,4 +1,4 @@
-// How far off a method is in a trial, and what it says of itself.
+// The error of a method in a trial, and the quality that it states.
 #include <fmt/format.h>
 
 #include <algorithm>

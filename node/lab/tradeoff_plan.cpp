@@ -1,4 +1,4 @@
-// Which methods compete, on which calibrations, in which scenes. One table; a model that is not in it has no contest.
+// The methods that compete, with their calibrations and scenes. One table; a model that is not in it has no contest.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

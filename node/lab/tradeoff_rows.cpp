@@ -11,7 +11,7 @@
 namespace tactiled::ctl {
 namespace {
 
-// What the world does, of all effects: friction, ridges, glue. They are part of the truth, all others are the sensor's, but
+// The effects of the world alone: friction, ridges, glue. They are part of the truth, all others are the sensor's, but
 // for when it takes its samples: that is their time.
 constexpr const char* kWorld = "clock_drift,sampling_jitter,friction_limit,partial_slip,stick_slip,texture,adhesion";
 

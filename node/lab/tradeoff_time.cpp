@@ -1,4 +1,4 @@
-// What a sample of each method takes: each sample alone between two readings of the clock, and where the kernel counts
+// Time of a sample of each method: each sample alone between two readings of the clock, and where the kernel counts
 // instructions, a run of them. Caches are warm.
 #include <fmt/format.h>
 #include <linux/perf_event.h>
@@ -46,7 +46,7 @@ private:
     int fd_, error_;
 };
 
-double sink = 0;  // so that nothing is optimised away
+double sink = 0;  // prevents the optimiser from removing the loop
 
 // One candidate over the rows under load, again and again: at rest some methods have nothing to do. Time goes on at the
 // end, so that memory does not run backwards.

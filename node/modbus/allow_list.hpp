@@ -1,4 +1,4 @@
-// Which addresses may connect.
+// The addresses that may connect.
 #pragma once
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -18,13 +18,13 @@ public:
 
 private:
     struct Network {
-        std::array<std::uint8_t, 16> address;  // IPv4 as ::ffff:a.b.c.d
+        std::array<std::uint8_t, 16> address;  // IPv4 is stored as ::ffff:a.b.c.d
         unsigned bits;
     };
     std::vector<Network> networks_;
 };
 
-// Whether two peers are the same host, whatever their ports.
+// True if two peers are the same host, independent of their ports.
 bool same_host(const sockaddr_storage& a, const sockaddr_storage& b) noexcept;
 
 // "ADDRESS:PORT" or "[IPv6]:PORT", checked by the configuration.

@@ -16,7 +16,7 @@ namespace tactiled::modbus {
 class Connection {
 public:
     static constexpr std::uint64_t kRequestNs = 1'000'000'000;  // from the first byte of a request to its last
-    static constexpr std::uint64_t kDeafNs = 2'000'000'000;     // that requests may wait for room in the socket
+    static constexpr std::uint64_t kDeafNs = 2'000'000'000;     // longest wait of a request for room in the socket
     static constexpr std::uint64_t kIdleNs = 60'000'000'000;
 
     // The send buffer that `fd` needs, as SO_SNDBUF takes it; the kernel doubles it. Small answers occupy about 1.5 KiB each

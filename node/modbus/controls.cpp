@@ -8,7 +8,7 @@ namespace {
 
 bool is_command_cell(unsigned at) { return at >= kTareCell && at <= kKnownWeightCell; }
 
-// What cannot be tared now is refused at once where that is known at once.
+// A tare that is known to be impossible now is refused at once.
 bool have_values(const View& view, std::uint32_t mask) {
     for (unsigned i = 0; i < kSensorBlocks; ++i)
         if ((mask >> i & 1) != 0 && view.snapshot.sensor[i].quality == TACTILED_BAD) return false;
@@ -47,7 +47,7 @@ void Controls::follow(const View& view, std::uint64_t now_ns) noexcept {
     }
 }
 
-// What TEACH has stored goes to the pipeline; the list is kept until the pipeline has copied it.
+// The objects that TEACH has stored go to the pipeline; the list is kept until the pipeline has copied it.
 void Controls::hand_over_objects(std::uint64_t now_ns) noexcept {
     if (teaching_.state() != Teaching::stored || objects_number_ != 0) return;
     Command command;
@@ -130,7 +130,7 @@ bool Controls::takes_more_than_one_command(const Request& request) const noexcep
     return commands > 1;
 }
 
-// Where both ends of the hysteresis are set here, contact must not end above where it begins.
+// If both ends of the hysteresis are set here, contact must not end above its begin.
 bool Controls::contact_is_upside_down(const Request& request) const noexcept {
     if (request.function == kWriteCoil || request.function == kWriteCoils) return false;
     std::uint16_t on = settings_[kContactOn - kFilterHz], off = settings_[kContactOff - kFilterHz];

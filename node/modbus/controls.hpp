@@ -1,4 +1,4 @@
-// What a PLC may write: commands, hints, settings, scratch. A write is checked whole before any of it is carried out.
+// Writes of a PLC: commands, hints, settings, scratch. A write is checked whole before any of it is carried out.
 #pragma once
 #include <array>
 #include <atomic>
@@ -19,7 +19,7 @@ namespace tactiled::modbus {
 // One client, as far as writing is concerned.
 struct Session {
     bool may_write = false;
-    std::uint64_t unlocked_until_ns = 0;  // of the settings
+    std::uint64_t unlocked_until_ns = 0;  // end of the time in which settings may be written
 };
 
 class Controls {
@@ -29,10 +29,10 @@ public:
     Controls(const Controls&) = delete;
     Controls& operator=(const Controls&) = delete;
 
-    // What has become of the command that runs, if one does. Before check(), write() and add_to_global().
+    // Follows the running command, if there is one. Before check(), write() and add_to_global().
     void follow(const View& view, std::uint64_t now_ns) noexcept;
 
-    // Whether all of a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
+    // True if all of a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
     [[nodiscard]] Exception check(const Request& request, const View& view, const Session& session,
                                   std::uint64_t now_ns) const noexcept;
     // Sends what the pipeline had no room for, and forgets what a silent PLC told. Now and then.
@@ -88,9 +88,9 @@ private:
     std::uint64_t unlocked_until_ns_ = 0;  // by any client
 
     std::uint16_t acknowledged_ = 0;  // CMD_SEQ
-    std::uint32_t number_ = 0;        // of the last command sent to the pipeline
+    std::uint32_t number_ = 0;        // number of the last command sent to the pipeline
     std::uint32_t acknowledged_by_pipeline_ = 0;
-    std::uint32_t tare_number_ = 0;   // of the last tare or untare sent
+    std::uint32_t tare_number_ = 0;   // number of the last tare or untare sent
     std::uint32_t block_number_ = 0;  // of the command block's: CMD_STATE and CMD_RESULT tell of that one alone
     std::uint64_t sent_ns_ = 0;
     tactiled_command_state state_ = TACTILED_COMMAND_IDLE;
@@ -103,7 +103,7 @@ private:
 
     std::atomic<Saving> saving_{idle};
     bool settings_unsent_ = false;
-    std::atomic<bool> unreadable_{false};  // what an earlier SAVE stored
+    std::atomic<bool> unreadable_{false};  // the settings of an earlier SAVE cannot be read
     std::array<std::uint16_t, kSettings> to_save_{};
     RtThread saver_;
 };

@@ -1,4 +1,4 @@
-// What a write that was found good does, and what is read back.
+// The effect of a valid write, and the values that are read back.
 #include <fmt/format.h>
 #include <unistd.h>
 

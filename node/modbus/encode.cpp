@@ -13,7 +13,7 @@ constexpr std::uint16_t kMaxU16 = 65534;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
-// What remains true of the node when its loop has stopped; what its sensors do now is no longer known.
+// The part of the node's state that remains true when its loop has stopped; what its sensors do now is no longer known.
 constexpr std::uint32_t kOutlivesLoop = TACTILED_SIMULATED | TACTILED_ANY_UNCALIBRATED | TACTILED_WARNING | TACTILED_FAULT;
 
 bool has_value(const tactiled_sample& s) noexcept { return s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN; }

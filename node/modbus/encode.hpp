@@ -11,9 +11,9 @@ namespace tactiled::modbus {
 // A double in units of `scale` as i16: nearest, halves to even; beyond +-32767 it saturates and sets `saturated`; NaN is
 // kNoI16. Never wraps.
 std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept;
-// As i16_of for 0 .. 65534 and kNoU16; negative values saturate at 0.
+// The same as i16_of for 0 .. 65534 and kNoU16; negative values saturate at 0.
 std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept;
-// As i16_of for two registers, high word first; saturates at +-2147483647. NaN is kNoI32.
+// The same as i16_of for two registers, high word first; saturates at +-2147483647. NaN is kNoI32.
 std::uint32_t i32_of(double value, double scale) noexcept;
 
 // The jaws hold something, if only just; the grasp has a value of its weight.
@@ -25,7 +25,7 @@ bool is_stable(const tactiled_grasp& grasp) noexcept;
 inline constexpr double kForceUnit_N = 0.01;
 inline constexpr int kMaxI16 = 32767;
 
-// A float32 of two registers. What is not finite, in double or as float32, is the quiet NaN.
+// A float32 of two registers. A number that is not finite, in double or as float32, becomes the quiet NaN.
 void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept;
 
 // Everything that one request may need, from one frame of the pipeline.
@@ -39,7 +39,7 @@ struct View {
 View view_of(const Segment& segment) noexcept;
 // Bit n = sensor n, of those that there are.
 std::uint32_t sensor_mask_of(const View& view) noexcept;
-// What is shown when there is nothing to read: every sensor value is a sentinel.
+// The registers when there is nothing to read: every sensor value is a sentinel.
 View view_of_nothing(std::uint32_t reason = TACTILED_DAEMON_STOPPED) noexcept;
 
 void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept;
@@ -48,7 +48,7 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
 void encode_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kFloatSize> out) noexcept;
 void encode_sensor_floats(const View& view, unsigned index, bool low_word_first,
                           std::span<std::uint16_t, kSensorFloatSize> out) noexcept;
-// What the discrete inputs say, 0 or 1 each, from the global block that is shown at the same time.
+// The discrete inputs, 0 or 1 each, from the global block that is shown at the same time.
 void encode_inputs(std::span<const std::uint16_t, kGlobalSize> global, std::span<std::uint8_t, kInputs> out) noexcept;
 
 }  // namespace tactiled::modbus

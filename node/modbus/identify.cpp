@@ -10,7 +10,7 @@ constexpr std::size_t kBasicObjects = 3;
 constexpr std::uint8_t kConformity = 0x82;  // regular, by stream and by individual access
 // The project has no public address; this one leads to the manual that its package installs.
 constexpr const char* kVendorUrl = "file:///usr/share/doc/tactiled";
-constexpr std::uint8_t kServerId = 'T', kOn = 0xFF, kOff = 0;  // of function 17
+constexpr std::uint8_t kServerId = 'T', kOn = 0xFF, kOff = 0;  // in the answer to function 17
 constexpr std::string_view kServerText = "tactiled " TACTILED_VERSION;
 }  // namespace
 

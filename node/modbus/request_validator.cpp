@@ -15,7 +15,7 @@ bool is_readable(Run run, std::uint8_t function, bool scratch) noexcept {
     const Area* const area = area_of(run.at, run.count);
     if (area == nullptr || (area->block == Block::scratch && !scratch)) return false;
     const bool writable = area->block == Block::controls || area->block == Block::scratch;
-    return !(writable && function == kReadInputRegisters);  // what can be written is no input register
+    return !(writable && function == kReadInputRegisters);  // a register that can be written is no input register
 }
 
 bool is_writable(Run run, bool scratch) noexcept {

@@ -6,7 +6,7 @@ namespace tactiled::modbus {
 namespace {
 
 constexpr double kScale_m_s2 = 0.001;
-constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;  // as in the configuration
+constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;  // same limits as in the configuration
 
 grasp::Vector vector_of(const std::array<std::uint16_t, 3>& raw) noexcept {
     grasp::Vector v{};

@@ -1,4 +1,4 @@
-// What a PLC tells of the robot: the gripper's state, gravity and acceleration as the hand feels them. Registers 5022, 5023
+// A PLC's data about the robot: the gripper's state, gravity and acceleration at the hand. Registers 5022, 5023
 // and 5040 .. 5046. Nobody waits for an answer, so the registers themselves say what was told.
 #pragma once
 #include <array>
@@ -20,7 +20,7 @@ public:
     // a direction that is half the old one.
     void write(unsigned at, std::uint16_t value, std::uint64_t now_ns) noexcept;
 
-    // Whether three registers are what gravity is on Earth, or not available: a wrong scale is no weight.
+    // True if three registers are the gravity on Earth, or not available: a wrong scale gives no weight.
     static bool is_gravity(const std::array<std::uint16_t, 3>& raw) noexcept;
 
     // The PLC is silent: what it told may not be true any more. The registers keep what was written.

@@ -10,9 +10,9 @@
 
 namespace tactiled::modbus {
 
-// Whether `frame` has the length of a frame and a correct checksum.
+// True if `frame` has the length of a frame and a correct checksum.
 [[nodiscard]] bool is_rtu_frame(std::span<const std::uint8_t> frame) noexcept;
-// Whether `frame` has the form of the answer to `request` (both whole frames) rather than that of another request of the
+// True if `frame` has the form of the answer to `request` (both whole frames) rather than that of another request of the
 // same length. The data of a read are not compared.
 [[nodiscard]] bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame) noexcept;
 
@@ -52,7 +52,7 @@ private:
     std::uint64_t silence_ns_;  // t3.5
     int fd_ = -1;
     std::uint64_t open_again_ns_ = 0;
-    std::uint64_t silent_since_ns_ = 0;  // 0: nothing is waiting for its end
+    std::uint64_t silent_since_ns_ = 0;  // 0: no frame is waiting for its end
     std::array<std::uint8_t, kMaxRtu> frame_{};
     std::size_t received_ = 0;
     bool too_long_ = false;

@@ -17,12 +17,12 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kTickNs = 50'000'000;  // how long stop() and deadlines may wait
+constexpr std::uint64_t kTickNs = 50'000'000;  // longest delay of stop() and of deadlines
 constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
 constexpr std::uint64_t kRetryNs = 1'000'000'000;         // for the port, and after running out of descriptors
 constexpr std::uint64_t kMayBeEvictedNs = 1'000'000'000;  // a client that asked within the last second keeps its place
 constexpr int kWaitingAtTheDoor = 128;                    // whom the kernel finds no room for tries again after a second
-constexpr std::size_t kPlacesOfPlc = 4;                   // of each listed address
+constexpr std::size_t kPlacesOfPlc = 4;                   // connections of each listed address
 
 void watch(int epoll, int operation, int fd, std::uint32_t events) {
     epoll_event event{};
@@ -46,7 +46,7 @@ ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings
     if (epoll_ < 0 || ticks_ < 0 || ::timerfd_settime(ticks_, 0, &tick, nullptr) != 0)
         throw SetupError(fmt::format("Modbus: epoll, timer: {}", std::strerror(errno)));
     watch(epoll_, EPOLL_CTL_ADD, ticks_, EPOLLIN);
-    line_.session.may_write = settings.commands;  // who is on the wire is among those who may
+    line_.session.may_write = settings.commands;  // every device on the wire is allowed
     if (!settings_.listen.empty()) try_to_listen(monotonic_ns());
     if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), false);
     thread_.start("modbus", 0, -1, [this] { serve(); });
@@ -243,7 +243,7 @@ void ModbusServer::serve_client(int fd, std::uint32_t events, std::uint64_t now_
     const char* why = "no memory";
     try {
         why = client.serve(answer, now_ns);
-    } catch (const std::bad_alloc&) {}  // which of its requests were answered is not known
+    } catch (const std::bad_alloc&) {}  // the number of answered requests is not known
     if (*why != 0 || (events & (EPOLLERR | EPOLLHUP)) != 0) return close(fd);  // hung up: nobody would hear the rest
     if (client.interest() != client.watched) watch(epoll_, EPOLL_CTL_MOD, fd, client.watched = client.interest());
 }

@@ -9,7 +9,7 @@ constexpr std::uint64_t kLookAgainNs = 100'000'000;  // for a segment that is no
 
 bool writes(const Request& request) { return request.write.count != 0; }
 bool reads_bits(const Request& request) { return request.function == kReadCoils || request.function == kReadInputs; }
-// Whether the answer depends on the sensors.
+// True if the answer depends on the sensors.
 bool needs_view(const Request& request) {
     if (writes(request) || reads_bits(request) || request.function == kReportServerId) return true;
     if (request.read.count == 0) return false;

@@ -234,7 +234,7 @@ constexpr Bits kInputRuns[] = {
     {kOverloadInputs, 16, "OVERLOAD", "of sensor n"},
     {kGraspedInput, 1, "GRASPED", "STATUS bit 2"},
     {kStableInput, 1, "WEIGHT_STABLE", "STATUS bit 6"},
-    {kBlinkInput, 1, "BLINK", "1 s on, 1 s off, from the heartbeat: stands still when that does"},
+    {kBlinkInput, 1, "BLINK", "1 s on, 1 s off, from the heartbeat: constant while the heartbeat is constant"},
     {kFaultInput, 1, "FAULT", "STATUS bit 15"},
 };
 

@@ -23,7 +23,7 @@ public:
 
     // Begins to store. Only while idle. An id that is not in the file is a new object, named objectID.
     void begin(std::uint32_t id, const Weighing& weighing) noexcept;
-    // What was stored, while `stored`; stays until settle().
+    // The stored objects, while `stored`; stays until settle().
     [[nodiscard]] std::span<const TaughtObject> objects() const noexcept { return objects_; }
     // Back to idle, from `stored` and `failed`.
     void settle() noexcept { state_.store(idle, std::memory_order_release); }

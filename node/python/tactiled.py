@@ -559,7 +559,7 @@ class Follower(_Attached):
         self._drop_events()
         self._asked_ns = None
         self._broken = False
-        self._next = None if self._last is None else 0  # what is overwritten already counts as lost
+        self._next = None if self._last is None else 0  # records that are overwritten already count as lost
         return True
 
     def _take(self):

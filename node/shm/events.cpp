@@ -9,7 +9,7 @@
 
 namespace tactiled {
 namespace {
-constexpr std::uint64_t kLookNs = 100'000'000;  // how long a subscriber that is gone stays on the list
+constexpr std::uint64_t kLookNs = 100'000'000;  // longest time for which a disconnected subscriber stays on the list
 }
 
 EventFanOut::~EventFanOut() {
@@ -88,7 +88,7 @@ bool EventFanOut::drop_disconnected() noexcept {
     const std::lock_guard lock(mutex_);
     const auto disconnected = [](const Subscriber& s) {
         pollfd p{s.connection, POLLIN, 0};
-        if (::poll(&p, 1, 0) != 1) return false;  // nothing is ever said on it but goodbye
+        if (::poll(&p, 1, 0) != 1) return false;  // the subscriber only closes it
         ::close(s.connection);
         ::close(s.event);
         return true;

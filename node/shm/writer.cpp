@@ -91,7 +91,7 @@ bool lock(int fd) {
     return ::fcntl(fd, F_OFD_SETLK, &whole) == 0;
 }
 
-// Whether somebody holds such a lock. A reader can lock too, but only for reading: that says nothing, and stops nobody.
+// True if a process holds such a lock. A reader can lock too, but only for reading: that says nothing, and stops nobody.
 // Asked, not tried: our own trial would look to another starter as if the dead writer lived.
 bool is_write_locked(int fd) {
     struct flock whole {};
@@ -330,7 +330,7 @@ void SegmentWriter::set_sensor(std::uint32_t index, const tactiled_sensor& entry
     wanted.ring = live.ring;
     std::copy(std::begin(live.count), std::end(live.count), wanted.count);
     static_assert(sizeof wanted % 4 == 0 && alignof(tactiled_sensor) % 4 == 0);
-    for (std::size_t at = 0; at < sizeof wanted; at += 4) {  // what stays the same is not even written
+    for (std::size_t at = 0; at < sizeof wanted; at += 4) {  // unchanged bytes are not written
         std::uint32_t word = 0;
         std::memcpy(&word, reinterpret_cast<const char*>(&wanted) + at, 4);
         auto* const there = reinterpret_cast<std::uint32_t*>(reinterpret_cast<char*>(&live) + at);

@@ -11,7 +11,7 @@
 
 namespace tactiled {
 
-// What the directory says; the writer fills in rings and offsets.
+// Contents of the directory; the writer fills in rings and offsets.
 struct SegmentPlan {
     std::string name;
     std::string version;

@@ -2,7 +2,7 @@
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tactiled)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
-# Who builds packages for others says who they are; example.org is nobody.
+# Set your own address in packages for others; example.org is a placeholder.
 set(TACTILED_CONTACT "tactiled contributors <tactiled@example.org>" CACHE STRING "Maintainer of the Debian packages")
 set(CPACK_PACKAGE_CONTACT "${TACTILED_CONTACT}")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
@@ -25,7 +25,7 @@ their channels into forces with their uncertainty, and shows them to
 programs through shared memory and to a PLC through Modbus.
 It is not a safety function.")
 
-# Of the very version of tactiled: one table of verbs is in both.
+# The versions must be equal, because both packages contain one table of verbs.
 set(CPACK_DEBIAN_LAB_PACKAGE_NAME tactiled-lab)
 set(CPACK_DEBIAN_LAB_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_LAB_PACKAGE_SHLIBDEPS ON)
@@ -52,7 +52,7 @@ One module, which needs Python's standard library alone.")
 set(scripts ${CMAKE_CURRENT_LIST_DIR})
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_CONTROL_EXTRA ${scripts}/postinst ${scripts}/prerm ${scripts}/postrm)
 
-# What Debian wants in each package's folder of documents.
+# Debian requires these files in the documentation folder of each package.
 configure_file(debian/changelog changelog @ONLY)
 add_custom_command(OUTPUT changelog.gz DEPENDS ${CMAKE_CURRENT_BINARY_DIR}/changelog VERBATIM
     COMMAND sh -c "gzip -9nc changelog > changelog.gz")

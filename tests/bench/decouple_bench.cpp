@@ -1,4 +1,4 @@
-// What accuracy costs in time: every method of every model, a sample at a time, on 1,024 readings of a simulated load that
+// Time for accuracy: every method of every model, a sample at a time, on 1,024 readings of a simulated load that
 // moves as a finger does (a step of 1/100 of the range a sample), fitted by the product's own fit or read from config/.
 //
 //   decouple_bench [rounds]                      p50 and p99.9 of a sample, ns; all methods take turns within a round

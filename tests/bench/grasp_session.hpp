@@ -1,5 +1,5 @@
 // A session of simulated grasps: jaws with hair sensors of their own make, calibrated, exercised, checked against a known
-// weight, then one grasp after the other. What the estimator says of each, beside what is true. In process.
+// weight, then one grasp after the other. The estimates of each grasp are compared with the truth. In process.
 #pragma once
 #include <array>
 #include <cstdint>

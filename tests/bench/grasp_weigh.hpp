@@ -1,4 +1,4 @@
-// What many sessions of grasps gave, in figures.
+// Statistics over many sessions of grasps.
 #pragma once
 #include <string>
 #include <vector>

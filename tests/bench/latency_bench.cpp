@@ -6,7 +6,7 @@
 //
 //   latency_bench [--seconds 10] [--rate 1000] [--period-us 250]
 //
-// What it does not show: a real UART (its FIFO, its interrupts, USB's frames), and a machine without other tenants.
+// Not shown: a real UART (its FIFO, its interrupts, USB's frames), and a machine without other tenants.
 #include <fmt/format.h>
 #include <sched.h>
 #include <signal.h>

@@ -1,4 +1,4 @@
-// How late the daemon's loop wakes, beside a floor: a bare thread of the same priority on the same CPU at the same time,
+// Wake-up latency of the daemon's loop, beside a floor: a bare thread of the same priority on the same CPU at the same time,
 // half a period away, that only sleeps. On a machine with other tenants an absolute time says nothing, and neither does a
 // floor that ran before; run together they differ by what is the daemon's own.
 //

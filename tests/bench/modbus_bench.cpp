@@ -1,10 +1,10 @@
-// What a Modbus request costs in the daemon, without any network: read of 32 registers at 0 against a published segment of
+// Time of a Modbus request in the daemon, without any network: read of 32 registers at 0 against a published segment of
 // one sensor, by parts.
 //
 //   modbus_bench [rounds]
 //
 // Parts take turns, so that a hypervisor that slows one slows all; a round is the mean of 1,000 calls. Answers are sent into
-// a pair of local sockets and taken from it again, which is timed apart. What it does not show: TCP, epoll, waiting.
+// a pair of local sockets and taken from it again, which is timed apart. Not shown: TCP, epoll, waiting.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

@@ -5,7 +5,7 @@
 //
 //   ring_bench [rounds]
 //
-// What it does not show: latency under load, several producers, items larger than two cache lines.
+// Not shown: latency under load, several producers, items larger than two cache lines.
 #include <pthread.h>
 #include <sched.h>
 #include <time.h>

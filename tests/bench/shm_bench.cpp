@@ -85,7 +85,7 @@ struct Tactiled : b::Base {
         spin_until_ns = wake_ns + 3 * tactiled_rhythm_early_ns(&rhythm);
         return false;
     }
-    // What the daemon itself costs a reader and the loop: a real segment of 16 sensors.
+    // Time that the daemon itself adds to a reader and to the loop: a real segment of 16 sensors.
     void extra(const char* peer) {
         tactiled::SegmentPlan plan;
         plan.name = "shm-bench-" + std::to_string(getpid());

@@ -1,4 +1,4 @@
-// What the simulator costs and what it keeps of its promise, scene by scene: ns a sample of one sensor with no effect, with
+// Time and error of the simulator, scene by scene: ns a sample of one sensor with no effect, with
 // those that the scene calls for, and with all; the largest difference between the last two beside the wanted accuracy.
 //   sim_bench SCENE.toml ...              the table
 //   sim_bench --effects SCENE.toml        each effect of the scene: bound, share, ns

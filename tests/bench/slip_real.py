@@ -9,7 +9,7 @@ rules beside each other, each with its threshold or weights from the other 68 al
     within    the same of each magnetometer for itself, and against what it was at most 50 steps before: a pull comes on within
               1.8 s, what a skin creeps does not; one threshold. Any span from 30 to 150 steps is right as often.
 
-What it does not show: a sequence is one state, not an onset with a time, at 28 steps a second, without a press. The slip
+Not shown: a sequence is one state, not an onset with a time, at 28 steps a second, without a press. The slip
 detector itself looks for falls within 7 ms of shear over press and cannot run on it.
 
     slip_real.py slip_sequences.csv

@@ -1,4 +1,4 @@
-// What a stamp of a CAN message is worth: the software's, the adapter's with an offset taken once, and the fitted clock
+// Error of the timestamps of CAN messages: the software's, the adapter's with an offset taken once, and the fitted clock
 // (drivers/wire/clock_fit.hpp), each against the true time on the bus. Virtual time and fixed seeds: the same table
 // everywhere. Not shown: what a real adapter's way is like. The delays are made up after what was measured on USB adapters.
 #include <fmt/format.h>

@@ -137,7 +137,7 @@ void Device::send_one(std::uint64_t t_ns, Random& random) {
     if (!stuck) std::copy_n(frame.channel.begin(), kChannels, frozen_at_.begin());
     if (frozen) std::copy_n(frozen_at_.begin(), kChannels, frame.channel.begin());
     if (zeros) frame.channel = {};
-    if (rail) frame.channel[2] = 8'388'607;
+    if (saturate) frame.channel[2] = 8'388'607;
     if (missing || nan) {
         frame.missing = 1u << 1;
         frame.channel[1] = std::numeric_limits<double>::quiet_NaN();

@@ -91,7 +91,7 @@ public:
     // The sequence number of the frame `back` before the next one, 1 .. 64.
     [[nodiscard]] std::uint32_t sent(std::uint32_t back) const { return sent_[(n_sent_ - back) % sent_.size()]; }
 
-    bool silent = false, frozen = false, zeros = false, rail = false, nan = false, missing = false, other_shape = false,
+    bool silent = false, frozen = false, zeros = false, saturate = false, nan = false, missing = false, other_shape = false,
          foreign = false, garbage = false, wrong_length = false;
     bool doubled = false;  // a second device counts and measures under its name
     int offset = 0;        // counts on every channel: it lies, and no number of its own says so

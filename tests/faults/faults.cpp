@@ -81,7 +81,7 @@ constexpr Fault kFaults[] = {
     on_devices<&Device::foreign, true, false>("frames of a device that nobody reads", 20),
     on_devices<&Device::zeros, true, false>("all zeros", 29, Reach::twin),
     on_devices<&Device::frozen, true, false>("frozen", 34),
-    on_devices<&Device::rail, true, false>("a channel at its rail", 35),
+    on_devices<&Device::saturate, true, false>("a channel at its rail", 35),
     on_devices<&Device::spikes, 0.3, 0.0>("single impossible steps", 36, Reach::twin),
     on_devices<&Device::nan, true, false>("NaN in the stream", 37),
     on_devices<&Device::missing, true, false>("a channel missing", 40),

@@ -13,7 +13,7 @@ constexpr double kExact_N = 1e-9;
 // What moves by less within a tare is not asked to be seen: a tenth of a second of 10 frames, noise of 18 mN on each.
 constexpr int kSeen = 400;                     // counts
 constexpr std::uint64_t kMemoryNs = 60 * kMs;  // 15 time constants of a low pass of 25 Hz: what came before is forgotten
-constexpr double kForgotten_N = 0.002, kForgotten = 2e-5;  // of what it may have been, a rail of 8389 N
+constexpr double kForgotten_N = 0.002, kForgotten = 2e-5;  // of what it may have been, a saturated 8389 N
 
 }  // namespace
 

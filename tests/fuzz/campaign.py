@@ -16,7 +16,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BUILD = ROOT / "build/fuzz"
 PLANT_S = 60  # in which a planted bug is to be found
-MAX_S = 30  # of one input; 10 s without a processor were seen beside compilers, and taken for a find
+MAX_S = 30  # for one input; 10 s without a processor were seen beside compilers, and taken for a find
 
 
 def run(words, folder, profile="/dev/null", limit_s=None):
@@ -68,7 +68,7 @@ class Target:
         status, _ = run(self.words(program, folder / "corpus", f"-max_total_time={PLANT_S}", "-seed=1"), folder)
         took_s = time.monotonic() - began
         inputs = [file for file in folder.iterdir() if re.fullmatch(r".*-[0-9a-f]{40}", file.name)]
-        # What is found without the bug, too, or not again, is not the bug.
+        # A finding that also occurs without the bug, or that cannot be repeated, is not the bug.
         fails = [bool(inputs) and run([p, f"-timeout={MAX_S}", *inputs], folder)[0] != 0 for p in (program, self.program)]
         if status != 0 and fails != [True, False]:
             print(f"{self.name}: bug {number}: fails with it and without it: {fails}; {inputs}", file=sys.stderr)
@@ -105,7 +105,7 @@ def planted(name, plant, parses, folder):
     link = asked.strip().splitlines()[-1].removeprefix(": && ").removesuffix(" && :")
     words = [word for word in shlex.split(link) if word not in objects]
     first = next(i for i, word in enumerate(words) if word.endswith(".o"))
-    words[first:first] = objects.values()  # of what a header defines in many objects the linker takes the first one's
+    words[first:first] = objects.values()  # the linker takes the first of several definitions from one header
     words[words.index("-o") + 1] = str(folder / "program")
     subprocess.run(words, cwd=BUILD, check=True, capture_output=True)
     return folder / "program"

@@ -21,7 +21,7 @@ CanDevice device_of(unsigned parts, unsigned bits, bool at_end) {
     for (unsigned p = 0; p < parts; ++p) {
         CanPart part;
         part.id = 0x100 + p;
-        CanSignal number;  // of the sample, whole
+        CanSignal number;  // the number of the sample, whole
         number.start = at_end ? 32 : 0;
         number.length = 32;
         part.channels.push_back({std::uint8_t(p), number});

@@ -1,4 +1,4 @@
-// What PLCs write, one request after the other, while the pipeline acknowledges late, wrongly or never. Oracles: a request
+// Requests of PLCs, one after the other, while the pipeline acknowledges late, wrongly or never. Oracles: a request
 // that is refused changes no register and sends no command; who may not write changes nothing; of one request comes at most
 // one command, for sensors that there are; what was stored as a plain number reads back; states are those of the map.
 #include <unistd.h>
@@ -17,7 +17,7 @@ using namespace tactiled::modbus;
 using fuzz::check;
 using fuzz::Input;
 
-constexpr unsigned kCount = 2;  // of sensors
+constexpr unsigned kCount = 2;  // number of sensors
 
 class Node {  // two sensors that deliver
 public:
@@ -131,7 +131,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (request.exception != kNone || saves(request)) continue;
         const View view = node.view(answer);
         controls.follow(view, now_ns);
-        while (commands.front() != nullptr) commands.pop();  // what an earlier one left to be sent
+        while (commands.front() != nullptr) commands.pop();  // commands that an earlier request left to be sent
         const Registers before = all_of(controls, session, now_ns);
         const Exception found = controls.check(request, view, session, now_ns);
         check(all_of(controls, session, now_ns) == before && commands.front() == nullptr);
@@ -147,7 +147,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         unsigned asked = 0;
         for (; const Command* const command = commands.front(); commands.pop()) {
-            if (command->kind >= Command::Kind::set) continue;  // nobody waits for these
+            if (command->kind >= Command::Kind::set) continue;  // these have no acknowledgement
             ++asked;
             sent = command->number;
             check((command->mask & ~((1u << kCount) - 1)) == 0);

@@ -1,4 +1,4 @@
-// What every target here needs: an oracle that ends the program, and the fuzzer's bytes as decisions.
+// Shared by all targets: an oracle that ends the program, and the fuzzer's bytes as decisions.
 #pragma once
 #include <algorithm>
 #include <cstdint>

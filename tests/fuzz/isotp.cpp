@@ -21,7 +21,7 @@ Bytes message_of(std::size_t size, std::uint8_t seed) {
     return bytes;
 }
 
-std::vector<Bytes> frames_of(const Bytes& message) {  // of 8 bytes
+std::vector<Bytes> frames_of(const Bytes& message) {  // each has 8 bytes
     std::vector<Bytes> frames;
     std::size_t at = 0;
     if (message.size() < 8)

@@ -18,7 +18,7 @@ using namespace tactiled::modbus;
 using fuzz::check;
 
 namespace {
-// How long the PDU of a good answer is: 1.1b3, section 6.
+// Length of the PDU of a good answer: 1.1b3, section 6.
 std::size_t length_of_answer(const Request& r, std::span<const std::uint8_t> pdu) {
     switch (r.function) {
         case kReadCoils:
@@ -86,7 +86,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
               (out[4] << 8 | out[5]) == int(tcp.taken) - 6);
 
         std::vector<std::uint8_t> frame(adu.begin() + 6, adu.end());
-        frame.insert(frame.end(), {0, 0});  // nobody looks at its checksum any more
+        frame.insert(frame.end(), {0, 0});  // its checksum was verified before
         const auto same = rtu.answer(frame, request, identity);
         if (adu[6] == 0)
             check(same.empty());

@@ -70,7 +70,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     LinkCounts counts;
     std::uint32_t reported = 0, refused = 0, turns = 0;
     for (; turns < 4 && (turns == 0 || !input.is_empty()); ++turns) {
-        std::vector<std::uint16_t> words;  // as many as there are: the sanitizer sees one too far
+        std::vector<std::uint16_t> words;  // exact number of words: the sanitizer sees one too far
         for (unsigned n = 0; n < set.count; ++n) words.push_back(std::uint16_t(input.number(2)));
         bool is_ready = true, is_finite = true;
         for (const auto& ready : set.ready) is_ready &= (words[std::size_t(ready.at - set.at)] & ready.mask) == ready.value;

@@ -46,7 +46,7 @@ bool is_frame(const Bytes& bytes) {
     return bytes.size() >= 4 && bytes.size() <= kMaxRtu && slow_crc(bytes) == 0;  // a CRC over itself is 0
 }
 
-// What the server's answer is in this test: function 4 reads numbers, function 6 is confirmed, the rest is refused.
+// The server's answer in this test: function 4 reads numbers, function 6 is confirmed, the rest is refused.
 bool reads(std::span<const std::uint8_t> pdu) {
     return pdu.size() == 5 && pdu[0] == kReadInputRegisters && pdu[1] == 0 && pdu[3] == 0 && pdu[4] >= 1 && pdu[4] <= 125;
 }
@@ -99,21 +99,21 @@ private:
     std::string path_;
 };
 
-// What the standard says of a line, and of an adapter that hears itself.
+// The standard's rules for a line, and for an adapter that receives its own bytes.
 struct Model {
     Bytes pending, sent;
     std::uint64_t last_ns = 0, echo_until_ns = 0, frames = 0, refused = 0;
     bool has_sent = false;
 
     void receive(const Bytes& bytes, std::uint64_t now_ns) {
-        if (!pending.empty() && now_ns > last_ns + kSilence_ns) {  // nobody has looked while the line was silent
+        if (!pending.empty() && now_ns > last_ns + kSilence_ns) {  // the line was silent and not read
             ++refused;
             pending.clear();
         }
         pending.insert(pending.end(), bytes.begin(), bytes.end());
         last_ns = now_ns;
     }
-    // What is answered.
+    // The expected answer.
     Bytes tick(std::uint64_t now_ns) {
         if (pending.empty() || now_ns < last_ns + kSilence_ns) return {};
         const Bytes frame = std::exchange(pending, {});
@@ -161,7 +161,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             }
             case 1: {
                 bytes = {kUs, 4, 0, input.byte(), 0, input.byte()};
-                if ((what & 4) != 0) bytes.resize(kMaxRtu - 2);  // as long as a frame can be
+                if ((what & 4) != 0) bytes.resize(kMaxRtu - 2);  // the longest frame
                 bytes = with_crc(bytes);
                 break;
             }

@@ -47,7 +47,7 @@ def checked_line(text):
 
 
 def wire(put):
-    formats = 11  # of the target; 253 is a multiple of it
+    formats = 11  # number in the target; 253 is a multiple of it
     stream = b"".join(checked_line(f"{n},{1000 * n},{n * 0.5},,nan") for n in range(5))
     put(bytes([0]) + stream)
     put(bytes([formats * 3]) + b"1,2,3,4,5\r\n2,3,4,5,6\r\n# nothing\n")
@@ -72,7 +72,7 @@ def wire(put):
     put(bytes([0]) + b"\n0,0,inf,-inf,1\n1,2,1e999,3,4\n")
     put(bytes([7]) + struct.pack("<6h", 1, -2, 300, 4, -5, 6))
     put(bytes([8]) + answer)
-    for choice in range(12):  # of a registered format; then bytes of each kind
+    for choice in range(12):  # selects a registered format; then bytes of each kind
         put(bytes([10, choice]) + b"\n1,2,3\n2,,4\n1a2B\n0F00\n\0" + cobs(bytes(20)) + (frame + struct.pack("<H", crc16(frame))) + b"F={1,2,3,4,5,6},7\n")
     put(bytes([9]) + b"31\r\n00aBf\r\n1bf00\n2BF7f\r\n2BF7f\r\n7c012\n80102\n")
 
@@ -109,7 +109,7 @@ def mcap(put):
     end = record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + b"\x89MCAP0\r\n"
     put(header + schema + channel + message * 2 + end)
     inside = schema + channel + message
-    stranger = record(5, struct.pack("<HIQQ", 9, 0, 3, 3) + body)  # of no channel
+    stranger = record(5, struct.pack("<HIQQ", 9, 0, 3, 3) + body)  # belongs to no channel
     put(header + record(6, struct.pack("<QQQI", 3, 3, len(stranger), 0) + text(b"") + struct.pack("<Q", len(stranger)) + stranger) + end)
     for crc in (0, zlib.crc32(inside), 1):
         chunk = record(6, struct.pack("<QQQI", 3, 3, len(inside), crc) + text(b"") + struct.pack("<Q", len(inside)) + inside)

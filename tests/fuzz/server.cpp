@@ -86,7 +86,7 @@ struct Client {
         if (closed == "takes no answers") check(!has_backlog);  // else it waits for room
         if (closed.empty()) (void)connection->overdue(now_ns);
     }
-    // What it is owed for all that it has said; false where it has said something that is not Modbus.
+    // The answers that its requests require; false if it has sent bytes that are not Modbus.
     bool owed(Bytes& all) const {
         for (std::size_t used = 0; used < said.size();) {
             std::size_t size = 0;

@@ -66,7 +66,7 @@ private:
     char* at_;
 };
 
-// What a daemon never changes, as the header that was checked tells where it lies.
+// The part that a daemon never changes, at the place that the checked header states.
 class Constants {
 public:
     explicit Constants(const Memory& memory) {

@@ -119,7 +119,7 @@ std::size_t too_long(Format format, std::span<const std::uint8_t> bytes) {
                             : format == Format::hex   ? kHexMaxLine
                                                       : kAsciiMaxBytes;
     std::size_t n = 0;
-    auto at = std::find(bytes.begin(), bytes.end(), end);  // who comes in the middle of one counts nothing
+    auto at = std::find(bytes.begin(), bytes.end(), end);  // a reader that begins inside a line counts nothing
     while (at != bytes.end()) {
         const auto next = std::find(at + 1, bytes.end(), end);
         n += next != bytes.end() && std::size_t(next - at - 1) > max;
@@ -223,7 +223,7 @@ bool same(const Frame& a, const Frame& b) {
 
 const ModbusRequest kAsked{.transaction = 0x2020, .unit = 9, .function = 3, .at = 180, .count = 2};
 
-// What next() said last, and the registers that were taken as the answer.
+// The last result of next(), and the registers that were taken as the answer.
 struct Taken {
     int found = 0;
     std::vector<std::uint16_t> registers;

@@ -1,4 +1,4 @@
-// Spread in an array: taxels under one skin feel a part of what their neighbours carry.
+// Spread in an array: taxels under one skin measure a part of their neighbours' load.
 #include <cmath>
 #include <vector>
 

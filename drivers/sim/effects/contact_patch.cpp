@@ -1,4 +1,4 @@
-// Contact patch: the table's gauges feel where on the plate a load acts, and over which area.
+// Contact patch: the table's gauges respond to the place and the area of the load on the plate.
 #include <cmath>
 #include <optional>
 

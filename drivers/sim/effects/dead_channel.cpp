@@ -1,4 +1,4 @@
-// Dead channel: from some instant on one sticks at its reading, goes to a rail or gives none.
+// Dead channel: from some instant on one sticks at its reading, goes to a saturation limit or gives none.
 #include <algorithm>
 #include <cmath>
 
@@ -17,14 +17,14 @@ double death(const Setting& s, std::size_t channel) {
     return std::ceil(-std::log1p(-s.random.uniform(0, channel)) / (s.p[0] / 3600) * s.rate_Hz);
 }
 
-double rail(const Setting& s, std::size_t channel) { return 1.25 * half_range(s.sensor, channel); }
+double limit(const Setting& s, std::size_t channel) { return 1.25 * half_range(s.sensor, channel); }
 
 class DeadChannel final : public Effect {
 public:
     explicit DeadChannel(const Setting& s) : channels_(s.sensor.n()), way_(way(s)) {
         for (std::size_t k = 0; k < channels_; ++k) {
             death_[k] = death(s, k);
-            value_[k] = s.sensor.zero[k] + (way_ == kSaturationLimit ? rail(s, k) : 0);
+            value_[k] = s.sensor.zero[k] + (way_ == kSaturationLimit ? limit(s, k) : 0);
         }
     }
     void apply(Block& block) noexcept override {
@@ -50,12 +50,12 @@ private:
     Channels death_{}, value_{};
 };
 
-// From its last reading, or from the rail, to the farthest that the others reach; 0 where all live on.
+// From its last reading, or from the limit, to the farthest that the others reach; 0 where all live on.
 Bound bound(const Setting& s) {
     Channels change{};
     const Channels swing = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
-        if (death(s, k) < double(s.samples)) change[k] = way(s) == kSaturationLimit ? swing[k] + rail(s, k) : 2 * swing[k];
+        if (death(s, k) < double(s.samples)) change[k] = way(s) == kSaturationLimit ? swing[k] + limit(s, k) : 2 * swing[k];
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
 }

@@ -1,4 +1,4 @@
-// Saturation: a reading ends at the rails of its converter.
+// Saturation: a reading ends at the limits of its converter.
 #include <algorithm>
 #include <cmath>
 
@@ -11,9 +11,9 @@ class Saturation final : public Effect {
 public:
     explicit Saturation(const Setting& s) : channels_(s.sensor.n()) {
         for (std::size_t k = 0; k < channels_; ++k) {
-            const double rail = s.p[0] * half_range(s.sensor, k);
-            min_[k] = s.sensor.zero[k] - rail;
-            max_[k] = s.sensor.zero[k] + rail;
+            const double limit = s.p[0] * half_range(s.sensor, k);
+            min_[k] = s.sensor.zero[k] - limit;
+            max_[k] = s.sensor.zero[k] + limit;
         }
     }
     void apply(Block& block) noexcept override {
@@ -27,7 +27,7 @@ private:
     Channels min_{}, max_{};
 };
 
-// What goes beyond; 0 where the load cannot reach a rail.
+// The part beyond a limit; 0 where the load cannot reach it.
 Bound bound(const Setting& s) {
     Channels change = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = std::max(change[k] - s.p[0] * half_range(s.sensor, k), 0.0);

@@ -1,4 +1,4 @@
-// How the sensors feel warmth: what several effects of temperature have in common.
+// The sensors' response to warmth, shared by several effects of temperature.
 #pragma once
 #include <algorithm>
 #include <cmath>

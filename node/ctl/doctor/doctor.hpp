@@ -15,7 +15,7 @@ enum class Verdict {
 };
 
 struct Finding {
-    std::string check;  // which one, always the same word
+    std::string check;  // name of the check, never changed
     Verdict verdict;
     std::string says;
     std::string remedy;  // "" where it is good

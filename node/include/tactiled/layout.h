@@ -40,7 +40,7 @@ extern "C" {
 #define TACTILED_METHODS_SIZE 128
 #define TACTILED_NAME_SIZE 32 /* with the terminating zero */
 
-/* How far a sample may be trusted. 0 is never good: memory that nobody wrote reads as "no value". */
+/* Quality of a sample. 0 is never good: memory that nobody wrote reads as "no value". */
 enum tactiled_quality {
     TACTILED_NO_VALUE = 0,
     TACTILED_GOOD = 1,      /* fresh, plausible, calibrated */
@@ -79,7 +79,7 @@ struct tactiled_sample {
     TACTILED_ALIGN(8) uint64_t sequence; /* counts this sensor's samples from 0; a jump is a loss of the reader */
     TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel */
     TACTILED_ALIGN(8) uint64_t t_published_ns;
-    uint32_t epoch;           /* differs after each break, in no order: (header's epoch) << 16 | breaks since */
+    uint32_t epoch;           /* differs after each discontinuity, in no order: (header's epoch) << 16 | number since */
     uint32_t quality;         /* enum tactiled_quality */
     uint32_t reasons;         /* enum tactiled_reason */
     uint32_t device_sequence; /* as the device counts, 0 if it does not */
@@ -101,7 +101,7 @@ struct tactiled_sample {
     float peak_N;   /* largest magnitude of the seen components of force_S_N since the start or the last reset */
 };
 
-/* What a sample says about the force, whatever its quality: bits of tactiled_sample.state; all 0 in a BAD sample. */
+/* State of the force in a sample, whatever its quality: bits of tactiled_sample.state; all 0 in a BAD sample. */
 enum tactiled_sensor_state {
     TACTILED_CONTACT = 1 << 0,      /* the magnitude has passed contact_on_N, and not fallen below contact_off_N since */
     TACTILED_OVERLOAD = 1 << 1,     /* the magnitude is above overload_N */
@@ -150,17 +150,17 @@ enum tactiled_warning {
     TACTILED_WARN_RELOAD = 1 << 7  /* the last reload of the configuration was refused: the one before is in force */
 };
 
-/* Who commands: index of tactiled_node.command. Each counts its own commands. */
+/* Commander: index of tactiled_node.command. Each counts its own commands. */
 enum tactiled_commander { TACTILED_FROM_SOCKET = 0, TACTILED_FROM_MODBUS = 1, TACTILED_COMMANDERS = 2 };
 
-/* How the last command of a commander stands. */
+/* State of the last command of a commander. */
 struct tactiled_command {
     uint32_t acknowledged; /* its number */
     uint32_t state;        /* enum tactiled_command_state */
     uint32_t result;       /* enum tactiled_command_result */
 };
 
-/* What the gripper as a whole does: tactiled_grasp.state, the register GRIP_STATE. */
+/* State of the gripper as a whole: tactiled_grasp.state, the register GRIP_STATE. */
 enum tactiled_grip_state {
     TACTILED_GRIP_UNKNOWN = 0xFFFF, /* no grasp is configured, or a jaw's sensor has no value */
     TACTILED_GRIP_OPEN = 0,
@@ -172,7 +172,7 @@ enum tactiled_grip_state {
     TACTILED_GRIP_LOST = 6      /* what was held is gone though nobody opened; until the next contact */
 };
 
-/* How far tactiled_grasp.weight_kg may be trusted: the register WEIGHT_STATE. */
+/* Quality of tactiled_grasp.weight_kg: the register WEIGHT_STATE. */
 enum tactiled_weight_state {
     TACTILED_WEIGHT_NONE = 0,
     TACTILED_WEIGHT_ESTIMATING = 1, /* a value that still moves: its standard deviation says how far */
@@ -334,7 +334,7 @@ struct tactiled_link {
     uint32_t count[TACTILED_LINK_COUNTS]; /* change */
 };
 
-/* What a link delivered, before any model: the channels of one device at one instant. For recording. Since 1.2. */
+/* A frame that a link delivered, before any model: the channels of one device at one instant. For recording. Since 1.2. */
 struct tactiled_frame {
     TACTILED_ALIGN(8) uint64_t t_ns;           /* CLOCK_MONOTONIC when its last byte was taken from the kernel */
     TACTILED_ALIGN(8) uint64_t device_time_us; /* the device's own clock, 0 if it sends none */
@@ -363,7 +363,7 @@ enum tactiled_state {
 struct tactiled_wake {
     uint32_t wanted_until; /* wake while fewer node records than this were published (modulo 2^32) */
 };
-#define TACTILED_WAKE_RECORDS 256 /* how far ahead a reader asks; it asks again at half of that */
+#define TACTILED_WAKE_RECORDS 256 /* distance by which a reader asks ahead; it asks again at half of that */
 
 /* The start of the file. All but `state`, `calibration_id` and `reloads` is constant while the segment lives. Who wants
  * what belongs together of a directory entry reads `reloads`, the entry, and `reloads` again: even and the same, else anew.

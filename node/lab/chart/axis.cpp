@@ -48,7 +48,7 @@ std::vector<Tick> axis_ticks(Span axis) {
     std::vector<Tick> result;
     if (!(step > 0) || !std::isfinite(step)) return result;
     const double greatest = std::max(std::abs(axis.min), std::abs(axis.max));
-    const int digits = std::clamp(int(std::ceil(std::log10(greatest / step))) + 2, 3, 15);  // so that neighbours differ
+    const int digits = std::clamp(int(std::ceil(std::log10(greatest / step))) + 2, 3, 15);  // neighbours must differ
     const double first = std::ceil(axis.min / step);
     for (int i = 0; i < 3 * kTicks; ++i) {
         const double multiple = first + i, at = multiple * step;

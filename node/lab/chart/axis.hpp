@@ -6,7 +6,7 @@
 
 namespace tactiled {
 
-struct Span {  // of numbers
+struct Span {  // a range of numbers
     double min, max;
 };
 
@@ -22,7 +22,7 @@ struct Tick {
 // About five for an axis: multiples of 1, 2 or 5 times a power of ten.
 std::vector<Tick> axis_ticks(Span axis);
 // For a logarithmic axis, 0 < min < max: powers of ten, where those are fewer than three also 2 and 5 times them; every
-// so many where they are more than eight. What is far from 1 reads 10⁻⁵.
+// so many where they are more than eight. Numbers far from 1 are written as 10⁻⁵.
 std::vector<Tick> log_ticks(Span axis);
 
 // Maps the values of an axis to coordinates on the paper; values beyond the axis stand at its ends.

@@ -17,7 +17,7 @@ namespace {
 // In units of the viewBox.
 constexpr double kWidth = 720, kLeft = 78, kRight = 18, kTitle = 30, kLegend = 22, kPlot = 330, kFoot = 54;
 constexpr double kFont = 13, kLabelFont = 12, kReach = 4.5;  // of a symbol from its middle
-// Of different lightness, so that they differ in grey; also to those who tell red and green badly.
+// Colours of different lightness, which also differ in grey and for readers with red-green colour blindness.
 constexpr std::array kColours{"#1f5fa8", "#c4561e", "#1b1f24", "#6a994e", "#8d5a97", "#7f8790"};
 
 // One axis: where on the paper a value stands, and its ticks.

@@ -15,7 +15,7 @@ struct Figure {
         bool logarithmic = false;
     };
     struct Point {
-        double x, y;        // what is not finite is not drawn; on a logarithmic axis 0 and less stand at its begin, as 0
+        double x, y;        // drawn if finite; on a logarithmic axis 0 and less stand at its begin, as 0
         std::string label;  // beside it, "" = none
     };
     struct Series {
@@ -23,7 +23,7 @@ struct Figure {
         Symbol symbol = Symbol::circle;
         Stroke stroke = Stroke::none;  // joins the points in their order
         std::vector<Point> points;
-        std::string colour;   // as "#1f5fa8"; "" = by its place among the series
+        std::string colour;   // for example "#1f5fa8"; "" = by its place among the series
         bool hollow = false;  // its symbols are outlines
     };
     std::string title;

@@ -25,7 +25,7 @@ bool is_free(const Box& box, const std::vector<Box>& of) {
     return std::none_of(of.begin(), of.end(), [&](const Box& other) { return box.overlaps(other); });
 }
 
-// Of a line, piece by piece.
+// The boxes of a line, piece by piece.
 std::vector<Box> boxes_of(const Leader& line) {
     std::vector<Box> boxes;
     const int n = 1 + int(std::hypot(line.to_x - line.from_x, line.to_y - line.from_y) / 2);
@@ -44,8 +44,8 @@ bool is_clear(const Leader& leader, const Box& symbol, const std::vector<Box>& o
                         [&](const Box& other) { return !other.overlaps(symbol) && !is_free(other, line); });
 }
 
-// Where there is no place that is all right, one that is less so: off the lines of the figure and with a clear leader; over
-// a line; with a leader over others.
+// Fallbacks if no place is fully free, in this order: off the lines of the figure and with a clear leader; over a line;
+// with a leader over others.
 enum class Pass { off_lines, leader_clear, any };
 
 // The direction of try i of n: right, left, above, below, then between them.

@@ -1,4 +1,4 @@
-// Where the labels of a figure's points go: beside their points, over no symbol and no other label.
+// Places for the labels of a figure's points: beside their points, over no symbol and no other label.
 #pragma once
 #include <optional>
 #include <vector>
@@ -30,7 +30,7 @@ Leader leader_between(const Box& symbol, const Box& label);
 
 // A place for each request, greedily in their order: the nearest that is free, right of the symbol before left, above and
 // below. All lie in `frame`, over no request's symbol, nothing in `taken` and no other label. Over what is `crossed`
-// (lines), or with a leader over any of them, only where there is no other place. Nothing where there is no room.
+// (lines), or with a leader over any of them, only where there is no other place. The result is empty if there is no room.
 std::vector<std::optional<Box>> place_labels(const std::vector<LabelRequest>& requests, const std::vector<Box>& taken,
                                              std::vector<Box> crossed, const Box& frame);
 

@@ -15,14 +15,14 @@ struct Dot {
     double x, y;
 };
 
-inline constexpr std::size_t kMaxDots = 2000;  // of one plot; more look the same and make the file slow
+inline constexpr std::size_t kMaxDots = 2000;  // in one plot; more look the same and make the file slow
 
 class SvgPlot {
 public:
     // Labels are text, not HTML. `about` is read out to those who do not see the plot.
     SvgPlot(std::string_view about, std::string_view x_label, Span x, std::string_view y_label, Span y);
 
-    // At most kMaxDots of them, evenly thinned. What is not finite is not drawn; what is off the axes, at their edge.
+    // At most kMaxDots of them, evenly thinned. Only finite ones are drawn; those off the axes stand at their edge.
     void dots(std::span<const Dot> dots);
     void line(std::span<const Dot> dots, std::string_view css_class);
     // Between two lines that have the same x.

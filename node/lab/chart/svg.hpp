@@ -13,7 +13,7 @@
 namespace tactiled {
 
 struct SvgHead {
-    double width, height;          // of the viewBox
+    double width, height;          // size of the viewBox
     std::string_view about;        // text; read out to those who do not see the chart
     std::string_view css_class{};  // "" = none
     double font_size = 0;          // 0: the style sheet of a page sets fonts and colours
@@ -55,7 +55,7 @@ struct Pen {
 // The element that draws it; "" where there is nothing to draw.
 std::string svg_line(std::string_view d, const Pen& pen);
 
-// Where values are drawn. `decimals`: of the coordinates of its top and foot.
+// The area in which values are drawn. `decimals`: of the coordinates of its top and foot.
 struct PlotArea {
     double left, right, top, foot;
     int decimals = 0;

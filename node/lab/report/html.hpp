@@ -1,4 +1,4 @@
-// What the pages of the programs have in common: one HTML file that needs nothing else; no network, script, fonts, images.
+// Common part of the pages of the programs: one HTML file that needs nothing else; no network, script, fonts, images.
 #pragma once
 #include <string>
 #include <string_view>

@@ -1,4 +1,4 @@
-// The page of a report: header, tables, and how to read them. Its plots: report_plots.cpp.
+// The page of a report: header, tables, and how to read them. Its plots: plots.cpp.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -99,7 +99,7 @@ std::string methods(const FitReport& report) {
     return text;
 }
 
-// What a session adds: its mean error is mostly mounting, temperature and drift.
+// The mean error of a session is mostly mounting, temperature and drift.
 std::string sessions(const FitReport& report) {
     if (report.labelled == nullptr || report.labelled->sessions.size() < 2 || report.held_out.empty()) return "";
     std::string rows = html_row({"session", "component", "rows", "mean error", "rms error"}, "th");

@@ -1,4 +1,4 @@
-// What a fit found, as a page that can be printed, sent and shown: one HTML file that needs nothing else.
+// The result of a fit as a page that can be printed, sent and shown: one self-contained HTML file.
 #pragma once
 #include <string>
 #include <vector>
@@ -10,8 +10,8 @@ namespace tactiled {
 // Held-out rows of one component in numbers. The sd of a row is the calibration's for its estimate, without the factor for
 // missing channels.
 struct ComponentErrors {
-    std::vector<double> applied, estimated, error, sd;  // of rows that have both; error = estimated - applied; N or Nm
-    std::vector<std::size_t> session;                   // of Labelled::sessions
+    std::vector<double> applied, estimated, error, sd;  // rows that have both; error = estimated - applied; N or Nm
+    std::vector<std::size_t> session;                   // index into Labelled::sessions
     std::size_t without_estimate = 0;                   // labelled, but BAD
     bool sd_known = false;
 
@@ -28,7 +28,7 @@ std::string unit_of(const ComponentReport& component);  // "N", "Nm"
 // setup
 std::string html_report(const FitReport& report, const std::string& title);
 
-// Its parts. fit/report_plots.cpp
+// Parts of the page, in plots.cpp.
 std::string html_component_plots(const FitReport& report, std::size_t i);
 std::string html_coverage(const FitReport& report);
 

@@ -30,13 +30,13 @@ struct Cost {
     std::vector<std::string> columns;  // names with units; the first is that of the rows' names
     std::vector<Row> rows;
     Figure figure;
-    std::string advice;  // what to choose, one sentence made from the numbers
+    std::string advice;  // recommendation, one sentence made from the numbers
 };
 
 struct CostEntry {
-    std::string_view name;              // as the command line says it
+    std::string_view name;              // name on the command line
     std::string_view title;             // for the list
-    std::string_view path;              // of the figure, in the project's folder, beside its page
+    std::string_view path;              // path of the figure in the project's folder, beside its page
     Cost (*measure)(const CostSetup&);  // setup: throws SetupError where a file is missing or wrong
 };
 

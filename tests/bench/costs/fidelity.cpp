@@ -1,4 +1,4 @@
-// Which effects the simulator runs: none, those that a scene calls for, all. Error against time, scene by scene.
+// Choice of effects in the simulator: none, those that a scene calls for, all. Error against time, scene by scene.
 #include <fmt/format.h>
 
 #include <algorithm>

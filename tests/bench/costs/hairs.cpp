@@ -1,4 +1,4 @@
-// What averaging hairs buys: the stress that one hair, a pair and all four tell from their noise, through model "hair",
+// Benefit of averaging hairs: the stress that one hair, a pair and all four tell from their noise, through model "hair",
 // against the time a sample.
 #include <fmt/format.h>
 

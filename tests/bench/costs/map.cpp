@@ -1,4 +1,4 @@
-// How dense the influence map of method "map" has to be: thinned maps against readings of the finite elements at points that
+// Required density of the influence map of method "map": thinned maps against readings of the finite elements at points that
 // no thinned map has.
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-// How many steps the two iterative methods need, from a cold start and from the last sample: method "map" of the table
+// Number of steps of the two iterative methods, from a cold start and from the last sample: method "map" of the table
 // sensor, method "overlap" of the capacitive one. Readings are made from the solver's own model, so the error is its own
 // alone.
 #include <fmt/format.h>

@@ -1,4 +1,4 @@
-// What a user would write for the nonlinear methods of model "generic": vectors of vectors, a new one at each step.
+// Straightforward code for the nonlinear methods of model "generic": vectors of vectors, a new one at each step.
 #pragma once
 #include <cmath>
 #include <vector>

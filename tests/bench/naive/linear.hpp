@@ -1,4 +1,4 @@
-// What a user would write for the linear methods, from the paper or a textbook: Eigen's dynamic matrices, allocated at each
+// Straightforward code for the linear methods, from the paper or a textbook: Eigen's dynamic matrices, allocated at each
 // sample, and the pseudo-inverse computed at each sample. No quality, no deviation, no lost channel.
 #pragma once
 #include <Eigen/Dense>

@@ -1,4 +1,4 @@
-// What a user would write for the methods that search: a Ceres problem, built and solved anew at each sample.
+// Straightforward code for the methods that search: a Ceres problem, built and solved anew at each sample.
 #pragma once
 #include <ceres/ceres.h>
 

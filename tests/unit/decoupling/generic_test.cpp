@@ -149,7 +149,7 @@ TEST(Generic, RefusesACalibrationThatDoesNotFitItself) {
     EXPECT_NE(refusal(calibration).find("not finite"), std::string::npos);
     calibration = two_by_three();
     calibration.matrix[1] = {0, -0.0, 0};
-    EXPECT_NE(refusal(calibration).find("is all 0, no channel tells it"), std::string::npos);
+    EXPECT_NE(refusal(calibration).find("is all 0, no channel responds to it"), std::string::npos);
     calibration = two_by_three();
     calibration.channels.assign(33, "X");
     EXPECT_NE(refusal(calibration).find("33 channels"), std::string::npos);
