@@ -3,25 +3,23 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
-namespace {
 
-// The sum over kMaxGauges gauges, those of even and of odd index apart: two additions at a time.
-double sum_of(const double* a) noexcept {
+// The gauges of even and of odd index are added apart, two additions at a time.
+inline double GaugeSolver::sum_of(const Gauges& a) noexcept {
     const double even = (a[0] + a[2]) + (a[4] + a[6]), odd = (a[1] + a[3]) + (a[5] + a[7]);
     return even + odd;
 }
 
-}  // namespace
-
 GaugeSolver::GaugeSolver(const std::vector<std::vector<double>>& gains, const std::vector<double>& noise,
                          const std::vector<double>& zero, std::uint32_t inner, int inner_needed)
     : n_gauges_(gains.size()), n_loads_(gains.front().size()), zero_(zero) {
-    std::fill_n(noise2_, kMaxGauges, 1.0);
+    noise2_ += 1.0;
     for (std::size_t k = 0; k < n_gauges_; ++k) {
         noise2_[k] = noise[k] * noise[k];
         same_noise_ = same_noise_ && noise[k] == noise[0];
@@ -93,31 +91,18 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
 }
 
 // The loads and what they leave unexplained.
-void GaugeSolver::find(const Subset& subset, const double* r, Solved& solved) const noexcept {
-    Gauges product, rest;
-    for (std::size_t j = 0; j < n_loads_; ++j) {
-        for (std::size_t k = 0; k < kMaxGauges; ++k) product[k] = subset.inverse[j][k] * r[k];
-        solved.load[j] = sum_of(product);
-    }
+void GaugeSolver::find(const Subset& subset, const Gauges& r, Solved& solved) const noexcept {
+    for (std::size_t j = 0; j < n_loads_; ++j) solved.load[j] = sum_of(subset.inverse[j] * r);
     if (!subset.can_disagree) {
         solved.residual = std::numeric_limits<double>::quiet_NaN();
         return;
     }
-    for (std::size_t k = 0; k < kMaxGauges; ++k) {
-        product[k] = r[k] * r[k];
-        rest[k] = r[k];
-    }
-    for (std::size_t j = 0; j < n_loads_; ++j)
-        for (std::size_t k = 0; k < kMaxGauges; ++k) rest[k] -= subset.gains[j][k] * solved.load[j];
-    const double gain_error2 = subset.gain_error2_per_read2 * sum_of(product);
-    for (double& one : rest) one *= one;
-    double unexplained;
-    if (same_noise_) {
-        unexplained = sum_of(rest) / (noise2_[0] + gain_error2);
-    } else {
-        for (std::size_t k = 0; k < kMaxGauges; ++k) rest[k] /= noise2_[k] + gain_error2;
-        unexplained = sum_of(rest);
-    }
+    Gauges rest = r;
+    for (std::size_t j = 0; j < n_loads_; ++j) rest -= subset.gains[j] * solved.load[j];
+    rest *= rest;
+    const double gain_error2 = subset.gain_error2_per_read2 * sum_of(r * r);
+    const double unexplained =
+        same_noise_ ? sum_of(rest) / (noise2_[0] + gain_error2) : sum_of(rest / (noise2_ + gain_error2));
     solved.residual = std::sqrt(unexplained * subset.per_freedom);
     // Readings of 1e154 and more overflow: doubtful, not undecided.
     if (!(gain_error2 + unexplained <= std::numeric_limits<double>::max()))
@@ -125,9 +110,11 @@ void GaugeSolver::find(const Subset& subset, const double* r, Solved& solved) co
 }
 
 // One variable is filled and returned on every way: a copy of it would wait for the stores before.
-GaugeSolver::Solved GaugeSolver::solve(const double* r, std::uint32_t usable) const noexcept {
+GaugeSolver::Solved GaugeSolver::solve(const double* readings, std::uint32_t usable) const noexcept {
     Solved solved;
     if (!subsets_[usable].solvable) return solved;
+    Gauges r;
+    std::memcpy(&r, readings, sizeof r);
     find(subsets_[usable], r, solved);
     solved.used = usable;
     if (solved.residual > kDoubtful) [[unlikely]] {
@@ -146,7 +133,7 @@ GaugeSolver::Solved GaugeSolver::solve(const double* r, std::uint32_t usable) co
 // off what the others predict, and without it the squared residual is less by rest^2 / (1 - h). Only the two that take off
 // most are solved for, however many read 0: where a third left the others consistent, these would, and which is dead would
 // not be known.
-GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::uint32_t usable, const Solved& all) const noexcept {
+GaugeSolver::Solved GaugeSolver::without_dead(const Gauges& r, std::uint32_t usable, const Solved& all) const noexcept {
     struct {
         std::size_t gauge = kMaxGauges;  // none
         double taken_off = 0;
@@ -167,10 +154,9 @@ GaugeSolver::Solved GaugeSolver::without_dead(const double* r, std::uint32_t usa
         }
     }
     Solved found;
-    double live[kMaxGauges];
     for (const auto& candidate : max) {
         if (candidate.gauge == kMaxGauges) continue;
-        std::copy_n(r, kMaxGauges, live);
+        Gauges live = r;
         live[candidate.gauge] = 0;
         Solved solved;
         solved.used = usable & ~(1u << candidate.gauge);

@@ -32,7 +32,7 @@ public:
         bool doubtful = false;  // gauges disagree, and which is wrong is not known
     };
     // From kMaxGauges readings, less their zeros, finite, 0 where not usable. rt: wait-free
-    [[nodiscard]] Solved solve(const double* r, std::uint32_t usable) const noexcept;
+    [[nodiscard]] Solved solve(const double* readings, std::uint32_t usable) const noexcept;
 
     // Standard deviation of load j with the gauges `used`, as a multiple of that with all. rt: wait-free
     [[nodiscard]] double sd_factor(std::size_t j, std::uint32_t used) const noexcept { return subsets_[used].sd_factor[j]; }
@@ -44,7 +44,11 @@ public:
     [[nodiscard]] const std::vector<std::size_t>& confused() const noexcept { return confused_; }
 
 private:
-    using Gauges = double[kMaxGauges];  // a number a gauge, 0 where there is none
+    // A number for each gauge, 0 where there is none. Arithmetic is element by element: g++ and clang++ make vector
+    // instructions of it on every processor that has them, at every optimisation level.
+    using Gauges __attribute__((vector_size(kMaxGauges * sizeof(double)), aligned(16))) = double;
+    static double sum_of(const Gauges& a) noexcept;
+
     struct Subset {
         Gauges inverse[kMaxLoads]{};  // a row a load; 0 where not used
         Gauges gains[kMaxLoads]{};    // likewise
@@ -56,15 +60,15 @@ private:
         double condition = 0;
     };
     Subset prepare(std::uint32_t usable, std::vector<std::size_t>* confused) const;
-    void find(const Subset& subset, const double* r, Solved& solved) const noexcept;
-    Solved without_dead(const double* r, std::uint32_t usable, const Solved& all) const noexcept;
+    void find(const Subset& subset, const Gauges& r, Solved& solved) const noexcept;
+    Solved without_dead(const Gauges& r, std::uint32_t usable, const Solved& all) const noexcept;
 
     Gauges noise2_{};  // squared; 1 where there is no gauge
     bool same_noise_ = true;
     std::vector<Subset> subsets_;  // index: bit k set where gauge k is usable
     std::size_t n_gauges_, n_loads_;
     std::vector<double> zero_;
-    double gains_[kMaxLoads][kMaxGauges]{};  // a row a load; 0 where there is no gauge
+    Gauges gains_[kMaxLoads]{};  // a row a load
     std::vector<std::size_t> confused_;
 };
 

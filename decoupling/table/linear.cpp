@@ -37,9 +37,11 @@ private:
         // It is not known which gauge is wrong, and therefore not how wrong the forces are.
         if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         if (solved.dead) input.outside = is_outside(input.r, solved.used);
-        estimate.wrench_S = {
-            solved.load[0] + 0.0, solved.load[1] + 0.0, 0.0 - solved.load[2], kNaN, kNaN, kNaN};  // never -0
-        for (std::size_t c = 0; c < 3; ++c) input.sd_factor[c] = solver_.sd_factor(c, solved.used);
+        for (std::size_t c = 0; c < 3; ++c) {
+            estimate.wrench_S[c] = solved.load[c] + 0.0;  // never -0
+            input.sd_factor[c] = solver_.sd_factor(c, solved.used);
+        }
+        estimate.wrench_S[2] = 0.0 - solved.load[2];
     }
 
     GaugeSolver solver_;
