@@ -20,7 +20,7 @@ std::string toml_text(const std::string& text) {
     for (const char c : text) {
         if (c == '"' || c == '\\')
             out += fmt::format("\\{}", c);
-        else if ((c >= 0 && c < ' ') || c == '\x7f')
+        else if (static_cast<unsigned char>(c) < ' ' || c == '\x7f')
             out += fmt::format("\\u{:04x}", unsigned(c));
         else
             out += c;

@@ -19,7 +19,7 @@ inline constexpr const char* kValidName = "a name has 1 .. 31 of A-Z a-z 0-9 _ .
 // Channels are the headers of CSV columns as well: no comma, no quote, nothing invisible.
 inline bool valid_channel(std::string_view name) {
     return !name.empty() && name.size() <= kLongestNameBytes && std::none_of(name.begin(), name.end(), [](char c) {
-        return (c >= 0 && c <= ' ') || c == ',' || c == '"' || c == '\x7f';
+        return static_cast<unsigned char>(c) <= ' ' || c == ',' || c == '"' || c == '\x7f';  // char may be signed or not
     });
 }
 inline constexpr const char* kValidChannel = "a channel's name has 1 .. 31 bytes and no space, comma or quote";

@@ -22,8 +22,10 @@ namespace {
 constexpr std::uint32_t kMachine = AUDIT_ARCH_X86_64;
 #elif defined(__aarch64__)
 constexpr std::uint32_t kMachine = AUDIT_ARCH_AARCH64;
+#elif defined(__arm__) && defined(__ARM_EABI__)
+constexpr std::uint32_t kMachine = AUDIT_ARCH_ARM;
 #else
-constexpr std::uint32_t kMachine = 0;  // numbers of another machine are not known here: nothing is forbidden
+constexpr std::uint32_t kMachine = 0;  // The filter is not checked for other processors: nothing is forbidden there.
 #endif
 
 constexpr int kForbidden[] = {
@@ -37,9 +39,19 @@ constexpr int kForbidden[] = {
     // mounts and namespaces
     SYS_mount, SYS_umount2, SYS_move_mount, SYS_mount_setattr, SYS_open_tree, SYS_fsopen, SYS_fspick, SYS_pivot_root,
     SYS_chroot, SYS_unshare, SYS_setns, SYS_open_by_handle_at,
+#if defined(__arm__)  // The other calls of these kinds have 16-bit identities and 32-bit times.
+    SYS_setuid32, SYS_setgid32, SYS_setreuid32, SYS_setregid32, SYS_setresuid32, SYS_setresgid32, SYS_setfsuid32,
+    SYS_setfsgid32, SYS_setgroups32, SYS_clock_settime64, SYS_clock_adjtime64,
+#endif
     // user, group, capabilities and keys
     SYS_setuid, SYS_setgid, SYS_setreuid, SYS_setregid, SYS_setresuid, SYS_setresgid, SYS_setfsuid, SYS_setfsgid,
     SYS_setgroups, SYS_capset, SYS_add_key, SYS_request_key, SYS_keyctl};
+
+#if defined(__arm__)
+constexpr int kMmap = SYS_mmap2;  // The EABI has no other mmap. The protection is the third argument, too.
+#else
+constexpr int kMmap = SYS_mmap;
+#endif
 
 // A call that may not make memory executable, with what else in its third argument.
 struct Restricted {
@@ -48,7 +60,7 @@ struct Restricted {
 };
 // Memory becomes code from a file, as when a library is loaded; not what was written in memory.
 constexpr Restricted kRestricted[] = {
-    {SYS_mprotect, PROT_EXEC}, {SYS_pkey_mprotect, PROT_EXEC}, {SYS_mmap, PROT_WRITE | PROT_EXEC}};
+    {SYS_mprotect, PROT_EXEC}, {SYS_pkey_mprotect, PROT_EXEC}, {kMmap, PROT_WRITE | PROT_EXEC}};
 
 constexpr sock_filter load(std::size_t at) { return BPF_STMT(BPF_LD | BPF_W | BPF_ABS, std::uint32_t(at)); }
 constexpr sock_filter unless_equal(std::uint32_t value, std::uint8_t skip) {
@@ -91,7 +103,8 @@ std::string enter_sandbox() {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
     return "";  // the sanitizers trace their own process when it ends
 #else
-    if (kMachine == 0) return "seccomp: not for this machine";
+    if (kMachine == 0)
+        return "seccomp: no filter of system calls for this processor: the daemon runs without its own sandbox";
     sock_fprog program{std::uint16_t(kFilter.size()), const_cast<sock_filter*>(kFilter.data())};  // only read
     long refused = ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
     if (refused == 0) refused = ::syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program);

@@ -26,7 +26,7 @@ std::string html_text(std::string_view text) {
     while (!text.empty()) {
         const std::size_t n = sequence(text);
         const char c = text[0];
-        if (n == 0 || (n == 1 && ((c >= 0 && c < ' ' && c != '\t' && c != '\n') || c == '\x7f')))
+        if (n == 0 || (n == 1 && ((static_cast<unsigned char>(c) < ' ' && c != '\t' && c != '\n') || c == '\x7f')))
             result += "\xEF\xBF\xBD";
         else if (c == '&')
             result += "&amp;";

@@ -1,0 +1,103 @@
+#!/usr/bin/env bash
+# build.sh [debian12|debian13|arm64|clang|readme12|readme13]...: builds the project where its users build it, with warnings as
+# errors, in chroots that it makes in build/platforms. Without arguments: the first four.
+#   debian12, debian13   everything with the g++ of that Debian; the unit tests run
+#   arm64                everything cross-built in a Debian 12; the readers and the unit tests run under qemu-user
+#   clang                everything with clang 14 of Debian 12
+#   readme12, readme13   both commands of the main page in a bare Debian: ./node/run.sh and ./tests/run.sh
+# A chroot keeps its packages and what it built for the next time; build.sh --clean deletes them all.
+# Exit status: 0 all is well, 1 something failed, 77 it cannot run here. Needs root, debootstrap, the network; JOBS=n compilers at once.
+set -euo pipefail
+here=$(cd "$(dirname "$0")/../.." && pwd)
+root=$here/build/platforms
+jobs=${JOBS:-$(nproc)}
+# shellcheck source=tests/platforms/chroot.sh
+. "$here/tests/platforms/chroot.sh"
+
+if [ "${1:-}" = --clean ]; then rm -rf --one-file-system "$root"; exit 0; fi
+[ "$(id -u)" = 0 ] || skip "needs root: it makes a Debian and changes into it"
+command -v debootstrap >/dev/null || skip "debootstrap is missing: apt install debootstrap"
+unshare --mount true 2>/dev/null || skip "this machine allows no mount namespace"
+
+say() { echo "build.sh: $((SECONDS / 60)) min $((SECONDS % 60)) s: $*"; }
+unit='^(config|drivers|sim|decoupling|grasp|modbus|node|lab)\.'
+
+# fresh SUITE TREE PACKAGE...: TREE with the packages of the build and the unit tests, and these, installed once.
+prepare() {
+    local suite=$1 tree=$2; shift 2
+    make_base "$suite" "$root/$suite.base"
+    [ -e "$tree/bin/sh" ] || cp -a "$root/$suite.base" "$tree"
+    copy_sources "$tree"
+    inside "$tree" ./node/install-packages.sh build >"$tree.log" 2>&1 &&
+        inside "$tree" bash -c 'apt-get update -qq && apt-get install -y -qq --no-install-recommends "$@"' _ \
+            libgtest-dev librapidcheck-dev python3 "$@" >>"$tree.log" 2>&1 || skip "installing packages failed, no network? $tree.log"
+}
+
+# build TREE CMAKE_OPTION...: everything, release, warnings are errors.
+build() {
+    local tree=$1; shift
+    inside "$tree" cmake --preset release -DTACTILED_WERROR=ON -DTACTILED_TESTS=ON "$@" >>"$tree.log" 2>&1 &&
+        inside "$tree" nice cmake --build --preset release -j "$jobs" -- -k 0 >>"$tree.log" 2>&1 ||
+        { grep -E 'error:|Error' "$tree.log" | sort | uniq -c | head -20; return 1; }
+}
+
+# units TREE: the unit tests, counted.
+units() {
+    inside "$1" ctest --test-dir build/release -R "$unit" -j "$jobs" >"$1.tests.log" 2>&1 || true
+    sed -n '/tests passed\|The following tests FAILED/,$p' "$1.tests.log"
+    grep -q '^100% tests passed' "$1.tests.log"
+}
+
+native() { prepare "$1" "$root/$2" && say "$2: building" && build "$root/$2" && say "$2: unit tests" && units "$root/$2"; }
+debian12() { native bookworm debian12; }
+debian13() { native trixie debian13; }
+
+clang() {
+    prepare bookworm "$root/clang" clang-14 && say "clang: building" &&
+        build "$root/clang" -DCMAKE_C_COMPILER=clang-14 -DCMAKE_CXX_COMPILER=clang++-14
+}
+
+# The programs run on this processor through qemu-user, which the test programs' start needs, too (CMAKE_CROSSCOMPILING_EMULATOR).
+arm64() {
+    local tree=$root/arm64 wanted
+    make_base bookworm "$root/bookworm.base"
+    if [ ! -e "$tree/bin/sh" ]; then
+        cp -a "$root/bookworm.base" "$tree"
+        chroot "$tree" dpkg --add-architecture arm64
+    fi
+    wanted=$(sed -n '/^build=(/,/)/p' "$here/node/install-packages.sh" | tr -d '()' | sed 's/build=//' | tr '\n' ' ')
+    # What runs here, and what is linked: the libraries' packages are of arm64.
+    # shellcheck disable=SC2001
+    prepare bookworm "$tree" crossbuild-essential-arm64 qemu-user-static \
+        $(for package in $wanted libgtest-dev librapidcheck-dev; do case $package in
+            lib*-dev) [ "$package" = libboost-dev ] || echo "$package:arm64" ;; esac; done)
+    say "arm64: building"
+    build "$tree" -DCMAKE_TOOLCHAIN_FILE=tests/platforms/arm64.cmake || return 1
+    say "arm64: readers and unit tests under qemu-user"
+    units "$tree"
+}
+
+readme() { # SUITE TREE
+    make_base "$1" "$root/$1.base"
+    rm -rf --one-file-system "${root:?}/$2" && cp -a "$root/$1.base" "$root/$2"
+    copy_sources "$root/$2"
+    local failed=0
+    say "$2: SECONDS_TO_RUN=5 ./node/run.sh"
+    inside "$root/$2" env SECONDS_TO_RUN=5 ./node/run.sh >"$root/$2.demo.log" 2>&1 || failed=1
+    say "$2: ./tests/run.sh"
+    inside "$root/$2" ./tests/run.sh >"$root/$2.tests.log" 2>&1 || failed=1
+    grep -E '^run.sh:|tests passed|Failed|warning:' "$root/$2.tests.log" || true
+    return $failed
+}
+readme12() { readme bookworm readme12; }
+readme13() { readme trixie readme13; }
+
+[ $# -gt 0 ] || set -- debian12 debian13 arm64 clang
+for what in "$@"; do
+    case $what in debian12 | debian13 | arm64 | clang | readme12 | readme13) ;; *) echo "build.sh: unknown: $what" >&2; exit 2 ;; esac
+done
+status=0
+for what in "$@"; do
+    if "$what"; then say "$what: passed"; else say "$what: FAILED ($root/$what.log)"; status=1; fi
+done
+exit $status
