@@ -20,7 +20,7 @@ enum class Status {
     disconnected,  // the device vanished: close(), then open() after a pause
 };
 
-// What a link counts; the index is enum tactiled_link_count. Written by the driver's thread only; the node copies it
+// Counters of a link; the index is enum tactiled_link_count. Written by the driver's thread only; the node copies it
 // out. Counters belong to the driver object and survive close() and open().
 struct LinkCounts {
     std::uint32_t count[TACTILED_LINK_COUNTS] = {};
@@ -48,7 +48,7 @@ public:
     // rt: wait-free
     [[nodiscard]] virtual bool has_more() const noexcept { return false; }
 
-    // Whether noise moves every number of `device` in every reading, so that many equal ones come of a fault. setup
+    // True if noise moves every number of `device` in every reading, so that many equal ones come of a fault. setup
     [[nodiscard]] virtual bool is_noisy(std::uint16_t /*device*/) const { return false; }
 
     LinkCounts counts;

@@ -1,4 +1,4 @@
-// Driver "i2c": chips on one bus, each a device of the link. What they are is in chips/; here are their keys.
+// Driver "i2c": chips on one bus, each a device of the link. The chips are in chips/, and their keys in this file.
 #include <fmt/format.h>
 
 #include <set>

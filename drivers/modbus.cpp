@@ -5,9 +5,10 @@
 // the bytes that it has received so far are lost, and it waits for the length that a foreign message seems to have.
 // README.md names the tests that it fails.
 //
-// Late answers. Over TCP a transaction tells them. An RTU answer has only unit, function and length. So a request without a
-// good answer puts its unit in doubt, and a doubted unit is first asked for a number of registers that no other request to
-// it has. A slave answers in order: when that length, or an exception, has come, nothing older can come any more.
+// Late answers. Over TCP a transaction number identifies them. An RTU answer has only unit, function and length. A request
+// without a good answer therefore puts its unit in doubt, and a doubted unit is first asked for a number of registers that
+// no other request to it has. A slave answers in order: when that length, or an exception, has come, nothing older can come
+// any more.
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -218,7 +219,7 @@ private:
             asked_ = Asked::values;
             request_.count = is.set.count;
         }
-        // What came since the last answer is nobody's: an answer that was too late, or noise.
+        // Bytes since the last answer are noise, or an answer that was too late.
         for (int chunk = 0; wire_ == ModbusWire::rtu && chunk < 4; ++chunk) {
             const std::uint32_t before = counts[TACTILED_LINK_BYTES];
             if (!take()) return false;

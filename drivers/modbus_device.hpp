@@ -1,4 +1,4 @@
-// What a user says about one Modbus device: a [[link.slave]] table, or a file of registers that it names.
+// Configuration of one Modbus device: a [[link.slave]] table, or a file of registers that it names.
 #pragma once
 #include <cstdint>
 #include <vector>

@@ -106,7 +106,7 @@ private:
         left_out_ = {bad_crc, unreadable};
     }
 
-    // Which link is played. "" or what is wrong.
+    // Selects the link that is played. Returns "" or the fault.
     std::string choose_link() {
         std::vector<std::string> links;
         for (const auto& [number, channel] : file_.reader().channels())

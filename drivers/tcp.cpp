@@ -17,9 +17,9 @@ namespace {
 // Bytes that the other end does not acknowledge for so long end the connection: a pulled cable says nothing by itself.
 constexpr int kUnacknowledgedMs = 3500;
 
-// Where we send nothing, a pulled cable stays unseen for ever: after 2 s of silence the other end is asked whether it is
-// there, each second. With TCP_USER_TIMEOUT set, that ends the connection (not TCP_KEEPCNT): here after two questions
-// without an answer.
+// A pulled cable would never be detected on a connection on which nothing is sent: after 2 s of silence the other end is
+// asked whether it is there, each second. With TCP_USER_TIMEOUT set, that ends the connection (not TCP_KEEPCNT): here after
+// two questions without an answer.
 constexpr int kKeepAlive = 1, kAskAfterS = 2, kAskEveryS = 1;
 
 const char* remedy(int error) {

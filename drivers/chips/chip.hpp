@@ -14,7 +14,7 @@
 
 namespace tactiled {
 
-// How a chip tells that a conversion is there.
+// Signals by which a chip reports a conversion.
 enum class Pace : std::uint8_t {
     continuous,  // converts by itself and says when one is ready
     triggered,   // converts when it is told to, and says when it is done
@@ -54,16 +54,16 @@ public:
     [[nodiscard]] virtual Reading read(Port& port, Frame& frame) noexcept = 0;
 
     [[nodiscard]] virtual Pace pace() const noexcept = 0;
-    // How the chip's data-ready line says that a conversion has ended; `none` where it has no such line.
+    // Level by which the chip's data-ready line shows that a conversion has ended; `none` where it has no such line.
     enum class ReadyEdge : std::uint8_t { none, rising, falling };
     [[nodiscard]] virtual ReadyEdge ready_edge() const noexcept { return ReadyEdge::none; }
-    // Whether its noise is more than a count with every setting, by the data sheet. setup
+    // True if its noise is more than a count with every setting, by the data sheet. setup
     [[nodiscard]] virtual bool is_noisy() const noexcept { return false; }
-    // How many electrodes an analog switch leads to its input, one after the other; 0: there is no such switch.
+    // Number of electrodes that an analog switch leads to its input, one after the other; 0: there is no such switch.
     [[nodiscard]] virtual unsigned electrodes() const noexcept { return 0; }
     // From the beginning of the conversion that runs to its end, or between two of them, by the data sheet.
     [[nodiscard]] virtual std::uint64_t conversion_ns() const noexcept = 0;
-    // What tells this chip from others: "its registers 0xFE and 0xFF read", 0x54491004. setup
+    // Identification of this chip: "its registers 0xFE and 0xFF read", 0x54491004. setup
     struct Identity {
         std::string_view what;
         std::uint64_t expected;

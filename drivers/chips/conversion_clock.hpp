@@ -1,6 +1,6 @@
 // When to ask a chip whether its next conversion is ready. The chip's clock is its own, up to 10 % off and drifting; each
-// question costs bus time, and each late one age. So the chip's period is learned from the moments at which it turned out
-// to be ready, and the question put a little after the moment that they predict.
+// question costs bus time, and each late one age. The chip's period is therefore learned from the moments at which it turned
+// out to be ready, and the question put a little after the moment that they predict.
 #pragma once
 #include <algorithm>
 #include <cstdint>

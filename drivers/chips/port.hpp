@@ -1,4 +1,4 @@
-// How a chip reaches its registers: its address, the switch that it sits behind, and the counters of its link.
+// Access of a chip to its registers: its address, the switch that it sits behind, and the counters of its link.
 #pragma once
 #include <array>
 #include <cassert>

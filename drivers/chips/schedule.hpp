@@ -1,5 +1,5 @@
-// Who is asked when: all chips of one bus, the one that is due first first. What a chip does wrong costs the others the time
-// of its transfers, no more; what the bus does wrong is everybody's.
+// Schedule of the chips: all chips of one bus, the one that is due first first. What a chip does wrong costs the others the
+// time of its transfers, no more; what the bus does wrong is everybody's.
 #pragma once
 #include <string>
 #include <vector>
@@ -20,7 +20,7 @@ public:
     // configured, no chip at all, or the bus itself. setup
     [[nodiscard]] std::string open();
 
-    // As Driver::read(). rt: blocks on the bus
+    // The same as Driver::read(). rt: blocks on the bus
     [[nodiscard]] Status read(Frame& frame, int timeout_ms) noexcept;
 
 private:

@@ -75,7 +75,7 @@ bool MessageFile::read_piece() noexcept {
     if (at_end_) return false;
     const bool wanted = is_wanted(record_[0]), fits = want_ <= record_.size();
     if (have_ < want_) {
-        // What is read over comes to lie on each other, behind the head, which says what it is.
+        // Skipped bytes overwrite each other, behind the head, which says what it is.
         const std::uint64_t room =
             fits ? want_ - have_ : std::min<std::uint64_t>(want_ - have_, record_.size() - kRecordHead);
         const std::size_t got = read(record_.data() + (fits ? have_ : kRecordHead), room);

@@ -30,7 +30,7 @@ public:
     // Read, not mapped: a file that somebody shortens while it is mapped would end the process.
     // rt: blocks on the disk; bounded by `max_bytes` and a chunk. Throws for want of memory before declare_all(), never after
     std::optional<Message> next(std::uint64_t max_bytes = UINT64_MAX);
-    // Nothing more comes: the end of the file, or of what is whole of it.
+    // There is no further message: the end of the file, or of what is whole of it.
     [[nodiscard]] bool at_end() const { return at_end_; }
 
     [[nodiscard]] std::uint64_t bytes_read() const { return bytes_read_; }

@@ -30,7 +30,7 @@ public:
     // `time_ns` since 1970. Kept until flush(), which is also done once kMaxPending bytes wait.
     void message(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, std::string_view data);
     void flush();
-    // Flushes, and writes the index. What is not said by then is lost.
+    // Flushes, and writes the index. Messages that were not written by then are lost.
     void close();
 
     [[nodiscard]] std::uint64_t bytes() const { return offset_ + chunk_.size(); }

@@ -1,4 +1,4 @@
-// What the effects before one may have made of its input: passed along the chain, from bound to bound.
+// Changes of an effect's input by the effects before it: passed along the chain, from bound to bound.
 #include <algorithm>
 
 #include "drivers/sim/effect.hpp"
@@ -6,7 +6,7 @@
 namespace tactiled::sim {
 namespace {
 
-// What an effect of the contact or the material may make of the load.
+// Changes of the load by an effect of the contact or the material.
 void widen(Extent& extent, const Bound& bound) {
     const Extent was = extent;
     for (std::size_t axis = 0; axis < kAxes; ++axis) {

@@ -7,7 +7,7 @@
 namespace tactiled::sim {
 
 inline constexpr std::size_t kMaxSensorChannels = 8;  // of one sensor
-inline constexpr std::size_t kAxes = 5;               // fx fy fz (N), mx my (Nm): no sensor here feels mz
+inline constexpr std::size_t kAxes = 5;               // fx fy fz (N), mx my (Nm): no sensor here measures mz
 enum Axis : std::size_t { kFx, kFy, kFz, kMx, kMy };
 
 struct Block {
@@ -27,10 +27,10 @@ struct Block {
     Row ambient_K, body_K;        // above the temperature at which the scene began; the body's
     Row acceleration_m_s2;        // of the sensor, against gravity
 
-    // What the sensor's material makes of it, as the load that would cause it in the linear model.
+    // Output of the sensor's material, as the load that would cause it in the linear model.
     std::array<Row, kAxes> drive;
 
-    // What the channels read, in the sensor's unit.
+    // Readings of the channels, in the sensor's unit.
     std::array<Row, kMaxSensorChannels> channel;
 
     std::array<std::uint32_t, kSize> missing;  // bit k: channel k has no value

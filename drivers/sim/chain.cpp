@@ -114,7 +114,7 @@ constexpr std::array kChain{
     &anti_alias,
     &converter_window,
     &channel_skew,
-    // What disturbs is stated as it is read, so it stands behind the filters.
+    // A disturbance is stated as it is read, so it stands behind the filters.
     &johnson_noise,
     &flicker_noise,
     &noise,

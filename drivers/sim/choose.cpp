@@ -31,7 +31,7 @@ void require_known(const std::vector<std::string>& names) {
         }
 }
 
-// What costs most for the least error first. Ties in the order of the chain: the same everywhere.
+// The effect with the most time for the least error comes first. Ties in the order of the chain: the same everywhere.
 std::vector<std::size_t> in_order_of_use(const std::vector<Decision>& decisions) {
     std::vector<std::size_t> order(decisions.size());
     std::iota(order.begin(), order.end(), 0u);

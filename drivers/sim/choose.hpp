@@ -1,4 +1,4 @@
-// Which effects a scene calls for. The rest is left out with a guaranteed error.
+// Selection of the effects that a scene calls for. The rest is left out with a guaranteed error.
 #pragma once
 #include <string>
 #include <vector>

@@ -15,7 +15,7 @@
 
 namespace tactiled::sim {
 
-// Where in the chain it works, in this order. Each stage reads and writes its own quantities of a Block alone.
+// Its place in the chain, in this order. Each stage reads and writes its own quantities of a Block alone.
 enum class Stage {
     time,        // t_s: when a sample is really taken
     contact,     // load, radius_m: between the body and the skin
@@ -36,7 +36,7 @@ struct Parameter {
 struct Scene;
 struct Setting;
 
-// What the effects before one may have made of the channels, beyond the linear model of the extent's loads; N as in Bound.
+// Changes of the channels by the effects before one, beyond the linear model of the extent's loads; N as in Bound.
 struct Before {
     std::array<double, kAxes> load{};  // of contact and material: the sum of what they may have changed
     double max_N = 0;                  // of transducer and converter: the sum of their bounds
@@ -50,7 +50,7 @@ struct Before {
     [[nodiscard]] double change_N(const Setting& s, double seconds) const;
 };
 
-// What an effect is told when its bound is asked and when it is made.
+// Input of an effect for its bound and for its construction.
 struct Setting {
     const Sensor& sensor;
     const Body& body;
@@ -67,14 +67,14 @@ struct Setting {
     std::span<const double> stated_N{};
 };
 
-// What an effect can do to any channel, in N (Sensor::per_N), on any input that keeps within the extent.
+// Largest change by an effect of any channel, in N (Sensor::per_N), on any input that keeps within the extent.
 struct Bound {
     double change_N = 0;  // largest difference between its output and its input: if left out, the error that this makes
-    // How it hands on an error that was made before it: |f(a) - f(b)| <= gain * |a - b| + jump_N. A filter's gain is the sum
+    // Propagation of an error that was made before it: |f(a) - f(b)| <= gain * |a - b| + jump_N. A filter's gain is the sum
     // of its impulse response's magnitudes; a rounding jumps by a step.
     double gain = 1;
     double jump_N = 0;
-    // How its output moves, for those that come after. A filter or a curve moves with its input, at most `gain` times as
+    // Motion of its output, for the effects after it. A filter or a curve moves with its input, at most `gain` times as
     // much; what moves by itself (heat, noise, ridges that pass) says how far, and how fast if not at once.
     double own_N = 0, own_rate_N_s = std::numeric_limits<double>::infinity();
     // Of contact and material: by how much each component of the load may change (N, Nm); how much faster it may move; and

@@ -1,4 +1,4 @@
-// What a motion can reach, from its segments alone: nothing is run.
+// The range of a motion, from its segments alone, without a run.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -60,7 +60,7 @@ Reach reach_of(const Segment& s, double State::*quantity, double amplitude = 0) 
     return r;
 }
 
-// Where the contact's centre is, seen from the sensor, and which share of the load it gets.
+// The contact's centre, seen from the sensor, and the sensor's share of the load.
 struct Place {
     double arm_m[2] = {0, 0};               // |x|, |y|
     double moves_m_s = 0, hops_m = 0;       // of the centre, on the sensor
@@ -134,7 +134,7 @@ void take_friction(Extent& e, const Segment& s, const Body& body, double share, 
     }
 }
 
-// Whether a component of the load ever comes back. `went`: -1, 0 or 1, in which direction each went last.
+// True if a component of the load ever comes back. `went`: -1, 0 or 1, in which direction each went last.
 bool reverses(const Segment& s, const Place& place, std::array<int, 3>& went) {
     const auto of = [](const State& q) {
         return std::array{q.shear_N * std::cos(q.direction_rad), q.shear_N * std::sin(q.direction_rad), -q.press_N};

@@ -80,7 +80,7 @@ void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
         const double shear = between(&State::shear_N) + (s.wave_on_press ? 0 : wave);
         const double direction = between(&State::direction_rad) - sensor.turn_rad;
 
-        // Where the contact's centre is, seen from the sensor.
+        // The contact's centre, seen from the sensor.
         const double x0 = between(&State::x_m) - sensor.x_m, y0 = between(&State::y_m) - sensor.y_m;
         double x = turn_cos * x0 + turn_sin * y0, y = turn_cos * y0 - turn_sin * x0, share = fair;
         if (covers) {

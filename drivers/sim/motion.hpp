@@ -12,7 +12,7 @@
 
 namespace tactiled::sim {
 
-// What touches the sensors.
+// The body that touches the sensors.
 struct Body {
     enum class Shape { flat, sphere, edge, textured } shape = Shape::flat;
     double radius_m = 5e-3;     // of a sphere or an edge's contact; a flat body covers the sensor
@@ -34,7 +34,7 @@ struct State {
     double acceleration_m_s2 = 0;           // of the sensors, against gravity
 };
 
-// How a motion goes from its start to its end, u = 0 .. 1.
+// Course of a motion from its start to its end, u = 0 .. 1.
 enum class Course { linear, smooth, at_once };
 // What it adds on the way: nothing, amplitude * sin(phase), its sign, or half a sine over the whole motion.
 enum class Wave { none, sine, square, pulse };
@@ -105,7 +105,7 @@ private:
 // Half the width of the contact before any effect changes it: the body's radius; a flat body covers the sensor. rt:
 // wait-free
 double contact_radius(const Body& body, const Sensor& sensor) noexcept;
-// Whether the body lies on all taxels of the sensor's array alike. rt: wait-free
+// True if the body lies on all taxels of the sensor's array alike. rt: wait-free
 bool covers_array(const Body& body, const Sensor& sensor) noexcept;
 
 // Reads the [[motion]] tables of a scene. Errors go to the options' Problems. setup

@@ -1,4 +1,4 @@
-// Random numbers that hang on their place alone: stream, sample, channel. So an effect that is left out, another size of
+// Random numbers that hang on their place alone: stream, sample, channel. An effect that is left out, another size of
 // blocks or another order of sensors changes none of the others' numbers.
 #pragma once
 #include <cmath>

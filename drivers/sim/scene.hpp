@@ -27,7 +27,7 @@ struct Scene {
     [[nodiscard]] double wanted_N(const Sensor& sensor) const {
         return wanted_accuracy_N > 0 ? wanted_accuracy_N : sensor.resolution_N / 2;
     }
-    // What an effect is told. `effect` is its number in chain(). Scene, sensor and extent must outlive it.
+    // Input of an effect. `effect` is its number in chain(). Scene, sensor and extent must outlive it.
     [[nodiscard]] Setting setting(std::size_t effect, const Sensor& sensor, const Extent& extent) const;
 };
 

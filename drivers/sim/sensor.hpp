@@ -47,8 +47,8 @@ struct Sensor {
     std::string unit;                               // "dR/R0" or "pF" ("Vp": V)
     std::array<double, kMaxSensorChannels> zero{};  // at no load
     std::array<std::array<double, kAxes>, kMaxSensorChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
-    // How much of the channel's unit 1 N is: its response to the axis that it feels least, of those that it feels at all
-    // (a tenth of its best). So an error in N is rather named too large than too small.
+    // Change of the channel for 1 N, in its unit: its response to the axis that it responds to least, of those that it
+    // responds to at all (a tenth of its best). An error in N is thus rather too large than too small.
     std::array<double, kMaxSensorChannels> per_N{};
     double resolution_N{}, full_scale_N{};
     std::uint64_t serial = 1;  // which sample it is: what differs from one to the next is drawn from it

@@ -10,7 +10,7 @@
 namespace tactiled::sim {
 namespace {
 
-// What stands before each stage.
+// The stages before each stage.
 std::unique_ptr<Effect> before(Stage stage, const Scene& scene, const Sensor& sensor) {
     switch (stage) {
         case Stage::time: return make_clock(scene.rate_Hz);

@@ -34,8 +34,8 @@ private:
     bool time_seen_ = false;
 };
 
-// What a device prints for `frame`, each channel as the shortest decimal that reads back to the same double. Returns the
-// number of bytes, "\n" included. For tests and for `tactilectl play`.
+// The line that a device prints for `frame`, each channel as the shortest decimal that reads back to the same double.
+// Returns the number of bytes, "\n" included. For tests and for `tactilectl play`.
 std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMaxBytes * 2> out) noexcept;
 
 }  // namespace tactiled

@@ -59,7 +59,8 @@ public:
     // The next frame that the message completed: one for each device that it ends a sample of. rt: wait-free
     [[nodiscard]] bool next(Frame& frame) noexcept;
 
-    // So many samples that began with message `id` never became whole messages: told with the next whole ones. rt: wait-free
+    // Counts `samples` that began with message `id` and never became whole; the number is reported with the next whole
+    // sample. rt: wait-free
     void lost(std::uint32_t id, std::uint32_t samples) noexcept;
 
     // Forgets what is incomplete and where counters stood: the bus was opened anew.

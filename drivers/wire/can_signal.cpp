@@ -10,7 +10,7 @@
 namespace tactiled {
 namespace {
 
-// Where a Motorola signal begins in the message seen as one row of bits, the first byte's most significant first.
+// First bit of a Motorola signal in the message seen as one row of bits, the first byte's most significant first.
 constexpr std::size_t row_of(unsigned start) noexcept { return start / 8 * 8 + (7 - start % 8); }
 
 }  // namespace

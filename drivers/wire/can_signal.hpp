@@ -28,7 +28,7 @@ struct CanSignal {
 // (isotp.hpp). setup
 std::string why_no_signal(const CanSignal& signal, std::size_t bytes);
 
-// How many bytes a message must have to hold the signal. rt: wait-free
+// Number of bytes that a message must have to hold the signal. rt: wait-free
 [[nodiscard]] std::size_t bytes_needed(const CanSignal& signal) noexcept;
 
 // The signal's bits as they are sent, in the low ones. `bytes` has bytes_needed() or more. rt: wait-free

@@ -8,8 +8,8 @@ namespace tactiled {
 
 // Software stamps: the kernel's CLOCK_REALTIME, which may be set to any time at any moment.
 //
-// A message found in the socket now came after the socket was last seen empty. So the result lies between the two, whatever
-// the wall clock does; in between, the stamp says where.
+// A message found in the socket now came after the socket was last seen empty. The result therefore lies between the two,
+// whatever the wall clock does; in between, the stamp says where.
 class ArrivalTime {
 public:
     // Both clocks, read one after the other now. False where the wall clock was set since the last look: then only the
@@ -44,8 +44,8 @@ private:
 //
 // arrival = adapter's stamp + offset + delay, delay >= 0. The least arrival - stamp seen is the offset plus the least delay:
 // that of the messages that nothing held up. As the clocks drift apart by at most kMaxDrift, what was the least is so for
-// less and less long: it rises at that rate until a message comes below it. So the result is never before the message was
-// on the bus, as far as the drift is bounded, and never after it arrived.
+// less and less long: it rises at that rate until a message comes below it. The result is therefore never before the message
+// was on the bus, as far as the drift is bounded, and never after it arrived.
 class ClockFit {
 public:
     // The time of a message on the bus, but for the least delay that the way from there ever has. rt: wait-free

@@ -30,8 +30,8 @@ private:
     std::array<Device, kCobsMaxDevices> devices_{};
 };
 
-// What a device sends for `frame`: channels rounded to integers and held at the saturation limits. Returns the number of
-// bytes, the delimiter included. For tests and for `tactilectl play`.
+// The bytes that a device sends for `frame`: channels rounded to integers and held at the saturation limits. Returns the
+// number of bytes, the delimiter included. For tests and for `tactilectl play`.
 std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kCobsMaxEncoded> out) noexcept;
 
 }  // namespace tactiled

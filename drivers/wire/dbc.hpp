@@ -52,7 +52,7 @@ struct Dbc {
 
 inline constexpr std::size_t kDbcMaxBytes = 8u << 20;  // of a file; a car's has some MB
 
-// Errors go to `problems` as file:line, at most 20. What is returned is then incomplete. setup: never throws for bad input
+// Errors go to `problems` as file:line, at most 20. The result is then incomplete. setup: never throws for bad input
 Dbc parse_dbc(std::string_view text, const std::string& file, Problems& problems);
 
 }  // namespace tactiled

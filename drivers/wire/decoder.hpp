@@ -62,7 +62,7 @@ public:
         ready_ = false;
     }
 
-    // What a device must be sent to begin and to end its stream; empty for one that sends by itself. rt: wait-free
+    // Bytes that a device must be sent to begin and to end its stream; empty for one that sends by itself. rt: wait-free
     [[nodiscard]] virtual std::span<const std::uint8_t> start_bytes() const noexcept { return {}; }
     [[nodiscard]] virtual std::span<const std::uint8_t> stop_bytes() const noexcept { return {}; }
 

@@ -1,4 +1,4 @@
-// What COBS frames and lines of text have in common: each ends with a byte that is nowhere else in it.
+// The common part of COBS frames and lines of text: each ends with a byte that is nowhere else in it.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -24,7 +24,7 @@ protected:
     // The bytes between two ends, at most kMax; true when they are `frame`. rt: wait-free
     [[nodiscard]] virtual bool finish(std::span<const std::uint8_t> bytes, Frame& frame) noexcept = 0;
 
-    // What does not give a frame, its end included. Each returns false. rt: wait-free
+    // Bytes that give no frame, the end included. Each returns false. rt: wait-free
     bool skip() noexcept {
         counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
         return false;

@@ -32,7 +32,7 @@ private:
     std::size_t size_ = 0;
 };
 
-// What the device sends for forces in N and torques in Nm. For tests.
+// The bytes that the device sends for forces in N and torques in Nm. For tests.
 void encode_ft300(const Frame& frame, std::span<std::uint8_t, kFt300Bytes> out) noexcept;
 
 }  // namespace tactiled

@@ -80,7 +80,7 @@ ModbusAnswers::Found ModbusAnswers::next() noexcept {
 }
 
 // A line has no boundaries but silences, which USB adapters do not keep: whatever has our unit, function and length and a
-// right CRC is the answer, wherever it begins. So noise before it costs nothing.
+// right CRC is the answer, wherever it begins. Noise before it therefore does no harm.
 //
 // An adapter may hear its own request. Where one register is read, the beginning of that echo can be a whole answer (0x0200
 // .. 0x02FF, where the CRC happens to fit), so the first exact copy of the request is passed over before anything is judged.

@@ -55,7 +55,7 @@ public:
     void took(std::size_t n) noexcept { size_ += n; }
     // Looks at what is there; other than `nothing` closes the request. rt: bounded by the bytes that came
     Found next() noexcept;
-    // What a request without an answer is counted as. rt: wait-free
+    // The counter of a request without an answer. rt: wait-free
     [[nodiscard]] tactiled_link_count missing() const noexcept;
 
     [[nodiscard]] std::span<const std::uint16_t> registers() const noexcept { return {registers_.data(), n_registers_}; }

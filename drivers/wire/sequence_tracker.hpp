@@ -9,7 +9,7 @@ namespace tactiled {
 
 // A step ahead by less than half the counter's range is a gap of that many frames. A step back is a frame that was
 // sent twice or overtaken: it is dropped, unless the device has restarted: its clock went back, or the frame after it
-// counts on from it. So a restart costs no frame of a device that sends its time, and one frame of another.
+// counts on from it. A restart therefore costs no frame of a device that sends its time, and one frame of another.
 //
 // Whose the frames are is doubted by what one device does seldom: a number that was here already, with another content; a
 // restart, which counts twice. Each takes kDoubt frames in order to forget. Five that are not forgotten are a second device

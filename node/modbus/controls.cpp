@@ -175,7 +175,7 @@ Exception Controls::check_register(std::uint16_t at, std::uint16_t value, const 
     return kNone;
 }
 
-// A command of one register, other than 0. What is known at once to be impossible is refused at once.
+// A command of one register, other than 0. A value that is known to be impossible is refused at once.
 Exception Controls::check_command_cell(std::uint16_t at, std::uint16_t value, const View& view) const noexcept {
     if (at <= kResetPeakCell && (value & ~sensor_mask_of(view)) != 0) return kIllegalValue;
     const bool weighs = at == kWeighCell || at > kResetPeakCell;

@@ -88,7 +88,7 @@ bool EventFanOut::drop_disconnected() noexcept {
     const std::lock_guard lock(mutex_);
     const auto disconnected = [](const Subscriber& s) {
         pollfd p{s.connection, POLLIN, 0};
-        if (::poll(&p, 1, 0) != 1) return false;  // the subscriber only closes it
+        if (::poll(&p, 1, 0) != 1) return false;  // a subscriber sends nothing: an event is its end
         ::close(s.connection);
         ::close(s.event);
         return true;

@@ -1,5 +1,5 @@
-// What begins with the scene and comes near its end value exponentially, p[0] with the time constant p[1]: moisture,
-// self-heating.
+// A quantity that begins with the scene and approaches its end value exponentially, p[0] with the time constant p[1]:
+// moisture, self-heating.
 #pragma once
 #include <array>
 #include <cmath>

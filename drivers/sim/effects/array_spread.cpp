@@ -24,7 +24,7 @@ std::vector<Sensor> neighbours(const Sensor& sensor) {
     return result;
 }
 
-// load + k sum of (the neighbour's load - load): what one loses another gets. What has spread lies evenly: no moment.
+// load + k sum of (the neighbour's load - load): what one loses another gets. The spread part lies evenly and has no moment.
 class ArraySpread final : public Effect {
 public:
     explicit ArraySpread(const Setting& s)

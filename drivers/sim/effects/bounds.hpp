@@ -1,4 +1,4 @@
-// What the bounds of several effects are made of.
+// Parts of the bounds of several effects.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -92,7 +92,7 @@ inline double shift_N(const Setting& s, double seconds) {
     return s.sensor.channel_N(change) + other_N;
 }
 
-// The largest change of each component of the load alone when no channel changes by more than 1 N; 0 where none feels it.
+// The largest change of each component of the load alone when no channel changes by more than 1 N; 0 if none responds to it.
 inline std::array<double, kAxes> observed(const Sensor& sensor) {
     std::array<double, kAxes> result{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) result[axis] = load_of_error(sensor, Axis(axis));

@@ -7,7 +7,7 @@
 namespace tactiled::sim {
 namespace {
 
-// What the area does beyond the linear model, pF.
+// Effect of the area beyond the linear model, pF.
 double more_pF(const Sensor& sensor, const Pad& pad, std::size_t i, double fx, double fy) {
     const auto& gain = sensor.gain[pad.channel[i]];
     return pad.active_pF[i] * pad.overlap_change(i, pad.shift_per_N_m * fx, pad.shift_per_N_m * fy) -

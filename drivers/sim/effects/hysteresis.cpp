@@ -35,7 +35,7 @@ double unit_weight() {
     return 1 / widest;
 }
 
-// What full scale is on an axis: of a moment, the force at half the radius.
+// Full scale of an axis; for a moment, the force at half the radius.
 double full_scale(const Sensor& sensor, std::size_t axis) {
     return sensor.full_scale_N * (axis < kMx ? 1 : half_size_m(sensor) / 2);
 }

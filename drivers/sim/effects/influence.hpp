@@ -35,7 +35,7 @@ public:
         uniform_ = mean(0, 0, plate_m_);
     }
 
-    // What a load on this patch does more than one on the whole plate. rt: wait-free
+    // Additional effect of a load on this patch compared with one on the whole plate. rt: wait-free
     [[nodiscard]] Matrix excess(double x_m, double y_m, double radius_m) const noexcept {
         return matrix(mean(x_m, y_m, radius_m));
     }

@@ -8,7 +8,7 @@ namespace {
 
 using Rotation = std::array<std::array<double, 3>, 3>;
 
-// What a frame turned about x, then y, then z sees: the transpose of Rz Ry Rx.
+// A vector in a frame turned about x, then y, then z: the transpose of Rz Ry Rx.
 Rotation rotation(const Setting& s) {
     constexpr double kDegree = 3.141592653589793 / 180;
     const double cx = std::cos(s.p[0] * kDegree), sx = std::sin(s.p[0] * kDegree);
@@ -19,7 +19,7 @@ Rotation rotation(const Setting& s) {
              {cz * sy * cx + sz * sx, sz * sy * cx - cz * sx, cy * cx}}};
 }
 
-// The moment about z, which no sensor here feels, counts as 0.
+// The moment about z, which no sensor here measures, counts as 0.
 class Misalignment final : public Effect {
 public:
     explicit Misalignment(const Setting& s) : r_(rotation(s)) {}

@@ -1,4 +1,4 @@
-// What the bounds of several effects have in common: how large a load, and how large a reading, may become.
+// The common part of the bounds of several effects: the largest load and the largest reading.
 #pragma once
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-// What the contact effects know of a sensor's skin and of two bodies that touch.
+// Knowledge of the contact effects about a sensor's skin and two bodies that touch.
 #pragma once
 #include <algorithm>
 #include <cmath>

@@ -9,8 +9,8 @@ namespace tactiled::sim {
 namespace {
 
 // While it sticks the shear rises by stiffness * speed; at the static friction it falls at once as far below the kinetic one
-// as it stood above (no damping). So the shear swings about the kinetic friction as a saw, whose place in its period is
-// exact at any step. The swing dies out with speed as Stribeck's curve does.
+// as it stood above (no damping). The shear therefore swings about the kinetic friction as a saw, whose place in its period
+// is exact at any step. The swing dies out with speed as Stribeck's curve does.
 class StickSlip final : public Effect {
 public:
     explicit StickSlip(const Setting& s)
