@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace tactiled {
 namespace {
@@ -31,6 +32,7 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
               (calibration.sd.empty() ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u)),
       domain_(calibration) {
     std::copy_n(calibration.zero.begin(), n_, zero_);
+    n_seen_ = calibration.components.size();
     std::fill_n(full_scale_, 6, std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
@@ -39,8 +41,10 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
         if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
         if (!calibration.full_scale.empty()) full_scale_[c] = (1 + kDomainMargin) * calibration.full_scale[i];
         const bool can_be_squared = std::abs(sd_[c]) >= kMinSquared && std::abs(sd_[c]) <= kMaxSquared;
-        max_squared_[c] = can_be_squared ? std::min(full_scale_[c], kMaxSquared / std::abs(sd_slope_[c])) : -1;
+        max_squared_[c] = can_be_squared ? std::min({kMaxFinite, full_scale_[c], kMaxSquared / std::abs(sd_slope_[c])}) : -1;
     }
+    std::iota(order_, order_ + 6, std::size_t{0});
+    std::stable_partition(order_, order_ + 6, [this](std::size_t c) { return seen_[c]; });
 }
 
 Estimate CheckedModel::decouple(const Reading& reading) noexcept {
@@ -92,15 +96,15 @@ inline bool CheckedModel::check_channels(const Reading& reading, double* r, Inpu
 inline void CheckedModel::check_components(const Input& input, Estimate& estimate) const noexcept {
     Wrench& wrench = estimate.wrench_S;
     bool finite = true, outside = input.outside, can_be_squared = true;
-    for (std::size_t c = 0; c < 6; ++c) {
-        if (!seen_[c]) {
-            wrench[c] = kNaN;
-            continue;
+    for (std::size_t i = n_seen_; i < 6; ++i) wrench[order_[i]] = kNaN;
+    for (std::size_t i = 0; i < n_seen_; ++i)
+        can_be_squared &= std::abs(wrench[order_[i]]) <= max_squared_[order_[i]];  // false for a NaN
+    if (!can_be_squared) [[unlikely]] {
+        for (std::size_t i = 0; i < n_seen_; ++i) {
+            const double magnitude = std::abs(wrench[order_[i]]);
+            finite = finite && magnitude <= kMaxFinite;
+            outside = outside || magnitude > full_scale_[order_[i]];
         }
-        const double magnitude = std::abs(wrench[c]);
-        finite = finite && magnitude <= kMaxFinite;  // false for a NaN
-        outside = outside || magnitude > full_scale_[c];
-        can_be_squared = can_be_squared && magnitude <= max_squared_[c];
     }
     if (!finite) {
         const std::uint32_t reasons = estimate.reasons;
@@ -111,8 +115,8 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
     estimate.reasons |= always_ | (outside ? std::uint32_t(TACTILED_OUTSIDE_DOMAIN) : 0u);
     estimate.quality = estimate.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
     if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) return;
-    for (std::size_t c = 0; c < 6; ++c) {
-        if (!seen_[c]) continue;
+    for (std::size_t i = 0; i < n_seen_; ++i) {
+        const std::size_t c = order_[i];
         const double sloped = sd_slope_[c] * wrench[c];
         estimate.sd[c] = input.sd_factor[c] *
                          (can_be_squared ? std::sqrt(sd_[c] * sd_[c] + sloped * sloped) : std::hypot(sd_[c], sloped));

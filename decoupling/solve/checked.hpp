@@ -62,10 +62,11 @@ private:
     // vectorised.
     double zero_[kMaxChannels]{};
     double full_scale_[6], sd_[6]{}, sd_slope_[6]{};
-    // Up to this magnitude of a component the squares of sd and sd_slope x component neither underflow nor overflow, and
-    // the root of their sum is as good as hypot(), which takes several times as long.
+    // Up to this magnitude a component is finite, within the full scale, and the squares of sd and sd_slope x component
+    // neither underflow nor overflow: the root of their sum is as good as hypot(), which takes several times as long.
     double max_squared_[6]{};
     std::array<bool, 6> seen_{};
+    std::size_t n_seen_, order_[6];  // the components that are seen, n_seen_ of them, then the others
     Domain domain_;
 };
 

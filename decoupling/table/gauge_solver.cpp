@@ -91,7 +91,8 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
 }
 
 // The loads and what they leave unexplained.
-void GaugeSolver::find(const Subset& subset, const Gauges& r, Solved& solved) const noexcept {
+inline void GaugeSolver::find(const Subset& subset, const Gauges& r, Solved& solved) const noexcept {
+    solved.sd_factor = subset.sd_factor;
     for (std::size_t j = 0; j < n_loads_; ++j) solved.load[j] = sum_of(subset.inverse[j] * r);
     if (!subset.can_disagree) {
         solved.residual = std::numeric_limits<double>::quiet_NaN();

@@ -28,14 +28,14 @@ public:
         // Root mean square of what the loads leave unexplained, a degree of freedom, in standard deviations of noise
         // and a gain error of 1 % together; NaN where there are no more gauges than loads.
         double residual = 0;
+        // Standard deviation of each load, as a multiple of that with all gauges.
+        const double* sd_factor = nullptr;
         bool dead = false;      // a gauge that delivers 0 although the others demand a reading was left out
         bool doubtful = false;  // gauges disagree, and which is wrong is not known
     };
     // From kMaxGauges readings, less their zeros, finite, 0 where not usable. rt: wait-free
     [[nodiscard]] Solved solve(const double* readings, std::uint32_t usable) const noexcept;
 
-    // Standard deviation of load j with the gauges `used`, as a multiple of that with all. rt: wait-free
-    [[nodiscard]] double sd_factor(std::size_t j, std::uint32_t used) const noexcept { return subsets_[used].sd_factor[j]; }
     // Of load j under the stated noise alone, with all gauges. setup
     [[nodiscard]] double sd(std::size_t j) const noexcept { return subsets_.back().sd[j]; }
     [[nodiscard]] bool solvable(std::uint32_t usable) const noexcept { return subsets_[usable].solvable; }

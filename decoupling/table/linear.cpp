@@ -39,7 +39,7 @@ private:
         if (solved.dead) input.outside = is_outside(input.r, solved.used);
         for (std::size_t c = 0; c < 3; ++c) {
             estimate.wrench_S[c] = solved.load[c] + 0.0;  // never -0
-            input.sd_factor[c] = solver_.sd_factor(c, solved.used);
+            input.sd_factor[c] = solved.sd_factor[c];
         }
         estimate.wrench_S[2] = 0.0 - solved.load[2];
     }

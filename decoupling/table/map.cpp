@@ -208,9 +208,9 @@ private:
         for (std::size_t c = 0; c < 3; ++c) {
             estimate.wrench_S[c] = solved.load[c] + 0.0;
             if (point_) {
-                add_sd(input, estimate, c, spread_.sd(c) * spread_.sd_factor(c, solved.used));
+                add_sd(input, estimate, c, spread_.sd(c) * solved.sd_factor[c]);
             } else {
-                input.sd_factor[c] = spread_.sd_factor(c, solved.used);
+                input.sd_factor[c] = solved.sd_factor[c];
             }
         }
         estimate.wrench_S[3] = estimate.wrench_S[4] = 0;

@@ -31,7 +31,7 @@ private:
         if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         for (std::size_t j = 0; j < component_.size(); ++j) {
             estimate.wrench_S[component_[j]] = solved.load[j] + 0.0;  // never -0
-            input.sd_factor[component_[j]] = solver_.sd_factor(j, solved.used);
+            input.sd_factor[component_[j]] = solved.sd_factor[j];
         }
     }
 

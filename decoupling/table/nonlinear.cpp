@@ -39,7 +39,7 @@ private:
         for (std::size_t c = 0; c < 3; ++c) {
             load[c] = undo_[c].n == 0 ? solved.load[c] : state_[c].next(undo_[c], solved.load[c]);
             if (undo_[c].n != 0 && !state_[c].is_settled()) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-            input.sd_factor[c] = solver_.sd_factor(c, solved.used);
+            input.sd_factor[c] = solved.sd_factor[c];
         }
         if (has_curve_) {
             if (load[2] > (1 + kDomainMargin) * normal_of_reading_.last()) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
