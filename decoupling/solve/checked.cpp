@@ -32,7 +32,6 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
               (calibration.sd.empty() ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u)),
       domain_(calibration) {
     std::copy_n(calibration.zero.begin(), n_, zero_);
-    n_seen_ = calibration.components.size();
     std::fill_n(full_scale_, 6, std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
@@ -44,7 +43,8 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
         max_squared_[c] = can_be_squared ? std::min({kMaxFinite, full_scale_[c], kMaxSquared / std::abs(sd_slope_[c])}) : -1;
     }
     std::iota(order_, order_ + 6, std::size_t{0});
-    std::stable_partition(order_, order_ + 6, [this](std::size_t c) { return seen_[c]; });
+    const auto is_seen = [this](std::size_t c) { return seen_[c]; };
+    n_seen_ = std::size_t(std::stable_partition(order_, order_ + 6, is_seen) - order_);
 }
 
 Estimate CheckedModel::decouple(const Reading& reading) noexcept {
