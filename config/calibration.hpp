@@ -14,7 +14,7 @@ namespace tactiled {
 // fx fy fz in N, mx my mz in Nm, frame S.
 inline constexpr std::array<const char*, 6> kComponentNames{"fx", "fy", "fz", "mx", "my", "mz"};
 
-// What one method knows of a sensor sample. The needs of a method are stated beside the method.
+// The data of one method about a sensor sample. The needs of a method are stated beside the method.
 struct Fit {
     std::string method;                       // "matrix", "linear" ...
     std::vector<double> zero;                 // a channel at no load, in channel_unit

@@ -21,7 +21,7 @@ const std::vector<KeyTable>& key_tables();
 
 // The effect of a changed `key` of `table`, such as "sensor", on a reload.
 Reload reload_rule(std::string_view table, std::string_view key);
-// None of the keys of the table may change without a restart.
+// No key of the table may change without a restart.
 bool needs_restart(std::string_view table);
 
 // The comment of a key in config/tactiled.toml: "ms, 1 .. 10000, default 100: Without a frame for longer, the force is BAD."

@@ -58,7 +58,7 @@ std::optional<std::pair<std::uint32_t, std::string>> unfit(std::string_view text
     return std::nullopt;
 }
 
-// Nothing where the text is none of a file, or no TOML: told.
+// Empty if the text is not from a file, or not TOML; the reason is reported.
 std::optional<toml::table> parse(std::string_view text, const std::string& name, Problems& problems) {
     if (const auto why = unfit(text)) {
         problems.add(name, why->first, why->second);

@@ -1,5 +1,4 @@
-// How accurate a fit is, as one number: what `tactilectl calibrate` puts the methods in order by, and what method "auto"
-// does.
+// The accuracy of a fit as one number, by which `tactilectl calibrate` and method "auto" order the methods.
 #pragma once
 #include <cmath>
 #include <cstddef>

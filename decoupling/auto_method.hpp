@@ -1,5 +1,5 @@
-// Method "auto": several fitted methods, prepared, of which one runs. Which one, MethodChoice says from the times that the
-// caller reports; nothing here reads a clock in the loop.
+// Method "auto": several fitted methods, prepared, of which one runs. MethodChoice selects the method from the times that
+// the caller reports; nothing here reads a clock in the loop.
 //
 // A method that was not running has not seen the readings in between. At its return it forgets what it remembered: "map"
 // searches anew, and one whose values need a past ("nonlinear" with hysteresis, "fused") says unknown-uncertainty until it

@@ -5,7 +5,7 @@
 // slower clock or cold caches are all of them, and nine are enough to act. Calm: of each 64 timed samples in a row at least
 // 7 in 8 leave room for the next method up: its share of the measured costs times what this one took is within 80 % of the
 // budget. Up after 10 s of that; a step up that failed makes the next one onto the same method wait twice as long, up to an
-// hour, until it has run for an hour. So onto a method there are at most 8 steps up in any hour, and one an hour in the long
+// hour, until it has run for an hour. Onto a method there are at most 8 steps up in any hour, and one an hour in the long
 // run, whatever the load does: 17 steps an hour between two neighbours.
 #pragma once
 #include <array>

@@ -48,7 +48,7 @@ void answer(int client, std::string_view text) {
     [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
 }
 
-// What NODE weigh asks for, by its word.
+// The request of NODE weigh, by its word.
 std::optional<Command> weigh_command(const std::string& word) {
     Command command;
     char* end = nullptr;

@@ -15,7 +15,7 @@ std::string method_costs_folder();
 
 class MethodCostFile {
 public:
-    // Of one sensor; with folder "" nothing is read or kept.
+    // The times for one sensor; with folder "" nothing is read or kept.
     MethodCostFile(const std::string& folder, const std::string& node, const std::string& sensor,
                    const Calibration& calibration);
     // None where nothing is kept for this CPU, build and calibration. A damaged file is reported in the log and not used.

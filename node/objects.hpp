@@ -43,7 +43,7 @@ struct Weighing {
     bool scaled = false;
 };
 Weighing weighing_of(const tactiled_grasp& grasp);
-// Whether it is surely the weight of something: more than kApart_sd above 0, and the file takes it.
+// True if it is surely the weight of an object: more than kApart_sd above 0, and the file takes it.
 bool is_teachable(const Weighing& weighing);
 
 // Mean and sd from grasp to grasp; the sd is at least what the weighings themselves claim. At least one of them.

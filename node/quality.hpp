@@ -79,7 +79,7 @@ private:
     float rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
 };
 
-// Whether the zero at rest has wandered from the calibration's: a mean of the raw force over about a second without
+// Checks if the zero at rest has wandered from the calibration's: a mean of the raw force over about a second without
 // contact. Once told it stays told until a mean at rest is within the limit.
 class ZeroDrift {
 public:

@@ -8,7 +8,7 @@ namespace tactiled {
 // rotations. R'R cannot lose its definiteness, as the covariance of the textbook's form does, whose error it squares
 // (Bierman 1977).
 //
-// Where nothing excites a direction, R'R decays there and the textbook's gain grows without end (wind-up). Here a little of
+// If nothing excites a direction, R'R decays there and the textbook's gain grows without end (wind-up). Here a little of
 // `start` is turned in with each row, one coefficient after the other (after Gay 1996): a direction keeps at least kHold^2
 // of information, and goes back to `start` while the rows say less than that.
 class RecursiveLeastSquares {

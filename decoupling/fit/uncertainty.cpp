@@ -19,7 +19,7 @@ struct Error {
     double size;
 };
 
-// Of s, for a slope, the one that has kWithinOne of the errors within.
+// For a slope, the value of s that has kWithinOne of the errors within.
 double scale_for(const std::vector<Error>& errors, double slope) {
     std::vector<double> ratio;
     for (const auto& [share, size] : errors) ratio.push_back(size / std::hypot(1, slope * share));
@@ -28,7 +28,7 @@ double scale_for(const std::vector<Error>& errors, double slope) {
     return ratio[at];
 }
 
-// How badly a slope describes the errors: they should be within one standard deviation as often where the load is small as
+// Misfit of a slope to the errors: they should be within one standard deviation as often where the load is small as
 // where it is great. Sum over four equal parts, by load, of the squared difference from kWithinOne.
 double unevenness(const std::vector<Error>& by_load, double slope, double scale) {
     double sum = 0;

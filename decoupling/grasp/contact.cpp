@@ -115,7 +115,7 @@ void Contact::close_bucket() noexcept {
     } else {
         const double part = std::max(1.0 / ++buckets_, -std::expm1(-double(kBucket_ns) * 1e-9 / kZeroTime_s));
         const Eigen::Vector3d off = mean - zero_N_;
-        // Of what comes slowly a part is drift and the rest a soft touch: drift is slower than this.
+        // A slow change is partly drift and partly a soft touch: drift is slower than this.
         const double max_N = buckets_ <= kNewZero ? kMax_N : kDrift_1_s * setup_.contact_off_N * double(kBucket_ns) * 1e-9;
         zero_N_ += (part * off).cwiseMax(-max_N).cwiseMin(max_N);
         buckets_ = std::min(buckets_, 1000);

@@ -88,9 +88,9 @@ public:
     bool start_weighing() noexcept;  // from now on, whatever the state machine thinks of a lift
     bool stop_weighing() noexcept;
     bool zero_weight() noexcept;  // what hangs now, stable, is no object: tare, until this grasp ends
-    // What hangs now, stable and but for the share's deviation known to 5 %, weighs this: sets the scale of the shares.
-    // Before its lift it was gripped and read as no more than 5 % of it, and there is no tare. 0, at any time: the scale is
-    // forgotten.
+    // The load that hangs now, stable and but for the share's deviation known to 5 %, weighs this: sets the scale of the
+    // shares. Before its lift it was gripped and read as no more than 5 % of it, and there is no tare. 0, at any time: the
+    // scale is forgotten.
     bool known_weight(double mass_kg) noexcept;
     void clear_slips(std::uint32_t sensor_mask) noexcept;
     void slip_sensitivity(double zero_to_one) noexcept;

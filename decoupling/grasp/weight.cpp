@@ -58,8 +58,8 @@ void Weight::acceleration(const Eigen::Vector3d& acceleration_G_m_s2, std::uint6
     acceleration_ns_ = t_ns;
 }
 
-// Which way each jaw carries, and how much. The sum over all jaws of what they exert on the object is m (a - g), so what it
-// exerts on them is m (g - a): along it, but tangential, for along the normal goes the squeeze.
+// The direction and the share of the load that each jaw carries. The sum over all jaws of what they exert on the object is m
+// (a - g), so what it exerts on them is m (g - a): along it, but tangential, for along the normal goes the squeeze.
 void Weight::aim() noexcept {
     const Eigen::Vector3d pull_G = central_ ? Eigen::Vector3d(0, 0, gravity_G_.z()) : gravity_G_;
     double along = 0, across = 0;

@@ -116,8 +116,8 @@ double Weight::zeros_kg(std::span<const Contact> jaws) const noexcept {
     return scale_ / carries_ * std::sqrt(squares_N2);
 }
 
-// What the sensors' own deviation is in the weight. A known weight holds their curve at two places, that and the zero before
-// each grasp; off them it bends, and beyond it an error grows with the load.
+// The sensors' own standard deviation in the weight. A known weight holds their curve at two places, that and the zero
+// before each grasp; off them it bends, and beyond it an error grows with the load.
 double Weight::sensors_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
     double squares_N2 = 0, sum_N = 0;
     bool by_gain = true;
@@ -202,7 +202,7 @@ void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept
 // From lift-off to the first stable value.
 void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
     const std::uint64_t lift_off_ns = lift_off(window.mass_kg);
-    // Where nobody tells the acceleration, what lies within the time that it may last is no weight, however steady.
+    // If the acceleration is not reported, a value within its longest duration is no weight, however steady.
     const std::uint64_t from_ns = window.accelerations_known ? lift_off_ns : lift_off_ns + accelerates_ns_;
     Mean mean = mean_since(std::max(from_ns, now_ns - std::min(now_ns, window_ns_)));
     const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
@@ -231,7 +231,7 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     agreed_ns_ = now_ns;
 }
 
-// Of the blocks of the newest 20 ms the one that is farthest from what is held.
+// The block of the newest 20 ms that is farthest from the held value.
 double Weight::newest_departs_kg() const noexcept {
     double max_kg = 0;
     for (std::size_t b = 0; b < n_ && block(b).t_ns + kGlance_ns > block(0).t_ns; ++b)

@@ -45,7 +45,7 @@ private:
         const HairLoad load = pairs != 0 ? two_steps(r, pairs) : solver_.solve(r, used);
         if (setup_.noise_known) {
             estimate.residual = residual(r, load, used);
-            // Which hair is wrong four hairs cannot tell, so nobody knows how wrong the forces are.
+            // Four hairs do not determine which hair is wrong, so the error of the forces is unknown.
             if (estimate.residual > kDoubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         }
         for (std::size_t j = 0; j < 3; ++j) {

@@ -15,7 +15,7 @@ struct HairResponse {
     std::array<double, 4> noise{1, 1, 1, 1};  // sd of dR/R0, the weights; must be above 0
     HairLoad min{0, -1, -1}, max{1, 1, 1};    // of the loads that were calibrated: beyond, leak stays what it is there
 
-    // Where the leak is evaluated: `load`, or the nearest load that was calibrated (and 5 % more). rt: wait-free
+    // The load at which the leak is evaluated: `load`, or the nearest load that was calibrated (and 5 % more). rt: wait-free
     [[nodiscard]] HairLoad nearest(const HairLoad& load) const noexcept;
     // Reading of hair i at a load. rt: wait-free
     [[nodiscard]] double reading(std::size_t i, const HairLoad& load, const LeakTerms& terms) const noexcept;
@@ -27,7 +27,7 @@ public:
     HairSolver(const HairResponse& response, std::uint32_t hairs, std::uint32_t unknowns);
 
     [[nodiscard]] bool solvable(std::uint32_t hairs) const noexcept { return subsets_[hairs].solvable; }
-    // How much of an error in the leak one step leaves, at worst; the iteration needs less than kSlowest.
+    // Largest part of an error in the leak that one step leaves; the iteration needs less than kSlowest.
     [[nodiscard]] double contraction(std::uint32_t hairs) const noexcept { return subsets_[hairs].contraction; }
     // sd of sigma, tau_x, tau_y from these hairs' noise, in full scales.
     [[nodiscard]] const HairLoad& noise_gain(std::uint32_t hairs) const noexcept { return subsets_[hairs].noise_gain; }

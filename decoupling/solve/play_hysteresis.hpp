@@ -66,12 +66,12 @@ public:
         }
         return sum;
     }
-    // What happened meanwhile is not known: as a sensor that was never loaded, and not settled. rt: wait-free
+    // The load meanwhile is not known: the state is that of a sensor that was never loaded, and not settled. rt: wait-free
     void forget() noexcept {
         *this = {};
         settled_ = false;
     }
-    // Whether the values are those of the true past: always so from the start, of a sensor that was never loaded; after a
+    // True if the values are those of the true past: always so from the start, of a sensor that was never loaded; after a
     // forget() from where the input has swung by twice the widest play, for whatever the plays were, they are the same then.
     [[nodiscard]] bool is_settled() const noexcept { return settled_; }
 

@@ -10,8 +10,9 @@
 //
 // The signs cannot tell 14..17 from 6..9; the sum of the gauges can: it is 0 but for a press. And rows 10..17 show these
 // signs only where the tangential force is 1.79 times the press or more, for normal outweighs tangential by that (the
-// authors' own sensitivities): a lesser one leaves ++++. So the class comes from the sums and differences, each against its
-// dead band, and where the signs say otherwise, or the sum is near its band, the sample is UNCERTAIN with disagreement.
+// authors' own sensitivities): a lesser one leaves ++++. The class therefore comes from the sums and differences, each
+// against its dead band, and where the signs say otherwise, or the sum is near its band, the sample is UNCERTAIN with
+// disagreement.
 #include <cmath>
 
 #include "decoupling/solve/checked.hpp"

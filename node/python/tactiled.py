@@ -19,7 +19,7 @@ Memory order. A sample is copied in one piece between two looks at its slot's lo
 the same finished record. That needs the two looks and the copy to happen in this order. Python has no fences. On x86
 this holds: loads are not reordered with loads, and the interpreter makes the three accesses in three separate calls. On
 other processors (ARM, RISC-V) the hardware may reorder them; some hundred instructions of the interpreter lie between,
-which makes it unlikely and guarantees nothing. Who must be sure there reads through C or C++.
+which makes it unlikely and guarantees nothing. Use C or C++ if correctness there must be guaranteed.
 """
 import collections
 import errno
@@ -99,7 +99,7 @@ class _Struct:
         return self._pick(self.struct.unpack_from(data, offset))
 
     def texts(self, data, offset):
-        """As values(), with char arrays as str."""
+        """The same as values(), with char arrays as str."""
         return [v.split(b"\0")[0].decode("utf-8", "surrogateescape") if isinstance(v, bytes) else v
                 for v in self.values(data, offset)]
 
@@ -391,11 +391,11 @@ class Node(_Attached):
 
     @property
     def header(self):
-        """What the daemon says of itself: version, pid, epoch, ..."""
+        """The daemon's own data: version, pid, epoch, ..."""
         return self._now().header
 
     def info(self, sensor):
-        """What the daemon says of a sensor: model, serial, stale_ms, full_scale, ..."""
+        """The daemon's data about a sensor: model, serial, stale_ms, full_scale, ..."""
         if sensor not in self._now().sensors:
             raise Error(f'node "{self.name}" has no sensor "{sensor}"')
         return self._segment.info(sensor)
@@ -459,7 +459,7 @@ class Node(_Attached):
 
     @property
     def grasp(self):
-        """What the gripper does with what it holds, now: struct tactiled_grasp. Error when there is none yet."""
+        """The present state of the gripper and its object: struct tactiled_grasp. Error when there is none yet."""
         return self.snapshot()[0].grasp
 
     def follow(self, sensor, timeout=None, wait="events", from_oldest=False):

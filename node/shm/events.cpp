@@ -74,7 +74,7 @@ void EventFanOut::follow(const Segment& segment, std::uint32_t* wake) noexcept {
     }
 }
 
-// Who has no room for it is told with the next: it has not read what says that there is something.
+// A subscriber without room is notified with the next record: it still has an unread event.
 void EventFanOut::tell(std::uint32_t news) noexcept {
     const std::lock_guard lock(mutex_);
     for (auto& s : subscribers_) {

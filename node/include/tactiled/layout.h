@@ -2,7 +2,7 @@
  *
  * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
  * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
- * What each field means is said here and nowhere else; the functions at the end read a ring. reader.hpp is for C++.
+ * The meaning of each field is defined here alone; the functions at the end read a ring. reader.hpp is for C++.
  *
  * Frame S of a sensor: origin at the centre of the skin's surface, z out of the skin, x along the connector.
  * Force and torque are what the world exerts on the sensor, so a press has force_S_N[2] < 0.
@@ -188,7 +188,7 @@ enum tactiled_slip_state {
     TACTILED_SLIP_GROSS = 2
 };
 
-/* The grasp as the node's sensors tell it. What is not known is NaN, never the last value; without [grasp] in the
+/* The grasp as the node's sensors tell it. An unknown value is NaN, never the last value; without [grasp] in the
  * configuration `state` is TACTILED_GRIP_UNKNOWN and everything else "not known". */
 struct tactiled_grasp {
     TACTILED_ALIGN(8) uint64_t t_ns;           /* CLOCK_MONOTONIC of the newest sample in it */
@@ -210,7 +210,7 @@ struct tactiled_grasp {
     float friction_use[TACTILED_MAX_SENSORS];  /* |shear| / (friction x press); NaN without contact */
 };
 
-/* Makes a grasp "not known", so that an old one cannot pass for a new one. What was counted and latched stays. */
+/* Makes a grasp "not known", so that an old one cannot pass for a new one. Counters and latched values are kept. */
 static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
     const uint32_t nan_bits = 0x7FC00000u;
     float nan_value;
@@ -469,7 +469,7 @@ static inline int tactiled_ring_latest(const void* segment, const struct tactile
     return 0;
 }
 
-/* Where a reader of all records stands: the record that it wants next, and how many it could not get. */
+/* Position of a reader of all records: the record that it wants next, and how many it could not get. */
 struct tactiled_cursor {
     TACTILED_ALIGN(8) uint64_t lost;
     uint32_t next; /* number of the record, modulo 2^32 */
@@ -521,14 +521,15 @@ static inline void tactiled_invalidate(struct tactiled_sample* sample, uint32_t 
     sample->state = 0;
 }
 
-/* Whether `t_ns` is within `limit_ms` of `now_ns`. Later than that is as bad as older: the reader's clock is not the
+/* True if `t_ns` is within `limit_ms` of `now_ns`. Later than that is as bad as older: the reader's clock is not the
  * daemon's (a time namespace), and what it cannot date it must not trust. */
 static inline int tactiled_is_fresh(uint64_t t_ns, uint64_t now_ns, uint32_t limit_ms) {
     const uint64_t limit_ns = (uint64_t)limit_ms * 1000000u;
     return now_ns - t_ns + limit_ns <= 2 * limit_ns; /* modulo 2^64: -limit .. limit */
 }
 
-/* What every reader must do with a sample that it is about to use at `now_ns` (CLOCK_MONOTONIC): BAD when too old. */
+/* The age check that every reader must apply to a sample that it is about to use at `now_ns` (CLOCK_MONOTONIC): BAD when too
+ * old. */
 static inline void tactiled_judge(struct tactiled_sample* sample, uint32_t stale_ms, uint64_t now_ns) {
     if (!tactiled_is_fresh(sample->t_ns, now_ns, stale_ms)) tactiled_invalidate(sample, TACTILED_STALE);
 }

@@ -85,14 +85,14 @@ static inline int tactiled_ring_fits(const struct tactiled_segment* segment, con
            tactiled_fits(segment, ring->offset, (uint64_t)ring->slots * ring->slot_size, 128) &&
            tactiled_fits(segment, ring->head_offset, 4, 4);
 }
-/* Whether names end where they should: what reads them looks for the zero. */
+/* True if names end with their zero, which every user of a name looks for. */
 static inline int tactiled_names_end(const char* names, uint32_t count, uint32_t size) {
     uint32_t i;
     for (i = 0; i < count; ++i)
         if (memchr(names + (size_t)i * size, 0, size) == NULL) return 0;
     return 1;
 }
-/* Whether the header describes something that may be read within the mapping; else says in `why` what is wrong. */
+/* True if the header describes something that may be read within the mapping; else the fault is in `why` what is wrong. */
 static inline int tactiled_check(struct tactiled_segment* segment, const char* path) {
     const struct tactiled_header* h = tactiled_header_of(segment);
     const char* wrong = NULL;
@@ -157,7 +157,7 @@ static inline int tactiled_latest_node(const struct tactiled_segment* segment, s
     return 1;
 }
 
-/* Whether a name can be one of the daemon's: a longer one must not be cut to that of another. */
+/* True if a name can be one of the daemon's: a longer one must not be cut to that of another. */
 static inline int tactiled_check_name(struct tactiled_segment* segment, const char* of_what, const char* name) {
     if (name[0] != 0 && strlen(name) < TACTILED_NAME_SIZE) return 1;
     snprintf(segment->why, sizeof segment->why, "%s \"%.100s\": a name has 1 to %d characters", of_what, name,
@@ -301,7 +301,7 @@ static inline void tactiled_rhythm_learn(struct tactiled_rhythm* rhythm, uint64_
     rhythm->jitter_ns += (uint64_t)(off_ns < 0 ? -off_ns : off_ns) / 16 - rhythm->jitter_ns / 16;
     rhythm->last_ns = t_ns;
 }
-/* How long before the next record is due a reader should wake: the time of a wake-up, and what the rhythm wavers. */
+/* The time before the next record at which a reader should wake: the time of a wake-up, and what the rhythm wavers. */
 static inline uint64_t tactiled_rhythm_early_ns(const struct tactiled_rhythm* rhythm) {
     const uint64_t early_ns = 40000 + 2 * rhythm->jitter_ns;
     return early_ns < 500000 ? early_ns : 500000;
@@ -396,7 +396,7 @@ static inline void tactiled_reader_rewind(struct tactiled_reader* r) {
     r->placed = !r->owed;
 }
 
-/* Whether the segment may be read; attaches, at most each 10 ms. */
+/* True if the segment may be read; attaches, at most each 10 ms. */
 static inline int tactiled_reader_ready(struct tactiled_reader* r) {
     uint64_t now_ns;
     if (r->index >= 0 && !r->broken && tactiled_is_current(&r->segment)) return 1;
@@ -549,7 +549,7 @@ static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now
         tactiled_sleep_on_node(&r->segment, r->wake, seen, now_ns, until_ns);
 }
 
-/* As tactiled_reader_next(), but waits for up to `timeout_ms`. Returns 0 when the time is over. */
+/* The same as tactiled_reader_next(), but waits for up to `timeout_ms`. Returns 0 when the time is over. */
 static inline int tactiled_reader_wait(struct tactiled_reader* r, struct tactiled_sample* sample, uint32_t timeout_ms,
                                        enum tactiled_wait mode) {
     uint64_t now_ns, until_ns = 0, spin_until_ns = 0;

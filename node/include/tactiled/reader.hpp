@@ -5,7 +5,7 @@
 //         if (s.quality == TACTILED_GOOD) use(s.force_S_N);
 //
 // A reader costs the daemon nothing, cannot delay it, and survives its death: values become BAD, and the reader attaches
-// to the successor by itself. One object a thread. What the functions do is said, and done, in reader.h.
+// to the successor by itself. One object a thread. The functions are documented and implemented in reader.h.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -20,7 +20,7 @@ namespace tactiled {
 
 inline std::uint64_t monotonic_ns() noexcept { return tactiled_now_ns(); }
 
-// What belongs together at one instant: a node record and the sample of each sensor that it names.
+// Records of one instant: a node record and the sample of each sensor that it names.
 struct Snapshot {
     std::uint64_t taken_ns = 0;  // CLOCK_MONOTONIC
     tactiled_node node{};
@@ -29,7 +29,8 @@ struct Snapshot {
 
 // How often the pipeline's loop woke how late: index i is from tactiled_lateness_ns(i) to before that of i + 1.
 using Lateness = std::array<std::uint32_t, TACTILED_LATENESS_BUCKETS>;
-// What the share `q` of the wake-ups did not exceed, between the ends of a step (1/8 octave or 128 ns); NaN without any.
+// The lateness that the share `q` of the wake-ups did not exceed, between the ends of a step (1/8 octave or 128 ns); NaN
+// without any.
 inline double lateness_quantile_ns(const Lateness& counts, double q) noexcept {
     double all = 0, below = 0;
     for (const auto n : counts) all += n;
@@ -41,7 +42,7 @@ inline double lateness_quantile_ns(const Lateness& counts, double q) noexcept {
     return std::numeric_limits<double>::quiet_NaN();
 }
 
-// What can be read of a mapped segment.
+// The readable contents of a mapped segment.
 class SegmentView {
 public:
     explicit SegmentView(const tactiled_segment* mapped) noexcept : c_(mapped) {}
@@ -54,7 +55,7 @@ public:
     std::uint32_t n_links() const noexcept { return header().n_links; }
     const tactiled_sensor& sensor(std::uint32_t index) const noexcept { return *tactiled_sensor_of(c_, index); }
     const tactiled_link& link(std::uint32_t index) const noexcept { return *tactiled_link_of(c_, index); }
-    // Of the configuration and the calibrations in force; another one after a reload.
+    // Identifies the configuration and the calibrations in force; another one after a reload.
     std::uint32_t calibration_id() const noexcept { return __atomic_load_n(&header().calibration_id, __ATOMIC_RELAXED); }
     // Since the daemon's start. All 0: not known.
     Lateness lateness() const noexcept {
@@ -120,7 +121,7 @@ public:
         if (!segment.is_open()) throw std::runtime_error(why);
         return segment;
     }
-    // As open(), but returns a closed Segment and the reason.
+    // The same as open(), but returns a closed Segment and the reason.
     static Segment try_open(const std::string& node_name, std::string& why) {
         Segment segment;
         if (!tactiled_open(&segment.mapped_, node_name.c_str())) why = segment.mapped_.why;
@@ -168,7 +169,7 @@ public:
     // The sample after the last one that next() gave, or false when there is none yet. The first call gives the newest.
     // When the daemon ends or dies: what is left in the ring, then one BAD sample, then the successor's.
     bool next(tactiled_sample& sample) noexcept { return tactiled_reader_next(&c_, &sample) != 0; }
-    // As next(), but waits. False when the time is over.
+    // The same as next(), but waits. False when the time is over.
     bool wait(tactiled_sample& sample, std::uint32_t timeout_ms, Wait how = Wait::block) noexcept {
         return tactiled_reader_wait(&c_, &sample, timeout_ms, tactiled_wait(how)) != 0;
     }
