@@ -83,14 +83,14 @@ class NoMemory(unittest.TestCase):
     def calibration_id(self):
         client = ModbusTcpClient("127.0.0.1", port=self.d.port, timeout=1)
         try:
-            return client.read_input_registers(CAL_ID, 1, 1).registers[0] if client.connect() else None
+            return client.read_input_registers(CAL_ID, count=1, slave=1).registers[0] if client.connect() else None
         finally:
             client.close()
 
     def answers(self):
         client = ModbusTcpClient("127.0.0.1", port=self.d.port, timeout=1)
         try:
-            return client.connect() and not client.read_input_registers(0, 10, 1).isError()
+            return client.connect() and not client.read_input_registers(0, count=10, slave=1).isError()
         finally:
             client.close()
 

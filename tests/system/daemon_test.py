@@ -129,23 +129,23 @@ class TheDaemon(unittest.TestCase):
             wait_for(quality_is(d, "good"), 3, "a good sample")
             client = ModbusTcpClient("127.0.0.1", port=d.port)
             self.assertTrue(client.connect())
-            good = client.read_input_registers(100, 25, slave=1).registers
+            good = client.read_input_registers(100, count=25, slave=1).registers
             self.assertEqual(good[4:7], [100, 200, 0x10000 - 300])
             self.assertEqual(good[1] & 1, 1)
             d.others[0].send_signal(signal.SIGSTOP)
             wait_for(quality_is(d, "bad:stale"), 1, "STALE")
-            silent = client.read_input_registers(100, 25, slave=1).registers
+            silent = client.read_input_registers(100, count=25, slave=1).registers
             self.assertEqual(silent[4:7], [0x8000] * 3)
             self.assertEqual(silent[1] & 1, 0)
             self.assertGreaterEqual(silent[3], 100)  # ms
-            beats = [client.read_input_registers(5, 1, slave=1).registers[0]]
+            beats = [client.read_input_registers(5, count=1, slave=1).registers[0]]
             time.sleep(0.5)
-            beats.append(client.read_input_registers(5, 1, slave=1).registers[0])
+            beats.append(client.read_input_registers(5, count=1, slave=1).registers[0])
             self.assertEqual(beats[0], beats[1], "the heartbeat goes on without data")
             d.others[0].send_signal(signal.SIGCONT)
             wait_for(quality_is(d, "good"), 1, "GOOD again")
             time.sleep(0.25)
-            self.assertNotEqual(client.read_input_registers(5, 1, slave=1).registers[0], beats[1])
+            self.assertNotEqual(client.read_input_registers(5, count=1, slave=1).registers[0], beats[1])
 
     def test_tare_is_acknowledged_and_the_raw_force_stays_readable(self):
         with unit_daemon() as d:
@@ -232,7 +232,7 @@ class TheDaemon(unittest.TestCase):
             wait_for(lambda: "listening" in d.log(), 5, "the server to get its port")
             client = ModbusTcpClient("127.0.0.1", port=d.port)
             self.assertTrue(client.connect())
-            self.assertEqual(client.read_holding_registers(0, 2, slave=1).registers, [0x5441, 0x4354])
+            self.assertEqual(client.read_holding_registers(0, count=2, slave=1).registers, [0x5441, 0x4354])
 
     def test_closed_descriptors_are_not_given_to_the_segment(self):
         with unit_daemon() as d:

@@ -120,7 +120,7 @@ class EndToEnd(unittest.TestCase):
             mbpoll_runs, next_mbpoll = [], time.monotonic() + 1
             while player.poll() is None:
                 before = time.monotonic_ns()
-                answer = client.read_input_registers(100, 25, slave=1)
+                answer = client.read_input_registers(100, count=25, slave=1)
                 after = time.monotonic_ns()
                 self.assertFalse(answer.isError(), answer)
                 polls.append((before, after, answer.registers))

@@ -65,7 +65,7 @@ def watch(path, calibration):
         with tactiled.open(daemon.name) as node:
             until = time.monotonic() + end_s + 0.5
             while time.monotonic() < until:
-                r = client.read_input_registers(0, 32, slave=1).registers
+                r = client.read_input_registers(0, count=32, slave=1).registers
                 record, _ = node.snapshot()
                 g = record.grasp
                 seen.append(g)

@@ -80,7 +80,7 @@ class StructuredText(unittest.TestCase):
         wait_for(lambda: self.read(100, 2)[1] & 0x1001 != 0, 10, "a value")
 
     def read(self, at, count):
-        return self.client.read_input_registers(at, count).registers
+        return self.client.read_input_registers(at, count=count).registers
 
     def test_it_unpacks_what_the_daemon_serves(self):
         program = Program(printed("--format", "st", "--sensors", "2"))

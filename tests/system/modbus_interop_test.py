@@ -10,9 +10,6 @@ import sys
 import unittest
 
 from pymodbus.client import ModbusTcpClient
-from pymodbus.diag_message import ReturnQueryDataRequest
-from pymodbus.mei_message import ReadDeviceInformationRequest
-from pymodbus.other_message import ReportSlaveIdRequest
 
 INTEROP = pathlib.Path(__file__).resolve().parent / "interop"
 sys.path[:0] = [str(INTEROP), str(INTEROP.parent)]
@@ -20,7 +17,7 @@ from capture import Capture, conversation  # noqa: E402
 from contract import expected, map_daemon, start_map, table  # noqa: E402
 from daemon import ROOT  # noqa: E402
 from mbpoll_client import Mbpoll  # noqa: E402
-from pymodbus_client import Pymodbus  # noqa: E402
+from pymodbus_client import Pymodbus, device_information, query_data, report_server_id  # noqa: E402
 
 NO_REGISTRY = 75  # exit status of fetch_npm.sh
 
@@ -88,7 +85,7 @@ class Clients(unittest.TestCase):
 
     def test_pymodbus_reads_every_object_of_the_identity(self):
         def objects(client, code, first):
-            answer = client.client.execute(ReadDeviceInformationRequest(code, first, unit=1))
+            answer = device_information(client.client, code, first, 1)
             return {number: text.decode() for number, text in client.written(answer).information.items()}
 
         basic = with_pymodbus(self.daemon, lambda client: objects(client, 1, 0))
@@ -102,10 +99,10 @@ class Clients(unittest.TestCase):
         self.assertEqual(one, {6: self.daemon.name})
 
     def test_pymodbus_gets_its_query_data_back_and_reads_the_server_id(self):
-        query = with_pymodbus(self.daemon, lambda c: c.client.execute(ReturnQueryDataRequest(0xA537, unit=1)))
+        query, data = with_pymodbus(self.daemon, lambda c: query_data(c.client, 0xA537, 1))
         self.assertEqual((query.function_code, query.sub_function_code), (8, 0))
-        self.assertEqual(tuple(query.message), (0xA537,))
-        answer = with_pymodbus(self.daemon, lambda c: c.client.execute(ReportSlaveIdRequest(unit=1)))
+        self.assertEqual(data, b"\xA5\x37")
+        answer = with_pymodbus(self.daemon, lambda c: report_server_id(c.client, 1))
         self.assertRegex(answer.identifier, rb"^T\xfftactiled \d+\.\d+\.\d+")
 
     def test_libmodbus_sees_the_map_and_tares(self):

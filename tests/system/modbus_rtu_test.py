@@ -50,7 +50,7 @@ class ForeignMasters(unittest.TestCase):
         self.client = ModbusSerialClient(str(self.device), baudrate=19200, timeout=1)
         self.assertTrue(self.client.connect())
         self.addCleanup(self.client.close)
-        opened = poll(lambda: not self.client.read_holding_registers(0, 1, slave=RTU_ADDRESS).isError(), bool)
+        opened = poll(lambda: not self.client.read_holding_registers(0, count=1, slave=RTU_ADDRESS).isError(), bool)
         self.assertTrue(opened, self.daemon.log())
 
     def test_mbpoll_sees_the_map_and_tares(self):

@@ -18,14 +18,13 @@ PYMODBUS = """
 import sys
 from pymodbus.datastore import ModbusServerContext, ModbusSlaveContext, ModbusSequentialDataBlock
 from pymodbus.server import StartSerialServer, StartTcpServer
-from pymodbus.transaction import ModbusRtuFramer
 kind, where, unit, first = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
-block = ModbusSequentialDataBlock(first, [int(v) & 0xFFFF for v in sys.argv[5:]])
-context = ModbusServerContext(slaves={unit: ModbusSlaveContext(hr=block, ir=block, zero_mode=True)}, single=False)
+block = ModbusSequentialDataBlock(first + 1, [int(v) & 0xFFFF for v in sys.argv[5:]])
+context = ModbusServerContext(slaves={unit: ModbusSlaveContext(hr=block, ir=block)}, single=False)
 if kind == "tcp":
     StartTcpServer(context=context, address=("127.0.0.1", int(where)))
 else:
-    StartSerialServer(context=context, framer=ModbusRtuFramer, port=where, baudrate=19200, timeout=0.005)
+    StartSerialServer(context=context, port=where, baudrate=19200, timeout=0.005)
 """
 
 

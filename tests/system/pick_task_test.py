@@ -59,9 +59,9 @@ class Plc:
     def scan(self):
         self.beat = self.beat + 1 & 0xFFFF
         self.write(PLC_HEARTBEAT, self.beat)
-        r = self.client.read_input_registers(0, 32, slave=1).registers
+        r = self.client.read_input_registers(0, count=32, slave=1).registers
         assert r[SEQ] == r[SEQ_END], "torn"
-        more = self.client.read_input_registers(40, 8, slave=1).registers
+        more = self.client.read_input_registers(40, count=8, slave=1).registers
         weight = struct.unpack(">i", struct.pack(">HH", *r[WEIGHT:WEIGHT + 2]))[0]
         return {"status": r[STATUS], "grip": r[GRIP_STATE], "state": r[WEIGHT_STATE], "slips": r[SLIP_COUNT], "latch": r[SLIP_LATCH],
                 "kg": None if weight == -2 ** 31 else weight * 1e-4, "sd_kg": r[WEIGHT_SD] * 1e-4, "object": more[OBJECT_ID - 40],

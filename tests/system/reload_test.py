@@ -80,7 +80,7 @@ class Reload(unittest.TestCase):
         self.followers = {name: Follower(d.name, name) for name in names}
 
     def register(self, at):
-        return self.plc.read_input_registers(at, 1, 1).registers[0]
+        return self.plc.read_input_registers(at, count=1, slave=1).registers[0]
 
     def wait_for_warning(self, wanted):
         wait_for(lambda: self.register(WARN) == wanted, 5, f"WARN to be {wanted}: the log is ahead of it by a turn of the loop")

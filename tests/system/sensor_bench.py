@@ -85,7 +85,7 @@ class Plc:
         assert self.client.connect()
 
     def registers(self, address, count):
-        answer = self.client.read_input_registers(address, count, slave=1)
+        answer = self.client.read_input_registers(address, count=count, slave=1)
         assert not answer.isError(), answer
         assert answer.registers[0] == answer.registers[-1] or count < 25, "SEQ and SEQ_END differ"
         return answer.registers

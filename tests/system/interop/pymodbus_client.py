@@ -2,8 +2,47 @@
 import struct
 import time
 
-from pymodbus.mei_message import ReadDeviceInformationRequest
-from pymodbus.other_message import ReportSlaveIdRequest
+from pymodbus.client import ModbusTcpClient
+
+if hasattr(ModbusTcpClient, "read_device_information"):  # pymodbus 3.8, Debian 13
+    def device_information(client, code, first, slave):
+        return client.read_device_information(read_code=code, object_id=first, slave=slave)
+
+    def report_server_id(client, slave):
+        return client.report_slave_id(slave=slave)
+
+    def query_data(client, word, slave):
+        """The answer, and its data as bytes."""
+        answer = client.diag_query_data(struct.pack(">H", word), slave=slave)
+        return answer, answer.message
+
+    def mask_write_register(client, address, and_mask, or_mask, slave):
+        return client.mask_write_register(address=address, and_mask=and_mask, or_mask=or_mask, slave=slave)
+
+    def write_and_read(client, address, values, read_address, count, slave):
+        return client.readwrite_registers(read_address=read_address, read_count=count, write_address=address, values=values, slave=slave)
+else:  # pymodbus 3.0, Debian 12
+    from pymodbus.diag_message import ReturnQueryDataRequest
+    from pymodbus.mei_message import ReadDeviceInformationRequest
+    from pymodbus.other_message import ReportSlaveIdRequest
+
+    def device_information(client, code, first, slave):
+        return client.execute(ReadDeviceInformationRequest(code, first, unit=slave))
+
+    def report_server_id(client, slave):
+        return client.execute(ReportSlaveIdRequest(unit=slave))
+
+    def query_data(client, word, slave):
+        """The answer, and its data as bytes."""
+        answer = client.execute(ReturnQueryDataRequest(word, unit=slave))
+        return answer, struct.pack(f">{len(answer.message)}H", *answer.message)
+
+    def mask_write_register(client, address, and_mask, or_mask, slave):
+        return client.mask_write_register(address, and_mask, or_mask, unit=slave)
+
+    def write_and_read(client, address, values, read_address, count, slave):
+        return client.readwrite_registers(
+            read_address=read_address, read_count=count, write_address=address, write_registers=values, unit=slave)
 
 
 class Pymodbus:
@@ -13,10 +52,10 @@ class Pymodbus:
         self.slave = slave
 
     def holding(self, address, count=1):
-        return self.registers(self.client.read_holding_registers(address, count, slave=self.slave))
+        return self.registers(self.client.read_holding_registers(address, count=count, slave=self.slave))
 
     def input(self, address, count=1):
-        return self.registers(self.client.read_input_registers(address, count, slave=self.slave))
+        return self.registers(self.client.read_input_registers(address, count=count, slave=self.slave))
 
     @staticmethod
     def registers(answer):
@@ -40,8 +79,8 @@ class Pymodbus:
         raw = struct.pack(">12H", *constants)
         low = self.input(3102, 6)
         swapped = struct.pack(">6H", *(low[i ^ 1] for i in range(6)))
-        coils = client.read_coils(0, 34, slave=slave)
-        inputs = client.read_discrete_inputs(32, 2, slave=slave)
+        coils = client.read_coils(0, count=34, slave=slave)
+        inputs = client.read_discrete_inputs(32, count=2, slave=slave)
         return {
             "magic": self.holding(0, 2),
             "map_version": self.holding(2)[0],
@@ -64,7 +103,7 @@ class Pymodbus:
         self.written(client.write_register(5100, 0xA55A, slave=slave))
         self.written(client.write_registers(5101, [1, 0xFFFF, 3], slave=slave))
         self.written(client.write_register(5104, 0x0012, slave=slave))
-        self.written(client.mask_write_register(5104, 0x00F2, 0x0025, unit=slave))
+        self.written(mask_write_register(client, 5104, 0x00F2, 0x0025, slave))
         return {
             "scratch_fc6": self.holding(5100)[0],
             "scratch_fc16": self.holding(5101, 3),
@@ -73,9 +112,7 @@ class Pymodbus:
         }
 
     def write_and_read(self, address, values, read_address, count):
-        return self.registers(self.client.readwrite_registers(
-            read_address=read_address, read_count=count, write_address=address, write_registers=values,
-            unit=self.slave))
+        return self.registers(write_and_read(self.client, address, values, read_address, count, self.slave))
 
     def tares(self):
         seen = {}
@@ -94,7 +131,7 @@ class Pymodbus:
 
         before = self.holding(120)[0]
         self.written(self.client.write_coil(0, True, slave=self.slave))
-        poll(lambda: self.client.read_coils(0, 1, slave=self.slave).bits[0], lambda running: not running)
+        poll(lambda: self.client.read_coils(0, count=1, slave=self.slave).bits[0], lambda running: not running)
         seen["tare_coil"] = self.counted(before)
         return seen
 
@@ -110,17 +147,16 @@ class Pymodbus:
     def refusals(self):
         client, slave = self.client, self.slave
         self.written(client.write_coils(16, [True, False], slave=slave))
-        identity = client.execute(ReadDeviceInformationRequest(1, 0, unit=slave))
+        identity = device_information(client, 1, 0, slave)
         return {
             "refused": [self.exception(answer) for answer in (
                 client.write_register(0, 1, slave=slave),
                 client.write_registers(9000, [1, 2], slave=slave),
                 client.write_coil(34, True, slave=slave),
                 client.write_coils(33, [False, False], slave=slave))],
-            "refused_fc22": self.exception(client.mask_write_register(0, 0, 1, unit=slave)),
-            "refused_fc23": self.exception(client.readwrite_registers(
-                read_address=0, read_count=1, write_address=0, write_registers=[1], unit=slave)),
-            "fc17": self.exception(client.execute(ReportSlaveIdRequest(unit=slave))),
+            "refused_fc22": self.exception(mask_write_register(client, 0, 0, 1, slave)),
+            "refused_fc23": self.exception(write_and_read(client, 0, [1], 0, 1, slave)),
+            "fc17": self.exception(report_server_id(client, slave)),
             "identity": [self.written(identity).information[i].decode() for i in (0, 1)],
         }
 
