@@ -18,13 +18,18 @@ PYMODBUS = """
 import sys
 from pymodbus.datastore import ModbusServerContext, ModbusSlaveContext, ModbusSequentialDataBlock
 from pymodbus.server import StartSerialServer, StartTcpServer
+try:
+    from pymodbus.framer import FramerType  # pymodbus 3.8, Debian 13
+    rtu = FramerType.RTU
+except ImportError:
+    from pymodbus.transaction import ModbusRtuFramer as rtu  # pymodbus 3.0, Debian 12
 kind, where, unit, first = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 block = ModbusSequentialDataBlock(first + 1, [int(v) & 0xFFFF for v in sys.argv[5:]])
 context = ModbusServerContext(slaves={unit: ModbusSlaveContext(hr=block, ir=block)}, single=False)
 if kind == "tcp":
     StartTcpServer(context=context, address=("127.0.0.1", int(where)))
 else:
-    StartSerialServer(context=context, port=where, baudrate=19200, timeout=0.005)
+    StartSerialServer(context=context, framer=rtu, port=where, baudrate=19200, timeout=0.005)
 """
 
 
