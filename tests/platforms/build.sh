@@ -80,7 +80,10 @@ arm64() {
     say "arm64: building"
     build "$tree" -DCMAKE_TOOLCHAIN_FILE=tests/platforms/arm64.cmake
     say "arm64: readers and unit tests under qemu-user"
-    units "$tree"
+    local failed=0
+    inside "$tree" tests/platforms/readers.sh build/release/bin qemu-aarch64-static || failed=1
+    units "$tree" || failed=1
+    return $failed
 }
 
 readme() { # SUITE TREE
