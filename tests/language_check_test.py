@@ -3,6 +3,7 @@
 import contextlib
 import io
 import pathlib
+import shutil
 import subprocess
 import tempfile
 import unittest
@@ -98,6 +99,7 @@ class Record(Tree):
         self.assertIn("node/b.cpp:2: What is left.", text)
         self.assertIn("--record", text)
 
+    @unittest.skipUnless(shutil.which("git"), "git is not installed")
     def test_with_git_the_changed_line_is_printed_and_no_other(self):
         def git(*words):
             subprocess.run(["git", "-C", str(self.root), "-c", "user.name=a", "-c", "user.email=a@b", *words], check=True,

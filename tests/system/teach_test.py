@@ -158,7 +158,7 @@ class Teach(unittest.TestCase):
         self.daemon.stop()
         (self.daemon.folder / "tactiled.log").unlink()  # start() waits for what it says
         self.daemon.start()
-        self.assertIn("told only once a known weight is shown again", self.daemon.log())
+        self.assertIn("recognised only once a known weight is shown again", self.daemon.log())
         self.node = tactiled.open(self.daemon.name)
         self.addCleanup(self.node.close)
         wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, 5, "a value of both jaws")
