@@ -43,8 +43,8 @@ prepare() {
 build() {
     local tree=$1 failed=0; shift
     inside "$tree" cmake --preset release -DTACTILED_WERROR=ON -DTACTILED_TESTS=ON "$@" >>"$tree.log" 2>&1 || failed=1
-    [ $failed = 1 ] || inside "$tree" nice cmake --build --preset release -j "$jobs" -- -k 0 >>"$tree.log" 2>&1 || failed=1
-    [ $failed = 0 ] || grep -E 'error:|Error' "$tree.log" | sort | uniq -c | head -20
+    [ "$failed" = 1 ] || inside "$tree" nice cmake --build --preset release -j "$jobs" -- -k 0 >>"$tree.log" 2>&1 || failed=1
+    [ "$failed" = 0 ] || grep -E 'error:|Error' "$tree.log" | sort | uniq -c | head -20
     return "$failed"
 }
 
