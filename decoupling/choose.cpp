@@ -15,7 +15,9 @@ namespace {
 Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
     const std::string name(method.method);
     Calibration one = calibration.with_method(name);
-    const bool fitted = calibration.method.empty() || calibration.method == name ||
+    // A calibration that names no method is one of the model's default.
+    const bool is_default = method_names(calibration.model).front() == name;
+    const bool fitted = (calibration.method.empty() && is_default) || calibration.method == name ||
                         std::any_of(calibration.others.begin(), calibration.others.end(),
                                     [&](const Fit& other) { return other.method == name; });
     if (!fitted && calibration.method != method.sd_of) {

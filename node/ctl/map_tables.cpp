@@ -83,7 +83,7 @@ constexpr const char* kRules[] = {
     "runs. With an exception nothing is written.",
     "FC 43 / 14 gives vendor, product, version and the node's name. FC 17 gives the server id 0x54, a run indicator that is "
     "0xFF while "
-    "the daemon acquires, and the version. FC 8 returns query data.",
+    "the pipeline runs, and the version. FC 8 returns query data.",
 };
 
 std::string title_of(const Area& area) {

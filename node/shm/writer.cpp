@@ -215,6 +215,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
             if (!plan.group.empty()) {
                 const group* found = ::getgrnam(plan.group.c_str());
                 struct stat made {};  // a sandbox may forbid fchown: not asked for where the group is ours already
+                if (found == nullptr) errno = ENOENT;  // getgrnam() leaves it as it was
                 if (found == nullptr || ::fstat(fd_, &made) != 0 ||
                     (made.st_gid != found->gr_gid && ::fchown(fd_, uid_t(-1), found->gr_gid) != 0))
                     throw fail(fmt::format("group {}", plan.group).c_str());
