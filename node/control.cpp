@@ -102,7 +102,7 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
         throw SetupError(
             fmt::format("control socket {}: another daemon answers there; give each its own [node] control", path));
     struct stat there {};
-    if (::lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode))  // such as a configuration that was named by mistake
+    if (::lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode))  // a file that was named by mistake
         throw SetupError(fmt::format("control socket {}: something else than a socket is there; choose another path", path));
     ::unlink(path.c_str());
     listener_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
