@@ -12,7 +12,7 @@
 namespace tactiled {
 namespace {
 
-// Of the derivatives by closeness and shift; beyond it a set of electrodes is not solved.
+// Limit for the derivatives by closeness and shift; beyond it a set of electrodes is not solved.
 constexpr double kWorstConditionOfPad = 1000;
 
 class OverlapMethod final : public CheckedModel {

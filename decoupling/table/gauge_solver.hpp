@@ -36,7 +36,7 @@ public:
     // From kMaxGauges readings, less their zeros, finite, 0 where not usable. rt: wait-free
     [[nodiscard]] Solved solve(const double* readings, std::uint32_t usable) const noexcept;
 
-    // Of load j under the stated noise alone, with all gauges. setup
+    // The sd of load j under the stated noise alone, with all gauges. setup
     [[nodiscard]] double sd(std::size_t j) const noexcept { return subsets_.back().sd[j]; }
     [[nodiscard]] bool solvable(std::uint32_t usable) const noexcept { return subsets_[usable].solvable; }
     [[nodiscard]] double condition() const noexcept { return subsets_.back().condition; }

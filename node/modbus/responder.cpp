@@ -19,7 +19,7 @@ modbus_t* new_context(ModbusWire wire) {
     return wire == ModbusWire::tcp ? modbus_new_tcp("127.0.0.1", 1502) : modbus_new_rtu("tty", 19200, 'E', 8, 1);
 }
 
-// Of send() and write(): -1, also where they took only a part.
+// The result of send() and write(): -1, also where they took only a part.
 std::size_t bytes_of(int sent) noexcept { return sent > 0 ? std::size_t(sent) : 0; }
 
 }  // namespace

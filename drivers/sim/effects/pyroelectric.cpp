@@ -52,7 +52,7 @@ Bound bound(const Setting& s) {
     if (s.sensor.find("Vp") >= s.sensor.n()) return {};
     const double through_s = diffusion_s(s.sensor), leak_s = s.p[2], length_s = (double(s.samples) + 1) / s.rate_Hz;
     const double kept_s = leak_s * -std::expm1(-length_s / leak_s), N_per_K = per_K(s);
-    // Of a film that follows an outside within +- max_K for the scene's length.
+    // For a film that follows an outside within +- max_K for the scene's length.
     const auto N_of = [&](double max_K, double rate_K_s) {
         const double reached_K = max_K * -std::expm1(-length_s / through_s);
         return N_per_K * std::min(2 * reached_K, std::min((max_K + reached_K) / through_s, rate_K_s) * kept_s);
