@@ -111,8 +111,8 @@ const Fields<RealtimeSettings>& realtime_fields() {
          "Keeps all memory in RAM, so that no page fault delays the loop."},
         {TACTILED_KEY(S, required), false, Reload::restart,
          "If true, the daemon ends when the priority or the memory lock is refused. If false, it runs with RT_DEGRADED."},
-        {TACTILED_KEY(S, period_us), 250, range(50, 100'000), "us", Reload::restart,
-         "Period at which the pipeline looks for new frames."},
+        {TACTILED_KEY(S, period_us), 10'000, range(50, 100'000), "us", Reload::restart,
+         "Longest time between two cycles of the pipeline. Frames, commands and time limits do not wait for it."},
     };
     return fields;
 }

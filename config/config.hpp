@@ -25,7 +25,7 @@ struct RealtimeSettings {
     int cpu;       // -1: any
     bool lock_memory;
     bool required;  // refused rights end the daemon instead of setting RT_DEGRADED
-    int period_us;  // of the pipeline loop
+    int period_us;  // longest time between two cycles of the pipeline
 };
 
 struct LinkSettings {

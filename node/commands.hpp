@@ -5,10 +5,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "node/command.hpp"
+#include "node/command_ring.hpp"
 #include "node/grasping.hpp"
 #include "node/node_record.hpp"
-#include "node/ring.hpp"
 #include "node/sensor.hpp"
 #include "node/tares.hpp"
 
@@ -16,10 +15,12 @@ namespace tactiled {
 
 class Commands {
 public:
-    explicit Commands(std::vector<Sensor>& sensors) : sensors_(sensors), tares_(sensors) {}
+    // `wake`: of the thread that carries the commands out.
+    Commands(std::vector<Sensor>& sensors, WakeWord& wake)
+        : sensors_(sensors), rings_{CommandRing{16, &wake}, CommandRing{16, &wake}}, tares_(sensors) {}
 
     // The ring of one commander (enum tactiled_commander). A ring has one producer: each commander is one thread.
-    [[nodiscard]] Ring<Command>& operator[](std::size_t commander) noexcept { return rings_[commander]; }
+    [[nodiscard]] CommandRing& operator[](std::size_t commander) noexcept { return rings_[commander]; }
 
     // Carries out the commands that wait, in the order of the commanders. rt: bounded by the capacity of the rings
     void carry_out(Grasping& grasping, NodeRecord& record, std::uint64_t now_ns) noexcept;
@@ -39,7 +40,7 @@ private:
     [[nodiscard]] bool all_have_values(std::uint32_t mask) const noexcept;
 
     std::vector<Sensor>& sensors_;
-    std::array<Ring<Command>, TACTILED_COMMANDERS> rings_{Ring<Command>{16}, Ring<Command>{16}};
+    std::array<CommandRing, TACTILED_COMMANDERS> rings_;
     Tares tares_;
     std::size_t tare_commander_ = 0;  // the commander of the last tare,
     std::uint32_t tare_number_ = 0;   // and the number of its command

@@ -88,7 +88,7 @@ void answer_with(int client, int descriptor) {
 }  // namespace
 
 ControlSocket::ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
-                             const SegmentWriter& segment, const std::string& objects_path, Ring<Command>& commands)
+                             const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands)
     : path_(path),
       node_name_(node_name),
       objects_path_(objects_path),

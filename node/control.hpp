@@ -26,7 +26,7 @@ class ControlSocket {
 public:
     // Replaces a socket that a dead daemon left. setup: throws SetupError where `path` cannot be bound
     ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
-                  const SegmentWriter& segment, const std::string& objects_path, Ring<Command>& commands);
+                  const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands);
     ~ControlSocket();
     ControlSocket(const ControlSocket&) = delete;
     ControlSocket& operator=(const ControlSocket&) = delete;
@@ -45,7 +45,7 @@ private:
     std::vector<TaughtObject> objects_;  // lent to the pipeline until it acknowledges objects_number_
     std::uint32_t objects_number_ = 0;
     const SegmentWriter& writer_;
-    Ring<Command>& commands_;
+    CommandRing& commands_;
     EventFanOut events_;
     std::uint32_t number_ = 0;
     int listener_ = -1;

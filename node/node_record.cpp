@@ -45,6 +45,10 @@ void NodeRecord::account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept 
 
 bool NodeRecord::is_due(std::uint64_t now_ns) const noexcept { return has_news_ || now_ns - node_.t_ns >= kNodeRecordNs; }
 
+std::uint64_t NodeRecord::deadline_ns() const noexcept {
+    return std::min(node_.t_ns + kNodeRecordNs, heartbeat_ns_ + kHeartbeatNs);
+}
+
 void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp) noexcept {
     bool all_have_values = true, all_deliver = true;
     std::uint32_t reasons = 0, states = 0, lost = 0, refused = 0;

@@ -58,6 +58,8 @@ public:
 
     // Something is new since the last record, or that record is 10 ms old. rt: wait-free
     [[nodiscard]] bool is_due(std::uint64_t now_ns) const noexcept;
+    // The time of the next record or heartbeat, if nothing is new until then. rt: wait-free
+    [[nodiscard]] std::uint64_t deadline_ns() const noexcept;
     // rt: bounded by the number of sensors and links
     void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp) noexcept;
 

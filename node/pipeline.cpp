@@ -1,10 +1,14 @@
 #include "node/pipeline.hpp"
 
+#include <algorithm>
+
+#include "tactiled/reader.hpp"
+
 namespace tactiled {
 
 // ---- acquire: link -> frame -> ring ------------------------------------------------------------------------------------
 
-bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
+Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     Driver& driver = *link.driver;
     Frame* slot = link.ring.claim();
     const Status status = driver.read(slot != nullptr ? *slot : link.spare, timeout_ms);
@@ -23,7 +27,7 @@ bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
         link.ring.commit();
         segment.set_link_counts(link.index, driver.counts.count);
     }
-    return status != Status::disconnected;
+    return status;
 }
 
 // ---- deliver: ring -> sensor -> publish --------------------------------------------------------------------------------
@@ -66,6 +70,27 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept { record_.publish(now
 
 // ---- the loop ----------------------------------------------------------------------------------------------------------
 
+void Pipeline::run() noexcept {
+    for (int n = 0; n < kMaxCycles; ++n) {
+        const std::uint32_t seen = runner_.announced();
+        const std::uint64_t now_ns = monotonic_ns();
+        const bool published = cycle(now_ns);
+        if (published && readers_ != nullptr) readers_->published();
+        record_.account(monotonic_ns() - now_ns, missed_.exchange(0, std::memory_order_relaxed));
+        deadline_ns_.store(next_deadline_ns(now_ns), std::memory_order_relaxed);
+        if (cycles_ != nullptr) cycles_->count();
+        if (runner_.leave(seen)) return;
+    }
+    runner_.resign();
+    wake();
+}
+
+std::uint64_t Pipeline::next_deadline_ns(std::uint64_t now_ns) const noexcept {
+    std::uint64_t next_ns = record_.deadline_ns();
+    for (const auto& sensor : sensors_) next_ns = std::min(next_ns, sensor.deadline_ns(now_ns));
+    return next_ns;
+}
+
 bool Pipeline::cycle(std::uint64_t now_ns) noexcept {
     take_replacement(now_ns);
     commands.carry_out(*grasping_, record_, now_ns);
@@ -92,7 +117,7 @@ void Pipeline::mark_discontinuities(std::uint64_t now_ns) noexcept {
 
 Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
                    std::uint32_t status, const std::optional<Grasping::Setup>& grasp)
-    : commands(sensors),
+    : commands(sensors, wake_),
       links_(links),
       sensors_(sensors),
       segment_(segment),

@@ -1,10 +1,11 @@
 // The data path of the daemon, from a link's bytes to shared memory. node/README.md walks one sample through it.
 //
-//     link's thread      acquire()   driver -> Frame -> ring of the link
-//     pipeline's thread  deliver()   ring -> Sensor: Reading -> Decoupler -> Estimate -> tactiled_sample
-//                        publish()   tactiled_sample -> grasp, segment, counts of the node record
+//     link's thread  acquire()   driver -> Frame -> ring of the link
+//     the runner     deliver()   ring -> Sensor: Reading -> Decoupler -> Estimate -> tactiled_sample
+//                    publish()   tactiled_sample -> grasp, segment, counts of the node record
 //
-// The parts beside the data path have files of their own: commands.hpp, tares.hpp, node_record.hpp, replacement.hpp.
+// The runner is the real-time thread that called serve() first: a link's thread that has frames, or the pipeline's thread,
+// which comes for commands and time limits. The parts beside the data path have files of their own: commands.hpp, tares.hpp, node_record.hpp, replacement.hpp.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -16,31 +17,58 @@
 #include "node/grasping.hpp"
 #include "node/link.hpp"
 #include "node/node_record.hpp"
+#include "node/progress.hpp"
 #include "node/replacement.hpp"
+#include "node/runner.hpp"
 #include "node/sensor.hpp"
+#include "node/shm/waker.hpp"
 #include "node/shm/writer.hpp"
 
 namespace tactiled {
 
-// Reads at most one frame of the link into its ring. False when the device has disconnected. Called by the link's thread.
+// Reads at most one frame of the link into its ring, and commits the ring at the end of a burst. Called by the link's thread.
 // rt: blocks on the link, for at most `timeout_ms`
-[[nodiscard]] bool acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept;
+[[nodiscard]] Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept;
 
 class Pipeline {
 public:
     // `status` holds bits that never change while the daemon runs: SIMULATED. setup
     Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
              std::uint32_t status, const std::optional<Grasping::Setup>& grasp = {});
+    // Sets where each node record is announced to sleeping readers, and each cycle is counted. Before the loop only.
+    void announce_to(Waker* readers, Progress::Liveness* cycles) noexcept {
+        readers_ = readers;
+        cycles_ = cycles;
+    }
     // Adds bits that set-up learnt after the pipeline was made: RT_DEGRADED. Before the loop only.
     void add_status(std::uint32_t bits) noexcept { record_.add_status(bits); }
 
     // Publishes one BAD sample of each sensor, so that a reader finds a reason, not an empty ring. setup
     void start(std::uint64_t now_ns) noexcept;
+    // Ends the set-up, in which serve() only announces: the calling thread carries out what was announced. Call it once.
+    // rt: as serve()
+    void open() noexcept { run(); }
+    // Runs cycles until no thread has more work, unless another thread does so already; that one then sees the work of the
+    // caller, too. After kMaxCycles the rest is left to the pipeline's thread. From any real-time thread.
+    // False: another thread is the runner. rt: bounded by kMaxCycles cycles, each with the system calls of Waker::published()
+    bool serve() noexcept {
+        if (!runner_.enter()) return false;
+        run();
+        return true;
+    }
+    // Makes the pipeline's thread call serve(). From any thread. rt: one system call
+    void wake() noexcept { wake_.wake(); }
+    [[nodiscard]] WakeWord& wake_word() noexcept { return wake_; }
+    // The time at which serve() must be called again, for time limits and the heartbeat, if nothing arrives until then.
+    // rt: wait-free; from any thread
+    [[nodiscard]] std::uint64_t deadline_ns() const noexcept { return deadline_ns_.load(std::memory_order_relaxed); }
+    // The pipeline's thread slept through so many periods. rt: wait-free; from any thread
+    void add_missed(std::uint64_t periods) noexcept { missed_.fetch_add(periods, std::memory_order_relaxed); }
+
     // One iteration of the loop: a reload, commands, the frames of all links, time limits, tares, heartbeat, node record.
-    // True when a node record was published. rt: bounded by the capacity of the rings; no system call
+    // True when a node record was published. By the runner, and by tests. rt: bounded by the capacity of the rings; no system
+    // call
     bool cycle(std::uint64_t now_ns) noexcept;
-    // The time that the last cycle took, and the number of periods that were slept through before it. rt: wait-free
-    void account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept { record_.account(cycle_ns, missed); }
     // Publishes one last BAD sample of each sensor. After the loop. setup
     void stop(std::uint64_t now_ns) noexcept;
 
@@ -50,9 +78,17 @@ public:
     // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void reload_refused(bool refused) noexcept { record_.set_reload_refused(refused); }
 
+private:
+    WakeWord wake_;  // of the pipeline's thread
+
+public:
     Commands commands;
 
 private:
+    static constexpr int kMaxCycles = 4;
+
+    void run() noexcept;
+    [[nodiscard]] std::uint64_t next_deadline_ns(std::uint64_t now_ns) const noexcept;
     void deliver(Link& link, std::uint64_t now_ns) noexcept;
     void deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept;
     void publish(std::uint32_t sensor, const tactiled_sample& sample) noexcept;
@@ -69,6 +105,11 @@ private:
     NodeRecord record_;
     std::atomic<Replacement*> replacement_{nullptr};  // offered and not yet taken
     std::atomic<bool> taken_{false};
+
+    Runner<> runner_;
+    Waker* readers_ = nullptr;
+    Progress::Liveness* cycles_ = nullptr;
+    std::atomic<std::uint64_t> deadline_ns_{0}, missed_{0};
 };
 
 }  // namespace tactiled

@@ -1,6 +1,7 @@
 // Checks that the stream of one sensor is alive and plausible, from times and raw numbers alone. What a number means is the
 // model's, what to publish is Sensor's.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -43,6 +44,13 @@ public:
 
     // True when the stream has just broken, or the reason has changed. `connected` is the link's state. rt: wait-free
     [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept;
+    // The time by which it must be asked again, if nothing else happens: the stream's limit, or before the limit of a frame
+    // that arrives after `now_ns`. rt: wait-free
+    [[nodiscard]] std::uint64_t deadline_ns(std::uint64_t now_ns) const noexcept {
+        const bool is_marked = (broken_ & (TACTILED_STALE | TACTILED_DISCONNECTED)) != 0;
+        const std::uint64_t latest_ns = now_ns + limits_.stale_ns;
+        return is_marked ? latest_ns : std::min(latest_ns, last_frame_ns_ + limits_.stale_ns + 1);
+    }
     // Why there is no stream now, 0 = it delivers.
     [[nodiscard]] std::uint32_t broken() const noexcept { return broken_; }
     // Discontinuities so far, those of frozen channels included: the lower half of a sample's epoch.

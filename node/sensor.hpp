@@ -73,6 +73,8 @@ public:
     [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept {
         return stream_.has_discontinuity(connected, now_ns);
     }
+    // has_discontinuity() must be asked again by then, if no frame arrives and the link's state stays. rt: wait-free
+    [[nodiscard]] std::uint64_t deadline_ns(std::uint64_t now_ns) const noexcept { return stream_.deadline_ns(now_ns); }
     // A BAD sample with the reason why there is no value. rt: wait-free
     [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool is_delivering() const noexcept { return stream_.broken() == 0; }

@@ -13,7 +13,8 @@ namespace {
 
 constexpr int kReadTimeoutMs = 50;  // longest time for which a silent device keeps its thread from noticing stop()
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
-constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline that finishes no cycle for this time hangs
+constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline that finishes no cycle for this time, and its period, hangs
+constexpr std::uint64_t kRunnerNs = 100'000;         // in which another thread finishes a cycle
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
 // An opening that gave a frame and lasted so long was a device: looked for at once when it is gone. Less is one that only
 // seems to be there, such as a server that accepts and hangs up.
@@ -54,22 +55,34 @@ private:
 // one that is out of control. Such a thread waits here.
 class Breather {
 public:
-    // rt: wait-free, but one system call each kCyclesPerYield turns, and where the thread has not waited since the last one, 1 ms
+    // rt: one system call each 3 ms, and 1 ms of sleep where the thread has not waited since the last one
     void cycle() noexcept {
-        if (++cycles_ % kCyclesPerYield != 0) return;
+        const std::uint64_t now_ns = monotonic_ns();
+        if (now_ns - looked_ns_ < kLookNs) return;
+        looked_ns_ = now_ns;
         rusage used{};
         ::getrusage(RUSAGE_THREAD, &used);
-        if (used.ru_nvcsw == waits_) sleep_until(monotonic_ns() + 1'000'000u);
+        if (used.ru_nvcsw == waits_) sleep_until(now_ns + 1'000'000u);
         waits_ = used.ru_nvcsw;
     }
 
 private:
-    static constexpr unsigned kCyclesPerYield = 256;  // at 10 us a frame 3 ms; LimitRTTIME= is 200 ms
-    unsigned cycles_ = 0;
+    static constexpr std::uint64_t kLookNs = 3'000'000;  // LimitRTTIME= is 200 ms
+    std::uint64_t looked_ns_ = 0;
     long waits_ = -1;
 };
 
+std::uint64_t period_ns(const Node& node) { return std::uint64_t(node.config.realtime.period_us) * 1000u; }
+
 }  // namespace
+
+Threads::Threads(Node& node, SegmentWriter& segment, Pipeline& pipeline)
+    : node_(node),
+      segment_(segment),
+      pipeline_(pipeline),
+      cycles_(progress_, "the pipeline", kPipelineNs + 2 * period_ns(node)) {
+    pipeline_.announce_to(&waker_, &cycles_);
+}
 
 std::vector<std::string> Threads::start() {
     const RealtimeSettings& wanted = node_.config.realtime;
@@ -86,18 +99,19 @@ std::vector<std::string> Threads::start() {
     const auto watched = [this](std::string name, std::uint64_t limit_ns) {
         return std::make_shared<Progress::Liveness>(progress_, std::move(name), limit_ns);
     };
-    const std::uint64_t period_ns = std::uint64_t(wanted.period_us) * 1000u;
     const std::uint64_t link_ns =
         node_.config.node.stuck_link_ms == 0 ? UINT64_MAX : std::uint64_t(node_.config.node.stuck_link_ms) * 1'000'000u;
     try {
-        for (auto& link : node_.links)  // below the pipeline: a flood on one link does not hold back what is there
+        for (auto& link : node_.links)  // below the pipeline's thread: a flood on one link does not hold back time limits
             add("link", std::max(1, wanted.priority - 2),
                 [this, &link = *link, cycles = watched(fmt::format("link \"{}\"", link->name), link_ns)] {
                     run_link(link, *cycles);
                 });
-        add("pipeline", wanted.priority, [this, cycles = watched("the pipeline", kPipelineNs + 2 * period_ns), period_ns] {
-            run_pipeline(period_ns, *cycles);
-        });
+        add("pipeline", wanted.priority,
+            [this, wakes = watched("the pipeline's thread", kPipelineNs + 2 * period_ns(node_))] {
+                run_pipeline(period_ns(node_), *wakes);
+            });
+        add("waker", 0, [this] { waker_.run(stop_); });
         if (!refused.empty() && wanted.required)
             throw SetupError(fmt::format("[realtime] required = true, but {}", refused.front()));
     } catch (...) {
@@ -142,13 +156,17 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         if (announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
         segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
         link.connected.store(true, std::memory_order_release);
+        pipeline_.serve();
         const std::uint64_t opened_ns = monotonic_ns();
         const std::uint32_t frames = counts[TACTILED_LINK_FRAMES];
         bool present = true, worked = false;
         while (present && !stop_.load(std::memory_order_acquire)) {
             {
                 const Armed armed;
-                present = acquire(link, segment_, kReadTimeoutMs);
+                if (link.ring.claim() == nullptr) pipeline_.serve();  // full: a burst that is longer than the ring
+                const Status status = acquire(link, segment_, kReadTimeoutMs);
+                if (status == Status::frame && !link.driver->has_more()) pipeline_.serve();
+                present = status != Status::disconnected;
             }
             cycles.count();
             breather.cycle();
@@ -159,7 +177,10 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             disconnected.settled();
         }
         // After the last commit: see Pipeline::deliver(). Not when the daemon ends, which is no discontinuity of the link.
-        if (!present) link.connected.store(false, std::memory_order_release);
+        if (!present) {
+            link.connected.store(false, std::memory_order_release);
+            pipeline_.serve();
+        }
         segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
         link.driver->close();
         if (present) break;
@@ -172,24 +193,33 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     }
 }
 
-void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& cycles) noexcept {
+void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) noexcept {
     while (!go_.load(std::memory_order_acquire) && !stop_.load(std::memory_order_acquire))
         sleep_until(monotonic_ns() + 1'000'000u);  // rights are settled first
-    std::uint64_t next_ns = monotonic_ns() + period_ns;
+    if (stop_.load(std::memory_order_acquire)) return;
+    pipeline_.open();
+    Breather breather;
+    WakeWord& word = pipeline_.wake_word();
+    std::uint64_t grid_ns = monotonic_ns() + period_ns;  // at each of these times, and at the pipeline's own deadlines
     while (!stop_.load(std::memory_order_acquire)) {
-        sleep_until(next_ns);
-        cycles.count();
+        const std::uint32_t seen = word.value();
+        bool served;
         {
             const Armed armed;
-            const std::uint64_t now_ns = monotonic_ns();
-            const std::uint64_t late_ns = now_ns > next_ns ? now_ns - next_ns : 0, missed = late_ns / period_ns;
-            segment_.count_lateness(late_ns);
-            const bool published = pipeline_.cycle(now_ns);
-            pipeline_.account(monotonic_ns() - now_ns, missed);
-            next_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up
-            if (!published) continue;
+            served = pipeline_.serve();
         }
-        segment_.wake_readers();  // one wake for each cycle, not for each sensor; the only system call but the sleep
+        wakes.count();
+        breather.cycle();
+        std::uint64_t until_ns = std::min(grid_ns, pipeline_.deadline_ns());
+        // The runner may be a thread of lower priority on this CPU: without a sleep it would never finish.
+        if (!served) until_ns = std::max(until_ns, monotonic_ns() + kRunnerNs);
+        if (!word.sleep(seen, until_ns)) continue;
+        const std::uint64_t now_ns = monotonic_ns();
+        segment_.count_lateness(now_ns - std::min(now_ns, until_ns));
+        if (now_ns < grid_ns) continue;
+        const std::uint64_t missed = (now_ns - grid_ns) / period_ns;
+        pipeline_.add_missed(missed);
+        grid_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up
     }
 }
 

@@ -1,4 +1,5 @@
-// The real-time threads of a node: one a link, which opens, reads and reopens its device, and one for the pipeline.
+// The threads of a node's data path: one for each link, which opens, reads and reopens its device and delivers its frames;
+// one for the pipeline's time limits and commands; one that wakes sleeping readers.
 #pragma once
 #include <atomic>
 #include <memory>
@@ -9,13 +10,17 @@
 #include "node/progress.hpp"
 #include "node/realtime.hpp"
 #include "node/setup.hpp"
+#include "node/shm/waker.hpp"
 
 namespace tactiled {
 
 class Threads {
 public:
-    Threads(Node& node, SegmentWriter& segment, Pipeline& pipeline) : node_(node), segment_(segment), pipeline_(pipeline) {}
-    ~Threads() { stop(); }
+    Threads(Node& node, SegmentWriter& segment, Pipeline& pipeline);
+    ~Threads() {
+        stop();
+        pipeline_.announce_to(nullptr, nullptr);
+    }
 
     // Starts all. Returns what was refused, one line a right; RT_DEGRADED is then set before the loop begins.
     // setup: throws SetupError where a thread cannot be made, or a right is refused and [realtime] required is set
@@ -27,13 +32,15 @@ public:
 
 private:
     void run_link(Link& link, Progress::Liveness& cycles) noexcept;
-    void run_pipeline(std::uint64_t period_ns, Progress::Liveness& cycles) noexcept;
+    void run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) noexcept;
     void pause(int ms, Progress::Liveness& cycles) const noexcept;
 
     Node& node_;
     SegmentWriter& segment_;
     Pipeline& pipeline_;
     Progress progress_;
+    Progress::Liveness cycles_;
+    Waker waker_{segment_};
     std::vector<std::unique_ptr<RtThread>> threads_;
     std::atomic<bool> go_{false}, stop_{false};
 };

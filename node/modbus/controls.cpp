@@ -16,7 +16,7 @@ bool have_values(const View& view, std::uint32_t mask) {
 }
 }  // namespace
 
-Controls::Controls(const ModbusSettings& settings, Ring<Command>& commands)
+Controls::Controls(const ModbusSettings& settings, CommandRing& commands)
     : enabled_(settings.commands),
       weighs_(!settings.objects.empty()),
       path_(settings.settings),

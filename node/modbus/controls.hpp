@@ -25,7 +25,7 @@ struct Session {
 class Controls {
 public:
     // `commands` goes to the pipeline: the ring of TACTILED_FROM_MODBUS. Reads the settings that SAVE has stored. setup
-    Controls(const ModbusSettings& settings, Ring<Command>& commands);
+    Controls(const ModbusSettings& settings, CommandRing& commands);
     Controls(const Controls&) = delete;
     Controls& operator=(const Controls&) = delete;
 
@@ -78,7 +78,7 @@ private:
 
     bool enabled_, weighs_;
     std::string path_;
-    Ring<Command>& commands_;
+    CommandRing& commands_;
     std::array<std::uint16_t, kScratchSize> scratch_{};
     std::array<std::uint16_t, 5> block_{};  // 5000 .. 5004
     std::array<std::uint16_t, kSettings> settings_;

@@ -14,7 +14,7 @@ grasp::Vector vector_of(const std::array<std::uint16_t, 3>& raw) noexcept {
     return v;
 }
 
-bool put(Ring<Command>& commands, const Command& command) noexcept {
+bool put(CommandRing& commands, const Command& command) noexcept {
     Command* const slot = commands.claim();
     if (slot == nullptr) return false;
     *slot = command;
@@ -76,7 +76,7 @@ void Robot::forget() noexcept {
     motion_unsent_ = reported_ = false;
 }
 
-void Robot::send(Ring<Command>& commands) noexcept {
+void Robot::send(CommandRing& commands) noexcept {
     if (hint_unsent_) hint_unsent_ = !put(commands, hint_);
     if (down_unsent_) down_unsent_ = !put(commands, down_);
     if (motion_unsent_) motion_unsent_ = !put(commands, motion_);

@@ -4,9 +4,8 @@
 #include <array>
 #include <cstdint>
 
-#include "node/command.hpp"
+#include "node/command_ring.hpp"
 #include "node/modbus/table.hpp"
-#include "node/ring.hpp"
 
 namespace tactiled::modbus {
 
@@ -26,7 +25,7 @@ public:
     // The PLC is silent: what it told may not be true any more. The registers keep what was written.
     void forget() noexcept;
     // Hands over what is new, as far as there is room.
-    void send(Ring<Command>& commands) noexcept;
+    void send(CommandRing& commands) noexcept;
 
 private:
     std::uint16_t gripper_ = 0, force_ = 0, count_ = 0;

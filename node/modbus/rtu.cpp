@@ -18,8 +18,11 @@ namespace {
 constexpr std::uint64_t kRetryNs = 1'000'000'000;
 constexpr std::uint64_t kEchoLateNs = 2'000'000;  // beyond the line's own time
 
-// 3.5 characters of 11 bits; above 19200 baud the standard fixes 1.75 ms (2.5.1.1).
-std::uint64_t silence_ns(int baud) { return baud > 19200 ? 1'750'000 : std::uint64_t(3.5 * 11 * 1e9 / baud); }
+// 1.75 ms is what the standard recommends above 19200 baud for t3.5 (2.5.1.1). A UART's receive buffer delivers what it holds
+// after four characters of silence at the latest, so that the pieces of a frame are closer together.
+constexpr std::uint64_t kPiecesNs = 1'750'000;
+
+std::uint64_t silence_ns(int baud) { return std::uint64_t(3.5 * 11 * 1e9 / baud); }  // a character has 11 bits
 
 TtySettings tty_of(const RtuSettings& settings) {
     TtySettings tty;
@@ -38,6 +41,28 @@ bool is_rtu_frame(std::span<const std::uint8_t> frame) noexcept {
     if (frame.size() < 4 || frame.size() > kMaxRtu) return false;  // address, function, checksum
     const std::uint16_t crc = modbus_crc(frame.first(frame.size() - kCrcSize));
     return frame[frame.size() - 2] == (crc & 0xFF) && frame[frame.size() - 1] == crc >> 8;
+}
+
+bool is_whole_request(std::span<const std::uint8_t> bytes) noexcept {
+    const auto with_data = [&](std::size_t count_at) {  // bytes before the data, the data, the checksum
+        return bytes.size() > count_at ? count_at + 1 + bytes[count_at] + kCrcSize : SIZE_MAX;
+    };
+    if (!is_rtu_frame(bytes)) return false;
+    switch (bytes[1]) {
+        case kReadCoils:
+        case kReadInputs:
+        case kReadHolding:
+        case kReadInputRegisters:
+        case kWriteCoil:
+        case kWriteRegister: return bytes.size() == 8;
+        case kWriteCoils:
+        case kWriteRegisters: return bytes.size() == with_data(6);
+        case kReportServerId: return bytes.size() == 4;
+        case kMaskWrite: return bytes.size() == 10;
+        case kReadWrite: return bytes.size() == with_data(10);
+        case kEncapsulated: return bytes.size() == 7;
+        default: return false;  // the length is not known, or any: silence ends it
+    }
 }
 
 bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame) noexcept {
@@ -66,7 +91,8 @@ bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::ui
 
 RtuLine::RtuLine(const RtuSettings& settings)
     : settings_(settings),
-      silence_ns_(settings.silence_us > 0 ? std::uint64_t(settings.silence_us) * 1000 : silence_ns(settings.baud)) {}
+      silence_ns_(settings.silence_us > 0 ? std::uint64_t(settings.silence_us) * 1000 : silence_ns(settings.baud)),
+      pieces_ns_(std::max(silence_ns_, kPiecesNs)) {}
 
 void RtuLine::open(std::uint64_t now_ns) {
     std::string why;
@@ -75,7 +101,7 @@ void RtuLine::open(std::uint64_t now_ns) {
     open_again_ns_ = now_ns + kRetryNs;
     received_ = 0;
     silent_since_ns_ = 0;
-    too_long_ = false;
+    too_long_ = is_whole_ = false;
     sent_size_ = 0;
     if (fd_ >= 0) {
         log_line(LogLevel::info, "Modbus RTU: {}, address {}, {} baud, {} parity", settings_.device, settings_.address,
@@ -93,10 +119,10 @@ void RtuLine::close() noexcept {
 }
 
 bool RtuLine::receive(std::uint64_t now_ns) {
-    // Bytes that come after more than t3.5 of silence begin a new frame, even where nobody has looked in between.
+    // Bytes that come after the silence that ends a frame begin a new one, even if tick() was not called in between.
     if (silent_since_ns_ != 0 && now_ns > frame_ends_ns()) {
         received_ = 0;
-        too_long_ = false;
+        too_long_ = is_whole_ = false;
         ++counts_.bad_frames;
     }
     std::uint8_t bytes[512];
@@ -113,6 +139,7 @@ bool RtuLine::receive(std::uint64_t now_ns) {
     const std::size_t taken = std::min(room, std::size_t(size));
     std::copy_n(bytes, taken, frame_.data() + received_);
     received_ += taken;
+    is_whole_ = !too_long_ && is_whole_request(std::span(frame_).first(received_));
     return true;
 }
 
@@ -124,7 +151,7 @@ void RtuLine::tick(const Answer& answer, std::uint64_t now_ns) {
     else
         take_frame(answer, now_ns);
     received_ = 0;
-    too_long_ = false;
+    too_long_ = is_whole_ = false;
     silent_since_ns_ = 0;
 }
 
@@ -156,7 +183,7 @@ void RtuLine::take_frame(const Answer& answer, std::uint64_t now_ns) {
     std::copy(frame.begin(), frame.end(), answered_.begin());
     answered_size_ = frame.size();
     const auto line_ns = std::uint64_t(double(sent_size_) * 11 * 1e9 / settings_.baud);
-    echo_until_ns_ = now_ns + line_ns + 2 * silence_ns_ + kEchoLateNs;
+    echo_until_ns_ = now_ns + line_ns + 2 * pieces_ns_ + kEchoLateNs;
 }
 
 }  // namespace tactiled::modbus

@@ -1,4 +1,5 @@
-// Modbus RTU on a tty (Modbus over Serial Line 1.02, 2.5): silence ends a frame, and its checksum tells whether it is one.
+// Modbus RTU on a tty (Modbus over Serial Line 1.02, 2.5). Length and checksum find the end of a request, which is answered
+// after 3.5 characters of silence; a longer silence ends everything else, which is dropped.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -12,6 +13,8 @@ namespace tactiled::modbus {
 
 // True if `frame` has the length of a frame and a correct checksum.
 [[nodiscard]] bool is_rtu_frame(std::span<const std::uint8_t> frame) noexcept;
+// True if `bytes` are a whole request: a frame of the length that its function code and byte count state.
+[[nodiscard]] bool is_whole_request(std::span<const std::uint8_t> bytes) noexcept;
 // True if `frame` has the form of the answer to `request` (both whole frames) rather than that of another request of the
 // same length. The data of a read are not compared.
 [[nodiscard]] bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::uint8_t> frame) noexcept;
@@ -46,16 +49,19 @@ private:
     void open(std::uint64_t now_ns);
     void close() noexcept;
     void take_frame(const Answer& answer, std::uint64_t now_ns);
-    [[nodiscard]] std::uint64_t frame_ends_ns() const noexcept { return silent_since_ns_ + silence_ns_; }
+    [[nodiscard]] std::uint64_t frame_ends_ns() const noexcept {
+        return silent_since_ns_ + (is_whole_ ? silence_ns_ : pieces_ns_);
+    }
 
     RtuSettings settings_;
-    std::uint64_t silence_ns_;  // t3.5
+    std::uint64_t silence_ns_;  // t3.5, between a request and its answer
+    std::uint64_t pieces_ns_;   // between the pieces in which an adapter delivers a frame, at most
     int fd_ = -1;
     std::uint64_t open_again_ns_ = 0;
     std::uint64_t silent_since_ns_ = 0;  // 0: no frame is waiting for its end
     std::array<std::uint8_t, kMaxRtu> frame_{};
     std::size_t received_ = 0;
-    bool too_long_ = false;
+    bool too_long_ = false, is_whole_ = false;
     // The request answered last, until its answer can no longer come back: an adapter that hears itself must not make us
     // answer ourselves.
     std::array<std::uint8_t, kMaxRtu> answered_{};

@@ -33,7 +33,7 @@ void watch(int epoll, int operation, int fd, std::uint32_t events) {
 
 }  // namespace
 
-ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands)
+ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings, CommandRing& commands)
     : settings_(settings),
       allowed_(settings.allow),
       plcs_(settings.plc),

@@ -23,7 +23,7 @@ class ModbusServer {
 public:
     // Starts to serve the segment of `node_name`. A port or tty that is not to be had is asked for again each second.
     // setup: throws SetupError where libmodbus or epoll cannot be had
-    ModbusServer(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands);
+    ModbusServer(std::string node_name, const ModbusSettings& settings, CommandRing& commands);
     ~ModbusServer();
     ModbusServer(const ModbusServer&) = delete;
     ModbusServer& operator=(const ModbusServer&) = delete;

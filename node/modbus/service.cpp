@@ -19,7 +19,7 @@ bool needs_view(const Request& request) {
 
 }  // namespace
 
-Service::Service(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands)
+Service::Service(std::string node_name, const ModbusSettings& settings, CommandRing& commands)
     : node_name_(std::move(node_name)), scratch_(settings.scratch), controls_(settings, commands), identity_(node_name_) {}
 
 std::size_t Service::answer(std::span<const std::uint8_t> bytes, Session& session, Responder& responder) {

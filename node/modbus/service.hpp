@@ -16,7 +16,7 @@ namespace tactiled::modbus {
 class Service {
 public:
     // setup
-    Service(std::string node_name, const ModbusSettings& settings, Ring<Command>& commands);
+    Service(std::string node_name, const ModbusSettings& settings, CommandRing& commands);
 
     // Answers a whole request, in the framing of `responder`, through it. Returns the number of bytes sent, or 0 if the
     // answer was not sent in full or none is due.

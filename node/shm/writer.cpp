@@ -344,12 +344,12 @@ void SegmentWriter::end_reload(std::uint32_t calibration_id) noexcept {
     __atomic_store_n(&header().reloads, header().reloads + 1, __ATOMIC_RELEASE);  // pairs with a reader's acquire
 }
 
-void SegmentWriter::wake_readers() noexcept {
+int SegmentWriter::wake_readers(int max) noexcept {
     const auto* head = reinterpret_cast<const std::uint32_t*>(base_ + header().node.head_offset);
     const std::uint32_t until = __atomic_load_n(&wake_->wanted_until, __ATOMIC_RELAXED);
     const std::uint32_t ahead = until - __atomic_load_n(head, __ATOMIC_RELAXED);
-    if (ahead == 0 || ahead > TACTILED_WAKE_RECORDS) return;  // over, or nonsense
-    ::syscall(SYS_futex, head, FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
+    if (ahead == 0 || ahead > TACTILED_WAKE_RECORDS) return 0;  // over, or nonsense
+    return int(::syscall(SYS_futex, head, FUTEX_WAKE, max, nullptr, nullptr, 0));
 }
 
 void SegmentWriter::count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept {

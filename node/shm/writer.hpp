@@ -55,8 +55,9 @@ public:
     void set_sensor(std::uint32_t index, const tactiled_sensor& entry) noexcept;
     void end_reload(std::uint32_t calibration_id) noexcept;
 
-    // Wakes the readers that sleep until the next node record, if any do. rt: one system call where one does
-    void wake_readers() noexcept;
+    // Wakes at most `max` of the readers that sleep until the next node record, and returns their number.
+    // rt: no system call where no reader has asked to be woken, else one, whose time grows with `max`
+    int wake_readers(int max) noexcept;
     // The page in which they say so (struct tactiled_wake), to be handed to them: sealed, it cannot shrink under us.
     [[nodiscard]] int wake_page() const noexcept { return wake_fd_; }
 

@@ -38,7 +38,7 @@ int main(int argc, char** argv) {
     writer.publish(node);
     writer.set_state(TACTILED_RUNNING);
 
-    Ring<Command> commands(16);
+    CommandRing commands(16);
     ModbusSettings settings;
     settings.commands = true;
     Service service(plan.name, settings, commands);

@@ -56,7 +56,7 @@ void Findings::mix(const void* bytes, std::size_t size) {
     }
 }
 
-Witness::Witness(const std::string& node, const ModbusSettings& settings, Ring<Command>& commands, Findings& findings)
+Witness::Witness(const std::string& node, const ModbusSettings& settings, CommandRing& commands, Findings& findings)
     : findings_(findings),
       service_(node, settings, commands),
       readers_{Reader{node, "s0"}, Reader{node, "s1"}, Reader{node, "s2"}, Reader{node, "s3"}},

@@ -57,7 +57,7 @@ struct Expectation {
 
 class Witness {
 public:
-    Witness(const std::string& node, const ModbusSettings& settings, Ring<Command>& commands, Findings& findings);
+    Witness(const std::string& node, const ModbusSettings& settings, CommandRing& commands, Findings& findings);
     void look(std::array<Device*, kSensors> devices, const Expectation& expected);
     // The registers of one answer of the real server: 32 at 0, 100 at 100.
     struct Registers {

@@ -103,7 +103,7 @@ private:
     std::uint32_t command_ = 0, asked_ = 0;                // number and mask of the tare that is asked for
     bool refused_ = false;                                 // the last reload
     std::uint64_t started_ns_ = 0, reported_from_ns_ = 0;  // what became of it is told by then
-    Ring<Command> plc_{16};
+    CommandRing plc_{16};
     std::array<LinkThread, kLinks> threads_{};
     std::array<std::uint64_t, kSensors> suffers_until_ns_{}, disconnected_since_ns_{};
     std::uint64_t stalled_until_ns_ = 0, next_cycle_ns_ = 0, turns_ = 0;

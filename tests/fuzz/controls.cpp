@@ -112,7 +112,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Input input(data, size);
     ModbusSettings settings{};
     settings.commands = true;
-    Ring<Command> commands(16);
+    CommandRing commands(16);
     Controls controls(settings, commands);
     Session sessions[2];
     sessions[0].may_write = true;

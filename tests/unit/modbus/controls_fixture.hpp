@@ -101,7 +101,7 @@ protected:
     ModbusSettings settings_{};
     SegmentWriter writer_;
     Segment segment_;
-    Ring<Command> commands_{16};
+    CommandRing commands_{16};
     std::unique_ptr<Controls> controls_;
     Session session_;
     bool scratch_ = false;  // whether [modbus] scratch is on

@@ -204,13 +204,13 @@ TEST_F(RtuTest, AnotherRequestOfTheLengthOfOurAnswerIsNoEcho) {
     EXPECT_EQ(line_->counts().echoes, 0u);
 }
 
-TEST_F(RtuTest, AFrameEndsAfterThreeAndAHalfCharactersOrAsConfigured) {
+TEST_F(RtuTest, ARequestIsAnsweredAfterThreeAndAHalfCharactersOrAsConfigured) {
     struct Case {
         int baud, silence_us;
         std::uint64_t ends_ns;
     };
     for (const auto& [baud, silence_us, ends_ns] :
-         {Case{9600, 0, 4'010'416}, Case{115200, 0, 1'750'000}, Case{115200, 300, 300'000}}) {
+         {Case{9600, 0, 4'010'416}, Case{115200, 0, 334'201}, Case{115200, 100, 100'000}, Case{115200, 3000, 3'000'000}}) {
         settings_.baud = baud;
         settings_.silence_us = silence_us;
         open();
@@ -221,6 +221,55 @@ TEST_F(RtuTest, AFrameEndsAfterThreeAndAHalfCharactersOrAsConfigured) {
         be_silent(1);
         EXPECT_EQ(asked_, before + 1) << baud;
     }
+}
+
+TEST_F(RtuTest, AnUnknownFunctionAndARequestInPiecesEndAfterALongerSilence) {
+    settings_.baud = 115200;
+    open();
+    say(framed({1, 0x42, 0, 0, 0, 1}));  // of unknown length: these may be its first bytes
+    be_silent(1'749'999);
+    EXPECT_EQ(asked_, 0);
+    be_silent(1);
+    EXPECT_EQ(asked_, 1);
+
+    const auto request = framed({1, 16, 0x13, 0x88, 0, 2, 4, 0, 1, 0, 2});
+    for (std::size_t i = 0; i < request.size(); ++i) {  // each byte by itself, 1.7 ms apart
+        EXPECT_EQ(asked_, 1) << i;
+        say({request[i]});
+        be_silent(i + 1 < request.size() ? 1'700'000 : 334'201);
+    }
+    EXPECT_EQ(asked_, 2);
+    EXPECT_EQ(line_->counts().bad_frames, 0u);
+}
+
+TEST_F(RtuTest, BytesThatFollowARequestWithoutSilenceSpoilIt) {
+    settings_.baud = 115200;
+    open();
+    say(framed({1, 3, 0, 0, 0, 1}));
+    be_silent(300'000);
+    say({0});  // less than 3.5 characters later
+    be_silent(10'000'000);
+    EXPECT_EQ(asked_, 0);
+    EXPECT_EQ(line_->counts().bad_frames, 1u);
+}
+
+TEST(Rtu, ARequestIsOnlyAtTheLengthThatItStates) {
+    const Bytes requests[] = {
+        framed({1, 1, 0, 0, 0, 9}),          framed({1, 2, 0, 0, 0, 9}),
+        framed({1, 3, 0, 0, 0, 9}),          framed({1, 4, 0, 0, 0, 9}),
+        framed({1, 5, 0, 0, 0xFF, 0}),       framed({1, 6, 0, 0, 0, 9}),
+        framed({1, 15, 0, 0, 0, 9, 2, 0, 1}), framed({1, 16, 0, 0, 0, 1, 2, 0, 1}),
+        framed({1, 17}),                     framed({1, 22, 0, 0, 0, 1, 0, 2}),
+        framed({1, 43, 14, 1, 0}),           framed({1, 23, 0, 0, 0, 1, 0, 9, 0, 1, 2, 0, 7})};
+    for (const auto& request : requests) {
+        EXPECT_TRUE(is_whole_request(request)) << int(request[1]);
+        for (std::size_t size = 0; size < request.size(); ++size)
+            EXPECT_FALSE(is_whole_request(std::span(request).first(size))) << int(request[1]) << ' ' << size;
+        Bytes longer(request.begin(), request.end() - 2);
+        longer.push_back(0);
+        EXPECT_FALSE(is_whole_request(framed(longer))) << int(request[1]);
+    }
+    EXPECT_FALSE(is_whole_request(framed({1, 8, 0, 0, 1, 2})));  // its data may have any length
 }
 
 TEST_F(RtuTest, AnAdapterThatIsPulledOutIsOpenedAgain) {

@@ -156,7 +156,7 @@ protected:
 
     SegmentPlan plan_;
     SegmentWriter writer_;
-    Ring<Command> commands_{16};
+    CommandRing commands_{16};
     std::uint16_t port_;
     std::thread flood_;
     std::atomic<bool> stop_{false};

@@ -120,7 +120,7 @@ TEST_F(SegmentTest, AControlSocketThatDoesNotAnswerDelaysNoWaitAndIsAskedAgain) 
         EXPECT_LT(monotonic_ns() - began_ns, 500'000'000u);
         ::close(hung);
         for (const int s : queued) ::close(s);
-        Ring<Command> commands(4);
+        CommandRing commands(4);
         const ControlSocket control(p.control, "", name_, writer, "", commands);
         took_ms(reader, 1200);
         EXPECT_NE(reader.wake, nullptr);

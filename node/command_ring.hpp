@@ -1,0 +1,26 @@
+// The ring through which one commander hands its commands to the pipeline.
+#pragma once
+#include <cstddef>
+
+#include "node/command.hpp"
+#include "node/ring.hpp"
+#include "node/wake_word.hpp"
+
+namespace tactiled {
+
+class CommandRing : public Ring<Command> {
+public:
+    // `wake`: of the pipeline's thread; nullptr: the ring's consumer looks by itself. setup
+    explicit CommandRing(std::size_t capacity, WakeWord* wake = nullptr) : Ring(capacity), wake_(wake) {}
+
+    // Shows the pipeline all that was pushed, and wakes its thread. rt: one system call
+    void commit() noexcept {
+        Ring::commit();
+        if (wake_ != nullptr) wake_->wake();
+    }
+
+private:
+    WakeWord* wake_;
+};
+
+}  // namespace tactiled
