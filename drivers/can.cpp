@@ -96,6 +96,7 @@ public:
     }
 
     bool has_more() const noexcept override { return ready_; }
+    bool can_poll() const noexcept override { return true; }
 
 private:
     // ---- open ----

@@ -48,6 +48,9 @@ public:
     // rt: wait-free
     [[nodiscard]] virtual bool has_more() const noexcept { return false; }
 
+    // True if read() with a time limit of 0 never waits, so that one thread may read several links. setup
+    [[nodiscard]] virtual bool can_poll() const noexcept { return false; }
+
     // True if noise moves every number of `device` in every reading, so that many equal ones come of a fault. setup
     [[nodiscard]] virtual bool is_noisy(std::uint16_t /*device*/) const { return false; }
 

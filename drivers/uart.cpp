@@ -103,6 +103,7 @@ public:
     }
 
     bool has_more() const noexcept override { return decoder_->is_ready(); }
+    bool can_poll() const noexcept override { return true; }
 
 private:
     // A device that streams already hears nothing but its stop. `stop_first`: a tty, at opening.

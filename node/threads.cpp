@@ -80,7 +80,8 @@ Threads::Threads(Node& node, SegmentWriter& segment, Pipeline& pipeline)
     : node_(node),
       segment_(segment),
       pipeline_(pipeline),
-      cycles_(progress_, "the pipeline", kPipelineNs + 2 * period_ns(node)) {
+      cycles_(progress_, "the pipeline", kPipelineNs + 2 * period_ns(node)),
+      shared_(node.links, segment, pipeline) {
     pipeline_.announce_to(&waker_, &cycles_);
 }
 
@@ -110,6 +111,10 @@ std::vector<std::string> Threads::start() {
         add("pipeline", wanted.priority,
             [this, wakes = watched("the pipeline's thread", kPipelineNs + 2 * period_ns(node_))] {
                 run_pipeline(period_ns(node_), *wakes);
+            });
+        if (node_.links.size() > 1)
+            add("link", std::max(1, wanted.priority - 2), [this, cycles = watched("the thread of several links", link_ns)] {
+                shared_.run(*cycles, stop_);
             });
         add("waker", 0, [this] { waker_.run(stop_); });
         if (!refused.empty() && wanted.required)
@@ -163,11 +168,10 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         while (present && !stop_.load(std::memory_order_acquire)) {
             {
                 const Armed armed;
-                if (link.ring.claim() == nullptr) pipeline_.serve();  // full: a burst that is longer than the ring
-                const Status status = acquire(link, segment_, kReadTimeoutMs);
-                if (status == Status::frame && !link.driver->has_more()) pipeline_.serve();
+                const Status status = read_burst(link, segment_, pipeline_, kReadTimeoutMs);
                 present = status != Status::disconnected;
             }
+            if (present && shared_.wants(link)) present = shared_.share(link, cycles, stop_);
             cycles.count();
             breather.cycle();
             if (worked || counts[TACTILED_LINK_FRAMES] == frames || monotonic_ns() - opened_ns < kWorkedNs) continue;

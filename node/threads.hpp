@@ -10,6 +10,7 @@
 #include "node/progress.hpp"
 #include "node/realtime.hpp"
 #include "node/setup.hpp"
+#include "node/shared_links.hpp"
 #include "node/shm/waker.hpp"
 
 namespace tactiled {
@@ -41,6 +42,7 @@ private:
     Progress progress_;
     Progress::Liveness cycles_;
     Waker waker_{segment_};
+    SharedLinks shared_;
     std::vector<std::unique_ptr<RtThread>> threads_;
     std::atomic<bool> go_{false}, stop_{false};
 };

@@ -39,7 +39,7 @@ protected:
             node.t_ns = monotonic_ns();
             writer_.publish(node);
         }
-        writer_.wake_readers();
+        writer_.wake_readers(INT_MAX);
     }
     static std::uint64_t reported(int event, int ms) {
         std::uint64_t sum = 0, news = 0;

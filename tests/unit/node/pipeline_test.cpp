@@ -99,7 +99,7 @@ protected:
         driver_[link]->frames.push_back(f);
     }
     void acquire_all(int link) {
-        while (driver_[link]->has_more()) EXPECT_TRUE(acquire(*links_[std::size_t(link)], segment_, 0));
+        while (driver_[link]->has_more()) EXPECT_EQ(acquire(*links_[std::size_t(link)], segment_, 0), Status::frame);
     }
     void turn(std::uint64_t ms = 1) {
         now_ += ms * 1'000'000;

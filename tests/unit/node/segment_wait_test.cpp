@@ -1,4 +1,5 @@
 // Readers that wait.
+#include "node/shm/waker.hpp"
 #include "segment_fixture.hpp"
 
 namespace tactiled {
@@ -16,7 +17,7 @@ TEST_F(SegmentTest, EveryWayOfWaitingGivesEverySample) {
             while (!stop) {
                 writer.publish(0, sample(number++));
                 beat(writer, beats++);
-                writer.wake_readers();
+                writer.wake_readers(INT_MAX);
                 ::usleep(1000);
             }
         });
@@ -30,6 +31,42 @@ TEST_F(SegmentTest, EveryWayOfWaitingGivesEverySample) {
         stop = true;
         daemon.join();
     }
+}
+
+TEST_F(SegmentTest, ManyReadersAreWokenAFewAtATimeAndEachGetsEverySample) {
+    constexpr int kReaders = 20;
+    constexpr std::uint64_t kSamples = 100;
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    beat(writer, 0);
+    Waker waker(writer);
+    std::atomic<bool> stop{false};
+    std::thread thread([&] { waker.run(stop); });
+    std::atomic<int> complete{0};
+    std::vector<std::thread> readers;
+    for (int i = 0; i < kReaders; ++i)
+        readers.emplace_back([&] {
+            tactiled_reader reader;
+            tactiled_reader_init(&reader, name_.c_str(), "s0");
+            reader.wake = static_cast<std::uint32_t*>(
+                ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, writer.wake_page(), 0));
+            tactiled_sample s;
+            s.sequence = 0;
+            while (s.sequence + 1 < kSamples && tactiled_reader_wait(&reader, &s, 5000, TACTILED_BLOCK) != 0) {}
+            if (s.sequence + 1 == kSamples && reader.cursor.lost == 0) ++complete;
+            tactiled_reader_detach(&reader);
+        });
+    ::usleep(100'000);
+    for (std::uint64_t n = 0; n < kSamples; ++n) {
+        writer.publish(0, sample(n));
+        beat(writer, n + 1);
+        waker.published();
+        ::usleep(5'000);
+    }
+    for (auto& reader : readers) reader.join();
+    stop = true;
+    thread.join();
+    EXPECT_EQ(complete, kReaders);
 }
 
 TEST_F(SegmentTest, AReaderCannotCutTheWakePage) {
@@ -61,7 +98,7 @@ TEST_F(SegmentTest, ASleepingReaderIsWokenWhateverTheCountAndTheOldRequest) {
                 s.t_published_ns = s.t_ns;
                 writer.publish(0, s);
                 beat(writer, beats++);
-                writer.wake_readers();
+                writer.wake_readers(INT_MAX);
             }
         });
         std::vector<std::uint64_t> late_ns;

@@ -1,0 +1,83 @@
+#include "node/shared_links.hpp"
+
+#include "node/realtime.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+constexpr std::uint64_t kJudgeNs = 100'000'000;
+constexpr std::uint64_t kLookForStopNs = 50'000'000;
+}  // namespace
+
+Status read_burst(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept {
+    if (link.ring.claim() == nullptr) pipeline.serve();  // full: a burst that is longer than the ring
+    Status status = acquire(link, segment, timeout_ms);
+    if (status != Status::frame || link.driver->has_more()) return status;
+    const std::uint64_t now_ns = monotonic_ns();
+    link.read_interval_ns = now_ns - link.read_ns;
+    link.read_ns = now_ns;
+    link.reads.store(link.reads.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
+    pipeline.serve();
+    return status;
+}
+
+bool SharedLinks::share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept {
+    link.reader.store(Link::Reader::shared, std::memory_order_release);  // pairs with poll(): the driver is handed over
+    for (;;) {
+        const std::uint32_t seen = link.returned.value();
+        if (link.reader.load(std::memory_order_acquire) == Link::Reader::own) return link.is_present;
+        // The shared thread may have polled for the last time before the link was left to it.
+        Link::Reader expected = Link::Reader::shared;
+        if ((stop.load(std::memory_order_acquire) || !active_.load(std::memory_order_relaxed)) &&
+            link.reader.compare_exchange_strong(expected, Link::Reader::own, std::memory_order_acquire))
+            return true;
+        cycles.count();
+        (void)link.returned.sleep(seen, monotonic_ns() + kLookForStopNs);
+    }
+}
+
+void SharedLinks::poll(Link& link) noexcept {
+    Link::Reader expected = Link::Reader::shared;
+    if (!link.reader.compare_exchange_strong(expected, Link::Reader::busy, std::memory_order_acquire)) return;
+    Status status;
+    do status = read_burst(link, segment_, pipeline_, 0);
+    while (status == Status::frame && link.driver->has_more());
+    link.is_present = status != Status::disconnected;
+    const bool keep = link.is_present && active_.load(std::memory_order_relaxed);
+    link.reader.store(keep ? Link::Reader::shared : Link::Reader::own, std::memory_order_release);  // pairs with share()
+    if (!keep) link.returned.wake();
+}
+
+void SharedLinks::judge(std::uint64_t now_ns) noexcept {
+    if (now_ns - judged_ns_ < kJudgeNs) return;
+    std::uint64_t reads = 0;
+    for (const auto& link : links_)
+        if (link->driver->can_poll()) reads += link->reads.load(std::memory_order_relaxed);
+    const double reads_per_s = double(reads - reads_) * 1e9 / double(now_ns - judged_ns_);
+    reads_ = reads;
+    judged_ns_ = now_ns;
+    if (reads_per_s > kBeginReads_per_s) active_.store(true, std::memory_order_relaxed);
+    if (reads_per_s < kEndReads_per_s) active_.store(false, std::memory_order_relaxed);
+}
+
+void SharedLinks::run(Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept {
+    std::uint64_t next_ns = monotonic_ns();
+    bool polls = false;
+    while (!stop.load(std::memory_order_acquire)) {
+        if (polls) {
+            const Armed armed;
+            for (auto& link : links_) poll(*link);
+        }
+        cycles.count();
+        const std::uint64_t now_ns = monotonic_ns();
+        const bool was_active = active_.load(std::memory_order_relaxed);
+        judge(now_ns);
+        polls = was_active || active_.load(std::memory_order_relaxed);  // once more after the end: the links are given back
+        const std::uint64_t period_ns = polls ? kPollNs : kLookForStopNs;
+        next_ns += period_ns;
+        if (next_ns <= now_ns) next_ns = now_ns + period_ns;  // never a burst to catch up
+        sleep_until(next_ns);
+    }
+}
+
+}  // namespace tactiled

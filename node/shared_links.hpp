@@ -1,0 +1,51 @@
+// One thread that reads several links. A thread for each link is woken for each frame, and with many links these wake-ups
+// cost more than all other work. Above kBeginReads_per_s, links whose driver can be polled are left to one thread, which reads
+// them all each kPollNs; below kEndReads_per_s each link is read by its own thread again.
+#pragma once
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "node/pipeline.hpp"
+#include "node/progress.hpp"
+
+namespace tactiled {
+
+// Reads a burst of frames of the link into its ring and has it delivered. Called by the thread that reads the link.
+// rt: blocks on the link, for at most `timeout_ms`
+[[nodiscard]] Status read_burst(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept;
+
+class SharedLinks {
+public:
+    static constexpr double kBeginReads_per_s = 6000, kEndReads_per_s = 4000;
+    static constexpr std::uint64_t kPollNs = 250'000;
+
+    SharedLinks(std::vector<std::unique_ptr<Link>>& links, SegmentWriter& segment, Pipeline& pipeline)
+        : links_(links), segment_(segment), pipeline_(pipeline) {}
+
+    // The link, which delivered a frame just now, is to be left to the shared thread. rt: wait-free; the link's own thread
+    [[nodiscard]] bool wants(const Link& link) const noexcept {
+        return active_.load(std::memory_order_relaxed) && link.driver->can_poll() && link.read_interval_ns < kFastNs;
+    }
+    // Leaves the link to the shared thread, until that thread gives it back or `stop` is set. False: the device has
+    // disconnected. Called by the link's own thread, which counts its liveness meanwhile. rt: blocks
+    [[nodiscard]] bool share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
+
+    // The shared thread: judges the rate, and reads the links that were left to it, until `stop` is set.
+    void run(Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
+
+private:
+    static constexpr std::uint64_t kFastNs = 5'000'000;  // a link with longer intervals costs few wake-ups
+
+    void judge(std::uint64_t now_ns) noexcept;
+    void poll(Link& link) noexcept;
+
+    std::vector<std::unique_ptr<Link>>& links_;
+    SegmentWriter& segment_;
+    Pipeline& pipeline_;
+    std::atomic<bool> active_{false};
+    std::uint64_t judged_ns_ = 0, reads_ = 0;  // at the last judgement
+};
+
+}  // namespace tactiled

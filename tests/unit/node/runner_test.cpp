@@ -1,0 +1,97 @@
+// One thread at a time does the work of all, and no work is left behind.
+#include "node/runner.hpp"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+#include <vector>
+
+#include "node/wake_word.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+
+TEST(Runner, SetUpIsTheFirstRunner) {
+    Runner<> runner;
+    EXPECT_FALSE(runner.enter());
+    const std::uint32_t seen = runner.announced();
+    EXPECT_TRUE(runner.leave(seen));
+    EXPECT_TRUE(runner.enter());
+}
+
+TEST(Runner, WorkThatIsAnnouncedDuringARoundNeedsAnother) {
+    Runner<> runner;
+    EXPECT_TRUE(runner.leave(runner.announced()));
+    EXPECT_TRUE(runner.enter());
+    const std::uint32_t seen = runner.announced();
+    EXPECT_FALSE(runner.enter());  // another thread
+    EXPECT_FALSE(runner.leave(seen));
+    EXPECT_TRUE(runner.leave(runner.announced()));
+}
+
+TEST(Runner, AfterAResignationTheNextToEnterIsTheRunner) {
+    Runner<> runner;
+    EXPECT_FALSE(runner.enter());
+    runner.resign();
+    EXPECT_TRUE(runner.enter());
+}
+
+// Plain counters stand for the sensors: thread sanitizer sees whether each runner begins after the last one.
+TEST(Runner, NoWorkIsLostAndOnlyOneThreadWorks) {
+    constexpr int kThreads = 4;
+    constexpr std::uint64_t kRounds = 20'000;
+    Runner<> runner;
+    std::atomic<std::uint64_t> made[kThreads] = {};
+    std::uint64_t done[kThreads] = {}, cycles = 0;  // the runner's
+    std::atomic<int> inside{0};
+    std::atomic<bool> overlapped{false}, end{false};
+    WakeWord word;
+    const auto run = [&](int max_cycles) {
+        for (int n = 0; n < max_cycles; ++n) {
+            const std::uint32_t seen = runner.announced();
+            if (inside.fetch_add(1) != 0) overlapped = true;
+            for (int i = 0; i < kThreads; ++i) done[i] = made[i].load(std::memory_order_acquire);
+            ++cycles;
+            inside.fetch_sub(1);
+            if (runner.leave(seen)) return;
+        }
+        runner.resign();
+        word.wake();
+    };
+    ASSERT_TRUE(runner.leave(runner.announced()));
+    std::thread backstop([&] {
+        while (!end) {
+            const std::uint32_t seen = word.value();
+            if (runner.enter()) run(2);
+            (void)word.sleep(seen, monotonic_ns() + 100'000'000);
+        }
+    });
+    std::vector<std::thread> threads;
+    for (int i = 0; i < kThreads; ++i)
+        threads.emplace_back([&, i] {
+            for (std::uint64_t n = 1; n <= kRounds; ++n) {
+                made[i].store(n, std::memory_order_release);
+                if (runner.enter()) run(2);
+            }
+        });
+    for (auto& thread : threads) thread.join();
+    end = true;
+    word.wake();
+    backstop.join();
+    for (const std::uint64_t n : done) EXPECT_EQ(n, kRounds);
+    EXPECT_FALSE(overlapped);
+    EXPECT_LE(cycles, 2 * kThreads * kRounds);
+}
+
+TEST(WakeWord, AWakeBeforeTheSleepIsNotLost) {
+    WakeWord word;
+    const std::uint32_t seen = word.value();
+    word.wake();
+    EXPECT_FALSE(word.sleep(seen, monotonic_ns() + 10'000'000'000u));
+    EXPECT_TRUE(word.sleep(word.value(), monotonic_ns() + 1'000'000u));
+    EXPECT_TRUE(word.sleep(word.value(), 0));  // a time that has passed
+}
+
+}  // namespace
+}  // namespace tactiled

@@ -1,0 +1,228 @@
+// The thread that has a frame delivers it; several links' threads deliver for each other; one thread reads several links.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <thread>
+
+#include "node/shared_links.hpp"
+#include "node/threads.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+// Frames at a rate, numbered from 0, until there are enough; then the device is silent, or disconnects.
+class Paced final : public Driver {
+public:
+    Paced(std::uint64_t period_ns, std::uint32_t total, std::uint32_t burst, bool pollable, bool ends)
+        : period_ns_(period_ns), total_(total), burst_(burst), pollable_(pollable), ends_(ends) {}
+    std::string open() override {
+        next_ns_ = monotonic_ns() + 200 * kMs;  // the set-up is over
+        return "";
+    }
+    Status read(Frame& frame, int timeout_ms) noexcept override {
+        readers_ |= 1u << (timeout_ms == 0);
+        if (left_ == 0) {
+            const std::uint64_t until_ns = monotonic_ns() + std::uint64_t(timeout_ms) * kMs;
+            if (number_ == total_) {
+                if (ends_) return Status::disconnected;
+                sleep_until(until_ns);
+                return Status::timeout;
+            }
+            if (next_ns_ > until_ns || (timeout_ms == 0 && next_ns_ > monotonic_ns())) {
+                if (timeout_ms > 0) sleep_until(until_ns);
+                return Status::timeout;
+            }
+            sleep_until(next_ns_);
+            next_ns_ += period_ns_;
+            left_ = burst_;
+        }
+        --left_;
+        frame = Frame{};
+        frame.t_ns = monotonic_ns();
+        frame.n_channels = 1;
+        frame.channel[0] = number_++;
+        ++counts[TACTILED_LINK_FRAMES];
+        return Status::frame;
+    }
+    void close() noexcept override {}
+    bool has_more() const noexcept override { return left_ != 0; }
+    bool can_poll() const noexcept override { return pollable_; }
+    // Bit 0: the link's own thread has read; bit 1: the shared thread.
+    unsigned readers() const noexcept { return readers_; }
+
+private:
+    std::uint64_t period_ns_, next_ns_ = 0;
+    std::uint32_t total_, burst_, number_ = 0, left_ = 0;
+    bool pollable_, ends_;
+    std::atomic<unsigned> readers_{0};
+};
+
+class Number final : public Decoupler {
+public:
+    Estimate decouple(const Reading& r) noexcept override {
+        Estimate e;
+        e.wrench_S = {r.channel[0], 0, 0, kNaN, kNaN, kNaN};
+        e.quality = TACTILED_GOOD;
+        return e;
+    }
+    std::string_view method() const noexcept override { return "number"; }
+};
+
+class ServeTest : public testing::Test {
+protected:
+    void add_link(std::unique_ptr<Paced> driver) {
+        auto link = std::make_unique<Link>();
+        link->index = unsigned(node_.links.size());
+        link->name = "l" + std::to_string(link->index);
+        paced_.push_back(driver.get());
+        link->driver = std::move(driver);
+        link->bindings.push_back({0, std::uint16_t(link->index)});
+        node_.links.push_back(std::move(link));
+        Sensor::Setup setup;
+        setup.channel_of_frame = {0};
+        setup.frame_channels = 1;
+        setup.stream.stale_ns = 20 * kMs;
+        setup.decoupler = std::make_unique<Number>();
+        node_.sensors.emplace_back(std::move(setup));
+        tactiled_sensor entry{};
+        ("s" + std::to_string(node_.plan.sensors.size())).copy(entry.name, sizeof entry.name - 1);
+        entry.stale_ms = 10'000;
+        node_.plan.sensors.push_back(entry);
+        node_.plan.links.emplace_back();
+    }
+    void start() {
+        node_.plan.name = "serve-test-" + std::to_string(::getpid());
+        node_.plan.history = 16384;
+        node_.config.realtime.priority = 50;
+        node_.config.realtime.cpu = -1;
+        node_.config.realtime.lock_memory = false;
+        node_.config.realtime.period_us = 10'000;
+        segment_ = std::make_unique<SegmentWriter>(node_.plan);
+        pipeline_ = std::make_unique<Pipeline>(node_.links, node_.sensors, *segment_, 0u);
+        pipeline_->start(monotonic_ns());
+        threads_ = std::make_unique<Threads>(node_, *segment_, *pipeline_);
+        threads_->start();
+        segment_->set_state(TACTILED_RUNNING);
+    }
+    void wait_for(std::uint32_t frames, std::size_t link) {
+        const Segment segment = Segment::open(node_.plan.name);
+        const std::uint32_t& count = segment.link(std::uint32_t(link)).count[TACTILED_LINK_FRAMES];
+        for (int i = 0; i < 3000 && __atomic_load_n(&count, __ATOMIC_RELAXED) < frames; ++i) ::usleep(10'000);
+        ::usleep(60'000);
+    }
+    // The values of all GOOD samples of a sensor, in order.
+    std::vector<double> values(std::size_t sensor) {
+        Reader reader(node_.plan.name, "s" + std::to_string(sensor));
+        reader.rewind();
+        std::vector<double> all;
+        tactiled_sample s;
+        while (reader.next(s))
+            if (s.quality == TACTILED_GOOD) all.push_back(s.raw_force_S_N[0]);
+        EXPECT_EQ(reader.lost(), 0u);
+        return all;
+    }
+    void expect_all(std::uint32_t frames) {
+        for (std::size_t link = 0; link < node_.links.size(); ++link) {
+            const std::vector<double> got = values(link);
+            ASSERT_EQ(got.size(), frames) << link;
+            for (std::uint32_t n = 0; n < frames; ++n) ASSERT_EQ(got[n], n) << link;
+            EXPECT_EQ(node_.links[link]->ring_full.load(), 0u) << link;
+        }
+    }
+
+    Node node_;
+    std::vector<Paced*> paced_;
+    
+    std::unique_ptr<SegmentWriter> segment_;
+    std::unique_ptr<Pipeline> pipeline_;
+    std::unique_ptr<Threads> threads_;
+};
+
+TEST_F(ServeTest, FramesOfSeveralLinksAllArriveInOrder) {
+    for (int i = 0; i < 4; ++i) add_link(std::make_unique<Paced>(kMs + 7'000u * unsigned(i), 1000, 1, false, false));
+    start();
+    for (std::size_t i = 0; i < 4; ++i) wait_for(1000, i);
+    threads_.reset();
+    expect_all(1000);
+    for (const Paced* driver : paced_) EXPECT_EQ(driver->readers(), 1u);
+}
+
+TEST_F(ServeTest, ABurstThatIsLongerThanTheRingIsDeliveredByItsOwnThread) {
+    add_link(std::make_unique<Paced>(50 * kMs, 6000, 1500, false, false));
+    start();
+    wait_for(6000, 0);
+    threads_.reset();
+    expect_all(6000);
+}
+
+// 8 x 1.5 kHz are more than one thread for each link should be woken for. The shared thread takes them, and gives them back
+// when they have ended.
+TEST_F(ServeTest, ManyFastLinksAreReadByOneThreadAndNoFrameIsLost) {
+    for (int i = 0; i < 8; ++i) add_link(std::make_unique<Paced>(kMs * 2 / 3, 3000, 1, i != 7, i == 3));
+    start();
+    for (std::size_t i = 0; i < 8; ++i) wait_for(3000, i);
+    for (int i = 0; i < 100 && node_.links[0]->reader != Link::Reader::own; ++i) ::usleep(10'000);
+    for (const auto& link : node_.links) EXPECT_EQ(link->reader.load(), Link::Reader::own);
+    EXPECT_FALSE(node_.links[3]->connected);
+    threads_.reset();
+    expect_all(3000);
+    for (std::size_t i = 0; i < 8; ++i) EXPECT_EQ(paced_[i]->readers(), i == 7 ? 1u : 3u) << i;
+}
+
+TEST_F(ServeTest, ThreadsEndWhileLinksAreShared) {
+    for (int i = 0; i < 8; ++i) add_link(std::make_unique<Paced>(kMs * 2 / 3, 1'000'000, 1, true, false));
+    start();
+    for (int i = 0; i < 500 && node_.links[0]->reader == Link::Reader::own; ++i) ::usleep(10'000);
+    EXPECT_NE(node_.links[0]->reader.load(), Link::Reader::own);
+    const std::uint64_t before_ns = monotonic_ns();
+    threads_.reset();
+    EXPECT_LT(monotonic_ns() - before_ns, 1000 * kMs);
+}
+
+TEST_F(ServeTest, TheNextDeadlineIsTheEarliestTimeLimit) {
+    add_link(std::make_unique<Paced>(kMs, 0, 1, false, false));
+    node_.plan.name = "serve-test-" + std::to_string(::getpid());
+    segment_ = std::make_unique<SegmentWriter>(node_.plan);
+    pipeline_ = std::make_unique<Pipeline>(node_.links, node_.sensors, *segment_, 0u);
+    pipeline_->start(monotonic_ns());
+    node_.links[0]->connected = true;
+    const auto send = [&] {
+        Frame* const slot = node_.links[0]->ring.claim();
+        *slot = Frame{};
+        slot->t_ns = monotonic_ns() - 15 * kMs;  // it arrived when nobody looked: its limit comes before the next record
+        slot->n_channels = 1;
+        node_.links[0]->ring.push();
+        node_.links[0]->ring.commit();
+        return slot->t_ns;
+    };
+    const std::uint64_t first_ns = send();
+    EXPECT_FALSE(pipeline_->serve());  // the set-up is not over
+    EXPECT_FALSE(node_.sensors[0].is_delivering());
+    pipeline_->open();
+    EXPECT_TRUE(node_.sensors[0].is_delivering());
+    EXPECT_EQ(pipeline_->deadline_ns(), first_ns + 20 * kMs + 1);
+    const std::uint64_t second_ns = send();
+    EXPECT_TRUE(pipeline_->serve());
+    EXPECT_EQ(pipeline_->deadline_ns(), second_ns + 20 * kMs + 1);
+    ::usleep(6'000);
+    EXPECT_TRUE(pipeline_->serve());  // the limit is over, so that the next record is the earliest
+    EXPECT_FALSE(node_.sensors[0].is_delivering());
+    EXPECT_GT(pipeline_->deadline_ns(), second_ns + 20 * kMs + 1);
+}
+
+TEST_F(ServeTest, ACommandWakesThePipelinesThread) {
+    add_link(std::make_unique<Paced>(kMs, 0, 1, false, false));
+    start();
+    const std::uint32_t before = pipeline_->wake_word().value();
+    auto& ring = pipeline_->commands[TACTILED_FROM_SOCKET];
+    ring.claim()->kind = Command::Kind::clear_latches;
+    ring.push();
+    ring.commit();
+    EXPECT_NE(pipeline_->wake_word().value(), before);
+}
+
+}  // namespace
+}  // namespace tactiled
