@@ -113,7 +113,7 @@ std::vector<std::string> Threads::start() {
                 run_pipeline(period_ns(node_), *wakes);
             });
         if (node_.links.size() > 1)
-            add("link", std::max(1, wanted.priority - 2), [this, cycles = watched("the thread of several links", link_ns)] {
+            add("links", std::max(1, wanted.priority - 2), [this, cycles = watched("the thread of several links", link_ns)] {
                 shared_.run(*cycles, stop_);
             });
         add("waker", 0, [this] { waker_.run(stop_); });

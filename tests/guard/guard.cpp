@@ -2,6 +2,7 @@
 // rtguard_disarm(): allocations, locks, system calls, page faults. x86-64 Linux >= 5.11. README.md says how and what not.
 #include <dlfcn.h>
 #include <execinfo.h>
+#include <linux/futex.h>
 #include <pthread.h>
 #include <semaphore.h>
 #include <sys/prctl.h>
@@ -134,9 +135,11 @@ bool must_run_in_place(int number) {
 void on_sigsys(int, siginfo_t* info, void* context) {
     auto* registers = static_cast<ucontext_t*>(context)->uc_mcontext.gregs;
     const int number = info->si_syscall;
-    const bool allowed = state.report->reads_device &&
-                         std::find(std::begin(kDeviceCalls), std::end(kDeviceCalls), number) != std::end(kDeviceCalls) &&
-                         (number != SYS_write || registers[REG_RDI] > STDERR_FILENO);  // a log line is no device
+    const bool asks_device = state.report->reads_device &&
+                             std::find(std::begin(kDeviceCalls), std::end(kDeviceCalls), number) != std::end(kDeviceCalls) &&
+                             (number != SYS_write || registers[REG_RDI] > STDERR_FILENO);  // a log line is no device
+    const bool wakes = number == SYS_futex && registers[REG_RSI] == FUTEX_WAKE;  // libc's own have FUTEX_PRIVATE_FLAG
+    const bool allowed = asks_device || wakes;
     const int index = number >= 0 && number < kSyscalls ? number : kSyscalls - 1;
     if (state.counting && allowed) ++state.report->allowed[index];
     if (state.counting && !allowed) ++state.report->forbidden[index];
@@ -223,7 +226,7 @@ void rtguard_thread(const char* name) {
         reinterpret_cast<volatile char*>(state.report)[i] = 0;
     reinterpret_cast<volatile char*>(state.report)[sizeof reports[index] - 1] = 0;
     std::strncpy(state.report->name, name, sizeof state.report->name - 1);
-    state.report->reads_device = std::strcmp(name, "link") == 0;
+    state.report->reads_device = std::strncmp(name, "link", 4) == 0;
 }
 
 void rtguard_arm() {
