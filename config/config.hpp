@@ -77,7 +77,7 @@ struct RtuSettings {
     int baud;
     std::string parity;  // "none", "odd" or "even"
     int address;
-    int silence_us;  // that ends a frame; 0 = 3.5 characters
+    int silence_us;  // between a request and its answer; 0 = 3.5 characters
     bool rs485;      // the kernel's driver switches the direction
 };
 

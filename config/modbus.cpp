@@ -63,7 +63,8 @@ const Fields<RtuSettings>& rtu_fields() {
          "With \"none\" there are two stop bits."},
         {TACTILED_KEY(S, address), 1, range(1, 247), "", Reload::restart, "Address of this server on the line."},
         {TACTILED_KEY(S, silence_us), 0, range(0, 50'000), "us", Reload::restart,
-         "Silence that ends a frame; 0 = 3.5 characters. Set more where a USB adapter delivers a request in pieces."},
+         "Silence between a request and its answer; 0 = 3.5 characters. The pieces of a request may be 1750 us apart, or so "
+         "long: set more where a USB adapter makes larger gaps."},
         {TACTILED_KEY(S, rs485), false, Reload::restart,
          "If true, the driver of the kernel switches the direction (TIOCSRS485). Most USB adapters switch it themselves."},
     };

@@ -13,8 +13,9 @@ namespace tactiled {
 bool Pipeline::replace(Replacement& replacement, int patience_ms) noexcept {
     taken_.store(false, std::memory_order_relaxed);
     replacement_.store(&replacement, std::memory_order_release);  // pairs with the exchange in take_replacement()
+    wake();
     for (int ms = 0; !taken_.load(std::memory_order_acquire); ++ms) {
-        // The offer is withdrawn, unless the loop is working on it at this moment and will finish within microseconds.
+        // The offer is withdrawn, unless the runner is working on it at this moment and will finish within microseconds.
         if (ms >= patience_ms && replacement_.exchange(nullptr, std::memory_order_relaxed) != nullptr) return false;
         sleep_until(monotonic_ns() + 1'000'000u);
     }

@@ -1,9 +1,13 @@
-// A daemon that reads pseudo-terminals, for the benchmarks of the path from the wire to shared memory.
+// A daemon that reads pseudo-terminals or connections, for the benchmarks of the path from the wire to shared memory.
 #pragma once
+#include <arpa/inet.h>
 #include <fmt/format.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <sched.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 
 #include <algorithm>
@@ -42,19 +46,82 @@ inline void print_quantiles(const char* what, std::vector<double>& us) {
                at(0.99), at(0.999), us.back(), late, us.size());
 }
 
+// What a device writes into, and its reader reads from. TCP over loopback is delivered in the writer's own system call; a pty
+// needs a thread of the kernel in between.
+class Wire {
+public:
+    virtual ~Wire() = default;
+    virtual int write_end() = 0;
+    virtual int read_end() = 0;         // for a reader in this process
+    virtual std::string keys() const = 0;  // of the [[link]]
+};
+
+class PtyWire final : public Wire {
+public:
+    explicit PtyWire(const std::string& path) : path_(path), pty_(path) {}
+    int write_end() override { return pty_.master(); }
+    int read_end() override { return pty_.slave(); }
+    std::string keys() const override { return fmt::format("driver = \"uart\"\ndevice = \"{}\"\nbaud = 921600\n", path_); }
+
+private:
+    std::string path_;
+    Pty pty_;
+};
+
+class TcpWire final : public Wire {
+public:
+    TcpWire() {
+        listener_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        address_.sin_family = AF_INET;
+        address_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+        socklen_t size = sizeof address_;
+        if (::bind(listener_, reinterpret_cast<sockaddr*>(&address_), size) != 0 || ::listen(listener_, 1) != 0 ||
+            ::getsockname(listener_, reinterpret_cast<sockaddr*>(&address_), &size) != 0)
+            std::abort();
+    }
+    ~TcpWire() override {
+        for (const int fd : {listener_, accepted_, connected_})
+            if (fd >= 0) ::close(fd);
+    }
+    int write_end() override {
+        if (accepted_ >= 0) return accepted_;
+        accepted_ = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+        const int on = 1;
+        ::setsockopt(accepted_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+        return accepted_;
+    }
+    int read_end() override {
+        if (connected_ >= 0) return connected_;
+        connected_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        if (::connect(connected_, reinterpret_cast<sockaddr*>(&address_), sizeof address_) != 0) std::abort();
+        return connected_;
+    }
+    std::string keys() const override {
+        return fmt::format("driver = \"tcp\"\naddress = \"127.0.0.1:{}\"\n", ntohs(address_.sin_port));
+    }
+
+private:
+    sockaddr_in address_{};
+    int listener_ = -1, accepted_ = -1, connected_ = -1;
+};
+
 class BenchDaemon {
 public:
     // Starts the daemon beside this program, or of `TACTILED_BIN`, with one sensor "s0", "s1", ... for each link.
-    // `link_keys`: the keys of each link after `device`; `more`: the rest of the configuration.
-    BenchDaemon(int links, const std::string& link_keys, const std::string& more) : name_(fmt::format("bench-{}", ::getpid())) {
+    // `link_keys`: the keys of each link for its format; `more`: the rest of the configuration.
+    BenchDaemon(int links, bool over_tcp, const std::string& link_keys, const std::string& more)
+        : name_(fmt::format("bench-{}", ::getpid())) {
         char folder[] = "/tmp/tactiled-bench-XXXXXX";
         if (::mkdtemp(folder) == nullptr) std::abort();
         folder_ = folder;
         write_fed_config(folder_, name_, "", 100);
         std::string text = fmt::format("[node]\nname = \"{}\"\ncontrol = \"{}/control.sock\"\n\n{}\n", name_, folder_, more);
         for (int i = 0; i < links; ++i) {
-            devices_.push_back(std::make_unique<Pty>(fmt::format("{}/dev{}", folder_, i)));
-            text += fmt::format("[[link]]\nname = \"l{0}\"\ndriver = \"uart\"\ndevice = \"{1}/dev{0}\"\n{2}\n", i, folder_, link_keys);
+            if (over_tcp)
+                devices_.push_back(std::make_unique<TcpWire>());
+            else
+                devices_.push_back(std::make_unique<PtyWire>(fmt::format("{}/dev{}", folder_, i)));
+            text += fmt::format("[[link]]\nname = \"l{}\"\n{}{}\n", i, devices_.back()->keys(), link_keys);
             text += fmt::format("[[sensor]]\nname = \"s{0}\"\nlink = \"l{0}\"\nmodel = \"generic\"\ncalibration = \"fed.toml\"\n", i);
         }
         text += "[modbus]\nlisten = \"\"\n";
@@ -88,7 +155,7 @@ public:
 
     const std::string& name() const { return name_; }
     Reader& reader(int link) { return *readers_[std::size_t(link)]; }
-    const Pty& device(int link) const { return *devices_[std::size_t(link)]; }
+    Wire& device(int link) { return *devices_[std::size_t(link)]; }
     double cpu_s() const {
         timespec t{};
         ::clock_gettime(cpu_, &t);
@@ -97,7 +164,7 @@ public:
 
 private:
     std::string name_, folder_;
-    std::vector<std::unique_ptr<Pty>> devices_;
+    std::vector<std::unique_ptr<Wire>> devices_;
     std::vector<std::unique_ptr<Reader>> readers_;
     pid_t pid_ = 0;
     clockid_t cpu_ = 0;

@@ -1,13 +1,14 @@
 // Sensors through the whole daemon: 8 channels of 24 bits a frame, over ptys.
 //   * losses: every frame written is seen, once, in order
 //   * torn reads: a reader polls flat out; each sample must be exactly what its frame carried
-//   * latency: from before write() until the reader sees the sample, beside a bare pty in the same run: the same bytes go
-//     through a pty of their own to a thread that blocks in read().
+//   * latency: from before write() until the reader sees the sample, beside a bare wire in the same run: the same bytes go
+//     through a pty or connection of their own to a thread that blocks in read().
 //   * CPU time of the daemon, while its devices are silent and while they send
 //
-//   latency_bench [--seconds 10] [--rate 1000] [--links 1] [--sleepers 0] [--period-us N] [--idle 0]
+//   latency_bench [--seconds 10] [--rate 1000] [--links 1] [--sleepers 0] [--period-us N] [--idle 0] [--tcp 0] [--rt-reader 0]
 //
-// --sleepers: so many readers sleep until each record, on the last CPU; --idle: seconds of silence before the frames.
+// --sleepers: so many readers sleep until each record, on the last CPU; --idle: seconds of silence before the frames; --tcp 1:
+// connections in place of ptys; --rt-reader 1: the reader that polls has SCHED_FIFO 60 on CPU 0.
 // TACTILED_BIN=FOLDER measures another build's daemon with the same frames. A real UART (its FIFO, interrupts, USB's frames)
 // is not shown.
 #include <atomic>
@@ -22,14 +23,15 @@ using namespace tactiled;
 using namespace tactiled::testing;
 
 struct Arguments {
-    double seconds = 10, rate = 1000, links = 1, sleepers = 0, period_us = 0, idle = 0;
+    double seconds = 10, rate = 1000, links = 1, sleepers = 0, period_us = 0, idle = 0, tcp = 0, rt_reader = 0;
 };
 
 Arguments arguments_of(int argc, char** argv) {
     Arguments o;
     const std::pair<const char*, double*> known[] = {{"--seconds", &o.seconds},   {"--rate", &o.rate},
                                                      {"--links", &o.links},       {"--sleepers", &o.sleepers},
-                                                     {"--period-us", &o.period_us}, {"--idle", &o.idle}};
+                                                     {"--period-us", &o.period_us}, {"--idle", &o.idle},
+                                                     {"--tcp", &o.tcp},           {"--rt-reader", &o.rt_reader}};
     for (int i = 1; i + 1 < argc; i += 2)
         for (const auto& [name, value] : known)
             if (std::strcmp(argv[i], name) == 0) *value = std::atof(argv[i + 1]);
@@ -96,7 +98,7 @@ private:
 int main(int argc, char** argv) {
     const Arguments o = arguments_of(argc, argv);
     const int links = int(o.links);
-    BenchDaemon daemon(links, "baud = 921600\nformat = \"cobs\"",
+    BenchDaemon daemon(links, o.tcp != 0, "format = \"cobs\"\n",
                        o.period_us > 0 ? fmt::format("[realtime]\nperiod_us = {}\n", int(o.period_us)) : "");
     if (o.idle > 0) {
         const double before_s = daemon.cpu_s();
@@ -105,7 +107,10 @@ int main(int argc, char** argv) {
     }
 
     const auto total = std::uint64_t(o.seconds * o.rate);
-    const Pty bare("");
+    std::unique_ptr<Wire> bare = std::make_unique<PtyWire>("");
+    if (o.tcp != 0) bare = std::make_unique<TcpWire>();
+    const int bare_in = bare->read_end(), bare_out = bare->write_end();
+    for (int i = 0; i < links; ++i) daemon.device(i).write_end();
     Course bare_course(total);
     std::vector<std::unique_ptr<Course>> courses;
     for (int i = 0; i < links; ++i) courses.push_back(std::make_unique<Course>(total));
@@ -122,7 +127,7 @@ int main(int argc, char** argv) {
         be_realtime(78);
         std::array<std::uint8_t, 512> bytes;
         for (std::uint64_t frames = 0; frames < total && !done;) {
-            const ssize_t size = ::read(bare.slave(), bytes.data(), bytes.size());
+            const ssize_t size = ::read(bare_in, bytes.data(), bytes.size());
             const std::uint64_t now = monotonic_ns();
             for (ssize_t i = 0; i < size; ++i)
                 if (bytes[std::size_t(i)] == 0 && frames < total)
@@ -136,26 +141,33 @@ int main(int argc, char** argv) {
         std::array<std::uint8_t, kCobsMaxEncoded> bytes;
         const double before_s = daemon.cpu_s();
         const std::uint64_t begin_ns = monotonic_ns() + 10'000'000, period_ns = std::uint64_t(1e9 / o.rate);
-        const auto send = [&](const Pty& pty, Course& course, std::uint64_t n, std::uint64_t at_ns) {
+        const auto send = [&](int wire, Course& course, std::uint64_t n, std::uint64_t at_ns) {
             const std::size_t size = encode_fed(std::uint32_t(n), bytes);
             sleep_till(at_ns);
             course.written[n].store(monotonic_ns());
-            if (::write(pty.master(), bytes.data(), size) != ssize_t(size)) ++refused;
+            if (::write(wire, bytes.data(), size) != ssize_t(size)) ++refused;
         };
         for (std::uint64_t n = 0; n < total; ++n)
-            for (int i = 0; i <= links; ++i) {  // evenly over the period, the bare pty last, and all phases of a grid alike
+            for (int i = 0; i <= links; ++i) {  // evenly over the period, the bare wire last, and all phases of a grid alike
                 const std::uint64_t at_ns = begin_ns + n * period_ns + std::uint64_t(i) * period_ns / std::uint64_t(links + 1) +
                                             n * 7919 % 100 * period_ns / std::uint64_t(links + 1) / 200;
                 if (i < links)
-                    send(daemon.device(i), *courses[std::size_t(i)], n, at_ns);
+                    send(daemon.device(i).write_end(), *courses[std::size_t(i)], n, at_ns);
                 else
-                    send(bare, bare_course, n, at_ns);
+                    send(bare_out, bare_course, n, at_ns);
             }
         cpu_s = daemon.cpu_s() - before_s;
         ::usleep(200'000);
         done = true;
     });
 
+    if (o.rt_reader != 0) {
+        cpu_set_t first;
+        CPU_ZERO(&first);
+        CPU_SET(0, &first);
+        ::sched_setaffinity(0, sizeof first, &first);
+        be_realtime(60);
+    }
     std::uint64_t polls = 0;
     tactiled_sample s{}, newest{};
     while (!done) {
@@ -166,7 +178,7 @@ int main(int argc, char** argv) {
             while (daemon.reader(i).next(s)) seen.add(*courses[std::size_t(i)], s, monotonic_ns());
     }
     feeder.join();
-    if (::write(bare.master(), "", 1) != 1) return 1;  // ends a read() that still waits
+    if (::write(bare_out, "", 1) != 1) return 1;  // ends a read() that still waits
     echo.join();
     std::uint64_t frames = 0, lost = 0, bad = 0, full = 0, reader_lost = 0;
     for (int i = 0; i < links; ++i) {
@@ -180,12 +192,12 @@ int main(int argc, char** argv) {
     tactiled_node record{};
     daemon.reader(0).segment().latest_node(record);
     const std::uint64_t expected = total * std::uint64_t(links), missing = expected - seen.latency_us.size();
-    fmt::print("{} links at {} Hz: frames written {}, seen {}, refused by a pty {}, out of order {}, not GOOD {}\n", links, o.rate,
+    fmt::print("{} links at {} Hz: frames written {}, seen {}, refused by a wire {}, out of order {}, not GOOD {}\n", links, o.rate,
                expected, seen.latency_us.size(), refused.load(), seen.out_of_order, seen.not_good);
     fmt::print("links: frames {}, lost {}, damaged {}, ring full {}; reader lost {}\n", frames, lost, bad, full, reader_lost);
     fmt::print("polls {}, torn or wrong reads {}; cycles {}, missed periods {}, worst cycle of the last second {} us\n", polls,
                seen.wrong, record.cycles, record.missed_cycles, record.worst_cycle_us);
-    print_quantiles("bare pty: write() to blocking read()", bare_us);
+    print_quantiles("bare wire: write() to blocking read()", bare_us);
     print_quantiles("tactiled: write() to seen", seen.latency_us);
     print_quantiles("tactiled: write() to published", seen.published_us);
     fmt::print("daemon, devices sending: {:.1f} % of one CPU\n", 100 * cpu_s / o.seconds);

@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
     for (int i = 1; i + 1 < argc; i += 2)
         for (const auto& [name, value] : {std::pair{"--frames", &frames}, {"--rate", &rate}})
             if (std::strcmp(argv[i], name) == 0) *value = std::atof(argv[i + 1]);
-    BenchDaemon daemon(1, "format = \"lines\"\nchannels = 8", "");
+    BenchDaemon daemon(1, false, "format = \"lines\"\nchannels = 8", "");
     const Pty bare("");
     std::atomic<std::uint64_t> read_ns{0};
     std::thread blocked([&] {
@@ -33,7 +33,7 @@ int main(int argc, char** argv) {
         const std::string line = fmt::format("{},2,3,4,5,6,7,8\n", n + 1);
         sleep_till(begin_ns + n * period_ns);
         std::uint64_t wrote_ns = monotonic_ns();
-        if (::write(daemon.device(0).master(), line.data(), line.size()) < 0) return 1;
+        if (::write(daemon.device(0).write_end(), line.data(), line.size()) < 0) return 1;
         std::uint64_t now_ns = wrote_ns;
         bool is_seen = false;
         while (!is_seen && now_ns < wrote_ns + period_ns / 2) {

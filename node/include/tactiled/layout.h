@@ -233,12 +233,12 @@ struct tactiled_node {
     TACTILED_ALIGN(8) uint64_t sequence;      /* counts published frames from 0 */
     TACTILED_ALIGN(8) uint64_t t_ns;          /* CLOCK_MONOTONIC of publishing */
     TACTILED_ALIGN(8) uint64_t cycles;        /* turns of the pipeline loop */
-    TACTILED_ALIGN(8) uint64_t missed_cycles; /* periods that the loop slept through */
+    TACTILED_ALIGN(8) uint64_t missed_cycles; /* periods that the pipeline's thread slept through */
     uint32_t heartbeat;                       /* + 1 each 100 ms while the loop runs and at least one sensor delivers */
     uint32_t status;                          /* enum tactiled_status */
     uint32_t fault;                           /* enum tactiled_fault, latched */
     uint32_t warning;                         /* enum tactiled_warning */
-    uint32_t worst_cycle_us;                  /* longest turn of the last second */
+    uint32_t worst_cycle_us;                  /* longest cycle of the last second */
     struct tactiled_command command[TACTILED_COMMANDERS];
     TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* samples of each sensor so far: newest is count - 1 */
     struct tactiled_grasp grasp;                            /* since 1.1; reads as 0 where an older daemon writes */
