@@ -89,6 +89,7 @@ struct Options::Node {
     std::uint32_t line = 1;
     std::string label;  // `sensor "left"`, "[node]"; "" is the root
     std::vector<std::string> asked{};
+    bool accepts_other_keys = false;
     std::map<std::string, std::vector<std::shared_ptr<Node>>, std::less<>> children{};
 
     [[nodiscard]] const toml::node* peek(std::string_view key) const { return table ? table->get(key) : nullptr; }
@@ -385,11 +386,13 @@ std::string Options::where(std::string_view key) const {
 
 const std::string& Options::file() const { return node_->document->file; }
 
+void Options::accept_other_keys() { node_->accepts_other_keys = true; }
+
 void Options::finish() { node_->finish(); }
 
 void Options::Node::finish() const {
     std::vector<std::pair<std::uint32_t, std::string>> unknown;
-    if (table)
+    if (table && !accepts_other_keys)
         for (const auto& [key, value] : *table)
             if (std::find(asked.begin(), asked.end(), key.str()) == asked.end())
                 unknown.emplace_back(key.source().begin.line, key.str());

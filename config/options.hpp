@@ -97,6 +97,9 @@ public:
     [[nodiscard]] std::string where(std::string_view key) const;  // "file:line"
     [[nodiscard]] const std::string& file() const;
 
+    // The other keys of this table depend on a value that is wrong, so that finish() cannot tell which of them are.
+    void accept_other_keys();
+
     // Adds an error for each key that was not asked for, with the nearest of those that were. Call when all is read.
     // Tables handed out by table() and tables() are checked too.
     void finish();

@@ -119,7 +119,7 @@ private:
             options.problem("device", fmt::format("device = {} is another chip's of this link", device));
         const std::string name = options.one_of("chip", Chips::names());
         const ChipEntry* const entry = Chips::find(name);
-        if (entry == nullptr) return;  // reported
+        if (entry == nullptr) return options.accept_other_keys();  // reported
         Place place;
         place.address = std::uint8_t(
             options.integer("address", {double(entry->min_address), double(entry->max_address)}, entry->min_address));

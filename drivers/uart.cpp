@@ -42,6 +42,8 @@ public:
         const std::string name = options.one_of("format", StreamFormats::names(exists_here));
         if (const StreamFormat* const format = StreamFormats::find(name, exists_here))
             decoder_ = format->make(options, counts);
+        else
+            options.accept_other_keys();
     }
     ~Stream() override { close(); }
 

@@ -28,11 +28,12 @@ constexpr int kFrozenAfter = 100;  // readings, where the driver knows that nois
 void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
     put(directory.name, settings.name);
     put(directory.driver, settings.driver);
-    if (settings.driver.empty()) return;  // reported already
+    if (settings.driver.empty()) return settings.options.accept_other_keys();  // the fault is reported already
     const DriverEntry* const entry = Drivers::find(settings.driver);
     if (entry == nullptr) {
         settings.options.problem("driver", fmt::format("driver = {} {}", in_quotes(settings.driver),
                                                        is_unknown(settings.driver, Drivers::names())));
+        settings.options.accept_other_keys();
         return;
     }
     const bool simulated = settings.simulated.value_or(!entry->measures);

@@ -70,7 +70,7 @@ void add_tare(CLI::App& app, Run& run) {
     add_node_option(verb, args->node);
     verb->add_flag("--remove", args->remove, "back to the calibration's zero");
     verb->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's word")
-        ->check(CLI::Range(0.1, 60.0))
+        ->check(number_in(0.1, 60.0))
         ->capture_default_str();
     verb->callback([args, &run] { run = [args] { return tare(*args); }; });
 }

@@ -183,7 +183,7 @@ void add_teach(CLI::App& app, Run& run) {
     add_node_option(verb, args->node);
     verb->add_option("--count", args->count, "grasps to learn from")->check(CLI::Range(1, 1000))->capture_default_str();
     verb->add_option("--timeout", args->timeout_s, "seconds without a new stable weight before giving up")
-        ->check(CLI::Range(0.1, 86400.0))
+        ->check(number_in(0.1, 86400.0))
         ->capture_default_str();
     verb->add_flag("--json", args->json, "one JSON object");
     verb->callback([args, &run] { run = [args] { return run_teach(*args); }; });

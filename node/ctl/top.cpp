@@ -116,7 +116,7 @@ void add_top(CLI::App& app, Run& run) {
     verb->add_flag("--json", args->json, "one JSON object a line");
     verb->add_option("--count", args->count, "end after so many")->check(CLI::PositiveNumber);
     verb->add_option("--interval", args->interval_s, "seconds between two")
-        ->check(CLI::Range(0.01, 3600.0))
+        ->check(number_in(0.01, 3600.0))
         ->capture_default_str();
     verb->callback([args, &run] { run = [args] { return top(*args); }; });
 }

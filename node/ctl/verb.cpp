@@ -27,6 +27,17 @@ CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& he
     return app.add_subcommand(name, help);
 }
 
+CLI::Validator number_in(double min, double max) {
+    const std::string range = fmt::format("[{} - {}]", min, max);
+    return CLI::Validator(
+        [=](const std::string& text) {
+            double value = 0;
+            const bool is_inside = CLI::detail::lexical_cast(text, value) && value >= min && value <= max;
+            return is_inside ? std::string() : fmt::format("{} is not a number in {}", text, range);
+        },
+        "FLOAT in " + range);
+}
+
 void add_node_option(CLI::App* verb, std::string& node_name) {
     verb->add_option("--node", node_name, "name of the daemon, as [node] name says")->capture_default_str();
 }

@@ -10,6 +10,7 @@
 
 namespace CLI {
 class App;
+class Validator;
 }
 
 namespace tactiled::ctl {
@@ -46,6 +47,9 @@ int run_verb(int argc, char** argv, std::span<const AddVerb> verbs);
 
 // add_subcommand(), compiled once, in verb.cpp: with it comes most of CLI11.
 CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help);
+
+// A number from `min` to `max`. CLI::Range accepts nan.
+CLI::Validator number_in(double min, double max);
 
 // Adds --node NAME, the daemon to talk to.
 void add_node_option(CLI::App* verb, std::string& node_name);

@@ -52,7 +52,7 @@ void add_weigh(CLI::App& app, Run& run) {
         auto* sub = add_verb(*verb, name, help);
         add_node_option(sub, args->node);
         sub->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's word")
-            ->check(CLI::Range(0.1, 60.0))
+            ->check(number_in(0.1, 60.0))
             ->capture_default_str();
         sub->callback([args, name, &run] { run = [args, name] { return weigh(*args, name); }; });
         return sub;
@@ -66,7 +66,7 @@ void add_weigh(CLI::App& app, Run& run) {
         "before its lift: sets the scale")
         ->add_option("mass", args->mass_kg, "its mass in kg")
         ->required()
-        ->check(CLI::Range(1e-6, 1000.0));
+        ->check(number_in(1e-6, 1000.0));
 }
 
 }  // namespace tactiled::ctl

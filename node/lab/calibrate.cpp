@@ -149,7 +149,7 @@ void add_calibrate(CLI::App& app, Run& run) {
     verb->add_option("--set", settings->set, "a parameter that is known: NAME=NUMBER, e.g. area_m2=3e-5")->take_all();
     verb->add_option("--forget", settings->forget,
                      "method matrix of model generic: row i of N counts this to the power N - i; 0.999: the last 1000 rows")
-        ->check(CLI::Range(0.5, 1.0));
+        ->check(number_in(0.5, 1.0));
     for (const FitEntry* entry : all_fits())
         if (entry->option.name != nullptr)
             verb->add_option(fmt::format("--{}", entry->option.name), settings->start[entry->option.name],

@@ -21,8 +21,11 @@ int main(int argc, char** argv) {
     const Pty bare("");
     std::atomic<std::uint64_t> read_ns{0};
     std::thread blocked([&] {
-        char bytes[256];
-        while (::read(bare.slave(), bytes, sizeof bytes) > 0 && bytes[0] != 'q') read_ns.store(monotonic_ns());
+        char bytes[256] = {};
+        for (ssize_t size = 1; size > 0 && bytes[size - 1] != 'q';) {
+            size = ::read(bare.slave(), bytes, sizeof bytes);
+            read_ns.store(monotonic_ns());
+        }
     });
     std::vector<double> seen_us, bare_us;
     std::uint64_t unseen = 0;

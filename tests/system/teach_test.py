@@ -137,6 +137,7 @@ class Teach(unittest.TestCase):
         self.assertEqual(self.daemon.ctl("weigh", "start").returncode, 1)  # nothing is held
         self.hold(0.2)
         self.assertEqual(self.daemon.ctl("weigh", "known", "0.21").returncode, 0)
+        self.assertEqual(self.daemon.ctl("weigh", "known", "nan").returncode, 2)
         wait_for(lambda: abs(self.node.grasp.weight_kg - 0.21) < 0.001, 2, "the scale")
         self.assertTrue(self.node.grasp.scale_shown)
         self.assertEqual(self.daemon.ctl("weigh", "forget").returncode, 0)

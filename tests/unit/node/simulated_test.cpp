@@ -90,11 +90,17 @@ TEST_F(Simulated, AWrongValueIsOneError) {
 }
 
 TEST_F(Simulated, AMisspeltDriverIsAnErrorThatListsAll) {
-    (void)load("driver = 'uert'\n");
+    (void)load("driver = 'uert'\nbaud = 9600\n");  // baud may be a key of the driver that is meant
     ASSERT_EQ(lines_.size(), 1u);
     EXPECT_EQ(lines_[0],
               "t.toml:5: link \"usb0\": driver = \"uert\" is unknown; did you mean \"uart\"? known: \"can\", \"i2c\", "
               "\"modbus\", \"ramp\", \"replay\", \"sim\", \"tcp\", \"toy\", \"uart\"");
+}
+
+TEST_F(Simulated, AMisspeltFormatIsTheOnlyError) {
+    (void)load("driver = 'uart'\ndevice = '/dev/ttyUSB0'\nformat = 'lnes'\nchannels = 3\n");
+    ASSERT_EQ(lines_.size(), 1u);
+    EXPECT_NE(lines_[0].find("format = \"lnes\" is unknown; did you mean \"lines\"?"), std::string::npos) << lines_[0];
 }
 
 }  // namespace
