@@ -109,7 +109,7 @@ std::vector<std::string> Threads::start() {
                     run_link(link, *cycles);
                 });
         add("pipeline", wanted.priority,
-            [this, wakes = watched("the pipeline's thread", kPipelineNs + 2 * period_ns(node_))] {
+            [this, wakes = watched("the pipeline", kPipelineNs + 2 * period_ns(node_))] {
                 run_pipeline(period_ns(node_), *wakes);
             });
         if (node_.links.size() > 1)
