@@ -9,15 +9,14 @@ constexpr std::uint64_t kJudgeNs = 100'000'000;
 constexpr std::uint64_t kLookForStopNs = 50'000'000;
 }  // namespace
 
-Status read_burst(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept {
+Status read_link(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept {
     if (link.ring.claim() == nullptr) pipeline.serve();  // full: a burst that is longer than the ring
-    Status status = acquire(link, segment, timeout_ms);
+    const Status status = acquire(link, segment, timeout_ms);
     if (status != Status::frame || link.driver->has_more()) return status;
     const std::uint64_t now_ns = monotonic_ns();
     link.read_interval_ns = now_ns - link.read_ns;
     link.read_ns = now_ns;
     link.reads.store(link.reads.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
-    pipeline.serve();
     return status;
 }
 
@@ -36,16 +35,18 @@ bool SharedLinks::share(Link& link, Progress::Liveness& cycles, const std::atomi
     }
 }
 
-void SharedLinks::poll(Link& link) noexcept {
+// True if the link has new frames.
+bool SharedLinks::poll(Link& link) noexcept {
     Link::Reader expected = Link::Reader::shared;
-    if (!link.reader.compare_exchange_strong(expected, Link::Reader::busy, std::memory_order_acquire)) return;
+    if (!link.reader.compare_exchange_strong(expected, Link::Reader::busy, std::memory_order_acquire)) return false;
     Status status;
-    do status = read_burst(link, segment_, pipeline_, 0);
+    do status = read_link(link, segment_, pipeline_, 0);
     while (status == Status::frame && link.driver->has_more());
     link.is_present = status != Status::disconnected;
     const bool keep = link.is_present && active_.load(std::memory_order_relaxed);
     link.reader.store(keep ? Link::Reader::shared : Link::Reader::own, std::memory_order_release);  // pairs with share()
     if (!keep) link.returned.wake();
+    return status == Status::frame;
 }
 
 void SharedLinks::judge(std::uint64_t now_ns) noexcept {
@@ -66,7 +67,9 @@ void SharedLinks::run(Progress::Liveness& cycles, const std::atomic<bool>& stop)
     while (!stop.load(std::memory_order_acquire)) {
         if (polls) {
             const Armed armed;
-            for (auto& link : links_) poll(*link);
+            bool any = false;
+            for (auto& link : links_) any |= poll(*link);
+            if (any) pipeline_.serve();  // one cycle for all
         }
         cycles.count();
         const std::uint64_t now_ns = monotonic_ns();

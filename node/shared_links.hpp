@@ -12,9 +12,9 @@
 
 namespace tactiled {
 
-// Reads a burst of frames of the link into its ring and has it delivered. Called by the thread that reads the link.
-// rt: blocks on the link, for at most `timeout_ms`
-[[nodiscard]] Status read_burst(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept;
+// Reads at most one frame of the link into its ring. Status::frame, and the driver has no more: a burst is complete, and
+// serve() is to be called. Called by the thread that reads the link. rt: blocks on the link, for at most `timeout_ms`
+[[nodiscard]] Status read_link(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept;
 
 class SharedLinks {
 public:
@@ -39,7 +39,7 @@ private:
     static constexpr std::uint64_t kFastNs = 5'000'000;  // a link with longer intervals costs few wake-ups
 
     void judge(std::uint64_t now_ns) noexcept;
-    void poll(Link& link) noexcept;
+    [[nodiscard]] bool poll(Link& link) noexcept;
 
     std::vector<std::unique_ptr<Link>>& links_;
     SegmentWriter& segment_;

@@ -168,7 +168,8 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         while (present && !stop_.load(std::memory_order_acquire)) {
             {
                 const Armed armed;
-                const Status status = read_burst(link, segment_, pipeline_, kReadTimeoutMs);
+                const Status status = read_link(link, segment_, pipeline_, kReadTimeoutMs);
+                if (status == Status::frame && !link.driver->has_more()) pipeline_.serve();
                 present = status != Status::disconnected;
             }
             if (present && shared_.wants(link)) present = shared_.share(link, cycles, stop_);
