@@ -361,7 +361,8 @@ enum tactiled_state {
  * that dies leaves nothing behind; damage to the page can only cause a wake too many or, until a reader's own time limit,
  * too few. */
 struct tactiled_wake {
-    uint32_t wanted_until; /* wake while fewer node records than this were published (modulo 2^32) */
+    uint32_t wanted_until;  /* wake while fewer node records than this were published (modulo 2^32) */
+    uint32_t ordered_until; /* the daemon has seen a request up to this: other readers may rely on it */
 };
 #define TACTILED_WAKE_RECORDS 256 /* distance by which a reader asks ahead; it asks again at half of that */
 
@@ -499,6 +500,8 @@ static inline int tactiled_ring_next(const void* segment, const struct tactiled_
         }
         if (lock != whole && (int32_t)(lock - whole) < 0) return 0; /* not written yet */
         tactiled_ring_seek(segment, ring, cursor, 1);               /* lapped */
+        /* A processor may show the new slot before the new head; the cursor never goes back. */
+        if ((int32_t)(cursor->next - number) < 0) cursor->next = number;
         cursor->lost += cursor->next - number;
     }
     return 0;

@@ -510,13 +510,18 @@ struct tactiled_futex_limit {
 static inline void tactiled_sleep_on_node(const struct tactiled_segment* segment, uint32_t* wake, uint32_t seen,
                                           uint64_t now_ns, uint64_t until_ns) {
     const uint32_t* head = (const uint32_t*)(const void*)(segment->base + tactiled_header_of(segment)->node.head_offset);
-    const uint32_t ahead = __atomic_load_n(wake, __ATOMIC_RELAXED) - seen;
+    struct tactiled_wake* page = (struct tactiled_wake*)(void*)wake;
+    const uint32_t wanted = __atomic_load_n(&page->wanted_until, __ATOMIC_RELAXED) - seen;
+    const uint32_t ordered = __atomic_load_n(&page->ordered_until, __ATOMIC_RELAXED) - seen;
     struct tactiled_futex_limit limit;
-    if (ahead < TACTILED_WAKE_RECORDS / 2 || ahead > TACTILED_WAKE_RECORDS) { /* over soon, or what the daemon ignores */
-        __atomic_store_n(wake, seen + TACTILED_WAKE_RECORDS, __ATOMIC_RELAXED);
-        /* The wish before the look at the head, also as the daemon sees it, which pays no fence. Where the kernel refuses,
-         * one wake may be missed: the next record's comes. */
+    /* Over soon, or what the daemon ignores, or a request of another reader that the daemon may not see yet. */
+    if (wanted < TACTILED_WAKE_RECORDS / 2 || wanted > TACTILED_WAKE_RECORDS || ordered < TACTILED_WAKE_RECORDS / 2 ||
+        ordered > TACTILED_WAKE_RECORDS) {
+        __atomic_store_n(&page->wanted_until, seen + TACTILED_WAKE_RECORDS, __ATOMIC_RELAXED);
+        /* The request before the look at the head, also as the daemon sees it, which executes no fence. If the kernel
+         * refuses, one wake may be missed: the next record's comes. */
         syscall(SYS_membarrier, MEMBARRIER_CMD_GLOBAL_EXPEDITED, 0, 0);
+        __atomic_store_n(&page->ordered_until, seen + TACTILED_WAKE_RECORDS, __ATOMIC_RELAXED);
     }
     limit.s = (tactiled_futex_word)((until_ns - now_ns) / 1000000000u);
     limit.ns = (tactiled_futex_word)((until_ns - now_ns) % 1000000000u);
