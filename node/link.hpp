@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "drivers/driver.hpp"
+#include "node/lending.hpp"
 #include "node/ring.hpp"
-#include "node/wake_word.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -62,16 +62,13 @@ struct Link {
     std::atomic<bool> connected{false};
     std::atomic<std::uint32_t> ring_full{0};  // frames that the ring refused since the start
 
-    // Who reads the driver: the link's own thread, or the thread that reads several links (shared_links.hpp), which is busy
-    // during the read. Written by the one, then by the other, as share() and poll() say.
-    enum class Reader { own, shared, busy };
-    std::atomic<Reader> reader{Reader::own};
-    WakeWord returned;       // wakes the own thread
-    bool is_present = true;  // of the reader that gives the link back
+    // The driver is read by the link's own thread, or lent to the thread that reads several links (shared_links.hpp).
+    Lending lending;
+    bool is_present = true;               // of the reader that gives the link back
     std::atomic<std::uint64_t> reads{0};  // bursts; written by the reader
 
     // Used by the reader only.
-    std::uint64_t read_ns = 0, read_interval_ns = UINT64_MAX;  // the end of the last burst, and the time between the last two
+    std::uint64_t read_ns = 0, read_interval_ns = UINT64_MAX;  // end of the last burst, and time between the last two
     RefusedFrames refused;
     Frame spare;  // receives the frame that the ring refuses
 

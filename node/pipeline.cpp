@@ -71,18 +71,15 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept { record_.publish(now
 // ---- the loop ----------------------------------------------------------------------------------------------------------
 
 void Pipeline::run() noexcept {
-    for (int n = 0; n < kMaxCycles; ++n) {
-        const std::uint32_t seen = runner_.announced();
+    const bool done = runner_.run(kMaxCycles, [this] {
         const std::uint64_t now_ns = monotonic_ns();
         const bool published = cycle(now_ns);
         if (published && readers_ != nullptr) readers_->published();
         record_.account(monotonic_ns() - now_ns, missed_.exchange(0, std::memory_order_relaxed));
         deadline_ns_.store(next_deadline_ns(now_ns), std::memory_order_relaxed);
         if (cycles_ != nullptr) cycles_->count();
-        if (runner_.leave(seen)) return;
-    }
-    runner_.resign();
-    wake();
+    });
+    if (!done) wake();
 }
 
 std::uint64_t Pipeline::next_deadline_ns(std::uint64_t now_ns) const noexcept {

@@ -5,7 +5,8 @@
 //                    publish()   tactiled_sample -> grasp, segment, counts of the node record
 //
 // The runner is the real-time thread that called serve() first: a link's thread that has frames, or the pipeline's thread,
-// which comes for commands and time limits. The parts beside the data path have files of their own: commands.hpp, tares.hpp, node_record.hpp, replacement.hpp.
+// which comes for commands and time limits. The parts beside the data path have files of their own: commands.hpp, tares.hpp,
+// node_record.hpp, replacement.hpp.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -15,6 +16,7 @@
 
 #include "node/commands.hpp"
 #include "node/grasping.hpp"
+#include "node/handover.hpp"
 #include "node/link.hpp"
 #include "node/node_record.hpp"
 #include "node/progress.hpp"
@@ -26,7 +28,8 @@
 
 namespace tactiled {
 
-// Reads at most one frame of the link into its ring, and commits the ring at the end of a burst. Called by the link's thread.
+// Reads at most one frame of the link into its ring, and commits the ring at the end of a burst. Called by the link's
+// thread.
 // rt: blocks on the link, for at most `timeout_ms`
 [[nodiscard]] Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept;
 
@@ -50,7 +53,8 @@ public:
     void open() noexcept { run(); }
     // Runs cycles until no thread has more work, unless another thread does so already; that one then sees the work of the
     // caller, too. After kMaxCycles the rest is left to the pipeline's thread. From any real-time thread.
-    // False: another thread is the runner. rt: bounded by kMaxCycles cycles, each with the system calls of Waker::published()
+    // False: another thread is the runner. rt: bounded by kMaxCycles cycles, each with the system calls of
+    // Waker::published()
     bool serve() noexcept {
         if (!runner_.enter()) return false;
         run();
@@ -66,8 +70,8 @@ public:
     void add_missed(std::uint64_t periods) noexcept { missed_.fetch_add(periods, std::memory_order_relaxed); }
 
     // One iteration of the loop: a reload, commands, the frames of all links, time limits, tares, heartbeat, node record.
-    // True when a node record was published. By the runner, and by tests. rt: bounded by the capacity of the rings; no system
-    // call
+    // True when a node record was published. By the runner, and by tests. rt: bounded by the capacity of the rings; no
+    // system call
     bool cycle(std::uint64_t now_ns) noexcept;
     // Publishes one last BAD sample of each sensor. After the loop. setup
     void stop(std::uint64_t now_ns) noexcept;
@@ -103,10 +107,9 @@ private:
     std::vector<const Link*> link_of_sensor_;
     std::unique_ptr<Grasping> grasping_;
     NodeRecord record_;
-    std::atomic<Replacement*> replacement_{nullptr};  // offered and not yet taken
-    std::atomic<bool> taken_{false};
+    Handover<Replacement> replacement_;
 
-    Runner<> runner_;
+    Runner runner_;
     Waker* readers_ = nullptr;
     Progress::Liveness* cycles_ = nullptr;
     std::atomic<std::uint64_t> deadline_ns_{0}, missed_{0};

@@ -5,29 +5,18 @@
 #include <utility>
 
 #include "node/pipeline.hpp"
-#include "node/realtime.hpp"
-#include "tactiled/reader.hpp"
 
 namespace tactiled {
 
 bool Pipeline::replace(Replacement& replacement, int patience_ms) noexcept {
-    taken_.store(false, std::memory_order_relaxed);
-    replacement_.store(&replacement, std::memory_order_release);  // pairs with the exchange in take_replacement()
-    wake();
-    for (int ms = 0; !taken_.load(std::memory_order_acquire); ++ms) {
-        // The offer is withdrawn, unless the runner is working on it at this moment and will finish within microseconds.
-        if (ms >= patience_ms && replacement_.exchange(nullptr, std::memory_order_relaxed) != nullptr) return false;
-        sleep_until(monotonic_ns() + 1'000'000u);
-    }
-    return true;
+    return replacement_.offer(replacement, wake_, patience_ms);
 }
 
 void Pipeline::take_replacement(std::uint64_t now_ns) noexcept {
-    if (replacement_.load(std::memory_order_relaxed) == nullptr) return;  // an exchange in each cycle would cost more
-    Replacement* const offered = replacement_.exchange(nullptr, std::memory_order_acquire);
-    if (offered == nullptr) return;  // withdrawn
+    Replacement* const offered = replacement_.take();
+    if (offered == nullptr) return;
     take(*offered, now_ns);
-    taken_.store(true, std::memory_order_release);  // pairs with the acquire in replace()
+    replacement_.give_back();
 }
 
 // A sensor that measures differently begins a new epoch with a BAD sample: later samples are not comparable to earlier ones.

@@ -6,32 +6,39 @@
 
 namespace tactiled {
 
-// `Atomic` is std::atomic, or the model's in tests/orders.
-template <template <class> class Atomic = std::atomic>
 class Runner {
 public:
-    // Announces work that is visible to this thread. True: the caller is the runner now. It repeats
-    //     seen = announced(); <all the work>; if (leave(seen)) return;
-    // or gives up by resign(). False: the present runner will see the work. rt: wait-free
+    // Announces work that is visible to this thread. True: the caller is the runner now, and must call run(). False: the
+    // present runner will see the work. rt: wait-free
     [[nodiscard]] bool enter() noexcept {
-        return announced_.fetch_add(1, std::memory_order_acq_rel) == 0;  // releases the work; acquires the last runner's
+        return announced_.fetch_add(1, std::memory_order_release) == 0;  // pairs with announced()
     }
-    // The announcements so far, whose work a round that begins now will find. Runner only. rt: wait-free
-    [[nodiscard]] std::uint32_t announced() const noexcept {
-        return announced_.load(std::memory_order_acquire);  // pairs with enter() of each thread that announced
-    }
-    // Ends a round that began with `seen` announcements. False: there are new ones, and the caller is still the runner.
-    // rt: wait-free
-    [[nodiscard]] bool leave(std::uint32_t seen) noexcept {
-        return announced_.compare_exchange_strong(seen, 0, std::memory_order_release, std::memory_order_relaxed);
-    }
-    // Gives the role up while there may be new announcements: the caller must make another thread enter(). rt: wait-free
-    void resign() noexcept {
-        announced_.exchange(0, std::memory_order_acq_rel);  // acquires: what was announced is passed on to the next runner
+    // Repeats `round`, which does all the work there is, until no thread has announced more. False: after `max_rounds` there
+    // may be more, and the caller, who is not the runner any longer, must make another thread enter(). Runner only.
+    // rt: bounded by max_rounds
+    template <class Round>
+    [[nodiscard]] bool run(int max_rounds, Round&& round) noexcept {
+        for (int n = 0; n < max_rounds; ++n) {
+            const std::uint32_t seen = announced();
+            round();
+            if (leave(seen)) return true;
+        }
+        resign();
+        return false;
     }
 
 private:
-    Atomic<std::uint32_t> announced_{1};  // set-up is the first runner: nothing is delivered before it leaves
+    // The announcements so far, whose work a round that begins now will find. Acquires it, and the last runner's work:
+    // only read-modify-writes change the word, and each continues the release sequences of those before it.
+    [[nodiscard]] std::uint32_t announced() const noexcept { return announced_.load(std::memory_order_acquire); }
+    // Ends a round that began with `seen` announcements. False: there are new ones, and the caller is still the runner.
+    [[nodiscard]] bool leave(std::uint32_t seen) noexcept {
+        return announced_.compare_exchange_strong(seen, 0, std::memory_order_release, std::memory_order_relaxed);
+    }
+    // Gives the role up while there may be new announcements.
+    void resign() noexcept { announced_.exchange(0, std::memory_order_release); }
+
+    std::atomic<std::uint32_t> announced_{1};  // set-up is the first runner: nothing is delivered before it leaves
 };
 
 }  // namespace tactiled

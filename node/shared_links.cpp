@@ -21,31 +21,26 @@ Status read_link(Link& link, SegmentWriter& segment, Pipeline& pipeline, int tim
 }
 
 bool SharedLinks::share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept {
-    link.reader.store(Link::Reader::shared, std::memory_order_release);  // pairs with poll(): the driver is handed over
+    link.lending.lend();
     for (;;) {
-        const std::uint32_t seen = link.returned.value();
-        if (link.reader.load(std::memory_order_acquire) == Link::Reader::own) return link.is_present;
+        const std::uint32_t seen = link.lending.returned().value();
+        if (link.lending.is_returned()) return link.is_present;
         // The shared thread may have polled for the last time before the link was left to it.
-        Link::Reader expected = Link::Reader::shared;
-        if ((stop.load(std::memory_order_acquire) || !active_.load(std::memory_order_relaxed)) &&
-            link.reader.compare_exchange_strong(expected, Link::Reader::own, std::memory_order_acquire))
-            return true;
+        const bool ends = stop.load(std::memory_order_acquire) || !active_.load(std::memory_order_relaxed);
+        if (ends && link.lending.take_back()) return true;
         cycles.count();
-        (void)link.returned.sleep(seen, monotonic_ns() + kLookForStopNs);
+        (void)link.lending.returned().sleep(seen, monotonic_ns() + kLookForStopNs);
     }
 }
 
 // True if the link has new frames.
 bool SharedLinks::poll(Link& link) noexcept {
-    Link::Reader expected = Link::Reader::shared;
-    if (!link.reader.compare_exchange_strong(expected, Link::Reader::busy, std::memory_order_acquire)) return false;
+    if (!link.lending.begin()) return false;
     Status status;
     do status = read_link(link, segment_, pipeline_, 0);
     while (status == Status::frame && link.driver->has_more());
     link.is_present = status != Status::disconnected;
-    const bool keep = link.is_present && active_.load(std::memory_order_relaxed);
-    link.reader.store(keep ? Link::Reader::shared : Link::Reader::own, std::memory_order_release);  // pairs with share()
-    if (!keep) link.returned.wake();
+    link.lending.end(link.is_present && active_.load(std::memory_order_relaxed));
     return status == Status::frame;
 }
 

@@ -22,13 +22,12 @@ public:
         ::syscall(SYS_futex, &word_, FUTEX_WAKE, 1, nullptr, nullptr, 0);
     }
 
-    // Sleeps until `until_ns` of CLOCK_MONOTONIC, or until wake() is called after value() returned `seen`. True: the time has
-    // come. rt: blocks, one system call
+    // Sleeps until `until_ns` of CLOCK_MONOTONIC, or until wake() is called after value() returned `seen`. True: the time
+    // has come. rt: blocks, one system call
     [[nodiscard]] bool sleep(std::uint32_t seen, std::uint64_t until_ns) noexcept {
         const timespec until{time_t(until_ns / 1'000'000'000u), long(until_ns % 1'000'000'000u)};
-        while (word_.load(std::memory_order_acquire) == seen) {
-            const long result =
-                ::syscall(kFutex, &word_, FUTEX_WAIT_BITSET, seen, &until, nullptr, FUTEX_BITSET_MATCH_ANY);
+        while (word_.load(std::memory_order_relaxed) == seen) {  // the caller looks for work after value()
+            const long result = ::syscall(kFutex, &word_, FUTEX_WAIT_BITSET, seen, &until, nullptr, FUTEX_BITSET_MATCH_ANY);
             if (result != 0 && errno == ETIMEDOUT) return true;
         }
         return false;

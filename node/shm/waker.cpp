@@ -8,7 +8,7 @@ constexpr std::uint64_t kLookForStopNs = 100'000'000;
 }
 
 void Waker::run(const std::atomic<bool>& stop) noexcept {
-    while (!stop.load(std::memory_order_acquire)) {
+    while (!stop.load(std::memory_order_relaxed)) {
         const std::uint32_t seen = word_.value();
         int woken = 0;
         for (int now = kAtOnce; now == kAtOnce && woken < kPerPass; woken += now) now = segment_.wake_readers(kAtOnce);

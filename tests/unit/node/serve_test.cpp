@@ -135,7 +135,7 @@ protected:
 
     Node node_;
     std::vector<Paced*> paced_;
-    
+
     std::unique_ptr<SegmentWriter> segment_;
     std::unique_ptr<Pipeline> pipeline_;
     std::unique_ptr<Threads> threads_;
@@ -164,8 +164,8 @@ TEST_F(ServeTest, ManyFastLinksAreReadByOneThreadAndNoFrameIsLost) {
     for (int i = 0; i < 8; ++i) add_link(std::make_unique<Paced>(kMs * 2 / 3, 3000, 1, i != 7, i == 3));
     start();
     for (std::size_t i = 0; i < 8; ++i) wait_for(3000, i);
-    for (int i = 0; i < 100 && node_.links[0]->reader != Link::Reader::own; ++i) ::usleep(10'000);
-    for (const auto& link : node_.links) EXPECT_EQ(link->reader.load(), Link::Reader::own);
+    for (int i = 0; i < 100 && !node_.links[0]->lending.is_returned(); ++i) ::usleep(10'000);
+    for (const auto& link : node_.links) EXPECT_TRUE(link->lending.is_returned());
     EXPECT_FALSE(node_.links[3]->connected);
     threads_.reset();
     expect_all(3000);
@@ -175,8 +175,8 @@ TEST_F(ServeTest, ManyFastLinksAreReadByOneThreadAndNoFrameIsLost) {
 TEST_F(ServeTest, ThreadsEndWhileLinksAreShared) {
     for (int i = 0; i < 8; ++i) add_link(std::make_unique<Paced>(kMs * 2 / 3, 1'000'000, 1, true, false));
     start();
-    for (int i = 0; i < 500 && node_.links[0]->reader == Link::Reader::own; ++i) ::usleep(10'000);
-    EXPECT_NE(node_.links[0]->reader.load(), Link::Reader::own);
+    for (int i = 0; i < 500 && node_.links[0]->lending.is_returned(); ++i) ::usleep(10'000);
+    EXPECT_FALSE(node_.links[0]->lending.is_returned());
     const std::uint64_t before_ns = monotonic_ns();
     threads_.reset();
     EXPECT_LT(monotonic_ns() - before_ns, 1000 * kMs);
