@@ -62,6 +62,7 @@ struct SensorSettings {
     double drift_limit_N;            // 0 = none
     int tare_ms;                     // length of a tare's mean
     double tare_limit_N;             // 0 = none
+    bool accept_unproved_age;        // tared and weighed with although nothing in its stream would show a delay
     double filter_hz;                // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;
     double overload_N;        // 0 = none

@@ -316,6 +316,11 @@ std::optional<Options::TextFile> Options::text_file(std::string_view key, std::s
 
 bool Options::has(std::string_view key) const { return node_->peek(key) != nullptr; }
 
+bool Options::holds_text(std::string_view key) const {
+    const toml::node* const found = node_->peek(key);
+    return found != nullptr && found->is_string();
+}
+
 std::vector<std::string> Options::keys() const {
     std::vector<std::string> all;
     if (node_->table)

@@ -85,7 +85,8 @@ public:
     std::optional<TextFile> text_file(std::string_view key, std::size_t max_bytes);
 
     [[nodiscard]] bool has(std::string_view key) const;
-    [[nodiscard]] std::vector<std::string> keys() const;  // all of the table; looking does not count as asking
+    [[nodiscard]] bool holds_text(std::string_view key) const;  // looking does not count as asking
+    [[nodiscard]] std::vector<std::string> keys() const;        // all of the table; looking does not count as asking
     // The keys whose values are not the same here and there, in order; those below count as one with their table.
     [[nodiscard]] std::vector<std::string> differing_keys(const Options& other) const;
     Options table(std::string_view key);  // optional: missing is an empty table

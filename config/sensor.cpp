@@ -74,6 +74,9 @@ const Fields<SensorSettings>& sensor_fields() {
          "Time over which a tare averages, at least 8 samples. A tare is refused while the force moves."},
         {TACTILED_KEY(S, tare_limit_N), 0, range(0, 1e6), "N", Reload::tune,
          "A tare is refused when the force, as calibrated, is larger than this: the sensor is loaded. 0 = no limit."},
+        {TACTILED_KEY(S, accept_unproved_age), false, Reload::tune,
+         "A stream on a network path that has neither a clock nor a counter may be tared and weighed with, although nothing "
+         "shows when it was delayed."},
         {TACTILED_KEY(S, filter_hz), 0, range(0, 10'000), "Hz", Reload::tune,
          "Low-pass filter on force and torque (-3 dB at this frequency); 0 = off. Raw values are never filtered."},
         {TACTILED_KEY(S, contact_on_N), 0.5, range(0.01, 300), "N", Reload::tune,

@@ -10,6 +10,7 @@
 #include "config/options.hpp"
 #include "config/registry.hpp"
 #include "drivers/frame.hpp"
+#include "drivers/wire/stream_age.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -50,6 +51,19 @@ public:
 
     // True if read() with a time limit of 0 never waits, so that one thread may read several links. setup
     [[nodiscard]] virtual bool can_poll() const noexcept { return false; }
+
+    // The way by which the frames come. The default is for a driver that dates its frames itself, from a bus or a device
+    // of this machine. Called after open().
+    // rt: wait-free
+    [[nodiscard]] virtual Route route() const noexcept { return {}; }
+
+    // Text for `tactilectl check` and `doctor`: the proof of age that the frames will have, and a change of the format that
+    // the user should make ("" = none). setup
+    [[nodiscard]] virtual std::string freshness() const {
+        return route().path == Route::Path::polled ? "request (each frame answers a question)"
+                                                   : "cable (a bus of this machine)";
+    }
+    [[nodiscard]] virtual std::string advice() const { return ""; }
 
     // True if noise moves every number of `device` in every reading, so that many equal ones come of a fault. setup
     [[nodiscard]] virtual bool is_noisy(std::uint16_t /*device*/) const { return false; }

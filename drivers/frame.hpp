@@ -11,8 +11,19 @@ namespace tactiled {
 // The members from `t_ns` on are laid out as those of struct tactiled_frame, so that the node publishes a frame without a
 // copy in between (node/shm/frame_record.hpp).
 struct Frame {
-    std::uint32_t opening = 0;         // how often the link had been opened; set by the node, not published
-    std::uint64_t t_ns = 0;            // CLOCK_MONOTONIC when the frame's last byte was taken from the kernel
+    // Not published. Set by the node, from `age` on by wire/stream_age.hpp.
+    std::uint32_t opening = 0;  // how often the link had been opened
+    enum class Age : std::uint8_t {
+        proved,        // t_ns is not later than the measurement, but for the least delay of the path
+        arrival_only,  // nothing shows a delay, and nothing would
+        unproved       // t_ns is when it arrived; it may be older
+    } age = Age::proved;
+    std::uint64_t late_ns = 0;  // the age when it was taken from the kernel, where that is known
+    // Not published. Set by drivers of streams, 0 = t_ns.
+    std::uint64_t taken_ns = 0;  // when its last byte was taken from the kernel; t_ns may be an earlier estimate
+    std::uint64_t since_ns = 0;  // it may have come at any time since then, because the process stood still; 0 = it did not
+
+    std::uint64_t t_ns = 0;            // CLOCK_MONOTONIC when the frame's last byte was taken from the kernel, or earlier
     std::uint64_t device_time_us = 0;  // the device's own clock, any origin; 0 if it sends none
     std::uint32_t sequence = 0;        // the device's counter, valid where has_sequence
     std::uint32_t missing = 0;         // bit n: channel n has no value; its number is NaN

@@ -106,6 +106,8 @@ public:
     }
     Status read(Frame& frame, int timeout_ms) noexcept override { return schedule_.read(frame, timeout_ms); }
     bool is_noisy(std::uint16_t device) const override { return noisy_.count(device) != 0; }
+    Route route() const noexcept override { return {.path = Route::Path::polled}; }
+
     void close() noexcept override {
         bus_.close();
         for (auto& line : lines_) line->close();

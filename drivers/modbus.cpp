@@ -98,6 +98,8 @@ public:
         }
     }
 
+    Route route() const noexcept override { return {.path = Route::Path::polled}; }
+
     void close() noexcept override {
         if (fd_ >= 0) ::close(fd_);
         fd_ = -1;

@@ -7,11 +7,16 @@
 #include <linux/tty_flags.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <string_view>
 
 namespace tactiled {
 namespace {
@@ -81,6 +86,21 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
     }
     if (!flush_tty(fd)) return fail("flush: ");
     return fd;
+}
+
+bool is_local_tty(const std::string& path) noexcept {
+    struct stat file {};
+    if (::stat(path.c_str(), &file) != 0 || !S_ISCHR(file.st_mode)) return false;
+    std::array<char, 64> link{};
+    std::array<char, 512> device{};
+    std::snprintf(link.data(), link.size(), "/sys/dev/char/%u:%u", unsigned(major(file.st_rdev)),
+                  unsigned(minor(file.st_rdev)));
+    const ssize_t size = ::readlink(link.data(), device.data(), device.size());
+    if (size <= 0) return false;                                     // a pseudo terminal
+    const std::string_view where(device.data(), std::size_t(size));  // ../../devices/pci0000:00/.../tty/ttyUSB0
+    for (const std::string_view network : {"/virtual/", "vhci", "/bluetooth/", "rfcomm"})
+        if (where.find(network) != std::string_view::npos) return false;
+    return true;
 }
 
 bool flush_tty(int fd) noexcept { return ::ioctl(fd, TCFLSH, TCIFLUSH) == 0; }

@@ -22,6 +22,11 @@ int open_tty(const std::string& path, const TtySettings& settings, std::string& 
 // rt: one ioctl
 bool tty_overruns(int fd, std::uint32_t& count) noexcept;
 
+// True where a UART or an adapter of this machine is behind the tty, whose buffers and rate bound the delay. False for a
+// pseudo terminal and for a port on a network (USB/IP, Bluetooth, drivers of serial servers): they may hold bytes for any
+// time.
+bool is_local_tty(const std::string& path) noexcept;
+
 // Throws away what was received and not read, as far as the kernel has it; false where it cannot.
 bool flush_tty(int fd) noexcept;
 

@@ -26,6 +26,8 @@ namespace {
 constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // a device that was asked for a stream is asked again
 constexpr std::uint64_t kAwayMs = 950;  // bytes may wait so long, and for the cycle of read() (50 ms in the node)
+constexpr int kSliceMs = 10;            // of a wait, see kLateMs
+constexpr std::uint64_t kLateMs = 20;   // a process that runs looks again so soon after the end of a slice
 constexpr std::uint64_t kStopMs = 20;   // two frames of a device at 100 Hz: the frame that it was sending has ended
 
 class Stream final : public Driver {
@@ -38,6 +40,8 @@ public:
         } else {
             baud_ = unsigned(options.integer("baud", {50, 12'000'000}, 115'200));
         }
+        declared_path_ = options.one_of("path", {"direct", "network"}, "");
+        clock_ppm_ = double(options.integer("clock_ppm", {1, 20'000}, 200));
         const auto exists_here = [&](const StreamFormat& format) { return network ? format.on_tcp : format.on_tty; };
         const std::string name = options.one_of("format", StreamFormats::names(exists_here));
         if (const StreamFormat* const format = StreamFormats::find(name, exists_here))
@@ -55,6 +59,7 @@ public:
                        : open_tty(path_, {.baud = baud_, .answers = !decoder_->start_bytes().empty()}, why);
         if (fd_ < 0) return why;
         decoder_->reset();
+        is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
         asked_ns_ = now_ns();
         asked_again_ = streamed_ = false;
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
@@ -65,19 +70,29 @@ public:
     }
 
     Status read(Frame& frame, int timeout_ms) noexcept override {
-        if (decoder_->next(frame)) return Status::frame;
+        if (decoder_->next(frame)) {
+            frame.since_ns = since_ns_;
+            return Status::frame;
+        }
         if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // it may have lost its supply
             asked_ns_ = now_ns();
             asked_again_ = streamed_;
             if (!ask_for_stream(false)) return Status::disconnected;
         }
-        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle.
-        const std::uint64_t cycle_ns = std::uint64_t(timeout_ms) * 1'000'000, waits_ns = with_suspend_ns();
-        pollfd waiting{fd_, POLLIN, 0};
-        const timespec timeout{timeout_ms / 1000, long(timeout_ms % 1000) * 1'000'000};
-        const int ready = ::ppoll(&waiting, 1, &timeout, nullptr);
-        if (ready == 0) empty_ns_ = waits_ns + cycle_ns;  // the kernel looked once more when the time was over
-        if (ready == 0 || (ready < 0 && errno == EINTR)) return Status::timeout;
+        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. In slices, so
+        // that a process that was stopped meanwhile is noticed.
+        const std::uint64_t cycle_ns = std::uint64_t(timeout_ms) * 1'000'000;
+        int ready = 0;
+        for (int left_ms = timeout_ms; ready == 0;) {
+            const int slice_ms = std::min(left_ms, kSliceMs);
+            const std::uint64_t waits_ns = with_suspend_ns();
+            pollfd waiting{fd_, POLLIN, 0};
+            const timespec timeout{0, long(slice_ms) * 1'000'000};
+            ready = ::ppoll(&waiting, 1, &timeout, nullptr);
+            if (ready == 0) empty_ns_ = waits_ns + std::uint64_t(slice_ms) * 1'000'000;  // the kernel looked at its end, too
+            if (ready == 0 && (left_ms -= slice_ms) <= 0) return Status::timeout;
+        }
+        if (ready < 0 && errno == EINTR) return Status::timeout;
         if (ready < 0) return Status::disconnected;
         const std::uint64_t reads_ns = with_suspend_ns();
         const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
@@ -86,9 +101,11 @@ public:
         const std::uint64_t t_ns = now_ns();
         const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
         if (waited_ns > cycle_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
+        since_ns_ = waited_ns > (kSliceMs + kLateMs) * 1'000'000 ? t_ns - waited_ns : 0;
         if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a full tty gives one byte less
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!decoder_->next(frame)) return Status::timeout;
+        frame.since_ns = since_ns_;
         asked_ns_ = frame.t_ns;
         streamed_ = true;
         if (std::exchange(asked_again_, false)) ++counts[TACTILED_LINK_RESTARTED];
@@ -106,6 +123,25 @@ public:
 
     bool has_more() const noexcept override { return decoder_->is_ready(); }
     bool can_poll() const noexcept override { return true; }
+
+    std::string freshness() const override {
+        const std::string by_frames = decoder_ == nullptr ? "" : decoder_->freshness();
+        if (declared_path_ == "direct" || (declared_path_.empty() && !network_ && is_local_tty(path_)))
+            return "cable (a local port, whose buffers and rate bound the delay)";
+        if (declared_path_.empty() && !network_ && ::access(path_.c_str(), F_OK) != 0)
+            return "cable if the port is one of this machine (it is not there now), else " + by_frames;
+        return by_frames;
+    }
+    std::string advice() const override { return decoder_ == nullptr ? "" : decoder_->advice(); }
+
+    // A connection ends at the device, or at its serial server, and with it what the way there still held. What is behind a
+    // pseudo terminal does not notice that it was opened again.
+    Route route() const noexcept override {
+        return {.path = is_direct_ ? Route::Path::direct : Route::Path::network,
+                .device_clock = true,
+                .reopening_discards = network_ && !is_direct_,
+                .clock_ppm = clock_ppm_};
+    }
 
 private:
     // A device that streams already hears nothing but its stop. `stop_first`: a tty, at opening.
@@ -142,9 +178,13 @@ private:
     std::string path_;  // or address
     TcpAddress address_;
     unsigned baud_ = 0;
+    std::string declared_path_;  // "": as the kernel shows it
+    double clock_ppm_ = 0;
+    bool is_direct_ = false;
     std::unique_ptr<StreamDecoder> decoder_;  // nullptr where the configuration has an error: the node does not open it then
     int fd_ = -1;
     std::uint64_t empty_ns_ = 0;                   // nothing waited then, with_suspend_ns(): what is read came later
+    std::uint64_t since_ns_ = 0;                   // of the bytes in the decoder, see Frame
     std::uint64_t asked_ns_ = 0;                   // for the stream, or when it last brought a frame
     bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;

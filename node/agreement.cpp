@@ -7,7 +7,7 @@ namespace {
 
 // Reasons that a correct sample may have.
 constexpr std::uint32_t kRight = TACTILED_SENSORS_DIFFER | TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED |
-                                 TACTILED_UNCALIBRATED | TACTILED_UNKNOWN_UNCERTAINTY;
+                                 TACTILED_ARRIVAL_ONLY | TACTILED_UNCALIBRATED | TACTILED_UNKNOWN_UNCERTAINTY;
 
 // Reasons that show that this sensor was the wrong one. Saturation is not among them: a force that is too large for one
 // sensor says nothing about the other.

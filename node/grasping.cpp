@@ -46,7 +46,9 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
         estimator_->sample(std::size_t(jaw), moved);
     }
     // How far off such a value is nobody knows, so that no weight made of it is stable.
-    const bool doubted = (s.reasons & (TACTILED_STEPPED | TACTILED_SENSORS_DIFFER)) != 0;
+    constexpr std::uint32_t kDoubts =
+        TACTILED_STEPPED | TACTILED_SENSORS_DIFFER | TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY;
+    const bool doubted = (s.reasons & kDoubts) != 0;
     for (std::size_t i = 0; i < 3; ++i) {
         observed.force_S_N[i] = s.raw_force_S_N[i] - zero_S[i];  // not the low-passed one: a slip lasts some ms
         observed.sd_N[i] = doubted ? kNaN : s.sd_force_N[i];

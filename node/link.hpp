@@ -10,6 +10,7 @@
 
 #include "drivers/driver.hpp"
 #include "node/lending.hpp"
+#include "node/link_age.hpp"
 #include "node/ring.hpp"
 #include "tactiled/layout.h"
 
@@ -69,6 +70,8 @@ struct Link {
 
     // Used by the reader only.
     std::uint64_t read_ns = 0, read_interval_ns = UINT64_MAX;  // end of the last burst, and time between the last two
+    // Used by the reader only, but for LinkAge::proof().
+    LinkAge age;
     RefusedFrames refused;
     Frame spare;  // receives the frame that the ring refuses
 

@@ -13,6 +13,7 @@ Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     Frame* slot = link.ring.claim();
     const Status status = driver.read(slot != nullptr ? *slot : link.spare, timeout_ms);
     if (status == Status::frame) {
+        link.age.judge(slot != nullptr ? *slot : link.spare, driver);
         if (slot == nullptr && (slot = link.ring.claim()) != nullptr) *slot = link.spare;  // the pipeline has made room
         if (slot != nullptr) {
             slot->lost += link.refused.take(slot->device);
@@ -26,6 +27,7 @@ Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     if (status != Status::frame || !driver.has_more()) {  // once for each burst, not for each frame
         link.ring.commit();
         segment.set_link_counts(link.index, driver.counts.count);
+        if (link.age.asks_for_reopening()) return Status::disconnected;
     }
     return status;
 }
@@ -50,7 +52,9 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
         if (binding.device != frame.device) continue;
         bound = true;
         Sensor& sensor = sensors_[binding.sensor];
+        const bool had_data = sensor.is_delivering();
         tactiled_sample sample = sensor.sample(frame, now_ns);
+        if (had_data && !sensor.is_delivering()) record_.latch_lost_sensor(true);
         if (const int other = sensor.agrees_with(); other >= 0) sample = sensor.compare(sensors_[std::size_t(other)].last());
         publish(binding.sensor, sample);
     }
@@ -66,7 +70,11 @@ void Pipeline::publish(std::uint32_t sensor, const tactiled_sample& sample) noex
     record_.add(sensor, sample);
 }
 
-void Pipeline::publish_node(std::uint64_t now_ns) noexcept { record_.publish(now_ns, commands.tares(), grasping_->state()); }
+void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
+    for (const auto& link : links_)
+        for (const auto& binding : link->bindings) segment_.set_freshness(binding.sensor, link->age.proof(binding.device));
+    record_.publish(now_ns, commands.tares(), grasping_->state());
+}
 
 // ---- the loop ----------------------------------------------------------------------------------------------------------
 

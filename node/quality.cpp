@@ -56,6 +56,15 @@ bool StreamQuality::arrive(const Frame& frame) noexcept {
     return after_discontinuity_;
 }
 
+void StreamQuality::arrive_late(const Frame& frame) noexcept {
+    opening_ = frame.opening;
+    lost_ += frame.lost;
+    if ((broken_ & TACTILED_STALE) != 0) return;
+    if (broken_ == 0) ++discontinuities_;
+    broken_ = (broken_ & TACTILED_NO_DATA_YET) | TACTILED_STALE;
+    rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
+}
+
 std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept {
     std::uint32_t reasons = 0;
     // False with NaN: where the rate is not known, nothing is said.

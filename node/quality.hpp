@@ -35,6 +35,16 @@ public:
     // Judges by these from now on; what is known of the stream stays. rt: wait-free
     void judge_by(const StreamLimits& limits) noexcept { limits_ = limits; }
 
+    // A frame came that is older than the stream may be: there is no value until one comes that is not. rt: wait-free
+    void arrive_late(const Frame& frame) noexcept;
+    // The machine was suspended: what was taken from the kernel until `now_ns` is of before. rt: wait-free
+    void suspended(std::uint64_t now_ns) noexcept {
+        resumed_ns_ = now_ns;
+        last_frame_ns_ = 0;
+    }
+    [[nodiscard]] bool is_late(const Frame& frame) const noexcept {
+        return frame.late_ns > limits_.stale_ns || frame.t_ns < resumed_ns_;
+    }
     // The stream delivers; true: again, after a discontinuity. rt: wait-free
     bool arrive(const Frame& frame) noexcept;
     // Looks at the channels of the frame that has just arrived. `usable`: bit k, channel k has a number that is not
@@ -70,6 +80,7 @@ private:
 
     StreamLimits limits_;
     std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: from the frame before
+    std::uint64_t resumed_ns_ = 0;                   // the machine was suspended until then
     bool after_discontinuity_ = true;                // this is the first frame of a stream
     std::uint32_t opening_ = 0;                      // of the link, that the frame before came through
     std::uint32_t broken_ = TACTILED_NO_DATA_YET, discontinuities_ = 0, lost_ = 0, lost_now_ = 0;

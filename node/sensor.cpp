@@ -28,6 +28,8 @@ void put(const Estimate& e, tactiled_sample& s) noexcept {
 // ---- one frame -> one sample -------------------------------------------------------------------------------------------
 
 tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcept {
+    notice_suspension(now_ns);
+    if (stream_.is_late(frame)) return late_sample(frame, now_ns);
     if (stream_.arrive(frame)) low_pass_.reset();
     if (setup_.automatic != nullptr) take_over_method();
 
@@ -36,6 +38,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     s.rate_Hz = stream_.rate_Hz();
     put(estimate(frame, s), s);
     s.epoch = epoch();  // after the estimate: a channel that froze begins a new epoch
+    judge_age(frame.age, s);
     follow_tare(s);
     judge_zero(s);
     // A value that was doubtful, because of saturation for instance, must not be part of a GOOD one.
@@ -45,6 +48,28 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     if (drift_.has_drifted(s.raw_force_S_N, (s.state & TACTILED_CONTACT) == 0 && s.quality != TACTILED_BAD, s.t_ns))
         s.reasons |= TACTILED_DRIFTED;
     if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
+    own_quality_ = s.quality;
+    last_ = s;
+    return s;
+}
+
+// A value whose age is not proved may be of any time.
+inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept {
+    if (age == Frame::Age::proved) return;
+    if (age == Frame::Age::arrival_only) {
+        if (!setup_.accept_unproved_age) s.reasons |= TACTILED_ARRIVAL_ONLY;
+        return;
+    }
+    s.reasons |= TACTILED_UNPROVED_AGE;
+    if (s.quality == TACTILED_GOOD) s.quality = TACTILED_UNCERTAIN;
+}
+
+// A frame that is older than stale_ms has no value, as if it had not come.
+inline tactiled_sample Sensor::late_sample(const Frame& frame, std::uint64_t now_ns) noexcept {
+    stream_.arrive_late(frame);
+    tactiled_sample s = marker(now_ns);
+    s.t_ns = frame.t_ns;
+    s.device_sequence = frame.has_sequence ? frame.sequence : 0;
     own_quality_ = s.quality;
     last_ = s;
     return s;
@@ -214,6 +239,16 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
 
 // ---- start, settings, reload -------------------------------------------------------------------------------------------
 
+void Sensor::notice_suspension(std::uint64_t now_ns) noexcept {
+    constexpr std::uint64_t kSuspended_ns = 5'000'000;
+    // The clock of a suspended machine first: a thread that is held up in between makes the difference smaller.
+    const std::uint64_t boot_ns = with_suspend_ns(), monotonic = tactiled::now_ns();
+    const std::uint64_t suspended_ns = boot_ns > monotonic ? boot_ns - monotonic : 0;
+    if (suspended_ns > suspended_ns_ + kSuspended_ns && is_started_) stream_.suspended(now_ns);
+    is_started_ = true;
+    suspended_ns_ = std::max(suspended_ns_, suspended_ns);
+}
+
 void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
     daemon_epoch_ = daemon_epoch;
     stream_.start(now_ns);
@@ -237,6 +272,7 @@ void Sensor::retune(const Sensor& other) noexcept {
     setup_.saturates_below = other.setup_.saturates_below;
     setup_.saturates_above = other.setup_.saturates_above;
     setup_.settable = other.setup_.settable;
+    setup_.accept_unproved_age = other.setup_.accept_unproved_age;
     stream_.judge_by(other.setup_.stream);
     drift_.judge_by(other.setup_.drift_N);
     agreement_.judge_by(other.setup_.agreement);

@@ -38,7 +38,8 @@ public:
         StreamLimits stream;
         double drift_N = 0;  // of the zero at rest from the calibration's, 0 = not judged
         std::uint64_t tare_ns = 100'000'000;
-        double tare_limit_N = 0;  // of a new zero from the calibration's, 0 = none
+        double tare_limit_N = 0;           // of a new zero from the calibration's, 0 = none
+        bool accept_unproved_age = false;  // a stream without a clock or a counter may be tared and weighed with
         Agreement::Limits agreement;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
@@ -71,6 +72,7 @@ public:
     // state.
     // rt: wait-free
     [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept {
+        notice_suspension(now_ns);
         return stream_.has_discontinuity(connected, now_ns);
     }
     // has_discontinuity() must be asked again by then, if no frame arrives and the link's state stays. rt: wait-free
@@ -109,6 +111,10 @@ public:
     [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_.of(method_); }
 
 private:
+    // CLOCK_MONOTONIC stands still while the machine is suspended, so that all that waited would seem to be new. rt:
+    // wait-free
+    void notice_suspension(std::uint64_t now_ns) noexcept;
+    [[nodiscard]] inline tactiled_sample late_sample(const Frame& frame, std::uint64_t now_ns) noexcept;
     // Inline where they are used, which is sensor.cpp alone.
     [[nodiscard]] inline tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
@@ -119,6 +125,7 @@ private:
     }
     void take_over_method() noexcept;
     void put_method(tactiled_sample& sample) const noexcept;
+    inline void judge_age(Frame::Age age, tactiled_sample& sample) const noexcept;
     inline void follow_tare(tactiled_sample& sample) noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
@@ -138,6 +145,8 @@ private:
     std::uint32_t own_quality_ = TACTILED_BAD;  // of last_, before it was compared
     std::uint64_t sequence_ = 0;
     std::uint32_t daemon_epoch_ = 0;
+    std::uint64_t suspended_ns_ = 0;  // since boot, at least
+    bool is_started_ = false;         // suspended_ns_ is known
 };
 
 }  // namespace tactiled

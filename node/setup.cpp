@@ -142,6 +142,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.drift_N = settings.drift_limit_N;
     setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
     setup.tare_limit_N = settings.tare_limit_N;
+    setup.accept_unproved_age = settings.accept_unproved_age;
     setup.agreement = {settings.pair.other, settings.pair.agree_N, std::uint64_t(settings.pair.agree_ms) * 1'000'000u};
     setup.settable = {settings.filter_hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
@@ -150,6 +151,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     for (auto& link : node.links) {
         if (link->name != settings.link) continue;
         link->bindings.push_back({std::uint16_t(settings.device), index});
+        link->age.add(std::uint16_t(settings.device), settings.rate_Hz, settings.rate_tolerance, setup.stream.stale_ns);
         setup.stream.noisy = link->driver != nullptr && link->driver->is_noisy(std::uint16_t(settings.device));
     }
     if (settings.frozen_after == 0) setup.stream.noisy = false;

@@ -1,5 +1,6 @@
 #include "drivers/wire/ascii_line.hpp"
 
+#include <boost/crc.hpp>
 #include <charconv>
 #include <cmath>
 #include <functional>
@@ -50,10 +51,31 @@ int hex_digit(char c) noexcept {
     return -1;
 }
 
-std::uint8_t xor_of(std::string_view text) noexcept {
+constexpr std::size_t kXorDigits = 2, kCrcDigits = 4;
+
+// The checksum of so many digits.
+unsigned checksum_of(std::string_view text, std::size_t digits) noexcept {
+    if (digits == kCrcDigits) {
+        boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;  // CRC-16/CCITT-FALSE, as of the binary frames
+        crc.process_bytes(text.data(), text.size());
+        return crc.checksum();
+    }
     std::uint8_t sum = 0;
     for (const char c : text) sum = std::uint8_t(sum ^ std::uint8_t(c));
     return sum;
+}
+
+// `text` ends with "*" and the checksum of what stands before.
+bool has_checksum(std::string_view text, std::size_t star) noexcept {
+    const std::size_t digits = text.size() - star - 1;
+    if (digits != kXorDigits && digits != kCrcDigits) return false;
+    unsigned sum = 0;
+    for (const char c : text.substr(star + 1)) {
+        const int digit = hex_digit(c);
+        if (digit < 0) return false;
+        sum = sum << 4 | unsigned(digit);
+    }
+    return sum == checksum_of(text.substr(0, star), digits);
 }
 
 }  // namespace
@@ -64,17 +86,33 @@ void AsciiDecoder::reset() noexcept {
     sequence_.reset();
 }
 
+std::string AsciiDecoder::freshness() const {
+    if (format_.time_us) return "clock (time_us)";
+    if (format_.sequence) return "sequence (a pause of the device looks like a delay; time_us = true would tell them apart)";
+    return LineDecoder::freshness();
+}
+
+std::string AsciiDecoder::advice() const {
+    if (format_.crc16) return "";
+    return format_.checksum
+               ? "checksum = \"xor\": of the lines that lost two bytes, one in 14 passes with wrong numbers; send a CRC "
+                 "(checksum = \"crc16\", drivers/wire/ascii_line.md)"
+               : "no checksum: a byte lost from 12.5 reads as 1.5; send a CRC (checksum = \"crc16\", "
+                 "drivers/wire/ascii_line.md)";
+}
+
 bool AsciiDecoder::read_line(std::string_view line, Frame& frame) noexcept {
     const std::string_view text = trimmed(line);
     if (text.empty()) return false;
     if (text.front() == '#') return skip();  // a comment
     const std::size_t star = line.rfind('*');
     if (star == std::string_view::npos) {
-        if (format_.checksum) return reject(TACTILED_LINK_BAD_CHECKSUM);
+        if (format_.checksum || format_.crc16) return reject(TACTILED_LINK_BAD_CHECKSUM);
     } else {
-        const int high = star + 3 == line.size() ? hex_digit(line[star + 1]) : -1;
-        const int low = high >= 0 ? hex_digit(line[star + 2]) : -1;
-        if (low < 0 || xor_of(line.substr(0, star)) != high * 16 + low) return reject(TACTILED_LINK_BAD_CHECKSUM);
+        if (!has_checksum(line, star)) return reject(TACTILED_LINK_BAD_CHECKSUM);
+        const std::size_t digits = line.size() - star - 1;
+        if (format_.crc16 ? digits != kCrcDigits : format_.checksum && digits != kXorDigits)
+            return reject(TACTILED_LINK_BAD_CHECKSUM);
         line = line.substr(0, star);
     }
     // An unchecked first line may have lost its beginning and still look whole.
@@ -124,7 +162,7 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
 
 std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMaxBytes * 2> out) noexcept {
     char* at = out.data();
-    char* const end = out.data() + out.size() - 8;  // room for "*HH\n"
+    char* const end = out.data() + out.size() - 8;  // room for "*HHHH\n"
     const auto separate = [&] {
         if (at != out.data()) *at++ = ',';
     };
@@ -137,10 +175,11 @@ std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::spa
         if (k != 0 || at != out.data()) *at++ = ',';
         if ((frame.missing >> k & 1u) == 0) at = std::to_chars(at, end, frame.channel[k]).ptr;
     }
-    if (format.checksum) {
-        const std::uint8_t sum = xor_of({out.data(), std::size_t(at - out.data())});
+    if (format.checksum || format.crc16) {
+        const std::size_t digits = format.crc16 ? kCrcDigits : kXorDigits;
+        const unsigned sum = checksum_of({out.data(), std::size_t(at - out.data())}, digits);
         *at++ = '*';
-        for (const int digit : {sum >> 4, sum & 15}) *at++ = "0123456789ABCDEF"[digit];
+        for (std::size_t k = digits; k-- > 0;) *at++ = "0123456789ABCDEF"[sum >> 4 * k & 15];
     }
     *at++ = '\n';
     return std::size_t(at - out.data());
@@ -151,7 +190,13 @@ namespace {
 std::unique_ptr<StreamDecoder> make(Options& options, LinkCounts& counts) {
     AsciiFormat format;
     format.channels = unsigned(options.integer("channels", {1, double(kMaxChannels)}));
-    format.checksum = options.flag("checksum", false);
+    if (options.holds_text("checksum")) {
+        const std::string kind = options.one_of("checksum", {"crc16", "xor"}, "xor");
+        format.checksum = true;
+        format.crc16 = kind == "crc16";
+    } else {
+        format.checksum = options.flag("checksum", false);
+    }
     format.sequence = options.flag("sequence", false);
     format.time_us = options.flag("time_us", false);
     return std::make_unique<AsciiDecoder>(format, counts);
@@ -159,7 +204,7 @@ std::unique_ptr<StreamDecoder> make(Options& options, LinkCounts& counts) {
 
 std::vector<std::uint8_t> encode(const Frame& frame, const StreamSettings& settings) {
     std::array<char, kAsciiMaxBytes * 2> line;
-    const AsciiFormat format{frame.n_channels, settings.checksum, settings.sequence, settings.time_us};
+    const AsciiFormat format{frame.n_channels, settings.checksum, settings.sequence, settings.time_us, settings.crc16};
     const std::size_t n = encode_ascii(frame, format, line);
     return {line.begin(), line.begin() + std::ptrdiff_t(n)};
 }

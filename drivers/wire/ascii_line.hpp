@@ -14,15 +14,18 @@ inline constexpr std::size_t kAsciiMaxBytes = 512;  // of a line
 
 struct AsciiFormat {
     unsigned channels = 1;
-    bool checksum = false;  // required; a line that has one is checked in any case
+    bool checksum = false;  // required, by exclusive or where it is not crc16; a line that has one is checked in any case
     bool sequence = false;  // the first column is a counter, modulo 2^32
     bool time_us = false;   // the next column is the device's clock, microseconds modulo 2^32
+    bool crc16 = false;     // the checksum is the CRC of the binary frames, which is required then
 };
 
 class AsciiDecoder final : public LineDecoder<kAsciiMaxBytes> {
 public:
     AsciiDecoder(const AsciiFormat& format, LinkCounts& counts) : LineDecoder(counts), format_(format) {}
     void reset() noexcept override;
+    std::string freshness() const override;
+    std::string advice() const override;
 
 private:
     bool read_line(std::string_view line, Frame& frame) noexcept override;

@@ -17,6 +17,9 @@ class CobsDecoder final : public DelimitedDecoder<0, kCobsMaxEncoded - 1> {
 public:
     using DelimitedDecoder::DelimitedDecoder;
     void reset() noexcept override;
+    std::string freshness() const override {
+        return "clock if its frames carry the device's time, else sequence (a pause of the device looks like a delay)";
+    }
 
 private:
     bool finish(std::span<const std::uint8_t> encoded, Frame& frame) noexcept override;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <cstring>
 #include <span>
+#include <string>
 
 #include "drivers/driver.hpp"
 #include "drivers/frame.hpp"
@@ -51,6 +52,7 @@ public:
         while (!ready_ && at_ < size_) ready_ = take(bytes_[at_++], ahead_);
         if (ready_ && ahead_.t_ns == 0) {
             ahead_.t_ns = t_ns_ - (t_ns_ - since_ns_) / size_ * (size_ - at_);
+            ahead_.taken_ns = t_ns_;
             ++counts_[TACTILED_LINK_FRAMES];
         }
         return ready_;
@@ -61,6 +63,11 @@ public:
         at_ = size_ = 0;
         ready_ = false;
     }
+
+    // Text for the user: the proof of age that the frames carry on a path that may delay them, and a change that the user
+    // should make ("" = none). setup
+    [[nodiscard]] virtual std::string freshness() const { return "arrival (no clock and no counter: a delay is not seen)"; }
+    [[nodiscard]] virtual std::string advice() const { return ""; }
 
     // Bytes that a device must be sent to begin and to end its stream; empty for one that sends by itself. rt: wait-free
     [[nodiscard]] virtual std::span<const std::uint8_t> start_bytes() const noexcept { return {}; }

@@ -16,9 +16,10 @@ namespace tactiled {
 // have.
 struct StreamSettings {
     int bits = 24;          // of a channel, 24 or 32: binary formats
-    bool checksum = false;  // each frame has one: text formats
+    bool checksum = false;  // each frame has one, by exclusive or: text formats
     bool sequence = false;  // each frame has a counter: text formats
     bool time_us = false;   // each frame has the device's time
+    bool crc16 = false;     // each frame has a CRC-16: text formats
 };
 
 struct StreamFormat {

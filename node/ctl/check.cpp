@@ -33,6 +33,13 @@ void add_check(CLI::App& app, Run& run) {
             for (const auto& line : problems.lines()) fmt::print(stderr, "{}\n", line);
             if (!problems.empty()) return kUnhealthy;
             fmt::print("{}: good: {} links, {} sensors\n", args->path, node.links.size(), node.sensors.size());
+            for (const auto& link : node.links)
+                if (const std::string advice = link->driver->advice(); !advice.empty())
+                    fmt::print("warning: link \"{}\": {}\n", link->name, advice);
+            for (const auto& link : node.links)
+                for (const auto& binding : link->bindings)
+                    fmt::print("sensor \"{}\": age proved by {}\n", node.config.sensors[binding.sensor].name,
+                               link->driver->freshness());
             return kGood;
         };
     });

@@ -49,6 +49,18 @@ std::string user_of(const Machine& machine, const std::string& pid) {
     return self != nullptr ? self->pw_name : "root";
 }
 
+// A delay that nothing shows makes old forces look new.
+void look_at_freshness(const Node& node, Findings& found) {
+    for (const auto& link : node.links)
+        for (const auto& binding : link->bindings) {
+            const std::string by = link->driver->freshness();
+            const bool unproved = by.starts_with("arrival");
+            found.push_back({"freshness", unproved ? Verdict::advice : Verdict::good,
+                             fmt::format("sensor \"{}\": age proved by {}", node.config.sensors[binding.sensor].name, by),
+                             unproved ? "send the device's time or a counter (drivers/wire/freshness.md)" : ""});
+        }
+}
+
 Findings examine(const Args& args) {
     const Machine machine(args.root);
     Findings found;
@@ -67,6 +79,7 @@ Findings examine(const Args& args) {
     look_at_processors(machine, config.realtime, found);
     if (!problems.empty()) return found;
     look_at_devices(machine, config, user, found);
+    look_at_freshness(node, found);
     look_at_readers(machine, config, found);
     look_at_port(machine, config.modbus, !pid.empty(), found);
     return found;

@@ -38,8 +38,11 @@ bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(
 
 // "" or the first part that differs. `raw_only`: what a tare or a filter had seen is not in the file.
 std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only) {
-    const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER;
-    const bool compared = (was.reasons & TACTILED_SENSORS_DIFFER) != 0;  // with another sensor: not here
+    const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
+                                        TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY;
+    if ((was.reasons & TACTILED_STALE) != 0) return "";  // it came too late; a recording does not say so of a frame
+    // With another sensor, or with the time of other frames: not here.
+    const bool compared = (was.reasons & (TACTILED_SENSORS_DIFFER | TACTILED_UNPROVED_AGE)) != 0;
     if (was.quality != is.quality && !compared) return "quality";
     if ((was.reasons & ~of_the_moment) != (is.reasons & ~of_the_moment)) return "reasons";
     if (was.missing != is.missing || was.saturated != is.saturated) return "channels";

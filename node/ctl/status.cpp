@@ -32,6 +32,13 @@ nlohmann::json lateness_json(const Lateness& counts) {
     return out;
 }
 
+constexpr const char* kFreshness[] = {"unknown", "request", "cable", "clock", "sequence", "arrival"};
+
+const char* freshness_of(const Segment& segment, std::uint32_t i) {
+    const std::uint32_t freshness = tactiled_freshness_of(segment.c(), i);
+    return freshness < std::size(kFreshness) ? kFreshness[freshness] : "unknown";
+}
+
 // Number of samples with each reason since the start.
 std::string reason_line(const Segment& segment, std::uint32_t i) {
     std::string counts;
@@ -62,6 +69,8 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
                            number(double(s.rate_Hz), 8, 1), number(age_ms(s, snapshot.taken_ns), 8, 1), s.lost,
                            quality_text(s.quality, s.reasons));
     }
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
+        out += fmt::format("age of {}: proved by {}\n", segment.sensor(i).name, freshness_of(segment, i));
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += auto_lines(segment, i, snapshot.sensor[i]);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += reason_line(segment, i);
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
@@ -125,6 +134,7 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                               {"link", segment.sensor(i).link},
                               {"quality", quality_text(s.quality, s.reasons)},
                               {"age_ms", age_ms(s, snapshot.taken_ns)},
+                              {"freshness", freshness_of(segment, i)},
                               {"rate_Hz", json_number(double(s.rate_Hz))},
                               {"lost", s.lost},
                               {"tare_count", s.tare_count}};

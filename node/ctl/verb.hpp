@@ -55,10 +55,11 @@ CLI::Validator number_in(double min, double max);
 void add_node_option(CLI::App* verb, std::string& node_name);
 
 // Of the reasons, bit 0 first.
-inline constexpr std::array<const char*, 20> kReasonWords{
-    "no-data-yet",  "stale",      "disconnected", "missing-channel", "saturated",      "disagreement",  "outside-domain",
-    "uncalibrated", "not-finite", "stopped",      "taring",          "reader-overrun", "wrong-device",  "sd-unknown",
-    "frozen",       "stepped",    "idle-bus",     "wrong-rate",      "drifted",        "sensors-differ"};
+inline constexpr std::array<const char*, 22> kReasonWords{
+    "no-data-yet",    "stale",          "disconnected", "missing-channel", "saturated", "disagreement",
+    "outside-domain", "uncalibrated",   "not-finite",   "stopped",         "taring",    "reader-overrun",
+    "wrong-device",   "sd-unknown",     "frozen",       "stepped",         "idle-bus",  "wrong-rate",
+    "drifted",        "sensors-differ", "unproved-age", "arrival-only"};
 // "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated". As in forces.csv.
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
 

@@ -43,10 +43,11 @@ void check(const sim::Scene& scene, const std::vector<std::string>& ptys, const 
 struct Device {
     Port* port;
 
-    Frame frame(const sim::Sensor& sensor, const sim::Block& block, std::size_t n, bool shares_port) {
+    // The device's clock runs with the host's, not with the scene's.
+    Frame frame(const sim::Sensor& sensor, const sim::Block& block, std::size_t n, bool shares_port, double speed) {
         Frame frame;
         frame.sequence = std::uint32_t((block.first + n) / sensor.every);
-        frame.device_time_us = std::uint64_t(std::max(0.0, block.t_s[n]) * 1e6 + kClockOffset_us);
+        frame.device_time_us = std::uint64_t(std::max(0.0, block.t_s[n]) / speed * 1e6 + kClockOffset_us);
         frame.device = shares_port ? sensor.device : std::uint16_t(0);
         frame.n_channels = std::uint8_t(sensor.n());
         for (std::size_t k = 0; k < sensor.n(); ++k)
@@ -81,7 +82,7 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
             for (std::size_t i = 0; i < sensors && interrupted == 0; ++i) {
                 const sim::Sensor& sensor = scene.sensors[i];
                 if (sample % sensor.every != 0) continue;
-                const Frame frame = devices[i].frame(sensor, *block[i], n, ports.size() < sensors);
+                const Frame frame = devices[i].frame(sensor, *block[i], n, ports.size() < sensors, speed);
                 if (!block[i]->dropped[n]) ++(wire.send(*devices[i].port, frame) ? sent : dropped);
             }
         }

@@ -91,6 +91,7 @@ constexpr Fault kSensorFaults[] = {
     {TACTILED_SATURATED, {9, "saturated channel"}},
     {TACTILED_DISAGREEMENT, {10, "channels contradict each other"}},
     {TACTILED_SENSORS_DIFFER, {19, "differs from the sensor that it should agree with"}},
+    {TACTILED_UNPROVED_AGE, {20, "its age is not proved: frames were delayed, or the device paused"}},
     {TACTILED_STEPPED, {18, "a channel has changed faster than it can"}},
     {TACTILED_OUTSIDE_DOMAIN, {11, "outside the calibrated domain"}},
     {TACTILED_UNKNOWN_UNCERTAINTY, {12, "uncertainty unknown"}},

@@ -7,7 +7,7 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 3;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 4;
 
 // Not available, as SunSpec has it; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;

@@ -33,7 +33,7 @@ import stat
 import struct
 import time
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 4
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 5
 MAX_SENSORS = MAX_LINKS = 16
 NAME_SIZE = 32  # with the terminating zero
 
@@ -41,11 +41,12 @@ NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 
 (NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
  DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY, FROZEN, STEPPED, IDLE_BUS, WRONG_RATE,
- DRIFTED, SENSORS_DIFFER) = (1 << bit for bit in range(20))
+ DRIFTED, SENSORS_DIFFER, UNPROVED_AGE, ARRIVAL_ONLY) = (1 << bit for bit in range(22))
 REASON_WORDS = (  # bit 0 first, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
     "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown",
-    "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ")
+    "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ", "unproved-age", "arrival-only")
+FRESHNESS = ("unknown", "request", "cable", "clock", "sequence", "arrival")  # words for Info.freshness
 
 CONTACT, OVERLOAD, LOW_PASS, STEPPED_DOWN, OVER_BUDGET = 1, 2, 4, 8, 16  # Sample.state
 
@@ -110,8 +111,8 @@ _HEADER = _Struct(
     "calibration_id:I node:5I lateness_offset:I -:84x state:I reloads:I -:120x")
 _SENSOR = _Struct(
     "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f "
-    "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I")
-_SENSOR_SIZE_1_0 = 216
+    "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I freshness:I")
+_SENSOR_SIZE_1_0, _SENSOR_SIZE_1_3 = 216, 544
 _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
     "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
@@ -404,9 +405,11 @@ class Node(_Attached):
         """Samples with each reason since the daemon started, as {word: count}; those that never were are left out."""
         self.info(sensor)
         h, index = self._segment.header, list(self._segment.sensors).index(sensor)
-        if h.sensor_size < _SENSOR.size:  # before 1.3
+        if h.sensor_size < _SENSOR_SIZE_1_3:  # it counts none
             return {}
-        counts = _SENSOR.values(self._segment.bytes, h.sensor_offset + index * h.sensor_size)[-1]
+        at = h.sensor_offset + index * h.sensor_size
+        entry = bytes(self._segment.bytes[at:at + min(h.sensor_size, _SENSOR.size)]).ljust(_SENSOR.size, b"\0")
+        counts = _SENSOR.values(entry, 0)[-2]
         return {word: count for word, count in zip(REASON_WORDS, counts) if count}
 
     def latest(self, sensor):

@@ -330,6 +330,7 @@ void SegmentWriter::set_sensor(std::uint32_t index, const tactiled_sensor& entry
     tactiled_sensor wanted = entry;
     wanted.ring = live.ring;
     std::copy(std::begin(live.count), std::end(live.count), wanted.count);
+    wanted.freshness = live.freshness;
     static_assert(sizeof wanted % 4 == 0 && alignof(tactiled_sensor) % 4 == 0);
     for (std::size_t at = 0; at < sizeof wanted; at += 4) {  // unchanged bytes are not written
         std::uint32_t word = 0;
@@ -358,6 +359,11 @@ void SegmentWriter::count_reasons(std::uint32_t index, std::uint32_t reasons) no
         std::uint32_t& count = sensor.count[std::countr_zero(reasons)];
         __atomic_store_n(&count, count + 1, __ATOMIC_RELAXED);
     }
+}
+
+void SegmentWriter::set_freshness(std::uint32_t index, std::uint32_t freshness) noexcept {
+    auto& sensor = reinterpret_cast<tactiled_sensor*>(base_ + header().sensor_offset)[index];
+    __atomic_store_n(&sensor.freshness, freshness, __ATOMIC_RELAXED);
 }
 
 void SegmentWriter::set_link_state(std::uint32_t index, tactiled_link_state state) noexcept {

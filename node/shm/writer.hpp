@@ -63,6 +63,8 @@ public:
 
     // One sample of sensor `index` has these reasons. From the thread that publishes it. rt: bounded by the reasons
     void count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept;
+    // How the age of the sensor's samples is proved. From the thread that publishes them. rt: wait-free
+    void set_freshness(std::uint32_t index, std::uint32_t freshness) noexcept;
     // A link's own line, shown as it is. Each word has one writer. rt: wait-free
     void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
     void set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept;

@@ -47,6 +47,8 @@ std::string Cable::open() {
     if (!plugged || !opens) return "no such device";
     chunks_.clear();
     decoder_->reset();
+    empty_ns_ = world_ns;
+    since_ns_ = 0;
     return "";
 }
 
@@ -57,11 +59,18 @@ void Cable::carry(std::uint64_t sent_ns, std::vector<std::uint8_t> bytes) {
 }
 
 bool Cable::is_readable() const {
-    return !plugged || has_more() || (!chunks_.empty() && chunks_.front().ready_ns <= world_ns);
+    const bool waits = !chunks_.empty() && chunks_.front().ready_ns <= world_ns;
+    if (!waits) empty_ns_ = world_ns;
+    return !plugged || has_more() || waits;
 }
 
 Status Cable::read(Frame& frame, int) noexcept {
-    if (decoder_->next(frame)) return Status::frame;
+    const auto next = [&] {
+        if (!decoder_->next(frame)) return false;
+        frame.since_ns = since_ns_;
+        return true;
+    };
+    if (next()) return Status::frame;
     if (!plugged) return Status::disconnected;
     std::vector<std::uint8_t> bytes;
     while (!chunks_.empty() && chunks_.front().ready_ns <= world_ns && bytes.size() < StreamDecoder::kMaxBytes) {
@@ -74,8 +83,9 @@ Status Cable::read(Frame& frame, int) noexcept {
         chunks_.pop_front();
     }
     if (bytes.empty()) return Status::timeout;
-    decoder_->push(bytes, world_ns);
-    return decoder_->next(frame) ? Status::frame : Status::timeout;
+    since_ns_ = world_ns - empty_ns_ > kStoppedNs ? empty_ns_ : 0;
+    decoder_->push(bytes, world_ns, since_ns_ != 0 ? since_ns_ : world_ns);
+    return next() ? Status::frame : Status::timeout;
 }
 
 Device::Device(unsigned sensor, unsigned number, Cable& cable, std::uint32_t first_sequence, std::uint64_t first_ns)

@@ -54,8 +54,9 @@ public:
 
     bool is_text;
     bool plugged = true, opens = true;
-    std::uint64_t hold_until_ns = 0;  // what is sent from now on does not arrive before
-    unsigned chop = 0;                // bytes a read, 0 = as many as wait
+    std::uint64_t hold_until_ns = 0;                       // what is sent from now on does not arrive before
+    unsigned chop = 0;                                     // bytes a read, 0 = as many as wait
+    static constexpr std::uint64_t kStoppedNs = 30 * kMs;  // the limit of drivers/uart.cpp for a stopped process
 
 private:
     struct Chunk {
@@ -64,6 +65,8 @@ private:
     };
     std::deque<Chunk> chunks_;
     std::unique_ptr<StreamDecoder> decoder_;
+    mutable std::uint64_t empty_ns_ = 0;  // the last time at which no byte waited
+    std::uint64_t since_ns_ = 0;
 };
 
 // A device as its maker knows it: one sensor. The faults are switches; `rate` is that of frames hit, 0 .. 1.
@@ -99,6 +102,8 @@ public:
     std::uint64_t period_ns = kPeriodNs;
     std::uint64_t jumped_ns = 0;   // when its counter has jumped
     std::uint64_t doubled_ns = 0;  // when the second device last sent
+    // The daemon was stopped from then to then: what waited has the time at which it may have come.
+    std::uint64_t stopped_ns = 0, stopped_until_ns = 0;
 
 private:
     std::vector<std::uint8_t> encode(const Frame& frame) const;

@@ -94,6 +94,8 @@ constexpr Fault kFaults[] = {
      }},
     {"the loop stands for 60 ms", 84, Reach::node, 40, 60, [](World& w, unsigned) { w.stall_pipeline(60); }, nothing},
     {"the loop stands: rings full", 90, Reach::node, 60, 1200, [](World& w, unsigned) { w.stall_pipeline(1200); }, nothing},
+    {"the daemon is stopped for 140 ms and continued", 14, Reach::node, 60, 140,
+     [](World& w, unsigned) { w.stop_process(140); }, nothing},
     {"the daemon is killed", 96, Reach::node, 200, 100,
      [](World& w, unsigned) {
          if (w.is_running()) w.kill();

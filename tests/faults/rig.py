@@ -39,6 +39,7 @@ SENSOR = """
 name = "usb_{name}"
 driver = "uart"
 device = "{{folder}}/{name}"
+path = "direct"
 format = "lines"
 channels = 3
 sequence = true

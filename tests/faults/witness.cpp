@@ -179,7 +179,9 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     }
     before = s;
     const Device::Truth& truth = device.truth(s.device_sequence);
-    if (s.t_ns < truth.arrived_ns || s.t_ns > truth.arrived_ns + kHeldNs)
+    const bool waited_for_a_stopped_daemon = device.stopped_ns != 0 && s.t_ns + kHeldNs >= device.stopped_ns &&
+                                             truth.arrived_ns <= device.stopped_until_ns + kHeldNs;
+    if ((s.t_ns < truth.arrived_ns && !waited_for_a_stopped_daemon) || s.t_ns > truth.arrived_ns + kHeldNs)
         findings_.add(
             kWrongTimestamp, i,
             fmt::format("{} us after its arrival", (std::int64_t(s.t_ns) - std::int64_t(truth.arrived_ns)) / 1000));

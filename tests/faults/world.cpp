@@ -135,6 +135,15 @@ void World::suffer(unsigned mask, std::uint64_t until_ns) {
 
 void World::stall_pipeline(std::uint64_t ms) { stalled_until_ns_ = std::max(stalled_until_ns_, world_ns + ms * kMs); }
 
+void World::stop_process(std::uint64_t ms) {
+    stopped_until_ns_ = std::max(stopped_until_ns_, world_ns + ms * kMs);
+    stall_pipeline(ms);
+    for (auto& device : devices_) {
+        device->stopped_ns = world_ns;
+        device->stopped_until_ns = stopped_until_ns_;
+    }
+}
+
 void World::unplug(unsigned link) {
     cables_[link]->plugged = false;
     for (unsigned i = 0; i < kSensors; ++i)
@@ -179,7 +188,7 @@ void World::run_ms(std::uint64_t ms) {
         std::shuffle(actors.begin(), actors.end(), random_);
         for (const unsigned actor : actors) {
             world_ns += random_() % 150'000;
-            if (!is_running()) continue;
+            if (!is_running() || world_ns < stopped_until_ns_) continue;
             actor < kLinks ? run_link_cycle(actor) : run_pipeline_cycle();
         }
         Expectation expected;
@@ -216,7 +225,7 @@ void World::run_link_cycle(unsigned index) {
         link.connected.store(true, std::memory_order_release);
     }
     while (cables_[index]->is_readable())
-        if (!acquire(link, *segment_, 0)) return close_link(index);
+        if (acquire(link, *segment_, 0) == Status::disconnected) return close_link(index);
     if (plant_ == nullptr || !plant_->discontinuity_is_hidden) return;
     link.connected.store(true, std::memory_order_release);
 }
@@ -243,7 +252,7 @@ void World::run_pipeline_cycle() {
         if (said.state == TACTILED_COMMAND_RUNNING) witness_->tare_begins(asked_);
         asked_ = 0;
     }
-    pipeline_->account(10'000, missed);
+    pipeline_->add_missed(missed);
     next_cycle_ns_ += (missed + 1) * kMs;
     if (plant_ != nullptr) plant_samples();
 }

@@ -49,6 +49,7 @@ public:
     void unplug(unsigned link);
     void plug(unsigned link);
     void stall_pipeline(std::uint64_t ms);
+    void stop_process(std::uint64_t ms);  // SIGSTOP, and SIGCONT after that
     void kill();     // the process is gone, its file stays
     void stop();     // SIGTERM
     void restart();  // another process takes over
@@ -106,7 +107,7 @@ private:
     CommandRing plc_{16};
     std::array<LinkThread, kLinks> threads_{};
     std::array<std::uint64_t, kSensors> suffers_until_ns_{}, disconnected_since_ns_{};
-    std::uint64_t stalled_until_ns_ = 0, next_cycle_ns_ = 0, turns_ = 0;
+    std::uint64_t stopped_until_ns_ = 0, stalled_until_ns_ = 0, next_cycle_ns_ = 0, turns_ = 0;
     char* map_ = nullptr;  // for plants alone
     std::size_t map_size_ = 0;
     std::array<std::uint32_t, kSensors> planted_{};

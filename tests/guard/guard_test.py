@@ -32,12 +32,14 @@ period_us = {period}
 name = "usb0"
 driver = "uart"
 device = "{folder}/dev"
+path = "direct"
 format = "cobs"
 
 [[link]]
 name = "usb1"
 driver = "uart"
 device = "{folder}/text"
+path = "direct"
 format = "lines"
 channels = 3
 sequence = true
@@ -286,6 +288,7 @@ format = "kms40"
 name = "line"
 driver = "uart"
 device = "{{folder}}/dev"
+path = "direct"
 baud = 19200
 format = "ft300"
 """ + SENSORS.format("net", "line")

@@ -39,6 +39,7 @@ data_ready = {{chip = "tactile", line = "drdy0"}}
 name = "mcu"
 driver = "uart"
 device = "{{folder}}/mcu"
+path = "direct"
 format = "lines"
 channels = 2
 sequence = true

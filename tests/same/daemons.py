@@ -38,6 +38,7 @@ DEMO = """
 name = "usb0"
 driver = "uart"
 device = "{folder}/skin"
+path = "direct"
 format = "lines"
 channels = 15
 sequence = true
@@ -48,6 +49,7 @@ simulated = true
 name = "usb1"
 driver = "uart"
 device = "{folder}/table"
+path = "direct"
 format = "cobs"
 simulated = true
 

@@ -87,7 +87,7 @@ class Auto(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.daemon = cls.enterClassContext(Daemon("[shm]\nhistory = 16384\n\n" + "".join(
-            f'[[link]]\nname = "{name}"\ndriver = "uart"\ndevice = "{{folder}}/{name}.dev"\nformat = "cobs"\n\n'
+            f'[[link]]\nname = "{name}"\ndriver = "uart"\ndevice = "{{folder}}/{name}.dev"\nformat = "cobs"\npath = "direct"\n\n'
             f'[[sensor]]\nname = "{name}"\nlink = "{name}"\nmodel = "generic"\ncalibration = "calibration.toml"\n'
             f'method = "auto"\nbudget_us = 100\nstale_ms = 10000\n\n' for name in SENSORS)))
         cls.folder = cls.daemon.folder

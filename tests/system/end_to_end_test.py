@@ -35,6 +35,7 @@ CONFIG = """
 name = "usb0"
 driver = "uart"
 device = "{folder}/skin"
+path = "direct"
 baud = 921600
 %s
 

@@ -22,6 +22,7 @@ LINK = """
 name = "usb-{}"
 driver = "uart"
 device = "{{folder}}/{}"
+path = "direct"
 baud = 921600
 format = "cobs"
 simulated = true

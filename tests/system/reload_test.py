@@ -26,6 +26,7 @@ LINK = """
 name = "{0}"
 driver = "uart"
 device = "{{folder}}/{0}.dev"
+path = "direct"
 format = "lines"
 channels = 3
 sequence = true

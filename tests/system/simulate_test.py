@@ -59,6 +59,7 @@ LINK = """
 name = "{sensor}"
 driver = "uart"
 device = "{folder}/{device}"
+path = "direct"
 baud = 921600
 %s
 """

@@ -105,7 +105,7 @@ class Sensor:
         more = {"lines": f'format = "lines"\nchannels = {len(self.channels)}\nsequence = true\nchecksum = true\n',
                 "cobs": 'format = "cobs"\n'}[self.wire]
         units = f"counts_per_unit = {self.counts_per_unit}\n" if self.wire == "cobs" else ""
-        return (f'[[link]]\nname = "usb-{name}"\ndriver = "uart"\ndevice = "{{folder}}/{name}"\nbaud = 921600\nsimulated = true\n{more}\n'
+        return (f'[[link]]\nname = "usb-{name}"\ndriver = "uart"\ndevice = "{{folder}}/{name}"\nbaud = 921600\npath = "direct"\nsimulated = true\n{more}\n'
                 f'[[sensor]]\nname = "{name}"\nlink = "usb-{name}"\nmodel = "{self.model}"\ncalibration = "{{folder}}/{name}-{method}.toml"\n'
                 f'method = "{method}"\nstale_ms = 500\n{units}\n')
 

@@ -8,6 +8,7 @@ CONFIG = """
 name = "usb0"
 driver = "uart"
 device = "{folder}/dev"
+path = "direct"
 format = "lines"
 channels = 3
 sequence = true

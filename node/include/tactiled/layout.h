@@ -1,4 +1,4 @@
-/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.4.
+/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.5.
  *
  * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
  * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
@@ -32,7 +32,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 4
+#define TACTILED_MINOR 5
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* of a frame */
@@ -71,13 +71,27 @@ enum tactiled_reason {
     TACTILED_WRONG_RATE = 1 << 17, /* measured beside the declared rate_Hz; the value is right, and may be GOOD */
     TACTILED_DRIFTED = 1 << 18,    /* the zero at rest has moved by drift_limit_N: tare; the value may be GOOD */
     /* Since 1.4: */
-    TACTILED_SENSORS_DIFFER = 1 << 19 /* the sensor that agrees_with names tells another force: one of them is wrong */
+    TACTILED_SENSORS_DIFFER = 1 << 19, /* the sensor that agrees_with names tells another force: one of them is wrong */
+    /* Since 1.5: */
+    TACTILED_UNPROVED_AGE = 1 << 20, /* the value may be older than it seems: frames were delayed, or the device paused */
+    TACTILED_ARRIVAL_ONLY = 1 << 21  /* the stream has no clock and no counter that would show a delay; the value may be GOOD */
+};
+
+/* How the age of a sensor's samples is proved: tactiled_sensor.freshness. Since 1.5. */
+enum tactiled_freshness {
+    TACTILED_FRESHNESS_UNKNOWN = 0, /* no frame yet */
+    TACTILED_BY_REQUEST = 1,        /* each frame answers a request of the daemon */
+    TACTILED_BY_CABLE = 2,          /* the buffers and the rate of a local link bound the delay */
+    TACTILED_BY_CLOCK = 3,          /* by the device's own clock */
+    TACTILED_BY_SEQUENCE = 4,       /* by the device's counter and its rate; a pause of the device looks like a delay */
+    TACTILED_BY_ARRIVAL = 5         /* not at all: a delay shows as a silence only */
 };
 
 /* One sample of one sensor. SI units, frame S. A component that the sensor cannot see is NaN, not 0. */
 struct tactiled_sample {
     TACTILED_ALIGN(8) uint64_t sequence; /* counts this sensor's samples from 0; a jump is a loss of the reader */
-    TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel */
+    TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel; since 1.5
+                                          * earlier where the device's clock shows that it had been delayed */
     TACTILED_ALIGN(8) uint64_t t_published_ns;
     uint32_t epoch;           /* differs after each discontinuity, in no order: (header's epoch) << 16 | number since */
     uint32_t quality;         /* enum tactiled_quality */
@@ -298,9 +312,12 @@ struct tactiled_sensor {
     float method_error[TACTILED_MAX_METHODS];
     /* Since 1.3, and so not in an entry of TACTILED_SENSOR_SIZE_1_1 bytes: ask tactiled_reason_count(). */
     uint32_t count[32]; /* samples with reason bit n since the start, wrapping: changes */
+    /* Since 1.5, and so not in an entry of TACTILED_SENSOR_SIZE_1_3 bytes: ask tactiled_freshness_of(). */
+    uint32_t freshness; /* enum tactiled_freshness; changes */
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
 #define TACTILED_SENSOR_SIZE_1_1 416u
+#define TACTILED_SENSOR_SIZE_1_3 544u
 
 /* Counters of a link, each 32 bits, wrapping; index of tactiled_link.count. */
 enum tactiled_link_count {
@@ -410,7 +427,7 @@ static inline uint32_t tactiled_lateness_bucket(uint64_t ns) { /* steps of 128 n
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 248);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 456);
-TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 544);
+TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 548);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);

@@ -63,8 +63,13 @@ static inline const char* tactiled_methods_of(const struct tactiled_segment* seg
 }
 /* Samples of a sensor with reason bit `bit` (0 .. 31) since the daemon started; 0 where it counts none (before 1.3). */
 static inline uint32_t tactiled_reason_count(const struct tactiled_segment* segment, uint32_t index, unsigned bit) {
-    if (tactiled_header_of(segment)->sensor_size < sizeof(struct tactiled_sensor)) return 0;
+    if (tactiled_header_of(segment)->sensor_size < TACTILED_SENSOR_SIZE_1_3) return 0;
     return __atomic_load_n(&tactiled_sensor_of(segment, index)->count[bit], __ATOMIC_RELAXED);
+}
+/* How the age of a sensor's samples is proved (enum tactiled_freshness); 0 where the daemon does not say (before 1.5). */
+static inline uint32_t tactiled_freshness_of(const struct tactiled_segment* segment, uint32_t index) {
+    if (tactiled_header_of(segment)->sensor_size < sizeof(struct tactiled_sensor)) return 0;
+    return __atomic_load_n(&tactiled_sensor_of(segment, index)->freshness, __ATOMIC_RELAXED);
 }
 static inline const struct tactiled_link* tactiled_link_of(const struct tactiled_segment* segment, uint32_t index) {
     const struct tactiled_header* h = tactiled_header_of(segment);

@@ -17,7 +17,7 @@ std::vector<Frame> read_lines(const std::string& text, const AsciiFormat& format
 
 TEST(AsciiLine, TheExampleOfItsPageIsRight) {
     LinkCounts counts;
-    const auto frames = read_lines(line_after("ascii_line.md", "Frame 7 with") + "\n", {3, true, true, false}, counts);
+    const auto frames = read_lines(line_after("ascii_line.md", "Frame 7 with") + "\n", {3, true, true, false, true}, counts);
     ASSERT_EQ(frames.size(), 1u) << counts[TACTILED_LINK_BAD_CHECKSUM];
     EXPECT_EQ(frames[0].sequence, 7u);
     EXPECT_EQ(frames[0].channel[0], 0.5);

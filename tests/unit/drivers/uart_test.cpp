@@ -82,6 +82,37 @@ TEST_F(UartTest, ReadsFramesInOrderOneACall) {
     EXPECT_EQ(driver->counts[TACTILED_LINK_FRAMES], 5u);
 }
 
+TEST_F(UartTest, APseudoTerminalIsANetworkUnlessItIsDeclaredACable) {
+    for (const auto& [keys, path] : {std::pair{"", Route::Path::network},
+                                     {"\npath = \"direct\"", Route::Path::direct},
+                                     {"\npath = \"network\"\nclock_ppm = 5000", Route::Path::network}}) {
+        const auto driver = make(std::string("format = \"cobs\"") + keys);
+        ASSERT_TRUE(problems_.empty()) << problems_.lines().front();
+        ASSERT_EQ(driver->open(), "");
+        const Route route = driver->route();
+        EXPECT_EQ(route.path, path) << keys;
+        EXPECT_FALSE(route.reopening_discards) << "what is behind it does not notice";
+        EXPECT_EQ(route.clock_ppm, std::string(keys).find("5000") == std::string::npos ? 200 : 5000);
+        EXPECT_EQ(driver->freshness().starts_with("cable"), path == Route::Path::direct);
+    }
+    (void)make("format = \"cobs\"\npath = \"cable\"");
+    EXPECT_EQ(problems_.lines().size(), 1u);
+}
+
+TEST_F(UartTest, BytesThatWaitedForAThreadThatStoodStillMayHaveComeAtOnce) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    Frame frame;
+    send_frame(1);
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    EXPECT_EQ(frame.since_ns, 0u) << "it was read when it came";
+    EXPECT_GE(frame.taken_ns, frame.t_ns);
+    send_frame(2);
+    ::usleep(150'000);
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    EXPECT_NEAR(double(frame.taken_ns - frame.since_ns), 150e6, 60e6);
+}
+
 TEST_F(UartTest, AHangUpIsDisconnectedAndNotReadAgain) {
     const auto driver = make("format = \"cobs\"");
     ASSERT_EQ(driver->open(), "");

@@ -23,7 +23,9 @@ public:
     }
     void close() noexcept override {}
     bool has_more() const noexcept override { return !frames.empty(); }
+    Route route() const noexcept override { return way; }
     std::deque<Frame> frames;
+    Route way;
 };
 
 class Constant final : public Decoupler {
@@ -150,6 +152,50 @@ TEST_F(PipelineTest, RefusesTheNewestWhenTheLoopIsLateAndTellsHowMany) {
     EXPECT_EQ(s.node.warning & TACTILED_WARN_LOST, unsigned(TACTILED_WARN_LOST));
     turn(2000);
     EXPECT_EQ(look().node.warning, 0u);
+}
+
+TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) {
+    const std::uint64_t ms = 1'000'000;
+    links_[0]->age.add(0, 100, 0.2, 100 * ms);
+    driver_[0]->way = {.path = Route::Path::network, .reopening_discards = true};
+    std::uint64_t t_ns = monotonic_ns() - 30'000 * ms;
+    std::uint32_t sequence = 0;
+    const auto send_counted = [&](int frames) {
+        for (int i = 0; i < frames; ++i, t_ns += 10 * ms) {
+            Frame f;
+            f.t_ns = t_ns;
+            f.n_channels = 1;
+            f.has_sequence = true;
+            f.sequence = sequence++;
+            driver_[0]->frames.push_back(f);
+        }
+    };
+    const auto last_of_all = [&] {
+        bool stays_open = true;
+        while (driver_[0]->has_more()) {
+            now_ = driver_[0]->frames.front().t_ns;
+            stays_open = acquire(*links_[0], segment_, 0) != Status::disconnected && stays_open;
+            turn(0);
+        }
+        return std::pair(sensors_[0].last(), stays_open);
+    };
+    send_counted(500);
+    auto [sample, stays_open] = last_of_all();
+    EXPECT_EQ(sample.reasons, 0u);
+    EXPECT_TRUE(stays_open);
+    turn(20);
+    EXPECT_EQ(tactiled_freshness_of(Segment::open(plan_.name).c(), 0), unsigned(TACTILED_BY_SEQUENCE));
+    t_ns += 2'000 * ms;  // the device pauses, or a link was down: its next number comes 2 s later
+    send_counted(100);
+    std::tie(sample, stays_open) = last_of_all();
+    EXPECT_EQ(sample.quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_EQ(sample.reasons, unsigned(TACTILED_UNPROVED_AGE));
+    EXPECT_FALSE(stays_open) << "the link is to be opened again";
+    ++driver_[0]->counts[TACTILED_LINK_OPENED];
+    send_counted(10);
+    std::tie(sample, stays_open) = last_of_all();
+    EXPECT_EQ(sample.quality, unsigned(TACTILED_GOOD));
+    EXPECT_TRUE(stays_open);
 }
 
 TEST_F(PipelineTest, CountsFramesOfADeviceThatNobodyReads) {

@@ -260,5 +260,65 @@ TEST(Sensor, CountsWhatTheDriverKnowsToBeLost) {
     EXPECT_EQ(sensor.sample(f, kMs).lost, 6u);
 }
 
+TEST(Sensor, AFrameThatIsOlderThanStaleMsHasNoValueAndBeginsAnEpoch) {
+    Sensor sensor = make();
+    EXPECT_EQ(sensor.sample(frame(500 * kMs, 1, 2, 3), 500 * kMs).quality, unsigned(TACTILED_GOOD));
+    Frame late = frame(400 * kMs, 4, 5, 6);
+    late.late_ns = 101 * kMs;
+    tactiled_sample s = sensor.sample(late, 501 * kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_STALE));
+    EXPECT_TRUE(std::isnan(s.force_S_N[0]));
+    EXPECT_FALSE(sensor.is_delivering());
+    EXPECT_EQ(sensor.sample(late, 502 * kMs).epoch, s.epoch) << "one break, however many are late";
+    late.late_ns = 99 * kMs;
+    const tactiled_sample young = sensor.sample(late, 503 * kMs);
+    EXPECT_EQ(young.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(young.epoch, s.epoch);
+    EXPECT_NE(young.epoch, 7u << 16);
+}
+
+TEST(Sensor, AnAgeThatIsNotProvedIsUncertainAndNoZeroIsTakenOfIt) {
+    Sensor sensor = make();
+    Frame f = frame(kMs, 1, 2, 3);
+    EXPECT_EQ(sensor.sample(f, kMs).quality, unsigned(TACTILED_GOOD));
+    EXPECT_TRUE(sensor.can_tare());
+    f.age = Frame::Age::unproved;
+    tactiled_sample s = sensor.sample(f, 2 * kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_UNPROVED_AGE));
+    EXPECT_FALSE(sensor.can_tare());
+    f.age = Frame::Age::arrival_only;
+    s = sensor.sample(f, 3 * kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_ARRIVAL_ONLY));
+    EXPECT_FALSE(sensor.can_tare());
+    f.age = Frame::Age::proved;
+    (void)sensor.sample(f, 4 * kMs);
+    ASSERT_TRUE(sensor.can_tare());
+    sensor.begin_tare(4 * kMs);
+    f.age = Frame::Age::unproved;
+    f.t_ns = 5 * kMs;
+    (void)sensor.sample(f, 5 * kMs);
+    EXPECT_EQ(sensor.poll_tare(5 * kMs), Sensor::Tare::failed) << "a lag in the middle of a tare";
+}
+
+TEST(Sensor, AStreamWithoutClockAndCounterIsTaredWhereTheUserAcceptsIt) {
+    Sensor::Setup setup;
+    setup.channel_of_frame = {0, 1, 2};
+    setup.frame_channels = 3;
+    setup.accept_unproved_age = true;
+    setup.decoupler = std::make_unique<Through>(100);
+    Sensor sensor(std::move(setup));
+    sensor.start(7, 0);
+    Frame f = frame(kMs, 1, 2, 3);
+    f.age = Frame::Age::arrival_only;
+    EXPECT_EQ(sensor.sample(f, kMs).reasons, 0u);
+    EXPECT_TRUE(sensor.can_tare());
+    f.age = Frame::Age::unproved;
+    EXPECT_EQ(sensor.sample(f, 2 * kMs).quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_FALSE(sensor.can_tare());
+}
+
 }  // namespace
 }  // namespace tactiled

@@ -1,0 +1,164 @@
+// How much later than the fastest one a frame arrived, from two clocks: the host's, and one that advances with the frames
+// (the device's own, or its counter). Pure: time comes from outside. The page freshness.md explains the method.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+namespace tactiled {
+
+// x = host time - device time = offset of the clocks + delay of the path. The smallest x seen is the reference; the lateness
+// of a frame is its x above the reference.
+//
+// The reference follows the drift of the clocks as a line. Its slope is fitted to the smallest x of each window. At the end
+// of a window the reference may also rise to the window's smallest x, by at most the uncertainty of the slope. A window
+// whose smallest x lies higher shows a lag: the line is then continued and not learned from. A frame below the reference
+// lowers it at once.
+class AgeBound {
+public:
+    struct Limits {
+        double max_drift = 200e-6;  // drift of the two clocks against each other: two crystals of 100 ppm
+        double wander = 40e-6;      // change of the drift within minutes, by temperature
+        double wrap_ns = 0;         // the device's clock starts again from 0 after this time; 0 = never
+    };
+
+    AgeBound() : AgeBound(Limits()) {}
+    explicit AgeBound(const Limits& limits) : limits_(limits), uncertainty_(limits.max_drift) {}
+
+    // The lateness in ns of a frame that was measured at `device_ns` and had arrived by `host_ns`. Host times must not go
+    // back. rt: bounded by the number of windows, 90, once in each window; else wait-free
+    [[nodiscard]] double late_ns(std::uint64_t host_ns, std::uint64_t device_ns) noexcept {
+        if (!started_) {
+            started_ = true;
+            host_ns_ = host_ns;
+            device_ns_ = device_ns;
+            restart();
+            return 0;
+        }
+        const auto step = double(std::int64_t(host_ns - host_ns_));
+        auto ahead = double(std::int64_t(device_ns - device_ns_));
+        if (limits_.wrap_ns > 0)  // the number of wraps that is closest to the host's time
+            ahead += limits_.wrap_ns * std::nearbyint((step - ahead) / limits_.wrap_ns);
+        host_ns_ = host_ns;
+        device_ns_ = device_ns;
+        if (ahead < 0 && back_ns_ <= 0) {
+            back_ns_ = -ahead;
+            before_back_ = x_;
+            back_since_ = t_;
+        }
+        x_ += step - ahead;
+        if (back_ns_ > 0 && x_ - before_back_ < back_ns_ / 2) back_ns_ = 0;  // a frame that was overtaken comes alone
+        if (back_ns_ > 0 && t_ - back_since_ > kSetBack_ns) restart();
+        advance(step);
+        return x_ - reference_;
+    }
+
+    // The next frames are known to be on time: the reference is learned anew. The slope is kept. rt: wait-free
+    void restart() noexcept {
+        reference_ = x_;
+        back_ns_ = 0;
+        points_ = 0;
+        is_held_ = false;
+        open_window();
+    }
+
+    // The smallest lateness of the last window shows a lag.
+    [[nodiscard]] bool is_held() const noexcept { return is_held_; }
+    // By how much the drift of the clocks is not known, as a fraction.
+    [[nodiscard]] double uncertainty() const noexcept { return uncertainty_; }
+
+private:
+    static constexpr std::size_t kWindows = 90;
+    static constexpr double kMinWindow_ns = 0.5e9, kMaxWindow_ns = 10e9;  // one eighth of what the fit spans, within these
+    static constexpr unsigned kMinFrames = 8, kMinPoints = 6;             // the least number for a window, and for a fit
+    // Delays that come and go within minutes move a slope by this over the span of the fit: USB polls of 16 ms, and half.
+    static constexpr double kPerturbation_ns = 30e6;
+    static constexpr double kFall_ns = 20e6;     // a larger fall of the smallest delay would bend the fit: it begins again
+    static constexpr double kLag_ns = 10e6;      // the smallest delay of a window does not grow by so much without a lag
+    static constexpr double kSetBack_ns = 2e9;   // a clock that has gone back and stays so for this time was set back
+    static constexpr double kHeldShare = 0.125;  // share of the uncertainty by which the reference rises during a lag
+
+    struct Point {
+        double t_ns, x_ns;
+    };
+
+    void advance(double step) noexcept {
+        t_ += step;
+        reference_ += slope_ * step;
+        // During a silence nothing is seen of the drift.
+        if (step > kMaxWindow_ns) reference_ += uncertainty_ * (is_held_ ? kHeldShare : 1.0) * step;
+        if (x_ < reference_) {
+            if (x_ < reference_ - kFall_ns)
+                restart();  // a lag has ended that was there at the start, or the clock was set on
+            reference_ = x_;
+        }
+        if (const double above = x_ - reference_; above < window_min_) {
+            window_min_ = above;
+            window_point_ = {t_, x_};
+        }
+        ++window_frames_;
+        if (t_ - window_begin_ >= window_ns_ && window_frames_ >= kMinFrames) close_window();
+    }
+
+    void close_window() noexcept {
+        const double allowed = uncertainty_ * std::min(t_ - window_begin_, 4 * kMaxWindow_ns);
+        is_held_ = window_min_ > allowed + kLag_ns;
+        if (is_held_) {
+            reference_ += allowed * kHeldShare;
+        } else {
+            reference_ += std::min(window_min_, allowed);
+            if (points_ == kWindows) std::move(point_.begin() + 1, point_.end(), point_.begin());
+            point_[std::min(points_++, kWindows - 1)] = window_point_;
+            points_ = std::min(points_, kWindows);
+            fit();
+        }
+        open_window();
+    }
+
+    void open_window() noexcept {
+        window_begin_ = t_;
+        window_min_ = 1e300;
+        window_frames_ = 0;
+        const double span = points_ < 2 ? 0 : point_[points_ - 1].t_ns - point_[0].t_ns;
+        window_ns_ = std::clamp(span / 8, kMinWindow_ns, kMaxWindow_ns);
+    }
+
+    // Least squares. A new fit replaces the slope where it is at least as certain: after restart() the old one stays until
+    // then.
+    void fit() noexcept {
+        if (points_ < kMinPoints) return;
+        const double span = point_[points_ - 1].t_ns - point_[0].t_ns;
+        const double uncertainty = std::clamp(kPerturbation_ns / span, limits_.wander, limits_.max_drift);
+        if (!(uncertainty <= uncertainty_)) return;
+        double t = 0, x = 0, tt = 0, tx = 0;
+        for (std::size_t i = 0; i < points_; ++i) {
+            t += point_[i].t_ns - point_[0].t_ns;
+            x += point_[i].x_ns - point_[0].x_ns;
+        }
+        t /= double(points_);
+        x /= double(points_);
+        for (std::size_t i = 0; i < points_; ++i) {
+            const double dt = point_[i].t_ns - point_[0].t_ns - t;
+            tt += dt * dt;
+            tx += dt * (point_[i].x_ns - point_[0].x_ns - x);
+        }
+        slope_ = std::clamp(tx / tt, -limits_.max_drift, limits_.max_drift);
+        uncertainty_ = uncertainty;
+    }
+
+    Limits limits_;
+    bool started_ = false, is_held_ = false;
+    std::uint64_t host_ns_ = 0, device_ns_ = 0;
+    double t_ = 0, x_ = 0, reference_ = 0;  // since the first frame
+    double slope_ = 0, uncertainty_;
+    double back_ns_ = 0, before_back_ = 0, back_since_ = 0;  // the device's clock went back by this; x and t_ before; 0: not
+    double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;
+    Point window_point_{};
+    unsigned window_frames_ = 0;
+    std::array<Point, kWindows> point_{};
+    std::size_t points_ = 0;
+};
+
+}  // namespace tactiled

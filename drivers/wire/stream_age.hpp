@@ -1,0 +1,267 @@
+// Proves the age of the frames of one device, or says that it is not proved. Pure: time comes from outside. The page
+// freshness.md explains the rules.
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "drivers/frame.hpp"
+#include "drivers/wire/age_bound.hpp"
+
+namespace tactiled {
+
+// The way from a device to this machine.
+struct Route {
+    enum class Path : std::uint8_t {
+        polled,  // each frame answers a request, whose time bounds the age
+        direct,  // a cable: its buffers and its rate bound the delay, and the driver dates the bytes
+        network  // may hold frames back for any time
+    } path = Path::direct;
+    bool device_clock = false;        // device_time_us is the time of the measurement
+    bool reopening_discards = false;  // the path drops the frames that it holds when the link is closed
+    double clock_ppm = 200;           // by which the device's clock, or its rate, may differ or wander
+};
+
+class StreamAge {
+public:
+    // How the age is proved. The values are those of tactiled_sensor.freshness.
+    enum class Proof : std::uint8_t { unknown, polled, direct, clock, sequence, arrival };
+
+    // `rate_Hz`: of the frames as declared, 0 = not; `stale_ns`: the age at which a value is of no use.
+    StreamAge(double rate_Hz, double rate_tolerance, std::uint64_t stale_ns)
+        : declared_ns_(rate_Hz > 0 ? 1e9 / rate_Hz : 0), tolerance_(rate_tolerance), stale_ns_(double(stale_ns)) {}
+
+    // The link was opened, by this way. rt: wait-free
+    void open(const Route& route) noexcept;
+
+    // Dates `frame`, which was taken from the kernel at `frame.taken_ns`; `host_ns` is the same instant on a clock that
+    // nothing corrects and that goes on while the machine is suspended. Sets t_ns, late_ns and age. Every frame of the
+    // device must come here, in order. rt: as AgeBound::late_ns()
+    void judge(Frame& frame, std::uint64_t host_ns) noexcept;
+
+    [[nodiscard]] Proof proof() const noexcept { return proof_; }
+    // judge() looks at the host's time for this frame. rt: wait-free
+    [[nodiscard]] bool uses_host_time(const Frame& frame) const noexcept {
+        return route_.path == Route::Path::network ||
+               (route_.path == Route::Path::direct && route_.device_clock && frame.device_time_us != 0);
+    }
+    // The age is not proved, or too large. rt: wait-free
+    [[nodiscard]] bool is_in_trouble() const noexcept { return trouble_ns_ != 0 && route_.reopening_discards; }
+    // Opening the link again may prove what is not proved now, or end a lag that lasts. rt: wait-free
+    [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns) const noexcept {
+        return is_in_trouble() && std::int64_t(host_ns - trouble_ns_) > kPatience_ns;
+    }
+
+private:
+    static constexpr double kLate_ns = 50e6;  // jitter of 20 ms, USB polls of 16 ms and some more are no lag
+    static constexpr double kCaughtUp_ns = 25e6;
+    static constexpr std::int64_t kPatience_ns = 500'000'000;  // in which a backlog may come in
+    static constexpr double kWrap_ns = 4294967296e3;           // formats send 32 bits of microseconds
+    static constexpr std::uint64_t kBooted_us =
+        30'000'000;  // a clock that begins again below this is of a device that restarted
+    static constexpr double kFits_ns = 20e9;
+    static constexpr double kLeap = 8;             // intervals from one frame to the next
+    static constexpr double kMaxRateError = 0.02;  // of the rate that was measured over the first second
+    static constexpr double kLearn_ns = 1e9;
+    static constexpr unsigned kLearnFrames = 10;
+
+    void by_clock(Frame& frame, std::uint64_t host_ns) noexcept;
+    void by_sequence(Frame& frame, std::uint64_t host_ns) noexcept;
+    void by_arrival(Frame& frame, std::uint64_t host_ns) noexcept;
+    void by_cable(Frame& frame) noexcept;
+    void backdate(Frame& frame, double late_ns) noexcept;
+    void learn_rate(double advance, std::uint64_t host_ns) noexcept;
+    [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) noexcept;
+    void put_trouble(bool is_trouble, std::uint64_t host_ns) noexcept {
+        trouble_ns_ = !is_trouble ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
+    }
+
+    Route route_;
+    double declared_ns_, tolerance_, stale_ns_;
+    Proof proof_ = Proof::unknown;
+    AgeBound bound_;
+    bool has_clock_ = false, is_unproved_ = false, is_reopened_ = false, has_frame_ = false;
+    std::uint64_t t_ns_ = 0, host_ns_ = 0;  // of the frame before
+    std::uint64_t trouble_ns_ = 0;          // host time since which the age is not proved, or too large; 0 = it is proved
+
+    std::uint64_t device_time_us_ = 0;      // the latest one
+    double late_ns_ = 0, interval_us_ = 0;  // lateness of the frame before; mean interval of the device's times
+
+    // The counter as a clock.
+    std::uint32_t sequence_ = 0;
+    bool is_wide_ = false;        // the counter has more than 16 bits
+    double period_ns_ = 0;        // 0: not known yet
+    double counted_ = 0;          // frames since the first one
+    std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
+    double learn_frames_ = 0;
+};
+
+inline void StreamAge::open(const Route& route) noexcept {
+    const bool first = proof_ == Proof::unknown && !has_frame_;
+    const bool other = route.path != route_.path || route.clock_ppm != route_.clock_ppm;
+    route_ = route;
+    if (first || other) {
+        bound_ = AgeBound();
+        has_clock_ = is_unproved_ = has_frame_ = false;
+    }
+    is_reopened_ = has_frame_;
+    trouble_ns_ = 0;
+}
+
+inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
+    if (frame.taken_ns < frame.t_ns) frame.taken_ns = frame.t_ns;
+    if (route_.path == Route::Path::polled) {
+        proof_ = Proof::polled;
+        return;
+    }
+    if (route_.device_clock && frame.device_time_us != 0)
+        by_clock(frame, host_ns);
+    else if (has_clock_)  // without its time for once
+        frame.age = Frame::Age::unproved;
+    else if (route_.path == Route::Path::direct)
+        by_cable(frame);
+    else if (frame.has_sequence)
+        by_sequence(frame, host_ns);
+    else
+        by_arrival(frame, host_ns);
+    has_frame_ = true;
+    is_reopened_ = false;
+    host_ns_ = host_ns;
+    t_ns_ = frame.t_ns;
+}
+
+// The frame was measured `late_ns` before it was taken, or later.
+inline void StreamAge::backdate(Frame& frame, double late_ns) noexcept {
+    const auto late = std::uint64_t(std::max(late_ns, 0.0));
+    const std::uint64_t measured_ns = frame.taken_ns > late ? frame.taken_ns - late : 0;
+    frame.late_ns = late;
+    frame.t_ns = std::max(std::min(frame.t_ns, measured_ns), std::min(t_ns_, frame.t_ns));
+}
+
+inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
+    if (!has_clock_) {
+        // On a cable a lag cannot be large: the clock is a second look, and may be a ceramic resonator's.
+        const bool cable = route_.path == Route::Path::direct;
+        const double ppm = cable ? std::max(route_.clock_ppm, 20'000.0) : route_.clock_ppm;
+        bound_ = AgeBound({.max_drift = ppm * 1e-6, .wander = cable ? 500e-6 : ppm * 0.2e-6, .wrap_ns = kWrap_ns});
+        has_clock_ = true;
+        is_unproved_ = false;
+    }
+    proof_ = Proof::clock;
+    const bool counter_began = has_frame_ && frame.has_sequence && frames_since(frame, double(host_ns - host_ns_)) == 0;
+    const auto silence_us = double(host_ns - host_ns_) * 1e-3;
+    const bool clock_began = has_frame_ && frame.device_time_us < kBooted_us && frame.device_time_us < device_time_us_ / 2 &&
+                             silence_us > kLate_ns * 1e-3;
+    // Either the clock was set on, or the device had paused while the path held its frames.
+    const bool leapt = late_ns_ > kLate_ns && !is_reopened_ && frame.device_time_us > device_time_us_ &&
+                       double(frame.device_time_us - device_time_us_) > silence_us + kLate_ns * 1e-3 &&
+                       double(frame.device_time_us - device_time_us_) > kLeap * interval_us_ * (1.0 + frame.lost);
+    if (frame.device_time_us > device_time_us_ && !is_reopened_ && has_frame_)
+        interval_us_ += (std::min(double(frame.device_time_us - device_time_us_), 2e6) - interval_us_) * 0.05;
+    sequence_ = frame.sequence;
+    device_time_us_ = is_reopened_ || clock_began ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
+    double late = bound_.late_ns(host_ns, frame.device_time_us * 1000);
+    // After a new opening the clock may as well have passed the end of its 32 bits: then it fits the reference.
+    const bool fits = is_reopened_ && late < kFits_ns;
+    if ((counter_began || (clock_began && !fits)) &&
+        late > kLate_ns) {  // a new reference; a lag that there was may still be there
+        is_unproved_ = is_unproved_ || late_ns_ > kLate_ns;
+        bound_.restart();
+        late = 0;
+    }
+    is_unproved_ = is_unproved_ || leapt;
+    if (is_reopened_ && route_.reopening_discards) is_unproved_ = false;
+    late_ns_ = late;
+    backdate(frame, late);
+    if (is_unproved_) frame.age = Frame::Age::unproved;
+    put_trouble(late > stale_ns_ || is_unproved_, host_ns);
+}
+
+// The bytes of a frame that waited for a stopped process may all have come right after it was stopped.
+inline void StreamAge::by_cable(Frame& frame) noexcept {
+    proof_ = Proof::direct;
+    if (frame.since_ns != 0 && frame.since_ns < frame.t_ns) backdate(frame, double(frame.taken_ns - frame.since_ns));
+}
+
+// Frames that the device has counted since the one before; 0: it has restarted.
+inline double StreamAge::frames_since(const Frame& frame, double silence_ns) noexcept {
+    const std::uint32_t expected = sequence_ + 1 + frame.lost;
+    is_wide_ = is_wide_ || frame.sequence > 0xFFFF;
+    const std::uint32_t mask = is_wide_ ? ~0u : 0xFFFFu;
+    if (!is_reopened_) return ((frame.sequence ^ expected) & mask) == 0 ? 1.0 + frame.lost : 0.0;
+    const double steps = double((frame.sequence - sequence_) & mask);
+    const double range = double(mask) + 1;
+    if (period_ns_ <= 0 || is_wide_) return steps < range / 2 ? steps : 0;
+    const double wraps = std::nearbyint((silence_ns / period_ns_ - steps) / range);
+    return wraps >= 0 ? steps + wraps * range : 0;
+}
+
+inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcept {
+    learn_frames_ += advance;
+    const auto elapsed_ns = double(host_ns - learn_ns_);
+    if (elapsed_ns < kLearn_ns || learn_frames_ < kLearnFrames) return;
+    period_ns_ = elapsed_ns / learn_frames_;
+    if (declared_ns_ > 0)
+        period_ns_ = std::clamp(period_ns_, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
+    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 1e-6});
+    counted_ = 0;
+}
+
+inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept {
+    proof_ = Proof::sequence;
+    const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
+    const double advance = has_frame_ ? frames_since(frame, silence_ns) : 0;
+    sequence_ = frame.sequence;
+    if (!has_frame_) learn_ns_ = host_ns;
+    double late = 0;
+    bool late_is_known = false;
+    if (period_ns_ <= 0) {  // not yet known: a silence alone shows a lag
+        if (advance == 0) {
+            learn_ns_ = host_ns;
+            learn_frames_ = 0;
+        } else {
+            const double mean_ns = learn_frames_ > 0 ? double(host_ns_ - learn_ns_) / learn_frames_ : declared_ns_;
+            if (silence_ns > advance * std::max(3 * mean_ns, kLate_ns)) is_unproved_ = true;
+            learn_rate(advance, host_ns);
+        }
+    } else {
+        counted_ += std::max(advance, 1.0);
+        late = bound_.late_ns(host_ns, std::uint64_t(counted_ * period_ns_));
+        late_is_known = true;
+        if (advance == 0 && !is_unproved_) {  // the device has restarted, and shows it
+            bound_.restart();
+            late = 0;
+        }
+    }
+    if (late_is_known) is_unproved_ = is_unproved_ ? late > kCaughtUp_ns : late > kLate_ns;
+    if (is_unproved_ && is_reopened_ && route_.reopening_discards) {  // the device had paused, or the lag is gone
+        bound_.restart();
+        late = 0;
+        is_unproved_ = false;
+    }
+    frame.age = is_unproved_ ? Frame::Age::unproved : Frame::Age::proved;
+    if (!is_unproved_) backdate(frame, late);
+    put_trouble(is_unproved_, host_ns);
+}
+
+inline void StreamAge::by_arrival(Frame& frame, std::uint64_t host_ns) noexcept {
+    proof_ = Proof::arrival;
+    const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
+    if (has_frame_ && !is_reopened_) {
+        if (silence_ns > std::max(3 * period_ns_, kLate_ns)) {
+            if (period_ns_ > 0) is_unproved_ = true;
+        } else {
+            period_ns_ += (silence_ns - period_ns_) / (learn_frames_ < 100 ? ++learn_frames_ : 100);
+        }
+        if (period_ns_ <= 0) period_ns_ = silence_ns;  // a slow device: its first interval
+    }
+    if (is_reopened_) is_unproved_ = !route_.reopening_discards;
+    if (frame.since_ns != 0 && frame.since_ns < frame.t_ns) {
+        backdate(frame, double(frame.taken_ns - frame.since_ns));
+        is_unproved_ = true;
+    }
+    frame.age = is_unproved_ ? Frame::Age::unproved : Frame::Age::arrival_only;
+    put_trouble(is_unproved_, host_ns);
+}
+
+}  // namespace tactiled

@@ -1,0 +1,77 @@
+// Proves the age of the frames of one link, device by device (drivers/wire/stream_age.hpp), and asks for a new opening where
+// only that helps.
+#pragma once
+#include <algorithm>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "drivers/clock.hpp"
+#include "drivers/driver.hpp"
+#include "drivers/wire/stream_age.hpp"
+
+namespace tactiled {
+
+class LinkAge {
+public:
+    // A sensor reads `device`. setup
+    void add(std::uint16_t device, double rate_Hz, double rate_tolerance, std::uint64_t stale_ns) {
+        devices_.push_back(std::make_unique<Device>(device, StreamAge(rate_Hz, rate_tolerance, stale_ns)));
+    }
+
+    // Dates a frame of `driver` that has just been read. rt: wait-free
+    void judge(Frame& frame, const Driver& driver) noexcept {
+        if (const std::uint32_t opened = driver.counts[TACTILED_LINK_OPENED]; opened != opened_) {
+            opened_ = opened;
+            for (auto& each : devices_) each->age.open(driver.route());
+        }
+        frame.age = Frame::Age::proved;
+        frame.late_ns = 0;
+        bool is_first = true;
+        for (auto& each : devices_) {
+            if (each->number != frame.device || !is_first) continue;
+            is_first = false;  // two sensors of one device share what is known of it
+            const std::uint64_t taken_ns = std::max(frame.taken_ns, frame.t_ns);
+            each->age.judge(frame, each->age.uses_host_time(frame) ? host_ns(taken_ns) : taken_ns);
+            each->proof.store(std::uint32_t(each->age.proof()), std::memory_order_relaxed);
+        }
+    }
+
+    // True once where the age has not been proved for a while, or has been too large, and opening the link again discards
+    // what causes it. At most once a second, and less often while it does not help. rt: wait-free
+    [[nodiscard]] bool asks_for_reopening() noexcept {
+        if (std::none_of(devices_.begin(), devices_.end(), [](const auto& each) { return each->age.is_in_trouble(); }))
+            return false;
+        const std::uint64_t now = host_ns(now_ns());
+        if (std::none_of(devices_.begin(), devices_.end(),
+                         [now](const auto& each) { return each->age.asks_for_reopening(now); }))
+            return false;
+        if (now < not_before_ns_) return false;
+        pause_ns_ = now > not_before_ns_ + 10 * pause_ns_ ? kMinPause_ns : std::min(2 * pause_ns_, kMaxPause_ns);
+        not_before_ns_ = now + pause_ns_;
+        return true;
+    }
+
+    // How the frames of `device` are proved. rt: wait-free; from any thread
+    [[nodiscard]] std::uint32_t proof(std::uint16_t device) const noexcept {
+        for (const auto& each : devices_)
+            if (each->number == device) return each->proof.load(std::memory_order_relaxed);
+        return 0;
+    }
+
+private:
+    static constexpr std::uint64_t kMinPause_ns = 1'000'000'000, kMaxPause_ns = 60'000'000'000;
+
+    struct Device {
+        Device(std::uint16_t n, const StreamAge& a) : number(n), age(a) {}
+        std::uint16_t number;
+        StreamAge age;
+        std::atomic<std::uint32_t> proof{0};  // written by the link's thread, read by the pipeline
+    };
+    std::vector<std::unique_ptr<Device>> devices_;
+    std::uint32_t opened_ = ~0u;
+    std::uint64_t not_before_ns_ = 0, pause_ns_ = kMinPause_ns;
+};
+
+}  // namespace tactiled

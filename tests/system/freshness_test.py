@@ -1,0 +1,253 @@
+"""Frames that are delayed outside this machine, by the release daemon: a bridge between device and daemon holds them back and releases them.
+
+Each line carries the time at which it was measured, so that a reader knows the true age of every GOOD value."""
+import contextlib
+import json
+import os
+import pathlib
+import pty
+import signal
+import socket
+import sys
+import threading
+import time
+import tty
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests/system"), str(ROOT / "node/python")]
+import tactiled  # noqa: E402
+from daemon import Daemon, wait_for  # noqa: E402
+
+STALE_MS, PERIOD_S = 100, 0.01
+ORDINARY_MS = 60  # allowed delay of a busy machine, beyond stale_ms
+CALIBRATION = """format = 1
+model = "generic"
+method = "matrix"
+channels = ["a"]
+channel_unit = "counts"
+zero = [0.0]
+components = ["fz"]
+matrix = [[0.001]]
+sd = [0.01]
+full_scale = [5000.0]
+"""
+SENSOR = """
+[[link]]
+name = "line"
+{driver}
+format = "lines"
+channels = 1
+checksum = "crc16"
+{keys}
+
+[[sensor]]
+name = "s"
+link = "line"
+model = "generic"
+calibration = "{{folder}}/unit.toml"
+stale_ms = 100
+rate_Hz = 100
+{sensor}
+"""
+
+
+def crc16(data):
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = ((crc << 1) ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
+    return crc
+
+
+class Bridge(threading.Thread):
+    """A device of 100 Hz and the way from it: `lag_s` is how much later each line arrives than it was measured."""
+
+    def __init__(self, write, sequence, clock):
+        super().__init__(daemon=True)
+        self.write, self.has_sequence, self.has_clock = write, sequence, clock
+        self.began = time.monotonic()
+        self.lag_s, self.paused, self.ends = 0.0, False, False
+        self.held_until = 0.0
+        self.start()
+
+    def ms(self):
+        return (time.monotonic() - self.began) * 1000
+
+    def run(self):
+        way, n, due = [], 0, time.monotonic()
+        while not self.ends:
+            due += PERIOD_S
+            time.sleep(max(0.0, due - time.monotonic()))
+            now = time.monotonic()
+            if not self.paused:
+                cells = [str(n)] * self.has_sequence + [str(int(now * 1e6) & 0xFFFFFFFF)] * self.has_clock
+                body = ",".join([*cells, "%.3f" % ((now - self.began) * 1000)]).encode()
+                way.append((max(now + self.lag_s, way[-1][0] if way else 0), body + b"*%04X\n" % crc16(body)))
+                n += 1
+            while way and way[0][0] <= now and now >= self.held_until:
+                with contextlib.suppress(OSError):
+                    self.write(way.pop(0)[1])
+
+    def hold(self, seconds):
+        self.held_until = time.monotonic() + seconds
+
+
+class Rig:
+    def __init__(self, sequence=True, clock=True, keys="", sensor="", tcp=False):
+        self.stack = contextlib.ExitStack()
+        keys += f"\nsequence = {str(sequence).lower()}\ntime_us = {str(clock).lower()}"
+        if tcp:
+            server = self.stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+            driver = f'driver = "tcp"\naddress = "127.0.0.1:{server.getsockname()[1]}"'
+            self.clients, self.accepted = [], 0
+            threading.Thread(target=self.accept, args=(server,), daemon=True).start()
+            write = lambda data: [c.sendall(data) for c in self.clients[-1:]]  # noqa: E731
+        else:
+            self.master, slave = pty.openpty()
+            tty.setraw(slave)
+            driver = f'driver = "uart"\ndevice = "{os.ttyname(slave)}"'
+            self.stack.callback(os.close, slave)
+            write = lambda data: os.write(self.master, data)  # noqa: E731
+        self.daemon = Daemon(SENSOR.format(driver=driver, keys=keys, sensor=sensor))
+        (self.daemon.folder / "unit.toml").write_text(CALIBRATION)
+        self.bridge = Bridge(write, sequence, clock)
+
+    def accept(self, server):
+        with contextlib.suppress(OSError):
+            while True:
+                client = server.accept()[0]
+                self.accepted += 1
+                self.clients.append(client)
+
+    def __enter__(self):
+        self.stack.enter_context(self.daemon)
+        self.daemon.start()
+        self.node = self.stack.enter_context(tactiled.open(self.daemon.name))
+        wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, 10, "a GOOD sample")
+        self.watch(1.5)
+        return self
+
+    def __exit__(self, *what):
+        self.bridge.ends = True
+        self.bridge.join()
+        self.stack.close()
+
+    def watch(self, seconds, until=None):
+        """Looks each ms: (largest true age of a GOOD value in ms, [(time, quality, reasons)] where they changed)."""
+        oldest, seen, end = 0.0, [], time.monotonic() + seconds
+        while time.monotonic() < end and not (until and until()):
+            sample = self.node.latest("s")
+            if sample.quality == tactiled.GOOD:
+                oldest = max(oldest, self.bridge.ms() - sample.raw_force_S_N[2] * 1000)
+            if not seen or seen[-1][1:] != (sample.quality, sample.reasons):
+                seen.append((time.monotonic(), sample.quality, sample.reasons))
+            time.sleep(0.001)
+        return oldest, seen
+
+    def latest(self):
+        return self.node.latest("s")
+
+
+class Freshness(unittest.TestCase):
+    def assert_young(self, oldest):
+        self.assertLess(oldest, STALE_MS + ORDINARY_MS)
+
+    def test_a_backlog_and_a_bridge_that_never_drains_are_not_good_where_the_device_sends_its_time(self):
+        with Rig() as rig:
+            rig.bridge.hold(2)
+            oldest, _ = rig.watch(3)
+            self.assert_young(oldest)
+            self.assertEqual(rig.latest().quality, tactiled.GOOD)
+            rig.bridge.lag_s = 2
+            oldest, seen = rig.watch(5)
+            self.assert_young(oldest)
+            self.assertEqual(seen[-1][1:], (tactiled.BAD, tactiled.STALE))
+            refused = rig.daemon.ctl("tare", "s")
+            self.assertNotEqual(refused.returncode, 0)
+            rig.bridge.lag_s = 0
+            self.assert_young(rig.watch(3)[0])
+            self.assertEqual(rig.latest().quality, tactiled.GOOD)
+            rig.bridge.paused = True
+            time.sleep(1)
+            rig.bridge.paused = False
+            _, seen = rig.watch(1)
+            self.assertNotIn(tactiled.UNCERTAIN, [quality for _, quality, _ in seen])
+            status = json.loads(rig.daemon.ctl("status", "--json").stdout)
+            self.assertEqual(status["sensors"][0]["freshness"], "clock")
+
+    def test_the_same_with_a_counter_is_uncertain_and_is_not_tared(self):
+        with Rig(clock=False) as rig:
+            rig.bridge.hold(2)
+            self.assert_young(rig.watch(3)[0])
+            self.assertEqual(rig.latest().quality, tactiled.GOOD, "the missing time was caught up")
+            rig.bridge.lag_s = 2
+            oldest, seen = rig.watch(5)
+            self.assert_young(oldest)
+            self.assertEqual(seen[-1][1:], (tactiled.UNCERTAIN, tactiled.UNPROVED_AGE))
+            self.assertNotEqual(rig.daemon.ctl("tare", "s").returncode, 0)
+
+    def test_over_tcp_a_pause_costs_the_samples_until_the_connection_was_opened_again(self):
+        with Rig(clock=False, tcp=True) as rig:
+            rig.bridge.paused = True
+            time.sleep(1)
+            rig.bridge.paused = False
+            began = time.monotonic()
+            _, seen = rig.watch(5, lambda: rig.accepted == 2 and rig.latest().quality == tactiled.GOOD)
+            print(f"GOOD again {time.monotonic() - began:.3f} s after the pause")
+            self.assertIn((tactiled.UNCERTAIN, tactiled.UNPROVED_AGE), [s[1:] for s in seen])
+            self.assertEqual(rig.latest().quality, tactiled.GOOD)
+            self.assertLess(time.monotonic() - began, 1.5)
+            rig.watch(3)
+            self.assertEqual(rig.accepted, 2)
+
+    def test_a_stream_without_either_is_tared_only_where_that_is_accepted(self):
+        for accept in (False, True):
+            with self.subTest(accept=accept), Rig(False, False, sensor=f"accept_unproved_age = {str(accept).lower()}\ntare_ms = 50") as rig:
+                self.assertEqual(rig.latest().reasons, 0 if accept else tactiled.ARRIVAL_ONLY)
+                # The value is the time, so that the tare that is accepted fails because the force moves.
+                done = rig.daemon.ctl("tare", "s")
+                self.assertEqual("moved" in done.stdout + done.stderr, accept, done)
+                rig.bridge.hold(1)
+                oldest, seen = rig.watch(2)
+                self.assert_young(oldest)
+                self.assertEqual(seen[-1][1], tactiled.UNCERTAIN)
+
+    def test_a_device_on_a_cable_may_pause_and_is_not_opened_again(self):
+        for sequence in (True, False):
+            with self.subTest(sequence=sequence), Rig(sequence, False, keys='path = "direct"') as rig:
+                rig.bridge.paused = True
+                time.sleep(1)
+                rig.bridge.paused = False
+                _, seen = rig.watch(1)
+                self.assertEqual(seen[-1][1:], (tactiled.GOOD, 0))
+                status = json.loads(rig.daemon.ctl("status", "--json").stdout)
+                self.assertEqual((status["sensors"][0]["freshness"], status["links"][0]["opened"]), ("cable", 1))
+
+    def test_what_waited_for_a_stopped_process_is_as_old_as_it_may_be(self):
+        for keys in ('path = "direct"', 'path = "network"'):
+            for sequence, clock in ((True, True), (True, False), (False, False)):
+                with self.subTest(keys=keys, sequence=sequence, clock=clock), Rig(sequence, clock, keys=keys) as rig:
+                    rig.daemon.process.send_signal(signal.SIGSTOP)
+                    time.sleep(0.05)  # the bytes of this time wait in the kernel
+                    rig.bridge.paused = True  # the device dies
+                    time.sleep(0.88)
+                    rig.daemon.process.send_signal(signal.SIGCONT)
+                    self.assert_young(rig.watch(0.5)[0])
+
+    def test_check_states_how_the_age_is_proved_and_warns_of_weak_checksums(self):
+        with Rig(clock=False) as rig:
+            said = rig.daemon.ctl("check", rig.daemon.config).stdout
+            self.assertIn('sensor "s": age proved by sequence', said)
+            self.assertNotIn("warning", said)
+            for weak in ("true", '"xor"', "false"):
+                rig.daemon.config.write_text(rig.daemon.config.read_text().replace(
+                    next(line for line in rig.daemon.config.read_text().splitlines() if line.startswith("checksum")), f"checksum = {weak}"))
+                self.assertIn("warning: link \"line\"", rig.daemon.ctl("check", rig.daemon.config).stdout, weak)
+            doctor = json.loads(rig.daemon.ctl("doctor", "--config", rig.daemon.config, "--json").stdout)
+            self.assertIn("freshness", [finding["check"] for finding in doctor["findings"]])
+
+
+if __name__ == "__main__":
+    unittest.main()

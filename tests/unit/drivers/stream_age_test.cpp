@@ -1,0 +1,217 @@
+#include "drivers/wire/stream_age.hpp"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000, kS = 1000 * kMs;
+using Age = Frame::Age;
+using Path = Route::Path;
+
+// A device of 100 Hz whose frames come 1 ms after they were measured, unless a test says otherwise.
+struct Device {
+    explicit Device(Route route, bool clock = true, bool counter = true)
+        : age(100, 0.2, 100 * kMs), has_clock(clock), has_sequence(counter) {
+        open(route);
+    }
+    void open(Route route) { age.open(route); }
+
+    // The next frame, measured `period_ms` after the one before, arrives `delay_ms` later.
+    Frame next(double delay_ms = 1, double period_ms = 10) {
+        measured_ns += std::uint64_t(period_ms * 1e6);
+        Frame frame;
+        frame.t_ns = frame.taken_ns = measured_ns + std::uint64_t(delay_ms * 1e6);
+        frame.has_sequence = has_sequence;
+        frame.sequence = sequence++;
+        if (has_clock) frame.device_time_us = (measured_ns - clock_zero_ns) / 1000;
+        age.judge(frame, frame.taken_ns);
+        return frame;
+    }
+    void run(int frames, double delay_ms = 1) {
+        for (int i = 0; i < frames; ++i) (void)next(delay_ms);
+    }
+
+    StreamAge age;
+    bool has_clock, has_sequence;
+    std::uint64_t measured_ns = 1000 * kS, clock_zero_ns = 900 * kS;
+    std::uint32_t sequence = 5;
+};
+
+Route network() { return {.path = Path::network, .device_clock = true}; }
+Route connection() { return {.path = Path::network, .device_clock = true, .reopening_discards = true}; }
+Route cable() { return {.path = Path::direct, .device_clock = true}; }
+
+TEST(StreamAge, ABacklogHasTheTimesAtWhichItWasMeasured) {
+    Device device(network());
+    device.run(1000);
+    Frame frame = device.next(2000);  // 2 s late
+    EXPECT_NEAR(double(frame.taken_ns - frame.t_ns), 1999e6, 1e6);
+    EXPECT_NEAR(double(frame.late_ns), 1999e6, 1e6);
+    EXPECT_EQ(frame.age, Age::proved);
+    frame = device.next(1990);
+    EXPECT_NEAR(double(frame.late_ns), 1989e6, 1e6);
+    frame = device.next(1, 2010);
+    EXPECT_LT(frame.late_ns, kMs);
+}
+
+TEST(StreamAge, ABridgeAsFastAsTheDeviceStaysLateForAnHour) {
+    Device device(network());
+    device.run(60'000);
+    for (int i = 0; i < 360'000; ++i) ASSERT_GT(device.next(300).late_ns, 200 * kMs) << i;
+    EXPECT_LT(device.next(1, 310).late_ns, 30 * kMs);
+}
+
+TEST(StreamAge, ADeviceThatPausesIsProvedByItsClockAtOnceAndByItsCounterWhenTheConnectionWasOpenedAgain) {
+    Device clocked(network()), counted(connection(), false), pty(network(), false);
+    for (Device* device : {&clocked, &counted, &pty}) device->run(1000);
+    EXPECT_EQ(clocked.next(1, 2000).age, Age::proved);
+    EXPECT_EQ(counted.next(1, 2000).age, Age::unproved);
+    EXPECT_EQ(pty.next(1, 2000).age, Age::unproved);
+    for (int i = 0; i < 49; ++i) {
+        EXPECT_EQ(counted.next().age, Age::unproved);
+        EXPECT_FALSE(counted.age.asks_for_reopening(counted.measured_ns));
+    }
+    for (int i = 0; i < 3; ++i) EXPECT_EQ(counted.next().age, Age::unproved);
+    EXPECT_TRUE(counted.age.asks_for_reopening(counted.measured_ns));
+    counted.open(connection());
+    counted.sequence += 5;
+    EXPECT_EQ(counted.next(1, 60).age, Age::proved);
+    pty.run(100);
+    EXPECT_FALSE(pty.age.asks_for_reopening(pty.measured_ns));
+    pty.open(network());
+    pty.sequence += 5;
+    EXPECT_EQ(pty.next(1, 60).age, Age::unproved) << "what is behind a pseudo terminal keeps its backlog";
+}
+
+TEST(StreamAge, MissingTimeThatWasCaughtUpIsProof) {
+    Device device(network(), false);
+    device.run(1000);
+    std::uint64_t waited = 0;
+    for (int i = 0; i < 200; ++i) {  // 2 s of frames arrive together
+        const Frame frame = device.next(2000 - 10 * i);
+        if (frame.age == Age::unproved) ++waited;
+        if (i < 194) { ASSERT_EQ(frame.age, Age::unproved) << i; }
+    }
+    EXPECT_LT(waited, 199u);
+    EXPECT_EQ(device.next().age, Age::proved);
+}
+
+TEST(StreamAge, LateFramesAreNotRelearnedAsOnTimeByOpeningAgain) {
+    for (const bool clock : {true, false}) {
+        Device device(network(), clock);
+        device.run(1000);
+        device.run(100, 2000);
+        device.open(network());
+        const Frame frame = device.next(2000);
+        EXPECT_TRUE(frame.age == Age::unproved || frame.late_ns > 1900 * kMs);
+    }
+}
+
+TEST(StreamAge, AClockThatBeginsAgainCostsNoSampleAndAFrameOfThePastIsLate) {
+    Device device(network());
+    device.run(1000);
+    device.clock_zero_ns = device.measured_ns + 500 * kMs;  // it restarts, in half a second
+    device.sequence = 0;
+    EXPECT_EQ(device.next(1, 600).late_ns, 0u);
+    Device uncounted(network(), true, false);
+    uncounted.run(1000);
+    uncounted.clock_zero_ns = uncounted.measured_ns + 500 * kMs;
+    EXPECT_EQ(uncounted.next(1, 600).late_ns, 0u);
+    device.run(1000);
+    const std::uint64_t now = device.measured_ns;
+    device.measured_ns -= 2 * kS;  // old content under a new number
+    const Frame old = device.next(2001);
+    EXPECT_GT(old.late_ns, 1900 * kMs);
+    device.measured_ns = now;
+    EXPECT_LT(device.next().late_ns, 2 * kMs);
+}
+
+TEST(StreamAge, AClockThatWasSetBackIsLateForTwoSeconds) {
+    Device device(network());
+    device.run(1000);
+    device.clock_zero_ns += 5 * kS;
+    int late = 0;
+    for (int i = 0; i < 300; ++i) late += device.next().late_ns > 100 * kMs;
+    EXPECT_NEAR(late, 200, 5);
+}
+
+TEST(StreamAge, ACounterOf16BitsThatPassesItsEndIsNoRestart) {
+    Device device(network(), false);
+    device.sequence = 65'000;
+    for (int i = 0; i < 2000; ++i) {
+        if (device.sequence == 65'536) device.sequence = 0;
+        ASSERT_EQ(device.next().age, Age::proved) << i;
+    }
+    Device late(network(), false);
+    late.sequence = 65'536 - 1000;
+    late.run(1000);
+    late.sequence = 0;
+    EXPECT_EQ(late.next(2000).age, Age::unproved) << "as between any two numbers";
+}
+
+TEST(StreamAge, AClockOf32BitsThatPassedItsEndWhileTheLinkWasClosedIsNoRestart) {
+    for (const double lag_ms : {0.0, 2000.0}) {
+        Device device(network());
+        device.clock_zero_ns = device.measured_ns - 4290 * kS;  // it begins again after 4294.97 s
+        device.run(400);
+        device.run(10, 1 + lag_ms);
+        device.open(network());
+        device.clock_zero_ns += 4'294'967'296'000;
+        EXPECT_NEAR(double(device.next(1 + lag_ms, 5000).late_ns) * 1e-6, lag_ms, 1);
+    }
+}
+
+TEST(StreamAge, WithoutClockAndCounterASilenceEndsTheProofUntilTheConnectionWasOpenedAgain) {
+    Device device(connection(), false, false);
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(device.next().age, Age::arrival_only);
+    EXPECT_EQ(device.next(1, 200).age, Age::unproved);
+    EXPECT_EQ(device.next().age, Age::unproved);
+    device.open(connection());
+    EXPECT_EQ(device.next(1, 60).age, Age::arrival_only);
+    EXPECT_EQ(device.next().age, Age::arrival_only);
+}
+
+TEST(StreamAge, ACableBoundsTheDelayAndADeviceOnItMayPause) {
+    Device device({.path = Path::direct}, false, false);
+    device.run(100);
+    EXPECT_EQ(device.next(1, 5000).age, Age::proved);
+    Frame frame;
+    frame.t_ns = frame.taken_ns = device.measured_ns + 930 * kMs;
+    frame.since_ns = device.measured_ns + 10 * kMs;  // the process was stopped: it may have come right after that
+    device.age.judge(frame, frame.taken_ns);
+    EXPECT_EQ(frame.t_ns, frame.since_ns);
+    EXPECT_EQ(frame.late_ns, 920 * kMs);
+}
+
+TEST(StreamAge, AResonatorOnACableIsNotLateAndAStoppedProcessIsProvedByTheClock) {
+    Device device(cable());
+    Frame frame;
+    for (int i = 0; i < 100'000; ++i) {
+        frame = device.next();
+        device.clock_zero_ns += 50'000;  // 0.5 % slow
+        ASSERT_LT(frame.late_ns, 50 * kMs) << i;
+    }
+    frame = Frame{};
+    device.measured_ns += 500 * kMs;
+    frame.t_ns = frame.taken_ns = device.measured_ns + kMs;
+    frame.since_ns = frame.t_ns - 400 * kMs;
+    device.clock_zero_ns += 2'500'000;
+    frame.device_time_us = (device.measured_ns - device.clock_zero_ns) / 1000;
+    device.age.judge(frame, frame.taken_ns);
+    EXPECT_LT(frame.late_ns, 50 * kMs);
+}
+
+TEST(StreamAge, ARequestIsProofInItself) {
+    Device device({.path = Path::polled}, false, false);
+    device.run(10);
+    const Frame frame = device.next(1, 5000);
+    EXPECT_EQ(frame.age, Age::proved);
+    EXPECT_EQ(frame.late_ns, 0u);
+    EXPECT_EQ(device.age.proof(), StreamAge::Proof::polled);
+}
+
+}  // namespace
+}  // namespace tactiled
