@@ -15,19 +15,6 @@ std::string toml_number(double x) {
     return text;
 }
 
-std::string toml_text(const std::string& text) {
-    std::string out = "\"";
-    for (const char c : text) {
-        if (c == '"' || c == '\\')
-            out += fmt::format("\\{}", c);
-        else if (static_cast<unsigned char>(c) < ' ' || c == '\x7f')
-            out += fmt::format("\\u{:04x}", unsigned(c));
-        else
-            out += c;
-    }
-    return out + "\"";
-}
-
 // Bare where that is possible, so that a name cannot bring lines of its own into the file.
 std::string toml_key(const std::string& name) {
     return valid_name(name) && name.find('.') == name.npos ? name : toml_text(name);

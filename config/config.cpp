@@ -96,6 +96,13 @@ const Fields<NodeSettings>& node_fields() {
          "one."},
         {TACTILED_KEY(S, control), "/run/tactiled/NAME.sock", Text::full_path, Reload::restart,
          "Path of the socket for commands, at most 107 bytes."},
+        {TACTILED_KEY(S, zeros),
+         Default("", "NAME.zeros.toml in $STATE_DIRECTORY, else in /var/lib/tactiled, else in ~/.local/state/tactiled"),
+         Text::full_path, Reload::restart,
+         "File in which the zeros of tares are kept over a restart. Tares are refused while it cannot be written."},
+        {TACTILED_KEY(S, fault_clear_s), 0, range(0, 86'400), "s", Reload::restart,
+         "A latched fault clears itself when its cause has been absent for this time; 0 = never. For a PLC without write "
+         "access."},
     };
     return fields;
 }

@@ -14,10 +14,12 @@ namespace tactiled {
 Options no_options();  // an empty table of no file
 
 struct NodeSettings {
-    std::string name;     // the segment is /dev/shm/tactiled.NAME
-    int watchdog_ms;      // readers hold the daemon for dead when it published nothing for so long
-    int stuck_link_ms;    // a link that is in its device for so long ends the feeding of systemd's watchdog; 0 = never
-    std::string control;  // path of the control socket
+    std::string name;      // the segment is /dev/shm/tactiled.NAME
+    int watchdog_ms;       // readers hold the daemon for dead when it published nothing for so long
+    int stuck_link_ms;     // a link that is in its device for so long ends the feeding of systemd's watchdog; 0 = never
+    std::string control;   // path of the control socket
+    std::string zeros;     // path of the file of zeros; "" = zeros_path()
+    double fault_clear_s;  // after which a latched fault without a cause clears itself, 0 = never
 };
 
 struct RealtimeSettings {
@@ -61,7 +63,8 @@ struct SensorSettings {
     double rate_Hz, rate_tolerance;  // 0 = not declared; of rate_Hz
     double drift_limit_N;            // 0 = none
     int tare_ms;                     // length of a tare's mean
-    double tare_limit_N;             // 0 = none
+    double tare_limit_N;             // magnitude; 0 = none, -1 = 20 % of full scale, each component by its own
+    std::string tare_after_restart;  // "restore" or "forget"
     bool accept_unproved_age;        // tared and weighed with although nothing in its stream would show a delay
     double filter_hz;                // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;

@@ -39,7 +39,7 @@ std::string read_text(Options& table, const std::string& key, const std::string*
     const bool absent = value.empty() && (fallback == nullptr || fallback->empty());  // reported already, or permitted
     if (text == Text::name && !absent && !valid_name(value))
         table.problem(key, fmt::format("{} = {}; {}", key, in_quotes(value), kValidName));
-    if (text == Text::full_path && (value.empty() || value.front() != '/'))
+    if (text == Text::full_path && !absent && (value.empty() || value.front() != '/'))
         table.problem(key, fmt::format("{} = {} should be a full path, starting with /", key, in_quotes(value)));
     return value;
 }

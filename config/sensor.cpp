@@ -72,11 +72,17 @@ const Fields<SensorSettings>& sensor_fields() {
          "A zero at rest that is farther than this from that of the calibration is reported as maintenance; 0 = no limit."},
         {TACTILED_KEY(S, tare_ms), 100, range(1, 10'000), "ms", Reload::tune,
          "Time over which a tare averages, at least 8 samples. A tare is refused while the force moves."},
-        {TACTILED_KEY(S, tare_limit_N), 0, range(0, 1e6), "N", Reload::tune,
+        {TACTILED_KEY(S, tare_limit_N), Default(-1.0, "20 % of full scale, of each component of the force its own"),
+         range(0, 1e6), "N", Reload::tune,
          "A tare is refused when the force, as calibrated, is larger than this: the sensor is loaded. 0 = no limit."},
         {TACTILED_KEY(S, accept_unproved_age), false, Reload::tune,
          "A stream on a network path that has neither a clock nor a counter may be tared and weighed with, although nothing "
          "shows when it was delayed."},
+        {TACTILED_KEY(S, tare_after_restart), "restore", Choices{"restore", "forget"}, Reload::tune,
+         "\"restore\": a restart continues with the zero of the last tare, if calibration and serial are the same. "
+         "\"forget\": "
+         "a sensor that was tared is UNCERTAIN after a restart (zero unknown) until it is tared again or its tare is "
+         "removed."},
         {TACTILED_KEY(S, filter_hz), 0, range(0, 10'000), "Hz", Reload::tune,
          "Low-pass filter on force and torque (-3 dB at this frequency); 0 = off. Raw values are never filtered."},
         {TACTILED_KEY(S, contact_on_N), 0.5, range(0.01, 300), "N", Reload::tune,

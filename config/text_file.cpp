@@ -81,6 +81,19 @@ std::optional<std::string> read_text_file(const std::string& path, std::size_t m
     }
 }
 
+std::string toml_text(const std::string& text) {
+    std::string out = "\"";
+    for (const char c : text) {
+        if (c == '"' || c == '\\')
+            out += fmt::format("\\{}", c);
+        else if (static_cast<unsigned char>(c) < ' ' || c == '\x7f')
+            out += fmt::format("\\u{:04x}", unsigned(c));
+        else
+            out += c;
+    }
+    return out + "\"";
+}
+
 void replace_file(const std::string& path, std::string_view bytes) {
     const std::filesystem::path target(path);
     const std::string folder = target.parent_path().empty() ? "." : target.parent_path().string();

@@ -12,6 +12,9 @@ namespace tactiled {
 // pipe or a device. setup: never throws for bad input
 std::optional<std::string> read_text_file(const std::string& path, std::size_t max_bytes, Problems& problems);
 
+// `text` as a string of TOML, in quotes.
+std::string toml_text(const std::string& text);
+
 struct SaveError : SetupError {
     using SetupError::SetupError;
 };

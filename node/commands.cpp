@@ -43,14 +43,17 @@ Commands::Answer Commands::answer_to(const Command& command, Grasping& grasping,
     constexpr Answer done{TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK};
     constexpr Answer running{TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK};
     constexpr Answer not_now{TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW};
+    constexpr Answer not_stored{TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_STORED};
     if (now_ns > command.until_ns) return {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_TIMED_OUT};
     if (!is_valid(command)) return {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_MASK};
     switch (command.kind) {
         case Kind::tare:
             follow_tares(record, now_ns);
+            if (!tares_.can_keep()) return not_stored;
             return !tares_.is_running() && tares_.begin(command.mask, now_ns) ? running : not_now;
         case Kind::untare:
             follow_tares(record, now_ns);
+            if (!tares_.can_keep()) return not_stored;
             if (tares_.is_running()) return not_now;
             tares_.begin_removal(command.mask);
             return running;

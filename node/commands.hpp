@@ -27,6 +27,8 @@ public:
     // Acknowledges the running tare when its last sensor has finished. rt: bounded by the number of sensors
     void follow_tares(NodeRecord& record, std::uint64_t now_ns) noexcept;
     [[nodiscard]] const Tares& tares() const noexcept { return tares_; }
+    // Keeps the zeros of tares in `store`, which must live as long as the loop. Before the loop. setup
+    void keep_zeros_in(ZeroStore& store) noexcept { tares_.keep_in(store); }
 
 private:
     struct Answer {

@@ -34,6 +34,8 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
     observed.t_ns = s.t_ns;
     observed.quality = tactiled_quality(s.quality);
     observed.reasons = s.reasons;
+    // A force whose zero is not known is no force to grasp or to weigh with.
+    if ((s.reasons & TACTILED_ZERO_UNKNOWN) != 0) observed.quality = TACTILED_BAD;
     const std::uint32_t method = TACTILED_METHOD(s.state), before = methods_seen_[sensor];  // 0: BAD, or not "auto"
     if (method != 0) methods_seen_[sensor] = method;
     const bool another_method = method != 0 && before != 0 && method != before;

@@ -60,10 +60,14 @@ void wait_for_end(const sigset_t& signals, Reloader& reloader, Pipeline& pipelin
 }
 
 int run(Node& node, const sigset_t& signals) {
-    Reloader reloader(node, method_costs_folder());
+    ZeroStore zeros(zeros_path(node.config.node.zeros, node.plan.name), node.zeros);
+    zeros.restore(node.sensors);
+    Reloader reloader(node, method_costs_folder(), &zeros);
     SegmentWriter segment(node.plan);
     Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u,
                       node.grasp);
+    pipeline.commands.keep_zeros_in(zeros);
+    pipeline.clear_faults_after(std::uint64_t(node.config.node.fault_clear_s * 1e9));
     pipeline.start(monotonic_ns());
     {
         const auto control = open_control(node, segment, pipeline);

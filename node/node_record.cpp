@@ -17,12 +17,35 @@ std::uint32_t bit_if(bool on, Bit bit) noexcept {
 }  // namespace
 
 void NodeRecord::latch_faults_of(std::uint32_t reasons) noexcept {
-    node_.fault |=
+    latch(
         bit_if((reasons & TACTILED_SATURATED) != 0, TACTILED_FAULT_OVERRANGE) |
         bit_if((reasons & TACTILED_MISSING_CHANNEL) != 0, TACTILED_FAULT_OPEN_GAUGE) |
         bit_if((reasons & TACTILED_UNCALIBRATED) != 0, TACTILED_FAULT_CALIBRATION) |
         bit_if((reasons & TACTILED_NOT_FINITE) != 0, TACTILED_FAULT_INTERNAL) |
-        bit_if((reasons & (TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_WRONG_DEVICE)) != 0, TACTILED_FAULT_SENSOR_LOST);
+        bit_if((reasons & (TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_WRONG_DEVICE)) != 0, TACTILED_FAULT_SENSOR_LOST));
+}
+
+// Faults whose cause lasts without new samples.
+std::uint32_t NodeRecord::lasting_faults(const Tares& tares) const noexcept {
+    constexpr std::uint32_t kGone = TACTILED_STALE | TACTILED_DISCONNECTED;
+    std::uint32_t reasons = 0;
+    for (const auto& sensor : sensors_)  // a sensor that has never delivered is no fault
+        if ((sensor.last().reasons & TACTILED_NO_DATA_YET) == 0) reasons |= sensor.last().reasons;
+    return bit_if((reasons & kGone) != 0, TACTILED_FAULT_SENSOR_LOST) |
+           bit_if((reasons & TACTILED_DISCONNECTED) != 0, TACTILED_FAULT_BUS) |
+           bit_if(!tares.can_keep(), TACTILED_FAULT_STORAGE);
+}
+
+// The absence of a cause is measured from the last record in which it was seen.
+void NodeRecord::follow_faults(std::uint64_t now_ns, const Tares& tares) noexcept {
+    if (!tares.can_keep()) latch(TACTILED_FAULT_STORAGE);
+    if (clear_after_ns_ == 0 || node_.fault == 0) return;
+    seen_ |= lasting_faults(tares);
+    for (std::size_t bit = 0; bit < kFaults; ++bit) {
+        if ((seen_ >> bit & 1u) != 0) last_seen_ns_[bit] = now_ns;
+        if (now_ns - last_seen_ns_[bit] >= clear_after_ns_) node_.fault &= ~(1u << bit);
+    }
+    seen_ = 0;
 }
 
 void NodeRecord::beat(std::uint64_t now_ns) noexcept {
@@ -60,9 +83,10 @@ void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactile
         lost += sensor.last().lost;
     }
     for (const auto& link : links_) refused += link->ring_full.load(std::memory_order_relaxed);
-    if (refused != std::exchange(refused_seen_, refused)) node_.fault |= TACTILED_FAULT_OVERRUN;
+    if (refused != std::exchange(refused_seen_, refused)) latch(TACTILED_FAULT_OVERRUN);
     if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
 
+    follow_faults(now_ns, tares);
     node_.warning = warnings(now_ns, tares, reasons, states);
     node_.status = fixed_status_ | bit_if(all_deliver && all_have_values, TACTILED_READY) |
                    bit_if((states & TACTILED_CONTACT) != 0, TACTILED_ANY_CONTACT) |

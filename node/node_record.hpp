@@ -1,6 +1,7 @@
 // The node record: status, latched faults, warnings, heartbeat, counts, acknowledged commands and the grasp of the node.
 #pragma once
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
@@ -23,6 +24,8 @@ public:
         : links_(links), sensors_(sensors), segment_(segment), fixed_status_(status) {}
     // Adds such bits, before the loop only.
     void add_status(std::uint32_t bits) noexcept { fixed_status_ |= bits; }
+    // A latched fault clears itself once its cause has been absent for this time, 0 = never. Before the loop only.
+    void clear_faults_after(std::uint64_t absent_ns) noexcept { clear_after_ns_ = absent_ns; }
     // The heartbeat and the statistics begin at `now_ns`. setup
     void start(std::uint64_t now_ns) noexcept { heartbeat_ns_ = worst_since_ns_ = now_ns; }
 
@@ -34,7 +37,7 @@ public:
     }
     // The stream of a sensor that had delivered has broken. rt: wait-free
     void latch_lost_sensor(bool link_is_connected) noexcept {
-        node_.fault |= TACTILED_FAULT_SENSOR_LOST | (link_is_connected ? 0u : std::uint32_t(TACTILED_FAULT_BUS));
+        latch(TACTILED_FAULT_SENSOR_LOST | (link_is_connected ? 0u : std::uint32_t(TACTILED_FAULT_BUS)));
     }
     // rt: wait-free
     void clear_faults() noexcept { node_.fault = 0; }
@@ -64,7 +67,13 @@ public:
     void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp) noexcept;
 
 private:
+    void latch(std::uint32_t faults) noexcept {
+        node_.fault |= faults;
+        seen_ |= faults;
+    }
     void latch_faults_of(std::uint32_t reasons) noexcept;
+    [[nodiscard]] std::uint32_t lasting_faults(const Tares& tares) const noexcept;
+    void follow_faults(std::uint64_t now_ns, const Tares& tares) noexcept;
     [[nodiscard]] std::uint32_t warnings(std::uint64_t now_ns, const Tares& tares, std::uint32_t reasons,
                                          std::uint32_t states) const noexcept;
 
@@ -76,6 +85,10 @@ private:
 
     tactiled_node node_{};
     bool has_news_ = false;  // since the last record
+    static constexpr std::size_t kFaults = 16;
+    std::uint64_t clear_after_ns_ = 0;
+    std::uint32_t seen_ = 0;                             // faults whose cause was seen since the last record
+    std::array<std::uint64_t, kFaults> last_seen_ns_{};  // of the cause of each fault
     std::uint64_t heartbeat_ns_ = 0, lost_until_ns_ = 0;
     std::uint32_t lost_seen_ = 0, refused_seen_ = 0;  // frames, as of the last record
     std::uint64_t worst_since_ns_ = 0;

@@ -46,6 +46,9 @@ public:
     // Adds bits that set-up learnt after the pipeline was made: RT_DEGRADED. Before the loop only.
     void add_status(std::uint32_t bits) noexcept { record_.add_status(bits); }
 
+    // A latched fault clears itself once its cause has been absent for this time, 0 = never. Before the loop only.
+    void clear_faults_after(std::uint64_t absent_ns) noexcept { record_.clear_faults_after(absent_ns); }
+
     // Publishes one BAD sample of each sensor, so that a reader finds a reason, not an empty ring. setup
     void start(std::uint64_t now_ns) noexcept;
     // Ends the set-up, in which serve() only announces: the calling thread carries out what was announced. Call it once.

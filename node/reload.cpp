@@ -21,8 +21,8 @@ bool is_jaw(const std::optional<Grasping::Setup>& grasp, std::uint32_t sensor) {
 
 }  // namespace
 
-Reloader::Reloader(const Node& running, std::string costs_folder)
-    : path_(running.config.path), costs_folder_(std::move(costs_folder)), now_(accepted(running)) {}
+Reloader::Reloader(const Node& running, std::string costs_folder, ZeroStore* zeros)
+    : path_(running.config.path), costs_folder_(std::move(costs_folder)), zeros_(zeros), now_(accepted(running)) {}
 
 Reloader::Accepted Reloader::accepted(const Node& node) {
     return {node.config.root,
@@ -62,6 +62,8 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     std::string done = names.empty() ? "neither the configuration nor a calibration has changed"
                                      : fmt::format("changed {}", fmt::join(names, ", "));
     if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment
+    for (const auto& part : replacement.sensors)
+        if (zeros_ != nullptr && !part.measures_alike) zeros_->replace_owner(part.index, fresh.zeros[part.index]);
     if (!pipeline.replace(replacement, kPatienceMs)) {
         problems.add(path_, 0,
                      fmt::format("the pipeline did not respond within {} ms; the reload was aborted", kPatienceMs));

@@ -10,8 +10,8 @@ namespace tactiled {
 
 class Reloader {
 public:
-    // `running` is what the daemon started with. setup
-    Reloader(const Node& running, std::string costs_folder);
+    // `running` is what the daemon started with; `zeros` learns of new calibrations. setup
+    Reloader(const Node& running, std::string costs_folder, ZeroStore* zeros = nullptr);
 
     // Logs what changed, or why nothing did. Takes as long as a start; the loop goes on meanwhile.
     // setup: never throws; in the thread that waits for signals
@@ -33,6 +33,7 @@ private:
     [[nodiscard]] Replacement difference(Node& fresh) const;
 
     std::string path_, costs_folder_;
+    ZeroStore* zeros_;
     Accepted now_;
 };
 

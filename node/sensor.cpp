@@ -175,9 +175,10 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
     s.tare_count = zero_.tare_count();
 }
 
-// With a tare in force whose zero this method does not know, the error of the force is not known either.
+// With a tare whose zero is lost, or which this method does not know, the error of the force is not known either.
 void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     if (zero_.is_known(method_) || s.quality == TACTILED_BAD) return;
+    if (zero_.is_lost()) s.reasons |= TACTILED_ZERO_UNKNOWN;
     s.quality = TACTILED_UNCERTAIN;
     s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
@@ -276,7 +277,7 @@ void Sensor::retune(const Sensor& other) noexcept {
     stream_.judge_by(other.setup_.stream);
     drift_.judge_by(other.setup_.drift_N);
     agreement_.judge_by(other.setup_.agreement);
-    zero_.judge_by({other.setup_.tare_ns, other.setup_.tare_limit_N});
+    zero_.judge_by(tare_limits(other.setup_));
     set(requested_);
 }
 
@@ -285,6 +286,7 @@ void Sensor::succeed(const Sensor& before) noexcept {
     daemon_epoch_ = before.daemon_epoch_;
     stream_.succeed(before.stream_, setup_.channel_of_frame == before.setup_.channel_of_frame);
     agreement_.succeed(before.agreement_);
+    if (before.zero_.tare_count() != 0 || before.zero_.is_lost()) zero_.lose();
     set(before.requested_);
 }
 

@@ -38,8 +38,10 @@ public:
         StreamLimits stream;
         double drift_N = 0;  // of the zero at rest from the calibration's, 0 = not judged
         std::uint64_t tare_ns = 100'000'000;
-        double tare_limit_N = 0;           // of a new zero from the calibration's, 0 = none
+        double tare_limit_N = 0;                            // of a new zero from the calibration's, 0 = none
+        std::array<double, 3> tare_limit_of_component_N{};  // likewise, of each component of the force
         bool accept_unproved_age = false;  // a stream without a clock or a counter may be tared and weighed with
+        std::uint32_t zero_id = 0;  // a kept zero of another id is not this sensor's (zero_store.hpp)
         Agreement::Limits agreement;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
@@ -51,7 +53,7 @@ public:
           stream_(setup_.stream),
           drift_(setup_.drift_N),
           agreement_(setup_.agreement),
-          zero_({setup_.tare_ns, setup_.tare_limit_N}) {
+          zero_(tare_limits(setup_)) {
         set(SensorSettable::as_configured());
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
@@ -100,13 +102,22 @@ public:
     void set(const SensorSettable& settable) noexcept;
     // Takes over the limits and settings of `other`, which measures alike. rt: wait-free
     void retune(const Sensor& other) noexcept;
-    // Continues in the place of `before`, which measured differently, in a new epoch and without its tare. Publish marker()
-    // afterwards. rt: wait-free
+    // Continues in the place of `before`, which measured differently, in a new epoch and without its tare: if there was one,
+    // the zero is not known until the next tare. Publish marker() afterwards. rt: wait-free
     void succeed(const Sensor& before) noexcept;
     // The peak starts again with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
 
     [[nodiscard]] const tactiled_sample& last() const noexcept { return last_; }
+    // The zeros of the tare in force and the id that they belong to, for the next start of the daemon. rt: wait-free
+    [[nodiscard]] TaredZero tared_zero() const noexcept { return zero_.tared(); }
+    [[nodiscard]] std::uint32_t zero_id() const noexcept { return setup_.zero_id; }
+    [[nodiscard]] bool has_lost_zero() const noexcept { return zero_.is_lost(); }
+    // With method "auto": a method whose zero is yet to be found from the last tare.
+    [[nodiscard]] bool is_finding_zeros() const noexcept { return zero_.has_more_to_find(); }
+    // Continues with the tare of an earlier run, or knows that one is lost. Before the first sample. setup
+    void restore_zero(const TaredZero& zero) noexcept { zero_.restore(zero); }
+    void lose_zero() noexcept { zero_.lose(); }
     // The zero that was subtracted from the raw wrench of the last sample.
     [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_.of(method_); }
 
@@ -115,6 +126,9 @@ private:
     // wait-free
     void notice_suspension(std::uint64_t now_ns) noexcept;
     [[nodiscard]] inline tactiled_sample late_sample(const Frame& frame, std::uint64_t now_ns) noexcept;
+    [[nodiscard]] static Zero::Limits tare_limits(const Setup& setup) noexcept {
+        return {setup.tare_ns, setup.tare_limit_N, setup.tare_limit_of_component_N};
+    }
     // Inline where they are used, which is sensor.cpp alone.
     [[nodiscard]] inline tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;

@@ -22,7 +22,8 @@ void put(char (&field)[N], const std::string& text) {
     text.copy(field, N - 1);
 }
 
-constexpr int kFrozenAfter = 100;  // readings, where the driver knows that noise moves them
+constexpr double kTareLimit = 0.2;  // of full scale
+constexpr int kFrozenAfter = 100;   // readings, where the driver knows that noise moves them
 
 // Makes the driver of `link` and enters in the directory what readers are told about it.
 void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
@@ -97,6 +98,20 @@ tactiled_sensor directory_entry(const SensorSettings& settings, const Calibratio
     return entry;
 }
 
+// A zero of other channels, or of another calibration, is no zero of this sensor.
+ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibration, const Sensor::Setup& setup) {
+    boost::crc_32_type id;
+    const auto add = [&](const std::string& text) { id.process_bytes(text.c_str(), text.size() + 1); };
+    add(calibration_text(calibration));
+    add(fmt::format("{:.17g} {} {}", settings.counts_per_unit, settings.link, settings.device));
+    for (const auto& channel : settings.channels) add(channel);
+    ZeroOwner owner{settings.name, calibration.serial, id.checksum(), {}, settings.tare_after_restart == "restore"};
+    if (setup.automatic == nullptr) owner.methods.emplace_back(setup.decoupler->method());
+    for (std::size_t i = 0; setup.automatic != nullptr && i < setup.automatic->front().size(); ++i)
+        owner.methods.emplace_back(setup.automatic->front()[i].cost.method);
+    return owner;
+}
+
 // A sensor whose files are wrong is left out: the problems say why, and the node will not run.
 void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const std::string& costs_folder) {
     if (method_names(settings.model).empty()) {
@@ -141,11 +156,16 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.stream.rate_tolerance = settings.rate_tolerance;
     setup.drift_N = settings.drift_limit_N;
     setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
-    setup.tare_limit_N = settings.tare_limit_N;
+    setup.tare_limit_N = std::max(0.0, settings.tare_limit_N);
     setup.accept_unproved_age = settings.accept_unproved_age;
     setup.agreement = {settings.pair.other, settings.pair.agree_N, std::uint64_t(settings.pair.agree_ms) * 1'000'000u};
     setup.settable = {settings.filter_hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
+    for (std::size_t c = 0; c < setup.tare_limit_of_component_N.size() && settings.tare_limit_N < 0; ++c)
+        if (const float full_scale_N = node.plan.sensors.back().full_scale[c]; std::isfinite(full_scale_N))
+            setup.tare_limit_of_component_N[c] = kTareLimit * double(full_scale_N);
+    node.zeros.push_back(zero_owner(settings, calibration, setup));
+    setup.zero_id = node.zeros.back().id;
     if (setup.automatic != nullptr) put_front(node.plan.sensors.back(), *setup.automatic, settings.budget_us);
     const auto index = std::uint16_t(node.sensors.size());
     for (auto& link : node.links) {
@@ -235,6 +255,7 @@ std::uint16_t identity_of(const Config& config, Problems& problems) {
 Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder) {
     Node node{.config = load_config(config_path, problems),
               .calibrations = {},
+              .zeros = {},
               .links = {},
               .sensors = {},
               .grasp = {},

@@ -8,12 +8,14 @@
 #include "config/config.hpp"
 #include "node/pipeline.hpp"
 #include "node/shm/writer.hpp"
+#include "node/zero_store.hpp"
 
 namespace tactiled {
 
 struct Node {
     Config config;
     std::vector<std::string> calibrations;  // the text of each sensor's
+    std::vector<ZeroOwner> zeros;           // of each sensor
     std::vector<std::unique_ptr<Link>> links;
     std::vector<Sensor> sensors;  // in the order of the file, which is the order in segment and register map
     std::optional<Grasping::Setup> grasp;

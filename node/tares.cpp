@@ -12,6 +12,8 @@ tactiled_command_result result_of(Sensor::Tare ended) noexcept {
     }
 }
 
+constexpr std::uint64_t kPatienceNs = 2'500'000'000;  // for the file: with the longest tare less than a commander waits
+
 }  // namespace
 
 // All or nothing at the start. Afterwards each sensor that rests takes its zero, whatever the others do.
@@ -34,10 +36,11 @@ void Tares::start(std::uint32_t mask) noexcept {
     running_ = mask;
     result_ = TACTILED_COMMAND_OK;
     has_new_zero_ = false;
+    to_keep_ = order_ = 0;
 }
 
 bool Tares::poll(std::uint64_t now_ns) noexcept {
-    if (running_ == 0) return false;
+    if (running_ == 0) return to_keep_ != 0 && follow_store(now_ns);
     for (std::size_t i = 0; i < sensors_.size(); ++i) {
         if ((running_ >> i & 1u) == 0) continue;
         const Sensor::Tare tare = sensors_[i].poll_tare(now_ns);
@@ -45,8 +48,29 @@ bool Tares::poll(std::uint64_t now_ns) noexcept {
         running_ &= ~(1u << i);
         if (result_ == TACTILED_COMMAND_OK) result_ = result_of(tare);
         has_new_zero_ |= tare == Sensor::Tare::done;
+        if (tare == Sensor::Tare::done && store_ != nullptr) to_keep_ |= 1u << i;
     }
-    return running_ == 0;
+    ended_ns_ = now_ns;
+    return running_ == 0 && (to_keep_ == 0 || follow_store(now_ns));
+}
+
+// True when the zeros are in the file, or cannot be.
+bool Tares::follow_store(std::uint64_t now_ns) noexcept {
+    const bool is_late = now_ns > ended_ns_ + kPatienceNs;
+    if (order_ == 0 && !is_late) {
+        for (std::size_t i = 0; i < sensors_.size(); ++i)
+            if ((to_keep_ >> i & 1u) != 0 && sensors_[i].is_finding_zeros() && sensors_[i].is_delivering()) return false;
+        for (std::size_t i = 0; i < sensors_.size(); ++i)
+            if ((to_keep_ >> i & 1u) != 0) store_->add(std::uint32_t(i), sensors_[i]);
+        order_ = store_->commit();
+        if (order_ != 0) return false;
+    } else if (!is_late && !store_->is_done(order_)) {
+        return false;
+    }
+    const bool is_kept = order_ != 0 && store_->is_done(order_) && store_->is_usable();
+    if (!is_kept && result_ == TACTILED_COMMAND_OK) result_ = TACTILED_COMMAND_NOT_STORED;
+    to_keep_ = order_ = 0;
+    return true;
 }
 
 }  // namespace tactiled

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "node/sensor.hpp"
+#include "node/zero_store.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -11,6 +12,8 @@ namespace tactiled {
 class Tares {
 public:
     explicit Tares(std::vector<Sensor>& sensors) : sensors_(sensors) {}
+    // Keeps the zeros in `store`, which must live as long as the loop. Before the loop. setup
+    void keep_in(ZeroStore& store) noexcept { store_ = &store; }
 
     // Begins a tare of the sensors in `mask`. If one of them cannot be tared now, the
     // result is false and no tare begins.
@@ -18,10 +21,13 @@ public:
     [[nodiscard]] bool begin(std::uint32_t mask, std::uint64_t now_ns) noexcept;
     // Begins to remove the tare of the sensors in `mask`. is_running() must be false. rt: bounded by the number of sensors
     void begin_removal(std::uint32_t mask) noexcept;
-    // Collects the results of the sensors. True when the last sensor has finished. rt: bounded by the number of sensors
+    // Collects the results of the sensors. True when the last sensor has finished and its zero is kept.
+    // rt: bounded by the number of sensors
     [[nodiscard]] bool poll(std::uint64_t now_ns) noexcept;
 
-    [[nodiscard]] bool is_running() const noexcept { return running_ != 0; }
+    [[nodiscard]] bool is_running() const noexcept { return running_ != 0 || to_keep_ != 0; }
+    // A zero can be kept over a restart.
+    [[nodiscard]] bool can_keep() const noexcept { return store_ == nullptr || store_->is_usable(); }
     // The first result of a sensor in the last command that is not OK, else OK.
     [[nodiscard]] tactiled_command_result result() const noexcept { return result_; }
     // The last command left every zero as it was, because the force moved or was too large.
@@ -31,9 +37,14 @@ public:
 
 private:
     void start(std::uint32_t mask) noexcept;
+    [[nodiscard]] bool follow_store(std::uint64_t now_ns) noexcept;
 
     std::vector<Sensor>& sensors_;
-    std::uint32_t running_ = 0;  // bit n: sensor n has not finished
+    ZeroStore* store_ = nullptr;
+    std::uint32_t running_ = 0;   // bit n: sensor n has not finished
+    std::uint32_t to_keep_ = 0;   // bit n: the zero of sensor n has changed and is not kept yet
+    std::uint32_t order_ = 0;     // of the store; 0 = not given yet
+    std::uint64_t ended_ns_ = 0;  // when the last sensor finished
     tactiled_command_result result_ = TACTILED_COMMAND_OK;
     bool has_new_zero_ = false;  // a sensor of the last command has finished with success
 };

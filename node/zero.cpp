@@ -7,7 +7,8 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint32_t kMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN |
-                                   TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER;
+                                   TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
+                                   TACTILED_ZERO_UNKNOWN;
 // A zero that a method finds from one reading, without a past, must have a known uncertainty.
 constexpr std::uint32_t kOtherMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
 constexpr std::uint64_t kPatienceNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
@@ -36,6 +37,7 @@ void Zero::begin_tare(std::uint64_t now_ns) noexcept {
 void Zero::begin_removal(bool is_delivering) noexcept {
     of_method_ = {};
     unknown_ = to_find_ = tare_count_ = 0;
+    is_lost_ = false;
     tare_ = is_delivering ? Tare::removing : Tare::done;
 }
 
@@ -67,6 +69,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
     to_find_ = ((1u << n_methods) - 1) & ~(1u << method);
     unknown_ = to_find_ | (is_unsure_ ? 1u << method : 0u);
     end_ns_ = s.t_ns;
+    is_lost_ = false;
     ++tare_count_;
     return true;
 }
@@ -75,12 +78,28 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
 Tare Zero::verdict(const tactiled_sample& last) const noexcept {
     const double *f = last.sd_force_N, *m = last.sd_torque_Nm;
     if (window_.has_moved({f[0], f[1], f[2], m[0], m[1], m[2]})) return Tare::moved;
-    if (limits_.max_N <= 0) return Tare::done;
     const Wrench mean = window_.mean_S();
     double squares = 0;
-    for (std::size_t i = 0; i < 3; ++i)
-        if (std::isfinite(mean[i])) squares += mean[i] * mean[i];
-    return squares > limits_.max_N * limits_.max_N ? Tare::loaded : Tare::done;
+    for (std::size_t i = 0; i < 3; ++i) {
+        if (!std::isfinite(mean[i])) continue;
+        squares += mean[i] * mean[i];
+        const double max_N = limits_.max_of_component_N[i];
+        if (max_N > 0 && std::abs(mean[i]) > max_N) return Tare::loaded;
+    }
+    return limits_.max_N > 0 && squares > limits_.max_N * limits_.max_N ? Tare::loaded : Tare::done;
+}
+
+void Zero::lose() noexcept {
+    of_method_ = {};
+    to_find_ = tare_count_ = 0;
+    unknown_ = ~0u;
+    is_lost_ = true;
+}
+
+void Zero::restore(const TaredZero& zero) noexcept {
+    tare_count_ = zero.tare_count;
+    unknown_ = zero.unknown;
+    of_method_ = zero.of_method;
 }
 
 // A method that has begun to run since the tare keeps its past, and is asked when it does not run any more.

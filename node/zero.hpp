@@ -21,11 +21,19 @@ namespace tactiled {
 // had no value, the force moved, or the new zero was further than the limit from the calibration's.
 enum class Tare { none, running, removing, done, failed, moved, loaded };
 
+// The result of the tares of a sensor, as it is kept over a restart (zero_store.hpp).
+struct TaredZero {
+    std::uint32_t tare_count = 0;  // 0 = no tare is in force
+    std::uint32_t unknown = 0;     // bit i: the zero of method i is not known
+    std::array<Wrench, MethodChoice::kMax> of_method{};
+};
+
 class Zero {
 public:
     struct Limits {
-        std::uint64_t tare_ns = 100'000'000;  // averaging time
-        double max_N = 0;                     // of a new zero from the calibration's, 0 = no limit
+        std::uint64_t tare_ns = 100'000'000;         // averaging time
+        double max_N = 0;                            // magnitude of a new zero from the calibration's, 0 = no limit
+        std::array<double, 3> max_of_component_N{};  // of each component of the force, 0 = no limit
     };
     explicit Zero(const Limits& limits) : limits_(limits) {}
     // Judges by these limits from now on; the zeros stay. rt: wait-free
@@ -60,6 +68,15 @@ public:
     // Finished tares since the last removal.
     [[nodiscard]] std::uint32_t tare_count() const noexcept { return tare_count_; }
 
+    // A tare was in force whose zero is lost: until the next tare or removal no method has a known zero.
+    [[nodiscard]] bool is_lost() const noexcept { return is_lost_; }
+    // rt: wait-free
+    void lose() noexcept;
+    // The zeros that a tare left, to be kept over a restart; tare_count 0: no tare is in force. rt: wait-free
+    [[nodiscard]] TaredZero tared() const noexcept { return {tare_count_, unknown_, of_method_}; }
+    // Continues with a tare of an earlier run. Before the first sample. setup
+    void restore(const TaredZero& zero) noexcept;
+
 private:
     [[nodiscard]] Tare verdict(const tactiled_sample& last) const noexcept;
 
@@ -68,6 +85,7 @@ private:
     std::uint32_t unknown_ = 0;  // bit i: the zero of method i is not known
     std::uint32_t to_find_ = 0;  // bit i: method i is to find its zero from the mean of the last tare
     std::uint32_t tare_count_ = 0;
+    bool is_lost_ = false;
 
     Tare tare_ = Tare::none;
     TareWindow window_;

@@ -17,7 +17,7 @@ void list_laboratory(CLI::App& app, tactiled::ctl::Run&) {
 int main(int argc, char** argv) {
     using namespace tactiled::ctl;
     if (const auto status = start_laboratory(argv)) return *status;
-    static constexpr AddVerb kVerbs[] = {add_status, add_top,   add_read, add_record, add_replay, add_tare,
+    static constexpr AddVerb kVerbs[] = {add_status, add_top,   add_read, add_record, add_replay, add_tare,       add_clear,
                                          add_weigh,  add_teach, add_map,  add_check,  add_doctor, list_laboratory};
     return run_verb(argc, argv, kVerbs);
 }

@@ -1,8 +1,11 @@
-// The register map for a PLC: IEC 61131-3 structured text that declares what a sensor block is and unpacks it.
+// The register map for a PLC: IEC 61131-3 structured text that declares the blocks, unpacks them and judges their liveness.
+// The command block is in map_structured_commands.cpp.
 //
-// Kept to what CODESYS, TwinCAT and TIA all take: one field a line, named array types, explicit conversions, no bit access,
-// no pointers, names of at most 40 characters. tests/system/map_test.py runs it against the daemon.
+// Kept to what CODESYS, TwinCAT, TIA and matiec all take: one field a line, named array types, explicit conversions, no bit
+// access, no pointers, no enumerations, names of at most 40 characters. tests/system/map_test.py runs it against the daemon.
 #include <fmt/format.h>
+
+#include <array>
 
 #include "node/ctl/map_text.hpp"
 #include "node/modbus/table.hpp"
@@ -33,6 +36,14 @@ void field(std::string& out, std::string_view name, std::string_view type, std::
     out += "\n";
 }
 
+bool is_number(const Register& r) {
+    return (r.type == Type::u16 || r.type == Type::i16 || r.type == Type::i32) && r.name != "N_SENSORS";
+}
+
+const char* type_of(const Register& r) {
+    return is_flag(r) ? "WORD" : r.type == Type::i16 ? "INT" : r.type == Type::i32 ? "DINT" : "UINT";
+}
+
 void declare(std::string& out, std::string_view type, const Area& area) {
     out += fmt::format("TYPE {} :\nSTRUCT\n", type);
     for (const Register& r : area.registers) {
@@ -42,46 +53,108 @@ void declare(std::string& out, std::string_view type, const Area& area) {
         if (is_force(r))
             field(out, si_name(r), "REAL", r.meaning);
         else
-            field(out, r.name,
-                  is_flag(r)            ? "WORD"
-                  : r.type == Type::i16 ? "INT"
-                  : r.type == Type::i32 ? "DINT"
-                                        : "UINT",
-                  meaning);
+            field(out, r.name, type_of(r), meaning);
+        if (is_number(r)) field(out, fmt::format("HAS_{}", r.name), "BOOL", "");
     }
     if (area.block == Block::sensor) {
-        field(out, "OK", "BOOL", "the value is GOOD: use it");
-        field(out, "HAS_VALUE", "BOOL", "FX, FY and FZ hold numbers, though perhaps not GOOD ones; else they are 0");
-        field(out, "HAS_TORQUE", "BOOL", "TX, TY and TZ hold numbers");
+        field(out, "ALIVE", "BOOL", "this block is whole, and its SEQ has changed within half a second");
+        field(out, "OK", "BOOL", "ALIVE, and the value is GOOD: use the components that HAS_FX to HAS_TZ name");
+        field(out, "HAS_VALUE", "BOOL", "HAS_FX, HAS_FY and HAS_FZ");
+        field(out, "HAS_TORQUE", "BOOL", "HAS_TX, HAS_TY and HAS_TZ");
+        field(out, "HAS_COP", "BOOL", "HAS_COP_X and HAS_COP_Y");
     }
     out += "END_STRUCT;\nEND_TYPE\n\n";
 }
 
-// The statements that unpack the registers of `array` from `base` on into `target`.
+// One constant for each bit and each value that has a name.
+void declare_constants(std::string& out) {
+    struct Group {
+        const char *prefix, *of;
+        bool is_bit;
+    };
+    constexpr Group kGroups[] = {{"STATUS", "global.STATUS", true},
+                                 {"FAULT", "global.FAULT", true},
+                                 {"WARN", "global.WARN", true},
+                                 {"SENSOR", "sensor.STATUS", true},
+                                 {"REASON", "sensor.FAULT", false},
+                                 {"GRIP", "global.GRIP_STATE", false},
+                                 {"WEIGHT", "global.WEIGHT_STATE", false},
+                                 {"SLIP", "sensor.SLIP_STATE", false},
+                                 {"CMD", "control.CMD", false},
+                                 {"CMD_STATE", "global.CMD_STATE", false},
+                                 {"RESULT", "global.CMD_RESULT", false},
+                                 {"GRIPPER", "control.GRIPPER_STATE", false}};
+    out +=
+        "(* The names of bits and states. Declare one instance, C : FB_TACTILED_CONST, and read C.GRIP_HOLDING. SENSOR_ is "
+        "for\n"
+        "   STATUS and REASON_ for FAULT of a sensor. *)\nFUNCTION_BLOCK FB_TACTILED_CONST\nVAR_OUTPUT\n";
+    for (const Group& group : kGroups)
+        for (const Name& name : names_of(group.of)) {
+            if (name.id.empty()) continue;
+            const std::string value =
+                group.is_bit ? fmt::format("WORD := 16#{:04X}", 1u << name.value) : fmt::format("UINT := {}", name.value);
+            field(out, fmt::format("{}_{}", group.prefix, name.id), value, name.name);
+        }
+    out +=
+        "    NOT_KNOWN : UINT := 65535; (* of GRIP_STATE and SLIP_STATE *)\nEND_VAR\nVAR\n    WAS_CALLED : "
+        "BOOL;\nEND_VAR\n\n"
+        "WAS_CALLED := TRUE;\nEND_FUNCTION_BLOCK\n\n";
+}
+
+// The statements that unpack the registers of `array` from `base` on into `target`. While the variable `alive` is FALSE no
+// number is available and no state is known.
 void unpack(std::string& out, const Area& area, std::string_view array, std::string_view base, std::string_view target,
-            std::string_view indent) {
+            std::string_view alive, std::string_view indent) {
     for (const Register& r : area.registers) {
         if (is_wire_only(r)) continue;
         const auto cell = [&](unsigned plus) {
             return base.empty() ? fmt::format("{}[{}]", array, r.at + plus)
                                 : fmt::format("{}[{} + {}]", array, base, r.at + plus);
         };
-        if (is_force(r)) {
-            out += fmt::format("{}IF {} <> 16#8000 THEN\n{}    {}.{} := INT_TO_REAL(WORD_TO_INT({})) * {};\n{}ELSE\n",
-                               indent, cell(0), indent, target, si_name(r), cell(0), scale_of(r), indent);
-            out += fmt::format("{}    {}.{} := 0.0;\n{}    {}.{} := FALSE;\n{}END_IF;\n", indent, target, si_name(r), indent,
-                               target, r.unit == "0.001 Nm" ? "HAS_TORQUE" : "HAS_VALUE", indent);
-        } else if (r.type == Type::i32) {  // high word first
-            out += fmt::format("{}{}.{} := INT_TO_DINT(WORD_TO_INT({})) * 65536 + UINT_TO_DINT(WORD_TO_UINT({}));\n", indent,
-                               target, r.name, cell(0), cell(1));
+        const auto choose = [&](std::string_view condition, std::string_view field, std::string_view value,
+                                std::string_view otherwise) {
+            out += fmt::format("{0}IF {1} THEN\n{0}    {2}.{3} := {4};\n{0}ELSE\n{0}    {2}.{3} := {5};\n{0}END_IF;\n",
+                               indent, condition, target, field, value, otherwise);
+        };
+        if (is_number(r)) {
+            const std::string has = fmt::format("{}.HAS_{}", target, r.name);
+            const std::string there = r.type == Type::i32
+                                          ? fmt::format("(({} <> 16#8000) OR ({} <> 16#0000))", cell(0), cell(1))
+                                          : fmt::format("({} <> {})", cell(0), r.type == Type::i16 ? "16#8000" : "16#FFFF");
+            out += fmt::format("{}{} := {} AND {};\n", indent, has, alive, there);
+            if (is_force(r))
+                choose(has, si_name(r), fmt::format("INT_TO_REAL(WORD_TO_INT({})) * {}", cell(0), scale_of(r)), "0.0");
+            else if (r.type == Type::i32)  // high word first
+                choose(
+                    has, r.name,
+                    fmt::format("INT_TO_DINT(WORD_TO_INT({})) * 65536 + UINT_TO_DINT(WORD_TO_UINT({}))", cell(0), cell(1)),
+                    "0");
+            else
+                choose(has, r.name, fmt::format("WORD_TO_{}({})", r.type == Type::i16 ? "INT" : "UINT", cell(0)), "0");
+        } else if (r.type == Type::enumeration) {
+            choose(alive, r.name, fmt::format("WORD_TO_UINT({})", cell(0)), "65535");
         } else {
-            const std::string value = is_flag(r)            ? cell(0)
-                                      : r.type == Type::i16 ? fmt::format("WORD_TO_INT({})", cell(0))
-                                                            : fmt::format("WORD_TO_UINT({})", cell(0));
-            out += fmt::format("{}{}.{} := {};\n", indent, target, r.name, value);
+            out += fmt::format("{}{}.{} := {};\n", indent, target, r.name,
+                               is_flag(r) ? cell(0) : fmt::format("WORD_TO_UINT({})", cell(0)));
         }
     }
 }
+
+// STILL counts the calls since `cell` has changed. A first call proves nothing: whatever stands in the array may be old.
+void count_still(std::string& out, std::string_view cell, std::string_view last, std::string_view still,
+                 std::string_view indent) {
+    out += fmt::format(
+        "{0}IF NOT STARTED THEN\n{0}    {3} := 60000;\n{0}ELSIF {1} <> {2} THEN\n{0}    {3} := 0;\n"
+        "{0}ELSIF {3} < 60000 THEN\n{0}    {3} := {3} + 1;\n{0}END_IF;\n{0}{2} := {1};\n",
+        indent, cell, last, still);
+}
+
+// The subset of IEC 61131-3 that the text is written in; tests/system/structured_text_test.py holds it to this list.
+constexpr char kSubset[] =
+    "   It is written in this subset of IEC 61131-3: TYPE, ARRAY, OF, STRUCT, FUNCTION_BLOCK, VAR, VAR_INPUT, VAR_OUTPUT,\n"
+    "   initial values, IF, THEN, ELSIF, ELSE, FOR, TO, DO, AND, OR, NOT, := = <> < >= + * /, BOOL, WORD, INT, UINT, DINT, "
+    "UDINT,\n"
+    "   REAL, WORD_TO_INT, WORD_TO_UINT, UINT_TO_WORD, INT_TO_REAL, INT_TO_DINT, UINT_TO_DINT, UINT_TO_UDINT. *)\n\n";
 
 }  // namespace
 
@@ -89,67 +162,87 @@ std::string map_structured_text(unsigned sensors) {
     const Area &global = area_with(Block::global), &grasp = area_with(Block::grasp), &sensor = area_with(Block::sensor);
     const unsigned cells = sensors * kSensorSize;
     std::string out = fmt::format(
-        "(* tactiled register map {}.{}: types, and a function block that unpacks one read of the global block and one of\n"
-        "   the sensor blocks. Printed by: tactilectl map --format st --sensors {}\n\n"
+        "(* tactiled register map {}.{}: types, constants, function blocks that unpack what was read, and one that "
+        "commands.\n"
+        "   Printed by: tactilectl map --format st --sensors {}\n\n"
         "   Read with FC 4 (or 3): {} registers from {} into GLOBAL_REGS, {} from {} into SENSOR_REGS.{}\n"
-        "   Call FB_TACTILED once after each read, and use a sensor only while VALID and its OK are TRUE. *)\n\n",
+        "   Call FB_TACTILED once after each read, and use a sensor only while its OK is TRUE. Each sensor's block is "
+        "judged by\n"
+        "   itself: read whole blocks of {} registers, in one request or in several.\n\n",
         kMapMajor, kMapMinor, sensors, kGlobalSize, kGlobalAt, cells, kSensorsAt,
-        cells > 125 ? " At most 125 a request:\n   read them in pieces of 5 sensors; the pieces' SEQ may differ." : "");
-    out += fmt::format("TYPE T_TACTILED_GLOBAL_REGS : ARRAY[0..{}] OF WORD;\nEND_TYPE\n\n", kGlobalSize - 1);
-    out += fmt::format("TYPE T_TACTILED_SENSOR_REGS : ARRAY[0..{}] OF WORD;\nEND_TYPE\n\n", cells - 1);
+        cells > 125 ? " At most 125 a request:\n   read them in pieces of 5 sensors." : "", kSensorSize);
+    out += kSubset;
+    const auto array = [&](std::string_view name, unsigned size, std::string_view of) {
+        out += fmt::format("TYPE {} : ARRAY[0..{}] OF {};\nEND_TYPE\n\n", name, size - 1, of);
+    };
+    array("T_TACTILED_GLOBAL_REGS", kGlobalSize, "WORD");
+    array("T_TACTILED_SENSOR_REGS", cells, "WORD");
+    array("T_TACTILED_SEQS", sensors, "WORD");
+    array("T_TACTILED_COUNTS", sensors, "UINT");
+    declare_constants(out);
     declare(out, "T_TACTILED_GLOBAL", global);
     declare(out, "T_TACTILED_SENSOR", sensor);
-    out += fmt::format("TYPE T_TACTILED_GRASP_REGS : ARRAY[0..{}] OF WORD;\nEND_TYPE\n\n", kGraspSize - 1);
+    array("T_TACTILED_GRASP_REGS", kGraspSize, "WORD");
     declare(out, "T_TACTILED_GRASP", grasp);
-    out += fmt::format("TYPE T_TACTILED_SENSORS : ARRAY[0..{}] OF T_TACTILED_SENSOR;\nEND_TYPE\n\n", sensors - 1);
+    array("T_TACTILED_SENSORS", sensors, "T_TACTILED_SENSOR");
     out +=
         "FUNCTION_BLOCK FB_TACTILED\nVAR_INPUT\n"
         "    GLOBAL_REGS : T_TACTILED_GLOBAL_REGS;\n"
         "    SENSOR_REGS : T_TACTILED_SENSOR_REGS;\n"
-        "    CALLS_PER_SECOND : UINT := 100; (* how often this block is called: it judges the heartbeat *)\n"
+        "    CALLS_PER_SECOND : UINT := 100; (* how often this block is called: it judges what stands still *)\n"
         "END_VAR\nVAR_OUTPUT\n"
-        "    VALID : BOOL; (* both reads are whole, the map is known, the heartbeat runs *)\n"
+        "    VALID : BOOL; (* every read is whole and alive, and the map is known *)\n"
+        "    GLOBAL_OK : BOOL; (* the same of the global read alone *)\n"
         "    WRONG_MAP : BOOL; (* no tactiled of this major version, or off by one register *)\n"
         "    TORN : BOOL; (* SEQ and SEQ_END of a block differ: the read was put together from two *)\n"
-        "    DEAD : BOOL; (* the heartbeat has stood still for half a second *)\n"
+        "    DEAD : BOOL; (* the heartbeat, or the SEQ of a sensor, has stood still for half a second *)\n"
         "    NODE : T_TACTILED_GLOBAL;\n"
         "    SENSOR : T_TACTILED_SENSORS;\n"
         "END_VAR\nVAR\n"
-        "    IDX : INT;\n    BASE : INT;\n    CHANNEL_OK : BOOL;\n    BEAT_SEEN : BOOL;\n    LAST_BEAT : UINT;\n    STILL : "
-        "UINT;\nEND_VAR\n\n";
+        "    IDX : INT;\n    BASE : INT;\n    READ_OK : BOOL;\n    STARTED : BOOL;\n    STILL_CALLS : UINT;\n"
+        "    LAST_BEAT : WORD;\n    STILL : UINT;\n    LAST_SEQ : T_TACTILED_SEQS;\n    SEQ_STILL : T_TACTILED_COUNTS;\n"
+        "END_VAR\n\n";
     out += fmt::format("WRONG_MAP := (GLOBAL_REGS[{}] <> 16#5441) OR (GLOBAL_REGS[{}] <> 16#4354);\n", unsigned(kMagic0),
                        unsigned(kMagic1));
     out += fmt::format("WRONG_MAP := WRONG_MAP OR (WORD_TO_UINT(GLOBAL_REGS[{}]) / 256 <> {});\n", unsigned(kMapVersion),
                        kMapMajor);
-    out += fmt::format("TORN := GLOBAL_REGS[{}] <> GLOBAL_REGS[{}];\n\n", unsigned(kSeq), unsigned(kSeqEnd));
-    unpack(out, global, "GLOBAL_REGS", "", "NODE", "");
-    out +=
-        "\nIF (NOT BEAT_SEEN) OR (NODE.HEARTBEAT <> LAST_BEAT) THEN\n    STILL := 0;\nELSIF STILL < 60000 THEN\n    STILL "
-        ":= STILL + 1;\n"
-        "END_IF;\nLAST_BEAT := NODE.HEARTBEAT;\nBEAT_SEEN := TRUE;\nDEAD := STILL >= CALLS_PER_SECOND / 2 + 1;\n\n";
-    out += fmt::format("FOR IDX := 0 TO {} DO\n    BASE := IDX * {};\n", sensors - 1, kSensorSize);
-    out += fmt::format("    CHANNEL_OK := SENSOR_REGS[BASE] = SENSOR_REGS[BASE + {}];\n", unsigned(kSensorSeqEnd));
-    out +=
-        "    IF NOT CHANNEL_OK THEN\n        TORN := TRUE;\n    END_IF;\n"
-        "    SENSOR[IDX].HAS_VALUE := TRUE;\n    SENSOR[IDX].HAS_TORQUE := TRUE;\n";
-    unpack(out, sensor, "SENSOR_REGS", "BASE", "SENSOR[IDX]", "    ");
-    out +=
-        fmt::format("    SENSOR[IDX].OK := CHANNEL_OK AND ((SENSOR_REGS[BASE + {}] AND 16#0001) <> 16#0000);\nEND_FOR;\n\n",
-                    unsigned(kSensorStatus));
-    out +=
-        "VALID := NOT (WRONG_MAP OR TORN OR DEAD);\n"
-        "IF NOT VALID THEN\n";
+    out += fmt::format("TORN := GLOBAL_REGS[{}] <> GLOBAL_REGS[{}];\n", unsigned(kSeq), unsigned(kSeqEnd));
+    out += "STILL_CALLS := CALLS_PER_SECOND / 2 + 1;\n";
+    count_still(out, fmt::format("GLOBAL_REGS[{}]", unsigned(kHeartbeat)), "LAST_BEAT", "STILL", "");
+    out += "DEAD := STILL >= STILL_CALLS;\nGLOBAL_OK := NOT (WRONG_MAP OR TORN OR DEAD);\n\n";
+    unpack(out, global, "GLOBAL_REGS", "", "NODE", "GLOBAL_OK", "");
+    out += fmt::format("\nFOR IDX := 0 TO {} DO\n    BASE := IDX * {};\n", sensors - 1, kSensorSize);
+    out += fmt::format("    READ_OK := SENSOR_REGS[BASE] = SENSOR_REGS[BASE + {}];\n", unsigned(kSensorSeqEnd));
+    count_still(out, "SENSOR_REGS[BASE]", "LAST_SEQ[IDX]", "SEQ_STILL[IDX]", "    ");
     out += fmt::format(
-        "    FOR IDX := 0 TO {} DO\n        SENSOR[IDX].OK := FALSE;\n    END_FOR;\nEND_IF;\nEND_FUNCTION_BLOCK\n\n",
-        sensors - 1);
-    out += fmt::format("(* The grasp block: {} registers from {}. Its SEQ is that of the frame, as in NODE. *)\n",
-                       kGraspSize, kGraspAt);
+        "    IF IDX < WORD_TO_INT(GLOBAL_REGS[{}]) THEN\n        TORN := TORN OR (NOT READ_OK);\n"
+        "        DEAD := DEAD OR (SEQ_STILL[IDX] >= STILL_CALLS);\n    END_IF;\n"
+        "    READ_OK := GLOBAL_OK AND READ_OK AND (NOT (SEQ_STILL[IDX] >= STILL_CALLS));\n    SENSOR[IDX].ALIVE := "
+        "READ_OK;\n",
+        unsigned(kSensors));
+    unpack(out, sensor, "SENSOR_REGS", "BASE", "SENSOR[IDX]", "READ_OK", "    ");
+    for (const auto& [name, x, y, z] :
+         {std::array{"HAS_VALUE", "HAS_FX", "HAS_FY", "HAS_FZ"}, std::array{"HAS_TORQUE", "HAS_TX", "HAS_TY", "HAS_TZ"}})
+        out += fmt::format("    SENSOR[IDX].{} := SENSOR[IDX].{} AND SENSOR[IDX].{} AND SENSOR[IDX].{};\n", name, x, y, z);
+    out += "    SENSOR[IDX].HAS_COP := SENSOR[IDX].HAS_COP_X AND SENSOR[IDX].HAS_COP_Y;\n";
+    out += fmt::format("    SENSOR[IDX].OK := READ_OK AND ((SENSOR_REGS[BASE + {}] AND 16#0001) <> 16#0000);\nEND_FOR;\n",
+                       unsigned(kSensorStatus));
+    out += "STARTED := TRUE;\nVALID := NOT (WRONG_MAP OR TORN OR DEAD);\nEND_FUNCTION_BLOCK\n\n";
+    out += fmt::format(
+        "(* The grasp block: {} registers from {}. Use it only while VALID is TRUE, here and of FB_TACTILED. *)\n",
+        kGraspSize, kGraspAt);
     out +=
-        "FUNCTION_BLOCK FB_TACTILED_GRASP\nVAR_INPUT\n    GRASP_REGS : T_TACTILED_GRASP_REGS;\nEND_VAR\nVAR_OUTPUT\n"
-        "    TORN : BOOL;\n    GRASP : T_TACTILED_GRASP;\nEND_VAR\n\n";
+        "FUNCTION_BLOCK FB_TACTILED_GRASP\nVAR_INPUT\n    GRASP_REGS : T_TACTILED_GRASP_REGS;\n"
+        "    CALLS_PER_SECOND : UINT := 100;\nEND_VAR\nVAR_OUTPUT\n"
+        "    VALID : BOOL;\n    TORN : BOOL;\n    DEAD : BOOL; (* SEQ has stood still for half a second *)\n"
+        "    GRASP : T_TACTILED_GRASP;\nEND_VAR\nVAR\n    STARTED : BOOL;\n    LAST_SEQ : WORD;\n    STILL : "
+        "UINT;\nEND_VAR\n\n";
     out += fmt::format("TORN := GRASP_REGS[{}] <> GRASP_REGS[{}];\n", unsigned(kGraspSeq), unsigned(kGraspSeqEnd));
-    unpack(out, grasp, "GRASP_REGS", "", "GRASP", "");
-    out += "END_FUNCTION_BLOCK\n";
+    count_still(out, fmt::format("GRASP_REGS[{}]", unsigned(kGraspSeq)), "LAST_SEQ", "STILL", "");
+    out += "STARTED := TRUE;\nDEAD := STILL >= CALLS_PER_SECOND / 2 + 1;\nVALID := NOT (TORN OR DEAD);\n";
+    unpack(out, grasp, "GRASP_REGS", "", "GRASP", "VALID", "");
+    out += "END_FUNCTION_BLOCK\n\n";
+    out += structured_commands();
     return out;
 }
 

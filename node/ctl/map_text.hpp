@@ -8,7 +8,10 @@ std::string map_markdown();
 std::string map_csv();
 std::string map_json();
 std::string map_manual_page();
-// Types, and a function block that unpacks the global block and the first `sensors` sensor blocks.
+// Types, constants, and function blocks that unpack the global block, the first `sensors` sensor blocks and the grasp block,
+// and that command.
 std::string map_structured_text(unsigned sensors);
+// The last of these function blocks, a part of that text.
+std::string structured_commands();
 
 }  // namespace tactiled::ctl

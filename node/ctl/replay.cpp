@@ -38,17 +38,19 @@ bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(
 
 // "" or the first part that differs. `raw_only`: what a tare or a filter had seen is not in the file.
 std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only) {
+    const bool zero_lost = (was.reasons & TACTILED_ZERO_UNKNOWN) != 0;  // by a restart, which is not repeated here
     const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
-                                        TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY;
+                                        TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY | TACTILED_ZERO_UNKNOWN |
+                                        (zero_lost ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u);
     if ((was.reasons & TACTILED_STALE) != 0) return "";  // it came too late; a recording does not say so of a frame
     // With another sensor, or with the time of other frames: not here.
     const bool compared = (was.reasons & (TACTILED_SENSORS_DIFFER | TACTILED_UNPROVED_AGE)) != 0;
-    if (was.quality != is.quality && !compared) return "quality";
+    if (was.quality != is.quality && !compared && !zero_lost) return "quality";
     if ((was.reasons & ~of_the_moment) != (is.reasons & ~of_the_moment)) return "reasons";
     if (was.missing != is.missing || was.saturated != is.saturated) return "channels";
     if (!same(was.raw_force_S_N, is.raw_force_S_N, 3)) return "raw_force_S_N";
     if (!same(was.raw_torque_S_Nm, is.raw_torque_S_Nm, 3)) return "raw_torque_S_Nm";
-    if (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3)) return "sd";
+    if (!zero_lost && (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3))) return "sd";
     if (!same(was.cop_S_m, is.cop_S_m, 2)) return "cop_S_m";
     if (!same(&was.residual, &is.residual, 1)) return "residual";
     if (was.device_sequence != is.device_sequence || TACTILED_DIRECTION(was.state) != TACTILED_DIRECTION(is.state))

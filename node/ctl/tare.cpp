@@ -28,6 +28,8 @@ const char* result_text(int result) {
         case TACTILED_COMMAND_UNDER_LOAD:
             return "refused: a sensor is under load, beyond its tare_limit_N; unload it, or calibrate it where its zero has "
                    "moved";
+        case TACTILED_COMMAND_NOT_STORED:
+            return "refused, or lost with the next restart: the file of zeros cannot be written; the daemon's log says why";
         case TACTILED_COMMAND_TIMED_OUT: return "timed out";
         default: return "refused";
     }

@@ -32,6 +32,7 @@ void add_read(CLI::App& app, Run& run);
 void add_record(CLI::App& app, Run& run);
 void add_replay(CLI::App& app, Run& run);
 void add_tare(CLI::App& app, Run& run);
+void add_clear(CLI::App& app, Run& run);
 void add_weigh(CLI::App& app, Run& run);
 void add_teach(CLI::App& app, Run& run);
 void add_map(CLI::App& app, Run& run);
@@ -55,11 +56,11 @@ CLI::Validator number_in(double min, double max);
 void add_node_option(CLI::App* verb, std::string& node_name);
 
 // Of the reasons, bit 0 first.
-inline constexpr std::array<const char*, 22> kReasonWords{
-    "no-data-yet",    "stale",          "disconnected", "missing-channel", "saturated", "disagreement",
-    "outside-domain", "uncalibrated",   "not-finite",   "stopped",         "taring",    "reader-overrun",
-    "wrong-device",   "sd-unknown",     "frozen",       "stepped",         "idle-bus",  "wrong-rate",
-    "drifted",        "sensors-differ", "unproved-age", "arrival-only"};
+inline constexpr std::array<const char*, 23> kReasonWords{
+    "no-data-yet",    "stale",          "disconnected", "missing-channel", "saturated",   "disagreement",
+    "outside-domain", "uncalibrated",   "not-finite",   "stopped",         "taring",      "reader-overrun",
+    "wrong-device",   "sd-unknown",     "frozen",       "stepped",         "idle-bus",    "wrong-rate",
+    "drifted",        "sensors-differ", "unproved-age", "arrival-only",    "zero-unknown"};
 // "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated". As in forces.csv.
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
 

@@ -9,7 +9,7 @@
 namespace tactiled::modbus {
 namespace {
 
-using Address = std::array<std::uint8_t, 16>;
+using Address = HostAddress;
 
 Address mapped(const in_addr& v4) noexcept {
     Address a{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF};
@@ -23,12 +23,12 @@ bool same_prefix(const Address& a, const Address& b, unsigned bits) noexcept {
     return rest == 0 || (a[whole] ^ b[whole]) >> (8 - rest) == 0;
 }
 
-Address address_of(const sockaddr_storage& peer) noexcept {
+}  // namespace
+
+HostAddress host_of(const sockaddr_storage& peer) noexcept {
     if (peer.ss_family == AF_INET) return mapped(reinterpret_cast<const sockaddr_in&>(peer).sin_addr);
     return std::to_array(reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr.s6_addr);
 }
-
-}  // namespace
 
 AllowList::AllowList(const std::vector<std::string>& networks) {
     const std::vector<std::string> loopback{"127.0.0.0/8", "::1/128"};
@@ -49,10 +49,10 @@ AllowList::AllowList(const std::vector<std::string>& networks) {
     }
 }
 
-bool same_host(const sockaddr_storage& a, const sockaddr_storage& b) noexcept { return address_of(a) == address_of(b); }
+bool same_host(const sockaddr_storage& a, const sockaddr_storage& b) noexcept { return host_of(a) == host_of(b); }
 
 bool AllowList::allows(const sockaddr_storage& peer) const noexcept {
-    const Address address = address_of(peer);
+    const Address address = host_of(peer);
     return std::any_of(networks_.begin(), networks_.end(),
                        [&](const Network& n) { return same_prefix(address, n.address, n.bits); });
 }

@@ -10,6 +10,9 @@
 
 namespace tactiled::modbus {
 
+using HostAddress = std::array<std::uint8_t, 16>;  // IPv4 is stored as ::ffff:a.b.c.d
+[[nodiscard]] HostAddress host_of(const sockaddr_storage& peer) noexcept;
+
 class AllowList {
 public:
     // CIDR texts that the configuration has checked; an empty list allows the loopback alone.
@@ -18,7 +21,7 @@ public:
 
 private:
     struct Network {
-        std::array<std::uint8_t, 16> address;  // IPv4 is stored as ::ffff:a.b.c.d
+        HostAddress address;
         unsigned bits;
     };
     std::vector<Network> networks_;

@@ -14,6 +14,11 @@ bool have_values(const View& view, std::uint32_t mask) {
         if ((mask >> i & 1) != 0 && view.snapshot.sensor[i].quality == TACTILED_BAD) return false;
     return true;
 }
+
+Outcome outcome_of(const tactiled_command& answer) {
+    const bool good = answer.state == TACTILED_COMMAND_DONE && answer.result == TACTILED_COMMAND_OK;
+    return {good ? TACTILED_COMMAND_DONE : TACTILED_COMMAND_REJECTED, tactiled_command_result(answer.result)};
+}
 }  // namespace
 
 Controls::Controls(const ModbusSettings& settings, CommandRing& commands)
@@ -38,12 +43,31 @@ void Controls::follow(const View& view, std::uint64_t now_ns) noexcept {
     const tactiled_command& answer = view.snapshot.node.command[TACTILED_FROM_MODBUS];
     acknowledged_by_pipeline_ = answer.acknowledged;
     follow_teaching(answer);
-    if (state_ != TACTILED_COMMAND_RUNNING || teaching_for_block_) return;
-    if (answer.acknowledged == block_number_ && answer.state != TACTILED_COMMAND_RUNNING) {
-        const bool good = answer.state == TACTILED_COMMAND_DONE && answer.result == TACTILED_COMMAND_OK;
-        settle(good ? TACTILED_COMMAND_DONE : TACTILED_COMMAND_REJECTED, tactiled_command_result(answer.result));
+    follow_direct(answer, now_ns);
+    if (running_ == nullptr || teaching_for_block_) return;
+    if (answer.acknowledged == running_->number && answer.state != TACTILED_COMMAND_RUNNING) {
+        const Outcome outcome = outcome_of(answer);
+        settle_block(outcome.state, outcome.result);
     } else if (now_ns > sent_ns_ + kAnswerNs) {
-        settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_TIMED_OUT);
+        settle_block(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_TIMED_OUT);
+    }
+}
+
+void Controls::settle_block(tactiled_command_state state, tactiled_command_result result) noexcept {
+    CommandClient& client = *std::exchange(running_, nullptr);
+    if (client.outcome.is_running()) client.settle({state, result});  // else its number was repeated for another command
+}
+
+// Commands of one register or coil. The pipeline's record holds the last acknowledgement alone: where a later command has
+// taken its place, the outcome is not known.
+void Controls::follow_direct(const tactiled_command& answer, std::uint64_t now_ns) noexcept {
+    for (CommandClient& client : clients_) {
+        if (!client.direct.is_running() || &client == teacher_) continue;
+        const auto ahead = std::int32_t(answer.acknowledged - client.direct_number);
+        if (ahead == 0 && answer.state != TACTILED_COMMAND_RUNNING)
+            client.direct = outcome_of(answer);
+        else if (ahead > 0 || now_ns > client.direct_ns + kAnswerNs)
+            client.direct = {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_TIMED_OUT};
     }
 }
 
@@ -55,38 +79,45 @@ void Controls::hand_over_objects(std::uint64_t now_ns) noexcept {
     command.objects = teaching_.objects();
     objects_number_ = send(command, now_ns);
     if (objects_number_ == 0 || !std::exchange(teaching_for_block_, false)) return;
-    block_number_ = objects_number_;
+    running_->number = objects_number_;
     sent_ns_ = now_ns;
 }
 
 void Controls::follow_teaching(const tactiled_command& answer) noexcept {
     if (teaching_.state() == Teaching::failed) {
         if (std::exchange(teaching_for_block_, false))
-            settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
+            settle_block(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
         else
             teach_failed_ = true;
+        if (teacher_ != nullptr) teacher_->direct = {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED};
+        teacher_ = nullptr;
         teaching_.settle();
     } else if (objects_number_ != 0 && std::int32_t(acknowledged_by_pipeline_ - objects_number_) >= 0) {
         teach_failed_ = answer.acknowledged == objects_number_ && answer.state == TACTILED_COMMAND_REJECTED;
         objects_number_ = 0;
+        if (teacher_ != nullptr && teach_failed_)
+            teacher_->direct = {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW};
+        else if (teacher_ != nullptr)
+            teacher_->direct = {TACTILED_COMMAND_DONE, TACTILED_COMMAND_OK};
+        teacher_ = nullptr;
         teaching_.settle();
     }
 }
 
 // Also before the pipeline has taken the command: two tares in one segment of TCP are two.
 bool Controls::is_busy(const View& view) const noexcept {
-    return (view.snapshot.node.status & TACTILED_ANY_TARING) != 0 || state_ == TACTILED_COMMAND_RUNNING ||
+    return (view.snapshot.node.status & TACTILED_ANY_TARING) != 0 || running_ != nullptr ||
            std::int32_t(acknowledged_by_pipeline_ - tare_number_) < 0 || teaching_.state() != Teaching::idle;
 }
 
 // ---- may it be written? ----------------------------------------------------------------------------------------------
 
 // The value that the request would give register number i of its run.
-std::uint16_t Controls::requested(const Request& request, unsigned i) const noexcept {
+std::uint16_t Controls::requested(const Request& request, unsigned i, const Session& session) const noexcept {
     const auto word = [&](std::size_t at) { return std::uint16_t(request.written[at] << 8 | request.written[at + 1]); };
     if (request.function != kMaskWrite) return word(2 * std::size_t(i));
     std::uint16_t now = 0;
-    read(request.write, Session{}, 0, &now);
+    read(request.write, session, 0, &now);
     return std::uint16_t((now & word(0)) | (word(2) & ~word(0)));  // 1.1b3, 6.16
 }
 
@@ -97,20 +128,21 @@ Exception Controls::check(const Request& request, const View& view, const Sessio
     Exception first = kNone;  // of the run; a wrong address comes before a wrong value
     for (unsigned i = 0; i < request.write.count; ++i) {
         const auto at = std::uint16_t(request.write.at + i);
-        const Exception found =
-            !coils ? check_register(at, requested(request, i), view, session, now_ns) : check_coil(request, i, view);
+        const Exception found = !coils ? check_register(at, requested(request, i, session), view, session, now_ns)
+                                       : check_coil(request, i, view);
         if (found == kIllegalAddress) return found;
         if (first == kNone) first = found;
     }
-    if (first == kNone &&
-        (takes_more_than_one_command(request) || contact_is_upside_down(request) || gravity_is_none(request)))
+    if (first == kNone && (takes_more_than_one_command(request, session) || contact_is_upside_down(request, session) ||
+                           gravity_is_none(request, session)))
         return kIllegalValue;
     return first;
 }
 
 // A write is carried out whole or not at all; of two commands the pipeline might refuse the second.
-bool Controls::takes_more_than_one_command(const Request& request) const noexcept {
+bool Controls::takes_more_than_one_command(const Request& request, const Session& session) const noexcept {
     int commands = 0;
+    const CommandClient& client = clients_.at(session.host);
     if (request.function == kWriteCoil || request.function == kWriteCoils) {
         bool tares = false, slips = false;
         for (unsigned i = 0; i < request.write.count; ++i) {
@@ -124,35 +156,35 @@ bool Controls::takes_more_than_one_command(const Request& request) const noexcep
     }
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = request.write.at + i;
-        const std::uint16_t value = requested(request, i);
-        commands += (is_command_cell(at) && value != 0) || (at == kCmdSeq && value != block_[4]) ? 1 : 0;
+        const std::uint16_t value = requested(request, i, session);
+        commands += (is_command_cell(at) && value != 0) || (at == kCmdSeq && client.runs(value)) ? 1 : 0;
     }
     return commands > 1;
 }
 
 // If both ends of the hysteresis are set here, contact must not end above its begin.
-bool Controls::contact_is_upside_down(const Request& request) const noexcept {
+bool Controls::contact_is_upside_down(const Request& request, const Session& session) const noexcept {
     if (request.function == kWriteCoil || request.function == kWriteCoils) return false;
     std::uint16_t on = settings_[kContactOn - kFilterHz], off = settings_[kContactOff - kFilterHz];
     bool touched = false;
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = request.write.at + i;
-        if (at == kContactOn) on = requested(request, i);
-        if (at == kContactOff) off = requested(request, i);
+        if (at == kContactOn) on = requested(request, i, session);
+        if (at == kContactOff) off = requested(request, i, session);
         touched |= at == kContactOn || at == kContactOff;
     }
     return touched && on != kAsConfigured && off != kAsConfigured && off > on;
 }
 
 // Gravity as it would be once its Z is written.
-bool Controls::gravity_is_none(const Request& request) const noexcept {
+bool Controls::gravity_is_none(const Request& request, const Session& session) const noexcept {
     if (request.function == kWriteCoil || request.function == kWriteCoils) return false;
     std::array<std::uint16_t, 3> raw{};
     for (unsigned axis = 0; axis < 3; ++axis) raw[axis] = robot_.read(kGravityX + axis);
     bool counts = false;
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = request.write.at + i;
-        if (at >= kGravityX && at < kAccelX) raw[at - kGravityX] = requested(request, i);
+        if (at >= kGravityX && at < kAccelX) raw[at - kGravityX] = requested(request, i, session);
         counts |= at == kGravityX + 2;
     }
     return counts && !Robot::is_gravity(raw);
@@ -168,7 +200,7 @@ Exception Controls::check_register(std::uint16_t at, std::uint16_t value, const 
     if (at == kPlcWatchdog && value != 0 && value < 10) return kIllegalValue;
     if (at == kUnlock && value != kUnlockWord && value != 0) return kIllegalValue;
     if (is_command_cell(at) && value != 0) return check_command_cell(at, value, view);
-    const bool command = at == kCmdSeq && value != block_[4];
+    const bool command = at == kCmdSeq && clients_.at(session.host).runs(value);
     if (command && is_busy(view)) return kBusy;  // one at a time, so that CMD_STATE tells of the one that was asked for
     if (command && !view.alive) return kDeviceFailure;
     if (at == kSave && saving_.load() == storing) return kBusy;

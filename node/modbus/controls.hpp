@@ -7,6 +7,7 @@
 #include <string>
 
 #include "config/config.hpp"
+#include "node/modbus/command_clients.hpp"
 #include "node/modbus/encode.hpp"
 #include "node/modbus/request_validator.hpp"
 #include "node/modbus/robot.hpp"
@@ -16,8 +17,9 @@
 
 namespace tactiled::modbus {
 
-// One client, as far as writing is concerned.
+// One connection, as far as writing is concerned.
 struct Session {
+    HostAddress host{};  // the client whose commands these are; all 0 on the RTU line
     bool may_write = false;
     std::uint64_t unlocked_until_ns = 0;  // end of the time in which settings may be written
 };
@@ -43,8 +45,13 @@ public:
     // The registers of `run`, which lies in the controls or in scratch, as they are read.
     void read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept;
     void read_coils(const View& view, std::span<std::uint8_t, kCoils> out) const noexcept;
-    // Acknowledgement, echo, and the bits of STATUS and FAULT that are known here.
-    void add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) const noexcept;
+    // Acknowledgement of this client's command, echo, and the bits of STATUS and FAULT that are known here.
+    void add_to_global(const Session& session, std::uint64_t now_ns,
+                       std::span<std::uint16_t, kGlobalSize> global) const noexcept;
+    // The outcome of this client's commands.
+    void read_commands(const Session& session, std::span<std::uint16_t, kCommandsSize> out) const noexcept;
+    // This client has been sent its CMD_RESULT.
+    void note_read(const Session& session) noexcept { clients_.note_read(session.host); }
 
 private:
     static constexpr unsigned kSettings = 6;                    // 5030 .. 5035
@@ -52,19 +59,23 @@ private:
     enum Saving : std::uint8_t { idle, storing, failed };
 
     [[nodiscard]] bool is_busy(const View& view) const noexcept;
-    [[nodiscard]] std::uint16_t requested(const Request& request, unsigned i) const noexcept;
+    [[nodiscard]] std::uint16_t requested(const Request& request, unsigned i, const Session& session) const noexcept;
     [[nodiscard]] Exception check_register(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
                                            std::uint64_t now_ns) const noexcept;
     [[nodiscard]] Exception check_command_cell(std::uint16_t at, std::uint16_t value, const View& view) const noexcept;
     [[nodiscard]] Exception check_coil(const Request& request, unsigned i, const View& view) const noexcept;
     void write_register(std::uint16_t at, std::uint16_t value, const View& view, Session& session,
                         std::uint64_t now_ns) noexcept;
-    void run_command(const View& view, std::uint64_t now_ns) noexcept;
-    [[nodiscard]] bool takes_more_than_one_command(const Request& request) const noexcept;
-    [[nodiscard]] bool contact_is_upside_down(const Request& request) const noexcept;
-    [[nodiscard]] bool gravity_is_none(const Request& request) const noexcept;
+    void run_command(CommandClient& client, const View& view, std::uint64_t now_ns) noexcept;
+    void write_command_cell(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
+                            std::uint64_t now_ns) noexcept;
+    void begin_direct(const Session& session, std::uint16_t code, std::uint32_t number, std::uint64_t now_ns) noexcept;
+    void follow_direct(const tactiled_command& answer, std::uint64_t now_ns) noexcept;
+    [[nodiscard]] bool takes_more_than_one_command(const Request& request, const Session& session) const noexcept;
+    [[nodiscard]] bool contact_is_upside_down(const Request& request, const Session& session) const noexcept;
+    [[nodiscard]] bool gravity_is_none(const Request& request, const Session& session) const noexcept;
     [[nodiscard]] bool plc_is_silent(std::uint64_t now_ns) const noexcept;
-    void write_coils(const Request& request, std::uint64_t now_ns) noexcept;
+    void write_coils(const Request& request, const Session& session, std::uint64_t now_ns) noexcept;
     // Returns the number by which the pipeline acknowledges it, 0 when it takes none.
     std::uint32_t send(Command command, std::uint64_t now_ns) noexcept;
     std::uint32_t send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept;
@@ -72,7 +83,7 @@ private:
     void hand_over_objects(std::uint64_t now_ns) noexcept;
     void follow_teaching(const tactiled_command& answer) noexcept;
     void send_settings() noexcept;
-    void settle(tactiled_command_state state, tactiled_command_result result) noexcept;
+    void settle_block(tactiled_command_state state, tactiled_command_result result) noexcept;
     void load();
     void save() noexcept;
 
@@ -80,24 +91,23 @@ private:
     std::string path_;
     CommandRing& commands_;
     std::array<std::uint16_t, kScratchSize> scratch_{};
-    std::array<std::uint16_t, 5> block_{};  // 5000 .. 5004
+    CommandClients clients_;
     std::array<std::uint16_t, kSettings> settings_;
     std::uint16_t heartbeat_ = 0, watchdog_ms_ = 0;
     Robot robot_;
     std::uint64_t heartbeat_ns_ = 0;
     std::uint64_t unlocked_until_ns_ = 0;  // by any client
 
-    std::uint16_t acknowledged_ = 0;  // CMD_SEQ
-    std::uint32_t number_ = 0;        // number of the last command sent to the pipeline
+    std::uint32_t number_ = 0;  // number of the last command sent to the pipeline
     std::uint32_t acknowledged_by_pipeline_ = 0;
-    std::uint32_t tare_number_ = 0;   // number of the last tare or untare sent
-    std::uint32_t block_number_ = 0;  // of the command block's: CMD_STATE and CMD_RESULT tell of that one alone
-    std::uint64_t sent_ns_ = 0;
-    tactiled_command_state state_ = TACTILED_COMMAND_IDLE;
-    tactiled_command_result result_ = TACTILED_COMMAND_OK;
+    std::uint32_t tare_number_ = 0;     // number of the last tare or untare sent
+    std::uint32_t tare_mask_ = 0;       // sensors of the last one, 0 if that was an untare
+    CommandClient* running_ = nullptr;  // the client whose block runs; nullptr = none
+    std::uint64_t sent_ns_ = 0;         // the time of that command
 
     Teaching teaching_;
-    bool teaching_for_block_ = false;   // CMD_STATE tells of it
+    bool teaching_for_block_ = false;   // the CMD_STATE of running_ tells of it
+    CommandClient* teacher_ = nullptr;  // the client that asked by the cell
     bool teach_failed_ = false;         // the last one by the cell, which has no CMD_STATE
     std::uint32_t objects_number_ = 0;  // of the command that hands over what was taught; 0 = not sent yet
 

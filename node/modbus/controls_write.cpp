@@ -28,15 +28,15 @@ constexpr Key kKeys[] = {{"filter_hz", 1},     {"contact_on_N", 0.01},  {"contac
 // ---- writing ---------------------------------------------------------------------------------------------------------
 
 void Controls::write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept {
-    if (request.function == kWriteCoil || request.function == kWriteCoils) return write_coils(request, now_ns);
+    if (request.function == kWriteCoil || request.function == kWriteCoils) return write_coils(request, session, now_ns);
     for (unsigned i = 0; i < request.write.count; ++i)
-        write_register(std::uint16_t(request.write.at + i), requested(request, i), view, session, now_ns);
+        write_register(std::uint16_t(request.write.at + i), requested(request, i, session), view, session, now_ns);
     const unsigned end = request.write.at + request.write.count;
     if (request.write.at <= kWeighWindow && end > kFilterHz) send_settings();
     robot_.send(commands_);
 }
 
-void Controls::write_coils(const Request& request, std::uint64_t now_ns) noexcept {
+void Controls::write_coils(const Request& request, const Session& session, std::uint64_t now_ns) noexcept {
     std::uint32_t tare = 0, slips = 0;
     bool clear = false, weigh = false;
     for (unsigned i = 0; i < request.write.count; ++i) {
@@ -49,11 +49,46 @@ void Controls::write_coils(const Request& request, std::uint64_t now_ns) noexcep
         clear |= at == kClearAllCoil;
         weigh |= at == kWeighCoil;
     }
-    if (tare != 0) send(Command::Kind::tare, tare, now_ns);
-    if (slips != 0) send(Command::Kind::clear_slips, slips, now_ns);
-    if (clear) send(Command::Kind::clear_latches, 0, now_ns);
-    if (weigh) send(Command::Kind::start_weighing, 0, now_ns);
-    if (request.write.at == kWeighCoil && !weigh) send(Command::Kind::stop_weighing, 0, now_ns);
+    const auto run = [&](std::uint16_t code, Command::Kind kind, std::uint32_t mask) {
+        begin_direct(session, code, send(kind, mask, now_ns), now_ns);
+    };
+    if (tare != 0) run(kTare, Command::Kind::tare, tare);
+    if (slips != 0) run(kClearSlips, Command::Kind::clear_slips, slips);
+    if (clear) run(kClearLatches, Command::Kind::clear_latches, 0);
+    if (weigh) run(kStartWeighing, Command::Kind::start_weighing, 0);
+    if (request.write.at == kWeighCoil && !weigh) run(kStopWeighing, Command::Kind::stop_weighing, 0);
+}
+
+// DIRECT_STATE and DIRECT_RESULT tell what becomes of a command of one register or coil.
+void Controls::begin_direct(const Session& session, std::uint16_t code, std::uint32_t number,
+                            std::uint64_t now_ns) noexcept {
+    CommandClient& client = clients_.of_writer(session.host, now_ns);
+    client.direct_code = code;
+    ++client.direct_count;
+    client.direct_number = number;
+    client.direct_ns = now_ns;
+    client.direct = {TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK};
+    if (number == 0) client.direct = {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED};  // the pipeline hangs
+}
+
+void Controls::write_command_cell(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
+                                  std::uint64_t now_ns) noexcept {
+    const auto run = [&](std::uint16_t code, Command::Kind kind, std::uint32_t mask) {
+        begin_direct(session, code, send(kind, mask, now_ns), now_ns);
+    };
+    switch (at) {
+        case kTareCell: return run(kTare, Command::Kind::tare, value);
+        case kUntareCell: return run(kUntare, Command::Kind::untare, value);
+        case kClearLatchCell: return run(kClearLatches, Command::Kind::clear_latches, value);
+        case kResetPeakCell: return run(kResetPeaks, Command::Kind::reset_peaks, value);
+        case kWeighCell: return run(kStartWeighing, Command::Kind::start_weighing, 0);
+        case kZeroWeightCell: return run(kZeroWeight, Command::Kind::zero_weight, 0);
+        case kKnownWeightCell: return begin_direct(session, kKnownWeight, send_known_weight(value * 1e-3, now_ns), now_ns);
+        default:
+            begin_direct(session, kTeach, ~0u, now_ns);
+            teacher_ = &clients_.of_writer(session.host, now_ns);
+            return teaching_.begin(value, weighing_of(view.snapshot.node.grasp));
+    }
 }
 
 void Controls::write_register(std::uint16_t at, std::uint16_t value, const View& view, Session& session,
@@ -67,15 +102,9 @@ void Controls::write_register(std::uint16_t at, std::uint16_t value, const View&
         return;
     }
     if (Robot::has(at)) return robot_.write(at, value, now_ns);
+    if (at >= kTareCell && at <= kKnownWeightCell)
+        return value != 0 ? write_command_cell(at, value, view, session, now_ns) : void();
     switch (at) {
-        case kTareCell: return void(value != 0 ? send(Command::Kind::tare, value, now_ns) : 0);
-        case kUntareCell: return void(value != 0 ? send(Command::Kind::untare, value, now_ns) : 0);
-        case kClearLatchCell: return void(value != 0 ? send(Command::Kind::clear_latches, value, now_ns) : 0);
-        case kResetPeakCell: return void(value != 0 ? send(Command::Kind::reset_peaks, value, now_ns) : 0);
-        case kWeighCell: return void(value != 0 ? send(Command::Kind::start_weighing, 0, now_ns) : 0);
-        case kZeroWeightCell: return void(value != 0 ? send(Command::Kind::zero_weight, 0, now_ns) : 0);
-        case kKnownWeightCell: return void(value != 0 ? send_known_weight(value * 1e-3, now_ns) : 0);
-        case kTeachCell: return void(value != 0 ? teaching_.begin(value, weighing_of(view.snapshot.node.grasp)) : void());
         case kPlcHeartbeat:
             if (value != heartbeat_) heartbeat_ns_ = now_ns;
             heartbeat_ = value;
@@ -93,37 +122,40 @@ void Controls::write_register(std::uint16_t at, std::uint16_t value, const View&
         case kSave: return save();
         default: break;
     }
-    const std::uint16_t last = block_[4];
-    block_[at - kCmd] = value;
-    if (at == kCmdSeq && value != last) run_command(view, now_ns);
+    CommandClient& client = clients_.of_writer(session.host, now_ns);
+    client.block[at - kCmd] = value;
+    if (at == kCmdSeq && client.take_number()) run_command(client, view, now_ns);
 }
 
 // CMD_SEQ has changed: the block is a command. What is wrong with it is told in CMD_RESULT, not by an exception.
-void Controls::run_command(const View& view, std::uint64_t now_ns) noexcept {
-    acknowledged_ = block_[4];
-    const std::uint32_t mask = block_[1];
-    const bool needs_mask = block_[0] == kTare || block_[0] == kUntare || block_[0] == kResetPeaks || block_[0] == kSelfTest;
+void Controls::run_command(CommandClient& client, const View& view, std::uint64_t now_ns) noexcept {
+    const std::array<std::uint16_t, 5>& block = client.taken;
+    const auto settle = [&](tactiled_command_state state, tactiled_command_result result) {
+        client.settle({state, result});
+    };
+    const std::uint32_t mask = block[1];
+    const bool needs_mask = block[0] == kTare || block[0] == kUntare || block[0] == kResetPeaks || block[0] == kSelfTest;
     if ((mask & ~sensor_mask_of(view)) != 0 || (needs_mask && mask == 0))
         return settle(TACTILED_COMMAND_REJECTED,
-                      block_[0] >= kTare && block_[0] <= kTeach ? TACTILED_COMMAND_BAD_MASK : TACTILED_COMMAND_UNKNOWN);
+                      block[0] >= kTare && block[0] <= kTeach ? TACTILED_COMMAND_BAD_MASK : TACTILED_COMMAND_UNKNOWN);
     const auto follow_number = [&](std::uint32_t number) {
-        block_number_ = number;
+        client.number = number;
         sent_ns_ = now_ns;
-        if (block_number_ == 0) return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
+        if (number == 0) return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
         settle(TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
+        running_ = &client;
     };
     const auto run = [&](Command::Kind kind, std::uint32_t sensors) { follow_number(send(kind, sensors, now_ns)); };
-    const std::uint32_t parameter = std::uint32_t(block_[2]) << 16 | block_[3];
+    const std::uint32_t parameter = std::uint32_t(block[2]) << 16 | block[3];
     const tactiled_grasp& held = view.snapshot.node.grasp;
-    const bool needs_stable = block_[0] == kKnownWeight || block_[0] == kTeach;
-    const bool weighs =
-        block_[0] == kStartWeighing || block_[0] == kStopWeighing || block_[0] == kZeroWeight || needs_stable;
+    const bool needs_stable = block[0] == kKnownWeight || block[0] == kTeach;
+    const bool weighs = block[0] == kStartWeighing || block[0] == kStopWeighing || block[0] == kZeroWeight || needs_stable;
     if (weighs &&
-        (!weighs_ || (needs_stable && !is_stable(held)) || (block_[0] == kTeach && !is_teachable(weighing_of(held)))))
+        (!weighs_ || (needs_stable && !is_stable(held)) || (block[0] == kTeach && !is_teachable(weighing_of(held)))))
         return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
-    if (needs_stable && (parameter == 0 || (block_[0] == kTeach && parameter > 65534)))
+    if (needs_stable && (parameter == 0 || (block[0] == kTeach && parameter > 65534)))
         return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_PARAMETER);
-    switch (block_[0]) {
+    switch (block[0]) {
         case kTare: return run(Command::Kind::tare, mask);
         case kUntare: return run(Command::Kind::untare, mask);
         case kClearLatches: return run(Command::Kind::clear_latches, mask);
@@ -135,15 +167,11 @@ void Controls::run_command(const View& view, std::uint64_t now_ns) noexcept {
         case kKnownWeight: return follow_number(send_known_weight(parameter * 1e-4, now_ns));
         case kTeach:
             teaching_for_block_ = true;
+            running_ = &client;
             settle(TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
             return teaching_.begin(parameter, weighing_of(view.snapshot.node.grasp));
         default: return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
     }
-}
-
-void Controls::settle(tactiled_command_state state, tactiled_command_result result) noexcept {
-    state_ = state;
-    result_ = result;
 }
 
 std::uint32_t Controls::send(Command command, std::uint64_t now_ns) noexcept {
@@ -154,7 +182,10 @@ std::uint32_t Controls::send(Command command, std::uint64_t now_ns) noexcept {
     *slot = command;
     commands_.push();
     commands_.commit();
-    if (command.kind == Command::Kind::tare || command.kind == Command::Kind::untare) tare_number_ = number_;
+    if (command.kind == Command::Kind::tare || command.kind == Command::Kind::untare) {
+        tare_number_ = number_;
+        tare_mask_ = command.kind == Command::Kind::tare ? command.mask : 0;
+    }
     return number_;
 }
 
@@ -188,13 +219,14 @@ void Controls::send_settings() noexcept {
 // ---- reading ---------------------------------------------------------------------------------------------------------
 
 void Controls::read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept {
+    const CommandClient& client = clients_.at(session.host);
     for (unsigned i = 0; i < run.count; ++i) {
         const unsigned at = run.at + i;
         std::uint16_t value = 0;
         if (at >= kScratchAt)
             value = scratch_[at - kScratchAt];
         else if (at <= kCmdSeq)
-            value = block_[at - kCmd];
+            value = client.block[at - kCmd];
         else if (is_setting(std::uint16_t(at)))
             value = settings_[at - kFilterHz];
         else if (Robot::has(at))
@@ -213,8 +245,14 @@ void Controls::read(Run run, const Session& session, std::uint64_t now_ns, std::
 
 void Controls::read_coils(const View& view, std::span<std::uint8_t, kCoils> out) const noexcept {
     std::fill(out.begin(), out.end(), std::uint8_t(0));
-    for (unsigned i = 0; i < kSensorBlocks; ++i)
-        out[kTareCoils + i] = (view.snapshot.sensor[i].reasons & TACTILED_TARING) != 0 ? 1 : 0;
+    // Until the tare is acknowledged: after the last sample its zero has to be stored.
+    const tactiled_command& answer = view.snapshot.node.command[TACTILED_FROM_MODBUS];
+    const bool tares = answer.acknowledged == tare_number_ && answer.state == TACTILED_COMMAND_RUNNING;
+    for (unsigned i = 0; i < kSensorBlocks; ++i) {
+        const bool taring =
+            (view.snapshot.sensor[i].reasons & TACTILED_TARING) != 0 || (tares && (tare_mask_ >> i & 1) != 0);
+        out[kTareCoils + i] = taring ? 1 : 0;
+    }
     out[kWeighCoil] = has_weight(view.snapshot.node.grasp) ? 1 : 0;
 }
 
@@ -222,10 +260,22 @@ bool Controls::plc_is_silent(std::uint64_t now_ns) const noexcept {
     return watchdog_ms_ != 0 && now_ns > heartbeat_ns_ + std::uint64_t(watchdog_ms_) * 1'000'000u;
 }
 
-void Controls::add_to_global(std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> global) const noexcept {
-    global[kCmdSeqAck] = acknowledged_;
-    global[kCmdState] = std::uint16_t(state_);
-    global[kCmdResult] = std::uint16_t(result_);
+void Controls::read_commands(const Session& session, std::span<std::uint16_t, kCommandsSize> out) const noexcept {
+    const CommandClient& client = clients_.at(session.host);
+    std::fill(out.begin(), out.end(), std::uint16_t(0));
+    out[kCmdRepeats] = client.repeats;
+    out[kDirectCmd] = client.direct_code;
+    out[kDirectState] = std::uint16_t(client.direct.state);
+    out[kDirectResult] = std::uint16_t(client.direct.result);
+    out[kDirectCount] = client.direct_count;
+}
+
+void Controls::add_to_global(const Session& session, std::uint64_t now_ns,
+                             std::span<std::uint16_t, kGlobalSize> global) const noexcept {
+    const CommandClient& client = clients_.at(session.host);
+    global[kCmdSeqAck] = client.taken[4];
+    global[kCmdState] = std::uint16_t(client.outcome.state);
+    global[kCmdResult] = std::uint16_t(client.outcome.result);
     global[kPlcHbEcho] = heartbeat_;
     if (plc_is_silent(now_ns)) global[kStatus] |= 1u << 12;
     if (now_ns <= unlocked_until_ns_) global[kStatus] |= 1u << 13;

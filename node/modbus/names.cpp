@@ -7,69 +7,95 @@
 namespace tactiled::modbus {
 namespace {
 
-constexpr Name kStatusBits[] = {{0, "ready"},
-                                {1, "any contact"},
-                                {2, "grasped: GRIP_STATE is grasped, lifting, holding or slipping"},
-                                {3, "slip now: see SLIP"},
-                                {4, "slip latched: see SLIP_LATCH"},
-                                {5, "WEIGHT holds a value"},
-                                {6, "WEIGHT is stable"},
-                                {7, "overload: see OVERLOAD"},
-                                {8, "taring"},
-                                {9, "simulated or replayed data"},
-                                {10, "stale"},
-                                {11, "uncalibrated"},
-                                {12, "the PLC's watchdog has expired: PLC_HEARTBEAT stands"},
-                                {13, "settings are unlocked"},
-                                {14, "warning: see WARN"},
-                                {15, "fault: see FAULT"}};
-constexpr Name kFaultBits[] = {{0, "sensor lost"},         {1, "overrange"}, {2, "open gauge"}, {3, "pipeline overrun"},
-                               {4, "calibration missing"}, {6, "storage"},   {7, "bus error"},  {8, "internal"}};
-constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved"},
-                              {2, "lost samples"},
-                              {4, "the last tare was refused or failed: the zero before is in force"},
-                              {5, "a sensor's method auto has stepped down or misses its budget"},
-                              {6, "a sensor's rate is not the declared one"},
-                              {7, "the last reload was refused: the configuration before is in force"}};
-constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD"},
-                                      {1, "contact"},
-                                      {2, "incipient slip"},
-                                      {3, "gross slip"},
-                                      {4, "overload: above OVERLOAD_AT, or a register saturates"},
-                                      {5, "saturated channel"},
-                                      {6, "stale: no data"},
-                                      {7, "taring"},
-                                      {8, "tared"},
-                                      {9, "uncalibrated"},
-                                      {10, "low pass on"},
-                                      {11, "method auto has stepped down or misses its budget"},
-                                      {12, "uncertain: a value with a weakness; FAULT says which"},
-                                      {13, "the rate is not the declared one"},
-                                      {14, "maintenance: the zero at rest has moved"},
-                                      {15, "fault: no value; FAULT says why"}};
-constexpr Name kCommandStates[] = {{0, "idle"}, {1, "running"}, {2, "done"}, {3, "rejected or failed"}};
-constexpr Name kCommandResults[] = {{0, "ok"},
-                                    {1, "unknown"},
-                                    {2, "bad mask"},
-                                    {3, "bad parameter"},
-                                    {4, "not now"},
-                                    {5, "locked"},
-                                    {6, "failed"},
-                                    {7, "timed out"},
-                                    {8, "refused: a sensor moved while its zero was averaged"},
-                                    {9, "refused: a sensor is under load, beyond tare_limit_N"}};
-constexpr Name kCommands[] = {{1, "tare"},          {2, "untare"},      {3, "clear latches"}, {4, "start weighing"},
-                              {5, "stop weighing"}, {6, "reset peaks"}, {7, "zero weight"},   {8, "self-test"},
-                              {9, "known weight"},  {10, "teach"}};
-constexpr Name kGripperStates[] = {{0, "open"},    {1, "closing"}, {2, "closed"},
-                                   {3, "lifting"}, {4, "moving"},  {5, "opening"}};
+constexpr Name kStatusBits[] = {{0, "ready", "READY"},
+                                {1, "any contact", "ANY_CONTACT"},
+                                {2, "grasped: GRIP_STATE is grasped, lifting, holding or slipping", "GRASPED"},
+                                {3, "slip now: see SLIP", "SLIP"},
+                                {4, "slip latched: see SLIP_LATCH", "SLIP_LATCHED"},
+                                {5, "WEIGHT holds a value", "HAS_WEIGHT"},
+                                {6, "WEIGHT is stable", "WEIGHT_STABLE"},
+                                {7, "overload: see OVERLOAD", "OVERLOAD"},
+                                {8, "taring", "TARING"},
+                                {9, "simulated or replayed data", "SIMULATED"},
+                                {10, "stale", "STALE"},
+                                {11, "uncalibrated", "UNCALIBRATED"},
+                                {12, "the PLC's watchdog has expired: PLC_HEARTBEAT stands", "PLC_EXPIRED"},
+                                {13, "settings are unlocked", "UNLOCKED"},
+                                {14, "warning: see WARN", "WARNING"},
+                                {15, "fault: see FAULT", "FAULT"}};
+constexpr Name kFaultBits[] = {{0, "sensor lost", "SENSOR_LOST"},
+                               {1, "overrange", "OVERRANGE"},
+                               {2, "open gauge", "OPEN_GAUGE"},
+                               {3, "pipeline overrun", "OVERRUN"},
+                               {4, "calibration missing", "NO_CALIBRATION"},
+                               {6, "storage", "STORAGE"},
+                               {7, "bus error", "BUS"},
+                               {8, "internal", "INTERNAL"}};
+constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved", "DRIFT"},
+                              {2, "lost samples", "LOST_SAMPLES"},
+                              {4, "the last tare was refused or failed: the zero before is in force", "TARE"},
+                              {5, "a sensor's method auto has stepped down or misses its budget", "BUDGET"},
+                              {6, "a sensor's rate is not the declared one", "RATE"},
+                              {7, "the last reload was refused: the configuration before is in force", "RELOAD"}};
+constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD", "GOOD"},
+                                      {1, "contact", "CONTACT"},
+                                      {2, "incipient slip", "INCIPIENT_SLIP"},
+                                      {3, "gross slip", "GROSS_SLIP"},
+                                      {4, "overload: above OVERLOAD_AT, or a register saturates", "OVERLOAD"},
+                                      {5, "saturated channel", "SATURATED"},
+                                      {6, "stale: no data", "STALE"},
+                                      {7, "taring", "TARING"},
+                                      {8, "tared", "TARED"},
+                                      {9, "uncalibrated", "UNCALIBRATED"},
+                                      {10, "low pass on", "LOW_PASS"},
+                                      {11, "method auto has stepped down or misses its budget", "STEPPED_DOWN"},
+                                      {12, "uncertain: a value with a weakness; FAULT says which", "UNCERTAIN"},
+                                      {13, "the rate is not the declared one", "WRONG_RATE"},
+                                      {14, "maintenance: the zero at rest has moved", "DRIFTED"},
+                                      {15, "fault: no value; FAULT says why", "FAULT"}};
+constexpr Name kCommandStates[] = {
+    {0, "idle", "IDLE"}, {1, "running", "RUNNING"}, {2, "done", "DONE"}, {3, "rejected or failed", "REJECTED"}};
+constexpr Name kCommandResults[] = {
+    {0, "ok", "OK"},
+    {1, "unknown", "UNKNOWN"},
+    {2, "bad mask", "BAD_MASK"},
+    {3, "bad parameter", "BAD_PARAMETER"},
+    {4, "not now", "NOT_NOW"},
+    {5, "locked", "LOCKED"},
+    {6, "failed", "FAILED"},
+    {7, "timed out", "TIMED_OUT"},
+    {8, "refused: a sensor moved while its zero was averaged", "MOVING"},
+    {9, "refused: a sensor is under load, beyond tare_limit_N", "UNDER_LOAD"},
+    {10, "zeros cannot be kept: see the daemon's log", "NOT_STORED"},
+    {11, "adopted, not run: the first CMD_SEQ since the daemon's start; write another one", "ADOPTED"},
+    {12, "repeated: this CMD_SEQ was taken before, and nothing was run now", "REPEATED"}};
+constexpr Name kCommands[] = {{1, "tare", "TARE"},
+                              {2, "untare", "UNTARE"},
+                              {3, "clear latches", "CLEAR_LATCHES"},
+                              {4, "start weighing", "START_WEIGHING"},
+                              {5, "stop weighing", "STOP_WEIGHING"},
+                              {6, "reset peaks", "RESET_PEAKS"},
+                              {7, "zero weight", "ZERO_WEIGHT"},
+                              {8, "self-test", "SELF_TEST"},
+                              {9, "known weight", "KNOWN_WEIGHT"},
+                              {10, "teach", "TEACH"}};
+constexpr Name kDirectCommands[] = {{1, "tare"},          {2, "untare"},      {3, "clear latches"}, {4, "start weighing"},
+                                    {5, "stop weighing"}, {6, "reset peaks"}, {7, "zero weight"},   {9, "known weight"},
+                                    {10, "teach"},        {11, "clear slips"}};
+constexpr Name kGripperStates[] = {{0, "open", "OPEN"},       {1, "closing", "CLOSING"}, {2, "closed", "CLOSED"},
+                                   {3, "lifting", "LIFTING"}, {4, "moving", "MOVING"},   {5, "opening", "OPENING"}};
 constexpr Name kSaveStates[] = {{0, "idle"}, {1, "storing"}, {2, "failed"}};
-constexpr Name kGripStates[] = {{TACTILED_GRIP_OPEN, "open"},       {TACTILED_GRIP_CONTACT, "contact"},
-                                {TACTILED_GRIP_GRASPED, "grasped"}, {TACTILED_GRIP_LIFTING, "lifting"},
-                                {TACTILED_GRIP_HOLDING, "holding"}, {TACTILED_GRIP_SLIPPING, "slipping"},
-                                {TACTILED_GRIP_LOST, "lost"}};
-constexpr Name kSlipStates[] = {{0, "none"}, {1, "incipient"}, {2, "gross"}};
-constexpr Name kWeightStates[] = {{0, "none"}, {1, "estimating"}, {2, "stable"}, {3, "overload"}, {4, "not observable"}};
+constexpr Name kGripStates[] = {
+    {TACTILED_GRIP_OPEN, "open", "OPEN"},          {TACTILED_GRIP_CONTACT, "contact", "CONTACT"},
+    {TACTILED_GRIP_GRASPED, "grasped", "GRASPED"}, {TACTILED_GRIP_LIFTING, "lifting", "LIFTING"},
+    {TACTILED_GRIP_HOLDING, "holding", "HOLDING"}, {TACTILED_GRIP_SLIPPING, "slipping", "SLIPPING"},
+    {TACTILED_GRIP_LOST, "lost", "LOST"}};
+constexpr Name kSlipStates[] = {{0, "none", "NONE"}, {1, "incipient", "INCIPIENT"}, {2, "gross", "GROSS"}};
+constexpr Name kWeightStates[] = {{0, "none", "NONE"},
+                                  {1, "estimating", "ESTIMATING"},
+                                  {2, "stable", "STABLE"},
+                                  {3, "overload", "OVERLOAD"},
+                                  {4, "not observable", "NOT_OBSERVABLE"}};
 
 // Gravest first. The numbers are the map's and do not follow the order of enum tactiled_reason.
 struct Fault {
@@ -77,32 +103,34 @@ struct Fault {
     Name name;
 };
 constexpr Fault kSensorFaults[] = {
-    {TACTILED_DAEMON_STOPPED, {1, "daemon stopped or hangs"}},
-    {TACTILED_DISCONNECTED, {2, "disconnected"}},
-    {TACTILED_NO_DATA_YET, {3, "no data yet"}},
-    {TACTILED_STALE, {4, "stale"}},
+    {TACTILED_DAEMON_STOPPED, {1, "daemon stopped or hangs", "DAEMON_STOPPED"}},
+    {TACTILED_DISCONNECTED, {2, "disconnected", "DISCONNECTED"}},
+    {TACTILED_NO_DATA_YET, {3, "no data yet", "NO_DATA_YET"}},
+    {TACTILED_STALE, {4, "stale", "STALE"}},
     {TACTILED_WRONG_DEVICE,
-     {5, "wrong device: its frames have another number of channels, or two devices count under its name"}},
-    {TACTILED_NOT_FINITE, {6, "result is no number"}},
-    {TACTILED_IDLE_BUS, {17, "all channels read all zeros or all ones"}},
-    {TACTILED_FROZEN, {14, "a channel is frozen"}},
-    {TACTILED_MISSING_CHANNEL, {7, "missing channel"}},
-    {TACTILED_UNCALIBRATED, {8, "uncalibrated"}},
-    {TACTILED_SATURATED, {9, "saturated channel"}},
-    {TACTILED_DISAGREEMENT, {10, "channels contradict each other"}},
-    {TACTILED_SENSORS_DIFFER, {19, "differs from the sensor that it should agree with"}},
-    {TACTILED_UNPROVED_AGE, {20, "its age is not proved: frames were delayed, or the device paused"}},
-    {TACTILED_STEPPED, {18, "a channel has changed faster than it can"}},
-    {TACTILED_OUTSIDE_DOMAIN, {11, "outside the calibrated domain"}},
-    {TACTILED_UNKNOWN_UNCERTAINTY, {12, "uncertainty unknown"}},
-    {TACTILED_READER_OVERRUN, {13, "internal: read overrun"}},
+     {5, "wrong device: its frames have another number of channels, or two devices count under its name", "WRONG_DEVICE"}},
+    {TACTILED_NOT_FINITE, {6, "result is no number", "NOT_FINITE"}},
+    {TACTILED_IDLE_BUS, {17, "all channels read all zeros or all ones", "IDLE_BUS"}},
+    {TACTILED_FROZEN, {14, "a channel is frozen", "FROZEN"}},
+    {TACTILED_MISSING_CHANNEL, {7, "missing channel", "MISSING_CHANNEL"}},
+    {TACTILED_UNCALIBRATED, {8, "uncalibrated", "UNCALIBRATED"}},
+    {TACTILED_SATURATED, {9, "saturated channel", "SATURATED"}},
+    {TACTILED_DISAGREEMENT, {10, "channels contradict each other", "DISAGREEMENT"}},
+    {TACTILED_SENSORS_DIFFER, {19, "differs from the sensor that it should agree with", "SENSORS_DIFFER"}},
+    {TACTILED_UNPROVED_AGE, {20, "its age is not proved: frames were delayed, or the device paused", "UNPROVED_AGE"}},
+    {TACTILED_STEPPED, {18, "a channel has changed faster than it can", "STEPPED"}},
+    {TACTILED_OUTSIDE_DOMAIN, {11, "outside the calibrated domain", "OUTSIDE_DOMAIN"}},
+    {TACTILED_ZERO_UNKNOWN,
+     {22, "zero unknown: a restart or a reload has lost the tare; tare again, or untare", "ZERO_UNKNOWN"}},
+    {TACTILED_UNKNOWN_UNCERTAINTY, {12, "uncertainty unknown", "NO_UNCERTAINTY"}},
+    {TACTILED_READER_OVERRUN, {13, "internal: read overrun", "OVERRUN"}},
 };
 
 constexpr auto kSensorFaultNames = [] {
     std::array<Name, std::size(kSensorFaults) + 3> names{};
-    names[0] = {0, "none"};
-    names[names.size() - 2] = {kFaultNoSensor, "no sensor has this block"};
-    names[names.size() - 1] = {kFaultUnknown, "a reason that this map does not know"};
+    names[0] = {0, "none", "NONE"};
+    names[names.size() - 2] = {kFaultNoSensor, "no sensor has this block", "NO_SENSOR"};
+    names[names.size() - 1] = {kFaultUnknown, "a reason that this map does not know", "OTHER"};
     for (std::size_t i = 0; i < std::size(kSensorFaults); ++i) names[i + 1] = kSensorFaults[i].name;
     return names;
 }();
@@ -113,8 +141,9 @@ std::span<const Name> names_of(std::string_view name) {
     if (name == "global.STATUS") return kStatusBits;
     if (name == "global.FAULT") return kFaultBits;
     if (name == "global.WARN") return kWarnBits;
-    if (name == "global.CMD_STATE") return kCommandStates;
-    if (name == "global.CMD_RESULT") return kCommandResults;
+    if (name == "global.CMD_STATE" || name == "command.DIRECT_STATE") return kCommandStates;
+    if (name == "global.CMD_RESULT" || name == "command.DIRECT_RESULT") return kCommandResults;
+    if (name == "command.DIRECT_CMD") return kDirectCommands;
     if (name == "global.WEIGHT_STATE") return kWeightStates;
     if (name == "global.GRIP_STATE") return kGripStates;
     if (name == "sensor.SLIP_STATE") return kSlipStates;

@@ -208,6 +208,7 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
 void ModbusServer::admit(int fd, const sockaddr_storage& peer, bool plc, std::uint64_t now_ns) {
     auto& client = clients_[fd];
     client = std::make_unique<Client>(fd, now_ns, settings_.max_requests_per_s, peer, plc);
+    client->session.host = modbus::host_of(peer);
     client->session.may_write = settings_.command_allow.empty() || writers_.allows(peer);
     watch(epoll_, EPOLL_CTL_ADD, fd, client->watched = EPOLLIN);
     ++counts_.accepted;

@@ -46,7 +46,7 @@ std::size_t Service::answer(std::span<const std::uint8_t> bytes, Session& sessio
         controls_.write(request, view, session, now_ns);
     }
     if (reads_bits(request))
-        fill_bits(view, now_ns);
+        fill_bits(view, session, now_ns);
     else if (request.read.count != 0)
         fill_registers(request.read, view, session, now_ns);
     return responder.reply(bytes, tables_);
@@ -64,9 +64,10 @@ View Service::look() {
     return segment_.is_open() ? view_of(segment_) : view_of_nothing();
 }
 
-void Service::fill_global(const View& view, std::uint64_t now_ns, std::span<std::uint16_t, kGlobalSize> out) {
+void Service::fill_global(const View& view, const Session& session, std::uint64_t now_ns,
+                          std::span<std::uint16_t, kGlobalSize> out) {
     encode_global(view, out);
-    controls_.add_to_global(now_ns, out);
+    controls_.add_to_global(session, now_ns, out);
 }
 
 void Service::fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns) {
@@ -78,7 +79,11 @@ void Service::fill_registers(Run run, const View& view, const Session& session, 
     for (unsigned n = first; n <= last; ++n) {
         const auto block = cells.subspan(std::size_t(n) * size, size);
         switch (area.block) {
-            case Block::global: fill_global(view, now_ns, block.first<kGlobalSize>()); break;
+            case Block::global:
+                fill_global(view, session, now_ns, block.first<kGlobalSize>());
+                if (run.at <= kCmdResult && run.at + run.count > kCmdResult) controls_.note_read(session);
+                break;
+            case Block::commands: controls_.read_commands(session, block.first<kCommandsSize>()); break;
             case Block::grasp: encode_grasp(view, block.first<kGraspSize>()); break;
             case Block::sensor: encode_sensor(view, n, block.first<kSensorSize>()); break;
             case Block::floats: encode_floats(view, area.low_word_first, block.first<kFloatSize>()); break;
@@ -92,9 +97,9 @@ void Service::fill_registers(Run run, const View& view, const Session& session, 
     }
 }
 
-void Service::fill_bits(const View& view, std::uint64_t now_ns) {
+void Service::fill_bits(const View& view, const Session& session, std::uint64_t now_ns) {
     std::array<std::uint16_t, kGlobalSize> global;
-    fill_global(view, now_ns, global);
+    fill_global(view, session, now_ns, global);
     encode_inputs(global, tables_.inputs);
     controls_.read_coils(view, tables_.coils);
 }

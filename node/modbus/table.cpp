@@ -34,8 +34,8 @@ constexpr Register kGlobal[] = {
     {kSlipCount, "SLIP_COUNT", Type::count, "",
      "gross slips of all jaws: counted in the loop, so that none is missed between two scans"},
     {kCmdSeqAck, "CMD_SEQ_ACK", Type::count, "",
-     "the CMD_SEQ last taken; 0 after a start of the daemon: write CMD_SEQ only when something is to be done"},
-    {kCmdState, "CMD_STATE", Type::enumeration, "", "of the last command of the block 5000 .. 5004"},
+     "the CMD_SEQ last taken from this client's address; 0 = none since the daemon's start. Write this + 1 for a command"},
+    {kCmdState, "CMD_STATE", Type::enumeration, "", "of this client's last command in the block 5000 .. 5004"},
     {kCmdResult, "CMD_RESULT", Type::enumeration, "", "of that command"},
     {kCalId, "CAL_ID", Type::text, "", "CRC-16 of configuration and calibrations: changes when either does"},
     {kPlcHbEcho, "PLC_HB_ECHO", Type::count, "", "echo of PLC_HEARTBEAT"},
@@ -52,6 +52,16 @@ constexpr Register kGraspBlock[] = {
     {kGrasps, "GRASPS", Type::count, "", "one more each time that GRIP_STATE becomes grasped"},
     {kSinceLiftOff, "SINCE_LIFT", Type::u16, "ms", "since lift-off while an object is held; 65534 = that or more"},
     {kGraspSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
+};
+
+constexpr Register kCommandsBlock[] = {
+    {kCmdRepeats, "CMD_REPEATS", Type::count, "",
+     "writes of CMD_SEQ since that ran nothing, because it was the same number"},
+    {kDirectCmd, "DIRECT_CMD", Type::enumeration, "",
+     "last command of this client by one register (5010 .. 5017) or by coils; 0 = none"},
+    {kDirectState, "DIRECT_STATE", Type::enumeration, "", "of that command"},
+    {kDirectResult, "DIRECT_RESULT", Type::enumeration, "", "of that command, as CMD_RESULT"},
+    {kDirectCount, "DIRECT_COUNT", Type::count, "", "one more with each of these commands"},
 };
 
 constexpr Register kSensor[] = {
@@ -127,9 +137,15 @@ constexpr Register kControl[] = {
     {kCmdMask, "MASK", Type::mask, "", "the sensors that it is for", kAny},
     {kCmdParamHigh, "PARAM_H", Type::u16, "", "parameter, high word; known weight: in 0.1 g, teach: the object's id", kAny},
     {kCmdParamLow, "PARAM_L", Type::u16, "", "parameter, low word", kAny},
-    {kCmdSeq, "CMD_SEQ", Type::count, "", "any value but the last: CMD_SEQ_ACK repeats it, CMD_STATE and CMD_RESULT tell",
+    {kCmdSeq, "CMD_SEQ", Type::count, "",
+     "any value but the last of this client: CMD_SEQ_ACK repeats it, CMD_STATE and CMD_RESULT tell. The first one after a "
+     "start of the daemon is adopted and not run (CMD_RESULT 11): write another one. The block may be written in every "
+     "cycle",
      kAny},
-    {kTareCell, "TARE", Type::mask, "", "tares these sensors at once; reads 0", kAny},
+    {kTareCell, "TARE", Type::mask, "",
+     "tares these sensors at once; reads 0. Every write of 5010 .. 5017 runs: never write these registers cyclically; "
+     "DIRECT_RESULT tells",
+     kAny},
     {kUntareCell, "UNTARE", Type::mask, "", "goes back to the calibration's zero; reads 0", kAny},
     {kClearLatchCell, "CLEAR_LATCH", Type::mask, "", "clears latched faults, and the slip latches of these sensors; reads 0",
      kAny},
@@ -208,6 +224,8 @@ constexpr std::uint16_t kFloatsEnd = kSensorFloatSize * kSensorBlocks;
 constexpr Area kAreas[] = {
     {kGlobalAt, kGlobalSize, Block::global, 0, false, "Global block", "global", kGlobal},
     {kGraspAt, kGraspSize, Block::grasp, 0, false, "Grasp: more of it", "grasp", kGraspBlock},
+    {kCommandsAt, kCommandsSize, Block::commands, 0, false, "Commands of this client: more of them", "command",
+     kCommandsBlock},
     {kSensorsAt, kSensorSize* kSensorBlocks, Block::sensor, kSensorSize, false, "Sensor blocks", "sensor", kSensor},
     {kFloatsAt, kFloatSize, Block::floats, 0, false, "Floats, high word first", "float", kFloat},
     {kSensorFloatsAt, kFloatsEnd, Block::sensor_floats, kSensorFloatSize, false, "Floats of sensors, high word first",
@@ -222,7 +240,8 @@ constexpr Area kAreas[] = {
 };
 
 constexpr Bits kCoilRuns[] = {
-    {kTareCoils, 16, "TARE", "1 tares sensor n; reads 1 while it does"},
+    {kTareCoils, 16, "TARE",
+     "1 tares sensor n; reads 1 while it does. Every write of a 1 runs: never write these coils cyclically"},
     {kSlipCoils, 16, "CLEAR_SLIP", "1 clears the slip latch of sensor n"},
     {kClearAllCoil, 1, "CLEAR_ALL", "1 clears all latches"},
     {kWeighCoil, 1, "WEIGH", "1 starts weighing; 0, written alone, stops; reads 1 while there is a weight"},

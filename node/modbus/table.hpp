@@ -36,6 +36,9 @@ enum Global : std::uint16_t {
 enum Grasp : std::uint16_t {  // offsets in 40
     kGraspSeq = 0, kObjectId = 1, kObjectProbability = 2, kFriction = 3, kFrictionSd = 4, kGrasps = 5, kSinceLiftOff = 6, kGraspSeqEnd = 7
 };
+enum Commands : std::uint16_t {  // offsets in 50
+    kCmdRepeats = 0, kDirectCmd = 1, kDirectState = 2, kDirectResult = 3, kDirectCount = 4
+};
 enum PerSensor : std::uint16_t {
     kSensorSeq = 0, kSensorStatus = 1, kSensorFault = 2, kSensorAgeMs = 3, kFx = 4, kFy = 5, kFz = 6, kTx = 7, kTy = 8, kTz = 9,
     kFTang = 10, kFMag = 11, kCopX = 12, kCopY = 13, kFrictionUse = 14, kSlipState = 15, kSensorSlipCount = 16, kPeak = 17, kTemp = 18,
@@ -57,12 +60,13 @@ enum Control : std::uint16_t {
 };
 enum CommandCode : std::uint16_t {
     kTare = 1, kUntare = 2, kClearLatches = 3, kStartWeighing = 4, kStopWeighing = 5, kResetPeaks = 6, kZeroWeight = 7, kSelfTest = 8,
-    kKnownWeight = 9, kTeach = 10
+    kKnownWeight = 9, kTeach = 10, kClearSlips = 11  // the last by coils alone
 };
 // clang-format on
 
 inline constexpr std::uint16_t kGlobalAt = 0, kGlobalSize = 32;
 inline constexpr std::uint16_t kGraspAt = 40, kGraspSize = 8;
+inline constexpr std::uint16_t kCommandsAt = 50, kCommandsSize = 8;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;
 inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first
@@ -91,9 +95,10 @@ struct Register {
 struct Name {
     std::uint16_t value;  // bit number, or value of an enumeration
     std::string_view name;
+    std::string_view id{};  // part of a constant's name in PLC code; "" = no constant
 };
 
-enum class Block { global, grasp, sensor, floats, sensor_floats, controls, scratch, constants };
+enum class Block { global, grasp, commands, sensor, floats, sensor_floats, controls, scratch, constants };
 
 // A run of addresses that is readable as a whole; cells without an entry read 0.
 struct Area {

@@ -41,11 +41,12 @@ NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 
 (NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
  DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY, FROZEN, STEPPED, IDLE_BUS, WRONG_RATE,
- DRIFTED, SENSORS_DIFFER, UNPROVED_AGE, ARRIVAL_ONLY) = (1 << bit for bit in range(22))
+ DRIFTED, SENSORS_DIFFER, UNPROVED_AGE, ARRIVAL_ONLY, ZERO_UNKNOWN) = (1 << bit for bit in range(23))
 REASON_WORDS = (  # bit 0 first, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
     "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown",
-    "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ", "unproved-age", "arrival-only")
+    "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ", "unproved-age", "arrival-only",
+    "zero-unknown")
 FRESHNESS = ("unknown", "request", "cable", "clock", "sequence", "arrival")  # words for Info.freshness
 
 CONTACT, OVERLOAD, LOW_PASS, STEPPED_DOWN, OVER_BUDGET = 1, 2, 4, 8, 16  # Sample.state

@@ -223,7 +223,9 @@ bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Trut
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
     const tactiled_sample s = readers_[i].latest();
     if (s.quality != TACTILED_GOOD) {
-        if (!expected.may_suffer[i])
+        // A tare is lost with the calibration that it was measured with, and doubted until the next one.
+        const bool lost_its_tare = i == kRecalibrated && (s.reasons & TACTILED_ZERO_UNKNOWN) != 0;
+        if (!expected.may_suffer[i] && !lost_its_tare)
             findings_.add(kFalseAlarm, i, fmt::format("quality {}, reasons {:x}", s.quality, s.reasons));
         if (s.quality == TACTILED_BAD && !std::isnan(s.force_S_N[0])) findings_.add(kNoSentinel, i, "latest()");
         return;

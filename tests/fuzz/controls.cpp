@@ -124,7 +124,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         now_ns += std::uint64_t(what) * 1'000'000;
         if (what % 4 == 0)
             answer = {what % 8 == 0 ? sent : input.byte(), input.byte() % 4u,
-                      input.byte() % (TACTILED_COMMAND_UNDER_LOAD + 1u)};
+                      input.byte() % (TACTILED_COMMAND_NOT_STORED + 1u)};
         Session& session = sessions[what % 16 == 1 ? 1 : 0];
         const auto pdu = request_of(input);
         const Request request = check_pdu(pdu, true);
@@ -155,8 +155,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         check(asked <= 1);
         std::array<std::uint16_t, kGlobalSize> global{};
-        controls.add_to_global(now_ns, global);
-        check(global[kCmdState] <= TACTILED_COMMAND_REJECTED && global[kCmdResult] <= TACTILED_COMMAND_UNDER_LOAD);
+        controls.add_to_global(session, now_ns, global);
+        check(global[kCmdState] <= TACTILED_COMMAND_REJECTED && global[kCmdResult] <= TACTILED_COMMAND_REPEATED);
     }
     return 0;
 }

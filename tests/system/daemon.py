@@ -27,7 +27,7 @@ class Daemon:
         self.port = free_port()
         self.env = {**os.environ, **(env or {})}
         self.config = self.folder / "tactiled.toml"
-        head = f'[node]\nname = "{self.name}"\ncontrol = "{self.folder}/control.sock"\n\n[modbus]\nlisten = "127.0.0.1:{self.port}"\n\n'
+        head = f'[node]\nname = "{self.name}"\ncontrol = "{self.folder}/control.sock"\nzeros = "{self.folder}/zeros.toml"\n\n[modbus]\nlisten = "127.0.0.1:{self.port}"\n\n'
         self.config.write_text(head + config.replace("{folder}", str(self.folder)))
         self.process = None
         self.others = []
@@ -55,7 +55,7 @@ class Daemon:
         return (self.folder / "tactiled.log").read_text()
 
     def ctl(self, *words, timeout=30):
-        words = [str(w) for w in words] + (["--node", self.name] if words[0] in ("status", "top", "read", "tare", "weigh", "teach") else [])
+        words = [str(w) for w in words] + (["--node", self.name] if words[0] in ("status", "top", "read", "tare", "clear", "weigh", "teach") else [])
         return subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True, timeout=timeout)
 
     def stop(self):

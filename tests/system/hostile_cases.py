@@ -293,7 +293,7 @@ COMMANDS = [
         (6, 0xFFFE, 2), (4, 1, 4), (5, 1, 4), (7, 1, 4), (9, 1, 4), (10, 1, 4)))
 ] + [
     Case("the same CMD_SEQ again", registers(5000, (1, 1, 0, 0, 0x200)), words(16, 5000, 5), OURS,
-         before=(registers(5000, (11, 1, 0, 0, 0x200)),), after=((read(3, 25, 3), holds(3, 0x200, 3, 1)),)),
+         before=(registers(5000, (11, 1, 0, 0, 0x200)),), after=((read(3, 25, 3), holds(3, 0x200, 3, 12)),)),
     Case("a command without CMD_SEQ", registers(5000, (1, 1, 0, 0)), words(16, 5000, 4), OURS,
          before=(registers(5000, (11, 1, 0, 0, 0x201)),), after=((read(3, 25, 3), holds(3, 0x201, 3, 1)),)),
     Case("FC 23 of a command reads its acknowledgement", exchange(25, 3, 5000, (11, 1, 0, 0, 0x202)),

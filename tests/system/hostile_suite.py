@@ -98,10 +98,16 @@ class Suite:
                 changed = [f"answer to {show(pdu)} changed at byte {common(was, now)}"
                            for pdu, was, now in zip(STATE, before, after) if was != now]
                 self.fail(f"{case.name}: nothing may be written", case.sent, changed, wanted, case.section)
-            for pdu, answer in case.after:
-                if (now := self.control.ask(pdu)) != answer:
-                    self.fail(f"{case.name}: afterwards", pdu, now, answer, case.section)
+            self.look_afterwards(case)
             self.is_served_afterwards(case.name)
+
+    def look_afterwards(self, case):
+        if not case.after:
+            return
+        with Client(self.port, source=case.source) as client:  # acknowledgements are those of its address
+            for pdu, answer in case.after:
+                if (now := client.ask(pdu)) != answer:
+                    self.fail(f"{case.name}: afterwards", pdu, now, answer, case.section)
 
     def run_slow(self, slow):
         with Client(self.port) as client:

@@ -86,14 +86,18 @@ class StructuredText(unittest.TestCase):
         program = Program(printed("--format", "st", "--sensors", "2"))
         block = program.instance("FB_TACTILED")
         forces = set()
-        for _ in range(100):
+        for scan in range(100):
             time.sleep(0.02)
             node, cells = self.read(0, 32), self.read(100, 50)
             block.call(GLOBAL_REGS=node, SENSOR_REGS=cells)
+            if scan < 20:  # until the heartbeat and SEQ have changed once
+                continue
             self.assertTrue(block.value("VALID"), [block.value(n) for n in ("WRONG_MAP", "TORN", "DEAD")])
             self.assertEqual(block.value("NODE.SEQ"), node[4])
             self.assertEqual(block.value("NODE.STATUS"), node[7])
-            self.assertEqual(block.value("NODE.WEIGHT"), -2**31)  # not available
+            for name in ("WEIGHT", "WEIGHT_G", "WEIGHT_SD", "GRIP_FORCE", "REC_GRIP"):  # there is no [grasp]
+                self.assertEqual([block.value(f"NODE.{name}"), block.value(f"NODE.HAS_{name}")], [0, False], name)
+            self.assertEqual(block.value("NODE.GRIP_STATE"), 0xFFFF)
             signed = struct.unpack(">25h", struct.pack(">25H", *cells[:25]))
             for name, at in (("FX_N", 4), ("FY_N", 5), ("FZ_N", 6)):
                 self.assertAlmostEqual(block.value(f"SENSOR[0].{name}"), signed[at] * 0.01, places=4)
@@ -101,44 +105,128 @@ class StructuredText(unittest.TestCase):
             self.assertTrue(block.value("SENSOR[0].HAS_VALUE"))
             self.assertEqual(block.value("SENSOR[0].OK"), bool(cells[1] & 1))
             self.assertFalse(block.value("SENSOR[0].HAS_TORQUE"))  # four gauges see none
-            self.assertEqual(block.value("SENSOR[0].TEMP"), -32768)
+            self.assertEqual([block.value("SENSOR[0].TEMP"), block.value("SENSOR[0].HAS_TEMP")], [0, False])
+            self.assertTrue(block.value("SENSOR[0].HAS_F_MAG"))
             self.assertFalse(block.value("SENSOR[1].HAS_VALUE"))  # there is no second sensor
             self.assertFalse(block.value("SENSOR[1].OK"))
         self.assertGreater(len(forces), 3, "the sensor stood still, and nothing was shown")
 
+    def live_block(self, sensors=1):
+        """FB_TACTILED after a read that differed from the one before, and its inputs."""
+        block = Program(printed("--format", "st", "--sensors", str(sensors))).instance("FB_TACTILED")
+        node, cells = self.read(0, 32), sum((self.read(100 + 25 * n, 25) for n in range(sensors)), [])
+        for n in range(sensors):
+            cells[25 * n + 1] |= 1  # GOOD
+        self.assertEqual(self.call(block, node, cells), [False, False, False, True, False], "a first read may be old")
+        self.advance(node, cells)
+        self.assertEqual(self.call(block, node, cells), [True, False, False, False, True])
+        return block, node, cells
+
+    @staticmethod
+    def advance(node, cells=(), sensors=None):
+        """The next frame: of the global read, and of the blocks of `sensors`."""
+        node[5] ^= 1
+        for n in range(len(cells) // 25) if sensors is None else sensors:
+            cells[25 * n] = cells[25 * n + 24] = (cells[25 * n] + 1) & 0xFFFF
+
+    @staticmethod
+    def call(block, node, cells, times=1):
+        for _ in range(times):
+            block.call(GLOBAL_REGS=node, SENSOR_REGS=cells, CALLS_PER_SECOND=20)
+        return [block.value(n) for n in ("VALID", "WRONG_MAP", "TORN", "DEAD", "SENSOR[0].OK")]
+
     def test_it_sees_what_is_wrong(self):
-        block = Program(printed("--format", "st", "--sensors", "1")).instance("FB_TACTILED")
-        node, cells = self.read(0, 32), self.read(100, 25)
-        cells[1] |= 1  # as if GOOD
+        block, node, cells = self.live_block()
 
         def call(node, cells, times=1):
-            for _ in range(times):
-                block.call(GLOBAL_REGS=node, SENSOR_REGS=cells, CALLS_PER_SECOND=20)
-            return [block.value(n) for n in ("VALID", "WRONG_MAP", "TORN", "DEAD", "SENSOR[0].OK")]
+            return self.call(block, node, cells, times)
 
-        self.assertEqual(call(node, cells), [True, False, False, False, True])
         self.assertEqual(call(node[1:] + [0], cells)[:2], [False, True])  # off by one
         self.assertEqual(call(node[:2] + [0x0200] + node[3:], cells)[:2], [False, True])  # another major version
         self.assertEqual(call(node[:31] + [node[31] ^ 1], cells)[2], True)
         self.assertEqual(call(node, cells[:24] + [cells[24] ^ 1])[2:], [True, False, False])
         self.assertEqual(call(node, cells, 12), [False, False, False, True, False])  # 0.6 s without a beat
-        node[5] ^= 1
+        self.advance(node, cells)
         self.assertEqual(call(node, cells)[0], True)
-        cells[4] = 0x8000
-        call(node, cells)
-        self.assertFalse(block.value("SENSOR[0].HAS_VALUE"))
-        self.assertEqual(block.value("SENSOR[0].FX_N"), 0.0)
+
+    def test_a_sensor_read_that_stands_still_is_not_ok_while_the_global_read_runs(self):
+        for still in ({0}, {1}, {0, 1}):
+            block, node, cells = self.live_block(2)
+            node[3] = 2
+            for scan in range(40):
+                self.advance(node, cells, {0, 1} - still)
+                self.call(block, node, cells)
+                for n in (0, 1):
+                    dead = n in still and scan >= 10
+                    self.assertEqual([block.value(f"SENSOR[{n}].{name}") for name in ("OK", "ALIVE")], [not dead] * 2, (still, scan, n))
+                    self.assertEqual(block.value(f"SENSOR[{n}].HAS_FZ"), not dead and cells[25 * n + 6] != 0x8000)
+                self.assertEqual([block.value(n) for n in ("VALID", "DEAD", "GLOBAL_OK")], [scan < 10, scan >= 10, True])
+
+    def test_each_piece_of_a_longer_read_has_its_own_liveness(self):
+        block, node, cells = self.live_block(16)
+        node[3] = 16
+        for _ in range(20):
+            self.advance(node, cells, range(5, 16))  # the first piece of 125 registers stands still
+            self.call(block, node, cells)
+        self.assertEqual([block.value(f"SENSOR[{n}].OK") for n in range(16)], [False] * 5 + [True] * 11)
+
+    def test_a_component_that_is_not_there_is_not_a_zero_newton(self):
+        block, node, cells = self.live_block()
+        cells[4:24] = [0x8000, 0x8000, 0xFC18] + [0x8000] * 3 + [0xFFFF, 0xFFFF, 0x8000, 0x8000] + cells[14:24]
+        self.advance(node, cells)
+        self.assertTrue(self.call(block, node, cells)[4])
+        self.assertAlmostEqual(block.value("SENSOR[0].FZ_N"), -10, places=4)
+        self.assertEqual([n for n in ("FX", "FY", "FZ", "TX", "TY", "TZ", "F_TANG", "F_MAG", "COP_X", "COP_Y", "COP", "VALUE", "TORQUE")
+                          if block.value(f"SENSOR[0].HAS_{n}")], ["FZ"])
+        cells[4:14] = [100, 200, 300, 1, 2, 3, 224, 374, 5, 0xFFFB]
+        self.advance(node, cells)
+        self.call(block, node, cells)
+        for name, value in (("FX_N", 1), ("FY_N", 2), ("FZ_N", 3), ("TX_NM", 0.001), ("TZ_NM", 0.003), ("F_TANG", 224),
+                            ("F_MAG", 374), ("COP_X", 5), ("COP_Y", -5)):
+            self.assertAlmostEqual(block.value(f"SENSOR[0].{name}"), value, places=5)
+        for name in ("FX", "FY", "FZ", "TX", "TY", "TZ", "F_TANG", "F_MAG", "COP_X", "COP_Y", "COP", "VALUE", "TORQUE"):
+            self.assertTrue(block.value(f"SENSOR[0].HAS_{name}"), name)
+
+    def test_a_weight_has_a_flag_and_none_without_a_fresh_read(self):
+        block, node, cells = self.live_block()
+        node[18:23] = [250, 2, 0, 2500, 30]
+        self.advance(node, cells)
+        self.call(block, node, cells)
+        self.assertEqual([block.value(f"NODE.{n}") for n in ("HAS_WEIGHT", "WEIGHT", "HAS_WEIGHT_G", "WEIGHT_G")], [True, 2500, True, 250])
+        node[20:22] = [0xFFFF, 0xFFFF]  # -0.1 g
+        self.advance(node, cells)
+        self.call(block, node, cells)
+        self.assertEqual([block.value("NODE.HAS_WEIGHT"), block.value("NODE.WEIGHT")], [True, -1])
+        self.call(block, node, cells, 12)
+        self.assertEqual([block.value("NODE.HAS_WEIGHT"), block.value("NODE.WEIGHT"), block.value("NODE.GRIP_STATE")], [False, 0, 0xFFFF])
 
     def test_it_unpacks_the_grasp_block(self):
         block = Program(printed("--format", "st")).instance("FB_TACTILED_GRASP")
-        block.call(GRASP_REGS=[7, 3, 987, 623, 50, 12, 250, 7])
+
+        def call(*registers):
+            block.call(GRASP_REGS=list(registers), CALLS_PER_SECOND=20)
+            return [block.value(n) for n in ("VALID", "TORN", "DEAD")]
+
+        self.assertEqual(call(6, 3, 987, 623, 50, 12, 250, 6), [False, False, True], "a first read may be old")
+        self.assertEqual(block.value("GRASP.HAS_OBJECT_PROB"), False)
+        self.assertEqual(call(7, 3, 987, 623, 50, 12, 250, 7), [True, False, False])
         self.assertEqual([block.value(f"GRASP.{n}") for n in ("SEQ", "OBJECT_ID", "OBJECT_PROB", "FRICTION", "FRICTION_SD", "GRASPS",
                                                              "SINCE_LIFT")], [7, 3, 987, 623, 50, 12, 250])
-        self.assertFalse(block.value("TORN"))
-        block.call(GRASP_REGS=self.read(40, 8))
-        self.assertEqual(block.value("GRASP.OBJECT_PROB"), 0xFFFF)  # no [grasp] here
-        block.call(GRASP_REGS=[7, 0, 0, 0, 0, 0, 0, 8])
-        self.assertTrue(block.value("TORN"))
+        self.assertEqual(call(8, 3, 987, 623, 0xFFFF, 12, 250, 8)[0], True)
+        self.assertEqual([block.value("GRASP.HAS_FRICTION_SD"), block.value("GRASP.FRICTION_SD")], [False, 0])
+        for _ in range(12):
+            still = call(8, 3, 987, 623, 50, 12, 250, 8)
+        self.assertEqual(still, [False, False, True])
+        self.assertEqual([block.value("GRASP.HAS_OBJECT_ID"), block.value("GRASP.OBJECT_ID")], [False, 0])
+        self.assertEqual(call(9, 0, 0, 0, 0, 0, 0, 8)[:2], [False, True])
+
+    def test_every_bit_and_state_has_a_named_constant(self):
+        block = Program(printed("--format", "st")).instance("FB_TACTILED_CONST")
+        for name, value in (("STATUS_READY", 1), ("STATUS_FAULT", 0x8000), ("SENSOR_GOOD", 1), ("SENSOR_FAULT", 0x8000), ("FAULT_STORAGE", 0x40),
+                            ("WARN_TARE", 16), ("REASON_ZERO_UNKNOWN", 22), ("REASON_STALE", 4), ("GRIP_HOLDING", 4), ("WEIGHT_STABLE", 2),
+                            ("SLIP_GROSS", 2), ("CMD_TARE", 1), ("CMD_TEACH", 10), ("CMD_STATE_DONE", 2), ("RESULT_ADOPTED", 11),
+                            ("RESULT_REPEATED", 12), ("GRIPPER_OPENING", 5), ("NOT_KNOWN", 0xFFFF)):
+            self.assertEqual(block.value(name), value, name)
 
     def test_all_sizes_are_accepted(self):
         for sensors in (1, 5, 16):

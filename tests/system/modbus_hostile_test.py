@@ -14,7 +14,7 @@ import hostile_requests as requests  # noqa: E402
 import hostile_sockets as sockets  # noqa: E402
 from daemon import wait_for  # noqa: E402
 from hostile_client import CONTROL, PLACES, PLC, Client, witness  # noqa: E402
-from hostile_pdus import OURS, Case, mb, tcp  # noqa: E402
+from hostile_pdus import OURS, Case, mb, register, tcp  # noqa: E402
 from hostile_suite import Suite  # noqa: E402
 from unit_daemon import CONFIG, quality_is, unit_daemon  # noqa: E402
 
@@ -112,6 +112,8 @@ class Hostile(unittest.TestCase):
 
     def test_a_daemon_that_may_be_written_to(self):
         def run(suite):
+            with Client(suite.port) as client:  # the first number of an address is adopted and runs nothing
+                client.ask(register(5004, 0xFFFF))
             suite.run_parallel(frames.SLOW, IN_PARALLEL)
             for table in (cases.READS, cases.UNSUPPORTED, cases.WRITES_OF_BAD_FORM, cases.WRITES_TO_BAD_ADDRESSES,
                           cases.WRITES_OF_BAD_VALUES, cases.SETTINGS_OUT_OF_RANGE, cases.UNLOCKING,

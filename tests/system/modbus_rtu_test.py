@@ -23,7 +23,7 @@ from rtu_line import GAP_S, Line, framed, read_words, words, write_word  # noqa:
 MAGIC = [0x5441, 0x4354]
 NEIGHBOUR = 9
 SCRATCH = 5100
-TARE_COUNT = 120
+TARE_COUNT, STATUS, TARING = 120, 7, 0x100
 
 
 @contextlib.contextmanager
@@ -52,6 +52,7 @@ class ForeignMasters(unittest.TestCase):
         self.addCleanup(self.client.close)
         opened = poll(lambda: not self.client.read_holding_registers(0, count=1, slave=RTU_ADDRESS).isError(), bool)
         self.assertTrue(opened, self.daemon.log())
+        self.client.write_register(5004, 0, slave=RTU_ADDRESS)  # the first number is adopted
 
     def test_mbpoll_sees_the_map_and_tares(self):
         self.client.close()
@@ -96,6 +97,7 @@ class OnTheLine(unittest.TestCase):
 
     def tare_count_reaches(self, count):
         self.assertEqual(poll(lambda: self.word(TARE_COUNT), lambda seen: seen == count), count)
+        self.assertEqual(poll(lambda: self.word(STATUS) & TARING, lambda seen: not seen), 0, "its zero is in the file")
 
     def test_its_own_address_is_answered(self):
         self.assert_answered()
@@ -201,6 +203,7 @@ class OnTheLine(unittest.TestCase):
 
     def test_the_command_block_is_busy_while_a_tare_runs(self):
         block = struct.pack(">BHHB5H", 16, 5000, 5, 10, 1, 1, 0, 0, 77)
+        self.line.ask(write_word(5004, 0))  # the first number is adopted
         self.line.ask(write_word(5010, 1))
         self.assertEqual(self.line.ask(block).hex(" "), "90 06")
         self.assertEqual(words(self.line.ask(read_words(5000, 5))), [0] * 5)

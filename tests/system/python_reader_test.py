@@ -53,7 +53,8 @@ class TheTables(unittest.TestCase):
         source = (ROOT / "node/ctl/verb.hpp").read_text()
         words = re.findall('"(.*?)"', re.search(r"kReasonWords\{(.*?)\}", source, flags=re.S).group(1))
         self.assertEqual(list(tactiled.REASON_WORDS), words)
-        self.assertEqual(len(words), len(LAYOUT.enums["reason"]))
+        known = [word for word in words if not word.startswith("reason-")]  # bits that no reason has
+        self.assertEqual(len(known), len(LAYOUT.enums["reason"]))
 
 
 class ARunningDaemon(unittest.TestCase):

@@ -74,7 +74,8 @@ enum tactiled_reason {
     TACTILED_SENSORS_DIFFER = 1 << 19, /* the sensor that agrees_with names tells another force: one of them is wrong */
     /* Since 1.5: */
     TACTILED_UNPROVED_AGE = 1 << 20, /* the value may be older than it seems: frames were delayed, or the device paused */
-    TACTILED_ARRIVAL_ONLY = 1 << 21  /* the stream has no clock and no counter that would show a delay; the value may be GOOD */
+    TACTILED_ARRIVAL_ONLY = 1 << 21, /* the stream has no clock and no counter that would show a delay; the value may be GOOD */
+    TACTILED_ZERO_UNKNOWN = 1 << 22 /* a restart or a reload has lost the tare that was in force: tare again, or untare */
 };
 
 /* How the age of a sensor's samples is proved: tactiled_sensor.freshness. Since 1.5. */
@@ -150,6 +151,7 @@ enum tactiled_fault {
     TACTILED_FAULT_OPEN_GAUGE = 1 << 2,
     TACTILED_FAULT_OVERRUN = 1 << 3, /* a ring between a link and the pipeline was full */
     TACTILED_FAULT_CALIBRATION = 1 << 4,
+    TACTILED_FAULT_STORAGE = 1 << 6, /* the zeros of tares cannot be kept: tares are refused. Since 1.5 */
     TACTILED_FAULT_BUS = 1 << 7,
     TACTILED_FAULT_INTERNAL = 1 << 8
 };
@@ -275,8 +277,13 @@ enum tactiled_command_result {
     TACTILED_COMMAND_FAILED = 6,
     TACTILED_COMMAND_TIMED_OUT = 7,
     /* Since 1.4, of a tare. Rejected: every zero stays; done: those of sensors that rested are new. */
-    TACTILED_COMMAND_MOVING = 8,    /* the force moved while it was averaged */
-    TACTILED_COMMAND_UNDER_LOAD = 9 /* the new zero would be further than tare_limit_N from the calibration's */
+    TACTILED_COMMAND_MOVING = 8,     /* the force moved while it was averaged */
+    TACTILED_COMMAND_UNDER_LOAD = 9, /* the new zero would be further than tare_limit_N from the calibration's */
+    /* Since 1.5: */
+    TACTILED_COMMAND_NOT_STORED =
+        10,                        /* of a tare: rejected, because its zero cannot be kept; done: a restart will lose it */
+    TACTILED_COMMAND_ADOPTED = 11, /* Modbus: the first number after a start is taken and not run; write another one */
+    TACTILED_COMMAND_REPEATED = 12 /* Modbus: that number was taken before, and this write has run nothing */
 };
 
 /* A ring of slots. Slot i of a ring starts at offset + i * slot_size: a lock word, four zero bytes, then the record.

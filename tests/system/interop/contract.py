@@ -39,6 +39,14 @@ def start_map(daemon):
     daemon.start()
     wait_for(quality_is(daemon, "good"), 3, "a good sample")
     wait_for(lambda: listens(daemon.port), 3, "the server to listen")
+    adopt_number(daemon.port)
+
+
+def adopt_number(port):
+    """The first CMD_SEQ of this address since the start, which runs nothing: then the clients' numbers run."""
+    with socket.create_connection(("127.0.0.1", port), 3) as client:
+        client.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 6, 5004, 0))
+        assert client.recv(12)[7:] == struct.pack(">BHH", 6, 5004, 0)
 
 
 def listens(port):

@@ -53,7 +53,8 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(s.rate_tolerance, 0.2);
     EXPECT_EQ(s.drift_limit_N, 0.0);
     EXPECT_EQ(s.tare_ms, 100);
-    EXPECT_EQ(s.tare_limit_N, 0.0);
+    EXPECT_EQ(s.tare_limit_N, -1.0);
+    EXPECT_EQ(s.tare_after_restart, "restore");
     EXPECT_EQ(s.pair, PairSettings{.agree_ms = 100});
 }
 

@@ -42,7 +42,10 @@ protected:
         p.sensors[0].stale_ms = 10'000;
         return p;
     }
-    void start() { controls_ = std::make_unique<Controls>(settings_, commands_); }
+    void start() {
+        controls_ = std::make_unique<Controls>(settings_, commands_);
+        put(kCmdSeq, 0);  // the first number is adopted and runs nothing
+    }
     // A frame of the pipeline that tells `node_.command` as it is.
     void beat() {
         tactiled_sample s{};
@@ -79,7 +82,7 @@ protected:
     std::array<std::uint16_t, kGlobalSize> global(std::uint64_t now_ns = kSecond) {
         std::array<std::uint16_t, kGlobalSize> out{};
         controls_->follow(view_of(segment_), now_ns);
-        controls_->add_to_global(now_ns, out);
+        controls_->add_to_global(session_, now_ns, out);
         return out;
     }
     std::uint16_t cell(unsigned at) {

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <deque>
+#include <filesystem>
 
 #include "tactiled/reader.hpp"
 
@@ -332,6 +333,82 @@ TEST_F(PipelineTest, ARefusedTareSaysWhyAndWarnsUntilTheNextOne) {
     EXPECT_EQ(tare(Command::Kind::untare, [](int) { return 5.0; }).result, unsigned(TACTILED_COMMAND_OK));
     EXPECT_EQ(tare(Command::Kind::tare, [](int) { return 3.0; }).result, unsigned(TACTILED_COMMAND_OK));
     EXPECT_EQ(look().sensor[0].force_S_N[0], 0);
+}
+
+TEST_F(PipelineTest, ATareIsDoneWhenItsZeroIsInTheFileAndRefusedWhereItCannotBe) {
+    const std::string path = "/tmp/pipeline-test-" + std::to_string(::getpid()) + ".zeros.toml";
+    ::unlink(path.c_str());
+    ZeroStore store(path, {{"a", "", 0, {"constant"}, true}, {"b", "", 0, {"constant"}, true}});
+    pipeline_->commands.keep_zeros_in(store);
+    const auto begin = [&](Command::Kind kind, std::uint32_t number) {
+        auto& ring = pipeline_->commands[TACTILED_FROM_SOCKET];
+        *ring.claim() = {kind, 1, number, {}};
+        ring.push();
+        ring.commit();
+        for (int i = 0; i < 110; ++i) {
+            send(0, 3);
+            acquire_all(0);
+            turn();
+        }
+        return look().node.command[TACTILED_FROM_SOCKET];
+    };
+    const auto bytes = [&] { return std::filesystem::file_size(path); };
+    send(0, 3);
+    acquire_all(0);
+    turn();
+    const auto before = bytes();
+    tactiled_command said = begin(Command::Kind::tare, 1);
+    for (int i = 0; i < 1000 && said.state == TACTILED_COMMAND_RUNNING; ++i) {
+        EXPECT_NE(look().node.status & TACTILED_ANY_TARING, 0u);
+        ::usleep(1000);
+        now_ -= 1'000'000;  // the file's time is none of the loop's here
+        turn();
+        said = look().node.command[TACTILED_FROM_SOCKET];
+    }
+    EXPECT_EQ(said.state, unsigned(TACTILED_COMMAND_DONE));
+    EXPECT_EQ(said.result, unsigned(TACTILED_COMMAND_OK));
+    EXPECT_GT(bytes(), before);
+    EXPECT_EQ(look().node.fault & TACTILED_FAULT_STORAGE, 0u);
+
+    ZeroStore nowhere("", {});
+    pipeline_->commands.keep_zeros_in(nowhere);
+    for (const auto kind : {Command::Kind::tare, Command::Kind::untare}) {
+        said = begin(kind, 2 + std::uint32_t(kind));
+        EXPECT_EQ(said.state, unsigned(TACTILED_COMMAND_REJECTED));
+        EXPECT_EQ(said.result, unsigned(TACTILED_COMMAND_NOT_STORED));
+    }
+    EXPECT_EQ(look().sensor[0].force_S_N[0], 0);
+    EXPECT_NE(look().node.fault & TACTILED_FAULT_STORAGE, 0u);
+    pipeline_.reset();
+    ::unlink(path.c_str());
+}
+
+TEST_F(PipelineTest, ALatchedFaultClearsItselfOnceItsCauseHasBeenAbsentForLongEnough) {
+    pipeline_->clear_faults_after(1'000'000'000);
+    const auto stream = [&](int ms) {
+        for (; ms > 0; ms -= 10) {
+            send(0, 1);
+            acquire_all(0);
+            turn(10);
+        }
+        return look().node.fault;
+    };
+    (void)stream(100);
+    turn(150);  // stale
+    EXPECT_EQ(look().node.fault, unsigned(TACTILED_FAULT_SENSOR_LOST));
+    for (int i = 0; i < 30; ++i) turn(100);
+    EXPECT_EQ(look().node.fault, unsigned(TACTILED_FAULT_SENSOR_LOST)) << "the cause lasts";
+    EXPECT_EQ(stream(970), unsigned(TACTILED_FAULT_SENSOR_LOST));
+    EXPECT_EQ(stream(40), 0u) << "the other sensor has never delivered, which is no fault";
+    EXPECT_EQ(look().node.status & TACTILED_FAULT, 0u);
+    links_[0]->connected = false;
+    turn();
+    EXPECT_EQ(look().node.fault, unsigned(TACTILED_FAULT_SENSOR_LOST | TACTILED_FAULT_BUS));
+    for (int i = 0; i < 30; ++i) turn(100);
+    EXPECT_EQ(look().node.fault, unsigned(TACTILED_FAULT_SENSOR_LOST | TACTILED_FAULT_BUS));
+    pipeline_->clear_faults_after(0);
+    links_[0]->connected = true;
+    EXPECT_EQ(stream(5000), unsigned(TACTILED_FAULT_SENSOR_LOST | TACTILED_FAULT_BUS)) << "0: never";
 }
 
 TEST_F(PipelineTest, TwoSensorsOfOneForceThatDifferAreBothUncertainUntilTheyAgree) {

@@ -95,5 +95,25 @@ TEST(Tare, BeyondTheLimitIsRefusedAsALoadAndWithoutALimitTaken) {
     EXPECT_EQ(tare(100, 0, at_rest(-200)).end, Sensor::Tare::done);
 }
 
+TEST(Tare, BeyondTheLimitOfOneComponentIsRefusedToo) {
+    const auto tare_of_z = [](double force_N, double limit_N) {
+        Zero zero({1, 0, {0, 5, limit_N}});
+        zero.begin_tare(0);
+        for (std::uint64_t i = 0; i <= 8; ++i) {
+            tactiled_sample s{};
+            s.quality = TACTILED_GOOD;
+            s.t_ns = i;
+            s.raw_force_S_N[0] = 100;  // a component without a limit
+            s.raw_force_S_N[2] = force_N;
+            if (zero.tare() == Sensor::Tare::running) (void)zero.advance(s, {}, 0, 1);
+        }
+        return zero.tare();
+    };
+    EXPECT_EQ(tare_of_z(-1.99, 2), Sensor::Tare::done);
+    EXPECT_EQ(tare_of_z(-2.01, 2), Sensor::Tare::loaded);
+    EXPECT_EQ(tare_of_z(2.01, 2), Sensor::Tare::loaded);
+    EXPECT_EQ(tare_of_z(-200, 0), Sensor::Tare::done);
+}
+
 }  // namespace
 }  // namespace tactiled

@@ -1,0 +1,69 @@
+// The commands of each client: the command block with its CMD_SEQ, and the outcome of commands of one register or coil.
+//
+// A client is an address, so that its state survives a reconnection, and two PLCs do not answer for each other. The RTU line
+// is one client. If there are more addresses than places, the one that has written least recently is forgotten.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "node/modbus/allow_list.hpp"
+#include "node/modbus/table.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled::modbus {
+
+// State and result of a command, as CMD_STATE and CMD_RESULT show them.
+struct Outcome {
+    tactiled_command_state state = TACTILED_COMMAND_IDLE;
+    tactiled_command_result result = TACTILED_COMMAND_OK;
+    [[nodiscard]] bool is_running() const noexcept { return state == TACTILED_COMMAND_RUNNING; }
+};
+
+struct CommandClient {
+    HostAddress host{};
+    std::uint64_t wrote_ns = 0;  // 0: this place is free
+
+    std::array<std::uint16_t, 5> block{};  // registers 5000 .. 5004
+    std::array<std::uint16_t, 5> taken{};  // the block when its number was taken
+    bool has_number = false;               // a number was taken since the start: taken[4], CMD_SEQ_ACK
+    bool outcome_was_read = false;
+    std::uint16_t repeats = 0;
+    Outcome outcome;           // the block's
+    std::uint32_t number = 0;  // the number of the block's command in the pipeline
+
+    std::uint16_t direct_code = 0, direct_count = 0;  // command by one register or coil
+    Outcome direct;
+    std::uint32_t direct_number = 0;
+    std::uint64_t direct_ns = 0;
+
+    // True when writing `cmd_seq` runs the block. The first number after a start does not: a PLC that writes its block in
+    // every cycle writes its last command again, and that must not run a second time.
+    [[nodiscard]] bool runs(std::uint16_t cmd_seq) const noexcept { return has_number && cmd_seq != taken[4]; }
+    // Takes the number in the block. True: run the block; else the outcome is settled. rt: wait-free
+    [[nodiscard]] bool take_number() noexcept;
+    void settle(Outcome now) noexcept {
+        outcome = now;
+        outcome_was_read = false;
+    }
+};
+
+class CommandClients {
+public:
+    // The state of the client at `host`; nothing has been commanded from an address that is not known. rt: wait-free
+    [[nodiscard]] const CommandClient& at(const HostAddress& host) const noexcept;
+    // The same, to be written; an unknown address gets a place. rt: wait-free
+    [[nodiscard]] CommandClient& of_writer(const HostAddress& host, std::uint64_t now_ns) noexcept;
+    // The client at `host` has read its outcome. rt: wait-free
+    void note_read(const HostAddress& host) noexcept;
+
+    [[nodiscard]] auto begin() noexcept { return clients_.begin(); }
+    [[nodiscard]] auto end() noexcept { return clients_.end(); }
+
+private:
+    [[nodiscard]] CommandClient* find(const HostAddress& host) noexcept;
+    std::array<CommandClient, 32> clients_{};
+    CommandClient unknown_{};
+};
+
+}  // namespace tactiled::modbus

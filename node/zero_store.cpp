@@ -1,0 +1,239 @@
+#include "node/zero_store.hpp"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+
+#include "config/options.hpp"
+#include "config/text_file.hpp"
+#include "node/log.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::int64_t kFormat = 1;
+constexpr std::size_t kMaxBytes = 1 << 20, kMaxKept = 256;
+constexpr std::uint64_t kLookNs = 10'000'000;      // between two looks for an order
+constexpr std::uint64_t kRetryNs = 1'000'000'000;  // after a write that failed
+constexpr char kInstalled[] = "/var/lib/tactiled";
+
+std::string variable(const char* name) {
+    const char* const value = std::getenv(name);
+    return value != nullptr ? value : "";
+}
+
+std::string now_text() {
+    return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",
+                       fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())));
+}
+
+}  // namespace
+
+std::string zeros_path(const std::string& configured, const std::string& node_name) {
+    if (!configured.empty()) return configured;
+    std::string folder;
+    if (const std::string state = variable("STATE_DIRECTORY"); !state.empty())
+        folder = state.substr(0, state.find(':'));
+    else if (::access(kInstalled, W_OK) == 0)
+        folder = kInstalled;
+    else if (const std::string own = variable("XDG_STATE_HOME"); !own.empty())
+        folder = own + "/tactiled";
+    else if (const std::string home = variable("HOME"); !home.empty())
+        folder = home + "/.local/state/tactiled";
+    return folder.empty() ? "" : fmt::format("{}/{}.zeros.toml", folder, node_name);
+}
+
+// ---- start and reload --------------------------------------------------------------------------------------------------
+
+ZeroStore::ZeroStore(std::string path, std::vector<ZeroOwner> owners) : path_(std::move(path)), owners_(std::move(owners)) {
+    for (std::size_t i = 0; i < owners_.size(); ++i) sensor_of_owner_.push_back(i);
+    std::error_code ignored;
+    if (!path_.empty()) std::filesystem::create_directories(std::filesystem::path(path_).parent_path(), ignored);
+    load();
+    write();
+    thread_.start("zeros", 0, -1, [this] { serve(); });
+}
+
+ZeroStore::~ZeroStore() {
+    stop_.store(true);
+    thread_.join();
+}
+
+// A file that cannot be read may hold any tare: then every sensor may have lost one.
+void ZeroStore::load() {
+    if (path_.empty() || (::access(path_.c_str(), F_OK) != 0 && errno == ENOENT)) return;
+    Problems problems;
+    if (const auto bytes = read_text_file(path_, kMaxBytes, problems)) {
+        Options file = Options::parse_text(*bytes, path_, problems);
+        if (problems.empty() && file.integer("format", {1, 1e9}) != kFormat)
+            file.problem("format", fmt::format("this tactiled reads format = {}", kFormat));
+        for (auto& table : file.tables("sensor", kMaxKept)) {
+            Kept kept;
+            kept.sensor = table.text("name");
+            kept.serial = table.text("serial", "");
+            kept.id = std::uint32_t(table.integer("calibration_id", {0, double(UINT32_MAX)}));
+            kept.time = table.text("time", "");
+            kept.tare_count = std::uint32_t(table.integer("tare_count", {1, double(UINT32_MAX)}));
+            for (auto& zero : table.tables("zero", MethodChoice::kMax)) {
+                Wrench wrench{};
+                const std::string method = zero.text("method");
+                const auto numbers = zero.numbers("wrench_S", {-1e300, 1e300}, {wrench.size(), wrench.size()});
+                if (numbers.size() != wrench.size()) continue;
+                std::copy(numbers.begin(), numbers.end(), wrench.begin());
+                kept.of_method[method] = wrench;
+            }
+            kept_.push_back(std::move(kept));
+        }
+        if (problems.empty() && file.integer("sensors", {0, double(kMaxKept)}) != std::int64_t(kept_.size()))
+            file.problem("sensors", "a part of the file is missing");
+        file.finish();
+    }
+    if (problems.empty()) return;
+    log_line(LogLevel::warning, "{}; no zero is known: tare every sensor, or remove its tare", problems.lines().front());
+    kept_.clear();
+    for (const ZeroOwner& owner : owners_) kept_.push_back({owner.sensor, owner.serial, now_text(), 0, 1, {}});
+}
+
+void ZeroStore::restore(std::vector<Sensor>& sensors) {
+    for (std::size_t i = 0; i < sensors.size(); ++i) {
+        const ZeroOwner& owner = owners_[i];
+        const Kept* const kept = find(owner.sensor);
+        if (kept == nullptr) continue;
+        TaredZero zero;
+        zero.tare_count = kept->tare_count;
+        bool any = false;
+        for (std::size_t k = 0; k < owner.methods.size() && k < zero.of_method.size(); ++k) {
+            const auto found = kept->of_method.find(owner.methods[k]);
+            if (found != kept->of_method.end())
+                zero.of_method[k] = found->second, any = true;
+            else
+                zero.unknown |= 1u << k;
+        }
+        const bool same = any && kept->id == owner.id && kept->serial == owner.serial;
+        if (same && owner.restore) {
+            sensors[i].restore_zero(zero);
+            log_line(LogLevel::info, "sensor \"{}\": the tare of {} is in force", owner.sensor, kept->time);
+            continue;
+        }
+        sensors[i].lose_zero();
+        log_line(LogLevel::warning, "sensor \"{}\": the tare of {} is not restored, {}; tare it, or remove its tare",
+                 owner.sensor, kept->time,
+                 !owner.restore ? "because of tare_after_restart = \"forget\""
+                 : !any         ? "because its zero is not known"
+                                : "because the calibration, the serial or the channels are others");
+    }
+}
+
+void ZeroStore::replace_owner(std::size_t index, ZeroOwner owner) {
+    const std::lock_guard lock(mutex_);
+    owners_.push_back(std::move(owner));
+    sensor_of_owner_.push_back(index);
+}
+
+// ---- the pipeline's side -----------------------------------------------------------------------------------------------
+
+void ZeroStore::add(std::uint32_t sensor, const Sensor& of) noexcept {
+    if (of.has_lost_zero()) return;  // a reload has exchanged the sensor: the file goes on saying that it was tared
+    Order* const order = orders_.claim();
+    refused_ |= order == nullptr;
+    if (order == nullptr) return;
+    *order = {number_ + 1, sensor, of.zero_id(), of.tared_zero()};
+    orders_.push();
+}
+
+std::uint32_t ZeroStore::commit() noexcept {
+    orders_.commit();
+    ++number_;
+    const bool refused = refused_;
+    refused_ = false;
+    return refused ? 0 : number_;
+}
+
+// ---- the store's thread ------------------------------------------------------------------------------------------------
+
+void ZeroStore::serve() noexcept {
+    std::uint64_t again_ns = 0;
+    for (;;) {
+        const bool stops = stop_.load();
+        std::uint32_t number = 0;
+        try {
+            const std::lock_guard lock(mutex_);
+            for (; const Order* order = orders_.front(); orders_.pop()) {
+                number = order->number;
+                take(*order);
+            }
+        } catch (const std::exception& error) {  // no memory: the file is not what it should be
+            log_line(LogLevel::warning, "{}: {}", path_, error.what());
+            usable_.store(false, std::memory_order_release);
+        }
+        const std::uint64_t now_ns = monotonic_ns();
+        if (number != 0 || (!is_usable() && now_ns >= again_ns)) {
+            write();
+            again_ns = now_ns + kRetryNs;
+        }
+        if (number != 0) done_.store(number, std::memory_order_release);  // after usable_
+        if (stops) return;
+        sleep_until(monotonic_ns() + kLookNs);
+    }
+}
+
+void ZeroStore::take(const Order& order) {
+    const ZeroOwner* owner = nullptr;
+    for (std::size_t i = 0; i < owners_.size(); ++i)
+        if (sensor_of_owner_[i] == order.sensor && owners_[i].id == order.id) owner = &owners_[i];
+    if (owner == nullptr) return;
+    Kept kept{owner->sensor, owner->serial, now_text(), order.id, order.zero.tare_count, {}};
+    for (std::size_t k = 0; k < owner->methods.size() && k < order.zero.of_method.size(); ++k)
+        if ((order.zero.unknown >> k & 1u) == 0) kept.of_method[owner->methods[k]] = order.zero.of_method[k];
+    std::erase_if(kept_, [&](const Kept& each) { return each.sensor == kept.sensor; });
+    if (order.zero.tare_count != 0) kept_.push_back(std::move(kept));
+}
+
+ZeroStore::Kept* ZeroStore::find(const std::string& sensor) {
+    const auto found = std::find_if(kept_.begin(), kept_.end(), [&](const Kept& kept) { return kept.sensor == sensor; });
+    return found != kept_.end() ? &*found : nullptr;
+}
+
+std::string ZeroStore::text() const {
+    std::string out = fmt::format(
+        "# The zeros of tares, restored when the daemon starts. Written by tactiled; N and Nm in the sensor's frame S.\n"
+        "format = {}\nsensors = {}\n",
+        kFormat, kept_.size());
+    for (const Kept& kept : kept_) {
+        out += fmt::format("\n[[sensor]]\nname = {}\nserial = {}\ncalibration_id = {}\ntime = {}\ntare_count = {}\n",
+                           toml_text(kept.sensor), toml_text(kept.serial), kept.id, toml_text(kept.time), kept.tare_count);
+        for (const auto& [method, wrench] : kept.of_method) {
+            std::vector<std::string> numbers;
+            for (const double x : wrench) numbers.push_back(fmt::format("{:.17e}", x));
+            out +=
+                fmt::format("[[sensor.zero]]\nmethod = {}\nwrench_S = [{}]\n", toml_text(method), fmt::join(numbers, ", "));
+        }
+    }
+    return out;
+}
+
+void ZeroStore::write() noexcept try {
+    if (path_.empty()) throw SaveError("there is no folder to keep the zeros of tares in; give [node] zeros = \"/a/path\"");
+    replace_file(path_, text());
+    if (!complaint_.empty()) log_line(LogLevel::info, "{}: zeros of tares are kept again", path_);
+    complaint_.clear();
+    usable_.store(true, std::memory_order_release);
+} catch (const std::exception& error) {
+    usable_.store(false, std::memory_order_release);
+    try {
+        if (complaint_ != error.what())
+            log_line(LogLevel::warning, "{}; tares are refused until it can be written", error.what());
+        complaint_ = error.what();
+    } catch (const std::exception&) {}  // no memory for the words
+}
+
+}  // namespace tactiled

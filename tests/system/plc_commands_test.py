@@ -1,0 +1,238 @@
+#!/usr/bin/env python3
+"""Commands of PLCs: one that writes its block in every cycle across restarts, two that compete, each path's tare limit, faults."""
+import pathlib
+import signal
+import subprocess
+import sys
+import threading
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from daemon import BIN  # noqa: E402
+from held_force import FULL_SCALE_N, Held, wait_for  # noqa: E402
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
+from st.interpreter import Program  # noqa: E402
+
+TARE, UNTARE, CLEAR = 1, 2, 3
+DONE, REJECTED = 2, 3
+OK, UNDER_LOAD, ADOPTED, REPEATED = 0, 9, 11, 12
+FAULT = 8
+DIRECT = slice(1, 4)  # DIRECT_CMD, DIRECT_STATE and DIRECT_RESULT of the registers from 50 on
+
+
+class Cyclic(threading.Thread):
+    """An I/O scanner: writes the command block and reads the global block in every cycle, through every reconnection."""
+
+    def __init__(self, plc):
+        super().__init__(daemon=True)
+        self.plc, self.block, self.node, self.ended = plc, [0, 0, 0, 0, 0], [0] * 32, threading.Event()
+        self.start()
+
+    def run(self):
+        while not self.ended.wait(0.01):
+            self.plc.write(5000, *self.block)
+            self.node = self.plc.read(0, 32)
+
+    def stop(self):
+        self.ended.set()
+        self.join()
+
+
+class CyclicPlc(unittest.TestCase):
+    def test_its_last_tare_does_not_run_again_when_the_daemon_restarts_under_a_load(self):
+        for more in ("", 'tare_after_restart = "forget"\n'):
+            with Held(more + "tare_limit_N = 0\n") as held:
+                plc = Cyclic(held.plc())
+                self.addCleanup(plc.stop)
+                wait_for(lambda: plc.node[27] == ADOPTED, 5, "the first number")
+                plc.block = [TARE, 1, 0, 0, 5]
+                wait_for(lambda: plc.node[25] == 5 and plc.node[26] == DONE, 5, "the tare")
+                held.press(-20.0)
+                for end in (signal.SIGTERM, signal.SIGKILL):
+                    held.restart(end)
+                    wait_for(lambda: plc.node[25] == 5 and plc.node[27] == ADOPTED, 5, "the old number to be adopted")
+                    for _ in range(20):
+                        quality, force_N = held.read_force()
+                        self.assertLess(force_N, -19.9)
+                        self.assertEqual(quality.split(":")[0], "uncertain" if more else "good")
+                plc.block = [UNTARE, 1, 0, 0, 6]
+                wait_for(lambda: plc.node[25] == 6 and plc.node[26] == DONE, 5, "the next number")
+                plc.stop()
+
+    def test_it_reads_the_result_before_its_number_counts_as_repeated(self):
+        with Held() as held:
+            plc = held.plc()
+            plc.write(5000, TARE, 1, 0, 0, 1)
+            seen = []
+            for _ in range(150):
+                plc.write(5000, TARE, 1, 0, 0, 2)
+                outcome = plc.outcome()
+                if not seen or seen[-1] != outcome:
+                    seen.append(outcome)
+                time.sleep(0.005)
+            self.assertEqual(seen, [(2, 1, OK), (2, DONE, OK), (2, DONE, REPEATED)])
+            self.assertGreater(plc.read(50, 1)[0], 100)
+
+
+class TwoPlcs(unittest.TestCase):
+    def test_each_is_told_of_its_own_commands_alone(self):
+        with Held() as held:
+            one, other = held.plc("127.0.0.1"), held.plc("127.0.0.2")
+            self.assertEqual(one.command(5, TARE, 1), (5, REJECTED, ADOPTED))
+            self.assertEqual(other.command(5, TARE, 1), (5, REJECTED, ADOPTED))
+            self.assertEqual(one.command(6, TARE, 1), (6, DONE, OK))
+            self.assertEqual(other.outcome(), (5, REJECTED, ADOPTED), "the other's number 6 has not been written yet")
+            self.assertEqual(other.command(6, CLEAR, 2), (6, REJECTED, 2))
+            self.assertEqual(one.outcome(), (6, DONE, OK))
+            self.assertEqual(one.block(), [TARE, 1, 0, 0, 6])
+            self.assertEqual(other.block(), [CLEAR, 2, 0, 0, 6])
+
+    def test_a_reconnected_one_goes_on_and_a_repeated_number_runs_nothing(self):
+        with Held() as held:
+            plc = held.plc()
+            plc.command(1, TARE, 1)
+            self.assertEqual(plc.command(2, TARE, 1), (2, DONE, OK))
+            plc.close()
+            again = held.plc()
+            self.assertEqual(again.outcome(), (2, DONE, OK))
+            count = again.read(120, 1)
+            self.assertEqual(again.command(2, TARE, 1), (2, DONE, REPEATED))
+            self.assertEqual(again.command(2, UNTARE, 1), (2, REJECTED, REPEATED))
+            self.assertEqual(again.read(120, 1), count)
+            self.assertEqual(again.command(3, TARE, 1), (3, DONE, OK))
+            self.assertEqual(again.read(120, 1)[0], count[0] + 1)
+
+    def test_both_command_all_the_time_and_each_gets_its_own_answers(self):
+        with Held(modbus="max_requests_per_s = 0\n") as held:
+            failures = []
+
+            def command(plc, own):
+                mask = 1 if own else 2  # the other one's mask names no sensor
+                plc.command(1, 8, mask)
+                for number in range(2, 100):
+                    while (outcome := plc.command(number, 8, mask)) == 6:  # busy with the other's
+                        pass
+                    if outcome != ((number, DONE, OK) if own else (number, REJECTED, 2)):
+                        failures.append((own, number, outcome))
+
+            threads = [threading.Thread(target=command, args=(held.plc(f"127.0.0.{1 + i}"), i == 0)) for i in range(2)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+            self.assertEqual(failures, [])
+
+
+class TareLimit(unittest.TestCase):
+    def test_a_held_force_beyond_a_fifth_of_full_scale_is_refused_on_every_path(self):
+        with Held() as held:
+            plc = held.plc()
+            plc.command(1, TARE, 1)
+            number = 1
+            for force_N, result in ((-0.22 * FULL_SCALE_N, UNDER_LOAD), (-0.18 * FULL_SCALE_N, OK)):
+                held.press(force_N)
+                state = REJECTED if result else DONE
+                ended = lambda: plc.read(50, 8)[2] != 1  # noqa: E731
+                self.assertEqual(held.daemon.ctl("tare", "left").returncode, 1 if result else 0)
+                number += 1
+                self.assertEqual(plc.command(number, TARE, 1), (number, state, result))
+                self.assertEqual(plc.write_one(5010, 1), 0)
+                wait_for(ended, 5, "the tare by a register")
+                self.assertEqual(plc.read(50, 8)[DIRECT], [TARE, state, result])
+                self.assertEqual(plc.write_coil(0), 0)
+                wait_for(ended, 5, "the tare by a coil")
+                self.assertEqual(plc.read(50, 8)[DIRECT], [TARE, state, result])
+                self.assertEqual(plc.read(54, 1)[0], 2 if result else 4)
+                quality, seen_N = held.read_force()
+                self.assertAlmostEqual(seen_N, force_N if result else 0, delta=0.02)
+
+
+class Faults(unittest.TestCase):
+    def test_tactilectl_clear_clears_what_is_latched(self):
+        with Held(commands=False) as held:
+            plc = held.plc()
+            held.device.is_silent = True
+            wait_for(lambda: plc.read(FAULT, 1)[0] & 1, 5, "sensor lost")
+            held.device.is_silent = False
+            held.settle()
+            self.assertTrue(plc.read(FAULT, 1)[0] & 1, "it is latched")
+            cleared = held.daemon.ctl("clear")
+            self.assertEqual((cleared.returncode, cleared.stdout), (0, "clear: done; a fault whose cause lasts comes back\n"))
+            wait_for(lambda: plc.read(FAULT, 1)[0] == 0, 1, "the fault to be cleared")
+
+    def test_fault_clear_s_clears_them_for_a_plc_that_may_not_write(self):
+        with Held(commands=False, node="fault_clear_s = 1\n") as held:
+            plc = held.plc()
+            held.device.is_silent = True
+            wait_for(lambda: plc.read(FAULT, 1)[0] & 1, 5, "sensor lost")
+            time.sleep(1.5)
+            self.assertTrue(plc.read(FAULT, 1)[0] & 1, "the cause lasts")
+            held.device.is_silent = False
+            began = time.monotonic()
+            wait_for(lambda: plc.read(FAULT, 1)[0] == 0, 5, "the fault to clear itself")
+            self.assertGreater(time.monotonic() - began, 0.9)
+
+
+class FunctionBlock(unittest.TestCase):
+    """The generated FB_TACTILED and FB_TACTILED_COMMAND, run against the daemon as a PLC's task would."""
+
+    def setUp(self):
+        text = subprocess.run([BIN / "tactilectl", "map", "--format", "st", "--sensors", "1"], capture_output=True, text=True, check=True).stdout
+        program = Program(text)
+        self.map, self.command = program.instance("FB_TACTILED"), program.instance("FB_TACTILED_COMMAND")
+
+    def scan(self, plc, writes=True, **inputs):
+        node, cells = plc.read(0, 32), plc.read(100, 25)
+        self.map.call(GLOBAL_REGS=node, SENSOR_REGS=cells, CALLS_PER_SECOND=50)
+        self.command.call(GLOBAL_REGS=node, GLOBAL_OK=self.map.value("GLOBAL_OK"), CALLS_PER_SECOND=50, **inputs)
+        if writes:
+            plc.write(5000, *self.command.value("COMMAND_REGS"))
+            plc.write_one(5020, self.command.value("HEARTBEAT_REG"))
+
+    def run_once(self, plc, seconds=10, **inputs):
+        self.scan(plc, EXECUTE=False)
+        until = time.monotonic() + seconds
+        self.scan(plc, EXECUTE=True, **inputs)
+        while self.command.value("BUSY") and time.monotonic() < until:
+            time.sleep(0.01)
+            self.scan(plc)
+        return [self.command.value(name) for name in ("DONE", "ERROR", "RESULT")]
+
+    def test_it_tares_across_restarts_and_repeats_nothing(self):
+        with Held() as held:
+            plc = held.plc()
+            for _ in range(30):
+                self.scan(plc)
+            self.assertTrue(self.map.value("VALID"))
+            self.assertTrue(self.command.value("WRITES_ARRIVE"))
+            for count in (1, 2):
+                self.assertEqual(self.run_once(plc, CMD=TARE, MASK=1), [True, False, OK])
+                self.assertEqual(plc.read(120, 1), [count])
+            held.press(-25.0)
+            self.assertEqual(self.run_once(plc, CMD=TARE, MASK=1), [False, True, UNDER_LOAD])
+            held.restart(signal.SIGKILL)
+            for _ in range(30):
+                self.scan(plc)
+            self.assertAlmostEqual(self.map.value("SENSOR[0].FZ_N"), -25, delta=0.05)
+            self.assertEqual(plc.outcome()[2], ADOPTED)
+            self.assertEqual(self.run_once(plc, CMD=UNTARE, MASK=1), [True, False, OK])
+            self.assertEqual(plc.read(120, 1), [0])
+
+    def test_a_command_that_times_out_is_withdrawn(self):
+        with Held() as held:
+            plc = held.plc()
+            for _ in range(10):
+                self.scan(plc)
+            self.scan(plc, EXECUTE=True, CMD=TARE, MASK=1, TIMEOUT_S=1, writes=False)
+            for _ in range(60):
+                self.scan(plc, writes=False)
+            self.assertEqual([self.command.value(n) for n in ("BUSY", "ERROR", "RESULT")], [False, True, 7])
+            self.assertEqual(self.command.value("COMMAND_REGS")[:2], [0, 0])
+            self.scan(plc)
+            self.assertEqual(plc.read(120, 1), [0])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,233 @@
+// Zeros of tares over a restart: restored for the same sensor alone, else known to be lost.
+#include "node/zero_store.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tactiled/reader.hpp"
+#include "through.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+class ZeroStoreTest : public testing::Test {
+protected:
+    ZeroStoreTest() { std::filesystem::create_directories(folder_); }
+    ~ZeroStoreTest() override { std::filesystem::remove_all(folder_); }
+
+    static ZeroOwner owner() { return {"left", "A1", 7, {"through"}, true}; }
+    static std::vector<Sensor> sensors() {
+        Sensor::Setup setup;
+        setup.channel_of_frame = {0, 1, 2};
+        setup.frame_channels = 3;
+        setup.zero_id = 7;
+        setup.decoupler = std::make_unique<Through>();
+        std::vector<Sensor> all;
+        all.emplace_back(std::move(setup));
+        all[0].start(1, 0);
+        return all;
+    }
+    tactiled_sample send(Sensor& sensor, double z) {
+        Frame f;
+        f.t_ns = now_ns_ += kMs;
+        f.n_channels = 3;
+        f.channel = {0, 0, z};
+        return sensor.sample(f, now_ns_);
+    }
+    void tare(Sensor& sensor, double z) {
+        (void)send(sensor, z);
+        sensor.begin_tare(now_ns_);
+        for (int i = 0; i <= 100; ++i) (void)send(sensor, z);
+        EXPECT_EQ(sensor.poll_tare(now_ns_), Sensor::Tare::done);
+    }
+    bool keep(ZeroStore& store, const Sensor& sensor) {
+        store.add(0, sensor);
+        const std::uint32_t number = store.commit();
+        for (int i = 0; i < 1000 && !store.is_done(number); ++i) ::usleep(5000);
+        EXPECT_TRUE(store.is_done(number));
+        return number != 0 && store.is_usable();
+    }
+    // A first run that tares at -20 N and ends.
+    void run_and_tare() {
+        ZeroStore store(path_, {owner()});
+        auto before = sensors();
+        tare(before[0], -20);
+        EXPECT_TRUE(keep(store, before[0]));
+    }
+    // The first sample of the next run, at -20 N.
+    tactiled_sample after(const ZeroOwner& now) {
+        ZeroStore store(path_, {now});
+        auto next = sensors();
+        store.restore(next);
+        return send(next[0], -20);
+    }
+    static void expect_lost(const tactiled_sample& s) {
+        EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
+        EXPECT_NE(s.reasons & TACTILED_ZERO_UNKNOWN, 0u);
+        EXPECT_TRUE(std::isnan(s.sd_force_N[2]));
+        EXPECT_EQ(s.tare_count, 0u);
+    }
+    void write(const std::string& text) { std::ofstream(path_) << text; }
+    std::string text() const {
+        std::ifstream file(path_);
+        return {std::istreambuf_iterator<char>(file), {}};
+    }
+
+    std::string folder_ = "/tmp/zero-store-test-" + std::to_string(::getpid()), path_ = folder_ + "/of/node.zeros.toml";
+    std::uint64_t now_ns_ = kMs;
+};
+
+TEST_F(ZeroStoreTest, ATareIsRestoredToTheLastBit) {
+    run_and_tare();
+    const tactiled_sample s = after(owner());
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(s.reasons, 0u);
+    EXPECT_NEAR(s.force_S_N[2], 0, 1e-12);
+    EXPECT_EQ(s.raw_force_S_N[2], -20);
+    EXPECT_EQ(s.tare_count, 1u);
+}
+
+TEST_F(ZeroStoreTest, WithForgetATaredSensorHasNoKnownZeroUntilItIsTaredAgainOrUntared) {
+    run_and_tare();
+    ZeroOwner forgets = owner();
+    forgets.restore = false;
+    expect_lost(after(forgets));
+    expect_lost(after(forgets));  // and so after each further start
+    for (const bool untares : {false, true}) {
+        ZeroStore store(path_, {forgets});
+        auto next = sensors();
+        store.restore(next);
+        (void)send(next[0], -20);
+        ASSERT_TRUE(next[0].can_tare());
+        if (untares)
+            next[0].begin_untare();
+        else
+            tare(next[0], -20);
+        const tactiled_sample s = send(next[0], -20);
+        EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+        EXPECT_NEAR(s.force_S_N[2], untares ? -20 : 0, 1e-12);
+    }
+}
+
+TEST_F(ZeroStoreTest, AnotherCalibrationSerialOrMethodHasLostTheTare) {
+    run_and_tare();
+    ZeroOwner other = owner();
+    other.id = 8;
+    expect_lost(after(other));
+    other = owner();
+    other.serial = "A2";
+    expect_lost(after(other));
+    other = owner();
+    other.methods = {"matrix"};
+    expect_lost(after(other));
+    other = owner();
+    other.sensor = "right";  // never tared
+    EXPECT_EQ(after(other).quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(after(owner()).tare_count, 1u) << "the file still has it";
+}
+
+TEST_F(ZeroStoreTest, OfMethodAutoEachMethodHasItsOwn) {
+    ZeroOwner two = owner();
+    two.methods = {"exact", "fast"};
+    {
+        ZeroStore store(path_, {two});
+        auto before = sensors();
+        TaredZero zero{3, 2, {}};  // "fast" has found none
+        zero.of_method[0] = {0, 0, -20, 0, 0, 0};
+        before[0].restore_zero(zero);
+        EXPECT_TRUE(keep(store, before[0]));
+    }
+    two.methods = {"fast", "exact"};
+    ZeroStore store(path_, {two});
+    auto next = sensors();
+    store.restore(next);
+    const TaredZero zero = next[0].tared_zero();
+    EXPECT_EQ(zero.tare_count, 3u);
+    EXPECT_EQ(zero.unknown, 1u);
+    EXPECT_EQ(zero.of_method[1][2], -20);
+}
+
+TEST_F(ZeroStoreTest, AnUntareIsKeptToo) {
+    run_and_tare();
+    {
+        ZeroStore store(path_, {owner()});
+        auto next = sensors();
+        store.restore(next);
+        next[0].begin_untare();
+        EXPECT_TRUE(keep(store, next[0]));
+    }
+    EXPECT_EQ(after(owner()).force_S_N[2], -20);
+    EXPECT_EQ(after(owner()).quality, unsigned(TACTILED_GOOD));
+}
+
+TEST_F(ZeroStoreTest, ADamagedFileMayHaveHeldAnyTare) {
+    run_and_tare();
+    for (const std::string& damaged :
+         {std::string("format = 1\n[[sensor]]\nname = \"left\"\n"), text().substr(0, text().size() / 2),
+          std::string("format = 2\n"), std::string("\0\1\2", 3)}) {
+        write(damaged);
+        expect_lost(after(owner()));
+        expect_lost(after(owner()));  // the file was written again, and says so still
+    }
+}
+
+TEST_F(ZeroStoreTest, AFileThatCannotBeReadOrWrittenLeavesTheStoreUnusable) {
+    std::filesystem::create_directories(path_);  // a folder in its place
+    ZeroStore store(path_, {owner()});
+    EXPECT_FALSE(store.is_usable());
+    auto next = sensors();
+    store.restore(next);
+    expect_lost(send(next[0], -20));
+    auto fresh = sensors();
+    tare(fresh[0], -20);
+    EXPECT_FALSE(keep(store, fresh[0]));
+    std::filesystem::remove_all(path_);
+    for (int i = 0; i < 400 && !store.is_usable(); ++i) ::usleep(10'000);
+    EXPECT_TRUE(store.is_usable()) << "it is tried again each second";
+    EXPECT_FALSE(ZeroStore("", {owner()}).is_usable());
+}
+
+TEST_F(ZeroStoreTest, ASensorThatAReloadExchangedStaysTaredInTheFile) {
+    run_and_tare();
+    {
+        ZeroStore store(path_, {owner()});
+        auto next = sensors();
+        store.restore(next);
+        next[0].lose_zero();
+        store.add(0, next[0]);
+        (void)store.commit();
+        ::usleep(100'000);
+    }
+    EXPECT_EQ(after(owner()).tare_count, 1u);
+}
+
+TEST(ZerosPath, IsConfiguredOrOfSystemdOrTheUsersOwn) {
+    const char* const kept[] = {"STATE_DIRECTORY", "XDG_STATE_HOME", "HOME"};
+    std::string before[3];
+    for (int i = 0; i < 3; ++i)
+        if (const char* const value = std::getenv(kept[i])) before[i] = value;
+    ::setenv("STATE_DIRECTORY", "/state:/other", 1);
+    ::setenv("XDG_STATE_HOME", "/xdg", 1);
+    ::setenv("HOME", "/home/me", 1);
+    EXPECT_EQ(zeros_path("/a/b.toml", "n"), "/a/b.toml");
+    EXPECT_EQ(zeros_path("", "n"), "/state/n.zeros.toml");
+    ::unsetenv("STATE_DIRECTORY");
+    if (::access("/var/lib/tactiled", W_OK) != 0) {
+        EXPECT_EQ(zeros_path("", "n"), "/xdg/tactiled/n.zeros.toml");
+        ::unsetenv("XDG_STATE_HOME");
+        EXPECT_EQ(zeros_path("", "n"), "/home/me/.local/state/tactiled/n.zeros.toml");
+        ::unsetenv("HOME");
+        EXPECT_EQ(zeros_path("", "n"), "");
+    }
+    for (int i = 0; i < 3; ++i)
+        if (!before[i].empty()) ::setenv(kept[i], before[i].c_str(), 1);
+}
+
+}  // namespace
+}  // namespace tactiled
