@@ -87,7 +87,8 @@ const Fields<NodeSettings>& node_fields() {
     using S = NodeSettings;
     static const Fields<S> fields = {
         {TACTILED_KEY(S, name), "gripper", Text::name, Reload::restart,
-         "Name of the daemon. The segment is /dev/shm/tactiled.NAME, and `tactilectl --node` takes this name."},
+         "Name of the daemon. The segment is tactiled.NAME in its run-time folder, and `tactilectl --node` takes this "
+         "name."},
         {TACTILED_KEY(S, watchdog_ms), 250, range(10, 10'000), "ms", Reload::restart,
          "Readers consider the daemon dead when it has published nothing for this time."},
         {TACTILED_KEY(S, stuck_link_ms), 10'000, range(0, 600'000), "ms", Reload::restart,
@@ -95,7 +96,8 @@ const Fields<NodeSettings>& node_fields() {
          "daemon with all its links. With 0 it is never restarted for that reason, and the other links go on without this "
          "one."},
         {TACTILED_KEY(S, control), "/run/tactiled/NAME.sock", Text::full_path, Reload::restart,
-         "Path of the socket for commands, at most 107 bytes."},
+         "Path of the socket for commands, at most 107 bytes. In another run-time folder than /run/tactiled the default is "
+         "NAME.sock there."},
         {TACTILED_KEY(S, zeros),
          Default("", "NAME.zeros.toml in $STATE_DIRECTORY, else in /var/lib/tactiled, else in ~/.local/state/tactiled"),
          Text::full_path, Reload::restart,
@@ -170,6 +172,7 @@ Config load_config(const std::string& path, Problems& problems) {
     config.grasp = read_grasp(root, config.node.name, config.sensors, folder);
     if (config.grasp) config.modbus.objects = config.grasp->objects;
     config.gpio = read_gpio(root);
+    check_written_files(config);
     return config;
 }
 

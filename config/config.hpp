@@ -14,7 +14,7 @@ namespace tactiled {
 Options no_options();  // an empty table of no file
 
 struct NodeSettings {
-    std::string name;      // the segment is /dev/shm/tactiled.NAME
+    std::string name;      // the segment is tactiled.NAME in the run-time folder
     int watchdog_ms;       // readers hold the daemon for dead when it published nothing for so long
     int stuck_link_ms;     // a link that is in its device for so long ends the feeding of systemd's watchdog; 0 = never
     std::string control;   // path of the control socket

@@ -38,4 +38,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
 // [gpio]; nothing where the file has none. setup: never throws for bad input
 std::optional<GpioSettings> read_gpio(Options& root);
 
+// No file that the daemon writes is another one of the configuration. setup: never throws for bad input
+void check_written_files(Config& config);
+
 }  // namespace tactiled

@@ -90,6 +90,7 @@ void answer_with(int client, int descriptor) {
 ControlSocket::ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
                              const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands)
     : path_(path),
+      lock_(path + ".lock"),
       node_name_(node_name),
       objects_path_(objects_path),
       writer_(segment),
@@ -98,9 +99,10 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     std::error_code ignored;
     std::filesystem::create_directories(std::filesystem::path(path).parent_path(), ignored);
     std::string unused;
-    if (!ask_daemon(path, "?", kLookMs, unused).empty())  // our name is ours, but another node may have been given this path
-        throw SetupError(
-            fmt::format("control socket {}: another daemon answers there; give each its own [node] control", path));
+    // The name of the node is ours, but another node may have been given this path. A daemon without the lock is an older
+    // one, or another user has put a file in the lock's place.
+    if (lock_.take(0) == LockFile::State::busy || !ask_daemon(path, "?", kLookMs, unused).empty())
+        throw SetupError(fmt::format("control socket {}: it is another daemon's; give each its own [node] control", path));
     struct stat there {};
     if (::lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode))  // a file that was named by mistake
         throw SetupError(fmt::format("control socket {}: something else than a socket is there; choose another path", path));
@@ -112,6 +114,10 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
         const std::string why = std::strerror(errno);
         if (listener_ >= 0) ::close(listener_);
         throw SetupError(fmt::format("control socket {}: {}", path, why));
+    }
+    if (::lstat(path.c_str(), &there) == 0) {
+        device_ = there.st_dev;
+        inode_ = there.st_ino;
     }
     if (!group.empty())
         if (const ::group* found = ::getgrnam(group.c_str()))
@@ -126,7 +132,8 @@ ControlSocket::~ControlSocket() {
     thread_.join();
     if (asker_ >= 0) ::close(asker_);
     ::close(listener_);
-    ::unlink(path_.c_str());
+    struct stat there {};
+    if (::lstat(path_.c_str(), &there) == 0 && there.st_dev == device_ && there.st_ino == inode_) ::unlink(path_.c_str());
 }
 
 void ControlSocket::serve() noexcept {

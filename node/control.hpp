@@ -13,18 +13,22 @@
 //     answer    "ok" with a descriptor (SCM_RIGHTS): the page of struct tactiled_wake, or one for epoll that counts
 //               node records for as long as the connection stays open (tactiled_ask_descriptor() in tactiled/reader.h)
 #pragma once
+#include <sys/types.h>
+
 #include <atomic>
 #include <string>
 
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
 #include "node/shm/events.hpp"
+#include "node/shm/lock_file.hpp"
 
 namespace tactiled {
 
 class ControlSocket {
 public:
-    // Replaces a socket that a dead daemon left. setup: throws SetupError where `path` cannot be bound
+    // Replaces a socket that a dead daemon left: the lock of PATH.lock says that its daemon lives, also where it is stopped
+    // and cannot answer. setup: throws SetupError where `path` cannot be bound, or is another daemon's
     ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
                   const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands);
     ~ControlSocket();
@@ -40,6 +44,9 @@ private:
     void log_refused_tares();
 
     std::string path_;
+    LockFile lock_;
+    dev_t device_ = 0;  // of the socket's own file, and its inode
+    ino_t inode_ = 0;
     std::string node_name_;
     std::string objects_path_;           // "" = there is no [grasp]
     std::vector<TaughtObject> objects_;  // lent to the pipeline until it acknowledges objects_number_

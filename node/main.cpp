@@ -8,6 +8,7 @@
 #include <cinttypes>
 #include <csignal>
 #include <cstring>
+#include <iostream>
 #include <memory>
 
 #include "node/control.hpp"
@@ -18,6 +19,7 @@
 #include "node/reload.hpp"
 #include "node/sandbox.hpp"
 #include "node/setup.hpp"
+#include "node/shm/folder.hpp"
 #include "node/threads.hpp"
 #include "node/watchdog.hpp"
 #include "tactiled/reader.hpp"
@@ -60,6 +62,9 @@ void wait_for_end(const sigset_t& signals, Reloader& reloader, Pipeline& pipelin
 }
 
 int run(Node& node, const sigset_t& signals) {
+    const std::string folder = runtime_folder();
+    set_runtime_folder(folder);  // the Modbus server and others read the segment by name
+    node.plan.control = control_in(folder, node.plan.name, node.plan.control);
     ZeroStore zeros(zeros_path(node.config.node.zeros, node.plan.name), node.zeros);
     zeros.restore(node.sensors);
     Reloader reloader(node, method_costs_folder(), &zeros);
@@ -81,9 +86,11 @@ int run(Node& node, const sigset_t& signals) {
             modbus = std::make_unique<ModbusServer>(node.plan.name, settings, pipeline.commands[TACTILED_FROM_MODBUS]);
         std::unique_ptr<GpioOutputs> gpio;
         if (node.config.gpio) gpio = std::make_unique<GpioOutputs>(node.plan.name, *node.config.gpio);
-        log_line(LogLevel::info, "tactiled {}: node \"{}\", {} sensors, segment /dev/shm/tactiled.{}, Modbus {}",
-                 TACTILED_VERSION, node.plan.name, node.sensors.size(), node.plan.name,
+        log_line(LogLevel::info, "tactiled {}: node \"{}\", {} sensors, segment {}/tactiled.{}, Modbus {}", TACTILED_VERSION,
+                 node.plan.name, node.sensors.size(), folder, node.plan.name,
                  settings.listen.empty() ? settings.enabled() ? "RTU" : "off" : settings.listen);
+        if (const std::string warning = folder_warning(folder, node.plan.name); !warning.empty())
+            log_text(LogLevel::warning, warning);
         if (const std::string refused = enter_sandbox(); !refused.empty()) log_text(LogLevel::warning, refused);
         ::sd_notify(0, "READY=1");
         wait_for_end(signals, reloader, pipeline);
@@ -101,9 +108,15 @@ int start(int argc, char** argv) {
     app.set_version_flag("--version", TACTILED_VERSION);
     app.add_option("--config", path, "configuration file")->capture_default_str();
     app.add_flag("--check", check, "check the configuration and end");
+    app.add_option_function<std::string>("--runtime-dir", set_runtime_folder,
+                                         "folder of the segment and the control socket; default: TACTILED_RUNTIME_DIR, "
+                                         "/run/tactiled, $XDG_RUNTIME_DIR/tactiled");
     try {
         app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? EX_OK : EX_USAGE; }
+    } catch (const CLI::ParseError& error) {
+        const int status = app.exit(error) == 0 ? EX_OK : EX_USAGE;
+        return status == EX_OK && !std::cout.flush() ? EX_IOERR : status;
+    }
     const sigset_t signals = block_signals();
     Problems problems;
     Node node = load_node(path, problems, check ? "" : method_costs_folder());

@@ -29,7 +29,13 @@ setsid "$bin/tactilectl" play --in config/demo/table_demo.csv --pty build/demo/t
 for _ in $(seq 100); do [ -e build/demo/skin ] && [ -e build/demo/table ] && break; sleep 0.05; done
 setsid "$bin/tactiled" --config config/demo.toml 2>build/demo/tactiled.log & daemon=$!
 children=("$daemon" "${children[@]}")
-for _ in $(seq 100); do [ -e /dev/shm/tactiled.gripper ] && break; kill -0 "$daemon" 2>/dev/null || break; sleep 0.05; done
+# 3: there is no daemon of that name yet
+for _ in $(seq 100); do
+    status=0; "$bin/tactilectl" status >/dev/null 2>&1 || status=$?
+    [ $status != 3 ] && break
+    kill -0 "$daemon" 2>/dev/null || break
+    sleep 0.05
+done
 if ! kill -0 "$daemon" 2>/dev/null; then cat build/demo/tactiled.log; exit 1; fi
 
 cat <<'EOF'

@@ -8,6 +8,8 @@ stage() { echo "run.sh: $((SECONDS / 60)) min $((SECONDS % 60)) s: $*"; }
 
 stage packages
 ./node/install-packages.sh build tests kernel
+# Root has /run/tactiled and a session $XDG_RUNTIME_DIR; where there is neither, a folder that only this user can write to.
+[ "$(id -u)" = 0 ] || [ -n "${XDG_RUNTIME_DIR:-}" ] || { mkdir -p build; export TACTILED_RUNTIME_DIR=$PWD/build/run; }
 build() { # preset targets...
     local preset=$1; shift
     stage "building in build/$preset: $*"

@@ -1,15 +1,20 @@
 #include "node/ctl/verb.hpp"
 
 #include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
 #include <CLI/CLI.hpp>  // all of it, once: command_line.hpp
 
+#include <cerrno>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <exception>
+#include <iostream>
 
 #include "config/options.hpp"
 #include "config/text_file.hpp"
-#include "tactiled/layout.h"
+#include "tactiled/reader.h"
 
 namespace tactiled::ctl {
 
@@ -39,8 +44,38 @@ CLI::Validator number_in(double min, double max) {
 }
 
 void add_node_option(CLI::App* verb, std::string& node_name) {
-    verb->add_option("--node", node_name, "name of the daemon, as [node] name says")->capture_default_str();
+    verb->add_option("--node", node_name, "name of the daemon, as [node] name says")
+        ->check([](const std::string& name) {
+            tactiled_segment unused{};
+            return std::string(tactiled_check_name(&unused, "node", name.c_str()) != 0 ? "" : unused.why);
+        })
+        ->capture_default_str();
+    // A variable and not a parameter: each reader of this process, and the laboratory's program, follows it.
+    verb->add_option_function<std::string>(
+        "--runtime-dir", [](const std::string& folder) { ::setenv(TACTILED_FOLDER_VARIABLE, folder.c_str(), 1); },
+        "folder of the daemon's segment; default: TACTILED_RUNTIME_DIR, /run/tactiled, $XDG_RUNTIME_DIR/tactiled");
+    verb->final_callback([] {
+        const char* const given = tactiled_variable(TACTILED_FOLDER_VARIABLE);
+        if (given != nullptr && std::strcmp(given, TACTILED_SHARED_FOLDER) == 0)
+            fmt::print(stderr, "tactilectl: warning: {}\n", TACTILED_SHARED_WARNING);
+    });
 }
+
+namespace {
+
+// A failed write to the standard output makes a verb fail. A pipe without a reader, as after `head`, needs no message.
+int flush_output(const std::string& program, int status) {
+    errno = 0;
+    const bool written = std::cout.flush().good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
+    if (written) return status;
+    const int error = errno;  // 0: the write failed earlier
+    pollfd output{STDOUT_FILENO, POLLOUT, 0};
+    if (::poll(&output, 1, 0) != 1 || (output.revents & POLLERR) == 0)
+        fmt::print(stderr, "{}: standard output: {}\n", program, error != 0 ? std::strerror(error) : "a write failed");
+    return status == kGood ? kUnhealthy : status;
+}
+
+}  // namespace
 
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons) {
     static constexpr const char* kQuality[] = {"no-value", "good", "uncertain", "bad"};
@@ -59,11 +94,13 @@ int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
     std::signal(SIGPIPE, SIG_IGN);
     try {
         app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? kGood : kUsage; }
+    } catch (const CLI::ParseError& error) { return flush_output(app.get_name(), app.exit(error) == 0 ? kGood : kUsage); }
     int status = kUnhealthy;
+    bool ran = false;
     const auto print = [&](const std::exception& error) { fmt::print(stderr, "{}: {}\n", app.get_name(), error.what()); };
     try {
         status = run();
+        ran = true;
     } catch (const SaveError& error) {  // the command line is correct
         print(error);
     } catch (const SetupError& error) {
@@ -71,7 +108,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
         status = kUsage;
     } catch (const std::exception& error) { print(error); }
     if (interrupted != 0 && std::ferror(stdout) != 0) std::_Exit(status);  // exit() would wait for the full pipe once more
-    return status;
+    return ran ? flush_output(app.get_name(), status) : status;
 }
 
 int run_verb(int argc, char** argv, std::span<const AddVerb> verbs) {

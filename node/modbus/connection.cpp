@@ -55,7 +55,7 @@ const char* Connection::answer_all(const Answer& answer, std::uint64_t now_ns) {
         account_ns_ = std::max(account_ns_, now_ns) + cost_ns_;
         if (answer(rest.first(size)) == 0) return "takes no answers";
         used += size;
-        asked_ = true;
+        asked_ns_ = now_ns;
     }
     std::memmove(in_.data(), in_.data() + used, received_ - used);
     received_ -= used;

@@ -25,7 +25,10 @@ public:
 
     // Takes over `fd`, a non-blocking socket. `max_per_s` requests a second are answered, 0 = any number; more wait.
     Connection(int fd, std::uint64_t now_ns, int max_per_s = 0)
-        : fd_(fd), heard_ns_(now_ns), cost_ns_(max_per_s > 0 ? 1'000'000'000u / std::uint64_t(max_per_s) : 0) {}
+        : fd_(fd),
+          heard_ns_(now_ns),
+          asked_ns_(now_ns),
+          cost_ns_(max_per_s > 0 ? 1'000'000'000u / std::uint64_t(max_per_s) : 0) {}
     ~Connection();
     Connection(const Connection&) = delete;
     Connection& operator=(const Connection&) = delete;
@@ -45,8 +48,8 @@ public:
     std::uint32_t watched = 0;  // the events that epoll watches for
 
     modbus::Session session;
-    [[nodiscard]] bool has_asked() const noexcept { return asked_; }
-    [[nodiscard]] std::uint64_t heard_ns() const noexcept { return heard_ns_; }
+    // The time of the last complete request; before the first one, that of the connection.
+    [[nodiscard]] std::uint64_t asked_ns() const noexcept { return asked_ns_; }
 
 private:
     static constexpr int kMaxAtOnce = 16;  // then the other clients have their turn
@@ -59,10 +62,10 @@ private:
     int fd_;
     std::array<std::uint8_t, kMaxAtOnce * kMaxAdu> in_{};
     std::size_t received_ = 0;
-    bool asked_ = false;          // at least one whole request
     bool request_waits_ = false;  // a whole one at the start of in_
     bool said_all_ = false;       // the client will send no more
-    std::uint64_t heard_ns_;
+    std::uint64_t heard_ns_;      // the last byte
+    std::uint64_t asked_ns_;
     std::uint64_t request_began_ns_ = 0;  // 0: no request is incomplete
     std::uint64_t stuck_since_ns_ = 0;    // a request waits for room in the socket; 0: none does
     // Each answer costs so much time; a client may be kBurst answers ahead of its account.

@@ -19,10 +19,11 @@ namespace {
 
 constexpr std::uint64_t kTickNs = 50'000'000;  // longest delay of stop() and of deadlines
 constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
-constexpr std::uint64_t kRetryNs = 1'000'000'000;         // for the port, and after running out of descriptors
-constexpr std::uint64_t kMayBeEvictedNs = 1'000'000'000;  // a client that asked within the last second keeps its place
-constexpr int kWaitingAtTheDoor = 128;                    // whom the kernel finds no room for tries again after a second
-constexpr std::size_t kPlacesOfPlc = 4;                   // connections of each listed address
+constexpr std::uint64_t kRetryNs = 1'000'000'000;  // for the port, and after running out of descriptors
+// A client keeps its place for so long after a complete request, or after it has connected. PLCs poll every 2 s or faster.
+constexpr std::uint64_t kKeepsPlaceNs = 5'000'000'000;
+constexpr int kWaitingAtTheDoor = 128;   // whom the kernel finds no room for tries again after a second
+constexpr std::size_t kPlacesOfPlc = 4;  // connections of each listed address
 
 void watch(int epoll, int operation, int fd, std::uint32_t events) {
     epoll_event event{};
@@ -214,22 +215,20 @@ void ModbusServer::admit(int fd, const sockaddr_storage& peer, bool plc, std::ui
     ++counts_.accepted;
 }
 
-// Who has never asked anything makes room first, then who has been silent longest. One that polls keeps its place, so a
-// flood of connections pushes out only itself. A listed PLC has places of its own, for which only its own old ones go.
+// The client without a complete request for the longest time makes room, if that is long enough. A listed PLC has places of
+// its own, for which only its own oldest one makes room, and at once: a PLC that was switched off leaves connections behind.
 bool ModbusServer::make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns) {
     const auto competes = [&](const Client& c) { return plc ? c.plc && modbus::same_host(c.peer, peer) : !c.plc; };
-    const auto worth = [](const Client& c) { return std::pair(c.has_asked(), c.heard_ns()); };
     std::size_t n = 0;
-    int min = -1;
+    int oldest = -1;
     for (const auto& [fd, client] : clients_) {
         if (!competes(*client)) continue;
         ++n;
-        if (min < 0 || worth(*client) < worth(*clients_[min])) min = fd;
+        if (oldest < 0 || client->asked_ns() < clients_[oldest]->asked_ns()) oldest = fd;
     }
     if (n < (plc ? kPlacesOfPlc : std::size_t(settings_.max_clients))) return true;
-    const Client& out = *clients_[min];
-    if (!plc && out.has_asked() && now_ns - out.heard_ns() < kMayBeEvictedNs) return false;
-    close(min);
+    if (!plc && now_ns - clients_[oldest]->asked_ns() < kKeepsPlaceNs) return false;
+    close(oldest);
     return true;
 }
 

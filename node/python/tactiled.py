@@ -15,23 +15,28 @@ it on PYTHONPATH.
 Fields, units, frames and signs are those of layout.h; what happens at the end of a daemon is what reader.h does. A
 reader costs the daemon nothing, cannot delay it, and survives its death. One object a thread.
 
-Memory order. A sample is copied in one piece between two looks at its slot's lock word, and given only if both showed
-the same finished record. That needs the two looks and the copy to happen in this order. Python has no fences. On x86
-this holds: loads are not reordered with loads, and the interpreter makes the three accesses in three separate calls. On
-other processors (ARM, RISC-V) the hardware may reorder them; some hundred instructions of the interpreter lie between,
-which makes it unlikely and guarantees nothing. Use C or C++ if correctness there must be guaranteed.
+The folder of the segment is found and checked by the rule of folder.h, with the same environment variables.
+
+The file is read with pread() and is not mapped: a program that has mapped a file is killed when the file is truncated,
+and Python cannot prevent that. A truncated file reads as a daemon that has stopped.
+
+Memory order. A sample is copied by one system call between two others, of which the first one shows that it is published
+and the second one that it was not overwritten meanwhile. That needs the three reads to happen in this order. On x86 this holds, because
+loads are not reordered with loads. On other processors (ARM, RISC-V) the hardware may reorder them across the entry into
+the kernel, which is unlikely and not excluded. Use C or C++ if correctness there must be guaranteed.
 """
 import collections
 import errno
 import math
-import mmap
 import operator
 import os
 import select
 import socket
 import stat
 import struct
+import sys
 import time
+import warnings
 
 MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 5
 MAX_SENSORS = MAX_LINKS = 16
@@ -125,8 +130,8 @@ _GRASP = _Struct(
 _NODE = _Struct(
     "sequence:Q t_ns:Q cycles:Q missed_cycles:Q heartbeat:I status:I fault:I warning:I worst_cycle_us:I command:6I "
     f"-:4x count:16Q grasp:{_GRASP.size}s")
-_STATE_WORD = struct.calcsize("=" + "".join(code for _, code in _HEADER.fields[:-3])) // 4
-_RELOADS_WORD = _STATE_WORD + 1
+_STATE_OFFSET = struct.calcsize("=" + "".join(code for _, code in _HEADER.fields[:-3]))
+_RELOADS_OFFSET = _STATE_OFFSET + 4
 
 Header = collections.namedtuple("Header", _HEADER.names)
 SensorInfo = collections.namedtuple("SensorInfo", _SENSOR.names)
@@ -183,7 +188,7 @@ class _Ring:
     def __init__(self, segment, numbers, size):
         self.offset, self.slot_size, self.slots, self.record_size, self.head_offset = numbers
         self._size, self._known = size, min(size, self.record_size)
-        self._bytes, self._words = segment.bytes, segment.words
+        self._read, self._word = segment.read, segment.word
 
     def fits(self, size):
         return (self.slots >= 8 and self.slots & (self.slots - 1) == 0 and self.slot_size % 128 == 0 and
@@ -192,21 +197,20 @@ class _Ring:
                 self.head_offset % 4 == 0 and self.head_offset + 4 <= size)
 
     def head(self):
-        return self._words[self.head_offset >> 2]
+        return self._word(self.head_offset)
 
     def lock_of(self, number):
-        return self._words[self.offset + (number & (self.slots - 1)) * self.slot_size >> 2]
+        return self._word(self.offset + (number & (self.slots - 1)) * self.slot_size)
 
     def read(self, number):
-        """The bytes of a record, or None when the slot holds another one or changed meanwhile."""
+        """The bytes of a record, or None when the slot holds another one or changed meanwhile. The caller has read before that
+        it is published: the head, its lock word, or the node record that counts it."""
         slot = self.offset + (number & (self.slots - 1)) * self.slot_size
-        begin, whole = slot + _RECORD_OFFSET, 2 * number + 2 & _WORD
-        if self._words[slot >> 2] != whole:
+        whole = (2 * number + 2 & _WORD).to_bytes(4, sys.byteorder)
+        data = self._read(slot, _RECORD_OFFSET + self._known)
+        if data[:4] != whole or self._read(slot, 4) != whole:
             return None
-        record = self._bytes[begin:begin + self._known]
-        if self._words[slot >> 2] != whole:
-            return None
-        return record if self._known == self._size else record.ljust(self._size, b"\0")
+        return data[_RECORD_OFFSET:] if self._known == self._size else data[_RECORD_OFFSET:].ljust(self._size, b"\0")
 
     def latest(self):
         for _ in range(_TRIES):
@@ -223,47 +227,128 @@ class _Ring:
         return max(self.head() - (self.slots - 1 - self.slots // 8), 0)
 
 
-class _Segment:
-    """One mapping of one segment, checked."""
+SERVICE_FOLDER, SHARED_FOLDER = "/run/tactiled", "/dev/shm"
+_NAME_CHARACTERS = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.-")
+_WRITABLE = stat.S_IWGRP | stat.S_IWOTH
 
-    def __init__(self, name):
+
+def _folders():
+    """Those in which a segment is looked for, if no folder is given."""
+    given, users = os.environ.get("TACTILED_RUNTIME_DIR"), os.environ.get("XDG_RUNTIME_DIR")
+    if given:
+        return [given]
+    return [SERVICE_FOLDER, *([f"{users}/tactiled"] if users else [])]
+
+
+def _open_folder(path):
+    """The descriptor and the owner of a folder that only its owner and root can write to, and so each folder above it:
+    tactiled_open_folder() in folder.h says why."""
+    names = [name for name in path.split("/") if name]
+    if not path.startswith("/") or "." in names or ".." in names:
+        raise Error(f'folder "{path:.100}": is not a full path, or has "." or ".." in it')
+    flags = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_CLOEXEC
+    fd, above, at = os.open("/", flags), 0, "/"
+    try:
+        for i in range(len(names) + 1):
+            status = os.fstat(fd)
+            wrong = None
+            if status.st_mode & _WRITABLE:
+                wrong = "other users than its owner can write to it"
+            elif above and status.st_uid != above and (status.st_uid or i == len(names)):
+                wrong = "it is inside the folder of another user"
+            if wrong:
+                raise Error(f"{at}: not a trusted folder: {wrong}")
+            if i == len(names):
+                return fd, status.st_uid
+            above = status.st_uid or above
+            at = "/" + "/".join(names[:i + 1])
+            inner = os.open(names[i], flags | os.O_NOFOLLOW, dir_fd=fd)
+            os.close(fd)
+            fd = inner
+    except BaseException as e:
+        os.close(fd)
+        if isinstance(e, OSError) and e.errno in (errno.ENOTDIR, errno.ELOOP):
+            raise Error(f"{at}: not a folder; symbolic links are not followed") from None
+        if isinstance(e, OSError) and e.errno != errno.ENOENT:
+            raise Error(f"{at}: {e.strerror}") from None
+        raise
+
+
+def _open_file(folder, name):
+    """A segment's file, opened and checked. FileNotFoundError where there is none."""
+    shared = folder == SHARED_FOLDER
+    path = f"{folder}/{name}"
+    if shared:
+        place, owner = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC), None
+    else:
+        place, owner = _open_folder(folder)
+    try:  # a FIFO there must not stop the reader
+        fd = os.open(name, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=place)
+    except FileNotFoundError:
+        raise
+    except OSError as e:
+        raise Error(f"{path}: {e.strerror}{' (join the segment' + chr(39) + 's group)' if e.errno == errno.EACCES else ''}") from None
+    finally:
+        os.close(place)
+    status = os.fstat(fd)
+    wrong = None
+    if not stat.S_ISREG(status.st_mode):
+        wrong = "not a segment"
+    elif not shared and status.st_uid not in (owner, 0):
+        wrong = "belongs neither to the owner of its folder nor to root: not a daemon's"
+    elif status.st_mode & _WRITABLE:
+        wrong = "others than its owner may write it: not a daemon's"
+    elif status.st_size < _HEADER.size:
+        wrong = "too short to be a segment"
+    if wrong:
+        os.close(fd)
+        raise Error(f"{path}: {wrong}")
+    return fd, status
+
+
+class _Segment:
+    """One open segment, checked."""
+
+    _fd = None
+
+    def __init__(self, name, folder=None):
         if not 0 < len(os.fsencode(name)) < NAME_SIZE:
             raise Error(f'node "{name:.100}": a name has 1 to {NAME_SIZE - 1} characters')
-        self.path = _path(name)
-        try:  # who put a FIFO there must not stop us
-            fd = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
-        except OSError as e:
-            hint = {errno.ENOENT: " (no daemon of that name runs)", errno.EACCES: " (join the segment's group)"}
-            raise self._error(f"{e.strerror}{hint.get(e.errno, '')}") from None
-        try:
-            status = os.fstat(fd)
-            if not stat.S_ISREG(status.st_mode):
-                raise self._error("not a segment")
-            if status.st_size < _HEADER.size:
-                raise self._error("too short to be a segment")
-            if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-                raise self._error("others than its owner may write it: not a daemon's")
-            self.identity = status.st_dev, status.st_ino
-            flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)  # the name is new in Python 3.10
+        if not _NAME_CHARACTERS.issuperset(name):
+            raise Error(f'node "{name}": a name has the characters A-Z a-z 0-9 _ . - only')
+        folders = [folder] if folder else _folders()
+        for self.folder in folders:
+            self.path = f"{self.folder}/tactiled.{name}"
             try:
-                self.bytes = mmap.mmap(fd, status.st_size, flags, mmap.PROT_READ)
-            except OSError as e:
-                raise self._error(f"mmap: {e.strerror}") from None
-        finally:
-            os.close(fd)
-        self.words = memoryview(self.bytes)[:status.st_size & ~3].cast("I")
+                self._fd, status = _open_file(self.folder, f"tactiled.{name}")
+                break
+            except FileNotFoundError:
+                pass
+        else:
+            raise Error(f'node "{name}": no daemon of that name runs: no tactiled.{name} in {" or ".join(folders)}')
+        self.identity = status.st_dev, status.st_ino
+        self._size = status.st_size
         try:
             self._check(status.st_size)
         except Error:
             self.close()
             raise
 
+    def read(self, at, size):
+        """Bytes of the file; zeros, which are no finished record, where it was truncated."""
+        data = os.pread(self._fd, size, at)
+        return data if len(data) == size else data.ljust(size, b"\0")
+
+    def word(self, at):
+        return int.from_bytes(self.read(at, 4), sys.byteorder)
+
     def _error(self, what):
-        return Error(f"{os.fsdecode(self.path)}: {what}")
+        return Error(f"{self.path}: {what}")
 
     def _check(self, size):
-        self.header = h = Header._make(_HEADER.texts(self.bytes, 0))
-        if self.bytes[:8] != MAGIC:
+        data = self.read(0, _HEADER.size)
+        self.header = h = Header._make(_HEADER.texts(data, 0))
+        if data[:8] != MAGIC:
             raise self._error("no tactiled segment")
         if h.byte_order != BYTE_ORDER:
             raise self._error("written by a machine of the other byte order")
@@ -294,16 +379,16 @@ class _Segment:
     def _entry(self, i):
         h = self.header
         at = h.sensor_offset + i * h.sensor_size
-        entry = self.bytes[at:at + min(h.sensor_size, _SENSOR.size)].ljust(_SENSOR.size, b"\0")  # an older daemon has less
+        entry = self.read(at, min(h.sensor_size, _SENSOR.size)).ljust(_SENSOR.size, b"\0")  # an older daemon has less
         return SensorInfo._make(_SENSOR.texts(entry, 0))
 
     def info(self, sensor):
         """The directory's entry as it is now: the daemon may have reloaded its configuration."""
         i = list(self.sensors).index(sensor)
         for _ in range(_TRIES):
-            reloads = self.words[_RELOADS_WORD]
+            reloads = self.word(_RELOADS_OFFSET)
             entry = self._entry(i)
-            if reloads % 2 == 0 and self.words[_RELOADS_WORD] == reloads:
+            if reloads % 2 == 0 and self.word(_RELOADS_OFFSET) == reloads:
                 break
         return entry
 
@@ -316,18 +401,35 @@ class _Segment:
         return grasp if fresh and self.is_current() and self.header.node[3] >= _NODE.size else _forgotten(grasp)
 
     def is_current(self):
-        """False once the daemon has ended cleanly or a successor has taken over."""
-        return STARTING <= self.words[_STATE_WORD] <= RUNNING
+        """False once the daemon has ended cleanly, a successor has taken over, or the file was truncated."""
+        return STARTING <= self.word(_STATE_OFFSET) <= RUNNING and os.lseek(self._fd, 0, os.SEEK_END) >= self._size
+
+    def is_alive(self, t_published_ns, now_ns):
+        """True if the daemon published within its watchdog_ms. The time is that of any of its records: where it is that
+        recent, the node record need not be read."""
+        if _is_fresh(t_published_ns, now_ns, self.header.watchdog_ms):
+            return True
+        record = self.node.latest()
+        return record is not None and _is_fresh(_NODE.values(record)[1], now_ns, self.header.watchdog_ms)
+
+    def judged(self, sample, stale_ms, now_ns):
+        """BAD where it is too old, or where the daemon has ended, hangs or is dead."""
+        sample = _judged(sample, stale_ms, now_ns)
+        if self.is_current() and self.is_alive(sample.t_published_ns, now_ns):
+            return sample
+        return _invalidated(sample, DAEMON_STOPPED)
 
     def close(self):
-        self.words.release()
-        self.bytes.close()
+        if self._fd is not None:
+            os.close(self._fd)
+        self._fd = None
 
 
 class _Attached:
     """What has a segment and finds the successor of its daemon. A context manager."""
 
     _segment = None
+    _folder = None  # where the first daemon was found: its successors are looked for nowhere else
     _tried_ns = 0
 
     def close(self):
@@ -351,27 +453,29 @@ class _Attached:
             return False
         self._tried_ns = now_ns
         try:
-            status = os.stat(_path(self.name), follow_symlinks=False)
-            if self._segment is not None and self._segment.identity == (status.st_dev, status.st_ino):
-                return False
-            fresh = _Segment(self.name)
+            fresh = _Segment(self.name, self._folder)
         except (OSError, Error):
             return False
-        if not fresh.is_current() or sensor is not None and sensor not in fresh.sensors:
+        same = self._segment is not None and self._segment.identity == fresh.identity
+        if same or not fresh.is_current() or sensor is not None and sensor not in fresh.sensors:
             fresh.close()
             return False
         if self._segment is not None:
             self._segment.close()
-        self._segment = fresh
+        self._segment, self._folder = fresh, fresh.folder
         return True
 
 
 class Node(_Attached):
     """The values of a node as they are now. Attaches by itself to the daemon that follows the one it was opened on."""
 
-    def __init__(self, name):
+    def __init__(self, name, folder=None):
         self.name = name
-        self._segment = _Segment(name)
+        self._segment = _Segment(name, folder)
+        self._folder = self._segment.folder
+        if self._folder == SHARED_FOLDER:
+            warnings.warn(f"any local user can create a segment in {SHARED_FOLDER} while its daemon does not run: nothing "
+                          "proves that these values are measured", RuntimeWarning, stacklevel=3)
         self._known = set(self._segment.sensors)
         self._stale = False  # so was the last thing given: the daemon may be dead and its file removed
 
@@ -408,8 +512,8 @@ class Node(_Attached):
         h, index = self._segment.header, list(self._segment.sensors).index(sensor)
         if h.sensor_size < _SENSOR_SIZE_1_3:  # it counts none
             return {}
-        at = h.sensor_offset + index * h.sensor_size
-        entry = bytes(self._segment.bytes[at:at + min(h.sensor_size, _SENSOR.size)]).ljust(_SENSOR.size, b"\0")
+        size = min(h.sensor_size, _SENSOR.size)
+        entry = self._segment.read(h.sensor_offset + index * h.sensor_size, size).ljust(_SENSOR.size, b"\0")
         counts = _SENSOR.values(entry, 0)[-2]
         return {word: count for word, count in zip(REASON_WORDS, counts) if count}
 
@@ -424,9 +528,9 @@ class Node(_Attached):
         record = ring.latest()
         if record is None:
             return _invalidated(_NOTHING, READER_OVERRUN if ring.head() else NO_DATA_YET)
-        sample = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
-        self._stale = sample.reasons & STALE != 0
-        return sample if segment.is_current() else _invalidated(sample, DAEMON_STOPPED)
+        sample = segment.judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
+        self._stale = sample.reasons & (STALE | DAEMON_STOPPED) != 0
+        return sample
 
     def snapshot(self):
         """(node record, {name: sample}): what belongs together at one instant; the record's `grasp` is a Grasp. Error when
@@ -451,13 +555,13 @@ class Node(_Attached):
             # Held up between reading and judging: what was read may be old, what is there now need not be.
             if len(samples) < len(segment.sensors) or taken_ns - begun_ns > 10_000_000 and tries < _TRIES - 1:
                 continue
-            current = segment.is_current()
+            current = segment.is_current() and _is_fresh(values[1], taken_ns, segment.header.watchdog_ms)
             for name, (info, _) in segment.sensors.items():
                 sample = _judged(samples[name], info.stale_ms, taken_ns)
                 samples[name] = sample if current else _invalidated(sample, DAEMON_STOPPED)
             values[-1] = segment.grasp(values[-1], values[1], taken_ns)
             node = NodeRecord._make(values)
-            self._stale = any(sample.reasons & STALE for sample in samples.values())
+            self._stale = any(sample.reasons & (STALE | DAEMON_STOPPED) for sample in samples.values())
             return node, samples
         raise Error(f'node "{self.name}": no whole snapshot: nothing published yet, or this reader is too slow')
 
@@ -475,7 +579,7 @@ class Node(_Attached):
         """
         self._now()
         self._require(sensor)
-        return Follower(self.name, sensor, timeout, wait, from_oldest)
+        return Follower(self.name, sensor, timeout, wait, from_oldest, self._folder)
 
 
 class _Events:
@@ -523,10 +627,10 @@ class Follower(_Attached):
 
     _events = None
 
-    def __init__(self, name, sensor, timeout=None, wait="events", from_oldest=False):
+    def __init__(self, name, sensor, timeout=None, wait="events", from_oldest=False, folder=None):
         if wait not in ("events", "sleep", "poll"):
             raise ValueError(f'wait = "{wait}": choose "events", "sleep" or "poll"')
-        self.name, self.sensor = name, sensor
+        self.name, self.sensor, self._folder = name, sensor, folder
         self.lost = 0
         self._timeout, self._how = timeout, wait
         self._last = None           # what was given last
@@ -573,8 +677,11 @@ class Follower(_Attached):
                 self._next = ring.oldest_number() if self._oldest else ring.newest_number()
             record = self._next_record(ring)
             if record is not None:
-                self._last = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, time.monotonic_ns())
+                now_ns = time.monotonic_ns()
+                self._last = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
                 self._broken = False
+                if not self._segment.is_alive(self._last.t_published_ns, now_ns):
+                    self._last = _invalidated(self._last, STALE)  # one sample says "stopped", after what is left
                 return self._last
             self._empty += 1
             if self._how == "poll" and self._empty % 16 and self._segment.is_current():
@@ -640,10 +747,7 @@ class Follower(_Attached):
         self._events = None
 
 
-def _path(name):
-    return f"/dev/shm/tactiled.{name}".encode("utf-8", "surrogateescape")
-
-
-def open(name):
-    """The node of that name: /dev/shm/tactiled.NAME. Raises Error with the reason when it cannot be read."""
-    return Node(name)
+def open(name, folder=None):
+    """The node of that name, in `folder` or, where that is None, in the folders of folder.h. Raises Error with the reason
+    when it cannot be read."""
+    return Node(name, folder)

@@ -22,14 +22,15 @@
 #include <optional>
 #include <utility>
 
+#include "node/shm/folder.hpp"
 #include "node/shm/frame_record.hpp"
+#include "node/shm/lock_file.hpp"
 #include "node/shm/publish.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr char kFolder[] = "/dev/shm";
 constexpr std::uint32_t kAlign = 128;
 
 std::uint32_t aligned(std::uint64_t size) { return std::uint32_t((size + kAlign - 1) / kAlign * kAlign); }
@@ -83,16 +84,8 @@ int make_wake_page() {
     return fd;
 }
 
-// An open-file-description lock on the whole file says that its writer lives; the kernel drops it with the process.
-bool lock(int fd) {
-    struct flock whole {};
-    whole.l_type = F_WRLCK;
-    whole.l_whence = SEEK_SET;
-    return ::fcntl(fd, F_OFD_SETLK, &whole) == 0;
-}
-
-// True if a process holds such a lock. A reader can lock too, but only for reading: that says nothing, and stops nobody.
-// Asked, not tried: our own trial would look to another starter as if the dead writer lived.
+// True if a process holds the lock of a writer. A reader can lock too, but only for reading: that says nothing, and stops
+// nobody. Asked, not tried: our own trial would look to another starter as if the dead writer lived.
 bool is_write_locked(int fd) {
     struct flock whole {};
     whole.l_type = F_RDLCK;
@@ -100,49 +93,7 @@ bool is_write_locked(int fd) {
     return ::fcntl(fd, F_OFD_GETLK, &whole) == 0 && whole.l_type != F_UNLCK;
 }
 
-bool is_still_named(int fd, const std::string& path) {
-    struct stat opened {
-    }, named{};
-    return ::fstat(fd, &opened) == 0 && ::lstat(path.c_str(), &named) == 0 && opened.st_ino == named.st_ino &&
-           opened.st_dev == named.st_dev;
-}
-
-// Held from the look at the old file to the name of the new one: of several starters one goes at a time. A lock of the
-// segment cannot do that: a reader may hold a lock on it, so that nobody gets that of the writer. This file none but its
-// user can open, and so lock. It goes with the start; what a kill in between leaves, the next start takes over.
-class StartLock {
-public:
-    // setup: throws SetupError where the file belongs to another user, or another start does not come to its end
-    StartLock(const std::string& name, const std::string& segment) : path_(fmt::format("{}/.tactiled.{}", kFolder, name)) {
-        for (const std::uint64_t until_ns = monotonic_ns() + kPatienceNs;;) {
-            fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
-            if (fd_ < 0)
-                throw SetupError(
-                    fmt::format("{}: {}: remove it, or choose another [node] name", path_, std::strerror(errno)));
-            struct stat status {};
-            if (::fstat(fd_, &status) != 0 || status.st_uid != ::geteuid() || !S_ISREG(status.st_mode)) {
-                ::close(fd_);
-                throw SetupError(fmt::format("{}: not ours: remove it, or choose another [node] name", path_));
-            }
-            if (lock(fd_) && is_still_named(fd_, path_)) return;
-            ::close(fd_);
-            if (monotonic_ns() > until_ns)
-                throw SetupError(fmt::format("{}: another daemon of this name is starting", segment));
-            ::usleep(1000);
-        }
-    }
-    ~StartLock() {
-        ::unlink(path_.c_str());  // while the lock is held: who waits for it finds it nameless, and opens anew
-        ::close(fd_);
-    }
-    StartLock(const StartLock&) = delete;
-    StartLock& operator=(const StartLock&) = delete;
-
-private:
-    static constexpr std::uint64_t kPatienceNs = 2'000'000'000;  // a start takes milliseconds
-    std::string path_;
-    int fd_ = -1;
-};
+constexpr int kPatienceMs = 2'000;  // a start takes milliseconds
 
 // Tells the readers of a dead daemon's file that it will not change again, takes its name away, and returns its epoch.
 // nullopt when there is no file of that name.
@@ -177,7 +128,8 @@ std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
 
 }  // namespace
 
-SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/tactiled.{}", kFolder, plan.name)) {
+SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/tactiled.{}", runtime_folder(), plan.name)) {
+    const std::string folder = path_.substr(0, path_.rfind('/'));
     assert(plan.sensors.size() <= TACTILED_MAX_SENSORS && plan.links.size() <= TACTILED_MAX_LINKS);
     const auto fail = [&](const char* what) -> SetupError {
         const std::string text = fmt::format("{}: {}: {}", path_, what, std::strerror(errno));
@@ -197,16 +149,23 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     timespec now{};
     ::clock_gettime(CLOCK_BOOTTIME, &now);
     auto epoch = std::uint32_t((std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec)) >> 24);
-    const StartLock start_lock(plan.name, path_);
+    // Held from the look at the old file until the new one has its name: several starters take turns. The lock of the
+    // segment cannot do that, because a reader may hold a lock on it. Only in /dev/shm can another user have put a file of
+    // that name there; then two daemons of one name that start at the same time are not kept apart.
+    LockFile start(fmt::format("{}/.tactiled.{}", folder, plan.name));
+    if (start.take(kPatienceMs) == LockFile::State::busy) {
+        give_back();
+        throw SetupError(fmt::format("{}: another daemon of this name is starting", path_));
+    }
     for (;;) {
         if (const auto old = retire_predecessor(path_)) epoch = std::max(epoch, *old);
         if (fd_ < 0) {
-            fd_ = ::open(kFolder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-            if (fd_ < 0) throw fail("cannot create");
+            fd_ = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+            if (fd_ < 0) throw fail("cannot create");  // EOPNOTSUPP: a file system without nameless files
             // Not ftruncate: that succeeds on a full file system and the first write is a SIGBUS.
             if (const int error = ::posix_fallocate(fd_, 0, off_t(size_))) {
                 errno = error;
-                throw fail("no room in shared memory");
+                throw fail("no room for the segment");
             }
             void* map = ::mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd_, 0);
             if (map == MAP_FAILED) throw fail("mmap");

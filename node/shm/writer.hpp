@@ -24,12 +24,13 @@ struct SegmentPlan {
     std::vector<tactiled_link> links;
 };
 
-// Only this daemon's name, user and boot: what an earlier one left is taken over when its lock is free.
+// The file tactiled.NAME in runtime_folder(). Only this daemon's name, user and boot: what an earlier one left is taken over
+// when its lock is free.
 class SegmentWriter {
 public:
     // Makes the file nameless (O_TMPFILE), fills it, locks it, and only then gives it its name: no reader sees half a
     // segment and a kill at any moment leaves nothing to clean up. setup: throws SetupError where another daemon of that
-    // name runs (with its pid) or is starting, the name belongs to another user, or there is no room
+    // name runs (with its pid) or is starting, the name belongs to another user, or there is no room or no folder
     explicit SegmentWriter(const SegmentPlan& plan);
     // Says "stopped" to the readers and removes the name.
     ~SegmentWriter();

@@ -70,7 +70,7 @@ class NoMemory(unittest.TestCase):
         self.page = Page(d.folder / "no_memory")
         d.env.update(LD_PRELOAD=LIBRARY, NO_MEMORY=str(d.folder / "no_memory"), STATE_DIRECTORY=str(d.folder))
         self.identity = None  # of configuration and calibration, as the register says
-        self.segment = pathlib.Path(f"/dev/shm/tactiled.{d.name}")
+        self.segment = d.segment
 
     def is_good(self):
         try:

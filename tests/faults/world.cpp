@@ -72,7 +72,7 @@ void World::start() {
     before_ = {};
     if (plant_ == nullptr) return;
     if (map_ != nullptr) ::munmap(map_, map_size_);
-    const int fd = ::open(("/dev/shm/tactiled." + name_).c_str(), O_RDWR | O_CLOEXEC);
+    const int fd = ::open((runtime_folder() + "/tactiled." + name_).c_str(), O_RDWR | O_CLOEXEC);
     struct stat status {};
     ::fstat(fd, &status);
     map_size_ = std::size_t(status.st_size);
@@ -99,7 +99,7 @@ void World::stop() {
 // As the kernel leaves it: descriptors and mappings of the process are gone, the file keeps its name and its last words.
 void World::kill() {
     struct stat named {};
-    ::stat(("/dev/shm/tactiled." + name_).c_str(), &named);
+    ::stat((runtime_folder() + "/tactiled." + name_).c_str(), &named);
     std::ifstream maps("/proc/self/maps");
     for (std::string line; std::getline(maps, line);) {
         unsigned long begin = 0, end = 0, inode = 0;

@@ -23,6 +23,8 @@ from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
 from modbus_slaves import Hostile, Pty, Server, crc  # noqa: E402
 from unit_daemon import CALIBRATION  # noqa: E402
 
+# In memory on every machine: a segment on a disk has page faults, and the daemon warns of that.
+os.environ.setdefault("TACTILED_RUNTIME_DIR", "/dev/shm")
 GUARD = os.environ.get("RTGUARD", str(ROOT / "build/release/tests/guard/librtguard.so"))
 CONFIG = """
 [realtime]

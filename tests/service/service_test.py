@@ -228,7 +228,8 @@ class Service(unittest.TestCase):
         print(f"\nsystemctl stop, s: {taken:.3f}")
         self.assertLess(taken, 1)
         self.assertEqual(self.machine.show("Result"), "success")
-        self.assertEqual(list((self.tree.path / f"/proc/{self.machine.pid1}/root/dev/shm").glob("*tactiled*")), [])
+        for folder in ("dev/shm", "run"):
+            self.assertEqual(list((self.tree.path / f"/proc/{self.machine.pid1}/root/{folder}").glob("*tactiled*")), [])
 
     def test_a_wrong_configuration_is_no_loop(self):
         path = self.tree.path / "etc/tactiled/tactiled.toml"

@@ -1,6 +1,8 @@
 """The release programs under test, as a test drives them: ports, ptys, configurations, start and end."""
+import contextlib
 import os
 import pathlib
+import shutil
 import signal
 import socket
 import subprocess
@@ -9,6 +11,24 @@ import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BIN = pathlib.Path(os.environ.get("TACTILED_BIN", ROOT / "build/release/bin"))
+
+
+def run_folder(env=os.environ):
+    """The folder of the segments of daemons that run as this user."""
+    given, users = env.get("TACTILED_RUNTIME_DIR"), env.get("XDG_RUNTIME_DIR", "/nowhere")
+    return pathlib.Path(given or ("/run/tactiled" if os.geteuid() == 0 else f"{users}/tactiled"))
+
+
+@contextlib.contextmanager
+def folder_of_user(uid, mode=0o755):
+    """A folder beside run_folder() that belongs to another user; readers trust it for that user's daemon. For root."""
+    path = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-test-", dir=run_folder({}).parent))
+    try:
+        os.chown(path, uid, uid)
+        path.chmod(mode)
+        yield path
+    finally:
+        shutil.rmtree(path)
 
 
 def free_port():
@@ -45,18 +65,27 @@ class Daemon:
         """before: words of a command that runs the daemon, such as prlimit."""
         with open(self.folder / "tactiled.log", "a") as log:
             self.process = subprocess.Popen([*before, BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
-        segment = pathlib.Path(f"/dev/shm/tactiled.{self.name}")
+        segment = self.segment
         wait_for(lambda: segment.exists() or self.process.poll() is not None, 10, "the segment")
         wait_for(lambda: "Modbus" in self.log() or self.process.poll() is not None, 10, "the start")
         assert self.process.poll() is None, self.log()
         return self
+
+    @property
+    def reader_env(self):
+        """Without what is for the daemon alone, such as LD_PRELOAD."""
+        return {**os.environ, **{key: value for key, value in self.env.items() if key == "TACTILED_RUNTIME_DIR"}}
+
+    @property
+    def segment(self):
+        return run_folder(self.env) / f"tactiled.{self.name}"
 
     def log(self):
         return (self.folder / "tactiled.log").read_text()
 
     def ctl(self, *words, timeout=30):
         words = [str(w) for w in words] + (["--node", self.name] if words[0] in ("status", "top", "read", "tare", "clear", "weigh", "teach") else [])
-        return subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True, timeout=timeout)
+        return subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True, timeout=timeout, env=self.reader_env)
 
     def stop(self):
         """SIGTERM; returns (exit status, seconds it took)."""
@@ -77,9 +106,8 @@ class Daemon:
                 except subprocess.TimeoutExpired:
                     process.kill()
                     process.wait()
-        segment = pathlib.Path(f"/dev/shm/tactiled.{self.name}")
-        if segment.exists():
-            segment.unlink()
+        if self.segment.exists():
+            self.segment.unlink()
 
 
 def wait_for(condition, seconds, what):

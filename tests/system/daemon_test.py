@@ -17,7 +17,7 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import BIN, ROOT, wait_for  # noqa: E402
+from daemon import BIN, ROOT, folder_of_user, wait_for  # noqa: E402
 from unit_daemon import CONFIG, play, quality_is, sensor, unit_daemon  # noqa: E402
 
 
@@ -42,7 +42,7 @@ class TheDaemon(unittest.TestCase):
             status, seconds = d.stop()
             self.assertEqual(status, 0)
             self.assertLess(seconds, 1)
-            self.assertFalse(os.path.exists(f"/dev/shm/tactiled.{d.name}"))
+            self.assertFalse(d.segment.exists())
             gone = d.ctl("status")
             self.assertEqual(gone.returncode, 3)
             self.assertIn("no daemon of that name runs", gone.stderr)
@@ -243,6 +243,7 @@ class TheDaemon(unittest.TestCase):
     def test_refused_rights_degrade_and_do_not_stop(self):
         with unit_daemon() as d:
             d.folder.chmod(0o755)
+            d.env["TACTILED_RUNTIME_DIR"] = str(self.enterContext(folder_of_user(65534)))
             d.start("prlimit", "--rtprio=0", "--memlock=65536", "setpriv", "--bounding-set=-all", "--inh-caps=-all", "--ambient-caps=-all",
                     "--reuid=65534", "--regid=65534", "--clear-groups")
             self.assertIn("RT_DEGRADED", d.log())
@@ -251,7 +252,7 @@ class TheDaemon(unittest.TestCase):
     def test_readers_of_the_group_may_read_and_nobody_may_write(self):
         with unit_daemon() as d:
             d.start()
-            self.assertEqual(stat.S_IMODE(os.stat(f"/dev/shm/tactiled.{d.name}").st_mode), 0o640)
+            self.assertEqual(stat.S_IMODE(os.stat(d.segment).st_mode), 0o640)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 /* Prints every sample of a sensor as hexadecimal words. Uses tactiled/layout.h and POSIX alone: what a program of another
  * team would do with nothing but the header.   follow NODE SENSOR SECONDS
+ * It looks where the daemon of its user has its segment: folder.h.
  * A line: sequence device_sequence t_ns t_published_ns epoch quality reasons fx fy fz (the doubles' bits), then "end LOST".
  */
 #define _POSIX_C_SOURCE 200809L
@@ -28,12 +29,18 @@ static uint64_t bits(double value) {
 }
 
 int main(int argc, char** argv) {
-    char path[128];
+    char path[256];
     struct stat status;
     int fd;
     uint32_t i, number = 0, lost = 0;
     if (argc != 4) return 2;
-    snprintf(path, sizeof path, "/dev/shm/tactiled.%s", argv[1]);
+    const char* given = getenv("TACTILED_RUNTIME_DIR");
+    const char* users = getuid() == 0 ? NULL : getenv("XDG_RUNTIME_DIR");
+    snprintf(path, sizeof path, "%s%s/tactiled.%s",
+             given   ? given
+             : users ? users
+                     : "/run/tactiled",
+             given == NULL && users != NULL ? "/tactiled" : "", argv[1]);
     const uint64_t until = now_ns() + (uint64_t)(atof(argv[3]) * 1e9);
     while ((fd = open(path, O_RDONLY)) < 0)
         if (now_ns() > until) return 3;

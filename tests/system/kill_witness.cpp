@@ -177,9 +177,10 @@ int main(int argc, char** argv) {
     follower.join();
     // What is left: the last victim's segment, and nothing else.
     int left_behind = 0;
-    for (const auto& file : std::filesystem::directory_iterator("/dev/shm"))
+    const std::string run_folder = Segment::open(node).c()->folder;
+    for (const auto& file : std::filesystem::directory_iterator(run_folder))
         if (file.path().filename().string().find(node) != std::string::npos) ++left_behind;
-    std::filesystem::remove("/dev/shm/tactiled." + node);
+    std::filesystem::remove(run_folder + "/tactiled." + node);
     std::filesystem::remove_all(folder);
 
     std::sort(ready_ms.begin(), ready_ms.end());

@@ -8,7 +8,7 @@ import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import ROOT, Daemon, wait_for  # noqa: E402
+from daemon import ROOT, Daemon, run_folder, wait_for  # noqa: E402
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(ROOT / "node/python"))
@@ -120,7 +120,7 @@ LAYOUT = Layout()
 
 
 def segment_bytes(name):
-    return bytearray(pathlib.Path(f"/dev/shm/tactiled.{name}").read_bytes())
+    return bytearray((run_folder() / f"tactiled.{name}").read_bytes())
 
 
 def sensor_ring(data, index):
@@ -136,15 +136,20 @@ class a_copy:
     def __init__(self, data):
         self.data = bytearray(data)
         self.name = f"copy-{os.getpid()}-{time.monotonic_ns()}"
-        self.path = pathlib.Path(f"/dev/shm/tactiled.{self.name}")
+        self.path = run_folder() / f"tactiled.{self.name}"
 
     def put(self, struct_name, member, *values, at=0):
         code = next(code for field, _, code in LAYOUT.structs[struct_name] if field == member)
         struct.pack_into("=" + code, self.data, at + LAYOUT.offset(struct_name, member), *values)
 
     def make_fresh(self):
-        """No sample is stale for the next ten seconds."""
-        self.date_samples(time.monotonic_ns())
+        """No sample is stale, and the daemon is alive, for the next ten seconds."""
+        now_ns = time.monotonic_ns()
+        self.date_samples(now_ns)
+        ring, _ = sensor_ring(self.data, 0)
+        for slot in range(ring["slots"]):
+            self.put("sample", "t_published_ns", now_ns, at=ring["offset"] + slot * ring["slot_size"] + 8)
+        self.put("header", "watchdog_ms", 10_000)
         self.put("sensor", "stale_ms", 10_000, at=self.sensor_at())
 
     def date_samples(self, t_ns):

@@ -16,7 +16,7 @@ import unittest
 import unittest.mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import BIN, ROOT, wait_for  # noqa: E402
+from daemon import BIN, ROOT, run_folder, wait_for  # noqa: E402
 from python_reader import (LAYOUT, RATE_HZ, STALE_MS, WATCHDOG_MS, a_copy, forces_are_nan,  # noqa: E402
                            good, played_daemon, same_bits, segment_bytes, sensor_ring, tactiled)
 
@@ -36,7 +36,7 @@ class TheTables(unittest.TestCase):
         self.assertEqual(list(tactiled.Command._fields), [field for field, _, _ in LAYOUT.structs["command"]])
         self.assertEqual([field for field, _, _ in LAYOUT.structs["ring"]],
                          ["offset", "slot_size", "slots", "record_size", "head_offset"])
-        self.assertEqual(tactiled._STATE_WORD * 4, LAYOUT.offset("header", "state"))
+        self.assertEqual(tactiled._STATE_OFFSET, LAYOUT.offset("header", "state"))
         self.assertEqual(tactiled._LINK_SIZE, LAYOUT.sizes["link"])
 
     def test_have_the_numbers_of_layout_h(self):
@@ -263,7 +263,7 @@ class TheEndOfADaemon(unittest.TestCase):
             self.values(left)
             self.daemon.process.kill()
             self.daemon.process.wait()
-            os.unlink(f"/dev/shm/tactiled.{self.daemon.name}")
+            self.daemon.segment.unlink()
             self.daemon.start()
             wait_for(lambda: self.node.latest("left").epoch != old.epoch, 1, "the successor")
             wait_for(lambda: self.node.latest("left").quality != tactiled.BAD, 1, "a value of the successor")
@@ -344,7 +344,7 @@ class TheEndOfADaemon(unittest.TestCase):
 
 class TheExample(unittest.TestCase):
     def test_of_the_docstring_runs_as_printed(self):
-        if os.path.exists("/dev/shm/tactiled.gripper"):
+        if (run_folder() / "tactiled.gripper").exists():
             self.skipTest('a daemon of the name "gripper" runs here')
         example = re.search(r"\n\n((?:    .*\n|\n)+)\S", tactiled.__doc__).group(1)
         self.assertIn("import tactiled", example)

@@ -1,4 +1,5 @@
-/* The shared-memory segment of tactiled, /dev/shm/tactiled.NAME, as C11 (and C++17) sees it. Version 1.5.
+/* The shared-memory segment of tactiled, tactiled.NAME in the daemon's run-time folder (folder.h), as C11 (and C++17) sees
+ * it. Version 1.5.
  *
  * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
  * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
@@ -11,9 +12,9 @@
  * guarded by the slot's lock word. Alignment is fixed by hand: an i386 compiler would align a plain 64-bit member to 4.
  * A reader accepts any minor version of its own major: minor versions only append, the sizes are in the header.
  *
- * Readers do not check who owns the file, only that nobody but its owner may write it: the daemon commonly runs as a user
- * of its own (tactiled) and its readers under others, so that no owner can be told from a wrong one. While no daemon runs,
- * any local user can put up a file of this name; where local users are not trusted, let none of them write to /dev/shm. */
+ * Before each attachment a reader checks that only the daemon's user and root can create or replace the file: folder.h has
+ * the rule and the functions. /dev/shm, where the segment was before there was folder.h, does not fulfil it: there any local
+ * user can create a file of this name while no daemon runs. */
 #ifndef TACTILED_LAYOUT_H
 #define TACTILED_LAYOUT_H
 

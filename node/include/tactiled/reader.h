@@ -7,7 +7,10 @@
  *         if (s.quality == TACTILED_GOOD) use(s.force_S_N);
  *
  * A reader costs the daemon nothing, cannot delay it, and survives its death: it gets one BAD sample, and attaches to the
- * successor by itself. One object a thread. Needs what -std=gnu11 declares (or _DEFAULT_SOURCE). */
+ * successor by itself. One object a thread. Needs what -std=gnu11 declares (or _DEFAULT_SOURCE).
+ *
+ * folder.h says in which folder the segment is and when a reader trusts it; mapping.h, how a reader survives a truncated
+ * file, for which it installs a handler of SIGBUS. */
 #ifndef TACTILED_READER_H
 #define TACTILED_READER_H
 
@@ -26,7 +29,9 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "folder.h"
 #include "layout.h"
+#include "mapping.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -44,41 +49,57 @@ static inline uint64_t tactiled_now_ns(void) /* CLOCK_MONOTONIC */
 struct tactiled_segment {
     const char* base; /* NULL: not open */
     size_t size;
-    char why[256]; /* why it is not open */
+    struct tactiled_mapping* entry;
+    /* Copies of the constant fields, taken and checked when the segment was opened: damage to the file afterwards cannot
+     * make a reader leave the mapping. */
+    uint32_t watchdog_ms, n_sensors, sensor_offset, sensor_size, n_links, link_offset, link_size;
+    uint32_t stale_ms[TACTILED_MAX_SENSORS];
+    struct tactiled_ring node, ring[TACTILED_MAX_SENSORS];
+    char folder[TACTILED_FOLDER_SIZE]; /* in which it was found */
+    char why[320];                     /* why it is not open; of an open one, a warning or "" */
 };
 
 static inline const struct tactiled_header* tactiled_header_of(const struct tactiled_segment* segment) {
     return (const struct tactiled_header*)(const void*)segment->base;
 }
 static inline const struct tactiled_sensor* tactiled_sensor_of(const struct tactiled_segment* segment, uint32_t index) {
-    const struct tactiled_header* h = tactiled_header_of(segment);
-    return (const struct tactiled_sensor*)(const void*)(segment->base + h->sensor_offset + (size_t)index * h->sensor_size);
+    return (const struct tactiled_sensor*)(const void*)(segment->base + segment->sensor_offset +
+                                                        (size_t)index * segment->sensor_size);
 }
 /* The names of the methods of method "auto", "" where there are none or the daemon is of version 1.0: then the fields of
  * struct tactiled_sensor that 1.1 added must not be read. */
 static inline const char* tactiled_methods_of(const struct tactiled_segment* segment, uint32_t index) {
-    const int has = tactiled_header_of(segment)->sensor_size >= TACTILED_SENSOR_SIZE_1_1;
+    const int has = segment->sensor_size >= TACTILED_SENSOR_SIZE_1_1;
     const char* methods = has ? tactiled_sensor_of(segment, index)->methods : "";
     return memchr(methods, 0, has ? TACTILED_METHODS_SIZE : 1) != NULL ? methods : "";
 }
 /* Samples of a sensor with reason bit `bit` (0 .. 31) since the daemon started; 0 where it counts none (before 1.3). */
 static inline uint32_t tactiled_reason_count(const struct tactiled_segment* segment, uint32_t index, unsigned bit) {
-    if (tactiled_header_of(segment)->sensor_size < TACTILED_SENSOR_SIZE_1_3) return 0;
+    if (segment->sensor_size < TACTILED_SENSOR_SIZE_1_3) return 0;
     return __atomic_load_n(&tactiled_sensor_of(segment, index)->count[bit], __ATOMIC_RELAXED);
 }
 /* How the age of a sensor's samples is proved (enum tactiled_freshness); 0 where the daemon does not say (before 1.5). */
 static inline uint32_t tactiled_freshness_of(const struct tactiled_segment* segment, uint32_t index) {
-    if (tactiled_header_of(segment)->sensor_size < sizeof(struct tactiled_sensor)) return 0;
+    if (segment->sensor_size < sizeof(struct tactiled_sensor)) return 0;
     return __atomic_load_n(&tactiled_sensor_of(segment, index)->freshness, __ATOMIC_RELAXED);
 }
 static inline const struct tactiled_link* tactiled_link_of(const struct tactiled_segment* segment, uint32_t index) {
-    const struct tactiled_header* h = tactiled_header_of(segment);
-    return (const struct tactiled_link*)(const void*)(segment->base + h->link_offset + (size_t)index * h->link_size);
+    return (const struct tactiled_link*)(const void*)(segment->base + segment->link_offset +
+                                                      (size_t)index * segment->link_size);
 }
-/* 0 once the daemon has ended cleanly or a successor has taken over: open again. */
+/* 0 once the daemon has ended cleanly, a successor has taken over, or the file was truncated: open again. */
 static inline int tactiled_is_current(const struct tactiled_segment* segment) {
     const uint32_t state = __atomic_load_n(&tactiled_header_of(segment)->state, __ATOMIC_ACQUIRE);
-    return state == TACTILED_RUNNING || state == TACTILED_STARTING;
+    return (state == TACTILED_RUNNING || state == TACTILED_STARTING) &&
+           tactiled_is_whole(segment->base, segment->size, segment->entry);
+}
+/* True if the daemon published within its watchdog_ms. `t_published_ns` is the time of any of its records: where it is that
+ * recent, the node record need not be read. */
+static inline int tactiled_is_alive(const struct tactiled_segment* segment, uint64_t t_published_ns, uint64_t now_ns) {
+    struct tactiled_node node;
+    if (tactiled_is_fresh(t_published_ns, now_ns, segment->watchdog_ms)) return 1;
+    return tactiled_ring_latest(segment->base, &segment->node, &node, sizeof node) &&
+           tactiled_is_fresh(node.t_ns, now_ns, segment->watchdog_ms);
 }
 
 static inline int tactiled_fits(const struct tactiled_segment* segment, uint64_t offset, uint64_t size, uint32_t alignment) {
@@ -97,19 +118,22 @@ static inline int tactiled_names_end(const char* names, uint32_t count, uint32_t
         if (memchr(names + (size_t)i * size, 0, size) == NULL) return 0;
     return 1;
 }
-/* True if the header describes something that may be read within the mapping; else the fault is in `why` what is wrong. */
-static inline int tactiled_check(struct tactiled_segment* segment, const char* path) {
-    const struct tactiled_header* h = tactiled_header_of(segment);
+/* True if the header describes something that may be read within the mapping; else segment->why says what is wrong. */
+static inline int tactiled_check(struct tactiled_segment* segment, const char* file) {
+    struct tactiled_header copy;
+    const struct tactiled_header* const h = &copy;
     const char* wrong = NULL;
     uint32_t i;
+    memcpy(&copy, segment->base, sizeof copy);
     if (memcmp(h->magic, TACTILED_MAGIC, sizeof h->magic) != 0)
         wrong = "no tactiled segment";
     else if (h->byte_order != TACTILED_BYTE_ORDER)
         wrong = "written by a machine of the other byte order";
     else if (h->major != TACTILED_MAJOR) {
-        snprintf(segment->why, sizeof segment->why,
-                 "%s: its layout is version %u.%u, this reader knows %u.%u: build the reader against the daemon's headers",
-                 path, h->major, h->minor, TACTILED_MAJOR, TACTILED_MINOR);
+        snprintf(
+            segment->why, sizeof segment->why,
+            "%s/%s: its layout is version %u.%u, this reader knows %u.%u: build the reader against the daemon's headers",
+            segment->folder, file, h->major, h->minor, TACTILED_MAJOR, TACTILED_MINOR);
         return 0;
     } else if (h->total_size > segment->size || h->header_size < sizeof *h)
         wrong = "truncated";
@@ -126,9 +150,19 @@ static inline int tactiled_check(struct tactiled_segment* segment, const char* p
     else if (!tactiled_names_end(h->boot_id, 1, sizeof h->boot_id) || !tactiled_names_end(h->name, 2, TACTILED_NAME_SIZE) ||
              !tactiled_names_end(h->control, 1, sizeof h->control))
         wrong = "a name has no end";
+    segment->watchdog_ms = h->watchdog_ms;
+    segment->n_sensors = h->n_sensors;
+    segment->sensor_offset = h->sensor_offset;
+    segment->sensor_size = h->sensor_size;
+    segment->n_links = h->n_links;
+    segment->link_offset = h->link_offset;
+    segment->link_size = h->link_size;
+    segment->node = h->node;
     for (i = 0; wrong == NULL && i < h->n_sensors; ++i) {
         const struct tactiled_sensor* sensor = tactiled_sensor_of(segment, i);
-        if (!tactiled_ring_fits(segment, &sensor->ring)) wrong = "a sensor's ring lies outside";
+        segment->stale_ms[i] = sensor->stale_ms;
+        memcpy(&segment->ring[i], &sensor->ring, sizeof sensor->ring);
+        if (!tactiled_ring_fits(segment, &segment->ring[i])) wrong = "a sensor's ring lies outside";
         if (!tactiled_names_end(sensor->name, 5, TACTILED_NAME_SIZE)) wrong = "a name of a sensor has no end";
     }
     for (i = 0; wrong == NULL && i < h->n_links; ++i) {
@@ -136,12 +170,12 @@ static inline int tactiled_check(struct tactiled_segment* segment, const char* p
         if (link->frames.slots != 0 && !tactiled_ring_fits(segment, &link->frames)) wrong = "a link's ring lies outside";
         if (!tactiled_names_end(link->name, 2, TACTILED_NAME_SIZE)) wrong = "a name of a link has no end";
     }
-    if (wrong != NULL) snprintf(segment->why, sizeof segment->why, "%s: %s", path, wrong);
+    if (wrong != NULL) snprintf(segment->why, sizeof segment->why, "%s/%s: %s", segment->folder, file, wrong);
     return wrong == NULL;
 }
 
 static inline void tactiled_close(struct tactiled_segment* segment) {
-    if (segment->base != NULL) munmap((void*)(uintptr_t)segment->base, segment->size);
+    if (segment->base != NULL) tactiled_unmap(segment->base, segment->size, segment->entry);
     segment->base = NULL;
 }
 
@@ -150,83 +184,116 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
  * fell silent. Returns 1, or 0 when there is none. */
 static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
     enum { kMinMs = 20 }; /* a daemon without news publishes each 10 ms */
-    const struct tactiled_header* h = tactiled_header_of(segment);
-    uint32_t i, limit_ms = h->watchdog_ms;
-    if (!tactiled_ring_latest(segment->base, &h->node, node, sizeof *node)) return 0;
-    for (i = 0; i < h->n_sensors; ++i)
-        if (tactiled_sensor_of(segment, i)->stale_ms < limit_ms) limit_ms = tactiled_sensor_of(segment, i)->stale_ms;
+    uint32_t i, limit_ms = segment->watchdog_ms;
+    if (!tactiled_ring_latest(segment->base, &segment->node, node, sizeof *node)) return 0;
+    for (i = 0; i < segment->n_sensors; ++i)
+        if (segment->stale_ms[i] < limit_ms) limit_ms = segment->stale_ms[i];
     if (limit_ms < kMinMs) limit_ms = kMinMs;
-    if (h->node.record_size < sizeof *node || !tactiled_is_current(segment) ||
+    if (segment->node.record_size < sizeof *node || !tactiled_is_current(segment) ||
         !tactiled_is_fresh(node->t_ns, now_ns, limit_ms))
         tactiled_forget_grasp(&node->grasp);
     return 1;
 }
 
-/* True if a name can be one of the daemon's: a longer one must not be cut to that of another. */
+/* True if a name can be one of the daemon's. A longer one must not be cut to that of another, and the name of a node, which
+ * becomes a part of a path, has no other characters than a configuration allows. */
 static inline int tactiled_check_name(struct tactiled_segment* segment, const char* of_what, const char* name) {
-    if (name[0] != 0 && strlen(name) < TACTILED_NAME_SIZE) return 1;
-    snprintf(segment->why, sizeof segment->why, "%s \"%.100s\": a name has 1 to %d characters", of_what, name,
-             TACTILED_NAME_SIZE - 1);
-    return 0;
-}
-
-/* Maps /dev/shm/tactiled.NAME read-only and checks it. Returns 1, or 0 with the reason in segment->why. */
-static inline int tactiled_open(struct tactiled_segment* segment, const char* node_name) {
-    char path[64 + TACTILED_NAME_SIZE];
-    struct stat status;
-    int fd;
-    segment->base = NULL;
-    segment->why[0] = 0;
-    if (!tactiled_check_name(segment, "node", node_name)) return 0;
-    snprintf(path, sizeof path, "/dev/shm/tactiled.%s", node_name);
-    fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK); /* who put a FIFO there must not stop us */
-    if (fd < 0) {
-        snprintf(segment->why, sizeof segment->why, "%s: %s%s", path, strerror(errno),
-                 errno == ENOENT   ? " (no daemon of that name runs)"
-                 : errno == EACCES ? " (join the segment's group)"
-                                   : "");
+    const int is_node = of_what[0] == 'n';
+    const size_t length = strlen(name);
+    if (length == 0 || length >= TACTILED_NAME_SIZE) {
+        snprintf(segment->why, sizeof segment->why, "%s \"%.100s\": a name has 1 to %d characters", of_what, name,
+                 TACTILED_NAME_SIZE - 1);
         return 0;
     }
-    if (fstat(fd, &status) != 0 || !S_ISREG(status.st_mode)) {
-        snprintf(segment->why, sizeof segment->why, "%s: not a segment", path);
-    } else if (status.st_size < (off_t)sizeof(struct tactiled_header)) {
-        snprintf(segment->why, sizeof segment->why, "%s: too short to be a segment", path);
-    } else if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
-        snprintf(segment->why, sizeof segment->why, "%s: others than its owner may write it: not a daemon's", path);
+    if (is_node && strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.-") != length) {
+        snprintf(segment->why, sizeof segment->why, "node \"%s\": a name has the characters A-Z a-z 0-9 _ . - only", name);
+        return 0;
+    }
+    return 1;
+}
+
+/* Maps the segment of a node in segment->folder. errno is ENOENT where there is none. */
+static inline int tactiled_open_here(struct tactiled_segment* segment, const char* node_name) {
+    char file[16 + TACTILED_NAME_SIZE];
+    struct stat status;
+    int fd, error = EPERM;
+    snprintf(file, sizeof file, "tactiled.%s", node_name);
+    fd = tactiled_open_file(segment->folder, file, &status, segment->why, sizeof segment->why);
+    if (fd < 0) return 0;
+    if (status.st_size < (off_t)sizeof(struct tactiled_header)) {
+        snprintf(segment->why, sizeof segment->why, "%s/%s: too short to be a segment", segment->folder, file);
     } else {
-        void* base = mmap(NULL, (size_t)status.st_size, PROT_READ, MAP_SHARED | MAP_POPULATE, fd, 0);
-        if (base == MAP_FAILED) {
-            snprintf(segment->why, sizeof segment->why, "%s: mmap: %s", path, strerror(errno));
-        } else {
-            segment->base = (const char*)base;
-            segment->size = (size_t)status.st_size;
-            if (!tactiled_check(segment, path)) tactiled_close(segment);
-        }
+        segment->size = (size_t)status.st_size;
+        segment->base = tactiled_map(fd, segment->size, &segment->entry);
+        error = errno;
+        if (segment->base == NULL)
+            snprintf(segment->why, sizeof segment->why, "%s/%s: mmap: %s", segment->folder, file, strerror(error));
+        else if (!tactiled_check(segment, file))
+            tactiled_close(segment);
     }
     close(fd);
+    errno = error == ENOENT ? EPERM : error;
     return segment->base != NULL;
+}
+
+/* Maps the segment of a node read-only and checks it, in `folder` or, where that is NULL or "", in those of folder.h.
+ * Returns 1, or 0 with the reason in segment->why. */
+static inline int tactiled_open_in(struct tactiled_segment* segment, const char* folder, const char* node_name) {
+    const int given = folder != NULL && folder[0] != 0;
+    int open = 0, n = 0;
+    memset(segment, 0, sizeof *segment);
+    if (!tactiled_check_name(segment, "node", node_name)) return 0;
+    if (given && strlen(folder) >= sizeof segment->folder) {
+        snprintf(segment->why, sizeof segment->why, "folder \"%.100s...\": the path is too long", folder);
+        return 0;
+    }
+    if (given) {
+        memcpy(segment->folder, folder, strlen(folder) + 1);
+        open = tactiled_open_here(segment, node_name);
+    }
+    for (errno = ENOENT; !given && !open && errno == ENOENT; ++n) {
+        if (!tactiled_folder((unsigned)n, segment->folder, sizeof segment->folder)) break;
+        open = tactiled_open_here(segment, node_name);
+    }
+    if (open && strcmp(segment->folder, TACTILED_SHARED_FOLDER) == 0)
+        snprintf(segment->why, sizeof segment->why, "%s", TACTILED_SHARED_WARNING);
+    if (!open && !given && errno == ENOENT) {
+        char second[TACTILED_FOLDER_SIZE];
+        const int both =
+            tactiled_folder(0, segment->folder, sizeof segment->folder) && tactiled_folder(1, second, sizeof second);
+        snprintf(segment->why, sizeof segment->why,
+                 "node \"%s\": no daemon of that name runs: no tactiled.%s in %.100s%s%.100s", node_name, node_name,
+                 segment->folder, both ? " or " : "", both ? second : "");
+    }
+    if (!open) segment->folder[0] = 0; /* the next try looks everywhere */
+    return open;
+}
+static inline int tactiled_open(struct tactiled_segment* segment, const char* node_name) {
+    return tactiled_open_in(segment, NULL, node_name);
 }
 
 /* Index of the sensor of that name, or -1. */
 static inline int tactiled_find(const struct tactiled_segment* segment, const char* sensor_name) {
     uint32_t i;
-    for (i = 0; i < tactiled_header_of(segment)->n_sensors; ++i)
+    for (i = 0; i < segment->n_sensors; ++i)
         if (strncmp(tactiled_sensor_of(segment, i)->name, sensor_name, TACTILED_NAME_SIZE) == 0) return (int)i;
     return -1;
 }
 
-/* The newest sample of a sensor, judged at `now_ns`. Returns 0, and a BAD sample, when there is none. */
+/* The newest sample of a sensor, judged at `now_ns`: BAD where it is older than stale_ms, and where the daemon has ended or
+ * has published nothing for watchdog_ms. Returns 0, and a BAD sample, when there is none. */
 static inline int tactiled_latest(const struct tactiled_segment* segment, uint32_t index, struct tactiled_sample* sample,
                                   uint64_t now_ns) {
-    const struct tactiled_sensor* sensor = tactiled_sensor_of(segment, index);
-    if (!tactiled_ring_latest(segment->base, &sensor->ring, sample, sizeof *sample)) {
+    const struct tactiled_ring* ring = &segment->ring[index];
+    if (!tactiled_ring_latest(segment->base, ring, sample, sizeof *sample)) {
         memset(sample, 0, sizeof *sample);
-        tactiled_invalidate(
-            sample, tactiled_ring_head(segment->base, &sensor->ring) == 0 ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
+        tactiled_invalidate(sample,
+                            tactiled_ring_head(segment->base, ring) == 0 ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
         return 0;
     }
-    tactiled_judge(sample, sensor->stale_ms, now_ns);
-    if (!tactiled_is_current(segment)) tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
+    tactiled_judge(sample, segment->stale_ms[index], now_ns);
+    if (!tactiled_is_current(segment) || !tactiled_is_alive(segment, sample->t_published_ns, now_ns))
+        tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
     return 1;
 }
 
@@ -283,6 +350,15 @@ static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment
     else if (s >= 0)
         close(s);
     return fd;
+}
+
+/* True if a descriptor from the control socket is a page that cannot shrink while it is mapped. */
+static inline int tactiled_is_wake_page(int fd) {
+    enum { kGetSeals = 1024 + 10, kSealShrink = 2 }; /* F_GET_SEALS and F_SEAL_SHRINK, which need _GNU_SOURCE */
+    struct stat status;
+    const int seals = fcntl(fd, kGetSeals);
+    return seals >= 0 && (seals & kSealShrink) != 0 && fstat(fd, &status) == 0 &&
+           status.st_size >= (off_t)sizeof(struct tactiled_wake);
 }
 
 /* ---- One sensor of one node, across restarts of the daemon ------------------------------------------------------------ */
@@ -349,7 +425,7 @@ static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now
     int index;
     if (r->node[0] == 0) return 0; /* init() has refused the names */
     r->tried_ns = now_ns;
-    if (!tactiled_open(&fresh, r->node)) {
+    if (!tactiled_open_in(&fresh, r->segment.folder, r->node)) { /* the first folder that has it stays the only one */
         memcpy(r->segment.why, fresh.why, sizeof fresh.why);
         return 0;
     }
@@ -365,7 +441,7 @@ static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now
         return tactiled_is_current(&r->segment);
     }
     if (r->index >= 0 && r->begun) { /* next() has taken all before it comes here, latest() leaves what it may */
-        const struct tactiled_ring* old = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
+        const struct tactiled_ring* old = &r->segment.ring[r->index];
         const uint32_t left = tactiled_ring_head(r->segment.base, old) - r->cursor.next;
         if (left != UINT32_MAX) r->cursor.lost += left; /* it may be one ahead of the head, which is published last */
         r->owed = (r->last.reasons & TACTILED_DAEMON_STOPPED) == 0;
@@ -378,26 +454,35 @@ static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now
     if (r->begun)
         r->cursor.next = 0; /* what is overwritten already, the ring counts */
     else
-        tactiled_ring_seek(fresh.base, &tactiled_sensor_of(&fresh, (uint32_t)index)->ring, &r->cursor, 1);
+        tactiled_ring_seek(fresh.base, &fresh.ring[index], &r->cursor, 1);
     return 1;
 }
 
 /* Attaches at once if it can; a daemon that is not there yet is waited for by the other functions. A name that no daemon
- * can have is refused for good: segment.why says so. */
-static inline void tactiled_reader_init(struct tactiled_reader* r, const char* node_name, const char* sensor_name) {
+ * can have is refused for good: segment.why says so. `folder` is as for tactiled_open_in(). */
+static inline void tactiled_reader_init_in(struct tactiled_reader* r, const char* folder, const char* node_name,
+                                           const char* sensor_name) {
     memset(r, 0, sizeof *r);
     r->index = -1;
     if (!tactiled_check_name(&r->segment, "node", node_name) || !tactiled_check_name(&r->segment, "sensor", sensor_name))
         return;
+    if (folder != NULL && strlen(folder) >= sizeof r->segment.folder) {
+        snprintf(r->segment.why, sizeof r->segment.why, "folder \"%.100s...\": the path is too long", folder);
+        return;
+    }
+    if (folder != NULL) memcpy(r->segment.folder, folder, strlen(folder) + 1);
     memcpy(r->node, node_name, strlen(node_name));
     memcpy(r->sensor, sensor_name, strlen(sensor_name));
     tactiled_reader_attach(r, tactiled_now_ns());
+}
+static inline void tactiled_reader_init(struct tactiled_reader* r, const char* node_name, const char* sensor_name) {
+    tactiled_reader_init_in(r, NULL, node_name, sensor_name);
 }
 
 /* Starts again with the oldest sample that is kept. */
 static inline void tactiled_reader_rewind(struct tactiled_reader* r) {
     if (r->index < 0) return;
-    tactiled_ring_seek(r->segment.base, &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring, &r->cursor, 1);
+    tactiled_ring_seek(r->segment.base, &r->segment.ring[r->index], &r->cursor, 1);
     r->placed = !r->owed;
 }
 
@@ -442,8 +527,7 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
     uint32_t number, behind;
     int disconnected = r->index < 0;
     if (!disconnected) {
-        const struct tactiled_header* h = tactiled_header_of(&r->segment);
-        ring = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
+        ring = &r->segment.ring[r->index];
         number = r->cursor.next;
         behind = tactiled_ring_head(r->segment.base, ring) - number;
         if (behind > ring->slots && behind != UINT32_MAX) { /* asleep for 2^30 records, or more; but it may be one ahead */
@@ -451,8 +535,8 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
             r->cursor.lost += r->cursor.next - number;
         }
         disconnected = !tactiled_is_current(&r->segment) ||
-                       !tactiled_ring_latest(r->segment.base, &h->node, &node, sizeof node) ||
-                       !tactiled_is_fresh(node.t_ns, tactiled_now_ns(), h->watchdog_ms);
+                       !tactiled_ring_latest(r->segment.base, &r->segment.node, &node, sizeof node) ||
+                       !tactiled_is_fresh(node.t_ns, tactiled_now_ns(), r->segment.watchdog_ms);
     }
     if (!disconnected) {
         r->broken = 0; /* it hung, and lives again */
@@ -468,16 +552,20 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
  * ends, hangs or dies, what is left in the ring comes first, then one BAD sample; then the successor's. */
 static inline int tactiled_reader_next(struct tactiled_reader* r, struct tactiled_sample* sample) {
     if (r->index >= 0) {
-        const struct tactiled_sensor* sensor = tactiled_sensor_of(&r->segment, (uint32_t)r->index);
+        const struct tactiled_ring* ring = &r->segment.ring[r->index];
         if (!r->placed) {
             if (r->owed) return tactiled_reader_end(r, sample);
-            tactiled_ring_seek(r->segment.base, &sensor->ring, &r->cursor, 0);
+            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 0);
         }
-        if (tactiled_ring_next(r->segment.base, &sensor->ring, &r->cursor, sample, sizeof *sample)) {
-            tactiled_judge(sample, sensor->stale_ms, tactiled_now_ns());
+        if (tactiled_ring_next(r->segment.base, ring, &r->cursor, sample, sizeof *sample)) {
+            const uint64_t now_ns = tactiled_now_ns();
+            tactiled_judge(sample, r->segment.stale_ms[r->index], now_ns);
             if (r->begun && sample->epoch == r->last.epoch && sample->sequence == r->last.sequence + 1)
                 tactiled_rhythm_learn(&r->rhythm, sample->t_published_ns);
             r->rhythm.last_ns = sample->t_published_ns;
+            if (!tactiled_is_alive(&r->segment, sample->t_published_ns, now_ns) ||
+                !tactiled_is_whole(r->segment.base, r->segment.size, r->segment.entry))
+                tactiled_invalidate(sample, TACTILED_STALE); /* one sample says "stopped", after what is left */
             r->last = *sample;
             r->begun = r->placed = 1;
             r->empty = 0;
@@ -514,7 +602,7 @@ struct tactiled_futex_limit {
 /* Sleeps until more than `seen` node records were published, but not beyond `until_ns`, asking to be woken in `wake`. */
 static inline void tactiled_sleep_on_node(const struct tactiled_segment* segment, uint32_t* wake, uint32_t seen,
                                           uint64_t now_ns, uint64_t until_ns) {
-    const uint32_t* head = (const uint32_t*)(const void*)(segment->base + tactiled_header_of(segment)->node.head_offset);
+    const uint32_t* head = (const uint32_t*)(const void*)(segment->base + segment->node.head_offset);
     struct tactiled_wake* page = (struct tactiled_wake*)(void*)wake;
     const uint32_t wanted = __atomic_load_n(&page->wanted_until, __ATOMIC_RELAXED) - seen;
     const uint32_t ordered = __atomic_load_n(&page->ordered_until, __ATOMIC_RELAXED) - seen;
@@ -541,8 +629,9 @@ static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now
     if (until_ns > now_ns + 20000000u) until_ns = now_ns + 20000000u; /* the daemon may die and wake nobody */
     if (r->wake == NULL && r->index >= 0 && !r->broken && (r->asked_ns == 0 || now_ns - r->asked_ns >= 1000000000u)) {
         const int fd = tactiled_ask_descriptor(&r->segment, "wake", NULL, until_ns);
-        void* page =
-            fd < 0 ? MAP_FAILED : mmap(NULL, sizeof(struct tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+        void* page = fd < 0 || !tactiled_is_wake_page(fd)
+                         ? MAP_FAILED
+                         : mmap(NULL, sizeof(struct tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
         if (page != MAP_FAILED) r->wake = (uint32_t*)page;
         if (fd >= 0) close(fd);
         r->asked_ns = now_ns;
@@ -552,8 +641,8 @@ static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now
         tactiled_sleep_until(now_ns + 1000000u < until_ns ? now_ns + 1000000u : until_ns);
         return;
     }
-    node = &tactiled_header_of(&r->segment)->node;
-    ring = &tactiled_sensor_of(&r->segment, (uint32_t)r->index)->ring;
+    node = &r->segment.node;
+    ring = &r->segment.ring[r->index];
     seen = tactiled_ring_head(r->segment.base, node); /* before the look at the sensor: its sample comes first */
     if (tactiled_ring_head(r->segment.base, ring) == r->cursor.next)
         tactiled_sleep_on_node(&r->segment, r->wake, seen, now_ns, until_ns);

@@ -51,8 +51,8 @@ public:
     const tactiled_header& header() const noexcept { return *tactiled_header_of(c_); }
     // False once the daemon has ended cleanly or a successor has taken over: open again.
     bool is_current() const noexcept { return tactiled_is_current(c_) != 0; }
-    std::uint32_t n_sensors() const noexcept { return header().n_sensors; }
-    std::uint32_t n_links() const noexcept { return header().n_links; }
+    std::uint32_t n_sensors() const noexcept { return c_->n_sensors; }
+    std::uint32_t n_links() const noexcept { return c_->n_links; }
     const tactiled_sensor& sensor(std::uint32_t index) const noexcept { return *tactiled_sensor_of(c_, index); }
     const tactiled_link& link(std::uint32_t index) const noexcept { return *tactiled_link_of(c_, index); }
     // Identifies the configuration and the calibrations in force; another one after a reload.
@@ -85,15 +85,16 @@ public:
             if (!latest_node(out.node)) return false;
             bool whole = true;
             for (std::uint32_t i = 0; i < n_sensors() && whole; ++i)
-                whole = tactiled_ring_read(c_->base, &sensor(i).ring, std::uint32_t(out.node.count[i]) - 1, &out.sensor[i],
+                whole = tactiled_ring_read(c_->base, &c_->ring[i], std::uint32_t(out.node.count[i]) - 1, &out.sensor[i],
                                            sizeof out.sensor[i]) != 0;
             if (!whole) continue;
             out.taken_ns = monotonic_ns();
             // Held up between reading and judging: what was read may be old, what is there now need not be.
             if (out.taken_ns - begun_ns > 10'000'000u && tries < 15) continue;
-            const bool current = is_current();
+            // The node record is the daemon's newest sign of life.
+            const bool current = is_current() && tactiled_is_fresh(out.node.t_ns, out.taken_ns, c_->watchdog_ms) != 0;
             for (std::uint32_t i = 0; i < n_sensors(); ++i) {
-                tactiled_judge(&out.sensor[i], sensor(i).stale_ms, out.taken_ns);
+                tactiled_judge(&out.sensor[i], c_->stale_ms[i], out.taken_ns);
                 if (!current) tactiled_invalidate(&out.sensor[i], TACTILED_DAEMON_STOPPED);
             }
             if (!current) tactiled_forget_grasp(&out.node.grasp);
@@ -114,19 +115,22 @@ private:
 class Segment : public SegmentView {
 public:
     Segment() noexcept : SegmentView(&mapped_) {}
-    // Maps /dev/shm/tactiled.NAME read-only and checks it. Throws std::runtime_error that says what is wrong.
-    static Segment open(const std::string& node_name) {
+    // Maps the segment of a node read-only and checks it, in `folder` or, where that is "", in those of folder.h. Throws
+    // std::runtime_error that says what is wrong.
+    static Segment open(const std::string& node_name, const std::string& folder = "") {
         std::string why;
-        Segment segment = try_open(node_name, why);
+        Segment segment = try_open(node_name, why, folder);
         if (!segment.is_open()) throw std::runtime_error(why);
         return segment;
     }
     // The same as open(), but returns a closed Segment and the reason.
-    static Segment try_open(const std::string& node_name, std::string& why) {
+    static Segment try_open(const std::string& node_name, std::string& why, const std::string& folder = "") {
         Segment segment;
-        if (!tactiled_open(&segment.mapped_, node_name.c_str())) why = segment.mapped_.why;
+        if (!tactiled_open_in(&segment.mapped_, folder.c_str(), node_name.c_str())) why = segment.mapped_.why;
         return segment;
     }
+    // What speaks against trusting an open segment; "" in any folder but /dev/shm.
+    const char* warning() const noexcept { return is_open() ? mapped_.why : ""; }
     Segment(Segment&& other) noexcept : Segment() { *this = std::move(other); }
     Segment& operator=(Segment&& other) noexcept {
         std::swap(mapped_, other.mapped_);
@@ -147,9 +151,9 @@ enum class Wait { poll = TACTILED_POLL, predict = TACTILED_PREDICT, block = TACT
 class Reader {
 public:
     // Attaches at once if it can; a daemon that is not there yet is waited for by the other functions. A name of more than
-    // 31 characters is refused for good: why_not().
-    Reader(const std::string& node_name, const std::string& sensor_name) {
-        tactiled_reader_init(&c_, node_name.c_str(), sensor_name.c_str());
+    // 31 characters is refused for good: why_not(). `folder` is as for Segment::open().
+    Reader(const std::string& node_name, const std::string& sensor_name, const std::string& folder = "") {
+        tactiled_reader_init_in(&c_, folder.c_str(), node_name.c_str(), sensor_name.c_str());
     }
     ~Reader() { tactiled_reader_detach(&c_); }
     Reader(const Reader&) = delete;

@@ -13,30 +13,64 @@ TEST_F(ServerTest, APollingClientKeepsItsPlaceAndAnIdleOneMakesRoom) {
     const auto asks = [&](Client& c) { return c.send(read_request(1, 0, 2)) && !c.answer(500).empty(); };
     EXPECT_TRUE(asks(first));
     EXPECT_TRUE(asks(second));
-    Client third(port_);
-    EXPECT_FALSE(asks(third));  // both polled within the last second
-    for (int i = 0; i < 12; ++i) {
+    for (int i = 0; i < 2; ++i) {
+        ::sleep(2);
         EXPECT_TRUE(asks(first));
-        ::usleep(100'000);
     }
-    Client fourth(port_);  // second has been silent for a second
+    Client third(port_);
+    EXPECT_FALSE(asks(third));  // second has been silent for 4 s only
+    ::usleep(1'200'000);
+    Client fourth(port_);  // and now for more than 5 s
     EXPECT_TRUE(asks(fourth));
     EXPECT_TRUE(asks(first));
     EXPECT_TRUE(second.is_closed_within(500));
 }
 
+TEST_F(ServerTest, AClientThatHasNeverAskedKeepsItsPlaceForFiveSeconds) {
+    const auto server = serve(1);
+    const auto asks = [](Client& c) { return c.send(read_request(1, 0, 2)) && !c.answer(500).empty(); };
+    Client silent(port_);
+    ::sleep(4);
+    Client early(port_);
+    EXPECT_FALSE(asks(early));
+    ::usleep(1'200'000);
+    Client later(port_);
+    EXPECT_TRUE(asks(later));
+    EXPECT_TRUE(silent.is_closed_within(500));
+}
+
 TEST_F(ServerTest, AFloodOfConnectionsPushesOutOnlyItself) {
     const auto server = serve(4);
     Client plc(port_);
-    ASSERT_TRUE(plc.send(read_request(1, 0, 2)));
-    ASSERT_FALSE(plc.answer().empty());
     std::vector<std::unique_ptr<Client>> flood;
-    for (int i = 0; i < 300; ++i) {  // for longer than a polling client's protection lasts
-        flood.push_back(std::make_unique<Client>(port_));
-        ::usleep(5000);
+    for (int poll = 0; poll < 5; ++poll) {  // for longer than 5 s
+        ASSERT_TRUE(plc.send(read_request(1, 0, 2)));
+        ASSERT_FALSE(plc.answer().empty()) << "a PLC that polls every 2 s lost its place";
+        for (int i = 0; i < 100; ++i) {
+            flood.push_back(std::make_unique<Client>(port_));
+            ::usleep(20'000);
+        }
     }
-    ASSERT_TRUE(plc.send(read_request(2, 0, 2)));
-    EXPECT_FALSE(plc.answer().empty()) << "a PLC that polls every 1.5 s lost its place";
+}
+
+// This remains possible without `plc`.
+TEST_F(ServerTest, ClientsThatPollOnEveryPlaceKeepOthersOutUnlessThoseAreListed) {
+    ModbusSettings settings{};
+    settings.listen = "127.0.0.1:" + std::to_string(port_);
+    settings.max_clients = 2;
+    settings.allow = {"127.0.0.0/8"};
+    settings.plc = {"127.0.0.9"};
+    const ModbusServer server(plan_.name, settings, commands_);
+    const auto asks = [](Client& c) { return c.send(read_request(1, 0, 2)) && !c.answer(500).empty(); };
+    Client one(port_), two(port_);
+    for (int i = 0; i < 4; ++i) {
+        EXPECT_TRUE(asks(one) && asks(two));
+        Client other(port_);
+        EXPECT_FALSE(asks(other));
+        Client plc(port_, "127.0.0.9");
+        EXPECT_TRUE(asks(plc));
+        ::sleep(2);
+    }
 }
 
 TEST_F(ServerTest, RefusesAddressesThatAreNotAllowed) {

@@ -9,6 +9,7 @@
 
 #include <filesystem>
 
+#include "node/shm/folder.hpp"
 #include "node/shm/writer.hpp"
 
 namespace tactiled {
@@ -127,7 +128,7 @@ TEST_F(EventsTest, NothingThatASubscriberDoesKeepsAnotherFromBeingNotified) {
 }
 
 TEST_F(EventsTest, ASegmentThatCannotBeMappedYetIsTriedAgain) {
-    const std::string path = "/dev/shm/tactiled." + plan().name;
+    const std::string path = runtime_folder() + "/tactiled." + plan().name;
     ASSERT_EQ(::rename(path.c_str(), (path + "-away").c_str()), 0);
     const auto [connection, event] = subscribe();
     ::usleep(50'000);

@@ -18,6 +18,7 @@
 #include <thread>
 
 #include "node/control.hpp"
+#include "node/shm/folder.hpp"
 #include "node/shm/writer.hpp"
 #include "tactiled/reader.hpp"
 
@@ -34,7 +35,7 @@ inline void beat(SegmentWriter& writer, std::uint64_t number) {
 class SegmentTest : public testing::Test {
 protected:
     std::string name_ = "test-" + std::to_string(::getpid());
-    std::string path_ = "/dev/shm/tactiled." + name_;
+    std::string path_ = runtime_folder() + "/tactiled." + name_;
     ~SegmentTest() override { ::unlink(path_.c_str()); }
 
     SegmentPlan plan(std::size_t sensors = 1) const {
@@ -60,7 +61,7 @@ protected:
     static tactiled_sample sample(std::uint64_t number) {
         tactiled_sample s{};
         s.sequence = number;
-        s.t_ns = monotonic_ns();
+        s.t_ns = s.t_published_ns = monotonic_ns();
         s.quality = TACTILED_GOOD;
         for (int i = 0; i < 3; ++i) s.force_S_N[i] = s.raw_force_S_N[i] = s.torque_S_Nm[i] = double(number);
         return s;

@@ -247,7 +247,7 @@ TEST_F(SegmentTest, OfManyStartersOneWinsThoughAReaderHoldsALock) {
 }
 
 TEST_F(SegmentTest, WhoStartsIsWaitedForAndWhatAKilledOneLeftIsTakenOver) {
-    const std::string turn = "/dev/shm/.tactiled." + name_;
+    const std::string turn = runtime_folder() + "/.tactiled." + name_;
     const int fd = ::open(turn.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
     struct flock whole {};
     whole.l_type = F_WRLCK;
