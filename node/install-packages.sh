@@ -7,7 +7,7 @@ build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsys
 demo=(mbpoll)
 tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio procps strace
     socat nmap tshark)
-kernel=(qemu-system-x86 busybox-static iproute2 can-utils cpio kmod python3 binutils libelf-dev make gcc xz-utils)
+kernel=(qemu-system-x86 busybox-static iproute2 can-utils cpio kmod python3 binutils libelf-dev make gcc xz-utils zstd)
 packaging=(help2man dpkg-dev)
 # The formatting is judged by this version alone, which Debian 13 no longer has.
 [ "$(. /etc/os-release && echo "${VERSION_ID:-}")" = 13 ] || tests+=(clang-format-14)

@@ -25,7 +25,7 @@ constexpr std::uint32_t kMachine = AUDIT_ARCH_AARCH64;
 #elif defined(__arm__) && defined(__ARM_EABI__)
 constexpr std::uint32_t kMachine = AUDIT_ARCH_ARM;
 #else
-constexpr std::uint32_t kMachine = 0;  // The filter is not checked for other processors: nothing is forbidden there.
+constexpr std::uint32_t kMachine = 0;  // The filter was not tested on other processors, so that it forbids nothing there.
 #endif
 
 constexpr int kForbidden[] = {
@@ -99,11 +99,13 @@ constexpr auto kFilter = [] {
 
 }  // namespace
 
+bool has_system_call_filter() noexcept { return kMachine != 0; }
+
 std::string enter_sandbox() {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
     return "";  // the sanitizers trace their own process when it ends
 #else
-    if (kMachine == 0)
+    if (!has_system_call_filter())
         return "seccomp: no filter of system calls for this processor: the daemon runs without its own sandbox";
     sock_fprog program{std::uint16_t(kFilter.size()), const_cast<sock_filter*>(kFilter.data())};  // only read
     long refused = ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);

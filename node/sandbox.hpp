@@ -11,4 +11,7 @@ namespace tactiled {
 // Call when all is set up. Returns "" or what was refused; the daemon runs all the same. setup
 std::string enter_sandbox();
 
+// False where enter_sandbox() has no filter for the processor that this program was compiled for. rt: wait-free
+[[nodiscard]] bool has_system_call_filter() noexcept;
+
 }  // namespace tactiled

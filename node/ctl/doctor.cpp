@@ -74,6 +74,7 @@ Findings examine(const Args& args) {
     const std::string pid = !args.pid.empty() ? args.pid : machine.is_this_one() ? running_daemon(config.node.name) : "";
     const std::string user = args.user.empty() ? user_of(machine, pid) : args.user;
     look_at_rights(machine, pid.empty() ? "self" : pid, config.realtime, found);
+    look_at_sandbox(machine, pid.empty() ? "self" : pid, found);
     look_at_kernel(machine, found);
     look_at_clock(machine, found);
     look_at_processors(machine, config.realtime, found);

@@ -14,26 +14,31 @@ done
 rm -f "$root"/{bin,sbin,usr/bin}/ip  # busybox's knows no CAN
 echo 'root:x:0:0:root:/root:/bin/sh' >"$root/etc/passwd"
 echo 'root:x:0:' >"$root/etc/group"
-"$here/program.sh" "$root" ip candump cansend cangen isotpsend isotprecv /usr/bin/python3.11
-ln -sf python3.11 "$root/usr/bin/python3"
-mkdir -p "$root/usr/lib/python3.11"
-tar -C /usr/lib/python3.11 -c --exclude=test --exclude=idlelib --exclude='config-*' --exclude=lib2to3 --exclude=ensurepip \
-    --exclude=pydoc_data --exclude=distutils . | tar -C "$root/usr/lib/python3.11" -x
-"$here/program.sh" "$root" /usr/lib/python3.11/lib-dynload/*.so
+"$here/program.sh" "$root" ip candump cansend cangen isotpsend isotprecv /usr/bin/python3
+python=$(basename "$(realpath /usr/bin/python3)")  # python3.11, python3.13
+mkdir -p "$root/usr/lib/$python"
+tar -C "/usr/lib/$python" -c --exclude=test --exclude=idlelib --exclude='config-*' --exclude=lib2to3 --exclude=ensurepip \
+    --exclude=pydoc_data --exclude=distutils . | tar -C "$root/usr/lib/$python" -x
+"$here/program.sh" "$root" "/usr/lib/$python"/lib-dynload/*.so
 
 # modules.order: a line a module with its parameters, in the order of loading
 add_module() {
     local name=$1; shift
     modprobe -d "$kernel/kernel" -S "$version" --show-depends "$name" | awk '$1 == "insmod" {print $2}' | while read -r file; do
-        local base; base=$(basename "$file")
+        local base; base=$(basename "${file%.xz}")
         [ -e "$root/mod/$base" ] && continue
-        cp "$file" "$root/mod/"; strip --strip-debug "$root/mod/$base"
+        case $file in *.xz) xz -dc "$file" >"$root/mod/$base" ;; *) cp "$file" "$root/mod/" ;; esac  # Debian 13 compresses them
+        strip --strip-debug "$root/mod/$base"
         if [ "${base//-/_}" = "${name//-/_}.ko" ]; then echo "$base $*"; else echo "$base"; fi >>"$root/modules.order"
     done
 }
 for name in configfs vcan can-raw can-isotp i2c-dev vhci-hcd i2c-tiny-usb gs_usb kvaser_pci xhci-pci ftdi_sio; do add_module "$name"; done
 add_module i2c-stub chip_addr=0x48,0x28,0x2a
-cp "$kernel/module/gpio-sim.ko" "$root/mod/"; strip --strip-debug "$root/mod/gpio-sim.ko"; echo gpio-sim.ko >>"$root/modules.order"
+if [ -e "$kernel/module/gpio-sim.ko" ]; then
+    cp "$kernel/module/gpio-sim.ko" "$root/mod/"; strip --strip-debug "$root/mod/gpio-sim.ko"; echo gpio-sim.ko >>"$root/modules.order"
+else
+    add_module gpio-sim
+fi
 
 cp "$here/init" "$root/init"
 (cd "$root" && find . -print0 | cpio --null -o -H newc --quiet) >"$out"

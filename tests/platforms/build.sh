@@ -43,7 +43,7 @@ prepare() {
 build() {
     local tree=$1 failed=0; shift
     inside "$tree" cmake --preset release -DTACTILED_WERROR=ON -DTACTILED_TESTS=ON "$@" >>"$tree.log" 2>&1 || failed=1
-    [ "$failed" = 1 ] || inside "$tree" nice cmake --build --preset release -j "$jobs" -- -k 0 >>"$tree.log" 2>&1 || failed=1
+    [ "$failed" = 1 ] || inside "$tree" cmake --build --preset release -j "$jobs" -- -k 0 >>"$tree.log" 2>&1 || failed=1
     [ "$failed" = 0 ] || grep -E 'error:|Error' "$tree.log" | sort | uniq -c | head -20
     return "$failed"
 }
@@ -76,8 +76,8 @@ clang() {
 arm64() {
     local tree=$root/arm64
     prepare bookworm "$tree" "" crossbuild-essential-arm64 cmake ninja-build pkg-config ccache python3 qemu-user-static \
-        libcli11-dev libeigen3-dev nlohmann-json3-dev libboost-dev \
-        {libmodbus,libgpiod,libsystemd,libfmt,libtomlplusplus,libceres,libgtest,librapidcheck}-dev:arm64
+        libcli11-dev libeigen3-dev nlohmann-json3-dev \
+        {libmodbus,libgpiod,libsystemd,libfmt,libtomlplusplus,libboost,libceres,libgtest,librapidcheck}-dev:arm64
     say "arm64: building"
     build "$tree" -DCMAKE_TOOLCHAIN_FILE=tests/platforms/arm64.cmake
     say "arm64: readers and unit tests under qemu-user"

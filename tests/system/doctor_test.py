@@ -52,7 +52,8 @@ SOUND = {
     "proc/77/limits": "Limit                     Soft Limit           Hard Limit           Units     \n"
                       "Max locked memory         unlimited            unlimited            bytes     \n"
                       "Max realtime priority     98                   98                   \n",
-    "proc/77/status": "Name:\ttactiled\nCapEff:\t0000000000000000\n", "proc/77/cgroup": "1:cpu,cpuacct:/\n0::/system.slice/tactiled.service\n",
+    "proc/77/status": "Name:\ttactiled\nCapEff:\t0000000000000000\nSeccomp:\t2\n", "proc/77/cgroup": "1:cpu,cpuacct:/\n0::/system.slice/tactiled.service\n",
+    "proc/sys/kernel/seccomp/actions_avail": "kill_process kill_thread trap errno user_notif trace log allow\n",
     "proc/77/task/78/comm": "pipeline\n", "proc/77/task/78/stat": "78 (pipe) line) S " + " ".join(["0"] * 36) + " 80 1 0 0 0\n",
     "proc/net/tcp": "  sl  local_address rem_address   st\n   0: 0100007F:0016 00000000:0000 0A\n   1: 0100007F:05DE 0100007F:9999 01\n",
     "sys/kernel/realtime": "1\n", CLOCK: "tsc\n", "run/systemd/timesync/synchronized": "",
@@ -66,6 +67,8 @@ CASES = [
     ({"proc/77/limits": "Max locked memory         8388608\nMax realtime priority     98\n"}, "memory", "wrong"),
     ({"proc/77/cgroup": "1:cpu,cpuacct:/slice\n", "sys/fs/cgroup/cpu,cpuacct/slice/cpu.rt_runtime_us": "0\n"}, "rt_group", "wrong"),
     ({"proc/77/task/78/stat": "78 (pipeline) S " + " ".join(["0"] * 36) + " 0 0 0 0 0\n"}, "loop", "wrong"),
+    ({"proc/77/status": "Name:\ttactiled\nCapEff:\t0000000000000000\nSeccomp:\t0\n"}, "system_calls", "advice"),
+    ({"proc/77/status": "CapEff:\t0000000000000000\n", "proc/sys/kernel/seccomp/actions_avail": None}, "system_calls", "advice"),
     ({"sys/kernel/realtime": None}, "kernel", "advice"),
     ({"proc/sys/kernel/sched_rt_runtime_us": "0\n"}, "rt_throttling", "wrong"),
     ({"proc/sys/kernel/sched_rt_runtime_us": "-1\n"}, "rt_throttling", "advice"),
@@ -138,6 +141,7 @@ class Doctor(unittest.TestCase):
         status, said = self.doctor(taken, pid=None)
         self.assertEqual([f["check"] for f in said["findings"] if f["verdict"] == "wrong"], ["port"])
         self.assertEqual(status, 1)
+        self.assertEqual([f["verdict"] for f in said["findings"] if f["check"] == "system_calls"], ["good"])
 
     def test_an_error_in_the_configuration_is_reported_with_its_line(self):
         self.config.write_text(CONFIG.replace("cpu = 2", "cpus = 2"))
@@ -152,6 +156,7 @@ class Doctor(unittest.TestCase):
             daemon.start()
             done = subprocess.run([BIN / "tactilectl", "doctor", "--config", daemon.config], capture_output=True, text=True, timeout=10)
             self.assertRegex(done.stdout, r"loop +the daemon's loop")
+            self.assertRegex(done.stdout, r"good +system_calls +the daemon's system calls are filtered")
             self.assertNotIn("port ", done.stdout)
             self.assertRegex(done.stdout, r"good +device .*/table is there")
 

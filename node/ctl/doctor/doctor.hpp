@@ -1,4 +1,4 @@
-// tactilectl doctor: what it finds, and where it looks. One file of this folder each: the machine, rights, devices.
+// tactilectl doctor: what it finds, and where it looks. One file of this folder each: the machine, rights, the sandbox, devices.
 #pragma once
 #include <optional>
 #include <string>
@@ -10,7 +10,7 @@ namespace tactiled::ctl::doctor {
 
 enum class Verdict {
     good,
-    advice,  // the daemon works; its deadlines would be kept better
+    advice,  // the daemon works; a change would protect it or its deadlines better
     wrong,   // the daemon cannot do what the configuration asks of it
 };
 
@@ -51,6 +51,9 @@ void look_at_processors(const Machine& machine, const RealtimeSettings& wanted, 
 
 // What process `pid` may do ("self": this one, for a daemon that is started from here), and, where it is the daemon, does.
 void look_at_rights(const Machine& machine, const std::string& pid, const RealtimeSettings& wanted, Findings& found);
+
+// Finds a filter of system calls in the daemon `pid`, or the means for one ("self": for a daemon that is started from here).
+void look_at_sandbox(const Machine& machine, const std::string& pid, Findings& found);
 
 // What the configuration names, seen by `user`.
 void look_at_devices(const Machine& machine, Config& config, const std::string& user, Findings& found);

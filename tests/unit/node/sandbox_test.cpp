@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/ptrace.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -35,9 +36,19 @@ int run_true() {
     return errno;
 }
 
-TEST(Sandbox, RunsNoOtherProgram) { EXPECT_EQ(in_sandbox(run_true), EPERM); }
+// qemu-user offers no seccomp to its programs: nothing can be tested there. A kernel that has filters answers 0, or 2 in a container that filters.
+class Sandbox : public testing::Test {
+protected:
+    void SetUp() override {
+        if (::prctl(PR_GET_SECCOMP, 0, 0, 0, 0) < 0) GTEST_SKIP() << "no seccomp here";
+    }
+};
 
-TEST(Sandbox, HoldsForThreadsThatRanBefore) {
+TEST(SandboxOfThisProcessor, HasAFilter) { EXPECT_TRUE(has_system_call_filter()); }
+
+TEST_F(Sandbox, RunsNoOtherProgram) { EXPECT_EQ(in_sandbox(run_true), EPERM); }
+
+TEST_F(Sandbox, HoldsForThreadsThatRanBefore) {
     EXPECT_EQ(in_sandbox([] { return 0; }), 0);
     const pid_t child = ::fork();
     if (child == 0) {
@@ -57,7 +68,7 @@ TEST(Sandbox, HoldsForThreadsThatRanBefore) {
     EXPECT_EQ(WEXITSTATUS(status), EPERM);
 }
 
-TEST(Sandbox, TracesNobodyAndMakesNoCode) {
+TEST_F(Sandbox, TracesNobodyAndMakesNoCode) {
     EXPECT_EQ(in_sandbox([] { return ::ptrace(PTRACE_TRACEME, 0, nullptr, nullptr) == 0 ? 0 : errno; }), EPERM);
     const auto page = [](int protection) { return ::mmap(nullptr, 4096, protection, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0); };
     EXPECT_EQ(in_sandbox([&] { return page(PROT_READ | PROT_WRITE | PROT_EXEC) == MAP_FAILED ? errno : 0; }), EPERM);
@@ -67,7 +78,7 @@ TEST(Sandbox, TracesNobodyAndMakesNoCode) {
     EXPECT_EQ(in_sandbox([&] { return ::mprotect(page(PROT_READ | PROT_WRITE), 4096, PROT_READ) == 0 ? 0 : errno; }), 0);
 }
 
-TEST(Sandbox, NewThreadsAndFilesAreFine) {
+TEST_F(Sandbox, NewThreadsAndFilesAreFine) {
     EXPECT_EQ(in_sandbox([] {
                   int done = 1;
                   std::thread([&] { done = 0; }).join();
