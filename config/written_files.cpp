@@ -40,6 +40,7 @@ void check_written_files(Config& config) {
     for (const auto& sensor : config.sensors)
         reads(sensor.calibration, "the calibration of sensor " + in_quotes(sensor.name));
     writes(config.node.control, "node", "control");
+    writes(config.node.zeros, "node", "zeros");
     writes(config.modbus.settings, "modbus", "settings");
     if (config.grasp) writes(config.grasp->objects, "grasp", "objects");
     for (auto later = files.begin(); later != files.end(); ++later)

@@ -28,8 +28,8 @@
 
 namespace tactiled {
 
-// Reads at most one frame of the link into its ring, and commits the ring at the end of a burst. Called by the link's thread.
-// `disconnected` also where the link should be opened again because the age of its frames is not proved.
+// Reads at most one frame of the link into its ring, and commits the ring at the end of a burst. Called by the link's
+// thread. `disconnected` also where the link should be opened again because the age of its frames is not proved.
 // rt: blocks on the link, for at most `timeout_ms`
 [[nodiscard]] Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept;
 

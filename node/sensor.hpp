@@ -41,7 +41,7 @@ public:
         double tare_limit_N = 0;                            // of a new zero from the calibration's, 0 = none
         std::array<double, 3> tare_limit_of_component_N{};  // likewise, of each component of the force
         bool accept_unproved_age = false;  // a stream without a clock or a counter may be tared and weighed with
-        std::uint32_t zero_id = 0;  // a kept zero of another id is not this sensor's (zero_store.hpp)
+        std::uint32_t zero_id = 0;         // a kept zero of another id is not this sensor's (zero_store.hpp)
         Agreement::Limits agreement;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;

@@ -1,6 +1,6 @@
 // One thread that reads several links. A thread for each link is woken for each frame, and with many links these wake-ups
-// cost more than all other work. Above kBeginReads_per_s, links whose driver can be polled are left to one thread, which reads
-// them all each kPollNs; below kEndReads_per_s each link is read by its own thread again.
+// cost more than all other work. Above kBeginReads_per_s, links whose driver can be polled are left to one thread, which
+// reads them all each kPollNs; below kEndReads_per_s each link is read by its own thread again.
 #pragma once
 #include <atomic>
 #include <cstdint>

@@ -13,8 +13,8 @@ namespace {
 
 constexpr int kReadTimeoutMs = 50;  // longest time for which a silent device keeps its thread from noticing stop()
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
-constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline that finishes no cycle for this time, and its period, hangs
-constexpr std::uint64_t kRunnerNs = 100'000;         // in which another thread finishes a cycle
+constexpr std::uint64_t kPipelineNs = 50'000'000;  // a pipeline that finishes no cycle for this time, and its period, hangs
+constexpr std::uint64_t kRunnerNs = 100'000;       // in which another thread finishes a cycle
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
 // An opening that gave a frame and lasted so long was a device: looked for at once when it is gone. Less is one that only
 // seems to be there, such as a server that accepts and hangs up.
@@ -108,14 +108,12 @@ std::vector<std::string> Threads::start() {
                 [this, &link = *link, cycles = watched(fmt::format("link \"{}\"", link->name), link_ns)] {
                     run_link(link, *cycles);
                 });
-        add("pipeline", wanted.priority,
-            [this, wakes = watched("the pipeline", kPipelineNs + 2 * period_ns(node_))] {
-                run_pipeline(period_ns(node_), *wakes);
-            });
+        add("pipeline", wanted.priority, [this, wakes = watched("the pipeline", kPipelineNs + 2 * period_ns(node_))] {
+            run_pipeline(period_ns(node_), *wakes);
+        });
         if (node_.links.size() > 1)
-            add("links", std::max(1, wanted.priority - 2), [this, cycles = watched("the thread of several links", link_ns)] {
-                shared_.run(*cycles, stop_);
-            });
+            add("links", std::max(1, wanted.priority - 2),
+                [this, cycles = watched("the thread of several links", link_ns)] { shared_.run(*cycles, stop_); });
         add("waker", 0, [this] { waker_.run(stop_); });
         if (!refused.empty() && wanted.required)
             throw SetupError(fmt::format("[realtime] required = true, but {}", refused.front()));

@@ -60,9 +60,9 @@ private:
     static constexpr std::uint64_t kBooted_us =
         30'000'000;  // a clock that begins again below this is of a device that restarted
     static constexpr double kFits_ns = 20e9;
-    static constexpr double kLeap = 8;             // intervals from one frame to the next
-    static constexpr double kMaxRateError = 0.02;  // of the rate that was measured over the first second
-    static constexpr double kLearn_ns = 1e9;
+    static constexpr double kLeap = 8;  // intervals from one frame to the next
+    static constexpr double kMaxRateError = 0.04;  // of the rate measured at first: delays of 36 ms in 2 s, and more
+    static constexpr double kLearn_ns = 2e9;
     static constexpr unsigned kLearnFrames = 10;
 
     void by_clock(Frame& frame, std::uint64_t host_ns) noexcept;
@@ -222,7 +222,7 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         } else {
             const double mean_ns = learn_frames_ > 0 ? double(host_ns_ - learn_ns_) / learn_frames_ : declared_ns_;
             if (silence_ns > advance * std::max(3 * mean_ns, kLate_ns)) is_unproved_ = true;
-            learn_rate(advance, host_ns);
+            if (!is_unproved_) learn_rate(advance, host_ns);  // a rate over a silence, or a backlog, is not the device's
         }
     } else {
         counted_ += std::max(advance, 1.0);
@@ -238,6 +238,8 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         bound_.restart();
         late = 0;
         is_unproved_ = false;
+        learn_ns_ = host_ns;
+        learn_frames_ = 0;
     }
     frame.age = is_unproved_ ? Frame::Age::unproved : Frame::Age::proved;
     if (!is_unproved_) backdate(frame, late);

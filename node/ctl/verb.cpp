@@ -54,14 +54,18 @@ void add_node_option(CLI::App* verb, std::string& node_name) {
     verb->add_option_function<std::string>(
         "--runtime-dir", [](const std::string& folder) { ::setenv(TACTILED_FOLDER_VARIABLE, folder.c_str(), 1); },
         "folder of the daemon's segment; default: TACTILED_RUNTIME_DIR, /run/tactiled, $XDG_RUNTIME_DIR/tactiled");
-    verb->final_callback([] {
-        const char* const given = tactiled_variable(TACTILED_FOLDER_VARIABLE);
-        if (given != nullptr && std::strcmp(given, TACTILED_SHARED_FOLDER) == 0)
-            fmt::print(stderr, "tactilectl: warning: {}\n", TACTILED_SHARED_WARNING);
-    });
 }
 
 namespace {
+
+// For a verb that reads a segment.
+void warn_of_shared_folder(const CLI::App& app) {
+    const char* const given = tactiled_variable(TACTILED_FOLDER_VARIABLE);
+    if (given == nullptr || std::strcmp(given, TACTILED_SHARED_FOLDER) != 0) return;
+    for (const CLI::App* verb : app.get_subcommands())
+        if (verb->get_option_no_throw("--runtime-dir") != nullptr)
+            fmt::print(stderr, "{}: warning: {}\n", app.get_name(), TACTILED_SHARED_WARNING);
+}
 
 // A failed write to the standard output makes a verb fail. A pipe without a reader, as after `head`, needs no message.
 int flush_output(const std::string& program, int status) {
@@ -95,6 +99,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
     try {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) { return flush_output(app.get_name(), app.exit(error) == 0 ? kGood : kUsage); }
+    warn_of_shared_folder(app);
     int status = kUnhealthy;
     bool ran = false;
     const auto print = [&](const std::exception& error) { fmt::print(stderr, "{}: {}\n", app.get_name(), error.what()); };

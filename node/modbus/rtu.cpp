@@ -18,8 +18,8 @@ namespace {
 constexpr std::uint64_t kRetryNs = 1'000'000'000;
 constexpr std::uint64_t kEchoLateNs = 2'000'000;  // beyond the line's own time
 
-// 1.75 ms is what the standard recommends above 19200 baud for t3.5 (2.5.1.1). A UART's receive buffer delivers what it holds
-// after four characters of silence at the latest, so that the pieces of a frame are closer together.
+// 1.75 ms is what the standard recommends above 19200 baud for t3.5 (2.5.1.1). A UART's receive buffer delivers what it
+// holds after four characters of silence at the latest, so that the pieces of a frame are closer together.
 constexpr std::uint64_t kPiecesNs = 1'750'000;
 
 std::uint64_t silence_ns(int baud) { return std::uint64_t(3.5 * 11 * 1e9 / baud); }  // a character has 11 bits

@@ -712,7 +712,7 @@ class Follower(_Attached):
         gone = segment is None
         if not gone:
             ring = segment.sensors[self.sensor][1]
-            if ring.slots < (ring.head() - self._next & _WORD) != _WORD:  # asleep for 2^30 records; one ahead is none
+            if ring.slots < (ring.head() - self._next & _WORD) < 2**31:  # asleep for 2^30 records; one ahead is none
                 number, self._next = self._next, ring.oldest_number()
                 self.lost += self._next - number & _WORD
             record = segment.node.latest()

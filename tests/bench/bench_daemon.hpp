@@ -46,13 +46,13 @@ inline void print_quantiles(const char* what, std::vector<double>& us) {
                at(0.99), at(0.999), us.back(), late, us.size());
 }
 
-// What a device writes into, and its reader reads from. TCP over loopback is delivered in the writer's own system call; a pty
-// needs a thread of the kernel in between.
+// What a device writes into, and its reader reads from. TCP over loopback is delivered in the writer's own system call; a
+// pty needs a thread of the kernel in between.
 class Wire {
 public:
     virtual ~Wire() = default;
     virtual int write_end() = 0;
-    virtual int read_end() = 0;         // for a reader in this process
+    virtual int read_end() = 0;            // for a reader in this process
     virtual std::string keys() const = 0;  // of the [[link]]
 };
 
@@ -122,7 +122,8 @@ public:
             else
                 devices_.push_back(std::make_unique<PtyWire>(fmt::format("{}/dev{}", folder_, i)));
             text += fmt::format("[[link]]\nname = \"l{}\"\n{}{}\n", i, devices_.back()->keys(), link_keys);
-            text += fmt::format("[[sensor]]\nname = \"s{0}\"\nlink = \"l{0}\"\nmodel = \"generic\"\ncalibration = \"fed.toml\"\n", i);
+            text += fmt::format(
+                "[[sensor]]\nname = \"s{0}\"\nlink = \"l{0}\"\nmodel = \"generic\"\ncalibration = \"fed.toml\"\n", i);
         }
         text += "[modbus]\nlisten = \"\"\n";
         std::ofstream(folder_ + "/tactiled.toml") << text;
@@ -141,7 +142,8 @@ public:
                 reader = std::make_unique<Reader>(name_, fmt::format("s{}", i));
             }
             const auto& link = reader->segment().link(std::uint32_t(i));
-            for (int n = 0; n < 400 && __atomic_load_n(&link.state, __ATOMIC_RELAXED) != TACTILED_LINK_OPEN; ++n) ::usleep(5000);
+            for (int n = 0; n < 400 && __atomic_load_n(&link.state, __ATOMIC_RELAXED) != TACTILED_LINK_OPEN; ++n)
+                ::usleep(5000);
         }
         ::usleep(300'000);
     }

@@ -5,12 +5,12 @@
 //     through a pty or connection of their own to a thread that blocks in read().
 //   * CPU time of the daemon, while its devices are silent and while they send
 //
-//   latency_bench [--seconds 10] [--rate 1000] [--links 1] [--sleepers 0] [--period-us N] [--idle 0] [--tcp 0] [--rt-reader 0]
+//   latency_bench [--seconds 10] [--rate 1000] [--links 1] [--sleepers 0] [--period-us N] [--idle 0] [--tcp 0] [--rt-reader
+//   0]
 //
-// --sleepers: so many readers sleep until each record, on the last CPU; --idle: seconds of silence before the frames; --tcp 1:
-// connections in place of ptys; --rt-reader 1: the reader that polls has SCHED_FIFO 60 on CPU 0.
-// TACTILED_BIN=FOLDER measures another build's daemon with the same frames. A real UART (its FIFO, interrupts, USB's frames)
-// is not shown.
+// --sleepers: so many readers sleep until each record, on the last CPU; --idle: seconds of silence before the frames; --tcp
+// 1: connections in place of ptys; --rt-reader 1: the reader that polls has SCHED_FIFO 60 on CPU 0. TACTILED_BIN=FOLDER
+// measures another build's daemon with the same frames. A real UART (its FIFO, interrupts, USB's frames) is not shown.
 #include <atomic>
 #include <cstring>
 #include <thread>
@@ -28,10 +28,9 @@ struct Arguments {
 
 Arguments arguments_of(int argc, char** argv) {
     Arguments o;
-    const std::pair<const char*, double*> known[] = {{"--seconds", &o.seconds},   {"--rate", &o.rate},
-                                                     {"--links", &o.links},       {"--sleepers", &o.sleepers},
-                                                     {"--period-us", &o.period_us}, {"--idle", &o.idle},
-                                                     {"--tcp", &o.tcp},           {"--rt-reader", &o.rt_reader}};
+    const std::pair<const char*, double*> known[] = {
+        {"--seconds", &o.seconds},     {"--rate", &o.rate}, {"--links", &o.links}, {"--sleepers", &o.sleepers},
+        {"--period-us", &o.period_us}, {"--idle", &o.idle}, {"--tcp", &o.tcp},     {"--rt-reader", &o.rt_reader}};
     for (int i = 1; i + 1 < argc; i += 2)
         for (const auto& [name, value] : known)
             if (std::strcmp(argv[i], name) == 0) *value = std::atof(argv[i + 1]);
@@ -149,7 +148,8 @@ int main(int argc, char** argv) {
         };
         for (std::uint64_t n = 0; n < total; ++n)
             for (int i = 0; i <= links; ++i) {  // evenly over the period, the bare wire last, and all phases of a grid alike
-                const std::uint64_t at_ns = begin_ns + n * period_ns + std::uint64_t(i) * period_ns / std::uint64_t(links + 1) +
+                const std::uint64_t at_ns = begin_ns + n * period_ns +
+                                            std::uint64_t(i) * period_ns / std::uint64_t(links + 1) +
                                             n * 7919 % 100 * period_ns / std::uint64_t(links + 1) / 200;
                 if (i < links)
                     send(daemon.device(i).write_end(), *courses[std::size_t(i)], n, at_ns);
@@ -192,11 +192,12 @@ int main(int argc, char** argv) {
     tactiled_node record{};
     daemon.reader(0).segment().latest_node(record);
     const std::uint64_t expected = total * std::uint64_t(links), missing = expected - seen.latency_us.size();
-    fmt::print("{} links at {} Hz: frames written {}, seen {}, refused by a wire {}, out of order {}, not GOOD {}\n", links, o.rate,
-               expected, seen.latency_us.size(), refused.load(), seen.out_of_order, seen.not_good);
-    fmt::print("links: frames {}, lost {}, damaged {}, ring full {}; reader lost {}\n", frames, lost, bad, full, reader_lost);
-    fmt::print("polls {}, torn or wrong reads {}; cycles {}, missed periods {}, worst cycle of the last second {} us\n", polls,
-               seen.wrong, record.cycles, record.missed_cycles, record.worst_cycle_us);
+    fmt::print("{} links at {} Hz: frames written {}, seen {}, refused by a wire {}, out of order {}, not GOOD {}\n", links,
+               o.rate, expected, seen.latency_us.size(), refused.load(), seen.out_of_order, seen.not_good);
+    fmt::print("links: frames {}, lost {}, damaged {}, ring full {}; reader lost {}\n", frames, lost, bad, full,
+               reader_lost);
+    fmt::print("polls {}, torn or wrong reads {}; cycles {}, missed periods {}, worst cycle of the last second {} us\n",
+               polls, seen.wrong, record.cycles, record.missed_cycles, record.worst_cycle_us);
     print_quantiles("bare wire: write() to blocking read()", bare_us);
     print_quantiles("tactiled: write() to seen", seen.latency_us);
     print_quantiles("tactiled: write() to published", seen.published_us);

@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "clock.hpp"
+#include "node/shm/folder.hpp"
 
 namespace tactiled::faults {
 namespace {

@@ -50,9 +50,9 @@ public:
     void plug(unsigned link);
     void stall_pipeline(std::uint64_t ms);
     void stop_process(std::uint64_t ms);  // SIGSTOP, and SIGCONT after that
-    void kill();     // the process is gone, its file stays
-    void stop();     // SIGTERM
-    void restart();  // another process takes over
+    void kill();                          // the process is gone, its file stays
+    void stop();                          // SIGTERM
+    void restart();                       // another process takes over
     // SIGHUP, after the file was changed: another low pass and time to tare; another calibration; one that is none.
     void retune();
     void recalibrate();

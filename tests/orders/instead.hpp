@@ -4,8 +4,11 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <grp.h>
+#include <limits.h>
 #include <linux/futex.h>
 #include <linux/membarrier.h>
+#include <signal.h>
+#include <sys/auxv.h>
 #include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
@@ -136,6 +139,19 @@ template <class T, class V>
 void store_word(T* address, V value, int order, Here at = Here::current()) noexcept {
     explorer().store(address, sizeof(T), bits_of(T(value)), order_at(at, Use::store, std::memory_order(order)), false);
 }
+// Only before and after the threads of a scenario.
+template <class T, class V>
+T exchange_word(T* address, V value, int /*order*/) noexcept {
+    if (explorer().thread() >= 0) explorer().fail("an operation that the explorer does not know");
+    return std::exchange(*address, T(value));
+}
+template <class T, class V>
+bool compare_exchange_word(T* address, T* expected, V value, bool /*weak*/, int /*success*/, int /*failure*/) noexcept {
+    if (explorer().thread() >= 0) explorer().fail("an operation that the explorer does not know");
+    const bool same = *address == *expected;
+    (same ? *address : *expected) = same ? T(value) : *address;
+    return same;
+}
 inline void fence(std::memory_order order, Here at = Here::current()) noexcept {
     explorer().fence(order_at(at, Use::fence, order));
 }
@@ -201,6 +217,13 @@ inline int explored_clock(clockid_t, timespec* now) noexcept {
 #define __atomic_load_n(address, order) orders::load_word(address, order)
 #define __atomic_store_n(address, value, order) orders::store_word(address, value, order)
 #define __atomic_thread_fence(order) orders::fence(std::memory_order(order))
+#define __atomic_exchange_n orders::exchange_word
+#define __atomic_compare_exchange_n orders::compare_exchange_word
+// These do not exist in the explored code; a use would escape the explorer.
+#define __atomic_fetch_add an_operation_that_the_explorer_does_not_know
+#define __atomic_fetch_or an_operation_that_the_explorer_does_not_know
+#define atomic_ref an_operation_that_the_explorer_does_not_know
+#define atomic_flag an_operation_that_the_explorer_does_not_know
 #define syscall(...) explored_call(orders::Here::current(), __VA_ARGS__)
 #define mmap explored_mmap
 #define clock_nanosleep explored_nap

@@ -34,9 +34,10 @@ const Sites& sites();
 void forget_sites();
 // Every plant of a place: each next weaker order.
 std::vector<Plant> plants_of(const Site& site, Use use, std::memory_order order);
-// True if the place belongs to the product, not to the tests.
+// True if the place belongs to the explored part of the product.
 bool is_product(const Site& site);
 const char* name_of(std::memory_order order);
+unsigned lines_of(const std::string& file);
 // The line of source at the place, without what surrounds it.
 std::string text_of(const Site& site);
 

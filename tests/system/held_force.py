@@ -19,6 +19,7 @@ device = "{folder}/dev"
 format = "lines"
 channels = 3
 sequence = true
+path = "direct"
 
 [[sensor]]
 name = "left"

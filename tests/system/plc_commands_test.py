@@ -184,6 +184,7 @@ class FunctionBlock(unittest.TestCase):
         self.map, self.command = program.instance("FB_TACTILED"), program.instance("FB_TACTILED_COMMAND")
 
     def scan(self, plc, writes=True, **inputs):
+        time.sleep(0.02)  # 50 calls a second: the heartbeat changes ten times a second
         node, cells = plc.read(0, 32), plc.read(100, 25)
         self.map.call(GLOBAL_REGS=node, SENSOR_REGS=cells, CALLS_PER_SECOND=50)
         self.command.call(GLOBAL_REGS=node, GLOBAL_OK=self.map.value("GLOBAL_OK"), CALLS_PER_SECOND=50, **inputs)

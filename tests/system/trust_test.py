@@ -265,7 +265,7 @@ class AFolder(unittest.TestCase):
             d.env["TACTILED_RUNTIME_DIR"] = "/dev/shm"
             d.start()
             self.assertTrue(pathlib.Path(f"/dev/shm/tactiled.{d.name}").exists())
-            self.assertIn("any local user can create a segment", d.log())
+            wait_for(lambda: "any local user can create a segment" in d.log(), 3, "the warning")
             wait_for(quality_is(d, "good"), 3, "a good sample")
             done = d.ctl("status")
             self.assertEqual(done.returncode, 0)

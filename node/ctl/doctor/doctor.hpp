@@ -1,4 +1,4 @@
-// tactilectl doctor: what it finds, and where it looks. One file of this folder each: the machine, rights, the sandbox, devices.
+// tactilectl doctor: what it finds, and where it looks. One file of this folder each: machine, rights, sandbox, devices.
 #pragma once
 #include <optional>
 #include <string>

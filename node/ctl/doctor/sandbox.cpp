@@ -24,9 +24,9 @@ void look_at_sandbox(const Machine& machine, const std::string& pid, Findings& f
     if (runs && is_filtered(machine, pid))
         found.push_back({kCheck, Verdict::good, "the daemon's system calls are filtered", ""});
     else if (!has_system_call_filter())
-        found.push_back({kCheck, Verdict::advice,
-                         "this program has no filter of system calls for this processor: the daemon has no sandbox of its own",
-                         kUnit});
+        found.push_back(
+            {kCheck, Verdict::advice,
+             "this program has no filter of system calls for this processor: the daemon has no sandbox of its own", kUnit});
     else if (machine.line(kActions).find("errno") == std::string::npos)
         found.push_back({kCheck, Verdict::advice,
                          "the kernel has no filters of system calls: the daemon has no sandbox of its own",

@@ -75,8 +75,8 @@ enum tactiled_reason {
     TACTILED_SENSORS_DIFFER = 1 << 19, /* the sensor that agrees_with names tells another force: one of them is wrong */
     /* Since 1.5: */
     TACTILED_UNPROVED_AGE = 1 << 20, /* the value may be older than it seems: frames were delayed, or the device paused */
-    TACTILED_ARRIVAL_ONLY = 1 << 21, /* the stream has no clock and no counter that would show a delay; the value may be GOOD */
-    TACTILED_ZERO_UNKNOWN = 1 << 22 /* a restart or a reload has lost the tare that was in force: tare again, or untare */
+    TACTILED_ARRIVAL_ONLY = 1 << 21, /* no clock and no counter would show a delay; the value may be GOOD */
+    TACTILED_ZERO_UNKNOWN = 1 << 22  /* a restart or a reload has lost the tare that was in force: tare again, or untare */
 };
 
 /* How the age of a sensor's samples is proved: tactiled_sensor.freshness. Since 1.5. */
@@ -92,8 +92,9 @@ enum tactiled_freshness {
 /* One sample of one sensor. SI units, frame S. A component that the sensor cannot see is NaN, not 0. */
 struct tactiled_sample {
     TACTILED_ALIGN(8) uint64_t sequence; /* counts this sensor's samples from 0; a jump is a loss of the reader */
-    TACTILED_ALIGN(8) uint64_t t_ns;     /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel; since 1.5
-                                          * earlier where the device's clock shows that it had been delayed */
+    /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel; since 1.5 earlier where the device's clock shows
+     * that it had been delayed. */
+    TACTILED_ALIGN(8) uint64_t t_ns;
     TACTILED_ALIGN(8) uint64_t t_published_ns;
     uint32_t epoch;           /* differs after each discontinuity, in no order: (header's epoch) << 16 | number since */
     uint32_t quality;         /* enum tactiled_quality */

@@ -357,8 +357,7 @@ static inline int tactiled_is_wake_page(int fd) {
     enum { kGetSeals = 1024 + 10, kSealShrink = 2 }; /* F_GET_SEALS and F_SEAL_SHRINK, which need _GNU_SOURCE */
     struct stat status;
     const int seals = fcntl(fd, kGetSeals);
-    return seals >= 0 && (seals & kSealShrink) != 0 && fstat(fd, &status) == 0 &&
-           status.st_size >= (off_t)sizeof(struct tactiled_wake);
+    return seals >= 0 && (seals & kSealShrink) != 0 && fstat(fd, &status) == 0 && status.st_size > 0;
 }
 
 /* ---- One sensor of one node, across restarts of the daemon ------------------------------------------------------------ */
@@ -443,7 +442,8 @@ static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now
     if (r->index >= 0 && r->begun) { /* next() has taken all before it comes here, latest() leaves what it may */
         const struct tactiled_ring* old = &r->segment.ring[r->index];
         const uint32_t left = tactiled_ring_head(r->segment.base, old) - r->cursor.next;
-        if (left != UINT32_MAX) r->cursor.lost += left; /* it may be one ahead of the head, which is published last */
+        if ((int32_t)left > 0)
+            r->cursor.lost += left; /* it may be ahead of the head: published last, and 0 in a truncated file */
         r->owed = (r->last.reasons & TACTILED_DAEMON_STOPPED) == 0;
     }
     tactiled_reader_detach(r);
@@ -530,7 +530,7 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
         ring = &r->segment.ring[r->index];
         number = r->cursor.next;
         behind = tactiled_ring_head(r->segment.base, ring) - number;
-        if (behind > ring->slots && behind != UINT32_MAX) { /* asleep for 2^30 records, or more; but it may be one ahead */
+        if (behind > ring->slots && (int32_t)behind > 0) { /* asleep for 2^30 records, or more; but it may be one ahead */
             tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1); /* of the head, which is published last */
             r->cursor.lost += r->cursor.next - number;
         }

@@ -20,6 +20,7 @@ TEST(WrittenFiles, SettingsControlAndConfigurationAreThree) {
         Lines{"t.toml:4: [modbus]: settings = \"/tmp/x/../a\" is the file of [node] control, too; the daemon writes it: "
               "give each its own"});
     EXPECT_EQ(test::errors("[node]\ncontrol = '/tmp/a'\n[modbus]\nsettings = '/tmp/b'\n" + kRest), Lines{});
+    EXPECT_EQ(test::errors("[node]\ncontrol = '/tmp/a'\nzeros = '/tmp/a'\n" + kRest).size(), 1u);
 }
 
 TEST(WrittenFiles, NoneIsTheConfigurationOrACalibrationUnderAnyName) {

@@ -60,15 +60,16 @@ TEST(AsciiLine, ACrcFindsLostBytesThatAnExclusiveOrMisses) {
         std::mt19937 random(lost);
         unsigned wrong = 0;
         for (unsigned n = 0; n < 20'000; ++n) {
-            const Frame frame = frame_of(n + 1000, {int(random() % 200'000) - 100'000.0, int(random() % 200'000) / 8.0, 5.5});
+            const Frame frame =
+                frame_of(n + 1000, {int(random() % 200'000) - 100'000.0, int(random() % 200'000) / 8.0, 5.5});
             std::array<char, kAsciiMaxBytes * 2> out;
             std::string line(out.data(), encode_ascii(frame, format, out));
             for (unsigned k = 0; k < lost; ++k) line.erase(random() % (line.size() - 1), 1);
             LinkCounts counts;
             AsciiDecoder decoder(format, counts);
             for (const Frame& read : decode(decoder, bytes_of("\n" + line)))
-                wrong += read.sequence != frame.sequence || !std::equal(read.channel.begin(), read.channel.begin() + 3,
-                                                                        frame.channel.begin());
+                wrong += read.sequence != frame.sequence ||
+                         !std::equal(read.channel.begin(), read.channel.begin() + 3, frame.channel.begin());
         }
         return wrong;
     };

@@ -251,7 +251,7 @@ TEST_F(LiveRegisters, FaultIsZeroForAGoodValueAndForNoOther) {
     publish(s);
     EXPECT_EQ(sensor()[kSensorFault], 0);
     s.quality = TACTILED_UNCERTAIN;
-    s.reasons = 1u << 20;  // of a later version
+    s.reasons = 1u << 31;  // of a later version
     publish(s);
     EXPECT_EQ(sensor()[kSensorFault], kFaultUnknown);
     EXPECT_EQ(sensor(3)[kSensorFault], kFaultNoSensor);

@@ -91,7 +91,8 @@ protected:
         plan_.history = 1024;
         plan_.sensors.resize(2);
         plan_.links.resize(2);
-        for (auto& s : plan_.sensors) s.stale_ms = 10'000;  // for look(), whose clock falls behind the turns'
+        plan_.watchdog_ms = 10'000;  // for look(), whose clock falls behind the turns'
+        for (auto& s : plan_.sensors) s.stale_ms = 10'000;
     }
     void send(int link, double value, std::uint16_t device = 0) {
         Frame f;

@@ -13,27 +13,32 @@ namespace tactiled {
 namespace {
 
 TEST(Runner, SetUpIsTheFirstRunner) {
-    Runner<> runner;
+    Runner runner;
     EXPECT_FALSE(runner.enter());
-    const std::uint32_t seen = runner.announced();
-    EXPECT_TRUE(runner.leave(seen));
+    int rounds = 0;
+    EXPECT_TRUE(runner.run(4, [&] { ++rounds; }));
+    EXPECT_EQ(rounds, 1);
     EXPECT_TRUE(runner.enter());
 }
 
 TEST(Runner, WorkThatIsAnnouncedDuringARoundNeedsAnother) {
-    Runner<> runner;
-    EXPECT_TRUE(runner.leave(runner.announced()));
+    Runner runner;
+    int rounds = 0;
+    EXPECT_TRUE(runner.run(4, [&] {
+        if (++rounds == 1) EXPECT_FALSE(runner.enter());  // another thread
+    }));
+    EXPECT_EQ(rounds, 2);
     EXPECT_TRUE(runner.enter());
-    const std::uint32_t seen = runner.announced();
-    EXPECT_FALSE(runner.enter());  // another thread
-    EXPECT_FALSE(runner.leave(seen));
-    EXPECT_TRUE(runner.leave(runner.announced()));
 }
 
-TEST(Runner, AfterAResignationTheNextToEnterIsTheRunner) {
-    Runner<> runner;
-    EXPECT_FALSE(runner.enter());
-    runner.resign();
+TEST(Runner, AfterTheLastRoundTheNextToEnterIsTheRunner) {
+    Runner runner;
+    int rounds = 0;
+    EXPECT_FALSE(runner.run(2, [&] {
+        ++rounds;
+        EXPECT_FALSE(runner.enter());
+    }));
+    EXPECT_EQ(rounds, 2);
     EXPECT_TRUE(runner.enter());
 }
 
@@ -41,25 +46,22 @@ TEST(Runner, AfterAResignationTheNextToEnterIsTheRunner) {
 TEST(Runner, NoWorkIsLostAndOnlyOneThreadWorks) {
     constexpr int kThreads = 4;
     constexpr std::uint64_t kRounds = 20'000;
-    Runner<> runner;
+    Runner runner;
     std::atomic<std::uint64_t> made[kThreads] = {};
     std::uint64_t done[kThreads] = {}, cycles = 0;  // the runner's
     std::atomic<int> inside{0};
     std::atomic<bool> overlapped{false}, end{false};
     WakeWord word;
     const auto run = [&](int max_cycles) {
-        for (int n = 0; n < max_cycles; ++n) {
-            const std::uint32_t seen = runner.announced();
+        const bool all = runner.run(max_cycles, [&] {
             if (inside.fetch_add(1) != 0) overlapped = true;
             for (int i = 0; i < kThreads; ++i) done[i] = made[i].load(std::memory_order_acquire);
             ++cycles;
             inside.fetch_sub(1);
-            if (runner.leave(seen)) return;
-        }
-        runner.resign();
-        word.wake();
+        });
+        if (!all) word.wake();
     };
-    ASSERT_TRUE(runner.leave(runner.announced()));
+    run(1);
     std::thread backstop([&] {
         while (!end) {
             const std::uint32_t seen = word.value();

@@ -36,7 +36,8 @@ int run_true() {
     return errno;
 }
 
-// qemu-user offers no seccomp to its programs: nothing can be tested there. A kernel that has filters answers 0, or 2 in a container that filters.
+// qemu-user offers no seccomp to its programs: nothing can be tested there. A kernel that has filters answers 0, or 2 in a
+// container that filters.
 class Sandbox : public testing::Test {
 protected:
     void SetUp() override {
