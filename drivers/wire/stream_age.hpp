@@ -60,7 +60,7 @@ private:
     static constexpr std::uint64_t kBooted_us =
         30'000'000;  // a clock that begins again below this is of a device that restarted
     static constexpr double kFits_ns = 20e9;
-    static constexpr double kLeap = 8;  // intervals from one frame to the next
+    static constexpr double kLeap = 8;             // intervals from one frame to the next
     static constexpr double kMaxRateError = 0.04;  // of the rate measured at first: delays of 36 ms in 2 s, and more
     static constexpr double kLearn_ns = 2e9;
     static constexpr unsigned kLearnFrames = 10;
@@ -110,6 +110,8 @@ inline void StreamAge::open(const Route& route) noexcept {
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     if (frame.taken_ns < frame.t_ns) frame.taken_ns = frame.t_ns;
+    // Two frames of one read have the same time, and each conversion to the host's clock differs by the time that it takes.
+    if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     if (route_.path == Route::Path::polled) {
         proof_ = Proof::polled;
         return;

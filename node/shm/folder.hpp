@@ -11,7 +11,7 @@ std::string runtime_folder();
 // Names the folder for every later call of runtime_folder() and every reader of this process. Before the first thread.
 void set_runtime_folder(const std::string& folder);
 
-// What the log says about a folder that works but has a disadvantage; "" = nothing.
+// The warning for the log about a folder that works but has a disadvantage; "" if it has none.
 std::string folder_warning(const std::string& folder, const std::string& node_name);
 
 // The path of the control socket: `configured`, unless that is the default of another folder than this one.

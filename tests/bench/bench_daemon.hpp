@@ -46,8 +46,8 @@ inline void print_quantiles(const char* what, std::vector<double>& us) {
                at(0.99), at(0.999), us.back(), late, us.size());
 }
 
-// What a device writes into, and its reader reads from. TCP over loopback is delivered in the writer's own system call; a
-// pty needs a thread of the kernel in between.
+// The path from a device to its reader: one end to write into, one to read from. TCP over loopback is delivered in the
+// writer's own system call; a pty needs a thread of the kernel in between.
 class Wire {
 public:
     virtual ~Wire() = default;

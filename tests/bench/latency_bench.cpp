@@ -37,7 +37,7 @@ Arguments arguments_of(int argc, char** argv) {
     return o;
 }
 
-// What one link's device wrote, and what the reader saw of it.
+// The write times of one link's device, and the next frame that the reader expects of it.
 struct Course {
     explicit Course(std::size_t frames) : written(frames) {}
     std::vector<std::atomic<std::uint64_t>> written;

@@ -224,7 +224,7 @@ class TheEndOfADaemon(unittest.TestCase):
             self.assertEqual(samples["left"].reasons & tactiled.STALE, tactiled.STALE)
             self.assertTrue(forces_are_nan(samples["left"]))
             rest = self.drained(left)
-            # What the ring still held is too old by now.
+            # The samples that the ring still held are too old by now.
             self.assertEqual([s.reasons_text for s in rest[:-1] if s.quality == tactiled.BAD and not s.reasons & tactiled.STALE], [])
             self.assertTrue(rest[-1].reasons & tactiled.DAEMON_STOPPED)
             self.assertTrue(forces_are_nan(rest[-1]))

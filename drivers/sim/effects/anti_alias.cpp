@@ -33,7 +33,8 @@ private:
     bool started_ = false;
 };
 
-// What is j samples old counts (1 - a)^2 (j + 1) a^j: older than j counts a^(j+1) (1 + (j + 1) (1 - a)).
+// A sample that is j samples old has the weight (1 - a)^2 (j + 1) a^j; all older ones together have a^(j+1) (1 + (j + 1) (1
+// - a)).
 Bound bound(const Setting& s) {
     const double a = keep(s);
     const auto older = [&](double age_s) {

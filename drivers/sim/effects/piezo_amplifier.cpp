@@ -34,8 +34,8 @@ private:
     bool started_ = false;
 };
 
-// What is j samples old counts (1 - a) a^j; the part beyond the saturation limit is lost. The film's own leak is slower by
-// far.
+// A sample that is j samples old has the weight (1 - a) a^j; the part beyond the saturation limit is lost. The film's own
+// leak is slower by far.
 Bound bound(const Setting& s) {
     const std::size_t channel = s.sensor.find("Vp");
     if (channel >= s.sensor.n()) return {};

@@ -129,7 +129,7 @@ public:
         if (!tactiled_open_in(&segment.mapped_, folder.c_str(), node_name.c_str())) why = segment.mapped_.why;
         return segment;
     }
-    // What speaks against trusting an open segment; "" in any folder but /dev/shm.
+    // A warning that an open segment may be forged; "" in any folder but /dev/shm.
     const char* warning() const noexcept { return is_open() ? mapped_.why : ""; }
     Segment(Segment&& other) noexcept : Segment() { *this = std::move(other); }
     Segment& operator=(Segment&& other) noexcept {

@@ -86,6 +86,37 @@ TEST(StreamAge, ADeviceThatPausesIsProvedByItsClockAtOnceAndByItsCounterWhenTheC
     EXPECT_EQ(pty.next(1, 60).age, Age::unproved) << "what is behind a pseudo terminal keeps its backlog";
 }
 
+// Two frames of one read: the conversion of their common time to the host's clock differs by some ns, in either direction.
+TEST(StreamAge, AHostTimeThatGoesBackByTheErrorOfItsReadingIsNoSilence) {
+    for (const auto& [clock, counter] : {std::pair{true, true}, {false, true}, {false, false}}) {
+        Device device(network(), clock, counter);
+        device.run(20);
+        const Frame one = device.next();
+        Frame two = one;
+        ++two.sequence;
+        ++device.sequence;
+        device.age.judge(two, two.taken_ns - 40);
+        EXPECT_NE(two.age, Age::unproved) << clock << counter;
+        EXPECT_NE(device.next().age, Age::unproved) << clock << counter;
+    }
+}
+
+// The rate of the counter is learnt over two seconds. A lag that begins before must not become the reference.
+TEST(StreamAge, ASilenceBeforeTheRateIsKnownLeavesACounterUnprovedUntilTheConnectionWasOpenedAgain) {
+    Device device(connection(), false);
+    device.run(100);
+    EXPECT_EQ(device.next(900).age, Age::unproved);
+    device.run(500, 900);
+    EXPECT_EQ(device.next(900).age, Age::unproved);
+    device.measured_ns += kS;
+    device.sequence += 100;
+    device.open(connection());
+    EXPECT_EQ(device.next().age, Age::proved);
+    device.run(500);
+    EXPECT_EQ(device.next().age, Age::proved);
+    EXPECT_EQ(device.next(900).age, Age::unproved);
+}
+
 TEST(StreamAge, MissingTimeThatWasCaughtUpIsProof) {
     Device device(network(), false);
     device.run(1000);
