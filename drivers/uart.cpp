@@ -80,9 +80,9 @@ public:
             if (!ask_for_stream(false)) return Status::disconnected;
         }
         // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. In slices, so
-        // that a process that was stopped meanwhile is noticed.
+        // that a process that was stopped meanwhile is noticed. Without a time to wait, read() alone tells what is there.
         const std::uint64_t cycle_ns = std::uint64_t(timeout_ms) * 1'000'000;
-        int ready = 0;
+        int ready = timeout_ms == 0;
         for (int left_ms = timeout_ms; ready == 0;) {
             const int slice_ms = std::min(left_ms, kSliceMs);
             const std::uint64_t waits_ns = with_suspend_ns();
@@ -96,6 +96,7 @@ public:
         if (ready < 0) return Status::disconnected;
         const std::uint64_t reads_ns = with_suspend_ns();
         const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
+        if (size < 0 && errno == EAGAIN) empty_ns_ = reads_ns;
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return Status::disconnected;  // 0 on a tty is a hang-up, not an end of file to be read again
         const std::uint64_t t_ns = now_ns();
