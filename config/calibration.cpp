@@ -99,6 +99,23 @@ void read_channels(Options& file, Calibration& calibration) {
                          fmt::format("channel_most[{0}] = {1} is below channel_least[{0}] = {2}", i, max[i], min[i]));
 }
 
+void read_joint_domain(Options& file, Calibration& calibration) {
+    if (!file.has("joint_domain")) return;
+    Options table = file.table("joint_domain");
+    JointDomain& domain = calibration.joint_domain;
+    const std::size_t n = calibration.channels.size();
+    domain.mean = table.numbers("mean", kFinite, n == 0 ? Count{} : Count{n, n});
+    domain.whitening = table.rows("whitening");
+    domain.limit = table.number("limit", {1e-9, 1e9});
+    domain.false_alarms = table.number("false_alarms", {0, 1}, 0);
+    if (n != 0 && domain.whitening.size() != n)
+        table.problem("whitening", fmt::format("whitening has {} rows for {} channels", domain.whitening.size(), n));
+    for (std::size_t i = 0; i < domain.whitening.size(); ++i)
+        if (domain.whitening[i].size() != i + 1)
+            table.problem("whitening", fmt::format("whitening[{}] has {} numbers; a lower triangle has {} there", i,
+                                                   domain.whitening[i].size(), i + 1));
+}
+
 void read_components(Options& file, Calibration& calibration) {
     const auto possible = fmt::format("{}", fmt::join(kComponentNames, " "));
     missing(file, "components", "those of " + possible + " that the sensor sees");
@@ -188,6 +205,7 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
         file.problem("format", "a later version of tactiled wrote this file; this one reads format = 1");
     read_names(file, calibration);
     read_channels(file, calibration);
+    read_joint_domain(file, calibration);
     read_components(file, calibration);
     read_fit(file, calibration, calibration);
     for (Options& other : file.tables("other", kMaxMethods)) {

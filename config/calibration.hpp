@@ -28,6 +28,15 @@ struct Fit {
     std::string validation;  // groups that were held out: "leave one session out (2 sessions)" ...
 };
 
+// The readings that a calibration saw, all channels together: those with |whitening (channel - mean)| <= limit. See
+// decoupling/joint_domain.hpp.
+struct JointDomain {
+    std::vector<double> mean;                    // a channel, in channel_unit
+    std::vector<std::vector<double>> whitening;  // lower triangle, 1 / channel_unit: row i has i + 1 numbers
+    double limit = 0;                            // 0 = the calibration has no joint domain
+    double false_alarms = 0;                     // share of the held-out rows beyond the limit, 0 .. 1
+};
+
 // The Fit that it is itself, and those of other methods of the same model, for the same channels and components.
 struct Calibration : Fit {
     std::string path;
@@ -39,6 +48,7 @@ struct Calibration : Fit {
     std::vector<std::string> channels;                // names, in the order of the matrix's columns
     std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
     std::vector<double> channel_least, channel_most;  // the domain that the calibration saw; empty = unknown
+    JointDomain joint_domain;
     std::vector<std::string> components;              // of kComponentNames, those that the sensor sees, in this order
     std::vector<double> full_scale;                   // per component, N or Nm; empty = unknown
     int rows = 0;                                     // labelled rows used

@@ -80,6 +80,12 @@ std::string calibration_text(const Calibration& calibration) {
     out.text("channel_unit", calibration.channel_unit);
     out.numbers("channel_least", calibration.channel_least);
     out.numbers("channel_most", calibration.channel_most);
+    if (const JointDomain& domain = calibration.joint_domain; domain.limit > 0) {
+        out.numbers("joint_domain.mean", domain.mean);
+        out.rows("joint_domain.whitening", domain.whitening);
+        out.line("joint_domain.limit", toml_number(domain.limit));
+        out.line("joint_domain.false_alarms", toml_number(domain.false_alarms));
+    }
     out.line("components", toml_texts(calibration.components));
     out.numbers("full_scale", calibration.full_scale);
     out.line("rows", fmt::format("{}", calibration.rows));

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "decoupling/auto_method.hpp"
+#include "decoupling/joint_domain.hpp"
 #include "decoupling/method.hpp"
 
 namespace tactiled {
@@ -63,10 +64,11 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
     if (method == nullptr)
         return refuse("method", fmt::format("method = \"{}\": model \"{}\" has {} (or auto){}", name, calibration.model,
                                             fmt::join(known, " "), or_did_you_mean(name, known)));
-    std::string text;
+    std::string text = fault_of_joint_domain(calibration);
+    if (!text.empty()) return refuse("calibration", fmt::format("{}: {}", calibration.path, text));
     auto decoupler = make_method(*method, fit_for(calibration, *method), text);
     if (decoupler == nullptr) return refuse("calibration", fmt::format("{}: method {}: {}", calibration.path, name, text));
-    return decoupler;
+    return with_joint_domain(calibration, std::move(decoupler));
 }
 
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us) {

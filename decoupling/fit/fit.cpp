@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "decoupling/accuracy.hpp"
+#include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/outliers.hpp"
 #include "decoupling/fit/validate.hpp"
@@ -184,6 +185,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     report.held_out = validation.rows;
     report.crosstalk = crosstalk(report.held_out, calibration);
     const Wrench fitted = rms_error(calibration, rows);
+    // The channels of a sensor that forgets a lasting load (piezo) depend on the past: any of their combinations may come.
+    if (!methods.front()->remembers) set_joint_domain(rows, groups_of_rows(*labelled, rows, false), calibration);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
         component.fitted_rms = fitted[c];

@@ -131,6 +131,10 @@ void set_domain(const Rows& rows, Calibration& calibration) {
         }
 }
 
+std::vector<std::size_t> groups_of_rows(const Labelled& labelled, const Rows& rows, bool remembers) {
+    return groups_of(labelled, rows, remembers).of_row;
+}
+
 Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& whole,
                     std::vector<std::string>& warnings) {
     const Groups groups = groups_of(labelled, rows, method.remembers);

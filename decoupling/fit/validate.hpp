@@ -17,6 +17,9 @@ Wrench rms_error(const Calibration& calibration, const Rows& rows);
 // The least and the greatest of each channel, into the calibration: its domain.
 void set_domain(const Rows& rows, Calibration& calibration);
 
+// The group of each row, which is held out with all rows of its group: see hold_out().
+std::vector<std::size_t> groups_of_rows(const Labelled& labelled, const Rows& rows, bool remembers);
+
 struct Validation {
     std::string how;            // "leave one session out (2 sessions)"; "" = could not be
     std::vector<HeldOut> rows;  // each once

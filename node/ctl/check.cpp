@@ -4,6 +4,7 @@
 
 #include <memory>
 
+#include "config/calibration.hpp"
 #include "config/keys.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/verb.hpp"
@@ -40,6 +41,15 @@ void add_check(CLI::App& app, Run& run) {
                 for (const auto& binding : link->bindings)
                     fmt::print("sensor \"{}\": age proved by {}\n", node.config.sensors[binding.sensor].name,
                                link->driver->freshness());
+            for (const auto& sensor : node.config.sensors) {
+                Problems none;
+                const Calibration calibration = load_calibration(sensor.calibration, none);
+                if (calibration.channels.size() > 1 && calibration.joint_domain.limit == 0)
+                    fmt::print(
+                        "warning: sensor \"{}\": {} has no joint domain: a channel that is damaged and stays within "
+                        "its range can look GOOD; calibrate again\n",
+                        sensor.name, sensor.calibration);
+            }
             return kGood;
         };
     });

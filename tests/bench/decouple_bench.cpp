@@ -128,12 +128,16 @@ Case piezo() {  // the thesis' curves
     return result;
 }
 
-Case fitted(const std::string& model, const std::string& method, const Labelled& rows, const Forward& forward) {
+// `jointly`: with the joint domain of the fit.
+Case fitted(const std::string& model, const std::string& method, const Labelled& rows, const Forward& forward,
+            bool jointly = true) {
     FitRequest request;
     request.model = model;
     request.method = method;
     Case result{.name = model + "/" + method, .decoupler = nullptr, .readings = {}, .ns = {}};
-    result.decoupler = make_decoupler(fit(rows, request).calibration, method);
+    Calibration calibration = fit(rows, request).calibration;
+    if (!jointly) calibration.joint_domain = {};
+    result.decoupler = make_decoupler(calibration, method);
     // Methods that know one contact see none that moves: its readings would be doubted, and that is not the usual way.
     const bool one_contact = method == "linear" || method == "nonlinear";
     for (const Wrench& load : finger(kReadings, !one_contact)) result.readings.push_back(forward(load));
@@ -187,6 +191,10 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n, std::ve
         if (wanted(std::string(model) + "/" + method)) cases.push_back(fitted(model, method, rows, forward));
     };
     for (const char* method : {"matrix", "quadratic", "rbf", "mlp"}) add("generic", method, skin_rows, skin);
+    if (wanted("alone/matrix")) {  // generic/matrix without the joint domain: the difference is its cost for 15 channels
+        cases.push_back(fitted("generic", "matrix", skin_rows, skin, false));
+        cases.back().name = "alone/matrix";
+    }
     add("table", "linear", gauge_rows, gauges);
     add("table", "matrix", moment_rows, gauges);
     add("table", "nonlinear", gauge_rows, gauges);

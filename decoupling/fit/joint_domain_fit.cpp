@@ -1,0 +1,102 @@
+#include "decoupling/fit/joint_domain_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "decoupling/joint_domain.hpp"
+#include "decoupling/solve/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kQuantile = 0.999, kMargin = 1.1;
+// Added to the variance of each channel, whose unit is a quarter of the channel's range: noise and drift of 0.25 % of the
+// range, which a recording of averaged loads does not show.
+constexpr double kFloor = 1e-4;
+
+// The change of each channel with each component that has labels, times the full scale of that component: a row a
+// component. By least squares over the rows that have all labels.
+Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, const Calibration& calibration) {
+    std::vector<std::size_t> component;
+    for (const auto& name : calibration.components) component.push_back(component_index(name));
+    std::vector<Eigen::Index> whole;
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        if (std::all_of(component.begin(), component.end(),
+                        [&](std::size_t c) { return std::isfinite(rows[i]->wrench_S[c]); }))
+            whole.push_back(Eigen::Index(i));
+    const auto m = Eigen::Index(component.size());
+    if (Eigen::Index(whole.size()) < 3 * (m + 1)) return Eigen::MatrixXd(0, channel.cols());
+    Eigen::MatrixXd load(Eigen::Index(whole.size()), m), at = Eigen::MatrixXd(load.rows(), channel.cols());
+    for (Eigen::Index i = 0; i < load.rows(); ++i) {
+        at.row(i) = channel.row(whole[std::size_t(i)]);
+        for (Eigen::Index c = 0; c < m; ++c)
+            load(i, c) = rows[std::size_t(whole[std::size_t(i)])]->wrench_S[component[std::size_t(c)]];
+    }
+    const Eigen::RowVectorXd full_scale = load.cwiseAbs().colwise().maxCoeff().cwiseMax(1e-300);
+    load = (load.array().rowwise() / full_scale.array()).matrix();
+    load.rowwise() -= load.colwise().mean().eval();
+    at.rowwise() -= at.colwise().mean().eval();
+    // Components that always came together share their response.
+    const Eigen::MatrixXd squares = load.transpose() * load;
+    const double ridge = 1e-6 * std::max(squares.diagonal().maxCoeff(), 1e-300);
+    return (squares + ridge * Eigen::MatrixXd::Identity(m, m)).ldlt().solve(load.transpose() * at);
+}
+
+// Everything but the limit.
+JointDomain domain_of(const Rows& rows, const Calibration& calibration) {
+    const auto n = Eigen::Index(calibration.channels.size());
+    Eigen::MatrixXd channel(Eigen::Index(rows.size()), n);
+    for (Eigen::Index i = 0; i < channel.rows(); ++i)
+        for (Eigen::Index k = 0; k < n; ++k) channel(i, k) = rows[std::size_t(i)]->channel[std::size_t(k)];
+    Eigen::RowVectorXd unit = (channel.colwise().maxCoeff() - channel.colwise().minCoeff()) / 4;
+    unit = (unit.array() > 0).select(unit, 1.0);
+    channel = (channel.array().rowwise() / unit.array()).matrix();
+    const Eigen::RowVectorXd mean = channel.colwise().mean();
+    channel.rowwise() -= mean;
+    Eigen::MatrixXd covariance = channel.transpose() * channel / double(channel.rows());
+    // Loads that the rows show one after the other may come together: they are part of the domain up to the full scale of
+    // each component.
+    const Eigen::MatrixXd response = responses(rows, channel, calibration);
+    covariance += double(std::max<Eigen::Index>(1, response.rows())) * response.transpose() * response;
+    covariance.diagonal().array() += kFloor;
+    const Eigen::MatrixXd lower = covariance.llt().matrixL();
+    const Eigen::MatrixXd whitening =
+        lower.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(n, n)) * unit.cwiseInverse().asDiagonal();
+    JointDomain domain;
+    for (Eigen::Index i = 0; i < n; ++i) {
+        domain.mean.push_back(mean[i] * unit[i]);
+        domain.whitening.emplace_back();
+        for (Eigen::Index k = 0; k <= i; ++k) domain.whitening.back().push_back(whitening(i, k));
+    }
+    return domain;
+}
+
+}  // namespace
+
+void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration) {
+    calibration.joint_domain = {};
+    const std::size_t n = calibration.channels.size();
+    const auto is_enough = [&](std::size_t count) { return count >= kRowsPerCoefficient * (n + 1); };
+    if (n < 2 || !is_enough(rows.size())) return;
+    std::vector<double> distances;
+    for (const std::size_t group : std::set<std::size_t>(group_of_row.begin(), group_of_row.end())) {
+        Rows seen, unseen;
+        for (std::size_t i = 0; i < rows.size(); ++i) (group_of_row[i] == group ? unseen : seen).push_back(rows[i]);
+        if (!is_enough(seen.size())) continue;
+        const JointDomain part = domain_of(seen, calibration);
+        for (const auto* row : unseen) distances.push_back(joint_distance(part, row->channel));
+    }
+    if (distances.empty()) return;
+    std::sort(distances.begin(), distances.end());
+    JointDomain domain = domain_of(rows, calibration);
+    const auto at = std::size_t(std::ceil(kQuantile * double(distances.size()))) - 1;
+    domain.limit = std::hypot(1, kMargin * distances[at]);  // 1: all components at full scale, see domain_of()
+    if (!std::isfinite(domain.limit) || domain.limit <= 0) return;
+    domain.false_alarms = double(distances.end() - std::upper_bound(distances.begin(), distances.end(), domain.limit)) /
+                          double(distances.size());
+    calibration.joint_domain = std::move(domain);
+}
+
+}  // namespace tactiled

@@ -1,0 +1,91 @@
+#include "decoupling/joint_domain.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "config/names.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kMaxFactor = 1e6;  // of a standard deviation, which stays finite for any bits
+
+class JointlyChecked final : public Decoupler {
+public:
+    JointlyChecked(const JointDomain& domain, std::unique_ptr<Decoupler> inner)
+        : inner_(std::move(inner)), n_(domain.mean.size()), limit_squared_(domain.limit * domain.limit) {
+        std::copy(domain.mean.begin(), domain.mean.end(), mean_);
+        for (std::size_t k = 0; k < n_; ++k)
+            for (std::size_t i = k; i < n_; ++i) column_[k][i] = domain.whitening[i][k];
+    }
+
+    [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
+        Estimate estimate = inner_->decouple(reading);
+        if (estimate.quality == TACTILED_BAD || reading.missing != 0 || reading.channel.size() != n_) return estimate;
+        const double squared = distance_squared(reading.channel.data());
+        if (squared <= limit_squared_ || std::isnan(squared)) [[likely]]
+            return estimate;  // NaN: a channel that this method does not use is missing
+        estimate.quality = TACTILED_UNCERTAIN;
+        estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        const double factor = std::min(kMaxFactor, std::sqrt(squared / limit_squared_));
+        for (double& sd : estimate.sd) sd *= factor;
+        return estimate;
+    }
+    void forget() noexcept override { inner_->forget(); }
+    [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
+
+private:
+    // By columns: each step adds a multiple of a column, without a sum that waits for the one before.
+    [[nodiscard]] double distance_squared(const double* channel) const noexcept {
+        double z[kMaxChannels]{};
+        for (std::size_t k = 0; k < n_; ++k) {
+            const double from_mean = channel[k] - mean_[k];
+            for (std::size_t i = 0; i < n_; ++i) z[i] += column_[k][i] * from_mean;
+        }
+        double sum = 0;
+        for (std::size_t i = 0; i < n_; ++i) sum += z[i] * z[i];
+        return sum;
+    }
+
+    std::unique_ptr<Decoupler> inner_;
+    std::size_t n_;
+    double limit_squared_;
+    double mean_[kMaxChannels]{};
+    double column_[kMaxChannels][kMaxChannels]{};  // of the lower triangle
+};
+
+}  // namespace
+
+std::unique_ptr<Decoupler> with_joint_domain(const Calibration& calibration, std::unique_ptr<Decoupler> inner) {
+    if (inner == nullptr || calibration.joint_domain.limit == 0) return inner;
+    return std::make_unique<JointlyChecked>(calibration.joint_domain, std::move(inner));
+}
+
+double joint_distance(const JointDomain& domain, std::span<const double> channel) {
+    double sum = 0;
+    for (std::size_t i = 0; i < domain.mean.size(); ++i) {
+        double z = 0;
+        for (std::size_t k = 0; k <= i; ++k) z += domain.whitening[i][k] * (channel[k] - domain.mean[k]);
+        sum += z * z;
+    }
+    return std::sqrt(sum);
+}
+
+std::string fault_of_joint_domain(const Calibration& calibration) {
+    const JointDomain& domain = calibration.joint_domain;
+    if (domain.limit == 0) return "";
+    const std::size_t n = calibration.channels.size();
+    if (domain.mean.size() != n || domain.whitening.size() != n)
+        return fmt::format("joint_domain has a mean of {} numbers and {} rows of whitening for {} channels",
+                           domain.mean.size(), domain.whitening.size(), n);
+    for (std::size_t i = 0; i < n; ++i)
+        if (domain.whitening[i].size() != i + 1)
+            return fmt::format("joint_domain.whitening[{}] has {} numbers; a lower triangle has {} there", i,
+                               domain.whitening[i].size(), i + 1);
+    return "";
+}
+
+}  // namespace tactiled
