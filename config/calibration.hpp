@@ -49,10 +49,10 @@ struct Calibration : Fit {
     std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
     std::vector<double> channel_least, channel_most;  // the domain that the calibration saw; empty = unknown
     JointDomain joint_domain;
-    std::vector<std::string> components;              // of kComponentNames, those that the sensor sees, in this order
-    std::vector<double> full_scale;                   // per component, N or Nm; empty = unknown
-    int rows = 0;                                     // labelled rows used
-    std::uint16_t crc = 0;                            // CRC-16/CCITT-FALSE over the file up to its line `crc = `
+    std::vector<std::string> components;  // of kComponentNames, those that the sensor sees, in this order
+    std::vector<double> full_scale;       // per component, N or Nm; empty = unknown
+    int rows = 0;                         // labelled rows used
+    std::uint16_t crc = 0;                // CRC-16/CCITT-FALSE over the file up to its line `crc = `
     std::vector<Fit> others;
 
     // As this one, with the fit of `name` where there is one of its own, and without the others.

@@ -54,7 +54,7 @@ public:
             trust();
         else if (started_)
             doubt(counts_on ? kDoubt : 2 * kDoubt);  // the frame before was dropped, and doubted, where it counts on
-        seen_ = restart ? 0xFF : step >= 8 ? 0 : std::uint8_t(unsigned{seen_} << (step + 1) | 1u << step);
+        seen_ = std::uint8_t(restart ? 0xFFu : step >= 8 ? 0u : unsigned{seen_} << (step + 1) | 1u << step);
         started_ = true;
         dropped_ = false;
         last_ = sequence;
