@@ -56,6 +56,7 @@ public:
         if (!fit.matrix.empty()) rows("matrix", fit.matrix);
         numbers("sd", fit.sd);
         numbers("sd_slope", fit.sd_slope);
+        numbers("held_out_rms", fit.held_out_rms);
         line("condition", toml_number(fit.condition));
         text("validation", fit.validation);
         for (const auto& [name, value] : fit.parameters) line("parameters." + toml_key(name), toml_number(value));
@@ -80,6 +81,7 @@ std::string calibration_text(const Calibration& calibration) {
     out.text("channel_unit", calibration.channel_unit);
     out.numbers("channel_least", calibration.channel_least);
     out.numbers("channel_most", calibration.channel_most);
+    out.numbers("zero_drift", calibration.zero_drift);
     out.line("components", toml_texts(calibration.components));
     out.numbers("full_scale", calibration.full_scale);
     out.line("rows", fmt::format("{}", calibration.rows));
