@@ -44,34 +44,37 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     for (std::size_t c = 0; c < 6; ++c)
         if (full_scale[c] > 0) components.push_back(c);
     const std::size_t max_left_out = std::max(kMaxLeftOut, std::size_t(kMaxShareLeftOut * double(loads.size())));
-    std::set<const LabelledRow*> out;
-    Found found;
-    for (int round = 0; round < (loads.size() < kSmallRecording ? kRounds : kRoundsOfMany); ++round) {
+    const auto without = [&](const std::set<const LabelledRow*>& out) {
         Rows kept;
         for (const auto* row : rows)
             if (out.count(row) == 0) kept.push_back(row);
-        judged.calibration = refit(kept);
+        return kept;
+    };
+    // Rounds without all that are suspected, whether they will be left out or not: none of them bends the fit that judges
+    // it.
+    std::set<const LabelledRow*> suspected, fitted_without;
+    Found found;
+    for (int round = 0; round < (loads.size() < kSmallRecording ? kRounds : kRoundsOfMany); ++round) {
+        fitted_without = suspected;
+        judged.calibration = refit(without(suspected));
         if (components.empty()) return judged;
         estimate_loads(judged.calibration, loads);
         found = suspects_of(loads, components, full_scale);
+        suspected.clear();
         std::size_t n = 0;
-        std::set<const LabelledRow*> next;
         for (std::size_t l = 0; l < loads.size(); ++l)
-            if (found.suspected[l] && !found.beyond[l]) {
-                ++n;
-                next.insert(loads[l].rows.begin(), loads[l].rows.end());
+            if (found.suspected[l]) {
+                n += found.beyond[l] ? 0 : 1;
+                suspected.insert(loads[l].rows.begin(), loads[l].rows.end());
             }
         judged.too_many = n > max_left_out;
-        if (judged.too_many || keep) next.clear();
-        if (next == out) break;
-        out = std::move(next);
-        if (round + 1 == (loads.size() < kSmallRecording ? kRounds : kRoundsOfMany)) {
-            kept.clear();
-            for (const auto* row : rows)
-                if (out.count(row) == 0) kept.push_back(row);
-            judged.calibration = refit(kept);
-        }
+        if (judged.too_many || suspected == fitted_without) break;
     }
+    std::set<const LabelledRow*> out;
+    for (std::size_t l = 0; l < loads.size(); ++l)
+        if (found.suspected[l] && !found.beyond[l] && !keep && !judged.too_many)
+            out.insert(loads[l].rows.begin(), loads[l].rows.end());
+    if (out != fitted_without) judged.calibration = refit(without(out));
     judged.bent = found.bent;
     for (std::size_t l = 0; l < loads.size(); ++l)
         for (const auto* row : loads[l].rows)

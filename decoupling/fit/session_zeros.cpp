@@ -14,6 +14,7 @@ namespace {
 constexpr double kRest = 0.02;      // of each component's full scale
 constexpr double kStraight = 0.02;  // of a channel's width: what the affine map of the labels may leave over
 constexpr double kLower = 0.7;      // the error with own zeros over that with one
+constexpr double kExplains = 0.3;   // of the labels' spread
 constexpr double kWorth = 1e-4;     // of full scale: a difference below that is no reason
 constexpr std::size_t kParts = 10;  // that sessions are left out in
 constexpr int kRounds = 3;
@@ -183,9 +184,15 @@ SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitReques
     for (Eigen::Index i = 0; i < tared.rows(); ++i) tared.row(i) -= zero.row(Eigen::Index(data.session[std::size_t(i)]));
     zeros.error = error_of_affine(data, data.channel, found.agrees);
     zeros.error_with_own = error_of_affine(data, tared, found.agrees);
+    // Zeros are no explanation where the channels do not tell the labels even with them.
+    const Eigen::RowVectorXd spread =
+        ((data.label.rowwise() - data.label.colwise().mean()).colwise().squaredNorm() / double(data.label.rows()))
+            .cwiseSqrt()
+            .cwiseQuotient(data.full_scale);
+    const bool explains = zeros.error_with_own < kExplains * spread.mean();
     zeros.own = requested == FitRequest::Zeros::per_session ||
-                (requested == FitRequest::Zeros::found && found.known && zeros.error_with_own < kLower * zeros.error &&
-                 zeros.error - zeros.error_with_own > kWorth);
+                (requested == FitRequest::Zeros::found && found.known && explains &&
+                 zeros.error_with_own < kLower * zeros.error && zeros.error - zeros.error_with_own > kWorth);
     return zeros;
 }
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How `tactilectl calibrate` stands real recordings and planted mistakes.
 
-    calibration_holds.py [--methods matrix,quadratic,rbf,mlp] [--seeds 3] [part ...]
+    calibration_holds.py [--methods matrix,quadratic,rbf,mlp] [--recordings "normal 1>2,tongs"] [--seeds 3] [part ...]
 
 parts: unseen   calibrated on one part of each recording, judged on another: error, coverage, sharpness, time
        swapped  1 % of the labels swapped at random: share of them named, share of good rows named
@@ -32,9 +32,10 @@ def recordings():
 
     def session(rows, name):
         return [r for r in rows if r["session"] == name]
-    return {"normal 1>2": (session(normal, "1"), session(normal, "2")), "normal 2>1": (session(normal, "2"), session(normal, "1")),
-            "shear 1>2": (session(shear, "1"), session(shear, "2")), "shear 4/5": (shear[:len(shear) * 4 // 5], shear[len(shear) * 4 // 5:]),
+    known = {"normal 1>2": (session(normal, "1"), session(normal, "2")), "normal 2>1": (session(normal, "2"), session(normal, "1")),
+            "shear 4/5": (shear[:len(shear) * 4 // 5], shear[len(shear) * 4 // 5:]),
             "tongs": (tongs, tongs_test), "tongs half": (tongs[:len(tongs) // 2], tongs[len(tongs) // 2:])}
+    return {name: sets for name, sets in known.items() if not GIVEN.recordings or name in GIVEN.recordings.split(",")}
 
 
 def calibrate(rows, folder, method, *words):
@@ -199,7 +200,8 @@ def made(folder):
         fresh = rows[:]
         wrong = rng.sample(range(len(rows)), 4)
         for i in wrong:
-            rows[i] = dict(rows[i], **{rng.choice(("fx_N", "fy_N", "fz_N")): f"{rng.uniform(-50, 50):.3f}"})
+            axis = rng.choice(("fx_N", "fy_N", "fz_N"))
+            rows[i] = dict(rows[i], **{axis: f"{number(rows[i][axis]) + rng.choice((-1, 1)) * rng.uniform(5, 50):.3f}"})
         report, _, said = calibrate(rows, folder, "matrix")
         if report is None:
             print("mistyped:", said)
@@ -236,6 +238,7 @@ def main():
     global GIVEN
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--methods", default="matrix,quadratic,rbf,mlp")
+    arguments.add_argument("--recordings", default="")
     arguments.add_argument("--seeds", type=int, default=3)
     arguments.add_argument("--tactilectl", default=ROOT / "build/release/bin/tactilectl")
     arguments.add_argument("parts", nargs="*", default=[])

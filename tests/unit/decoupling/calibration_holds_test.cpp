@@ -123,19 +123,31 @@ TEST(Outliers, GoodRecordingsLoseNothing) {
     }
 }
 
-// A press beyond all others may be one that the sensor reads too low: it stays, and is asked for again.
+// A load beyond all others, or at their end, may be one that the sensor reads too low: it stays, and is asked for again.
 TEST(Outliers, TheMostLoadedRowIsNeverLeftOut) {
-    Labelled labelled = Cell(3).recording(1, 4, 0, 1e-4);
+    for (const double reads : {1.0, 1.2, 1.5}) {
+        Labelled labelled = Cell(3).recording(1, 4, 0, 1e-4);
+        LabelledRow row = labelled.rows[25];  // the greatest press, 100 N
+        for (std::size_t i = 0; i < 3; ++i) row.channel[i] *= reads, row.wrench_S[i] *= 1.8;
+        row.line = 122;
+        labelled.rows.push_back(row);
+        const FitReport report = fit(labelled, by("matrix"));
+        EXPECT_EQ(report.calibration.rows, 121) << reads;
+        EXPECT_EQ(lines_of(report), (std::set<std::int64_t>{122})) << reads;
+        EXPECT_TRUE(warns(report, "kept: cell.csv:122: fz_N is -180")) << reads;
+        EXPECT_TRUE(warns(report, "apply this load again")) << reads;
+    }
+}
+
+// Weights of which the greatest is there once: a label in the range of the others is no bend of the sensor.
+TEST(Outliers, AMistypedGreatestLoadIsLeftOut) {
+    Labelled labelled = Cell(4).recording(1, 4, 0, 1e-4);
     LabelledRow row = labelled.rows[25];
-    for (std::size_t i = 0; i < 3; ++i) row.channel[i] *= 1.5, row.wrench_S[i] *= 1.6;
+    for (double& reading : row.channel) reading *= 1.1;
+    row.wrench_S[2] = 11;  // N, is -110
     row.line = 122;
     labelled.rows.push_back(row);
-    const FitReport report = fit(labelled, by("matrix"));
-    EXPECT_EQ(lines_of(report), (std::set<std::int64_t>{122}));
-    EXPECT_TRUE(lines_of(report, true).empty());
-    EXPECT_TRUE(warns(report, "kept: cell.csv:122")) << "named";
-    EXPECT_TRUE(warns(report, "apply this load again"));
-    EXPECT_EQ(report.calibration.rows, 121);
+    EXPECT_EQ(lines_of(fit(labelled, by("matrix")), true), (std::set<std::int64_t>{122}));
 }
 
 // Random loads on a sensor that saturates softly. The greatest loads disagree with a straight line, all of them alike.
@@ -175,7 +187,10 @@ TEST(Outliers, AreJudgedByTheMethodThatIsChosen) {
     }
     for (const std::size_t at : {40u, 250u, 470u}) std::swap(labelled.rows[at].wrench_S, labelled.rows[at + 77].wrench_S);
     const FitReport report = fit(labelled, by("rbf"));
-    EXPECT_EQ(lines_of(report, true), (std::set<std::int64_t>{42, 119, 252, 329, 472, 549}));
+    std::size_t named = 0;
+    for (const std::int64_t line : {42, 119, 252, 329, 472, 549}) named += lines_of(report, true).count(line);
+    EXPECT_EQ(named, 6u);
+    EXPECT_LE(report.suspects.size(), 6u + 3u);  // 0.5 % of the others
 }
 
 TEST(Outliers, WhereManyDisagreeAllStay) {
@@ -208,10 +223,10 @@ TEST(SessionZeros, AreFoundWhereEachPlacementHasItsOwn) {
 TEST(SessionZeros, StandMistypedLoads) {
     Labelled labelled = Cell(11).recording(3, 2, 0.03, 3e-4);
     labelled.rows[13].wrench_S[0] = 35;  // N
-    labelled.rows[100].wrench_S[2] *= 0.1;
+    labelled.rows[113].wrench_S[2] *= 0.1;
     const FitReport report = fit(labelled, by("matrix"));
     EXPECT_TRUE(report.zeros.own);
-    EXPECT_EQ(lines_of(report, true), (std::set<std::int64_t>{15, 102}));
+    EXPECT_EQ(lines_of(report, true), (std::set<std::int64_t>{15, 115}));
     EXPECT_LT(percent_of_full_scale(report), 0.15);
 }
 
@@ -250,7 +265,7 @@ TEST(ZeroDrift, IsInTheFitAndInTheStandardDeviation) {
     };
     double beyond = 0, within = 0;
     const double plain = error_with_zeros(fit(labelled, by("matrix")).calibration, beyond, within);
-    EXPECT_GT(plain, 0.09);  // N
+    EXPECT_GT(plain, 0.08);  // N
     EXPECT_GT(beyond, 0.5);
     FitRequest stated = by("matrix");
     stated.zero_drift = 0.01;
@@ -375,8 +390,8 @@ TEST(Uncertainty, SeesTailsWorstSessionsAndFewRows) {
     std::vector<double> errors(4000);
     for (double& error : errors) error = normal(random);
     EXPECT_NEAR(stated_sd(errors_of(errors, rows, 1), 5), 1, 0.06);
-    for (std::size_t i = 0; i < errors.size(); i += 50) errors[i] *= 10;  // 2 %
-    EXPECT_GT(stated_sd(errors_of(errors, rows, 1), 5), 3);               // their 99 % quantile
+    for (std::size_t i = 0; i < errors.size(); i += 50) errors[i] = 7;      // 2 %
+    EXPECT_NEAR(stated_sd(errors_of(errors, rows, 1), 5), 7 / 2.576, 0.3);  // their 99 % quantile
     for (double& error : errors) error = normal(random);
     for (std::size_t i = 3000; i < 4000; ++i) errors[i] += 2;  // one session in four
     const double of_sessions = stated_sd(errors_of(errors, rows, 4), 5);
@@ -482,7 +497,8 @@ TEST(Input, OddLabelsAndReadingsAreNamed) {
     EXPECT_TRUE(warns(fit(positive, by("matrix")), "fz_N is never negative"));
     Labelled tiny = labelled, huge = labelled, far = labelled;
     for (auto& row : tiny.rows) row.wrench_S[0] *= 1e-300;
-    EXPECT_NE(refusal(tiny, by("matrix")).find("fx_N is 1e-300 at most"), std::string::npos) << refusal(tiny, by("matrix"));
+    EXPECT_NE(refusal(tiny, by("matrix")).find("e-301 at most, which no reference measures"), std::string::npos)
+        << refusal(tiny, by("matrix"));
     huge.rows[7].channel[1] = 1e170;
     EXPECT_NE(refusal(huge, by("matrix")).find("waves.csv:9: channel B is 1e+170"), std::string::npos)
         << refusal(huge, by("matrix"));
