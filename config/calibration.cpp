@@ -90,6 +90,7 @@ void read_channels(Options& file, Calibration& calibration) {
     const Count each = channels.empty() ? Count{} : Count{channels.size(), channels.size()};
     calibration.channel_least = file.numbers("channel_least", kFinite, each);
     calibration.channel_most = file.numbers("channel_most", kFinite, each);
+    calibration.zero_drift = file.numbers("zero_drift", kNotNegative, each);
     const auto &min = calibration.channel_least, &max = calibration.channel_most;
     if (file.has("channel_least") != file.has("channel_most"))
         file.problem("channel_least", "channel_least and channel_most belong together: give both or none");
@@ -145,6 +146,7 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     const Count each = n_rows == 0 ? Count{} : Count{n_rows, n_rows};
     fit.sd = file.numbers("sd", kNotNegative, each);
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
+    fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
     fit.matrix = file.rows("matrix");
     if (!fit.matrix.empty() && n_rows != 0 && fit.matrix.size() != n_rows)
         file.problem("matrix", fmt::format("matrix has {} rows for {} components", fit.matrix.size(), n_rows));

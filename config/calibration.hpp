@@ -21,9 +21,11 @@ struct Fit {
     std::vector<std::vector<double>> matrix;  // components x channels: N or Nm a channel_unit
     std::map<std::string, double> parameters;
     std::map<std::string, std::vector<std::vector<double>>> tables;  // rows of numbers: centres, weights ...
-    // Per component, of errors on data that the fit had not seen, N or Nm; empty = unknown. 68 % of them are below
-    // hypot(sd, sd_slope * |component|).
+    // Per component, of errors on data that the fit had not seen, N or Nm; empty = unknown. At least 68 % of them are below
+    // hypot(sd, sd_slope * |component|), 95 % below 1.96 times and 99 % below 2.58 times that.
     std::vector<double> sd, sd_slope;
+    // Per component: root mean square error on rows that the fit had not seen, N or Nm; empty = unknown.
+    std::vector<double> held_out_rms;
     double condition = 0;    // of the scaled problem that was solved; 0 = unknown
     std::string validation;  // groups that were held out: "leave one session out (2 sessions)" ...
 };
@@ -49,6 +51,8 @@ struct Calibration : Fit {
     std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
     std::vector<double> channel_least, channel_most;  // the domain that the calibration saw; empty = unknown
     JointDomain joint_domain;
+    std::vector<double>
+        zero_drift;  // a channel: sd of the zero that the fits and each sd allow for, channel_unit; empty = 0
     std::vector<std::string> components;  // of kComponentNames, those that the sensor sees, in this order
     std::vector<double> full_scale;       // per component, N or Nm; empty = unknown
     int rows = 0;                         // labelled rows used

@@ -56,6 +56,7 @@ public:
         if (!fit.matrix.empty()) rows("matrix", fit.matrix);
         numbers("sd", fit.sd);
         numbers("sd_slope", fit.sd_slope);
+        numbers("held_out_rms", fit.held_out_rms);
         line("condition", toml_number(fit.condition));
         text("validation", fit.validation);
         for (const auto& [name, value] : fit.parameters) line("parameters." + toml_key(name), toml_number(value));
@@ -86,6 +87,7 @@ std::string calibration_text(const Calibration& calibration) {
         out.line("joint_domain.limit", toml_number(domain.limit));
         out.line("joint_domain.false_alarms", toml_number(domain.false_alarms));
     }
+    out.numbers("zero_drift", calibration.zero_drift);
     out.line("components", toml_texts(calibration.components));
     out.numbers("full_scale", calibration.full_scale);
     out.line("rows", fmt::format("{}", calibration.rows));

@@ -145,7 +145,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
         table.problem("jaws_of_gripper",
                       fmt::format("jaws_of_gripper = {}, but {} have a sensor", g.jaws_of_gripper, g.jaws.size()));
     const double pull = length(g.gravity_G_m_s2);
-    if (pull != 0 && (pull < kMinG_m_s2 || pull > kMaxG_m_s2))
+    if (g.gravity_G_m_s2 != Vector{0, 0, 0} && !(pull >= kMinG_m_s2 && pull <= kMaxG_m_s2))
         table.problem("gravity_G_m_s2", fmt::format("gravity_G_m_s2 has a length of {:.3g}; on Earth it is 9.81 m/s^2, and "
                                                     "[0, 0, 0] where its direction is not known",
                                                     pull));

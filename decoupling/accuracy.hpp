@@ -8,8 +8,8 @@
 
 namespace tactiled {
 
-// The standard deviation that the calibration states, in full scales, at half of full scale, mean over the components;
-// infinite where it is not known. setup
+// Error on rows that the fit had not seen, in full scales, mean over the components; of a file without that number the
+// standard deviation that it states at half of full scale; infinite where neither is known. setup
 inline double inaccuracy(const Calibration& calibration) {
     const std::size_t n = calibration.components.size();
     if (calibration.sd.size() != n || calibration.full_scale.size() != n || n == 0)
@@ -17,7 +17,8 @@ inline double inaccuracy(const Calibration& calibration) {
     double sum = 0;
     for (std::size_t i = 0; i < n; ++i) {
         const double slope = calibration.sd_slope.empty() ? 0.0 : calibration.sd_slope[i];
-        sum += std::hypot(calibration.sd[i] / calibration.full_scale[i], slope / 2);
+        sum += calibration.held_out_rms.size() == n ? calibration.held_out_rms[i] / calibration.full_scale[i]
+                                                    : std::hypot(calibration.sd[i] / calibration.full_scale[i], slope / 2);
     }
     return sum / double(n);
 }

@@ -142,7 +142,8 @@ ForcesWriter::ForcesWriter(const std::string& path) : name_(path == "-" ? "stand
     if (file_ == nullptr) throw SetupError(why_not_opened(path));
     // A consumer at the other end of a pipe sees a row when it is there, not 4 kB later.
     if (path == "-") std::setvbuf(stdout, nullptr, _IOLBF, 1u << 16);
-    put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual\n");
+    put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
+        "sd_mx_Nm,sd_my_Nm,sd_mz_Nm\n");
 }
 
 void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view quality) {
@@ -163,6 +164,7 @@ void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view 
     for (const double coordinate : estimate.cop_S_m) add(coordinate);
     add(estimate.direction == 0 ? kNaN : double(estimate.direction));
     add(estimate.residual);
+    for (std::size_t c = 3; c < 6; ++c) add(estimate.sd[c]);
     row_.back() = '\n';
     put(row_);
 }

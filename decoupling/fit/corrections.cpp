@@ -50,7 +50,7 @@ Ridge::Ridge(const Eigen::MatrixXd& features) : rows_(double(features.rows())) {
     gram_.selfadjointView<Eigen::Lower>().rankUpdate(features.transpose());
 }
 
-Eigen::VectorXd Ridge::solve(const Eigen::VectorXd& feature_y, double ridge) const {
+Eigen::MatrixXd Ridge::solve(const Eigen::MatrixXd& feature_y, double ridge) const {
     Eigen::MatrixXd regular = gram_;
     regular.diagonal().array() += ridge * rows_;
     return regular.selfadjointView<Eigen::Lower>().ldlt().solve(feature_y);

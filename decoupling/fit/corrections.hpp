@@ -30,7 +30,8 @@ Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u);
 class Ridge {
 public:
     explicit Ridge(const Eigen::MatrixXd& features);
-    [[nodiscard]] Eigen::VectorXd solve(const Eigen::VectorXd& feature_y, double ridge) const;
+    // `feature_y` and the result have a column for each y; one factorisation serves them all.
+    [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& feature_y, double ridge) const;
 
 private:
     Eigen::MatrixXd gram_;

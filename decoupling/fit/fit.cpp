@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <utility>
 
@@ -11,14 +12,13 @@
 #include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/outliers.hpp"
-#include "decoupling/fit/validate.hpp"
+#include "decoupling/fit/session_zeros.hpp"
+#include "decoupling/fit/trial.hpp"
 #include "decoupling/method.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr double kIllConditioned = 1000;  // 0.1 % of noise in a channel becomes 100 % of a coefficient
 
 constexpr double kTooGood = 1e-6;  // of full scale: six digits are what a reference may have
 
@@ -39,8 +39,8 @@ std::vector<const FitEntry*> fits_for(const FitRequest& request) {
                                  request.model, fmt::join(names, " "), or_did_you_mean(request.method, names)));
 }
 
-// Rows that have a label and every channel; counts the others.
-Rows usable_rows(const Labelled& labelled, FitReport& report) {
+// Rows that have a label and every channel, none of them at its saturation limit; counts the others.
+Rows usable_rows(const Labelled& labelled, const FitRequest& request, FitReport& report) {
     Rows rows;
     std::array<bool, 6> labelled_at_all{};
     for (const auto& row : labelled.rows) {
@@ -53,6 +53,10 @@ Rows usable_rows(const Labelled& labelled, FitReport& report) {
             labelled_at_all[c] = labelled_at_all[c] || std::isfinite(row.wrench_S[c]);
         if (std::any_of(row.channel.begin(), row.channel.end(), [](double value) { return std::isnan(value); }))
             ++report.rows_missing_channel;
+        else if (std::any_of(row.channel.begin(), row.channel.end(), [&](double value) {
+                     return value <= request.saturates_below || value >= request.saturates_above;
+                 }))
+            ++report.rows_saturated;
         else
             rows.push_back(&row);
     }
@@ -61,7 +65,13 @@ Rows usable_rows(const Labelled& labelled, FitReport& report) {
         report.calibration.components.emplace_back(kComponentNames[c]);
         report.components.push_back({.name = kComponentNames[c]});
     }
-    if (rows.empty()) throw Undetermined("no row has a label and all channels");
+    if (rows.empty())
+        throw Undetermined(report.rows_saturated > 0
+                               ? fmt::format("all {} rows with a label are at a saturation limit", report.rows_saturated)
+                               : "no row has a label and all channels");
+    if (report.rows_saturated > 0)
+        report.warnings.push_back(
+            fmt::format("{} labelled rows are at a saturation limit: left out", report.rows_saturated));
     if (report.rows_missing_channel > 0)
         report.warnings.push_back(fmt::format("{} labelled rows lack a channel: left out", report.rows_missing_channel));
     return rows;
@@ -79,45 +89,6 @@ void check_number(const Rows& rows, const FitReport& report) {
     }
 }
 
-struct Fitted {
-    Calibration calibration;
-    MethodReport about;
-    Validation validation;
-};
-
-Fitted fit_one(const Labelled& labelled, const Rows& rows, const FitEntry& method, const FitRequest& request,
-               FitReport& report) {
-    Fitted fitted{.calibration = report.calibration, .about = {}, .validation = {}};
-    Calibration& calibration = fitted.calibration;
-    if (const auto start = request.start.find(std::string(method.method)); start != request.start.end())
-        static_cast<Fit&>(calibration) = start->second;
-    for (const auto& [name, value] : request.parameters) calibration.parameters[name] = value;
-    calibration.method = method.method;
-    fitted.about.method = method.method;
-    set_domain(rows, calibration);
-    const Calibration start = calibration;
-    method.fit(rows, calibration, report.warnings);
-    if (calibration.condition > kIllConditioned)
-        report.warnings.push_back(fmt::format(
-            "condition number {:.2g}: the channels nearly repeat each other, noise is amplified", calibration.condition));
-    // A search's result may serve the parts too, where it is a mere width; a time constant is to be found again.
-    fitted.validation = hold_out(labelled, rows, method, method.remembers ? start : calibration, report.warnings);
-    calibration.validation = fitted.validation.how;
-    set_uncertainty(fitted.validation.rows, calibration);
-    // A search may end worse on all rows than it did on parts of them (mlp, by up to 1.6): what is held out then speaks of
-    // other calibrations than this one.
-    const Wrench own = rms_error(calibration, rows);
-    for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
-        const std::size_t c = component_index(calibration.components[i]);
-        if (!(own[c] > fitted.validation.rms[c]) || !(fitted.validation.rms[c] > 0)) continue;
-        calibration.sd[i] *= own[c] / fitted.validation.rms[c];
-        if (!calibration.sd_slope.empty()) calibration.sd_slope[i] *= own[c] / fitted.validation.rms[c];
-    }
-    for (const auto& component : report.components)
-        fitted.about.held_out_rms.push_back(fitted.validation.rms[component_index(component.name)]);
-    return fitted;
-}
-
 }  // namespace
 
 FitReport fit(const Labelled& all, const FitRequest& request) {
@@ -130,45 +101,123 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     calibration.channel_unit = request.channel_unit;
     calibration.date = request.date;
 
-    const auto labelled = std::make_shared<const Labelled>(with_useful_channels(all, *methods.front(), report.warnings));
+    const auto labelled = std::make_shared<Labelled>(with_useful_channels(all, *methods.front(), report.warnings));
     report.labelled = labelled;
     calibration.channels = labelled->channels;
-    Rows rows = usable_rows(*labelled, report);
+    Rows rows = usable_rows(*labelled, request, report);
+    check_numbers(*labelled, rows);
+    if (const std::string odd = press_without_sign(rows); !odd.empty()) report.warnings.push_back(odd);
     check_labels(rows, report);
     check_number(rows, report);
-    if (Rows kept = methods.front()->remembers ? rows : without_outliers(*labelled, rows, report);
-        kept.size() < rows.size()) {
-        // A label that is left out sets no full scale, and is no reason to believe that an axis was loaded.
-        rows = std::move(kept);
+    const bool remembers = methods.front()->remembers;
+    Calibration raw;  // domain of the readings as they are
+    raw.channels = labelled->channels;
+    set_domain(rows, raw);
+    if (!remembers) {
+        report.zeros = session_zeros(*labelled, rows, request.zeros);
+        say_zeros(*labelled, report.zeros, raw, report.warnings);
+        if (report.zeros.own) take_zeros_off(report.zeros, *labelled);
+    }
+    const std::vector<double> drift = remembers ? std::vector<double>{} : zero_drift_of(request, rows, report.zeros);
+    calibration.zero_drift = drift;
+
+    const auto set_size = [&] {
         check_labels(rows, report);
         check_number(rows, report);
+        calibration.rows = int(rows.size());
+        calibration.full_scale.clear();
+        for (const auto& component : report.components) calibration.full_scale.push_back(component.full_scale);
+    };
+    set_size();
+    const auto now = [] { return std::chrono::steady_clock::now(); };
+    const auto since = [&](auto begun) { return std::chrono::duration<double>(now() - begun).count(); };
+    std::vector<Trial> trials;
+    for (const FitEntry* method : methods) {
+        Trial& trial = trials.emplace_back();
+        trial.method = method;
+        trial.about.method = method->method;
     }
-    calibration.rows = int(rows.size());
-    for (const auto& component : report.components) calibration.full_scale.push_back(component.full_scale);
-
-    std::vector<Fitted> all_fitted;
-    for (const FitEntry* const entry : methods) {
-        const FitEntry& method = *entry;
-        // Of several methods each says which one it is, and what another has said is not said again.
-        const std::vector<std::string> before = std::exchange(report.warnings, {});
-        const auto keep_warnings = [&] {
-            std::vector<std::string> said = before;
-            for (const std::string& warning : report.warnings) {
-                const auto ends_so = [&](const std::string& other) { return other.ends_with(warning); };
-                if (std::none_of(said.begin(), said.end(), ends_so))
-                    said.push_back(methods.size() == 1 ? warning : fmt::format("method {}: {}", method.method, warning));
-            }
-            report.warnings = std::move(said);
-        };
-        try {
-            all_fitted.push_back(fit_one(*labelled, rows, method, request, report));
-            keep_warnings();
-            report.methods.push_back(all_fitted.back().about);
-        } catch (const Undetermined& error) {
-            if (methods.size() == 1) throw;
-            keep_warnings();
-            report.methods.push_back({.method = std::string(method.method), .held_out_rms = {}, .refused = error.what()});
+    // Of several methods each says which one it is, and what another has said is not said again.
+    const auto refuse = [&](Trial& trial, const Undetermined& error) {
+        if (methods.size() == 1) throw error;
+        trial.about.refused = error.what();
+    };
+    const auto fit_all = [&] {
+        for (Trial& trial : trials) {
+            if (!trial.about.refused.empty()) continue;
+            const auto begun = now();
+            try {
+                trial.start = start_of(*trial.method, request, report);
+                trial.calibration = fit_rows(*trial.method, trial.start, rows, drift, trial.warnings);
+            } catch (const Undetermined& error) { refuse(trial, error); }
+            trial.about.seconds += since(begun);
         }
+    };
+    if (methods.size() > 1 || remembers) fit_all();
+    if (std::none_of(trials.begin(), trials.end(), [](const Trial& trial) { return trial.about.refused.empty(); }))
+        throw Undetermined(trials.front().about.refused);
+    if (!remembers) {
+        // The labels are judged by the method that explains most of them best.
+        Trial* judge = &trials.front();
+        double min = std::numeric_limits<double>::infinity();
+        for (Trial& trial : trials) {
+            if (methods.size() == 1 || !trial.about.refused.empty()) continue;
+            const double error = median_error(trial.calibration, rows);
+            if (!(error < min)) continue;
+            min = error;
+            judge = &trial;
+        }
+        const auto begun = now();
+        judge->start = start_of(*judge->method, request, report);
+        const LabelsJudged judged = judge_labels(
+            rows,
+            [&](const Rows& some) {
+                if (methods.size() > 1 && some.size() == rows.size()) return judge->calibration;
+                return fit_rows(*judge->method, judge->start, some, drift, judge->warnings);
+            },
+            request.keep_outliers);
+        report_suspects(*labelled, judged, report);
+        judge->calibration = judged.calibration;
+        judge->about.seconds += since(begun);
+        std::erase_if(rows, [&](const LabelledRow* row) {
+            return std::any_of(judged.suspects.begin(), judged.suspects.end(),
+                               [&](const Suspect& suspect) { return suspect.row == row && suspect.left_out; });
+        });
+        if (rows.size() < std::size_t(calibration.rows)) {
+            // A label that is left out sets no full scale, and is no reason to believe that an axis was loaded.
+            set_size();
+            if (methods.size() > 1) fit_all();
+        }
+    }
+    for (Trial& trial : trials) {
+        if (!trial.about.refused.empty()) continue;
+        const auto begun = now();
+        trial.calibration.rows = calibration.rows;
+        trial.calibration.full_scale = calibration.full_scale;
+        try {
+            validate(*labelled, rows, drift, report, trial);
+        } catch (const Undetermined& error) { refuse(trial, error); }
+        trial.about.seconds += since(begun);
+        if (!report.zeros.own) continue;
+        // Readings as they are before a tare are no surprise.
+        for (std::size_t k = 0; k < raw.channels.size(); ++k) {
+            trial.calibration.channel_least[k] = std::min(trial.calibration.channel_least[k], raw.channel_least[k]);
+            trial.calibration.channel_most[k] = std::max(trial.calibration.channel_most[k], raw.channel_most[k]);
+        }
+        if (!trial.calibration.validation.empty()) trial.calibration.validation += ", each with its own zero";
+    }
+
+    std::vector<Trial*> all_fitted;
+    for (Trial& trial : trials) {
+        report.methods.push_back(trial.about);
+        const std::vector<std::string> said = report.warnings;
+        for (std::string& warning : trial.warnings) {
+            const auto ends_so = [&](const std::string& other) { return other.ends_with(warning); };
+            if (std::none_of(said.begin(), said.end(), ends_so))
+                report.warnings.push_back(methods.size() == 1 ? warning
+                                                              : fmt::format("method {}: {}", trial.about.method, warning));
+        }
+        if (trial.about.refused.empty()) all_fitted.push_back(&trial);
     }
     if (all_fitted.empty()) throw Undetermined(report.methods.front().refused);
     // Each method looks at the same rows and says the same of them: once is enough.
@@ -176,17 +225,17 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     for (std::string& warning : report.warnings)
         if (std::find(once.begin(), once.end(), warning) == once.end()) once.push_back(std::move(warning));
     report.warnings = std::move(once);
-    std::stable_sort(all_fitted.begin(), all_fitted.end(), [&](const Fitted& a, const Fitted& b) {
-        return inaccuracy(a.calibration) < inaccuracy(b.calibration);
+    std::stable_sort(all_fitted.begin(), all_fitted.end(), [&](const Trial* a, const Trial* b) {
+        return inaccuracy(a->calibration) < inaccuracy(b->calibration);
     });
-    calibration = all_fitted.front().calibration;
-    for (std::size_t i = 1; i < all_fitted.size(); ++i) calibration.others.push_back(all_fitted[i].calibration);
-    const Validation& validation = all_fitted.front().validation;
+    calibration = all_fitted.front()->calibration;
+    for (std::size_t i = 1; i < all_fitted.size(); ++i) calibration.others.push_back(all_fitted[i]->calibration);
+    const Validation& validation = all_fitted.front()->validation;
     report.held_out = validation.rows;
     report.crosstalk = crosstalk(report.held_out, calibration);
     const Wrench fitted = rms_error(calibration, rows);
     // The channels of a sensor that forgets a lasting load (piezo) depend on the past: any of their combinations may come.
-    if (!methods.front()->remembers) set_joint_domain(rows, groups_of_rows(*labelled, rows, false), calibration);
+    if (!remembers) set_joint_domain(rows, ways_to_hold_out(*labelled, rows, false).front().of_row, calibration);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
         component.fitted_rms = fitted[c];
@@ -203,12 +252,11 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
                             component.name, component.held_out_rms, component.spread, component.name));
     }
     for (const auto& [name, value] : request.parameters)
-        if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name](const Fitted& one) {
-                return one.calibration.parameters.count(key) != 0 && one.calibration.parameters.at(key) == value;
+        if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name](const Trial* one) {
+                return one->calibration.parameters.count(key) != 0 && one->calibration.parameters.at(key) == value;
             }))
             report.warnings.push_back(fmt::format(
                 "parameter {} = {} was not used: the fit has none of that name or finds it itself", name, value));
-    report_disagreement(*labelled, rows, report);
     return report;
 }
 

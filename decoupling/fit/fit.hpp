@@ -1,6 +1,7 @@
 // Calibrations from labelled rows: fit, hold out, say how good. May allocate; never in the loop.
 #pragma once
 #include <array>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -24,6 +25,13 @@ struct FitRequest {
     std::string date;                               // YYYY-MM-DD
     std::map<std::string, double> parameters = {};  // known beforehand, for the methods that look for them: area_m2, gap ...
     std::map<std::string, Fit> start = {};          // by method: what it must be given, such as a map of influences
+    // Zero of the channels: found = one for each session where that is what the recording shows.
+    enum class Zeros { found, per_session, common } zeros = Zeros::found;
+    std::optional<double> zero_drift = {};  // sd of each channel's zero in use, as a part of its width; none: the sessions'
+    bool keep_outliers = false;             // labels that look wrong are named, and stay
+    // A reading of a channel at or beyond these is at its saturation limit; its row stays out.
+    double saturates_below = -std::numeric_limits<double>::infinity();
+    double saturates_above = std::numeric_limits<double>::infinity();
 };
 
 struct ComponentReport {
@@ -45,6 +53,23 @@ struct MethodReport {
     std::string method;
     std::vector<double> held_out_rms;  // a component, as in ComponentReport
     std::string refused;               // why it could not be fitted, "" = it was
+    double seconds = 0;                // that the fit and its validation took
+};
+
+// A label that the method cannot explain although it explains the rows around it.
+struct Suspect {
+    const LabelledRow* row;
+    std::size_t component;   // that disagrees most
+    double label, expected;  // N or Nm; `expected` is what the channels say without this row
+    bool left_out;           // false: it is part of the calibration, since its load cannot be told from a bend
+};
+
+// The zeros of the channels in each session, relative to their mean over the sessions.
+struct SessionZeros {
+    std::vector<std::vector<double>> offset;  // [session][channel], channel_unit; empty: not known
+    std::vector<double> sd;                   // a channel, over the sessions, without the scatter of the estimate
+    bool own = false;                         // each session is read from its own zero, as after a tare
+    double error = 0, error_with_own = 0;     // of an affine map, leaving sessions out, mean over components; of full scale
 };
 
 struct FitReport {
@@ -53,18 +78,22 @@ struct FitReport {
     std::vector<ComponentReport> components;
     std::vector<MethodReport> methods;  // those that were tried
     std::vector<HeldOut> held_out;      // of the calibration's own method
+    std::vector<Suspect> suspects;      // in the order of the file
+    SessionZeros zeros;
     // Slope of the estimated component [i] over the applied one [j] on held-out rows, both in full scales, by least
     // squares over all applied components: 1 on the diagonal and 0 elsewhere would be perfect. NaN where unknown.
     std::array<std::array<double, 6>, 6> crosstalk{};
     int rows_read = 0;
     int rows_without_label = 0;
     int rows_missing_channel = 0;  // labelled, but a channel that is used has no value
+    int rows_saturated = 0;        // labelled, but a channel that is used is at its saturation limit
     std::vector<std::string> warnings;
 };
 
-// Fits, then validates by leaving out each session, or where there is only one, each pose or each of five stretches of
-// time: rows of one group resemble each other so much that rows drawn at random would praise themselves. What is held out
-// goes through the Decoupler of the loop.
+// Fits, names labels that look wrong, and validates by leaving out each session; where there is only one, each pose or each
+// of five stretches of time: rows of one group resemble each other so much that rows drawn at random would praise
+// themselves. Where the rest does not determine the model, one load at a time is left out. Held-out rows go through the
+// Decoupler of the loop. Parts are fitted in parallel; the result does not depend on that.
 // setup: throws SetupError where the request is wrong, Undetermined where the data do not determine the model.
 FitReport fit(const Labelled& labelled, const FitRequest& request);
 
@@ -93,6 +122,9 @@ struct FitEntry {
     // What it makes of a row depends on the rows before, as fit() must then respect: nothing is taken out of their midst,
     // neither a row that looks odd nor a pose, and what is held out is read with its past.
     bool remembers = false;
+    std::string_view adds_to = {};  // the method to which this one adds a correction: its error is the one to be lowered
+    bool must_gain = false;         // refused where the held-out error is not lower than that of `adds_to`
+    bool takes_zero_drift = false;  // a fit of rows that are repeated with random zeros is the best one for such zeros
     FitOption option = {};
     Registry<FitEntry> in_list{this};
 };

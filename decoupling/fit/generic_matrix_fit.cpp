@@ -139,7 +139,7 @@ void fit_matrix(const Rows& rows, Calibration& calibration, std::vector<std::str
     calibration.parameters = {{"forget", forget}};
 }
 
-const FitEntry entry{.model = "generic", .method = "matrix", .fit = fit_matrix};
+const FitEntry entry{.model = "generic", .method = "matrix", .fit = fit_matrix, .takes_zero_drift = true};
 
 }  // namespace
 }  // namespace tactiled

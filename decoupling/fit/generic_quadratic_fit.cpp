@@ -27,7 +27,8 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
     }
 }
 
-const FitEntry entry{.model = "generic", .method = "quadratic", .fit = fit_quadratic};
+const FitEntry entry{
+    .model = "generic", .method = "quadratic", .fit = fit_quadratic, .adds_to = "matrix", .takes_zero_drift = true};
 
 }  // namespace
 }  // namespace tactiled

@@ -57,28 +57,35 @@ Eigen::MatrixXd features_of(const Eigen::MatrixXd& u, const Eigen::MatrixXd& cen
     return features;
 }
 
-// Spread and ridge with the least error on every fifth stretch of rows, the components in units of what the matrix leaves.
+// What the matrix leaves over, a column a component, in units of its root mean square; a row without a label counts as
+// explained: a part of the search, not of the fit.
+Eigen::MatrixXd units_left(const Scaled& scaled) {
+    Eigen::MatrixXd y = Eigen::MatrixXd::Zero(scaled.u.rows(), Eigen::Index(scaled.component.size()));
+    for (std::size_t c = 0; c < scaled.component.size(); ++c) {
+        const Leftover& leftover = scaled.component[c];
+        const double unit = std::sqrt(leftover.y.squaredNorm() + std::numeric_limits<double>::min());
+        for (std::size_t i = 0; i < leftover.rows.size(); ++i)
+            y(leftover.rows[i], Eigen::Index(c)) = leftover.y[Eigen::Index(i)] / unit;
+    }
+    return y;
+}
+
+// Spread and ridge with the least error on every fifth stretch of rows. One Gram matrix and one right-hand side a spread,
+// one factorisation a ridge.
 void search(const Scaled& scaled, const Eigen::MatrixXd& centres, double& best_spread, double& best_ridge) {
     std::vector<Eigen::Index> seen, unseen;
     const Eigen::Index stretch = std::max<Eigen::Index>(1, scaled.u.rows() / (kParts * kParts));
     for (Eigen::Index i = 0; i < scaled.u.rows(); ++i) (i / stretch % kParts == kParts / 2 ? unseen : seen).push_back(i);
+    const Eigen::MatrixXd y = units_left(scaled), y_seen = rows_of(y, seen), y_unseen = rows_of(y, unseen);
+    const Eigen::MatrixXd u_seen = rows_of(scaled.u, seen), u_unseen = rows_of(scaled.u, unseen);
     double min = std::numeric_limits<double>::infinity();
     for (const double spread : kSpreads) {
-        const Eigen::MatrixXd features = features_of(scaled.u, centres, spread);
-        const Ridge ridge_of_seen(rows_of(features, seen));
+        const Eigen::MatrixXd of_seen = features_of(u_seen, centres, spread);
+        const Eigen::MatrixXd of_unseen = features_of(u_unseen, centres, spread);
+        const Ridge ridge_of_seen(of_seen);
+        const Eigen::MatrixXd feature_y = of_seen.transpose() * y_seen;
         for (const double ridge : kRidges) {
-            double sum = 0;
-            for (const Leftover& leftover : scaled.component) {
-                // A row without this label counts as explained: a part of the search, not of the fit.
-                Eigen::VectorXd y = Eigen::VectorXd::Zero(scaled.u.rows());
-                for (std::size_t i = 0; i < leftover.rows.size(); ++i) y[leftover.rows[i]] = leftover.y[Eigen::Index(i)];
-                Eigen::VectorXd y_seen(Eigen::Index(seen.size()));
-                for (std::size_t i = 0; i < seen.size(); ++i) y_seen[Eigen::Index(i)] = y[seen[i]];
-                const Eigen::VectorXd w = ridge_of_seen.solve(rows_of(features, seen).transpose() * y_seen, ridge);
-                double squares = 0;
-                for (const Eigen::Index i : unseen) squares += std::pow(y[i] - features.row(i).dot(w), 2);
-                sum += squares / (leftover.y.squaredNorm() + std::numeric_limits<double>::min());
-            }
+            const double sum = (y_unseen - of_unseen * ridge_of_seen.solve(feature_y, ridge)).squaredNorm();
             if (!(sum < min)) continue;
             min = sum;
             best_spread = spread;
@@ -105,14 +112,17 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
     weights.clear();
     quadratic.clear();
     const Eigen::MatrixXd features = features_of(scaled.u, centres, spread);
+    // Components that every row has a label of have the Gram matrix in common.
     std::unique_ptr<Ridge> of_all;
     for (const Leftover& leftover : scaled.component) {
-        const bool all = Eigen::Index(leftover.rows.size()) == features.rows();
-        const Eigen::MatrixXd own = all ? Eigen::MatrixXd() : rows_of(features, leftover.rows);
-        const Eigen::MatrixXd& used = all ? features : own;
-        if (all && of_all == nullptr) of_all = std::make_unique<Ridge>(used);
-        const Eigen::VectorXd feature_y = used.transpose() * leftover.y;
-        const Eigen::VectorXd w = all ? of_all->solve(feature_y, ridge) : Ridge(used).solve(feature_y, ridge);
+        Eigen::VectorXd w;
+        if (Eigen::Index(leftover.rows.size()) == features.rows()) {
+            if (of_all == nullptr) of_all = std::make_unique<Ridge>(features);
+            w = of_all->solve(features.transpose() * leftover.y, ridge);
+        } else {
+            const Eigen::MatrixXd own = rows_of(features, leftover.rows);
+            w = Ridge(own).solve(own.transpose() * leftover.y, ridge);
+        }
         quadratic.emplace_back(w.data(), w.data() + n_quadratic);
         weights.emplace_back(w.data() + n_quadratic, w.data() + w.size());
     }
@@ -124,7 +134,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
     }
 }
 
-const FitEntry entry{.model = "generic", .method = "rbf", .fit = fit_rbf};
+const FitEntry entry{.model = "generic", .method = "rbf", .fit = fit_rbf, .adds_to = "matrix", .takes_zero_drift = true};
 
 }  // namespace
 }  // namespace tactiled

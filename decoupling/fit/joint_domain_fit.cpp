@@ -44,8 +44,23 @@ Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, cons
     return (squares + ridge * Eigen::MatrixXd::Identity(m, m)).ldlt().solve(load.transpose() * at);
 }
 
+// The zeros that each channel may have, as a standard deviation in channel_unit: the drift that is allowed for, and what
+// the domain has beyond the rows, which are less their session's zero where each session has its own.
+std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration) {
+    std::vector<double> sd(calibration.channels.size());
+    for (std::size_t k = 0; k < sd.size(); ++k) {
+        const auto [least, most] = std::minmax_element(rows.begin(), rows.end(), [k](const auto* a, const auto* b) {
+            return a->channel[k] < b->channel[k];
+        });
+        const double width = (*most)->channel[k] - (*least)->channel[k];
+        const double beyond = calibration.channel_most[k] - calibration.channel_least[k] - width;
+        sd[k] = std::hypot(std::max(0.0, beyond) / 2, calibration.zero_drift.empty() ? 0.0 : calibration.zero_drift[k]);
+    }
+    return sd;
+}
+
 // Everything but the limit.
-JointDomain domain_of(const Rows& rows, const Calibration& calibration) {
+JointDomain domain_of(const Rows& rows, const std::vector<double>& zero_sd, const Calibration& calibration) {
     const auto n = Eigen::Index(calibration.channels.size());
     Eigen::MatrixXd channel(Eigen::Index(rows.size()), n);
     for (Eigen::Index i = 0; i < channel.rows(); ++i)
@@ -61,6 +76,7 @@ JointDomain domain_of(const Rows& rows, const Calibration& calibration) {
     const Eigen::MatrixXd response = responses(rows, channel, calibration);
     covariance += double(std::max<Eigen::Index>(1, response.rows())) * response.transpose() * response;
     covariance.diagonal().array() += kFloor;
+    for (Eigen::Index k = 0; k < n; ++k) covariance(k, k) += std::pow(zero_sd[std::size_t(k)] / unit[k], 2);
     const Eigen::MatrixXd lower = covariance.llt().matrixL();
     const Eigen::MatrixXd whitening =
         lower.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(n, n)) * unit.cwiseInverse().asDiagonal();
@@ -80,17 +96,18 @@ void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of
     const std::size_t n = calibration.channels.size();
     const auto is_enough = [&](std::size_t count) { return count >= kRowsPerCoefficient * (n + 1); };
     if (n < 2 || !is_enough(rows.size())) return;
+    const std::vector<double> zero_sd = zeros_of(rows, calibration);
     std::vector<double> distances;
     for (const std::size_t group : std::set<std::size_t>(group_of_row.begin(), group_of_row.end())) {
         Rows seen, unseen;
         for (std::size_t i = 0; i < rows.size(); ++i) (group_of_row[i] == group ? unseen : seen).push_back(rows[i]);
         if (!is_enough(seen.size())) continue;
-        const JointDomain part = domain_of(seen, calibration);
+        const JointDomain part = domain_of(seen, zero_sd, calibration);
         for (const auto* row : unseen) distances.push_back(joint_distance(part, row->channel));
     }
     if (distances.empty()) return;
     std::sort(distances.begin(), distances.end());
-    JointDomain domain = domain_of(rows, calibration);
+    JointDomain domain = domain_of(rows, zero_sd, calibration);
     const auto at = std::size_t(std::ceil(kQuantile * double(distances.size()))) - 1;
     domain.limit = std::hypot(1, kMargin * distances[at]);  // 1: all components at full scale, see domain_of()
     if (!std::isfinite(domain.limit) || domain.limit <= 0) return;

@@ -13,6 +13,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMaxSessions = 1000;
+constexpr double kLatest_s = 9e9;  // and that much before 0: in nanoseconds below 2^64
 
 // The component that a column seems to mean, 6 where none: "fz", "Fz_mN", "mx_Nmm". Taken for a channel, a label would
 // predict itself and the calibration would look perfect.
@@ -68,11 +69,11 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
         csv.refuse(fmt::format("{} channels; a sensor has at most 32: choose with --channels", channel.size()));
     if (!selection.sessions.empty() && !session) csv.refuse("has no column \"session\" to choose from");
 
+    std::vector<double> t_s;  // of the rows kept
+    double earliest_s = 0;
     std::vector<std::string> seen_sessions;  // chosen or not, for the error below
     while (csv.next()) {
         LabelledRow row{.line = csv.line(), .channel = {}, .wrench_S = kUnseen, .session = 0, .t_ns = 0};
-        if (time)
-            if (const double t_s = csv.number(*time); t_s > 0) row.t_ns = std::uint64_t(std::min(t_s, 1.8e10) * 1e9);
         if (session) {
             const std::string name(csv.text(*session));
             if (name.empty()) csv.refuse("column session is empty; which session is this row of?");
@@ -91,7 +92,13 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
         for (std::size_t c = 0; c < label.size(); ++c)
             if (label[c]) row.wrench_S[c] = csv.number(*label[c]);
         labelled.rows.push_back(std::move(row));
+        t_s.push_back(time ? std::clamp(csv.number(*time), -kLatest_s, kLatest_s) : kNaN);
+        if (t_s.back() < earliest_s) earliest_s = t_s.back();
     }
+    // Times before 0 are moved, all of them alike: 0 stands for an unknown one.
+    const double origin_s = earliest_s < 0 ? std::floor(earliest_s) - 1 : 0;
+    for (std::size_t i = 0; i < labelled.rows.size(); ++i)
+        if (t_s[i] - origin_s > 0) labelled.rows[i].t_ns = std::uint64_t((t_s[i] - origin_s) * 1e9);
     for (const auto& name : selection.sessions)
         if (std::find(seen_sessions.begin(), seen_sessions.end(), name) == seen_sessions.end())
             throw SetupError(

@@ -14,6 +14,9 @@ namespace {
 
 constexpr double kHardlyIndependent = 0.05;  // of the labels: correlated to more than 0.995
 constexpr double kNotIndependent = 1e-3;     // ... to more than 0.999998: computed from each other
+constexpr double kLargestChannel = 1e100;    // squares of sums of them are numbers; its inverse is the least width
+constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the least full scale
+constexpr double kNoPress = 0.02;            // of the greatest pull
 
 // Keeps the columns `kept` of every row.
 Labelled with_channels(const Labelled& labelled, const std::vector<std::size_t>& kept) {
@@ -63,6 +66,50 @@ Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, 
         throw Undetermined(method.knows_channel != nullptr ? fmt::format("no column is {}", method.channels)
                                                            : "no channel changes in the labelled rows");
     return with_channels(labelled, kept);
+}
+
+void check_numbers(const Labelled& labelled, const Rows& rows) {
+    for (std::size_t k = 0; k < labelled.channels.size(); ++k) {
+        double min = std::numeric_limits<double>::infinity(), max = -min;
+        for (const auto* row : rows) {
+            min = std::min(min, row->channel[k]);
+            max = std::max(max, row->channel[k]);
+            if (std::abs(row->channel[k]) > kLargestChannel)
+                throw Undetermined(
+                    fmt::format("{}:{}: channel {} is {:.3g}; no reading is beyond {:.0g}: is the column damaged?",
+                                labelled.name, row->line, labelled.channels[k], row->channel[k], kLargestChannel));
+        }
+        if (max - min < 1 / kLargestChannel && max > min)
+            throw Undetermined(
+                fmt::format("channel {} changes by {:.2g} only: give it in a larger unit", labelled.channels[k], max - min));
+    }
+    for (std::size_t c = 0; c < 6; ++c) {
+        double full_scale = 0;
+        for (const auto* row : rows) {
+            const double label = std::abs(row->wrench_S[c]);
+            if (label > kLargestLoad)
+                throw Undetermined(fmt::format("{}:{}: {} is {:.3g}; labels are in {}", labelled.name, row->line,
+                                               label_column(c), row->wrench_S[c], c < 3 ? "N" : "Nm"));
+            if (label > full_scale) full_scale = label;
+        }
+        if (full_scale > 0 && full_scale < 1 / kLargestLoad)
+            throw Undetermined(fmt::format("{} is {:.2g} at most, which no reference measures; labels are in {}",
+                                           label_column(c), full_scale, c < 3 ? "N" : "Nm"));
+    }
+}
+
+std::string press_without_sign(const Rows& rows) {
+    double min = std::numeric_limits<double>::infinity(), max = -min;
+    for (const auto* row : rows) {
+        if (std::isnan(row->wrench_S[2])) continue;
+        min = std::min(min, row->wrench_S[2]);
+        max = std::max(max, row->wrench_S[2]);
+    }
+    if (!(max > 0) || min < -kNoPress * max) return "";
+    return fmt::format(
+        "fz_N is never negative ({:.3g} to {:.3g} N), as if the sensor was only pulled: a press on it has fz < 0. "
+        "If these are presses, change their sign",
+        min, max);
 }
 
 void check_labels(const Rows& rows, FitReport& report) {

@@ -7,117 +7,133 @@
 #include <set>
 #include <utility>
 
-#include "decoupling/fit/robust.hpp"
+#include "decoupling/fit/suspect_loads.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr double kFarOff = 10;         // robust standard deviations
-constexpr double kOfFullScale = 0.05;  // and this much, at least
-constexpr std::size_t kMaxRows = 2;    // may be outliers, or
-constexpr double kMaxShare = 0.01;
+constexpr double kMaxShareLeftOut = 0.05;  // of the loads, or kMaxLeftOut of them
+constexpr std::size_t kMaxLeftOut = 3;
+constexpr std::size_t kSmallRecording = 2000;  // loads
+constexpr int kRounds = 6, kRoundsOfMany = 3;
 
-double median(std::vector<double> values) {
-    std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
-    return values[values.size() / 2];
-}
-
-std::vector<double> sizes_of(const Eigen::VectorXd& errors) {
-    std::vector<double> sizes;
-    for (const double error : errors) sizes.push_back(std::abs(error));
-    return sizes;
-}
-
-// Errors of the affine map that fits most rows best: least squares, reweighted by Cauchy's loss.
-Eigen::VectorXd robust_errors(const Eigen::MatrixXd& x, const Eigen::VectorXd& y) {
-    Eigen::VectorXd weight = Eigen::VectorXd::Ones(y.size()), error = Eigen::VectorXd::Zero(y.size());
-    for (int round = 0; round < 30; ++round) {
-        const double sum = weight.sum();
-        const Eigen::RowVectorXd centre = (weight.transpose() * x) / sum;
-        const double y_centre = weight.dot(y) / sum;
-        const Eigen::VectorXd root = weight.cwiseSqrt();
-        const auto fit = least_squares(root.asDiagonal() * (x.rowwise() - centre),
-                                       Eigen::VectorXd(root.cwiseProduct(Eigen::VectorXd(y.array() - y_centre))));
-        if (!fit.dependent.empty()) return Eigen::VectorXd::Zero(y.size());  // the fit itself will say so
-        const Eigen::VectorXd now = (y.array() - y_centre).matrix() - (x.rowwise() - centre) * fit.coefficient;
-        const bool settled = round > 0 && (now - error).norm() <= 1e-6 * now.norm();
-        error = now;
-        const double sd = kRobustSd * median(sizes_of(error));
-        if (settled || !(sd > 0)) break;
-        weight = 1 / (1 + (error.array() / (kCauchyEfficient * sd)).square());
+// The 99 % quantile of the labels' sizes: a label that lost its decimal point does not set it.
+Wrench robust_full_scale(const Rows& rows) {
+    Wrench full_scale{};
+    for (std::size_t c = 0; c < 6; ++c) {
+        std::vector<double> sizes;
+        for (const auto* row : rows)
+            if (std::isfinite(row->wrench_S[c])) sizes.push_back(std::abs(row->wrench_S[c]));
+        if (!sizes.empty()) full_scale[c] = quantile(std::move(sizes), 0.99);
     }
-    return error;
+    return full_scale;
 }
 
 std::string unit_of(std::size_t c) { return c < 3 ? "N" : "Nm"; }
 
 }  // namespace
 
-Rows without_outliers(const Labelled& labelled, const Rows& rows, FitReport& report) {
-    std::set<const LabelledRow*> out;
-    for (const auto& component : report.components) {
-        const std::size_t c = component_index(component.name);
-        Rows with_label;
+LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
+    LabelsJudged judged;
+    std::vector<Load> loads = loads_of_same_label(rows);
+    judged.loads = loads.size();
+    const Wrench full_scale = robust_full_scale(rows);
+    std::vector<std::size_t> components;
+    for (std::size_t c = 0; c < 6; ++c)
+        if (full_scale[c] > 0) components.push_back(c);
+    const std::size_t max_left_out = std::max(kMaxLeftOut, std::size_t(kMaxShareLeftOut * double(loads.size())));
+    const auto without = [&](const std::set<const LabelledRow*>& out) {
+        Rows kept;
         for (const auto* row : rows)
-            if (std::isfinite(row->wrench_S[c])) with_label.push_back(row);
-        const auto n = Eigen::Index(with_label.size());
-        Eigen::MatrixXd x(n, Eigen::Index(labelled.channels.size()));
-        Eigen::VectorXd y(n);
-        for (Eigen::Index i = 0; i < n; ++i) {
-            x.row(i) = Eigen::Map<const Eigen::RowVectorXd>(with_label[std::size_t(i)]->channel.data(), x.cols());
-            y[i] = with_label[std::size_t(i)]->wrench_S[c];
-        }
-        const Eigen::VectorXd error = robust_errors(x, y);
-        const std::vector<double> sizes = sizes_of(error);
-        const double far_off = kFarOff * kRobustSd * median(sizes);
-        double full_scale = 0;  // without those in doubt: a label with its decimal point lost would hide all others
-        for (std::size_t i = 0; i < sizes.size(); ++i)
-            if (sizes[i] <= far_off) full_scale = std::max(full_scale, std::abs(y[Eigen::Index(i)]));
-        const double limit = std::max(far_off, kOfFullScale * full_scale);
-        std::vector<std::pair<double, const LabelledRow*>> far;
-        for (std::size_t i = 0; i < sizes.size(); ++i)
-            if (sizes[i] > limit) far.emplace_back(sizes[i], with_label[i]);
-        if (far.empty() || far.size() > std::max(kMaxRows, std::size_t(kMaxShare * double(n)))) continue;
-        const auto worst = std::max_element(far.begin(), far.end());
-        report.warnings.push_back(fmt::format(
-            "{} of {} rows disagree with the rest in {} (worst {}:{}, by {:.3g} {}): left out; are their labels right?",
-            far.size(), n, label_column(c), labelled.name, worst->second->line, worst->first, unit_of(c)));
-        for (const auto& [size, row] : far) {
-            if (far.size() > 1)
-                report.warnings.push_back(
-                    fmt::format("  left out: {}:{}, {:.3g} {}", labelled.name, row->line, size, unit_of(c)));
-            out.insert(row);
-        }
+            if (out.count(row) == 0) kept.push_back(row);
+        return kept;
+    };
+    // Rounds without all that are suspected, whether they will be left out or not: none of them bends the fit that judges
+    // it.
+    std::set<const LabelledRow*> suspected, fitted_without;
+    Found found;
+    for (int round = 0; round < (loads.size() < kSmallRecording ? kRounds : kRoundsOfMany); ++round) {
+        fitted_without = suspected;
+        judged.calibration = refit(without(suspected));
+        if (components.empty()) return judged;
+        estimate_loads(judged.calibration, loads);
+        found = suspects_of(loads, components, full_scale);
+        suspected.clear();
+        std::size_t n = 0;
+        for (std::size_t l = 0; l < loads.size(); ++l)
+            if (found.suspected[l]) {
+                n += found.beyond[l] ? 0 : 1;
+                suspected.insert(loads[l].rows.begin(), loads[l].rows.end());
+            }
+        judged.too_many = n > max_left_out;
+        if (judged.too_many || suspected == fitted_without) break;
     }
-    Rows kept;
-    for (const auto* row : rows)
-        if (out.count(row) == 0) kept.push_back(row);
-    return kept;
+    std::set<const LabelledRow*> out;
+    for (std::size_t l = 0; l < loads.size(); ++l)
+        if (found.suspected[l] && !found.beyond[l] && !keep && !judged.too_many)
+            out.insert(loads[l].rows.begin(), loads[l].rows.end());
+    if (out != fitted_without) judged.calibration = refit(without(out));
+    judged.bent = found.bent;
+    for (std::size_t l = 0; l < loads.size(); ++l)
+        for (const auto* row : loads[l].rows)
+            if (const std::size_t c = found.component[l]; found.suspected[l])
+                judged.suspects.push_back({.row = row,
+                                           .component = c,
+                                           .label = row->wrench_S[c],
+                                           .expected = loads[l].estimate[c],
+                                           .left_out = out.count(row) != 0});
+    std::sort(judged.suspects.begin(), judged.suspects.end(),
+              [](const Suspect& a, const Suspect& b) { return a.row->line < b.row->line; });
+    return judged;
 }
 
-void report_disagreement(const Labelled& labelled, const Rows& rows, FitReport& report) {
-    const auto decoupler = make_decoupler(report.calibration);
-    for (const auto& component : report.components) {
-        const std::size_t c = component_index(component.name);
-        std::vector<std::pair<double, std::int64_t>> errors;  // size, line
-        for (const auto* row : rows)
-            if (const double error = error_of(*decoupler, *row)[c]; std::isfinite(error))
-                errors.emplace_back(std::abs(error), row->line);
-        if (errors.empty()) continue;
-        std::sort(errors.begin(), errors.end());
-        // A fifth of full scale: bends and hysteresis stay below that.
-        const double limit = std::max(kFarOff * kRobustSd * errors[errors.size() / 2].first, 0.2 * component.full_scale);
-        const auto first = std::upper_bound(errors.begin(), errors.end(), std::pair(limit, std::int64_t{0}));
-        if (first != errors.end())
-            report.warnings.push_back(
-                fmt::format("{} of {} rows disagree with the calibration in {} (worst {}:{}, by {:.3g} {}), but are part of "
-                            "it: are their "
-                            "labels right?",
-                            errors.end() - first, errors.size(), label_column(c), labelled.name, errors.back().second,
-                            errors.back().first, unit_of(c)));
+double median_error(const Calibration& calibration, const Rows& rows) {
+    const Wrench full_scale = robust_full_scale(rows);
+    const auto decoupler = make_decoupler(calibration);
+    std::array<std::vector<double>, 6> sizes;
+    for (const auto* row : rows) {
+        const Wrench error = error_of(*decoupler, *row);
+        for (std::size_t c = 0; c < 6; ++c)
+            if (std::isfinite(error[c]) && full_scale[c] > 0) sizes[c].push_back(std::abs(error[c]) / full_scale[c]);
     }
+    double sum = 0, n = 0;
+    for (const auto& of_component : sizes)
+        if (!of_component.empty()) sum += median(of_component), n += 1;
+    return n > 0 ? sum / n : std::numeric_limits<double>::infinity();
+}
+
+void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitReport& report) {
+    report.suspects = judged.suspects;
+    const auto worst_first = [](const Suspect& a, const Suspect& b) {
+        return std::abs(a.label - a.expected) < std::abs(b.label - b.expected);
+    };
+    const auto out = std::count_if(judged.suspects.begin(), judged.suspects.end(), [](const auto& s) { return s.left_out; });
+    if (!judged.suspects.empty()) {
+        const Suspect& worst = *std::max_element(judged.suspects.begin(), judged.suspects.end(), worst_first);
+        report.warnings.push_back(fmt::format(
+            "{} of {} rows disagree with the rest in {} (worst {}:{}, by {:.3g} {}): {} left out, {} kept; are their labels "
+            "right?",
+            judged.suspects.size(), report.rows_read, label_column(worst.component), labelled.name, worst.row->line,
+            std::abs(worst.label - worst.expected), unit_of(worst.component), out,
+            judged.suspects.size() - std::size_t(out)));
+    }
+    for (const Suspect& suspect : judged.suspects)
+        report.warnings.push_back(
+            fmt::format("  {}: {}:{}: {} is {:.4g}, its channels say {:.4g} {}{}", suspect.left_out ? "left out" : "kept",
+                        labelled.name, suspect.row->line, label_column(suspect.component), suspect.label, suspect.expected,
+                        unit_of(suspect.component), suspect.left_out || judged.too_many ? "" : ": apply this load again"));
+    if (judged.too_many)
+        report.warnings.push_back(fmt::format(
+            "more rows disagree than mistyped labels would explain, so all stay: is a session mounted otherwise, "
+            "was a channel damaged, or is method \"{}\" not the one for this sensor (--method auto)?",
+            judged.calibration.method));
+    if (judged.bent > judged.loads / 100)
+        report.warnings.push_back(fmt::format(
+            "{} of {} loads disagree with method \"{}\" as the loads around them do: the sensor bends there, and "
+            "they are part of the calibration; another method may describe it (--method auto)",
+            judged.bent, judged.loads, judged.calibration.method));
 }
 
 }  // namespace tactiled

@@ -1,9 +1,11 @@
 // The standard deviation that a calibration states, from the errors on rows that it had not seen.
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 #include <vector>
 
+#include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/solve/domain.hpp"
 
@@ -11,21 +13,32 @@ namespace tactiled {
 namespace {
 
 constexpr double kWithinOne = 0.6827;  // of normal errors are within one standard deviation
+// Other shares of normal errors, within how many standard deviations, and the number of errors from which the quantile says
+// more than a single row.
+struct Tail {
+    double share, sds;
+    std::size_t errors;
+};
+constexpr Tail kTails[] = {{kWithinOne, 1, 8}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
+constexpr std::size_t kRowsOfAGroup = 10;  // from which on its root mean square counts
 // Of an error that grows with the load: its standard deviation is s hypot(1, slope |estimate| / full scale).
 constexpr double kSlopes[] = {0, 0.5, 1, 2, 4, 8, 16, 32};
 
 struct Error {
     double share;  // |estimate| / full scale
     double size;
+    std::size_t group;
 };
 
-// For a slope, the value of s that has kWithinOne of the errors within.
-double scale_for(const std::vector<Error>& errors, double slope) {
+double shape(const Error& error, double slope) { return std::hypot(1, slope * error.share); }
+
+// For a slope, the value of s that has `tail.share` of the errors within `tail.sds` standard deviations.
+double scale_for(const std::vector<Error>& errors, double slope, const Tail& tail) {
     std::vector<double> ratio;
-    for (const auto& [share, size] : errors) ratio.push_back(size / std::hypot(1, slope * share));
-    const auto at = std::min(ratio.size() - 1, std::size_t(std::ceil(kWithinOne * double(ratio.size()))));
+    for (const Error& error : errors) ratio.push_back(error.size / shape(error, slope));
+    const auto at = std::min(ratio.size() - 1, std::size_t(std::ceil(tail.share * double(ratio.size()))));
     std::nth_element(ratio.begin(), ratio.begin() + std::ptrdiff_t(at), ratio.end());
-    return ratio[at];
+    return ratio[at] / tail.sds;
 }
 
 // Misfit of a slope to the errors: they should be within one standard deviation as often where the load is small as
@@ -35,41 +48,72 @@ double unevenness(const std::vector<Error>& by_load, double slope, double scale)
     for (std::size_t part = 0; part < 4; ++part) {
         const std::size_t first = part * by_load.size() / 4, last = (part + 1) * by_load.size() / 4;
         double within = 0;
-        for (std::size_t i = first; i < last; ++i)
-            within += by_load[i].size <= scale * std::hypot(1, slope * by_load[i].share) ? 1 : 0;
+        for (std::size_t i = first; i < last; ++i) within += by_load[i].size <= scale * shape(by_load[i], slope) ? 1 : 0;
         sum += std::pow(within / double(last - first) - kWithinOne, 2);
     }
     return sum;
 }
 
+// Root mean square of the errors of the group in which it is greatest, in units of their shape.
+double worst_group(const std::vector<Error>& errors, double slope) {
+    std::map<std::size_t, std::pair<double, std::size_t>> squares;
+    for (const Error& error : errors) {
+        auto& [sum, n] = squares[error.group];
+        sum += std::pow(error.size / shape(error, slope), 2);
+        ++n;
+    }
+    double worst = 0;
+    for (const auto& [group, sum] : squares)
+        if (sum.second >= kRowsOfAGroup) worst = std::max(worst, std::sqrt(sum.first / double(sum.second)));
+    return worst;
+}
+
+// Student's quantile over the normal one, at one standard deviation: the series of Fisher and Cornish, three terms.
+double student(double freedom) {
+    return 1 + 1 / (2 * freedom) + 1 / (4 * freedom * freedom) + 1 / (16 * freedom * freedom * freedom);
+}
+
+// The number of loads beyond those that the coefficients take up, at least 2.
+double freedom_of(const Validation& validation, std::size_t c, const Calibration& calibration) {
+    Rows rows;
+    for (const auto& held_out : validation.rows)
+        if (std::isfinite(held_out.row->wrench_S[c])) rows.push_back(held_out.row);
+    std::sort(rows.begin(), rows.end(), [](const LabelledRow* a, const LabelledRow* b) { return a->line < b->line; });
+    return std::max(2.0, double(loads_of(rows).back() + 1) - double(calibration.channels.size() + 1));
+}
+
 }  // namespace
 
-void set_uncertainty(const std::vector<HeldOut>& rows, Calibration& calibration) {
+void set_uncertainty(const Validation& validation, Calibration& calibration) {
+    const std::vector<HeldOut>& rows = validation.drifted.empty() ? validation.rows : validation.drifted;
     calibration.sd.clear();
     calibration.sd_slope.clear();
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         const double full_scale = calibration.full_scale[i];
         std::vector<Error> errors;
-        for (const auto& [row, estimated] : rows)
-            if (const double error = estimated[c] - row->wrench_S[c]; std::isfinite(error))
-                errors.push_back({std::abs(estimated[c]) / full_scale, std::abs(error)});
-        if (errors.size() < 8) {
+        for (std::size_t k = 0; k < rows.size(); ++k)
+            if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c]; std::isfinite(error))
+                errors.push_back({std::abs(rows[k].estimated_S[c]) / full_scale, std::abs(error), validation.group[k]});
+        if (errors.size() < kTails[0].errors) {
             calibration.sd.clear();
             calibration.sd_slope.clear();
             return;
         }
         std::sort(errors.begin(), errors.end(), [](const Error& a, const Error& b) { return a.share < b.share; });
-        double best = 0, best_scale = scale_for(errors, 0), min = unevenness(errors, 0, best_scale);
-        for (const double slope : kSlopes) {
-            const double scale = scale_for(errors, slope), uneven = unevenness(errors, slope, scale);
+        double slope = 0, min = unevenness(errors, 0, scale_for(errors, 0, kTails[0]));
+        for (const double other : kSlopes) {
+            const double uneven = unevenness(errors, other, scale_for(errors, other, kTails[0]));
             if (uneven >= min) continue;
             min = uneven;
-            best = slope;
-            best_scale = scale;
+            slope = other;
         }
-        calibration.sd.push_back(best_scale);
-        calibration.sd_slope.push_back(best_scale * best / full_scale);
+        double scale = validation.by_sessions ? worst_group(errors, slope) : 0;
+        for (const Tail& tail : kTails)
+            if (errors.size() >= tail.errors) scale = std::max(scale, scale_for(errors, slope, tail));
+        scale *= student(freedom_of(validation, c, calibration));
+        calibration.sd.push_back(scale);
+        calibration.sd_slope.push_back(scale * slope / full_scale);
     }
 }
 

@@ -3,19 +3,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <exception>
 #include <map>
-#include <numeric>
+#include <mutex>
+#include <random>
+#include <thread>
 #include <utility>
 
+#include "decoupling/fit/groups.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kStretches = 5;  // of time, where there are no sessions to leave out
-constexpr std::size_t kMaxPoseGroups = 10;
-constexpr std::size_t kRowsPerPose = 5;  // on average, from where rows are said to repeat poses
+constexpr std::size_t kFewRows = 3000, kManyRows = 12000;  // how often a row is repeated with random zeros
 
 Wrench rms_of(const std::vector<HeldOut>& rows) {
     Wrench squares{}, rms = kUnseen;
@@ -54,59 +57,95 @@ std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows)
     return result;
 }
 
-// The groups that are left out, one after the other.
-struct Groups {
-    std::vector<std::size_t> of_row;
-    std::vector<std::string> names;
-    std::string validation;
-    bool are_sessions = false;
-};
-
-// Poses in groups of neighbours; empty where the rows do not repeat poses.
-Groups groups_of_poses(const Rows& rows) {
-    Groups groups;
-    std::map<Wrench, std::size_t> poses;
-    std::vector<std::size_t> pose_of_row;
-    for (const auto* row : rows) {
-        Wrench key = row->wrench_S;
-        for (double& value : key)
-            if (std::isnan(value)) value = 1e300;  // NaN has no order
-        pose_of_row.push_back(poses.emplace(key, poses.size()).first->second);
-    }
-    if (poses.size() < 4 || poses.size() * kRowsPerPose > rows.size()) return groups;
-    const std::size_t n = std::min(kMaxPoseGroups, poses.size());
-    for (const std::size_t pose : pose_of_row) groups.of_row.push_back(pose * n / poses.size());
-    for (std::size_t i = 0; i < n; ++i) groups.names.push_back(fmt::format("the poses' group number {} of {}", i + 1, n));
-    groups.validation = fmt::format("leave poses out ({} poses in {} groups)", poses.size(), n);
-    return groups;
+// Copies of the rows with random zeros of the channels, the copies of a row beside each other: they are one load.
+std::vector<LabelledRow> with_random_zeros(const Rows& rows, const std::vector<double>& drift, std::size_t copies,
+                                           std::uint64_t seed) {
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal(0, 1);
+    std::vector<LabelledRow> result;
+    result.reserve(copies * rows.size());
+    for (const auto* row : rows)
+        for (std::size_t copy = 0; copy < copies; ++copy) {
+            result.push_back(*row);
+            for (std::size_t k = 0; k < drift.size(); ++k) result.back().channel[k] += drift[k] * normal(random);
+        }
+    return result;
 }
 
-Groups groups_of(const Labelled& labelled, const Rows& rows, bool remembers) {
-    std::vector<bool> occurs(std::max<std::size_t>(labelled.sessions.size(), 1));
-    for (const auto* row : rows) occurs[row->session] = true;
-    const auto sessions = std::count(occurs.begin(), occurs.end(), true);
-    if (sessions < 2) {
-        if (!remembers)
-            if (Groups groups = groups_of_poses(rows); !groups.names.empty()) return groups;
-        Groups groups;
-        // By their times, where the file has some: rows that were shuffled would be rows drawn at random.
-        std::vector<std::size_t> by_time(rows.size());
-        std::iota(by_time.begin(), by_time.end(), std::size_t{0});
-        std::stable_sort(by_time.begin(), by_time.end(),
-                         [&](std::size_t a, std::size_t b) { return rows[a]->t_ns < rows[b]->t_ns; });
-        groups.of_row.resize(rows.size());
-        for (std::size_t i = 0; i < rows.size(); ++i) groups.of_row[by_time[i]] = i * kStretches / rows.size();
-        for (std::size_t i = 0; i < kStretches; ++i)
-            groups.names.push_back(fmt::format("the stretch of time number {} of {}", i + 1, kStretches));
-        groups.validation = fmt::format("leave one of {} stretches of time out", kStretches);
-        return groups;
-    }
-    Groups groups;
-    groups.are_sessions = true;
-    for (const auto* row : rows) groups.of_row.push_back(row->session);
-    for (const auto& name : labelled.sessions) groups.names.push_back("session " + name);
-    groups.validation = fmt::format("leave one session out ({} sessions)", sessions);
-    return groups;
+Rows pointers_to(const std::vector<LabelledRow>& rows) {
+    Rows result;
+    for (const auto& row : rows) result.push_back(&row);
+    return result;
+}
+
+// The same with the rows that the copies were made of.
+std::vector<HeldOut> estimates_with_random_zeros(const Calibration& calibration, const Rows& rows,
+                                                 const std::vector<double>& drift, std::size_t group) {
+    const auto copies = with_random_zeros(rows, drift, 1, 1000 + group);
+    auto result = estimates(calibration, pointers_to(copies));
+    for (std::size_t i = 0; i < rows.size(); ++i) result[i].row = rows[i];
+    return result;
+}
+
+// What leaving one group out gives.
+struct Part {
+    std::vector<HeldOut> rows, drifted, of_part;
+    std::string refused;
+};
+
+Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& groups, std::size_t group,
+                    const FitEntry& method, const Calibration& whole, const std::vector<double>& drift) {
+    Part part;
+    Rows seen, unseen;
+    for (std::size_t i = 0; i < rows.size(); ++i) (groups.of_row[i] == group ? unseen : seen).push_back(rows[i]);
+    if (unseen.empty()) return part;
+    if (!groups.are_loads)
+        if (const std::string component = not_spanned_without(rows, groups, group); !component.empty()) {
+            part.refused = fmt::format("its rows alone load {}", component);
+            return part;
+        }
+    Calibration calibration = whole;
+    std::vector<std::string> of_this_part;  // said about a part only: not worth repeating
+    try {
+        set_domain(seen, calibration);
+        fit_with_drift(method, seen, drift, calibration, of_this_part);
+        part.rows = method.remembers ? estimates(calibration, unseen, labelled.rows) : estimates(calibration, unseen);
+        if (!drift.empty() && !method.remembers)
+            part.drifted = estimates_with_random_zeros(calibration, unseen, drift, group);
+        if (!method.adds_to.empty()) {
+            calibration.method = method.adds_to;
+            part.of_part = estimates(calibration, unseen);
+        }
+    } catch (const Undetermined& error) { part.refused = error.what(); }
+    return part;
+}
+
+// All of them, on all processors.
+std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, const Groups& groups, const FitEntry& method,
+                                  const Calibration& whole, const std::vector<double>& drift) {
+    std::vector<Part> parts(groups.names.size());
+    std::atomic<std::size_t> next{0};
+    std::exception_ptr failed;
+    std::mutex one;
+    const auto work = [&] {
+        for (std::size_t group; (group = next++) < parts.size();) {
+            try {
+                parts[group] = hold_out_group(labelled, rows, groups, group, method, whole, drift);
+            } catch (...) {
+                const std::lock_guard lock(one);
+                failed = std::current_exception();
+                return;
+            }
+            if (!parts[group].refused.empty()) next = parts.size();  // the others would be in vain
+        }
+    };
+    std::vector<std::thread> others;
+    for (unsigned i = 1; i < std::min<std::size_t>(std::thread::hardware_concurrency(), parts.size()); ++i)
+        others.emplace_back(work);
+    work();
+    for (auto& thread : others) thread.join();
+    if (failed) std::rethrow_exception(failed);
+    return parts;
 }
 
 }  // namespace
@@ -131,40 +170,54 @@ void set_domain(const Rows& rows, Calibration& calibration) {
         }
 }
 
-std::vector<std::size_t> groups_of_rows(const Labelled& labelled, const Rows& rows, bool remembers) {
-    return groups_of(labelled, rows, remembers).of_row;
+void fit_with_drift(const FitEntry& method, const Rows& rows, const std::vector<double>& drift, Calibration& calibration,
+                    std::vector<std::string>& warnings) {
+    if (drift.empty() || !method.takes_zero_drift) return method.fit(rows, calibration, warnings);
+    const std::size_t copies = rows.size() <= kFewRows ? 4 : rows.size() <= kManyRows ? 2 : 1;
+    const auto repeated = with_random_zeros(rows, drift, copies, 1);
+    method.fit(pointers_to(repeated), calibration, warnings);
 }
 
 Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& whole,
-                    std::vector<std::string>& warnings) {
-    const Groups groups = groups_of(labelled, rows, method.remembers);
-    Validation validation;
-    for (std::size_t group = 0; group < groups.names.size(); ++group) {
-        Rows seen, unseen;
-        for (std::size_t i = 0; i < rows.size(); ++i) (groups.of_row[i] == group ? unseen : seen).push_back(rows[i]);
-        if (unseen.empty()) continue;
-        Calibration calibration = whole;
-        std::vector<std::string> of_this_part;  // said about a part only: not worth repeating
-        try {
-            set_domain(seen, calibration);
-            method.fit(seen, calibration, of_this_part);
-        } catch (const Undetermined& error) {
-            warnings.push_back(
-                fmt::format("not validated, so no standard deviation: without {} the rest does not determine "
-                            "the model ({}); record every load twice, or in a second session",
-                            groups.names[group], error.what()));
-            return {};
+                    const std::vector<double>& drift, std::vector<std::string>& warnings) {
+    std::string in_vain;
+    for (const Groups& groups : ways_to_hold_out(labelled, rows, method.remembers)) {
+        const std::vector<Part> parts = hold_out_groups(labelled, rows, groups, method, whole, drift);
+        const auto refused =
+            std::find_if(parts.begin(), parts.end(), [](const Part& part) { return !part.refused.empty(); });
+        if (refused != parts.end()) {
+            in_vain = fmt::format("without {} the rest does not determine the model ({})",
+                                  groups.names[std::size_t(refused - parts.begin())], refused->refused);
+            continue;
         }
-        const auto estimated =
-            method.remembers ? estimates(calibration, unseen, labelled.rows) : estimates(calibration, unseen);
-        validation.rows.insert(validation.rows.end(), estimated.begin(), estimated.end());
+        Validation validation;
+        std::vector<HeldOut> of_part;
+        for (std::size_t group = 0; group < parts.size(); ++group) {
+            const Part& part = parts[group];
+            validation.rows.insert(validation.rows.end(), part.rows.begin(), part.rows.end());
+            validation.group.resize(validation.rows.size(), group);
+            validation.drifted.insert(validation.drifted.end(), part.drifted.begin(), part.drifted.end());
+            of_part.insert(of_part.end(), part.of_part.begin(), part.of_part.end());
+        }
+        validation.how = groups.validation;
+        validation.by_sessions = groups.are_sessions;
+        validation.rms = rms_of(validation.rows);
+        validation.rms_of_part = rms_of(of_part);
+        if (groups.are_loads)
+            warnings.push_back(
+                fmt::format("validated by loads: {}, so one load at a time was left out. Loads that were "
+                            "applied one after the other share their zero; record every load once more, later",
+                            in_vain));
+        if (!groups.are_sessions)
+            warnings.emplace_back(
+                "one session only: the error after mounting the sensor again, or on another day, is not known");
+        return validation;
     }
-    validation.how = groups.validation;
-    validation.rms = rms_of(validation.rows);
-    if (!groups.are_sessions)
-        warnings.emplace_back(
-            "one session only: the error after mounting the sensor again, or on another day, is not known");
-    return validation;
+    warnings.push_back(
+        fmt::format("not validated, so no standard deviation: {}; record every load twice, or in a second "
+                    "session",
+                    in_vain));
+    return {};
 }
 
 std::array<std::array<double, 6>, 6> crosstalk(const std::vector<HeldOut>& rows, const Calibration& calibration) {

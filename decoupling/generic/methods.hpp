@@ -23,6 +23,8 @@ inline constexpr KnownTable kWidth{"width", 1, kPerChannel};
 
 // The fit writes down by how much old rows counted less; the loop does not use it.
 inline constexpr Parameter kForget{"forget", "weight of a row over that of the next one", 0.5, 1, 1};
+// Likewise.
+inline constexpr Parameter kSeed{"seed", "of the random starts of the fit; reported, not used", 0, 4503599627370496, 1};
 
 // The decoupler of `method`: the matrix of the calibration and, where it is not nullptr, a correction. nullptr where the
 // calibration does not serve, and `fault` says why; a fault that is there already stays. setup

@@ -73,8 +73,15 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return make_generic(data, "mlp", std::make_unique<Mlp>(std::move(layers)), fault);
 }
 
-const MethodEntry entry{
-    .model = "generic", .method = "mlp", .place = 40, .tables = kTables, .make = make, .takes_fit_of = kAnyMethod};
+constexpr std::array<Parameter, 1> kParameters{kSeed};
+
+const MethodEntry entry{.model = "generic",
+                        .method = "mlp",
+                        .place = 40,
+                        .parameters = kParameters,
+                        .tables = kTables,
+                        .make = make,
+                        .takes_fit_of = kAnyMethod};
 
 }  // namespace
 }  // namespace tactiled

@@ -87,8 +87,49 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
     return subset;
 }
 
+HairLoad HairSolver::excess(const std::array<double, 4>& r, std::uint32_t hairs, const HairLoad& load) const noexcept {
+    const LeakTerms terms = leak_terms(response_.nearest(load));
+    HairLoad result = load;
+    for (std::size_t i = 0; i < 4; ++i)
+        if ((hairs >> i & 1u) != 0) {
+            const double linear = r[i] - leak(response_.leak[i], terms);
+            for (std::size_t j = 0; j < 3; ++j) result[j] -= subsets_[hairs].inverse[j][i] * linear;
+        }
+    return result;
+}
+
+HairLoad HairSolver::solve_by_newton(const std::array<double, 4>& r, std::uint32_t hairs) const noexcept {
+    const auto size = [](const HairLoad& x) { return std::max({std::abs(x[0]), std::abs(x[1]), std::abs(x[2])}); };
+    HairLoad load{}, left = excess(r, hairs, load);
+    for (int step = 0; step < kSteps && size(left) > 1e-14; ++step) {
+        const HairLoad inside = response_.nearest(load);
+        Eigen::Matrix3d slope = Eigen::Matrix3d::Identity();  // of `left`; beyond the calibrated loads the leak has none
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            if (inside[axis] != load[axis]) continue;
+            const LeakTerms slopes = leak_slopes(load, axis);
+            for (std::size_t i = 0; i < 4; ++i)
+                for (std::size_t j = 0; (hairs >> i & 1u) != 0 && j < 3; ++j)
+                    slope(Eigen::Index(j), Eigen::Index(axis)) +=
+                        subsets_[hairs].inverse[j][i] * leak(response_.leak[i], slopes);
+        }
+        const Eigen::Vector3d newton = slope.partialPivLu().solve(Eigen::Vector3d(left[0], left[1], left[2]));
+        HairLoad next;
+        for (std::size_t j = 0; j < 3; ++j) next[j] = load[j] - newton[Eigen::Index(j)];
+        HairLoad next_left = excess(r, hairs, next);
+        if (!(size(next_left) < size(left) / 2)) {  // across the edge of the calibrated loads: a step of the fixed point
+            for (std::size_t j = 0; j < 3; ++j) next[j] = load[j] - left[j];
+            next_left = excess(r, hairs, next);
+        }
+        if (!(size(next_left) < size(left)) && size(left) < 1e-12) break;  // rounding
+        load = next;
+        left = next_left;
+    }
+    return load;
+}
+
 HairLoad HairSolver::solve(const std::array<double, 4>& r, std::uint32_t hairs) const noexcept {
     const Subset& subset = subsets_[hairs];
+    if (subset.contraction >= kFixedPoint) return solve_by_newton(r, hairs);
     HairLoad load{};
     std::array<double, 4> linear{};
     for (std::size_t i = 0; i < 4; ++i)

@@ -1,4 +1,5 @@
-// Loads from any hairs that determine them: weighted least squares, and leak terms taken off by a fixed-point iteration.
+// Loads from any hairs that determine them: weighted least squares, and leak terms taken off by a fixed-point iteration, or
+// by Newton's where that would take long.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -35,8 +36,10 @@ public:
     [[nodiscard]] HairLoad solve(const std::array<double, 4>& r, std::uint32_t hairs) const noexcept;
     [[nodiscard]] const HairResponse& response() const noexcept { return response_; }
 
-    // 0.5^40 is 1e-12. A leak of a few per cent has a contraction of about 0.1 and ends after a dozen steps.
-    static constexpr double kSlowest = 0.5;
+    // Up to kFixedPoint the fixed-point iteration is used: 0.5^40 is 1e-12. A leak of a few per cent has a contraction of
+    // about 0.1 and ends after a dozen steps. From there to kSlowest Newton's steps are, which end after three to six; the
+    // load is unique, and the derivative regular, as long as the contraction is below 1.
+    static constexpr double kFixedPoint = 0.5, kSlowest = 0.95;
     static constexpr int kSteps = 40;
 
 private:
@@ -46,6 +49,9 @@ private:
         double contraction = 0;
         bool solvable = false;
     };
+    // The load less what the readings give with the leak at that load taken off: 0 at the solution. rt: wait-free
+    HairLoad excess(const std::array<double, 4>& r, std::uint32_t hairs, const HairLoad& load) const noexcept;
+    HairLoad solve_by_newton(const std::array<double, 4>& r, std::uint32_t hairs) const noexcept;
     Subset prepare(std::uint32_t hairs, std::uint32_t unknowns) const;
 
     HairResponse response_;

@@ -56,7 +56,7 @@ constexpr LeakTerms leak_terms(const HairLoad& load) noexcept {
     return {ss, s * x, s * y, ss * s, ss * x, ss * y, s * xx, s * xy, s * yy, xx, xy, yy, xx * x, xx * y, x * yy, yy * y};
 }
 
-// Their derivatives by sigma, tau_x or tau_y (axis 0, 1, 2). setup
+// Their derivatives by sigma, tau_x or tau_y (axis 0, 1, 2). rt: wait-free
 constexpr LeakTerms leak_slopes(const HairLoad& load, std::size_t axis) noexcept {
     LeakTerms slopes{};
     for (std::size_t i = 0; i < kLeakTerms; ++i) {

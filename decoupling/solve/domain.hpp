@@ -71,13 +71,18 @@ inline std::string fault_of_shared_parts(const Calibration& calibration) {
     if (calibration.channel_least.size() != calibration.channel_most.size() ||
         (!calibration.channel_least.empty() && calibration.channel_least.size() != n))
         return fmt::format("channel_least and channel_most need {} numbers each, or none", n);
+    if (!calibration.held_out_rms.empty() && calibration.held_out_rms.size() != rows)
+        return fmt::format("held_out_rms has {} numbers for {} components", calibration.held_out_rms.size(), rows);
+    if (!calibration.zero_drift.empty() && calibration.zero_drift.size() != n)
+        return fmt::format("zero_drift has {} numbers for {} channels", calibration.zero_drift.size(), n);
     const auto all_finite = [](const std::vector<double>& numbers) {
         return std::all_of(numbers.begin(), numbers.end(), [](double number) { return std::isfinite(number); });
     };
     if (!calibration.sd_slope.empty() && calibration.sd_slope.size() != rows)
         return fmt::format("sd_slope has {} numbers for {} components", calibration.sd_slope.size(), rows);
-    for (const auto* numbers : {&calibration.zero, &calibration.channel_least, &calibration.channel_most, &calibration.sd,
-                                &calibration.sd_slope, &calibration.full_scale})
+    for (const auto* numbers :
+         {&calibration.zero, &calibration.channel_least, &calibration.channel_most, &calibration.sd, &calibration.sd_slope,
+          &calibration.full_scale, &calibration.held_out_rms, &calibration.zero_drift})
         if (!all_finite(*numbers)) return "a number is not finite";
     for (const auto& row : calibration.matrix)
         if (!all_finite(row)) return "a number of matrix is not finite";

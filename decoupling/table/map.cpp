@@ -38,6 +38,7 @@ constexpr double kJump_m = 1e-4;
 constexpr unsigned kSearchEvery = 256;  // samples: a minimum that was followed may no longer be the best
 constexpr double kSame = 0.1;           // of the readings: they are those that no point explained a moment ago
 constexpr unsigned kPoorEvery = 16;     // samples between searches while they are
+constexpr double kCommon = 0.1;         // of their mean: scatter of readings that are one and the same strain
 constexpr unsigned kDeadEvery = 16;     // samples with disagreement between looks for a dead gauge
 
 class TableMap final : public CheckedModel {
@@ -53,6 +54,7 @@ public:
           spread_(std::move(spread)),
           point_(point) {
         const Calibration& calibration = data.calibration();
+        inner_ = inner_gauges(calibration);
         sd_slope_.fill(0);
         for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
             const std::size_t c = component_index(calibration.components[i]);
@@ -82,6 +84,13 @@ private:
             return spread_evenly(input, estimate, !point_ || rests);
         }
 
+        // A strain that all gauges share is one of temperature or of the frame: no contact makes the inner and the outer
+        // ones equal.
+        if (is_common(y, usable)) {
+            lose_point();
+            estimate.reasons |= TACTILED_DISAGREEMENT;
+            return spread_evenly(input, estimate, false);
+        }
         PointContact contact = locate(y, usable, variance);
         estimate.residual = residual(contact, usable, variance);
         if (estimate.residual > kDoubtful && disagreements_++ % kDeadEvery == 0)
@@ -162,6 +171,19 @@ private:
         return other.squares < near.squares ? other : near;
     }
 
+    // The readings differ from their mean by less than a tenth of it, inner and outer gauges alike.
+    [[nodiscard]] bool is_common(const Gauges& y, std::uint32_t usable) const noexcept {
+        if ((usable & inner_) == 0 || (usable & ~inner_) == 0) return false;
+        double sum = 0, squares = 0;
+        for (std::size_t k = 0; k < n_channels(); ++k) {
+            if ((usable >> k & 1u) == 0) continue;
+            sum += y[Eigen::Index(k)];
+            squares += y[Eigen::Index(k)] * y[Eigen::Index(k)];
+        }
+        const double n = std::popcount(usable), mean = sum / n;
+        return squares / n - mean * mean < kCommon * kCommon * mean * mean;
+    }
+
     [[nodiscard]] static double residual(const PointContact& contact, std::uint32_t usable, double variance) noexcept {
         const int freedom = std::popcount(usable) - 5;
         return freedom > 0 ? std::sqrt(std::max(0.0, contact.squares) / freedom / variance) : kNaN;
@@ -233,6 +255,7 @@ private:
     PointSearch search_;
     GaugeSolver spread_;
     bool point_;
+    std::uint32_t inner_ = 0;  // gauges
     Wrench sd_ = kUnseen, sd_slope_{};
 
     bool has_point_ = false, ambiguous_ = false;

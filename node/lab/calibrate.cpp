@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <cmath>
 #include <ctime>
 #include <filesystem>
@@ -29,29 +30,46 @@ struct Settings {
     std::vector<std::string> set;              // "area_m2=3e-5"
     std::map<std::string, std::string> start;  // options of the fits
     std::optional<double> forget;
-    bool json = false;
+    bool json = false, force = false, own_zeros = false, one_zero = false;
 };
 
 void print_report(const FitReport& report, const Settings& settings) {
     const Calibration& calibration = report.calibration;
     fmt::print("{}: model {}, method {}, {} channels\n", settings.out, calibration.model, calibration.method,
                calibration.channels.size());
-    fmt::print("rows: {} used of {} ({} without a label, {} with a missing channel)\n", calibration.rows, report.rows_read,
-               report.rows_without_label, report.rows_missing_channel);
+    fmt::print(
+        "rows: {} used of {} ({} without a label, {} with a missing channel, {} saturated, {} with a label that looks "
+        "wrong)\n",
+        calibration.rows, report.rows_read, report.rows_without_label, report.rows_missing_channel, report.rows_saturated,
+        std::count_if(report.suspects.begin(), report.suspects.end(), [](const auto& s) { return s.left_out; }));
     fmt::print("held out: {}\n", calibration.validation.empty() ? "not validated" : calibration.validation);
-    fmt::print("{:>9} {:>10} {:>13} {:>15} {:>15} {:>8}\n", "component", "rows", "full scale", "fitted rms", "held-out rms",
-               "% of FS");
-    for (const auto& c : report.components) {
+    fmt::print("{:>9} {:>10} {:>13} {:>15} {:>15} {:>8} {:>15} {:>8} {:>8} {:>8}  {}\n", "component", "rows", "full scale",
+               "fitted rms", "held-out rms", "% of FS", "median sd", "in 1 sd", "in 3 sd", "over 5", "worst session");
+    const auto percent = [](double share) {
+        return std::isfinite(share) ? fmt::format("{:.2f}", 100 * share) : std::string("unknown");
+    };
+    for (std::size_t i = 0; i < report.components.size(); ++i) {
+        const ComponentReport& c = report.components[i];
+        const ComponentErrors errors = component_errors(report, i);
         const std::string unit = unit_of(c);
         fmt::print("{:>9} {:>10} {:>10.4g} {:<2} {:>12.3g} {:<2}", c.name, c.rows, c.full_scale, unit, c.fitted_rms, unit);
-        if (std::isfinite(c.held_out_rms))
-            fmt::print(" {:>12.3g} {:<2} {:>8.2f}\n", c.held_out_rms, unit, 100 * c.held_out_rms / c.full_scale);
-        else
+        if (!std::isfinite(c.held_out_rms)) {
             fmt::print(" {:>15} {:>8}\n", "unknown", "unknown");
+            continue;
+        }
+        fmt::print(" {:>12.3g} {:<2} {:>8.2f}", c.held_out_rms, unit, 100 * c.held_out_rms / c.full_scale);
+        if (errors.sd_known)
+            fmt::print(" {:>12.3g} {:<2} {:>8} {:>8} {:>8}", errors.median_sd(), unit, percent(errors.within(1)),
+                       percent(errors.within(3)), percent(1 - errors.within(5)));
+        else
+            fmt::print(" {:>15} {:>8} {:>8} {:>8}", "unknown", "unknown", "unknown", "unknown");
+        if (const auto worst = errors.worst_session(); report.labelled->sessions.size() > 1 && std::isfinite(worst.rms))
+            fmt::print("  {}: {:.3g} {}", report.labelled->sessions[worst.session], worst.rms, unit);
+        fmt::print("\n");
     }
     if (report.methods.size() > 1)
         for (const auto& method : report.methods) {
-            fmt::print("method {:10}", method.method);
+            fmt::print("method {:10} {:6.1f} s", method.method, method.seconds);
             if (!method.refused.empty()) fmt::print(" refused: {}", method.refused);
             for (std::size_t i = 0; i < method.held_out_rms.size(); ++i) {
                 const double percent = 100 * method.held_out_rms[i] / report.components[i].full_scale;
@@ -78,17 +96,46 @@ void print_json(const FitReport& report, const Settings& settings) {
                         {"rows_without_label", report.rows_without_label},
                         {"rows_missing_channel", report.rows_missing_channel},
                         {"validation", report.calibration.validation},
+                        {"rows_saturated", report.rows_saturated},
+                        {"suspects", nlohmann::json::array()},
+                        {"session_zeros", nlohmann::json::array()},
+                        {"own_zero_per_session", report.zeros.own},
+                        {"zero_drift", report.calibration.zero_drift},
+                        {"methods", nlohmann::json::array()},
                         {"condition", number(report.calibration.condition)},
                         {"parameters", report.calibration.parameters},
                         {"components", nlohmann::json::array()},
                         {"warnings", report.warnings}};
-    for (const auto& c : report.components)
-        json["components"].push_back({{"name", c.name},
-                                      {"unit", unit_of(c)},
-                                      {"rows", c.rows},
-                                      {"full_scale", number(c.full_scale)},
-                                      {"fitted_rms", number(c.fitted_rms)},
-                                      {"held_out_rms", number(c.held_out_rms)}});
+    for (std::size_t i = 0; i < report.components.size(); ++i) {
+        const ComponentReport& c = report.components[i];
+        const ComponentErrors errors = component_errors(report, i);
+        const auto worst = errors.worst_session();
+        nlohmann::json component{{"name", c.name},
+                                 {"unit", unit_of(c)},
+                                 {"rows", c.rows},
+                                 {"full_scale", number(c.full_scale)},
+                                 {"fitted_rms", number(c.fitted_rms)},
+                                 {"held_out_rms", number(c.held_out_rms)},
+                                 {"median_sd", number(errors.median_sd())},
+                                 {"within_1_sd", number(errors.within(1))},
+                                 {"within_3_sd", number(errors.within(3))},
+                                 {"beyond_5_sd", number(1 - errors.within(5))}};
+        if (report.labelled->sessions.size() > 1 && std::isfinite(worst.rms))
+            component["worst_session"] = {{"name", report.labelled->sessions[worst.session]}, {"rms", worst.rms}};
+        json["components"].push_back(std::move(component));
+    }
+    for (const auto& method : report.methods) {
+        json["methods"].push_back({{"method", method.method}, {"refused", method.refused}, {"seconds", method.seconds}});
+        for (const double rms : method.held_out_rms) json["methods"].back()["held_out_rms"].push_back(number(rms));
+    }
+    for (const Suspect& suspect : report.suspects)
+        json["suspects"].push_back({{"line", suspect.row->line},
+                                    {"column", label_column(suspect.component)},
+                                    {"label", number(suspect.label)},
+                                    {"expected", number(suspect.expected)},
+                                    {"left_out", suspect.left_out}});
+    for (std::size_t s = 0; s < report.zeros.offset.size(); ++s)
+        json["session_zeros"].push_back({{"session", report.labelled->sessions[s]}, {"offset", report.zeros.offset[s]}});
     fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
@@ -101,6 +148,8 @@ void check_outputs(const Settings& settings) {
             throw SetupError(fmt::format("{} {}: would replace this file; name another", option, in_quotes(path)));
     };
     check("--out", settings.out, settings.in);
+    if (std::error_code ignored; !settings.force && fs::is_regular_file(settings.out, ignored))
+        throw SetupError(fmt::format("--out {}: exists already; --force replaces it", in_quotes(settings.out)));
     if (settings.report.empty()) return;
     check("--report", settings.report, settings.in);
     check("--report", settings.report, settings.out);
@@ -121,6 +170,15 @@ int calibrate(Settings settings) {
         if (end == nullptr || end == text.c_str() + at + 1 || *end != 0)
             throw SetupError(fmt::format("--set {}: write NAME=NUMBER", in_quotes(text)));
         request.parameters[text.substr(0, at)] = value;
+    }
+    if (settings.own_zeros) request.zeros = FitRequest::Zeros::per_session;
+    if (settings.one_zero) request.zeros = FitRequest::Zeros::common;
+    // The name under which a calibration file has it.
+    if (const auto drift = request.parameters.find("zero_drift"); drift != request.parameters.end()) {
+        if (!(drift->second >= 0 && drift->second <= 1))
+            throw SetupError("--set zero_drift: a part of each channel's width, 0 to 1");
+        request.zero_drift = drift->second;
+        request.parameters.erase(drift);
     }
     if (settings.forget) request.parameters["forget"] = *settings.forget;
     for (const auto& [name, value] : settings.start)
@@ -157,6 +215,18 @@ void add_calibrate(CLI::App& app, Run& run) {
     verb->add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
         ->required();
     verb->add_option("--out", settings->out, "the calibration file to write")->required();
+    verb->add_flag("--force", settings->force, "replace the calibration file where there is one");
+    verb->add_option("--zero-drift", settings->request.zero_drift,
+                     "sd of each channel's zero in use, as a part of its width (0.01: 1 %); else that of the sessions")
+        ->check(number_in(0.0, 1.0));
+    auto* own = verb->add_flag("--zero-per-session", settings->own_zeros,
+                               "each session has its own zero, as after mounting; else found from the recording");
+    verb->add_flag("--one-zero", settings->one_zero, "all sessions have the same zero")->excludes(own);
+    verb->add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are named, and stay");
+    verb->add_option("--saturates-below", settings->request.saturates_below,
+                     "a row with a channel at or below stays out (unit of the channels)");
+    verb->add_option("--saturates-above", settings->request.saturates_above,
+                     "a row with a channel at or above stays out (unit of the channels)");
     verb->add_option("--report", settings->report, "also write a report with plots: one HTML file");
     verb->add_option("--session", settings->selection.sessions, "use only these sessions")->take_all();
     verb->add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")

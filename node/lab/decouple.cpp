@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "config/calibration.hpp"
@@ -17,7 +18,8 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kLatest_s = 1.8e10;  // in nanoseconds just below 2^64
+constexpr double kLatest_s = 9e9;  // 2^64 ns less what a first row before 0 and kPast_s take up
+constexpr double kPast_s = 1000;   // by which rows may lie before a first one that is before 0
 
 struct Settings {
     std::string calibration, method, in = "-", out = "-";
@@ -57,11 +59,16 @@ int decouple(const Settings& settings) {
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
     ForcesWriter forces(settings.out);
     std::vector<double> channel(columns.size());
+    std::optional<double> origin_s;  // of the times that models see, which are not negative: they take differences only
     while (csv.next()) {
         const double t_s = csv.number(*time);
         if (std::isnan(t_s)) csv.refuse("column t_s is empty; when was this row read?");
-        if (t_s > kLatest_s) csv.refuse(fmt::format("column t_s: {} s is more than 500 years; t_s is in seconds", t_s));
-        const auto t_ns = std::uint64_t(std::max(0.0, std::round(t_s * 1e9)));
+        if (std::abs(t_s) > kLatest_s)
+            csv.refuse(fmt::format("column t_s: {} s is more than 500 years; t_s is in seconds", t_s));
+        if (!origin_s) origin_s = t_s < 0 ? t_s - kPast_s : 0;
+        if (t_s < *origin_s)
+            csv.refuse(fmt::format("column t_s: {} s lies before the rows above it; sort the rows by time", t_s));
+        const auto t_ns = std::uint64_t(std::round((t_s - *origin_s) * 1e9));
         Reading reading{.channel = channel, .missing = 0, .saturated = 0, .t_ns = t_ns};
         for (std::size_t k = 0; k < columns.size(); ++k) {
             channel[k] = csv.number(columns[k]);

@@ -55,7 +55,7 @@ def judge(name, method, tactilectl, folder):
     write(train, folder / "train.csv")
     write(test, folder / "test.csv")
     begun = time.monotonic()
-    done = subprocess.run([tactilectl, "calibrate", "--model", "generic", "--method", method, "--in", folder / "train.csv", "--out",
+    done = subprocess.run([tactilectl, "calibrate", "--model", "generic", "--method", method, "--force", "--in", folder / "train.csv", "--out",
                            folder / "calibration.toml"], capture_output=True, text=True)
     took = time.monotonic() - begun
     if done.returncode != 0:

@@ -55,7 +55,7 @@ class Report(unittest.TestCase):
         text = (self.folder / "skin.html").read_text()
         page = Page(text)
         self.assertEqual(page.faults, [])
-        self.assertEqual(page.seen["svg"], 4)
+        self.assertEqual(page.seen["svg"], 6)
         self.assertFalse({"script", "link", "img", "b"} & set(page.seen))
         self.assertNotRegex(text, "(?i)http|url\\(|@import")
         self.assertIn("<b>7</b>", page.words)

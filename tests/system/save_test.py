@@ -44,7 +44,7 @@ class Save(unittest.TestCase):
     def save(cls, *before):
         """Calibrates into C.toml; (exit status, its bytes, what it says)."""
         cls.out = cls.folder / "C.toml"
-        done = subprocess.run([*before, BIN / "tactilectl", "calibrate", "--model", "generic", "--method", "matrix", "--in",
+        done = subprocess.run([*before, BIN / "tactilectl", "calibrate", "--model", "generic", "--method", "matrix", "--force", "--in",
                                cls.labelled, "--out", cls.out], capture_output=True, text=True, timeout=60)
         return done.returncode, cls.out.read_bytes() if cls.out.exists() else None, done.stderr
 

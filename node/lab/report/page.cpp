@@ -207,9 +207,9 @@ constexpr const char* kHowToRead = R"(<h2>How to read the numbers</h2>
 <li>Held-out rms is the error on rows that a fit without their group (see "validated by") had not seen. Quote this one, with
 the way of validation. With one session it does not contain mounting the sensor again, another day or another temperature.</li>
 <li>The reference's own error is part of every error here.</li>
-<li>sd is the standard deviation that the calibration states for an estimate. It is set so that 68.27 % of the held-out errors
-are within one sd. The share in the table is counted on the same rows, so it checks that the statement holds, not that it would
-hold on other data. Histogram bars beyond 2 or 3 sd show whether the errors are normal.</li>
+<li>sd is the standard deviation that the calibration states for an estimate: at least 68 % of the held-out errors are within one
+sd, 95 % within 1.96 and 99 % within 2.58, and it is at least the rms of the worst session. The shares are counted on the same
+rows, so they check that the statement holds, not that it would hold on other data.</li>
 <li>Held-out rows without estimate are labelled rows where the model gave no number (BAD). They are in no rms.</li>
 <li>Where the loads have gaps, the calibration has not been tested there.</li>
 </ul>
@@ -222,7 +222,7 @@ std::string html_report(const FitReport& report, const std::string& title) {
     page += "<h2>Components</h2>\n" + components(report) + methods(report);
     for (std::size_t i = 0; i < report.components.size(); ++i)
         page += "<h2>" + html_text(report.components[i].name) + "</h2>\n" + html_component_plots(report, i);
-    page += sessions(report) + crosstalk(report);
+    page += html_within(report) + sessions(report) + html_zeros(report) + html_loading(report) + crosstalk(report);
     page += "<h2>Coverage of the loads</h2>\n<p>The loads of the labelled rows that have all channels.</p>\n" +
             html_coverage(report);
     return html_page(title, page + conditioning(report) + domain(report) + kHowToRead);

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
+#include <vector>
 
 #include "decoupling/solve/domain.hpp"
 #include "node/lab/chart/plot.hpp"
@@ -13,14 +16,6 @@ namespace {
 
 constexpr double kHistogramEnd = 4;  // standard deviations
 constexpr int kBins = 32;
-
-std::string figure(const SvgPlot& plot, const std::string& caption_html) {
-    return fmt::format("<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n", plot.text(), caption_html);
-}
-
-std::string thinned(std::size_t n) {
-    return n > kMaxDots ? fmt::format(" {} of {} rows are drawn, evenly thinned.", kMaxDots, n) : "";
-}
 
 std::vector<Dot> pairs(const std::vector<double>& x, const std::vector<double>& y) {
     std::vector<Dot> dots;
@@ -36,8 +31,8 @@ std::string applied_estimated(const ComponentErrors& errors, const std::string& 
     const Dot diagonal[] = {{both.min, both.min}, {both.max, both.max}};
     plot.line(diagonal, "ideal");
     plot.dots(pairs(errors.applied, errors.estimated));
-    return figure(plot, fmt::format("Estimated against applied {}, held-out rows. On the line they are equal.{}", name,
-                                    thinned(errors.applied.size())));
+    return html_figure(plot.text(), fmt::format("Estimated against applied {}, held-out rows. On the line they are equal.{}",
+                                                name, html_thinned(errors.applied.size())));
 }
 
 std::string residuals(const FitReport& report, std::size_t i, const ComponentErrors& errors, const std::string& unit) {
@@ -61,10 +56,11 @@ std::string residuals(const FitReport& report, std::size_t i, const ComponentErr
     const Dot zero[] = {{x.min, 0}, {x.max, 0}};
     plot.line(zero, "ideal");
     plot.dots(pairs(errors.applied, errors.error));
-    return figure(plot, fmt::format("Error against applied {}, held-out rows. {}{}", name,
-                                    errors.sd_known ? "Shaded: one stated sd each way, at an estimate equal to the load."
-                                                    : "No band: the sd is unknown.",
-                                    thinned(errors.applied.size())));
+    return html_figure(plot.text(),
+                       fmt::format("Error against applied {}, held-out rows. {}{}", name,
+                                   errors.sd_known ? "Shaded: one stated sd each way, at an estimate equal to the load."
+                                                   : "No band: the sd is unknown.",
+                                   html_thinned(errors.applied.size())));
 }
 
 // Errors in sd, beside a normal distribution; in rms where the sd is unknown.
@@ -101,7 +97,7 @@ std::string distribution(const ComponentReport& component, const ComponentErrors
     if (errors.sd_known)
         caption += fmt::format(" Beyond 2 sd: {:.2f} % (normal: 4.55 %); beyond 3 sd: {:.2f} % (normal: 0.27 %).",
                                100 * (1 - errors.within(2)), 100 * (1 - errors.within(3)));
-    return figure(plot, caption);
+    return html_figure(plot.text(), caption);
 }
 
 // The labels of rows that have all channels.
@@ -131,7 +127,7 @@ std::string load_histogram(const ComponentReport& component, const std::vector<W
                  fmt::format("applied {}, {}", component.name, unit_of(component)), x, "rows",
                  {0, 1.06 * *std::max_element(count.begin(), count.end())});
     for (int k = 0; k < kBins; ++k) plot.bar(x.min + k * width, x.min + (k + 1) * width, count[std::size_t(k)]);
-    return figure(plot, fmt::format("Loads {} of {} rows.", component.name, values.size()));
+    return html_figure(plot.text(), fmt::format("Loads {} of {} rows.", component.name, values.size()));
 }
 
 std::string load_pair(const ComponentReport& a, const ComponentReport& b, const std::vector<Wrench>& all) {
@@ -146,16 +142,44 @@ std::string load_pair(const ComponentReport& a, const ComponentReport& b, const 
     SvgPlot plot(fmt::format("loads: {} against {}", b.name, a.name), fmt::format("applied {}, {}", a.name, unit_of(a)),
                  as_axis(span_of(x)), fmt::format("applied {}, {}", b.name, unit_of(b)), as_axis(span_of(y)));
     plot.dots(pairs(x, y));
-    return figure(plot, fmt::format("Loads {} and {}, {} rows.{}", a.name, b.name, x.size(), thinned(x.size())));
+    return html_figure(plot.text(),
+                       fmt::format("Loads {} and {}, {} rows.{}", a.name, b.name, x.size(), html_thinned(x.size())));
 }
 
 }  // namespace
+
+std::string html_figure(const std::string& svg, const std::string& caption_html) {
+    return fmt::format("<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n", svg, caption_html);
+}
+
+std::string html_thinned(std::size_t rows) {
+    return rows > kMaxDots ? fmt::format(" {} of {} rows are drawn, evenly thinned.", kMaxDots, rows) : "";
+}
 
 double ComponentErrors::within(double times) const {
     if (!sd_known || error.empty()) return kNaN;
     std::size_t n = 0;
     for (std::size_t k = 0; k < error.size(); ++k) n += std::abs(error[k]) <= times * sd[k] ? 1 : 0;
     return double(n) / double(error.size());
+}
+
+double ComponentErrors::median_sd() const {
+    if (!sd_known || sd.empty()) return kNaN;
+    std::vector<double> sorted = sd;
+    std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
+    return sorted[sorted.size() / 2];
+}
+
+ComponentErrors::Worst ComponentErrors::worst_session() const {
+    std::map<std::size_t, std::pair<double, double>> squares;  // sum, rows
+    for (std::size_t k = 0; k < error.size(); ++k) {
+        squares[session[k]].first += error[k] * error[k];
+        squares[session[k]].second += 1;
+    }
+    Worst worst{0, kNaN};
+    for (const auto& [of, sum] : squares)
+        if (const double rms = std::sqrt(sum.first / sum.second); !(rms <= worst.rms)) worst = {of, rms};
+    return worst;
 }
 
 ComponentErrors component_errors(const FitReport& report, std::size_t i) {
@@ -190,7 +214,7 @@ std::string html_component_plots(const FitReport& report, std::size_t i) {
     if (errors.error.empty()) return "<p>No held-out rows: nothing to draw.</p>\n";
     const std::string unit = unit_of(component);
     return "<div class=\"plots\">\n" + applied_estimated(errors, component.name, unit) + residuals(report, i, errors, unit) +
-           distribution(component, errors) + "</div>\n";
+           distribution(component, errors) + html_history_plots(report, i) + "</div>\n";
 }
 
 std::string html_coverage(const FitReport& report) {

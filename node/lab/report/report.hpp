@@ -17,6 +17,14 @@ struct ComponentErrors {
 
     // Share of the errors within `times` sd, 0 .. 1; NaN where unknown.
     [[nodiscard]] double within(double times) const;
+    // Median of the stated sd; NaN where unknown.
+    [[nodiscard]] double median_sd() const;
+    // Session with the greatest root mean square error, and that; NaN where there are no errors.
+    struct Worst {
+        std::size_t session;
+        double rms;
+    };
+    [[nodiscard]] Worst worst_session() const;
 };
 // `i`: of report.components. setup
 ComponentErrors component_errors(const FitReport& report, std::size_t i);
@@ -29,7 +37,15 @@ std::string unit_of(const ComponentReport& component);  // "N", "Nm"
 std::string html_report(const FitReport& report, const std::string& title);
 
 // Parts of the page, in plots.cpp.
+std::string html_figure(const std::string& svg, const std::string& caption_html);
+std::string html_thinned(std::size_t rows);  // " 2000 of 20000 rows are drawn", or ""
 std::string html_component_plots(const FitReport& report, std::size_t i);
 std::string html_coverage(const FitReport& report);
+
+// Parts of the page, in history.cpp; "" where there is nothing to show.
+std::string html_history_plots(const FitReport& report, std::size_t i);
+std::string html_loading(const FitReport& report);
+std::string html_within(const FitReport& report);
+std::string html_zeros(const FitReport& report);
 
 }  // namespace tactiled

@@ -44,7 +44,9 @@ void expect_same(const Calibration& a, const Calibration& b) {
         EXPECT_EQ(p->first, q->first);
         EXPECT_EQ(bits({p->second}), bits({q->second}));
     }
+    EXPECT_EQ(bits(a.zero_drift), bits(b.zero_drift));
     EXPECT_EQ(bits(a.sd), bits(b.sd));
+    EXPECT_EQ(bits(a.held_out_rms), bits(b.held_out_rms));
     EXPECT_EQ(bits(a.full_scale), bits(b.full_scale));
     EXPECT_EQ(bits({a.condition}), bits({b.condition}));
     EXPECT_EQ(a.validation, b.validation);
@@ -66,7 +68,9 @@ Calibration example() {
     c.components = {"fx", "fz"};
     c.matrix = {{1.0 / 3, -0.0, 5e-324}, {1e300, -1e300, std::nextafter(1.0, 2.0)}};
     c.parameters = {{"noise", 1e-6}, {"tangential_inner", 0.25}};
+    c.zero_drift = {0.01, 0, 1.0 / 3};
     c.sd = {0.01, 0};
+    c.held_out_rms = {0.2, 1e-9};
     c.full_scale = {10, 20.5};
     c.condition = 12.75;
     c.validation = "leave one session out (2 sessions), \"as is\" \\ \t gr\xc3\xbc\xc3\x9f\n";

@@ -92,6 +92,7 @@ TEST(GraspConfig, SaysWhereItIsWrongAndWhatIsRight) {
     EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaw("left", "x_S_in_G = [0, 1, 0]\nz_S_in_G = [0, 1, 1]\n")).lines(),
                 "t.toml:5:", "45.0 degrees");
     EXPECT_SAYS(LoadedGrasp("[grasp]\ngravity_G_m_s2 = [0, 0, -1]\n" + jaw("left")).lines(), "t.toml:2:", "9.81 m/s^2");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\ngravity_G_m_s2 = [1e-300, 0, 0]\n" + jaw("left")).lines(), "t.toml:2:", "9.81 m/s^2");
     EXPECT_SAYS(LoadedGrasp("[grasp]\njaws_of_gripper = 1\n" + jaw("left") + jaw("right")).lines(),
                 "t.toml:2:", "2 have a sensor");
     EXPECT_SAYS(LoadedGrasp("[grasp]\nmargin = 0.5\n" + jaw("left")).lines(), "t.toml:2:", "1 .. 10");

@@ -106,7 +106,7 @@ TEST(Csv, WritesForcesThatReadBackToTheLastBit) {
     const ScratchFile file("");
     Estimate estimate;
     estimate.wrench_S = {0.1 + 0.2, kNaN, -1.0 / 3, kNaN, kNaN, kNaN};
-    estimate.sd = {1e-300, kNaN, 5, kNaN, kNaN, kNaN};
+    estimate.sd = {1e-300, kNaN, 5, 0.25, kNaN, 0.5};
     estimate.residual = 1.5;
     {
         ForcesWriter forces(file.path());
@@ -114,10 +114,12 @@ TEST(Csv, WritesForcesThatReadBackToTheLastBit) {
         forces.write(0.02, Estimate{}, "bad:missing-channel");
         forces.close();
     }
-    EXPECT_EQ(text_of(file.path()),
-              "t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual\n"
-              "0.01,0.30000000000000004,,-0.3333333333333333,,,,1e-300,,5,\"uncertain:saturated,disagreement\",,,,1.5\n"
-              "0.02,,,,,,,,,,bad:missing-channel,,,,\n");
+    EXPECT_EQ(
+        text_of(file.path()),
+        "t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
+        "sd_mx_Nm,sd_my_Nm,sd_mz_Nm\n"
+        "0.01,0.30000000000000004,,-0.3333333333333333,,,,1e-300,,5,\"uncertain:saturated,disagreement\",,,,1.5,0.25,,0.5\n"
+        "0.02,,,,,,,,,,bad:missing-channel,,,,,,,\n");
     CsvReader csv(file.path());
     ASSERT_TRUE(csv.next());
     EXPECT_EQ(csv.number(1), 0.1 + 0.2);

@@ -201,6 +201,37 @@ TEST(HairSolver, TakesOffALeakToRoundingAndRefusesOneThatIsTooLarge) {
     EXPECT_FALSE(HairSolver(response, 15, 7).solvable(15));
 }
 
+// Leaks of any contraction up to the limit, and loads all over the range, beyond it, and at its edge.
+TEST(HairSolver, TakesOffALeakOfAnyContractionBelowTheLimit) {
+    int newton = 0;
+    for (double factor = 1; factor < 20; factor *= 1.07) {
+        HairResponse response;
+        for (std::size_t i = 0; i < 4; ++i) {
+            response.gain[i] = {1, -2 * kHairCos[i], -2 * kHairSin[i]};
+            for (std::size_t j = 0; j < kLeakTerms; ++j)
+                response.leak[i][j] = 0.005 * factor * (double((i * 7 + j * 3) % 5) - 1);
+        }
+        const HairSolver solver(response, 15, 7);
+        if (!solver.solvable(15)) {
+            EXPECT_GT(solver.contraction(15), HairSolver::kSlowest);
+            continue;
+        }
+        newton += solver.contraction(15) > HairSolver::kFixedPoint ? 1 : 0;
+        for (const double sigma : {0.0, 0.05, 0.5, 1.0, 1.05, 1.4})
+            for (const double x : {-1.3, -1.05, -0.4, 0.0, 0.9, 1.05})
+                for (const double y : {-1.0, 0.1, 1.2}) {
+                    const HairLoad load{sigma, x, y};
+                    std::array<double, 4> r{};
+                    for (std::size_t i = 0; i < 4; ++i) r[i] = response.reading(i, load, leak_terms(response.nearest(load)));
+                    const auto found = solver.solve(r, 15);
+                    for (std::size_t j = 0; j < 3; ++j)
+                        EXPECT_NEAR(found[j], load[j], 1e-10)
+                            << solver.contraction(15) << ", " << sigma << " " << x << " " << y;
+                }
+    }
+    EXPECT_GE(newton, 5);
+}
+
 // A cubic goes anywhere beyond its data: there the load goes on as a straight line.
 TEST(HairSolver, BeyondTheRangeTheLeakStaysWhatItIsAtTheEdge) {
     HairResponse response;

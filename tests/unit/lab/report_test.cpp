@@ -220,7 +220,7 @@ TEST(Report, SaysWhatTheFitSays) {
         EXPECT_EQ(number(channels[k + 1][2]), report.calibration.channel_least[k]);
         EXPECT_EQ(number(channels[k + 1][3]), report.calibration.channel_most[k]);
     }
-    EXPECT_EQ(check_plots(page), 3 * 2 + 1);  // three a component, and one pair of loads
+    EXPECT_EQ(check_plots(page), 5 * 2 + 1);  // five a component, and one pair of loads
     EXPECT_EQ(page, html_report(report, "Skin 7"));
 }
 
@@ -305,9 +305,9 @@ TEST(Report, ThinsManyRowsEvenly) {
     for (int i = 0; i < 20000; ++i) rows.push_back({i / 20000.0, i / 20000.0});
     const std::string page = html_report(ByHand(rows).report, "x");
     check_page(page);
-    EXPECT_EQ(count(page, "h0"), 2 * 2000u);
-    EXPECT_EQ(count(page, "2000 of 20000 rows are drawn"), 2u);
-    EXPECT_LT(page.size(), 150000u);
+    EXPECT_EQ(count(page, "h0"), 4 * 2000u);
+    EXPECT_EQ(count(page, "2000 of 20000 rows are drawn"), 4u);
+    EXPECT_LT(page.size(), 300000u);
     const std::size_t at = page.find("class=\"dots\"");
     const std::string dots = page.substr(at, page.find("/>", at) - at);
     static const std::regex dot("M([0-9.]+) ");

@@ -1,0 +1,138 @@
+#include "decoupling/fit/groups.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+namespace tactiled {
+namespace {
+
+constexpr std::size_t kStretches = 5;  // of time, where there are no sessions to leave out
+constexpr std::size_t kMaxPoseGroups = 10, kMaxLoadGroups = 100;
+constexpr std::size_t kRowsPerPose = 5;  // on average, from where rows are said to repeat poses
+constexpr double kSameLoad = 0.01;       // of full scale
+// Parts of the greatest load; less than that in the rest is extrapolation. A new session may well go further than the
+// others.
+constexpr double kSpanned = 0.3, kSpannedBySessions = 0.1;
+
+Wrench full_scales(const Rows& rows) {
+    Wrench full_scale{};
+    for (const auto* row : rows)
+        for (std::size_t c = 0; c < full_scale.size(); ++c)
+            if (std::abs(row->wrench_S[c]) > full_scale[c]) full_scale[c] = std::abs(row->wrench_S[c]);
+    return full_scale;
+}
+
+Groups groups_of_sessions(const Labelled& labelled, const Rows& rows) {
+    std::vector<bool> occurs(std::max<std::size_t>(labelled.sessions.size(), 1));
+    for (const auto* row : rows) occurs[row->session] = true;
+    const auto sessions = std::count(occurs.begin(), occurs.end(), true);
+    Groups groups;
+    if (sessions < 2) return groups;
+    groups.are_sessions = true;
+    for (const auto* row : rows) groups.of_row.push_back(row->session);
+    for (const auto& name : labelled.sessions) groups.names.push_back("session " + name);
+    groups.validation = fmt::format("leave one session out ({} sessions)", sessions);
+    return groups;
+}
+
+// Poses in groups of neighbours; empty where the rows do not repeat poses.
+Groups groups_of_poses(const Rows& rows) {
+    Groups groups;
+    std::map<Wrench, std::size_t> poses;
+    std::vector<std::size_t> pose_of_row;
+    for (const auto* row : rows) {
+        Wrench key = row->wrench_S;
+        for (double& value : key)
+            if (std::isnan(value)) value = 1e300;  // NaN has no order
+        pose_of_row.push_back(poses.emplace(key, poses.size()).first->second);
+    }
+    if (poses.size() < 4 || poses.size() * kRowsPerPose > rows.size()) return groups;
+    const std::size_t n = std::min(kMaxPoseGroups, poses.size());
+    for (const std::size_t pose : pose_of_row) groups.of_row.push_back(pose * n / poses.size());
+    for (std::size_t i = 0; i < n; ++i) groups.names.push_back(fmt::format("the poses' group number {} of {}", i + 1, n));
+    groups.validation = fmt::format("leave poses out ({} poses in {} groups)", poses.size(), n);
+    return groups;
+}
+
+// By their times, where the file has some: rows that were shuffled would be rows drawn at random.
+Groups groups_of_stretches(const Rows& rows) {
+    Groups groups;
+    std::vector<std::size_t> by_time(rows.size());
+    std::iota(by_time.begin(), by_time.end(), std::size_t{0});
+    std::stable_sort(by_time.begin(), by_time.end(),
+                     [&](std::size_t a, std::size_t b) { return rows[a]->t_ns < rows[b]->t_ns; });
+    groups.of_row.resize(rows.size());
+    for (std::size_t i = 0; i < rows.size(); ++i) groups.of_row[by_time[i]] = i * kStretches / rows.size();
+    for (std::size_t i = 0; i < kStretches; ++i)
+        groups.names.push_back(fmt::format("the stretch of time number {} of {}", i + 1, kStretches));
+    groups.validation = fmt::format("leave one of {} stretches of time out", kStretches);
+    return groups;
+}
+
+// One load each; of many loads several, which lie far from each other in the recording.
+Groups groups_of_loads(const Rows& rows) {
+    Groups groups;
+    groups.of_row = loads_of(rows);
+    const std::size_t loads = rows.empty() ? 0 : groups.of_row.back() + 1, n = std::min(loads, kMaxLoadGroups);
+    if (loads < 4) return {};
+    for (std::size_t& load : groups.of_row) load %= n;
+    for (std::size_t i = 0; i < n; ++i) groups.names.push_back(fmt::format("load number {}", i + 1));
+    groups.validation = n == loads ? fmt::format("leave one load out ({} loads)", loads)
+                                   : fmt::format("leave loads out ({} loads in {} groups)", loads, n);
+    groups.are_loads = true;
+    return groups;
+}
+
+}  // namespace
+
+std::vector<std::size_t> loads_of(const Rows& rows) {
+    const Wrench full_scale = full_scales(rows);
+    std::vector<std::size_t> load;
+    const LabelledRow* first = nullptr;
+    std::size_t n = 0;
+    for (const auto* row : rows) {
+        bool same = first != nullptr && row->session == first->session;
+        for (std::size_t c = 0; same && c < full_scale.size(); ++c) {
+            const double a = row->wrench_S[c], b = first->wrench_S[c];
+            same = std::isnan(a) ? std::isnan(b) : std::abs(a - b) <= kSameLoad * full_scale[c];
+        }
+        if (!same) {
+            if (first != nullptr) ++n;
+            first = row;
+        }
+        load.push_back(n);
+    }
+    return load;
+}
+
+std::string not_spanned_without(const Rows& rows, const Groups& groups, std::size_t group) {
+    const Wrench full_scale = full_scales(rows);
+    Wrench rest{};
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        for (std::size_t c = 0; groups.of_row[i] != group && c < rest.size(); ++c)
+            if (std::abs(rows[i]->wrench_S[c]) > rest[c]) rest[c] = std::abs(rows[i]->wrench_S[c]);
+    for (std::size_t c = 0; c < rest.size(); ++c)
+        if (rest[c] < (groups.are_sessions ? kSpannedBySessions : kSpanned) * full_scale[c]) return kComponentNames[c];
+    return "";
+}
+
+std::vector<Groups> ways_to_hold_out(const Labelled& labelled, const Rows& rows, bool remembers) {
+    std::vector<Groups> ways;
+    if (Groups sessions = groups_of_sessions(labelled, rows); !sessions.names.empty()) {
+        ways.push_back(std::move(sessions));
+        if (remembers) return ways;
+    } else {
+        if (!remembers)
+            if (Groups poses = groups_of_poses(rows); !poses.names.empty()) ways.push_back(std::move(poses));
+        ways.push_back(groups_of_stretches(rows));
+        if (remembers) return ways;
+    }
+    if (Groups loads = groups_of_loads(rows); !loads.names.empty()) ways.push_back(std::move(loads));
+    return ways;
+}
+
+}  // namespace tactiled

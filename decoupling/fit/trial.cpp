@@ -1,0 +1,79 @@
+#include "decoupling/fit/trial.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "decoupling/solve/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kIllConditioned = 1000;  // 0.1 % of noise in a channel becomes 100 % of a coefficient
+
+double mean_part(const Wrench& error, const FitReport& report) {
+    double sum = 0;
+    for (const auto& component : report.components) sum += error[component_index(component.name)] / component.full_scale;
+    return sum / double(report.components.size());
+}
+
+}  // namespace
+
+Calibration start_of(const FitEntry& method, const FitRequest& request, const FitReport& report) {
+    Calibration calibration = report.calibration;
+    if (const auto start = request.start.find(std::string(method.method)); start != request.start.end())
+        static_cast<Fit&>(calibration) = start->second;
+    for (const auto& [name, value] : request.parameters) calibration.parameters[name] = value;
+    calibration.method = method.method;
+    return calibration;
+}
+
+Calibration fit_rows(const FitEntry& method, const Calibration& start, const Rows& rows, const std::vector<double>& drift,
+                     std::vector<std::string>& warnings) {
+    Calibration calibration = start;
+    set_domain(rows, calibration);
+    warnings.clear();
+    fit_with_drift(method, rows, drift, calibration, warnings);
+    return calibration;
+}
+
+void validate(const Labelled& labelled, const Rows& rows, const std::vector<double>& drift, const FitReport& report,
+              Trial& trial) {
+    const FitEntry& method = *trial.method;
+    Calibration& calibration = trial.calibration;
+    if (calibration.condition > kIllConditioned)
+        trial.warnings.push_back(fmt::format(
+            "condition number {:.2g}: the channels nearly repeat each other, noise is amplified", calibration.condition));
+    // A search's result may serve the parts too, where it is a mere width; a time constant is to be found again.
+    Calibration start = method.remembers ? trial.start : calibration;
+    if (method.remembers) set_domain(rows, start);
+    trial.validation = hold_out(labelled, rows, method, start, drift, trial.warnings);
+    calibration.validation = trial.validation.how;
+    set_uncertainty(trial.validation, calibration);
+    // A search may end worse on all rows than it did on parts of them (mlp, by up to 1.6): what is held out then speaks of
+    // other calibrations than this one.
+    const Wrench own = rms_error(calibration, rows);
+    for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
+        const std::size_t c = component_index(calibration.components[i]);
+        if (!(own[c] > trial.validation.rms[c]) || !(trial.validation.rms[c] > 0)) continue;
+        calibration.sd[i] *= own[c] / trial.validation.rms[c];
+        if (!calibration.sd_slope.empty()) calibration.sd_slope[i] *= own[c] / trial.validation.rms[c];
+    }
+    for (const auto& component : report.components)
+        trial.about.held_out_rms.push_back(trial.validation.rms[component_index(component.name)]);
+    const auto known = [](double rms) { return std::isfinite(rms); };
+    if (std::all_of(trial.about.held_out_rms.begin(), trial.about.held_out_rms.end(), known))
+        calibration.held_out_rms = trial.about.held_out_rms;
+    if (method.adds_to.empty() || calibration.validation.empty()) return;
+    const double error = mean_part(trial.validation.rms, report), before = mean_part(trial.validation.rms_of_part, report);
+    if (error < before || !std::isfinite(error) || !std::isfinite(before)) return;
+    const std::string text = fmt::format(
+        "its held-out error, {:.3g} % of full scale in the mean, is not lower than the {:.3g} % of method {} alone: use "
+        "that one",
+        100 * error, 100 * before, method.adds_to);
+    if (method.must_gain) throw Undetermined(fmt::format("method {} gains nothing: {}", method.method, text));
+    trial.warnings.push_back(text);
+}
+
+}  // namespace tactiled
