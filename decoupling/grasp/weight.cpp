@@ -51,7 +51,8 @@ void Weight::gravity(const Eigen::Vector3d& gravity_G_m_s2) noexcept {
     gravity_G_ = to;
     aim();
     n_ = 0;
-    held_known_ = first_.known = false;
+    held_known_ = false;
+    forget_first();
 }
 
 void Weight::acceleration(const Eigen::Vector3d& acceleration_G_m_s2, std::uint64_t t_ns) noexcept {
@@ -96,7 +97,8 @@ void Weight::take(std::size_t jaw, const Observation& observation) noexcept {
 
 void Weight::begin(std::uint64_t t_ns) noexcept {
     weighing_ = true;
-    held_known_ = first_.known = again_ = false;
+    held_known_ = again_ = false;
+    forget_first();
     begun_ns_ = t_ns;
     now_ = {TACTILED_WEIGHT_ESTIMATING, kNaN, kNaN, 0};
 }
@@ -182,6 +184,9 @@ void Weight::rescale(double factor) noexcept {
     now_.mass_kg *= factor;
     now_.sd_kg *= factor;
     first_.mass_kg *= factor;
+    first_.sd_kg *= factor;
+    unexplained_kg_ *= factor;
+    departed_kg_ *= factor;
     for (Block& b : blocks_) b.mass_kg *= factor;
 }
 

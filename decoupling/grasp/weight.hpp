@@ -105,6 +105,9 @@ private:
                                               std::uint32_t& late) const noexcept;
     [[nodiscard]] bool moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_ns) const noexcept;
     void take_first(const Findings& found) noexcept;
+    [[nodiscard]] bool flat(const Mean& mean) const noexcept;
+    [[nodiscard]] double unexplained_kg(double mass_kg) const noexcept;
+    void forget_first() noexcept;
 
     struct Jaw {
         Eigen::Matrix3d S_from_G;
@@ -155,11 +158,15 @@ private:
     } check_;
     // The first stable weight of this grasp and how its jaws shared it: both stay, unless a sensor creeps.
     struct {
-        bool known = false;
-        double mass_kg = 0;
+        bool known = false, weighed = false;  // off; mass_kg, until the load changes
+        double mass_kg = 0, sd_kg = 0;
         std::array<double, kMaxJaws> off{};
     } first_;
     bool all_face_ = false;   // all jaws have sensors and face each other: their presses balance
+    double unexplained_kg_ = 0;      // small changes of the load in this grasp: of the object or of a sensor, forces cannot tell
+    double departed_kg_ = kNaN;      // the weight before the change that is going on
+    bool changed_ = false;           // the load changed when the held weight was last left
+    std::uint64_t block_before_ns_ = 0;
     bool again_ = false;      // weighing began anew in this grasp, because the load changed
     std::uint64_t balanced_ns_ = 0;  // when the presses last balanced without any acceleration
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;

@@ -12,12 +12,17 @@ constexpr double kShareSds = 6;          // or so many share_sd, where it is lar
 constexpr double kShareInSd = 0.5;       // of a share's departure beyond 3 share_sd: goes into the weight's sd
 constexpr double kShareCreeps = 0.05;    // of a jaw's load: within one grasp
 constexpr double kCreeps = 0.02;         // of the weight: since its first stable value
+constexpr double kAnother = 0.2;         // of the weight: a change at once by more is another load
 constexpr double kPressGain_sd = 0.03;   // of a press: what calibrations of two jaws may differ by
 constexpr double kPressRepeats_sd = 0.015;  // the same, once a known weight was shown
 constexpr double kUnbalanced_sds = 3.5;
 constexpr double kBalanceInSd = 0.35;   // of the unbalanced part of the presses: goes into the weight's sd
 constexpr double kNegative_sds = 3;
 constexpr double kMoves = 0.03;                    // of the weight, from window to window
+constexpr double kRamps = 0.002;                   // the same, once the load has changed while it was held
+constexpr double kNoisy = 0.0025;                  // of the weight: noise that would hide a swing in a short window
+constexpr std::size_t kEnough = 95;                // blocks of 5 ms: half a period of a swing of 1 Hz
+constexpr double kBends = 0.002, kTrends = 0.005;  // of the weight, in one window: more is a swing
 constexpr std::uint64_t kLook_ns = 100'000'000;    // that such a window takes
 constexpr std::uint64_t kTogether_ns = 50'000'000; // within which the load comes onto all jaws
 constexpr double kSeen = 6;                        // sd of a sensor: less load than this is not timed
@@ -75,15 +80,16 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
         }
     }
     if (mass_kg < -kNegative_sds * std::hypot(sd_kg, found.sd_kg)) found.doubts |= TACTILED_DOUBT_NEGATIVE;
-    if (!first_.known) return found;
-    const double crept_kg = std::abs(mass_kg - first_.mass_kg);
     const Shares since = shares_of(forces, first_.off, kShareCreeps);
-    if (since.known && since.jaws != 0) {
+    if (first_.known && since.known && since.jaws != 0) {
         found.doubts |= TACTILED_DOUBT_CREEPS;
         found.jaws |= since.jaws;
     }
-    if (held_known_ && crept_kg > std::hypot(kCreeps * mass_kg, 3 * held_sd_kg_)) found.doubts |= TACTILED_DOUBT_CREEPS;
-    if (held_known_) found.sd_kg = std::hypot(found.sd_kg, crept_kg);
+    found.sd_kg = std::hypot(found.sd_kg, unexplained_kg(mass_kg));
+    if (!first_.weighed) return found;
+    const double crept_kg = std::abs(mass_kg - first_.mass_kg);
+    if (crept_kg > std::hypot(kCreeps * mass_kg, 3 * first_.sd_kg)) found.doubts |= TACTILED_DOUBT_CREEPS;
+    found.sd_kg = std::hypot(found.sd_kg, crept_kg);
     return found;
 }
 
@@ -102,7 +108,8 @@ std::uint64_t Weight::last_lift_off(std::span<const JawForces> forces, std::uint
             const double then_N = double(block_forces_S_N_[(newest_ + kBlocks - b) % kBlocks][j].head<2>().dot(axis)) - rest_N;
             if (then_N / load_N >= 0.9) first_of_jaw_ns = block(b).t_ns;
         }
-        if (first_of_jaw_ns <= first_ns + kTogether_ns) continue;
+        const bool forgotten = n_ == kBlocks && first_of_jaw_ns <= block(n_ - 1).t_ns;
+        if (forgotten || first_of_jaw_ns <= first_ns + kTogether_ns) continue;
         late |= 1u << j;
         last_ns = std::max(last_ns, first_of_jaw_ns);
     }
@@ -121,7 +128,8 @@ bool Weight::moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_
         ++n[k];
     }
     const double weight_kg = std::max(std::abs(window.mass_kg), contact_N_ / gravity_G_.norm());
-    const double allowed_kg = std::hypot(kMoves * weight_kg, window.blocks_sd_kg);
+    const double allowed_kg = again_ ? std::hypot(kRamps * weight_kg, 4 * window.jitter_kg / std::sqrt(double(window.n)))
+                                     : std::hypot(kMoves * weight_kg, window.blocks_sd_kg);
     for (std::size_t k = 1; k < kWindows; ++k)
         if (n[k] > 0 && now_ns >= from_ns + (k + 1) * kLook_ns &&
             std::abs(sum_kg[k] / double(n[k]) - window.mass_kg) > allowed_kg)
@@ -130,9 +138,34 @@ bool Weight::moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_
 }
 
 void Weight::take_first(const Findings& found) noexcept {
-    if (!first_.known) first_.off = found.off;
-    if (!first_.known || again_) first_.mass_kg = held_kg_;
-    first_.known = true;
+    if (!first_.known) first_.off = found.off;  // also after a slip
+    if (!first_.weighed) {
+        unexplained_kg_ = unexplained_kg(held_kg_);
+        departed_kg_ = kNaN;
+        first_.mass_kg = held_kg_;
+        first_.sd_kg = held_sd_kg_;
+    }
+    first_.known = first_.weighed = true;
+}
+
+// A large change at once is another load. Small ones may be a sensor that creeps: they stay in the standard deviation.
+double Weight::unexplained_kg(double mass_kg) const noexcept {
+    const double change_kg = std::abs(mass_kg - departed_kg_);
+    return unexplained_kg_ + (change_kg <= kAnother * std::abs(departed_kg_) ? change_kg : 0);  // false for NaN
+}
+
+void Weight::forget_first() noexcept {
+    first_.known = first_.weighed = false;
+    unexplained_kg_ = 0;
+    departed_kg_ = kNaN;
+}
+
+// False for a window that trends or bends by more than its noise: so does a part of a swing.
+bool Weight::flat(const Mean& mean) const noexcept {
+    const double noise_kg = 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4);
+    if (noise_kg > kNoisy * std::abs(mean.mass_kg) && mean.n < kEnough) return false;
+    return std::abs(mean.trend_kg) <= std::hypot(kTrends * mean.mass_kg, noise_kg) &&
+           std::abs(mean.bend_kg) <= std::hypot(kBends * mean.mass_kg, noise_kg);
 }
 
 }  // namespace tactiled::grasp

@@ -24,7 +24,6 @@ constexpr double kTableFriction = 0.3;  // what is drawn over a table with a for
 constexpr double kFollows_s = 1;        // a stable value follows what creeps
 constexpr double kShaken = 0.2;         // of the weight, rms of 5 ms: more is no vibration but another load every time
 constexpr double kSure = 0.2;           // of the weight: with a larger deviation none looks good
-constexpr double kBends = 0.004;        // of the weight: a window that bends by more is the crest of a swing
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
 
 double square(double x) noexcept { return x * x; }
@@ -217,8 +216,9 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     const std::uint64_t from_ns = window.accelerations_known ? last_ns : last_ns + accelerates_ns_;
     std::uint64_t since_ns = std::max(from_ns, now_ns - std::min(now_ns, window_ns_));
     Mean mean = mean_since(since_ns);
+    if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_) late = 0;  // without it there would be no weight yet, either
     const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
-    if (after && mean.sd_kg > kStill * std::abs(mean.mass_kg)) {  // vibration: a longer mean
+    if (after && (mean.sd_kg > kStill * std::abs(mean.mass_kg) || !flat(mean))) {  // vibration or noise: a longer mean
         since_ns = std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns));
         mean = mean_since(since_ns);
     }
@@ -234,16 +234,13 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     const Findings found = after ? examine(forces_since(since_ns, jaws), mean.mass_kg, std::hypot(moving_kg, fixed_kg), 0)
                                  : Findings{};
     const double sd_kg = std::hypot(std::hypot(moving_kg, fixed_kg), std::max(0.0, dragged_kg), found.sd_kg);
-    const bool bends =
-        !mean.accelerations_known &&
-        std::abs(mean.bend_kg) > std::hypot(kBends * mean.mass_kg, 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4));
     const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
     const std::uint64_t quiet_ns = now_ns - std::min(now_ns, kQuiet_ns);
     const bool still =
         mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
         mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
-        std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) && !bends &&
-        (mean.accelerations_known || !moved(window, again_ ? quiet_ns : std::max(quiet_ns, last_ns + excused_ns), now_ns));
+        std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
+        (mean.accelerations_known || (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, last_ns + excused_ns), now_ns)));
     const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) && still && found.doubts == 0;
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};
@@ -258,7 +255,7 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     held_kg_ = mean.mass_kg;
     held_sd_kg_ = moving_kg;
     held_blocks_sd_kg_ = mean.blocks_sd_kg;
-    agreed_ns_ = balanced_ns_ = now_ns;
+    agreed_ns_ = balanced_ns_ = block_before_ns_ = now_ns;
     take_first(found);
 }
 
@@ -290,13 +287,21 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
         newest_departs_kg() <= std::hypot(3 * departs_kg, 3 * held_sd_kg_, 4 * held_blocks_sd_kg_);
     std::uint32_t across = 0;
     const bool agrees = stays && off_axis_kg(jaws, held_kg_, across) <= 0 && sure(held_kg_, fixed_sd_kg) && found.doubts == 0;
+    if (agreed_ns_ == block_before_ns_) changed_ = !stays;  // the first disagreement tells another load from a creeping jaw
+    block_before_ns_ = now_ns;
     if (agrees) {
+        take_first(found);
         held_kg_ += off_kg * std::min(1.0, double(kBlock_ns) * 1e-9 / kFollows_s);
         held_sd_kg_ = std::max(0.1 * kStill * std::abs(held_kg_), held_sd_kg_ * 0.999);
         agreed_ns_ = now_ns;
     } else if (now_ns > agreed_ns_ + accelerates_ns_ + 2 * window_ns_) {
         held_known_ = false;  // it does weigh something else
         again_ = true;
+        if (changed_ && first_.weighed) {
+            unexplained_kg_ += std::abs(held_kg_ - first_.mass_kg);
+            departed_kg_ = held_kg_;
+            first_.weighed = false;
+        }
         begun_ns_ = now_ns - std::min(now_ns, window_ns_);
     }
     const double sd_kg = std::hypot(fixed_sd_kg, agrees ? 0 : off_kg);

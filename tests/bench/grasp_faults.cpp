@@ -2,9 +2,10 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cmath>
-#include <deque>
+#include <cstddef>
 #include <numbers>
 #include <random>
 #include <vector>
