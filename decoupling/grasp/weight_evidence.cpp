@@ -21,7 +21,7 @@ constexpr double kNegative_sds = 3;
 constexpr double kMoves = 0.03;                    // of the weight, from window to window
 constexpr double kRamps = 0.002;                   // the same, once the load has changed while it was held
 constexpr double kNoisy = 0.0025;                  // of the weight: noise that would hide a swing in a short window
-constexpr std::size_t kEnough = 95;                // blocks of 5 ms: half a period of a swing of 1 Hz
+constexpr std::size_t kEnough = 48;                // blocks of 5 ms: in so long a swing bends by more than the noise
 constexpr double kBends = 0.002, kTrends = 0.005;  // of the weight, in one window: more is a swing
 constexpr std::uint64_t kLook_ns = 100'000'000;    // that such a window takes
 constexpr std::uint64_t kTogether_ns = 50'000'000; // within which the load comes onto all jaws
@@ -163,9 +163,10 @@ void Weight::forget_first() noexcept {
 // False for a window that trends or bends by more than its noise: so does a part of a swing.
 bool Weight::flat(const Mean& mean) const noexcept {
     const double noise_kg = 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4);
-    if (noise_kg > kNoisy * std::abs(mean.mass_kg) && mean.n < kEnough) return false;
-    return std::abs(mean.trend_kg) <= std::hypot(kTrends * mean.mass_kg, noise_kg) &&
-           std::abs(mean.bend_kg) <= std::hypot(kBends * mean.mass_kg, noise_kg);
+    const double weight_kg = std::max(std::abs(mean.mass_kg), contact_N_ / gravity_G_.norm());
+    if (noise_kg > kNoisy * weight_kg && mean.n < kEnough) return false;
+    return std::abs(mean.trend_kg) <= std::hypot(kTrends * weight_kg, noise_kg) &&
+           std::abs(mean.bend_kg) <= std::hypot(kBends * weight_kg, noise_kg);
 }
 
 }  // namespace tactiled::grasp

@@ -157,14 +157,14 @@ void print_transport(double hours, std::uint64_t seed) {
         }
 }
 
-void print_faults(int n, std::uint64_t seed, Range range) {
+void print_faults(int n, std::uint64_t seed, Objects objects) {
     fmt::print(
         "{} grasps of each kind, seed {}, {} objects\n\n| kind | STABLE and off by more than 4 sd, % | ever STABLE, % | lost "
         "STABLE, % | doubt reported, % | damaged jaw named, % | worst, sd | worst error while STABLE, % "
         "|\n|---|---|---|---|---|---|---|---|\n",
-        n, seed, range == Range::judging ? "judging" : "development");
+        n, seed, objects == Objects::judging ? "judging" : "development");
     for (const FaultKind& kind : fault_kinds()) {
-        const FaultFigures f = fault_figures(kind, n, seed, range);
+        const FaultFigures f = fault_figures(kind, n, seed, objects);
         fmt::print("| {}{} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} |\n", kind.name,
                    kind.forces_tell ? "" : " (forces cannot tell)", percent(f.wrong, f.n), percent(f.ever_stable, f.n),
                    percent(f.lost, f.ever_stable), percent(f.reported, f.n), percent(f.named, f.n), f.worst_sds,
@@ -231,6 +231,15 @@ bool check() {
         limit("ball, with a leak, within 2 published sd, %", percent(ball.within_2_sd, ball.n), 87, 100);
     }
     limit("ball and egg mixed up", figures(outcomes, SIZE_MAX, 1).wrong_kind, 0, 0);
+    int n = 0, wrong = 0;
+    for (const FaultKind& kind : fault_kinds()) {
+        const FaultFigures f = fault_figures(kind, 10, 1000, Objects::judging);
+        if (kind.forces_tell) n += f.n, wrong += f.wrong;
+        if (kind.fault == Fault::none) limit("right grasps that become stable, %", percent(f.ever_stable, f.n), 90, 100);
+        if (kind.fault == Fault::none) limit("right grasps that lose it, %", percent(f.lost, f.n), 0, 0);
+        if (kind.fault == Fault::dead_shear) limit("dead shears that are reported and named, %", percent(f.named, f.n), 100, 100);
+    }
+    limit("STABLE and off by more than 4 sd, damaged or set up wrongly, %", percent(wrong, n), 0, 1);
     const SlipFigures s = slips(1000, 16, 0.05, 0.7, 0.9);
     limit("slips found within 10 ms, %", percent(s.in_10_ms, s.n), 99, 100);
     limit("incipient before gross, %", percent(s.incipient_before, s.n), 95, 100);
@@ -255,7 +264,7 @@ int main(int argc, char** argv) {
         else if (mode == "figure")
             draw(n > 0 ? n : 10, seed);
         else if (mode == "faults" || mode == "faults-development")
-            print_faults(n > 0 ? n : 50, seed, mode == "faults" ? Range::judging : Range::development);
+            print_faults(n > 0 ? n : 50, seed, mode == "faults" ? Objects::judging : Objects::development);
         else if (mode == "check")
             return check() ? 0 : 1;
         else

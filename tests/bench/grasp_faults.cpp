@@ -82,8 +82,8 @@ Eigen::Matrix3d frame_of(std::size_t jaw, std::size_t jaws) {
     return S_from_G;
 }
 
-Plan plan_of(const FaultKind& kind, Random& random, Range range) {
-    const bool judging = range == Range::judging;
+Plan plan_of(const FaultKind& kind, Random& random, Objects objects) {
+    const bool judging = objects == Objects::judging;
     Plan p{};
     const std::size_t jaws = kind.jaws != 0 ? kind.jaws : random.uniform(0, 1) < 0.5 ? 2 : 3;
     p.mass_kg = judging ? random.log_uniform(0.03, 3) : random.log_uniform(0.1, 0.6);
@@ -206,8 +206,8 @@ grasp::Setup setup_of(const Plan& p, Fault fault) {
     return setup;
 }
 
-void one_grasp(const FaultKind& kind, Random& random, Range range, FaultFigures& figures) {
-    const Plan p = plan_of(kind, random, range);
+void one_grasp(const FaultKind& kind, Random& random, Objects objects, FaultFigures& figures) {
+    const Plan p = plan_of(kind, random, objects);
     grasp::Grasp grasp(setup_of(p, kind.fault));
     bool wrong = false, stable = false, ever = false, reported = false, named = false;
     const auto steps = std::size_t((kLift_s + p.transfer_s + p.hold_s) * p.rate_Hz);
@@ -249,10 +249,10 @@ void one_grasp(const FaultKind& kind, Random& random, Range range, FaultFigures&
 
 std::span<const FaultKind> fault_kinds() { return kKinds; }
 
-FaultFigures fault_figures(const FaultKind& kind, int n, std::uint64_t seed, Range range) {
+FaultFigures fault_figures(const FaultKind& kind, int n, std::uint64_t seed, Objects objects) {
     Random random(seed * 101 + std::uint64_t(kind.fault) * 7 + kind.jaws);
     FaultFigures figures;
-    for (int i = 0; i < n; ++i) one_grasp(kind, random, range, figures);
+    for (int i = 0; i < n; ++i) one_grasp(kind, random, objects, figures);
     return figures;
 }
 

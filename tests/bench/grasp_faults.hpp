@@ -48,9 +48,9 @@ struct FaultFigures {
 };
 
 // The objects, presses and shares of development; those that judge are other ones, of a wider range.
-enum class Range { development, judging };
+enum class Objects { development, judging };
 
 // `n` random grasps of one kind. Deterministic by `seed`.
-FaultFigures fault_figures(const FaultKind& kind, int n, std::uint64_t seed, Range range);
+FaultFigures fault_figures(const FaultKind& kind, int n, std::uint64_t seed, Objects objects);
 
 }  // namespace tactiled::bench
