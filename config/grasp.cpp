@@ -90,9 +90,10 @@ void check_sum_of_shares(Options& grasp, const GraspSettings& g) {
     double shares = 0;
     for (const JawSettings& jaw : g.jaws) shares += jaw.share;
     if (shares > 0 && shares < 0.998 && g.jaws_of_gripper == int(g.jaws.size()))
-        grasp.problem("jaw", fmt::format("all {} jaws have a sensor, but their shares are {:g} of the weight together, not 1; "
-                                         "count a jaw without a sensor in jaws_of_gripper",
-                                         g.jaws.size(), shares));
+        grasp.problem("jaw",
+                      fmt::format("all {} jaws have a sensor, but their shares are {:g} of the weight together, not 1; "
+                                  "count a jaw without a sensor in jaws_of_gripper",
+                                  g.jaws.size(), shares));
 }
 
 }  // namespace
@@ -177,13 +178,15 @@ std::vector<std::string> grasp_advice(const GraspSettings& g) {
         const bool faces = std::any_of(g.jaws.begin(), g.jaws.end(),
                                        [&](const JawSettings& other) { return dot(z, other.S_from_G[2]) < kFaces; });
         if (g.jaws_of_gripper == int(g.jaws.size()) && g.jaws.size() > 1 && !faces)
-            advice.push_back(fmt::format("[[grasp.jaw]] \"{}\" faces no other jaw: z_S_in_G = [{:g}, {:g}, {:g}] points out of "
-                                         "its skin, towards the object; the balance of the presses is not checked",
-                                         jaw.sensor, jaw.z_S_in_G[0], jaw.z_S_in_G[1], jaw.z_S_in_G[2]));
+            advice.push_back(
+                fmt::format("[[grasp.jaw]] \"{}\" faces no other jaw: z_S_in_G = [{:g}, {:g}, {:g}] points out of "
+                            "its skin, towards the object; the balance of the presses is not checked",
+                            jaw.sensor, jaw.z_S_in_G[0], jaw.z_S_in_G[1], jaw.z_S_in_G[2]));
         if (pull > 0 && length(cross(z, g.gravity_G_m_s2)) < kTangential * pull)
-            advice.push_back(fmt::format("[[grasp.jaw]] \"{}\": gravity points into its skin, so it measures no weight: check "
-                                         "z_S_in_G and gravity_G_m_s2",
-                                         jaw.sensor));
+            advice.push_back(
+                fmt::format("[[grasp.jaw]] \"{}\": gravity points into its skin, so it measures no weight: check "
+                            "z_S_in_G and gravity_G_m_s2",
+                            jaw.sensor));
     }
     return advice;
 }

@@ -216,10 +216,11 @@ std::optional<Grasping::Setup> grasp_setup(Config& config, const SegmentPlan& pl
                 if (std::isfinite(full_scale_N)) entry.full_scale_N[c] = double(full_scale_N);
             }
             if (entry.full_scale_N[2] > 0 && entry.contact_on_N >= entry.full_scale_N[2])
-                sensor.options.problem("contact_on_N",
-                                       fmt::format("contact_on_N = {:g} is not below the full scale of its calibration, a press "
-                                                   "of {:g} N: the jaw would never touch",
-                                                   entry.contact_on_N, entry.full_scale_N[2]));
+                sensor.options.problem(
+                    "contact_on_N",
+                    fmt::format("contact_on_N = {:g} is not below the full scale of its calibration, a press "
+                                "of {:g} N: the jaw would never touch",
+                                entry.contact_on_N, entry.full_scale_N[2]));
             const MethodEntry* const method = find_method(sensor.model, plan.sensors[i].method);  // not of "auto"
             entry.errs_by_gain = method != nullptr && method->errs_by_gain;
             setup.estimator.jaws.push_back(entry);

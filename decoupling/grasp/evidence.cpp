@@ -11,7 +11,7 @@ constexpr double kSeen = 6;           // sd of a sensor: less load than this dec
 constexpr double kNoises = 3;         // sd of a sensor that the tolerance of a share grows by
 constexpr double kFaces = -0.2;       // cosine between the normals of two jaws that hold an object between them
 constexpr double kPressLeaks = 0.01;  // sd of the shear that a press reads as; kLeak is its largest
-constexpr double kUnseen_N2 = 1e12;  // variance of a component that the sensor cannot see
+constexpr double kUnseen_N2 = 1e12;   // variance of a component that the sensor cannot see
 constexpr double kExplains = 0.85;    // cosine between a jaw's normal and the force that its error would explain
 
 // The load on a jaw along its axis, since the rest before the lift where that was observed; NaN where it is not seen.
@@ -86,9 +86,8 @@ Shares shares_of(std::span<const JawForces> jaws, std::span<const double, kMaxJa
 bool jaws_face_each_other(std::span<const JawForces> jaws) noexcept {
     for (const JawForces& jaw : jaws) {
         const Eigen::Vector3d normal_G = jaw.S_from_G.row(2).transpose();
-        if (std::none_of(jaws.begin(), jaws.end(), [&](const JawForces& other) {
-                return normal_G.dot(other.S_from_G.row(2).transpose()) < kFaces;
-            }))
+        if (std::none_of(jaws.begin(), jaws.end(),
+                         [&](const JawForces& other) { return normal_G.dot(other.S_from_G.row(2).transpose()) < kFaces; }))
             return false;
     }
     return !jaws.empty();

@@ -13,7 +13,7 @@ namespace tactiled::grasp {
 struct JawForces {
     Eigen::Matrix3d S_from_G = Eigen::Matrix3d::Identity();
     Eigen::Vector3d force_S_N = Eigen::Vector3d::Zero();  // NaN: a component that the sensor cannot see
-    Eigen::Vector3d sd_N = Eigen::Vector3d::Zero();       // of the sensor and its zero
+    Eigen::Vector3d sd_N = Eigen::Vector3d::Zero();       // sensor and zero together
     Eigen::Vector2d axis_S = Eigen::Vector2d::Zero();     // along which it carries, tangential
     Eigen::Vector2d rest_S_N{kNaN, kNaN};                 // in the grip before the lift; NaN: not observed
     double carries_m_s2 = 0;                              // force along the axis for each kg of the object; 0: none

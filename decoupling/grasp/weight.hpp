@@ -68,7 +68,7 @@ private:
         double blocks_sd_kg = 0;        // of a block
         double trend_kg = 0;            // newer half less older half
         double bend_kg = 0;             // outer quarters less inner ones
-        double jitter_kg = 0;           // of a block, by its difference from the next one
+        double jitter_kg = 0;           // sd of a block, by its difference from the next one
         std::size_t n = 0;
         bool accelerations_known = true;
         double max_acceleration_m_s2 = 0;
@@ -140,8 +140,8 @@ private:
     static constexpr std::uint64_t kBreak_ns = 500'000'000;  // without a sample: what was before says nothing
     static constexpr std::size_t kBlocks = 256;
     std::array<Block, kBlocks> blocks_{};
-    std::array<std::array<Eigen::Vector3f, kMaxJaws>, kBlocks> block_forces_S_N_{};  // of each jaw, as blocks_
-    std::array<JawForces, kMaxJaws> forces_{};                                       // of the newest window
+    std::array<std::array<Eigen::Vector3f, kMaxJaws>, kBlocks> block_forces_S_N_{};  // by block and jaw
+    std::array<JawForces, kMaxJaws> forces_{};                                       // forces of the newest window
     std::size_t newest_ = 0, n_ = 0;
     std::uint64_t block_ns_ = 0;
 
@@ -150,11 +150,11 @@ private:
     struct {
         bool done = false;
         double mass_kg = 0, rest_kg = 0;
-        bool was_force = false;      // rest_kg: more than a leak can be
-        std::uint32_t carrying = 0;  // a bit a jaw
-        double sd = 0;               // of the scale, as a part of it: scatter, zeros and gravity's direction
-        std::array<double, kMaxJaws> off{};                   // as Shares::off
-        Eigen::Vector3d balance_off_G = Eigen::Vector3d::Zero();  // as Balance::off_G
+        bool was_force = false;              // rest_kg: more than a leak can be
+        std::uint32_t carrying = 0;          // a bit a jaw
+        double sd = 0;                       // of the scale, as a part of it: scatter, zeros and gravity's direction
+        std::array<double, kMaxJaws> off{};  // Shares::off
+        Eigen::Vector3d balance_off_G = Eigen::Vector3d::Zero();  // Balance::off_G
     } check_;
     // The first stable weight of this grasp and how its jaws shared it: both stay, unless a sensor creeps.
     struct {
@@ -162,12 +162,12 @@ private:
         double mass_kg = 0, sd_kg = 0;
         std::array<double, kMaxJaws> off{};
     } first_;
-    bool all_face_ = false;   // all jaws have sensors and face each other: their presses balance
-    double unexplained_kg_ = 0;      // small changes of the load in this grasp: of the object or of a sensor, forces cannot tell
-    double departed_kg_ = kNaN;      // the weight before the change that is going on
-    bool changed_ = false;           // the load changed when the held weight was last left
+    bool all_face_ = false;      // all jaws have sensors and face each other: their presses balance
+    double unexplained_kg_ = 0;  // small changes of the load in this grasp: of the object or of a sensor, forces cannot tell
+    double departed_kg_ = kNaN;  // the weight before the change that is going on
+    bool changed_ = false;       // the load changed when the held weight was last left
     std::uint64_t block_before_ns_ = 0;
-    bool again_ = false;      // weighing began anew in this grasp, because the load changed
+    bool again_ = false;             // weighing began anew in this grasp, because the load changed
     std::uint64_t balanced_ns_ = 0;  // when the presses last balanced without any acceleration
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;

@@ -7,25 +7,25 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kShare = 0.25;          // of a jaw's load: tolerance where share_sd is small
-constexpr double kShareSds = 6;          // or so many share_sd, where it is large
-constexpr double kShareInSd = 0.5;       // of a share's departure beyond 3 share_sd: goes into the weight's sd
-constexpr double kShareCreeps = 0.05;    // of a jaw's load: within one grasp
-constexpr double kCreeps = 0.02;         // of the weight: since its first stable value
-constexpr double kAnother = 0.2;         // of the weight: a change at once by more is another load
-constexpr double kPressGain_sd = 0.03;   // of a press: what calibrations of two jaws may differ by
+constexpr double kShare = 0.25;             // tolerance of a share, relative to a jaw's load, where share_sd is small
+constexpr double kShareSds = 6;             // the same in share_sd, where that is large
+constexpr double kShareInSd = 0.5;          // part of a departure beyond 3 share_sd that the weight's sd contains
+constexpr double kShareCreeps = 0.05;       // tolerance of a share within one grasp
+constexpr double kCreeps = 0.02;            // relative change since the first stable value
+constexpr double kAnother = 0.2;            // relative change at once from which it is another load
+constexpr double kPressGain_sd = 0.03;      // relative; calibrations of two jaws may differ by this
 constexpr double kPressRepeats_sd = 0.015;  // the same, once a known weight was shown
 constexpr double kUnbalanced_sds = 3.5;
-constexpr double kBalanceInSd = 0.35;   // of the unbalanced part of the presses: goes into the weight's sd
+constexpr double kBalanceInSd = 0.35;  // part of the unbalanced presses that the weight's sd contains
 constexpr double kNegative_sds = 3;
-constexpr double kMoves = 0.03;                    // of the weight, from window to window
-constexpr double kRamps = 0.002;                   // the same, once the load has changed while it was held
-constexpr double kNoisy = 0.0025;                  // of the weight: noise that would hide a swing in a short window
-constexpr std::size_t kEnough = 48;                // blocks of 5 ms: in so long a swing bends by more than the noise
-constexpr double kBends = 0.002, kTrends = 0.005;  // of the weight, in one window: more is a swing
-constexpr std::uint64_t kLook_ns = 100'000'000;    // that such a window takes
-constexpr std::uint64_t kTogether_ns = 50'000'000; // within which the load comes onto all jaws
-constexpr double kSeen = 6;                        // sd of a sensor: less load than this is not timed
+constexpr double kMoves = 0.03;                      // relative change from window to window
+constexpr double kRamps = 0.002;                     // the same, once the load has changed while it was held
+constexpr double kNoisy = 0.0025;                    // relative noise that would hide a swing in a short window
+constexpr std::size_t kEnough = 48;                  // blocks of 5 ms: in so long a swing bends by more than the noise
+constexpr double kBends = 0.002, kTrends = 0.005;    // relative, in one window: more is a swing
+constexpr std::uint64_t kLook_ns = 100'000'000;      // that such a window takes
+constexpr std::uint64_t kTogether_ns = 100'000'000;  // within which the load comes onto all jaws
+constexpr double kSeen = 6;                          // sd of a sensor: less load than this is not timed
 
 }  // namespace
 
@@ -66,7 +66,8 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
         const bool reported = acceleration_reported_ && block(0).acceleration_known;
         const Eigen::Vector3d reference_G = shown ? check_.balance_off_G : Eigen::Vector3d(Eigen::Vector3d::Zero());
         const double expected_N = std::abs(mass_kg) * (reported ? acceleration_G_.norm() : unknown_m_s2);
-        const Balance balance = balance_of(forces, gravity_G_, reference_G, shown ? kPressRepeats_sd : kPressGain_sd, expected_N);
+        const Balance balance =
+            balance_of(forces, gravity_G_, reference_G, shown ? kPressRepeats_sd : kPressGain_sd, expected_N);
         if (balance.sds > kUnbalanced_sds) {
             found.doubts |= TACTILED_DOUBT_BALANCE;
             found.jaws |= balance.jaws;
@@ -101,11 +102,13 @@ std::uint64_t Weight::last_lift_off(std::span<const JawForces> forces, std::uint
         if (jaws_[j].carries_m_s2 <= 0) continue;
         const Eigen::Vector2f axis = forces[j].axis_S.cast<float>();
         const Eigen::Vector2d rest = forces[j].rest_S_N.array().isFinite().select(forces[j].rest_S_N, 0);
-        const double rest_N = rest.dot(forces[j].axis_S), load_N = forces[j].force_S_N.head<2>().dot(forces[j].axis_S) - rest_N;
+        const double rest_N = rest.dot(forces[j].axis_S),
+                     load_N = forces[j].force_S_N.head<2>().dot(forces[j].axis_S) - rest_N;
         if (!(std::abs(load_N) > kSeen * forces[j].sd_N.head<2>().norm())) continue;
         std::uint64_t first_of_jaw_ns = begun_ns_;
         for (std::size_t b = 0; b < n_ && block(b).t_ns >= begun_ns_; ++b) {
-            const double then_N = double(block_forces_S_N_[(newest_ + kBlocks - b) % kBlocks][j].head<2>().dot(axis)) - rest_N;
+            const double then_N =
+                double(block_forces_S_N_[(newest_ + kBlocks - b) % kBlocks][j].head<2>().dot(axis)) - rest_N;
             if (then_N / load_N >= 0.9) first_of_jaw_ns = block(b).t_ns;
         }
         const bool forgotten = n_ == kBlocks && first_of_jaw_ns <= block(n_ - 1).t_ns;

@@ -216,7 +216,8 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     const std::uint64_t from_ns = window.accelerations_known ? last_ns : last_ns + accelerates_ns_;
     std::uint64_t since_ns = std::max(from_ns, now_ns - std::min(now_ns, window_ns_));
     Mean mean = mean_since(since_ns);
-    if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_) late = 0;  // without it there would be no weight yet, either
+    if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_)
+        late = 0;  // without it there would be no weight yet, either
     const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
     if (after && (mean.sd_kg > kStill * std::abs(mean.mass_kg) || !flat(mean))) {  // vibration or noise: a longer mean
         since_ns = std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns));
@@ -231,8 +232,8 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     const double moving_kg =
         std::hypot(mean.sd_kg, mean.mass_kg * unknown_m_s2 / gravity_G_.norm(), after ? 0 : mean.trend_kg);
     const double fixed_kg = systematic_kg(mean.mass_kg, jaws);
-    const Findings found = after ? examine(forces_since(since_ns, jaws), mean.mass_kg, std::hypot(moving_kg, fixed_kg), 0)
-                                 : Findings{};
+    const Findings found =
+        after ? examine(forces_since(since_ns, jaws), mean.mass_kg, std::hypot(moving_kg, fixed_kg), 0) : Findings{};
     const double sd_kg = std::hypot(std::hypot(moving_kg, fixed_kg), std::max(0.0, dragged_kg), found.sd_kg);
     const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
     const std::uint64_t quiet_ns = now_ns - std::min(now_ns, kQuiet_ns);
@@ -240,14 +241,15 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
         mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
         mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
         std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
-        (mean.accelerations_known || (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, last_ns + excused_ns), now_ns)));
+        (mean.accelerations_known ||
+         (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, last_ns + excused_ns), now_ns)));
     const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) && still && found.doubts == 0;
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};
     if (!stable) {
         const bool dragged = after && dragged_kg > 0;
-        now_.doubts = found.doubts | bit_if(dragged, TACTILED_DOUBT_ACROSS) |
-                      bit_if(after && !still, TACTILED_DOUBT_MOVES) | bit_if(late != 0, TACTILED_DOUBT_LATE);
+        now_.doubts = found.doubts | bit_if(dragged, TACTILED_DOUBT_ACROSS) | bit_if(after && !still, TACTILED_DOUBT_MOVES) |
+                      bit_if(late != 0, TACTILED_DOUBT_LATE);
         now_.jaws = found.jaws | (dragged ? across : 0u) | late;
     }
     if (!stable) return;
@@ -282,11 +284,11 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
     // A change of the load within the window is scatter too: it may not excuse itself.
     const double window_sd_kg = std::min(window.sd_kg, departs_kg);
     const double fixed_sd_kg = std::hypot(fixed_kg, std::max(held_sd_kg_, window_sd_kg));
-    const bool stays =
-        std::abs(off_kg) <= std::hypot(departs_kg, 3 * held_sd_kg_, 3 * window_sd_kg) &&
-        newest_departs_kg() <= std::hypot(3 * departs_kg, 3 * held_sd_kg_, 4 * held_blocks_sd_kg_);
+    const bool stays = std::abs(off_kg) <= std::hypot(departs_kg, 3 * held_sd_kg_, 3 * window_sd_kg) &&
+                       newest_departs_kg() <= std::hypot(3 * departs_kg, 3 * held_sd_kg_, 4 * held_blocks_sd_kg_);
     std::uint32_t across = 0;
-    const bool agrees = stays && off_axis_kg(jaws, held_kg_, across) <= 0 && sure(held_kg_, fixed_sd_kg) && found.doubts == 0;
+    const bool agrees =
+        stays && off_axis_kg(jaws, held_kg_, across) <= 0 && sure(held_kg_, fixed_sd_kg) && found.doubts == 0;
     if (agreed_ns_ == block_before_ns_) changed_ = !stays;  // the first disagreement tells another load from a creeping jaw
     block_before_ns_ = now_ns;
     if (agrees) {

@@ -159,7 +159,8 @@ void print_transport(double hours, std::uint64_t seed) {
 
 void print_faults(int n, std::uint64_t seed, Objects objects) {
     fmt::print(
-        "{} grasps of each kind, seed {}, {} objects\n\n| kind | STABLE and off by more than 4 sd, % | ever STABLE, % | lost "
+        "{} grasps of each kind, seed {}, {} objects\n\n| kind | STABLE and off by more than 4 sd, % | ever STABLE, % | "
+        "lost "
         "STABLE, % | doubt reported, % | damaged jaw named, % | worst, sd | worst error while STABLE, % "
         "|\n|---|---|---|---|---|---|---|---|\n",
         n, seed, objects == Objects::judging ? "judging" : "development");
@@ -237,7 +238,8 @@ bool check() {
         if (kind.forces_tell) n += f.n, wrong += f.wrong;
         if (kind.fault == Fault::none) limit("right grasps that become stable, %", percent(f.ever_stable, f.n), 90, 100);
         if (kind.fault == Fault::none) limit("right grasps that lose it, %", percent(f.lost, f.n), 0, 0);
-        if (kind.fault == Fault::dead_shear) limit("dead shears that are reported and named, %", percent(f.named, f.n), 100, 100);
+        if (kind.fault == Fault::dead_shear)
+            limit("dead shears that are reported and named, %", percent(f.named, f.n), 100, 100);
     }
     limit("STABLE and off by more than 4 sd, damaged or set up wrongly, %", percent(wrong, n), 0, 1);
     const SlipFigures s = slips(1000, 16, 0.05, 0.7, 0.9);
@@ -268,6 +270,8 @@ int main(int argc, char** argv) {
         else if (mode == "check")
             return check() ? 0 : 1;
         else
-            return fmt::print(stderr, "usage: grasp_bench weigh | slip | transport | figure | faults [N [SEED]], or check\n"), 2;
+            return fmt::print(stderr,
+                              "usage: grasp_bench weigh | slip | transport | figure | faults [N [SEED]], or check\n"),
+                   2;
     } catch (const SetupError& e) { return fmt::print(stderr, "{}\n", e.what()), 1; }
 }

@@ -164,7 +164,8 @@ Vector3 force_S(const Plan& p, std::size_t j, Fault fault, double t_s) {
     if (p.jaws.size() == 2)
         force = {jaw.share * pull_S.x(), jaw.share * pull_S.y(), pull_S.z() / 2};
     else
-        force = {pull_S.x() * 2 / (1 + kStiffer) / 3, jaw.share * pull_S.y(), pull_S.z() * 2 * kStiffer / (1 + kStiffer) / 3};
+        force = {pull_S.x() * 2 / (1 + kStiffer) / 3, jaw.share * pull_S.y(),
+                 pull_S.z() * 2 * kStiffer / (1 + kStiffer) / 3};
     force.z() -= closed * p.press_N;
     return force;
 }
@@ -182,7 +183,8 @@ Vector3 measured_S(const Plan& p, std::size_t j, Fault fault, double t_s, Random
     if (damaged && fault == Fault::turned_90) f.head<2>() = Eigen::Vector2d(-f.y(), f.x());
     if (damaged && fault == Fault::half_gain) f *= p.size;
     if (damaged && fault == Fault::gain_creeps) f *= 1 + p.size * std::max(0.0, t_s - kFree_s);
-    if (fault == Fault::both_zeros_drift || (damaged && fault == Fault::zero_drifts)) f.y() += p.size * std::max(0.0, t_s - kFree_s);
+    if (fault == Fault::both_zeros_drift || (damaged && fault == Fault::zero_drifts))
+        f.y() += p.size * std::max(0.0, t_s - kFree_s);
     f += jaw.zero_N + Vector3::Constant(jaw.drift_N_s * t_s);
     for (int k = 0; k < 3; ++k) f[k] += random.normal(jaw.noise_N);
     return f;

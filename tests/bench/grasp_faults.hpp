@@ -30,7 +30,7 @@ enum class Fault {
 struct FaultKind {
     Fault fault;
     std::string_view name;
-    unsigned jaws;   // 0: two or three
+    unsigned jaws;     // 0: two or three
     bool forces_tell;  // the forces show it; false: listed with its size
     bool harmless;     // the weight stays right, so it may be stable
 };
@@ -38,12 +38,12 @@ std::span<const FaultKind> fault_kinds();
 
 struct FaultFigures {
     int n = 0;
-    int wrong = 0;         // grasps with a STABLE weight that was off by more than 4 of its sd, at any time
-    int ever_stable = 0;   // grasps that were STABLE at any time
-    int lost = 0;          // of these: no longer STABLE at the end
-    int reported = 0;      // grasps with a doubt that names a reason other than motion, at any time after the lift
-    int named = 0;         // of these: the damaged jaw was among the named ones
-    double worst_sds = 0;  // largest error of a STABLE weight, in its sd
+    int wrong = 0;           // grasps with a STABLE weight that was off by more than 4 of its sd, at any time
+    int ever_stable = 0;     // grasps that were STABLE at any time
+    int lost = 0;            // of these: no longer STABLE at the end
+    int reported = 0;        // grasps with a doubt that names a reason other than motion, at any time after the lift
+    int named = 0;           // of these: the damaged jaw was among the named ones
+    double worst_sds = 0;    // largest error of a STABLE weight, in its sd
     double worst_error = 0;  // the same error, of the weight
 };
 

@@ -13,6 +13,7 @@ import pathlib
 import random
 import shutil
 import struct
+import subprocess
 import sys
 import tempfile
 import time
@@ -21,7 +22,7 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import Daemon  # noqa: E402
+from daemon import BIN, Daemon  # noqa: E402
 from pick_bench import GRASP, Robot, calibrate_skin  # noqa: E402
 from simulated_sensors import SENSORS  # noqa: E402
 
@@ -186,6 +187,15 @@ class PickTask(unittest.TestCase):
         answer = self.plc.client.write_coils(CLEAR_SLIP_COILS, [True, True], slave=1)
         self.assertFalse(answer.isError(), answer)
         self.plc.wait("the latch to be clear", lambda seen: seen["latch"] == 0)
+
+    def test_a_contact_threshold_beyond_the_calibration_is_refused(self):
+        wrong = self.daemon.folder / "wrong.toml"
+        wrong.write_text(self.daemon.config.read_text().replace('link = "usb-left"\n', 'link = "usb-left"\ncontact_on_N = 5000\n', 1))
+        checked = subprocess.run([BIN / "tactilectl", "check", wrong], capture_output=True, text=True)
+        self.assertEqual(checked.returncode, 1, checked)
+        self.assertRegex(checked.stderr, "wrong.toml:[0-9]+: .*contact_on_N = 5000 is not below the full scale")
+        good = subprocess.run([BIN / "tactilectl", "check", self.daemon.config], capture_output=True, text=True)
+        self.assertEqual((good.returncode, "faces no other" in good.stdout), (0, False), good)
 
     def test_one_silent_jaw_is_no_weight(self):
         self.lose({"right"})

@@ -202,8 +202,8 @@ enum tactiled_weight_state {
 
 /* Why a weight is not stable although an object is held: bits of tactiled_grasp.weight_doubts. Since 1.6. */
 enum tactiled_weight_doubt {
-    TACTILED_DOUBT_BALANCE = 1 << 0,    /* the presses do not balance: a wrong gain, a tilt or an acceleration not reported */
-    TACTILED_DOUBT_SHARES = 1 << 1,     /* the jaws do not share the load as they should: a wrong gain or direction */
+    TACTILED_DOUBT_BALANCE = 1 << 0, /* the presses do not balance: a wrong gain, a tilt or an acceleration not reported */
+    TACTILED_DOUBT_SHARES = 1 << 1,  /* the jaws do not share the load as they should: a wrong gain or direction */
     TACTILED_DOUBT_DEAD_SHEAR = 1 << 2, /* the load came onto the other jaws and not onto this one */
     TACTILED_DOUBT_NEGATIVE = 1 << 3,   /* the mass is less than nothing: the direction of gravity or of a jaw is wrong */
     TACTILED_DOUBT_CREEPS = 1 << 4,     /* gain or zero of a jaw has moved since the weight was first stable */
