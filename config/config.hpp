@@ -147,6 +147,9 @@ struct Config {
     Options root = no_options();  // finish() it once drivers and models have read theirs
 };
 
+// Advice about a [grasp] that is allowed but hardly intended, a sentence each; empty: none.
+std::vector<std::string> grasp_advice(const GraspSettings& grasp);
+
 // Reads every key that is not a driver's or a model's own, checks names, references between them, and that each
 // sensor's link exists. Errors go to `problems`. setup: never throws for bad input
 Config load_config(const std::string& path, Problems& problems);

@@ -12,9 +12,11 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMaxJaws = 8;                   // grasp::kMaxJaws
+constexpr std::size_t kMaxJaws = 16;                  // grasp::kMaxJaws
 constexpr double kSkewDeg = 1;                        // of two axes that a person wrote down as perpendicular
 constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;  // 9.76 on Huascaran, 9.83 at the poles
+constexpr double kFaces = -0.2;      // cosine between the normals of two jaws that hold an object between them
+constexpr double kTangential = 0.3;  // of gravity: less of it in the plane of a skin is no weight
 constexpr double kDeg = 57.29577951308232;
 
 using Vector = std::array<double, 3>;
@@ -83,6 +85,17 @@ void check_jaws(Options& grasp, std::vector<JawSettings>& jaws, const std::vecto
         grasp.problem("jaw", fmt::format("the shares of the jaws are {:g} of the weight together; 1 at most", shares));
 }
 
+// Shares of which some belong to jaws without a sensor add up to less than 1.
+void check_sum_of_shares(Options& grasp, const GraspSettings& g) {
+    double shares = 0;
+    for (const JawSettings& jaw : g.jaws) shares += jaw.share;
+    if (shares > 0 && shares < 0.998 && g.jaws_of_gripper == int(g.jaws.size()))
+        grasp.problem("jaw",
+                      fmt::format("all {} jaws have a sensor, but their shares are {:g} of the weight together, not 1; "
+                                  "count a jaw without a sensor in jaws_of_gripper",
+                                  g.jaws.size(), shares));
+}
+
 }  // namespace
 
 const Fields<JawSettings>& jaw_fields() {
@@ -144,6 +157,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     if (g.jaws_of_gripper < int(g.jaws.size()))
         table.problem("jaws_of_gripper",
                       fmt::format("jaws_of_gripper = {}, but {} have a sensor", g.jaws_of_gripper, g.jaws.size()));
+    check_sum_of_shares(table, g);
     const double pull = length(g.gravity_G_m_s2);
     if (g.gravity_G_m_s2 != Vector{0, 0, 0} && !(pull >= kMinG_m_s2 && pull <= kMaxG_m_s2))
         table.problem("gravity_G_m_s2", fmt::format("gravity_G_m_s2 has a length of {:.3g}; on Earth it is 9.81 m/s^2, and "
@@ -154,6 +168,27 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     // absolute("") throws: a configuration that is named without a folder is in the current one.
     g.objects = (std::filesystem::absolute(folder.empty() ? "." : folder) / g.objects).lexically_normal().string();
     return g;
+}
+
+std::vector<std::string> grasp_advice(const GraspSettings& g) {
+    std::vector<std::string> advice;
+    const double pull = length(g.gravity_G_m_s2);
+    for (const JawSettings& jaw : g.jaws) {
+        const Vector& z = jaw.S_from_G[2];
+        const bool faces = std::any_of(g.jaws.begin(), g.jaws.end(),
+                                       [&](const JawSettings& other) { return dot(z, other.S_from_G[2]) < kFaces; });
+        if (g.jaws_of_gripper == int(g.jaws.size()) && g.jaws.size() > 1 && !faces)
+            advice.push_back(
+                fmt::format("[[grasp.jaw]] \"{}\" faces no other jaw: z_S_in_G = [{:g}, {:g}, {:g}] points out of "
+                            "its skin, towards the object; the balance of the presses is not checked",
+                            jaw.sensor, jaw.z_S_in_G[0], jaw.z_S_in_G[1], jaw.z_S_in_G[2]));
+        if (pull > 0 && length(cross(z, g.gravity_G_m_s2)) < kTangential * pull)
+            advice.push_back(
+                fmt::format("[[grasp.jaw]] \"{}\": gravity points into its skin, so it measures no weight: check "
+                            "z_S_in_G and gravity_G_m_s2",
+                            jaw.sensor));
+    }
+    return advice;
 }
 
 }  // namespace tactiled

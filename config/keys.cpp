@@ -61,7 +61,7 @@ const std::vector<KeyTable>& key_tables() {
               "registers of the grasp are \"not known\". The frame G of the gripper has z out of the palm, towards the "
               "object; x "
               "and y are free, right-handed."),
-        table("[[grasp.jaw]]", jaw_fields(), Reload::tune, "One table for each sensor that sits on a jaw, 1 .. 8."),
+        table("[[grasp.jaw]]", jaw_fields(), Reload::tune, "One table for each sensor that sits on a jaw, 1 .. 16."),
         table("[modbus]", modbus_fields(), Reload::restart, "The Modbus server. Its registers: node/modbus/MAP.md."),
         table("[modbus.rtu]", rtu_fields(), Reload::restart, "The same server on a serial line."),
         table("[shm]", shm_fields(), Reload::restart, "The shared memory."),

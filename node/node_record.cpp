@@ -87,7 +87,8 @@ void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactile
     if (lost != std::exchange(lost_seen_, lost)) lost_until_ns_ = now_ns + kSecond;
 
     follow_faults(now_ns, tares);
-    node_.warning = warnings(now_ns, tares, reasons, states);
+    node_.warning = warnings(now_ns, tares, reasons, states) |
+                    bit_if((grasp.weight_doubts & ~std::uint32_t(TACTILED_DOUBT_MOVES)) != 0, TACTILED_WARN_JAWS);
     node_.status = fixed_status_ | bit_if(all_deliver && all_have_values, TACTILED_READY) |
                    bit_if((states & TACTILED_CONTACT) != 0, TACTILED_ANY_CONTACT) |
                    bit_if(!all_deliver, TACTILED_ANY_STALE) |

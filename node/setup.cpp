@@ -197,13 +197,13 @@ void check_pairs(Node& node) {
 }
 
 // The estimator's view of [grasp]; index and full scale of each jaw's sensor are those of the directory.
-std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPlan& plan, Problems& problems) {
+std::optional<Grasping::Setup> grasp_setup(Config& config, const SegmentPlan& plan, Problems& problems) {
     if (!config.grasp) return std::nullopt;
     const GraspSettings& settings = *config.grasp;
     Grasping::Setup setup;
     for (const auto& jaw : settings.jaws)
         for (std::size_t i = 0; i < config.sensors.size(); ++i) {
-            const SensorSettings& sensor = config.sensors[i];
+            SensorSettings& sensor = config.sensors[i];
             if (sensor.name != jaw.sensor) continue;
             grasp::JawSetup entry;
             entry.sensor = std::uint32_t(i);
@@ -215,6 +215,12 @@ std::optional<Grasping::Setup> grasp_setup(const Config& config, const SegmentPl
                 const float full_scale_N = plan.sensors[i].full_scale[c];
                 if (std::isfinite(full_scale_N)) entry.full_scale_N[c] = double(full_scale_N);
             }
+            if (entry.full_scale_N[2] > 0 && entry.contact_on_N >= entry.full_scale_N[2])
+                sensor.options.problem(
+                    "contact_on_N",
+                    fmt::format("contact_on_N = {:g} is not below the full scale of its calibration, a press "
+                                "of {:g} N: the jaw would never touch",
+                                entry.contact_on_N, entry.full_scale_N[2]));
             const MethodEntry* const method = find_method(sensor.model, plan.sensors[i].method);  // not of "auto"
             entry.errs_by_gain = method != nullptr && method->errs_by_gain;
             setup.estimator.jaws.push_back(entry);

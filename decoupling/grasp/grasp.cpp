@@ -150,6 +150,7 @@ void Grasp::State::take(std::size_t j, const JawSample& as_it_came) noexcept {
             slips += jaw.slip.slips() - jaw.seen_slips;
             jaw.seen_slips = jaw.slip.slips();
             latch |= 1u << jaw.sensor;
+            weight.slipped();
         }
         weight.take(j, observation);
     }

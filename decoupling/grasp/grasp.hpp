@@ -13,7 +13,7 @@
 
 namespace tactiled::grasp {
 
-inline constexpr std::size_t kMaxJaws = 8;
+inline constexpr std::size_t kMaxJaws = 16;
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 using Vector = std::array<double, 3>;
 

@@ -44,6 +44,9 @@ tactiled_grasp Grasp::state() const noexcept {
     }
     g.weight_kg = w.mass_kg;
     g.weight_sd_kg = w.sd_kg;
+    g.weight_doubts = w.doubts;
+    for (std::size_t j = 0; j < s.jaws.size(); ++j)
+        if ((w.jaws >> j & 1u) != 0) g.doubtful |= 1u << s.jaws[j].sensor;
     if (g.weight_state != TACTILED_WEIGHT_STABLE) return g;
     const Recognised object = s.objects.recognise(w.mass_kg, w.sd_kg);
     if (object.id == 0) return g;

@@ -29,6 +29,8 @@ Weight::Weight(const Setup& setup)
         jaws_[j].errs_by_gain = s.errs_by_gain;
         jaws_[j].share = s.share > 0 ? s.share : 1 / double(n_all_);
     }
+    for (std::size_t j = 0; j < n_jaws_; ++j) forces_[j].S_from_G = jaws_[j].S_from_G;
+    all_face_ = n_jaws_ == n_all_ && jaws_face_each_other(std::span(forces_).first(n_jaws_));
     window(setup.weigh_window_ms);
     gravity(Eigen::Vector3d(setup.gravity_G.data()));
     end();
@@ -50,6 +52,7 @@ void Weight::gravity(const Eigen::Vector3d& gravity_G_m_s2) noexcept {
     aim();
     n_ = 0;
     held_known_ = false;
+    forget_first();
 }
 
 void Weight::acceleration(const Eigen::Vector3d& acceleration_G_m_s2, std::uint64_t t_ns) noexcept {
@@ -88,12 +91,14 @@ void Weight::take(std::size_t jaw, const Observation& observation) noexcept {
     j.blind = !std::isfinite(force_N);
     if (j.blind) return;
     j.sum_N += force_N;
+    j.sum_S_N += observation.force_S_N;
     j.n = std::min(j.n + 1, 1 << 20);
 }
 
 void Weight::begin(std::uint64_t t_ns) noexcept {
     weighing_ = true;
-    held_known_ = false;
+    held_known_ = again_ = false;
+    forget_first();
     begun_ns_ = t_ns;
     now_ = {TACTILED_WEIGHT_ESTIMATING, kNaN, kNaN, 0};
 }
@@ -118,8 +123,12 @@ void Weight::close_block(std::uint64_t now_ns) noexcept {
         Jaw& jaw = jaws_[j];
         overloaded_ |= std::exchange(jaw.overload, false);
         if (jaw.carries_m_s2 > 0) carries_now += jaw.share * jaw.axis_S.dot(jaw.S_from_G * pull_G);
-        if (jaw.n > 0) jaw.last_N = jaw.sum_N / jaw.n;  // a slower sensor's stays
+        if (jaw.n > 0) {  // a slower sensor's stays
+            jaw.last_N = jaw.sum_N / jaw.n;
+            jaw.last_S_N = jaw.sum_S_N / jaw.n;
+        }
         jaw.sum_N = jaw.n = 0;
+        jaw.sum_S_N.setZero();
         force_N += jaw.last_N;
     }
     if (carries_ <= 0) return;
@@ -127,6 +136,7 @@ void Weight::close_block(std::uint64_t now_ns) noexcept {
     n_ = std::min(n_ + 1, kBlocks);
     blocks_[newest_] = {now_ns, scale_ * force_N / std::max(0.1 * carries_, carries_now), reported,
                         reported ? acceleration_G_.norm() : 0};
+    for (std::size_t j = 0; j < n_jaws_; ++j) block_forces_S_N_[newest_][j] = jaws_[j].last_S_N.cast<float>();
 }
 
 bool Weight::zero() noexcept {
@@ -152,12 +162,16 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     if (!(std::abs(rest_kg(jaws)) <= kKnownSure * now_.mass_kg))
         return false;  // a force that may still be there; NaN: not seen
     rescale(factor);
+    const std::span<const JawForces> forces = forces_since(block_ns_ - std::min(block_ns_, window_ns_), jaws);
+    const Balance balance = balance_of(forces, gravity_G_, Eigen::Vector3d::Zero(), 0, 0);
     check_ = {.done = true,
               .mass_kg = mass_kg,
               .rest_kg = rest_kg(jaws),
               .was_force = std::abs(rest_kg(jaws)) > max_leak_kg(jaws),
               .carrying = carrying(),
-              .sd = std::hypot(std::hypot(held_sd_kg_, zeros_kg(jaws)) / held_kg_, tilt_ * kDown_rad)};
+              .sd = std::hypot(std::hypot(held_sd_kg_, zeros_kg(jaws)) / held_kg_, tilt_ * kDown_rad),
+              .off = first_.off,
+              .balance_off_G = balance.off_G};
     return true;
 }
 
@@ -169,6 +183,10 @@ void Weight::rescale(double factor) noexcept {
     tare_kg_ *= factor;
     now_.mass_kg *= factor;
     now_.sd_kg *= factor;
+    first_.mass_kg *= factor;
+    first_.sd_kg *= factor;
+    unexplained_kg_ *= factor;
+    departed_kg_ *= factor;
     for (Block& b : blocks_) b.mass_kg *= factor;
 }
 

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "decoupling/grasp/contact.hpp"
+#include "decoupling/grasp/evidence.hpp"
 
 namespace tactiled::grasp {
 
@@ -12,6 +13,8 @@ struct Weighed {
     tactiled_weight_state state = TACTILED_WEIGHT_NONE;
     double mass_kg, sd_kg;          // NaN where not known
     std::uint64_t lift_off_ns = 0;  // when the load first came to nine tenths of this; 0 = not known
+    std::uint32_t doubts = 0;       // enum tactiled_weight_doubt: why it is not stable
+    std::uint32_t jaws = 0;         // bit n: of jaw n, by which the forces contradict each other
 };
 
 inline constexpr double kNoPart = 1e-6;    // of an axis: rounding of a rotation
@@ -48,6 +51,7 @@ public:
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
     bool zero() noexcept;  // what hangs, stable, is tare
     void no_tare() noexcept { tare_kg_ = 0; }
+    void slipped() noexcept { first_.known = false; }  // the jaws may share the load in another way from now on
     // The same as Grasp::known_weight(). rt: wait-free
     bool known(double mass_kg, std::span<const Contact> jaws) noexcept;
 
@@ -63,9 +67,17 @@ private:
         double mass_kg = 0, sd_kg = 0;  // of the mean, by the scatter of its parts
         double blocks_sd_kg = 0;        // of a block
         double trend_kg = 0;            // newer half less older half
+        double bend_kg = 0;             // outer quarters less inner ones
+        double jitter_kg = 0;           // sd of a block, by its difference from the next one
         std::size_t n = 0;
         bool accelerations_known = true;
         double max_acceleration_m_s2 = 0;
+    };
+    // The findings of the checks that compare the jaws with each other and the weight with itself.
+    struct Findings {
+        std::uint32_t doubts = 0, jaws = 0;
+        double sd_kg = 0;  // by disagreement that is no contradiction
+        std::array<double, kMaxJaws> off{};
     };
     void rescale(double factor) noexcept;
     void close_block(std::uint64_t now_ns) noexcept;
@@ -85,7 +97,17 @@ private:
     [[nodiscard]] double newest_departs_kg() const noexcept;
     [[nodiscard]] std::uint64_t lift_off(double mass_kg) const noexcept;
     [[nodiscard]] double systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
-    [[nodiscard]] double off_axis_kg(std::span<const Contact> jaws, double mass_kg) const noexcept;
+    [[nodiscard]] double off_axis_kg(std::span<const Contact> jaws, double mass_kg, std::uint32_t& found) const noexcept;
+    std::span<const JawForces> forces_since(std::uint64_t from_ns, std::span<const Contact> jaws) noexcept;
+    [[nodiscard]] Findings examine(std::span<const JawForces> forces, double mass_kg, double sd_kg,
+                                   double unknown_m_s2) const noexcept;
+    [[nodiscard]] std::uint64_t last_lift_off(std::span<const JawForces> forces, std::uint64_t first_ns,
+                                              std::uint32_t& late) const noexcept;
+    [[nodiscard]] bool moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_ns) const noexcept;
+    void take_first(const Findings& found) noexcept;
+    [[nodiscard]] bool flat(const Mean& mean) const noexcept;
+    [[nodiscard]] double unexplained_kg(double mass_kg) const noexcept;
+    void forget_first() noexcept;
 
     struct Jaw {
         Eigen::Matrix3d S_from_G;
@@ -93,6 +115,7 @@ private:
         Eigen::Vector3d axis_S;   // along which it carries, tangential; 0 = it carries nothing
         double carries_m_s2 = 0;  // force along the axis a kg of the object
         double sum_N = 0, last_N = 0;
+        Eigen::Vector3d sum_S_N = Eigen::Vector3d::Zero(), last_S_N = Eigen::Vector3d::Zero();
         int n = 0;
         Rest rest;
         bool errs_by_gain = false;
@@ -117,6 +140,8 @@ private:
     static constexpr std::uint64_t kBreak_ns = 500'000'000;  // without a sample: what was before says nothing
     static constexpr std::size_t kBlocks = 256;
     std::array<Block, kBlocks> blocks_{};
+    std::array<std::array<Eigen::Vector3f, kMaxJaws>, kBlocks> block_forces_S_N_{};  // by block and jaw
+    std::array<JawForces, kMaxJaws> forces_{};                                       // forces of the newest window
     std::size_t newest_ = 0, n_ = 0;
     std::uint64_t block_ns_ = 0;
 
@@ -125,10 +150,25 @@ private:
     struct {
         bool done = false;
         double mass_kg = 0, rest_kg = 0;
-        bool was_force = false;      // rest_kg: more than a leak can be
-        std::uint32_t carrying = 0;  // a bit a jaw
-        double sd = 0;               // of the scale, as a part of it: scatter, zeros and gravity's direction
+        bool was_force = false;              // rest_kg: more than a leak can be
+        std::uint32_t carrying = 0;          // a bit a jaw
+        double sd = 0;                       // of the scale, as a part of it: scatter, zeros and gravity's direction
+        std::array<double, kMaxJaws> off{};  // Shares::off
+        Eigen::Vector3d balance_off_G = Eigen::Vector3d::Zero();  // Balance::off_G
     } check_;
+    // The first stable weight of this grasp and how its jaws shared it: both stay, unless a sensor creeps.
+    struct {
+        bool known = false, weighed = false;  // off; mass_kg, until the load changes
+        double mass_kg = 0, sd_kg = 0;
+        std::array<double, kMaxJaws> off{};
+    } first_;
+    bool all_face_ = false;      // all jaws have sensors and face each other: their presses balance
+    double unexplained_kg_ = 0;  // small changes of the load in this grasp: of the object or of a sensor, forces cannot tell
+    double departed_kg_ = kNaN;  // the weight before the change that is going on
+    bool changed_ = false;       // the load changed when the held weight was last left
+    std::uint64_t block_before_ns_ = 0;
+    bool again_ = false;             // weighing began anew in this grasp, because the load changed
+    std::uint64_t balanced_ns_ = 0;  // when the presses last balanced without any acceleration
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;
     Weighed now_;

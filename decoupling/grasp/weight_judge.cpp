@@ -24,8 +24,11 @@ constexpr double kTableFriction = 0.3;  // what is drawn over a table with a for
 constexpr double kFollows_s = 1;        // a stable value follows what creeps
 constexpr double kShaken = 0.2;         // of the weight, rms of 5 ms: more is no vibration but another load every time
 constexpr double kSure = 0.2;           // of the weight: with a larger deviation none looks good
+constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
 
 double square(double x) noexcept { return x * x; }
+
+std::uint32_t bit_if(bool is, tactiled_weight_doubt doubt) noexcept { return is ? std::uint32_t(doubt) : 0u; }
 
 }  // namespace
 
@@ -43,10 +46,12 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     }
     for (std::size_t b = 0; b < m.n; ++b) {
         m.blocks_sd_kg += square(block(b).mass_kg - m.mass_kg);
+        if (b > 0) m.jitter_kg += square(block(b).mass_kg - block(b - 1).mass_kg) / 2;
         m.accelerations_known &= block(b).acceleration_known;
         m.max_acceleration_m_s2 = std::max(m.max_acceleration_m_s2, block(b).acceleration_m_s2);
     }
     m.blocks_sd_kg = std::sqrt(m.blocks_sd_kg / double(m.n));
+    m.jitter_kg = std::sqrt(m.jitter_kg / double(m.n));
     if (parts < 4) {
         m.sd_kg = std::abs(m.mass_kg);
         return m;
@@ -55,6 +60,7 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     for (const double p : part) squares += square(p - m.mass_kg);
     m.sd_kg = 1.2 * std::sqrt(squares / 3 / 4);  // 1.2: Student's 68 % of three degrees of freedom
     m.trend_kg = (part[0] + part[1] - part[2] - part[3]) / 2;
+    m.bend_kg = (part[0] - part[1] - part[2] + part[3]) / 2;
     return m;
 }
 
@@ -153,7 +159,7 @@ double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) cons
 
 // Tangential force across the axis, beyond what a tilted weight and a leak of the press explain, as a mass that may lie on
 // what the object is drawn over.
-double Weight::off_axis_kg(std::span<const Contact> jaws, double mass_kg) const noexcept {
+double Weight::off_axis_kg(std::span<const Contact> jaws, double mass_kg, std::uint32_t& found) const noexcept {
     double max_kg = 0;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const Jaw& jaw = jaws_[j];
@@ -165,6 +171,7 @@ double Weight::off_axis_kg(std::span<const Contact> jaws, double mass_kg) const 
         const double explained_N = std::abs(axis.x() * weight_S.y() - axis.y() * weight_S.x()) +
                                    kLeak * (observation.press_N + observation.shear_N) +
                                    3 * observation.sd_N.head<2>().maxCoeff();
+        if (across_N > explained_N) found |= 1u << j;
         max_kg = std::max(max_kg, (across_N - explained_N) / jaw.carries_m_s2 / kTableFriction);
     }
     return max_kg;
@@ -202,33 +209,56 @@ void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept
 // From lift-off to the first stable value.
 void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
     const std::uint64_t lift_off_ns = lift_off(window.mass_kg);
+    std::uint32_t late = 0;
+    const std::uint64_t last_ns =
+        last_lift_off(forces_since(now_ns - std::min(now_ns, window_ns_), jaws), lift_off_ns, late);
     // If the acceleration is not reported, a value within its longest duration is no weight, however steady.
-    const std::uint64_t from_ns = window.accelerations_known ? lift_off_ns : lift_off_ns + accelerates_ns_;
-    Mean mean = mean_since(std::max(from_ns, now_ns - std::min(now_ns, window_ns_)));
+    const std::uint64_t from_ns = window.accelerations_known ? last_ns : last_ns + accelerates_ns_;
+    std::uint64_t since_ns = std::max(from_ns, now_ns - std::min(now_ns, window_ns_));
+    Mean mean = mean_since(since_ns);
+    if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_)
+        late = 0;  // without it there would be no weight yet, either
     const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
-    if (after && mean.sd_kg > kStill * std::abs(mean.mass_kg))  // vibration: a longer mean
-        mean = mean_since(std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns)));
+    if (after && (mean.sd_kg > kStill * std::abs(mean.mass_kg) || !flat(mean))) {  // vibration or noise: a longer mean
+        since_ns = std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns));
+        mean = mean_since(since_ns);
+    }
     if (!after) mean = window;
     const double unknown_m_s2 = mean.accelerations_known ? kReported * mean.max_acceleration_m_s2
                                 : after                  ? 0
                                                          : max_acceleration_m_s2_ / std::sqrt(3.0);
-    const double dragged_kg = off_axis_kg(jaws, mean.mass_kg);
+    std::uint32_t across = 0;
+    const double dragged_kg = off_axis_kg(jaws, mean.mass_kg, across);
     const double moving_kg =
         std::hypot(mean.sd_kg, mean.mass_kg * unknown_m_s2 / gravity_G_.norm(), after ? 0 : mean.trend_kg);
     const double fixed_kg = systematic_kg(mean.mass_kg, jaws);
-    const double sd_kg = std::hypot(moving_kg, fixed_kg, std::max(0.0, dragged_kg));
-    const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) &&
-                        mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
-                        mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
-                        std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2);
+    const Findings found =
+        after ? examine(forces_since(since_ns, jaws), mean.mass_kg, std::hypot(moving_kg, fixed_kg), 0) : Findings{};
+    const double sd_kg = std::hypot(std::hypot(moving_kg, fixed_kg), std::max(0.0, dragged_kg), found.sd_kg);
+    const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
+    const std::uint64_t quiet_ns = now_ns - std::min(now_ns, kQuiet_ns);
+    const bool still =
+        mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
+        mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
+        std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
+        (mean.accelerations_known ||
+         (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, last_ns + excused_ns), now_ns)));
+    const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) && still && found.doubts == 0;
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};
+    if (!stable) {
+        const bool dragged = after && dragged_kg > 0;
+        now_.doubts = found.doubts | bit_if(dragged, TACTILED_DOUBT_ACROSS) | bit_if(after && !still, TACTILED_DOUBT_MOVES) |
+                      bit_if(late != 0, TACTILED_DOUBT_LATE);
+        now_.jaws = found.jaws | (dragged ? across : 0u) | late;
+    }
     if (!stable) return;
     held_known_ = true;
     held_kg_ = mean.mass_kg;
     held_sd_kg_ = moving_kg;
     held_blocks_sd_kg_ = mean.blocks_sd_kg;
-    agreed_ns_ = now_ns;
+    agreed_ns_ = balanced_ns_ = block_before_ns_ = now_ns;
+    take_first(found);
 }
 
 // The block of the newest 20 ms that is farthest from the held value.
@@ -241,25 +271,47 @@ double Weight::newest_departs_kg() const noexcept {
 
 // Once it was stable: an arm that slows down is no other weight, unless it goes on for longer than arms do.
 void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
-    const double fixed_kg = systematic_kg(held_kg_, jaws), off_kg = window.mass_kg - held_kg_;
+    const double systematic = systematic_kg(held_kg_, jaws), off_kg = window.mass_kg - held_kg_;
+    const std::span<const JawForces> forces = forces_since(now_ns - std::min(now_ns, window_ns_), jaws);
+    const double held_sd_kg = std::hypot(systematic, held_sd_kg_);
+    Findings found = examine(forces, held_kg_, held_sd_kg, 0);
+    if ((found.doubts & TACTILED_DOUBT_BALANCE) == 0)
+        balanced_ns_ = now_ns;
+    else if (now_ns < balanced_ns_ + accelerates_ns_ + 2 * window_ns_)
+        found = examine(forces, held_kg_, held_sd_kg, max_acceleration_m_s2_);
+    const double fixed_kg = std::hypot(systematic, found.sd_kg);
     const double departs_kg = kDeparts * std::abs(held_kg_);
     // A change of the load within the window is scatter too: it may not excuse itself.
     const double window_sd_kg = std::min(window.sd_kg, departs_kg);
     const double fixed_sd_kg = std::hypot(fixed_kg, std::max(held_sd_kg_, window_sd_kg));
-    const bool agrees = std::abs(off_kg) <= std::hypot(departs_kg, 3 * held_sd_kg_, 3 * window_sd_kg) &&
-                        newest_departs_kg() <= std::hypot(3 * departs_kg, 3 * held_sd_kg_, 4 * held_blocks_sd_kg_) &&
-                        off_axis_kg(jaws, held_kg_) <= 0 && sure(held_kg_, fixed_sd_kg);
+    const bool stays = std::abs(off_kg) <= std::hypot(departs_kg, 3 * held_sd_kg_, 3 * window_sd_kg) &&
+                       newest_departs_kg() <= std::hypot(3 * departs_kg, 3 * held_sd_kg_, 4 * held_blocks_sd_kg_);
+    std::uint32_t across = 0;
+    const bool agrees =
+        stays && off_axis_kg(jaws, held_kg_, across) <= 0 && sure(held_kg_, fixed_sd_kg) && found.doubts == 0;
+    if (agreed_ns_ == block_before_ns_) changed_ = !stays;  // the first disagreement tells another load from a creeping jaw
+    block_before_ns_ = now_ns;
     if (agrees) {
+        take_first(found);
         held_kg_ += off_kg * std::min(1.0, double(kBlock_ns) * 1e-9 / kFollows_s);
         held_sd_kg_ = std::max(0.1 * kStill * std::abs(held_kg_), held_sd_kg_ * 0.999);
         agreed_ns_ = now_ns;
     } else if (now_ns > agreed_ns_ + accelerates_ns_ + 2 * window_ns_) {
         held_known_ = false;  // it does weigh something else
+        again_ = true;
+        if (changed_ && first_.weighed) {
+            unexplained_kg_ += std::abs(held_kg_ - first_.mass_kg);
+            departed_kg_ = held_kg_;
+            first_.weighed = false;
+        }
         begun_ns_ = now_ns - std::min(now_ns, window_ns_);
     }
     const double sd_kg = std::hypot(fixed_sd_kg, agrees ? 0 : off_kg);
     now_ = {agrees ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, held_kg_ - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, now_.lift_off_ns};
+    if (agrees) return;
+    now_.doubts = found.doubts | bit_if(across != 0, TACTILED_DOUBT_ACROSS) | bit_if(!stays, TACTILED_DOUBT_MOVES);
+    now_.jaws = found.jaws | across;
 }
 
 }  // namespace tactiled::grasp

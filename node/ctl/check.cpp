@@ -37,6 +37,8 @@ void add_check(CLI::App& app, Run& run) {
             for (const auto& link : node.links)
                 if (const std::string advice = link->driver->advice(); !advice.empty())
                     fmt::print("warning: link \"{}\": {}\n", link->name, advice);
+            if (node.config.grasp)
+                for (const std::string& advice : grasp_advice(*node.config.grasp)) fmt::print("warning: {}\n", advice);
             for (const auto& link : node.links)
                 for (const auto& binding : link->bindings)
                     fmt::print("sensor \"{}\": age proved by {}\n", node.config.sensors[binding.sensor].name,

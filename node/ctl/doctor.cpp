@@ -81,6 +81,9 @@ Findings examine(const Args& args) {
     if (!problems.empty()) return found;
     look_at_devices(machine, config, user, found);
     look_at_freshness(node, found);
+    if (config.grasp)
+        for (const std::string& advice : grasp_advice(*config.grasp))
+            found.push_back({"grasp", Verdict::advice, advice, "decoupling/grasp/README.md has the frames"});
     look_at_readers(machine, config, found);
     look_at_port(machine, config.modbus, !pid.empty(), found);
     return found;

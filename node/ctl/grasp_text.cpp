@@ -37,6 +37,15 @@ const char* slip_state_text(std::uint32_t state) {
     return word(kWords, state);
 }
 
+std::string doubts_text(std::uint32_t doubts) {
+    static constexpr const char* kWords[] = {"balance", "shares", "dead-shear", "negative",
+                                             "creeps",  "moves",  "across",     "late"};
+    std::string text;
+    for (std::size_t bit = 0; bit < std::size(kWords); ++bit)
+        if ((doubts >> bit & 1u) != 0) text += fmt::format("{}{}", text.empty() ? "" : " ", kWords[bit]);
+    return text;
+}
+
 std::string grasp_lines(const Segment& segment, const tactiled_grasp& g) {
     const std::string object = g.object_id == 0 ? "unknown"
                                                 : fmt::format("{} ({}) {}", g.object, g.object_id,
@@ -52,7 +61,13 @@ std::string grasp_lines(const Segment& segment, const tactiled_grasp& g) {
         if (g.slip_state[i] != TACTILED_SLIP_UNKNOWN)
             lines[2] += fmt::format("  {} {} {}{}", segment.sensor(i).name, g.slip_count[i],
                                     slip_state_text(g.slip_state[i]), (g.slip_latch >> i & 1u) != 0 ? " (latched)" : "");
-    return fmt::format("{:.{}}\n{:.{}}\n{:.{}}\n", lines[0], kColumns, lines[1], kColumns, lines[2], kColumns);
+    std::string text;
+    for (const std::string& line : lines) text += fmt::format("{:.{}}\n", line, kColumns);
+    if (g.weight_doubts == 0) return text;
+    std::string doubts = fmt::format("  weight in doubt: {}", doubts_text(g.weight_doubts));
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
+        if ((g.doubtful >> i & 1u) != 0) doubts += fmt::format("  jaw {}", segment.sensor(i).name);
+    return text + fmt::format("{:.{}}\n", doubts, kColumns);
 }
 
 nlohmann::json grasp_json(const Segment& segment, const tactiled_grasp& g) {
@@ -68,11 +83,13 @@ nlohmann::json grasp_json(const Segment& segment, const tactiled_grasp& g) {
                        {"friction", json_number(double(g.friction))},
                        {"friction_sd", json_number(double(g.friction_sd))},
                        {"grasps", g.grasps},
-                       {"slips", g.slips}};
+                       {"slips", g.slips},
+                       {"weight_doubts", doubts_text(g.weight_doubts)}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         out["jaws"][segment.sensor(i).name] = {{"slip", slip_state_text(g.slip_state[i])},
                                                {"slips", g.slip_count[i]},
                                                {"slip_latched", (g.slip_latch >> i & 1u) != 0},
+                                               {"doubtful", (g.doubtful >> i & 1u) != 0},
                                                {"friction_use", json_number(double(g.friction_use[i]))}};
     return out;
 }

@@ -9,9 +9,10 @@ namespace tactiled::ctl {
 
 const char* grip_state_text(std::uint32_t state);    // "holding"; "unknown" for what is not known
 const char* weight_state_text(std::uint32_t state);  // "stable"
+std::string doubts_text(std::uint32_t doubts);       // "balance shares"; "" for none
 const char* slip_state_text(std::uint32_t state);    // "incipient"
 
-// Three lines of at most 80 columns. Slips are told by the sensors' names.
+// Three lines, and a fourth one where the weight is in doubt, of at most 80 columns. Slips are told by the sensors' names.
 std::string grasp_lines(const Segment& segment, const tactiled_grasp& grasp);
 nlohmann::json grasp_json(const Segment& segment, const tactiled_grasp& grasp);
 

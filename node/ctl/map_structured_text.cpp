@@ -79,6 +79,7 @@ void declare_constants(std::string& out) {
                                  {"REASON", "sensor.FAULT", false},
                                  {"GRIP", "global.GRIP_STATE", false},
                                  {"WEIGHT", "global.WEIGHT_STATE", false},
+                                 {"WHY", "doubt.WEIGHT_WHY", true},
                                  {"SLIP", "sensor.SLIP_STATE", false},
                                  {"CMD", "control.CMD", false},
                                  {"CMD_STATE", "global.CMD_STATE", false},

@@ -217,6 +217,14 @@ void encode_grasp(const View& view, std::span<std::uint16_t, kGraspSize> out) no
     out[kSinceLiftOff] = held ? u16_of(std::floor(since_ms), 1, unused) : kNoU16;
 }
 
+void encode_doubts(const View& view, std::span<std::uint16_t, kDoubtsSize> out) noexcept {
+    std::fill(out.begin(), out.end(), std::uint16_t(0));
+    const tactiled_grasp& g = view.snapshot.node.grasp;
+    out[kDoubtsSeq] = out[kDoubtsSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
+    out[kWeightWhy] = std::uint16_t(g.weight_doubts);
+    out[kWeightJaws] = std::uint16_t(g.doubtful);
+}
+
 void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept {
     std::fill(out.begin(), out.end(), std::uint16_t(0));
     tactiled_sample s = view.snapshot.sensor[index];

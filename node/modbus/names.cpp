@@ -36,7 +36,17 @@ constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved
                               {4, "the last tare was refused or failed: the zero before is in force", "TARE"},
                               {5, "a sensor's method auto has stepped down or misses its budget", "BUDGET"},
                               {6, "a sensor's rate is not the declared one", "RATE"},
-                              {7, "the last reload was refused: the configuration before is in force", "RELOAD"}};
+                              {7, "the last reload was refused: the configuration before is in force", "RELOAD"},
+                              {8, "the jaws contradict the weight: see WEIGHT_WHY", "JAWS"}};
+constexpr Name kDoubtBits[] = {
+    {0, "the presses do not balance: a wrong gain, or a tilt or an acceleration that is not reported", "BALANCE"},
+    {1, "the jaws do not share the load as they should: a wrong gain or direction", "SHARES"},
+    {2, "the load came onto the other jaws and not onto this one", "DEAD_SHEAR"},
+    {3, "the mass is less than nothing: the direction of gravity or of a jaw is wrong", "NEGATIVE"},
+    {4, "gain or zero of a jaw has moved since the weight was first stable", "CREEPS"},
+    {5, "the load is not still", "MOVES"},
+    {6, "a force across gravity: a tilt that is not reported, a table, a turned jaw", "ACROSS"},
+    {7, "the load came onto this jaw later than onto the others", "LATE"}};
 constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD", "GOOD"},
                                       {1, "contact", "CONTACT"},
                                       {2, "incipient slip", "INCIPIENT_SLIP"},
@@ -145,6 +155,7 @@ std::span<const Name> names_of(std::string_view name) {
     if (name == "global.CMD_RESULT" || name == "command.DIRECT_RESULT") return kCommandResults;
     if (name == "command.DIRECT_CMD") return kDirectCommands;
     if (name == "global.WEIGHT_STATE") return kWeightStates;
+    if (name == "doubt.WEIGHT_WHY") return kDoubtBits;
     if (name == "global.GRIP_STATE") return kGripStates;
     if (name == "sensor.SLIP_STATE") return kSlipStates;
     if (name == "sensor.STATUS" || name == "sensor_float.STATUS") return kSensorStatusBits;

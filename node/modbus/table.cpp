@@ -64,6 +64,13 @@ constexpr Register kCommandsBlock[] = {
     {kDirectCount, "DIRECT_COUNT", Type::count, "", "one more with each of these commands"},
 };
 
+constexpr Register kDoubtsBlock[] = {
+    {kDoubtsSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
+    {kWeightWhy, "WEIGHT_WHY", Type::bits, "", "why WEIGHT is not stable while an object is held; 0 where it is stable"},
+    {kWeightJaws, "WEIGHT_JAWS", Type::mask, "", "the jaws that WEIGHT_WHY is about, as far as the forces tell them"},
+    {kDoubtsSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
+};
+
 constexpr Register kSensor[] = {
     {kSensorSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
     {kSensorStatus, "STATUS", Type::bits, "", "state of this sensor"},
@@ -226,6 +233,7 @@ constexpr Area kAreas[] = {
     {kGraspAt, kGraspSize, Block::grasp, 0, false, "Grasp: more of it", "grasp", kGraspBlock},
     {kCommandsAt, kCommandsSize, Block::commands, 0, false, "Commands of this client: more of them", "command",
      kCommandsBlock},
+    {kDoubtsAt, kDoubtsSize, Block::doubts, 0, false, "Doubts of the weight", "doubt", kDoubtsBlock},
     {kSensorsAt, kSensorSize* kSensorBlocks, Block::sensor, kSensorSize, false, "Sensor blocks", "sensor", kSensor},
     {kFloatsAt, kFloatSize, Block::floats, 0, false, "Floats, high word first", "float", kFloat},
     {kSensorFloatsAt, kFloatsEnd, Block::sensor_floats, kSensorFloatSize, false, "Floats of sensors, high word first",

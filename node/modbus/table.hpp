@@ -7,7 +7,7 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 4;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 5;
 
 // Not available, as SunSpec has it; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
@@ -39,6 +39,9 @@ enum Grasp : std::uint16_t {  // offsets in 40
 enum Commands : std::uint16_t {  // offsets in 50
     kCmdRepeats = 0, kDirectCmd = 1, kDirectState = 2, kDirectResult = 3, kDirectCount = 4
 };
+enum Doubts : std::uint16_t {  // offsets in 60
+    kDoubtsSeq = 0, kWeightWhy = 1, kWeightJaws = 2, kDoubtsSeqEnd = 7
+};
 enum PerSensor : std::uint16_t {
     kSensorSeq = 0, kSensorStatus = 1, kSensorFault = 2, kSensorAgeMs = 3, kFx = 4, kFy = 5, kFz = 6, kTx = 7, kTy = 8, kTz = 9,
     kFTang = 10, kFMag = 11, kCopX = 12, kCopY = 13, kFrictionUse = 14, kSlipState = 15, kSensorSlipCount = 16, kPeak = 17, kTemp = 18,
@@ -67,6 +70,7 @@ enum CommandCode : std::uint16_t {
 inline constexpr std::uint16_t kGlobalAt = 0, kGlobalSize = 32;
 inline constexpr std::uint16_t kGraspAt = 40, kGraspSize = 8;
 inline constexpr std::uint16_t kCommandsAt = 50, kCommandsSize = 8;
+inline constexpr std::uint16_t kDoubtsAt = 60, kDoubtsSize = 8;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;
 inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first
@@ -98,7 +102,7 @@ struct Name {
     std::string_view id{};  // part of a constant's name in PLC code; "" = no constant
 };
 
-enum class Block { global, grasp, commands, sensor, floats, sensor_floats, controls, scratch, constants };
+enum class Block { global, grasp, commands, doubts, sensor, floats, sensor_floats, controls, scratch, constants };
 
 // A run of addresses that is readable as a whole; cells without an entry read 0.
 struct Area {

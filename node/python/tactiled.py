@@ -38,7 +38,7 @@ import sys
 import time
 import warnings
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 5
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 6
 MAX_SENSORS = MAX_LINKS = 16
 NAME_SIZE = 32  # with the terminating zero
 
@@ -126,10 +126,11 @@ _SAMPLE = _Struct(
 _GRASP = _Struct(
     "t_ns:Q t_lift_off_ns:Q state:I weight_state:I grasps:I slips:I slip_mask:I slip_latch:I object_id:I scale_shown:I "
     "weight_kg:d weight_sd_kg:d grip_N:f recommended_grip_N:f friction:f friction_sd:f object_probability:f "
-    "reserved_float:f object:32s slip_state:16H slip_count:16H friction_use:16f")
+    "reserved_float:f object:32s slip_state:16H slip_count:16H friction_use:16f weight_doubts:I doubtful:I")
 _NODE = _Struct(
     "sequence:Q t_ns:Q cycles:Q missed_cycles:Q heartbeat:I status:I fault:I warning:I worst_cycle_us:I command:6I "
     f"-:4x count:16Q grasp:{_GRASP.size}s")
+_NODE_SIZE_1_1 = 456
 _STATE_OFFSET = struct.calcsize("=" + "".join(code for _, code in _HEADER.fields[:-3]))
 _RELOADS_OFFSET = _STATE_OFFSET + 4
 
@@ -168,7 +169,7 @@ def _invalidated(sample, reason):
 def _forgotten(grasp):
     """Not known, so that an old one cannot pass for a new one; what was counted and latched stays."""
     return grasp._replace(
-        state=GRIP_UNKNOWN, weight_state=WEIGHT_NONE, slip_mask=0, object_id=0, object="", weight_kg=math.nan,
+        state=GRIP_UNKNOWN, weight_state=WEIGHT_NONE, slip_mask=0, object_id=0, object="", weight_doubts=0, doubtful=0, weight_kg=math.nan,
         weight_sd_kg=math.nan, grip_N=math.nan, recommended_grip_N=math.nan, friction=math.nan, friction_sd=math.nan,
         object_probability=math.nan, slip_state=(SLIP_UNKNOWN,) * 16, friction_use=(math.nan,) * 16)
 
@@ -398,7 +399,7 @@ class _Segment:
         grasp = Grasp._make(_GRASP.texts(data, 0))
         limit_ms = min([self.header.watchdog_ms, *(info.stale_ms for info, _ in self.sensors.values())])
         fresh = _is_fresh(t_ns, now_ns, max(limit_ms, _MIN_GRASP_MS))
-        return grasp if fresh and self.is_current() and self.header.node[3] >= _NODE.size else _forgotten(grasp)
+        return grasp if fresh and self.is_current() and self.header.node[3] >= _NODE_SIZE_1_1 else _forgotten(grasp)
 
     def is_current(self):
         """False once the daemon has ended cleanly, a successor has taken over, or the file was truncated."""

@@ -4,6 +4,8 @@
 //   grasp_bench slip [SLIPS [SEED]]          gross slips found, incipient before gross
 //   grasp_bench transport [HOURS [SEED]]     false alarms of vibrating transport
 //   grasp_bench figure [SESSIONS [SEED]]     CSV of error against time after lift-off, and decoupling/grasp/weight.svg
+//   grasp_bench faults [GRASPS [SEED]]       damaged jaws, wrong set-ups, motion: STABLE although wrong; GRASPS of each kind
+//   grasp_bench faults-development [N [SEED]]   the same with the objects, presses and shares of development
 //   grasp_bench check                        a few of each against their limits; status 1 where one is not kept
 #include <fmt/format.h>
 
@@ -14,6 +16,7 @@
 #include <string>
 
 #include "config/options.hpp"
+#include "tests/bench/grasp_faults.hpp"
 #include "tests/bench/grasp_figure.hpp"
 #include "tests/bench/grasp_slip.hpp"
 #include "tests/bench/grasp_weigh.hpp"
@@ -154,6 +157,23 @@ void print_transport(double hours, std::uint64_t seed) {
         }
 }
 
+void print_faults(int n, std::uint64_t seed, Objects objects) {
+    fmt::print(
+        "{} grasps of each kind, seed {}, {} objects\n\n| kind | STABLE and off by more than 4 sd, % | ever STABLE, % | "
+        "lost "
+        "STABLE, % | doubt reported, % | damaged jaw named, % | worst, sd | worst error while STABLE, % "
+        "|\n|---|---|---|---|---|---|---|---|\n",
+        n, seed, objects == Objects::judging ? "judging" : "development");
+    for (const FaultKind& kind : fault_kinds()) {
+        const FaultFigures f = fault_figures(kind, n, seed, objects);
+        fmt::print("| {}{} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} |\n", kind.name,
+                   kind.forces_tell ? "" : " (forces cannot tell)", percent(f.wrong, f.n), percent(f.ever_stable, f.n),
+                   percent(f.lost, f.ever_stable), percent(f.reported, f.n), percent(f.named, f.n), f.worst_sds,
+                   100 * f.worst_error);
+        std::fflush(stdout);
+    }
+}
+
 void draw(int sessions, std::uint64_t seed) {
     const std::vector<Panel> panels{{"arm's acceleration not told", weigh(seed, sessions, 0, {})},
                                     {"arm's acceleration told", weigh(seed, sessions, 0, {.tell_acceleration = true})}};
@@ -212,6 +232,16 @@ bool check() {
         limit("ball, with a leak, within 2 published sd, %", percent(ball.within_2_sd, ball.n), 87, 100);
     }
     limit("ball and egg mixed up", figures(outcomes, SIZE_MAX, 1).wrong_kind, 0, 0);
+    int n = 0, wrong = 0;
+    for (const FaultKind& kind : fault_kinds()) {
+        const FaultFigures f = fault_figures(kind, 10, 1000, Objects::judging);
+        if (kind.forces_tell) n += f.n, wrong += f.wrong;
+        if (kind.fault == Fault::none) limit("right grasps that become stable, %", percent(f.ever_stable, f.n), 90, 100);
+        if (kind.fault == Fault::none) limit("right grasps that lose it, %", percent(f.lost, f.n), 0, 0);
+        if (kind.fault == Fault::dead_shear)
+            limit("dead shears that are reported and named, %", percent(f.named, f.n), 100, 100);
+    }
+    limit("STABLE and off by more than 4 sd, damaged or set up wrongly, %", percent(wrong, n), 0, 1);
     const SlipFigures s = slips(1000, 16, 0.05, 0.7, 0.9);
     limit("slips found within 10 ms, %", percent(s.in_10_ms, s.n), 99, 100);
     limit("incipient before gross, %", percent(s.incipient_before, s.n), 95, 100);
@@ -235,9 +265,13 @@ int main(int argc, char** argv) {
             print_transport(argc > 2 ? std::atof(argv[2]) : 1, seed);
         else if (mode == "figure")
             draw(n > 0 ? n : 10, seed);
+        else if (mode == "faults" || mode == "faults-development")
+            print_faults(n > 0 ? n : 50, seed, mode == "faults" ? Objects::judging : Objects::development);
         else if (mode == "check")
             return check() ? 0 : 1;
         else
-            return fmt::print(stderr, "usage: grasp_bench weigh | slip | transport | figure [N [SEED]], or check\n"), 2;
+            return fmt::print(stderr,
+                              "usage: grasp_bench weigh | slip | transport | figure | faults [N [SEED]], or check\n"),
+                   2;
     } catch (const SetupError& e) { return fmt::print(stderr, "{}\n", e.what()), 1; }
 }

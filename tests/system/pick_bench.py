@@ -86,6 +86,7 @@ class Robot(threading.Thread):
             os.set_blocking(self.master[name], False)
             (folder / name).symlink_to(os.ttyname(self.slave[name]))
         self.silent = set()         # names of skins whose device sends nothing
+        self.damaged = {}           # name of a skin: which part of each force it still measures, fx fy fz
         self.press_N = self.to_N = 0.0
         self.mass_kg, self.friction = 0.2, 0.8
         self.load_N = 0.0           # of both skins, up
@@ -159,8 +160,11 @@ class Robot(threading.Thread):
         touch = min(1.0, self.press_N / 1.0)
         shares = {"left": self.share, "right": 1 - self.share}
         sides = {"left": 1, "right": -1}
-        return {name: {"fx": -share * self.load_N + touch * sides[name] * self.clamp_N,
-                       "fy": touch * self.across_N[name == "right"], "fz": -self.press_N} for name, share in shares.items()}
+        wrenches = {name: {"fx": -share * self.load_N + touch * sides[name] * self.clamp_N,
+                           "fy": touch * self.across_N[name == "right"], "fz": -self.press_N} for name, share in shares.items()}
+        for name, parts in self.damaged.items():
+            wrenches[name] = {force: part * wrenches[name][force] for force, part in parts.items()}
+        return wrenches
 
     def run(self):
         try:

@@ -1,5 +1,5 @@
 /* The shared-memory segment of tactiled, tactiled.NAME in the daemon's run-time folder (folder.h), as C11 (and C++17) sees
- * it. Version 1.5.
+ * it. Version 1.6.
  *
  * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
  * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
@@ -33,7 +33,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 5
+#define TACTILED_MINOR 6
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* of a frame */
@@ -165,7 +165,8 @@ enum tactiled_warning {
     TACTILED_WARN_TARE = 1 << 4,   /* the last tare was refused or failed while it was measured. Since 1.4 */
     TACTILED_WARN_BUDGET = 1 << 5, /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
     TACTILED_WARN_RATE = 1 << 6,   /* a sensor is TACTILED_WRONG_RATE */
-    TACTILED_WARN_RELOAD = 1 << 7  /* the last reload of the configuration was refused: the one before is in force */
+    TACTILED_WARN_RELOAD = 1 << 7, /* the last reload of the configuration was refused: the one before is in force */
+    TACTILED_WARN_JAWS = 1 << 8    /* weight_doubts of the grasp is more than TACTILED_DOUBT_MOVES. Since 1.6 */
 };
 
 /* Commander: index of tactiled_node.command. Each counts its own commands. */
@@ -199,6 +200,18 @@ enum tactiled_weight_state {
     TACTILED_WEIGHT_NOT_OBSERVABLE = 4 /* gravity points into the skin, or its direction is not known: no value */
 };
 
+/* Why a weight is not stable although an object is held: bits of tactiled_grasp.weight_doubts. Since 1.6. */
+enum tactiled_weight_doubt {
+    TACTILED_DOUBT_BALANCE = 1 << 0, /* the presses do not balance: a wrong gain, a tilt or an acceleration not reported */
+    TACTILED_DOUBT_SHARES = 1 << 1,  /* the jaws do not share the load as they should: a wrong gain or direction */
+    TACTILED_DOUBT_DEAD_SHEAR = 1 << 2, /* the load came onto the other jaws and not onto this one */
+    TACTILED_DOUBT_NEGATIVE = 1 << 3,   /* the mass is less than nothing: the direction of gravity or of a jaw is wrong */
+    TACTILED_DOUBT_CREEPS = 1 << 4,     /* gain or zero of a jaw has moved since the weight was first stable */
+    TACTILED_DOUBT_MOVES = 1 << 5,      /* the load is not still: a swing, an acceleration, another load */
+    TACTILED_DOUBT_ACROSS = 1 << 6,     /* a force across gravity: a tilt that is not reported, a table, a turned jaw */
+    TACTILED_DOUBT_LATE = 1 << 7        /* the load came onto this jaw later than onto the others */
+};
+
 enum tactiled_slip_state {
     TACTILED_SLIP_UNKNOWN = 0xFFFF, /* the sensor has no value, or sees no shear */
     TACTILED_SLIP_NONE = 0,
@@ -226,6 +239,9 @@ struct tactiled_grasp {
     uint16_t slip_state[TACTILED_MAX_SENSORS]; /* enum tactiled_slip_state, by sensor of the node */
     uint16_t slip_count[TACTILED_MAX_SENSORS]; /* gross slips of this sensor, wraps */
     float friction_use[TACTILED_MAX_SENSORS];  /* |shear| / (friction x press); NaN without contact */
+    /* Since 1.6; reads as 0 where an older daemon writes. */
+    uint32_t weight_doubts; /* enum tactiled_weight_doubt; 0 where weight_state is TACTILED_WEIGHT_STABLE */
+    uint32_t doubtful;      /* bit n = sensor n: the jaws that weight_doubts is about, as far as the forces tell them */
 };
 
 /* Makes a grasp "not known", so that an old one cannot pass for a new one. Counters and latched values are kept. */
@@ -237,6 +253,7 @@ static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
     grasp->state = TACTILED_GRIP_UNKNOWN;
     grasp->weight_state = TACTILED_WEIGHT_NONE;
     grasp->slip_mask = grasp->object_id = 0;
+    grasp->weight_doubts = grasp->doubtful = 0;
     grasp->weight_kg = grasp->weight_sd_kg = (double)nan_value;
     grasp->grip_N = grasp->recommended_grip_N = grasp->friction = grasp->friction_sd = grasp->object_probability = nan_value;
     memset(grasp->object, 0, sizeof grasp->object);
@@ -261,6 +278,7 @@ struct tactiled_node {
     TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* samples of each sensor so far: newest is count - 1 */
     struct tactiled_grasp grasp;                            /* since 1.1; reads as 0 where an older daemon writes */
 };
+#define TACTILED_NODE_SIZE_1_1 456u /* of a record that has a grasp */
 
 enum tactiled_command_state {
     TACTILED_COMMAND_IDLE = 0,
@@ -434,8 +452,8 @@ static inline uint32_t tactiled_lateness_bucket(uint64_t ns) { /* steps of 128 n
 }
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
-TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 248);
-TACTILED_ASSERT(sizeof(struct tactiled_node) == 456);
+TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 256);
+TACTILED_ASSERT(sizeof(struct tactiled_node) == 464);
 TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 548);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);

@@ -189,7 +189,7 @@ static inline int tactiled_latest_node(const struct tactiled_segment* segment, s
     for (i = 0; i < segment->n_sensors; ++i)
         if (segment->stale_ms[i] < limit_ms) limit_ms = segment->stale_ms[i];
     if (limit_ms < kMinMs) limit_ms = kMinMs;
-    if (segment->node.record_size < sizeof *node || !tactiled_is_current(segment) ||
+    if (segment->node.record_size < TACTILED_NODE_SIZE_1_1 || !tactiled_is_current(segment) ||
         !tactiled_is_fresh(node->t_ns, now_ns, limit_ms))
         tactiled_forget_grasp(&node->grasp);
     return 1;

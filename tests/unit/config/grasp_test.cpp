@@ -105,6 +105,26 @@ TEST(GraspConfig, SaysWhereItIsWrongAndWhatIsRight) {
                 "t.toml:2:", "its share, or none");
 }
 
+TEST(GraspConfig, SharesOfAllJawsAddUpToOne) {
+    const std::string axes = "x_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n";
+    const std::string jaws = jaw("left", axes + "share = 0.4\n") + jaw("right", axes + "share = 0.4\n");
+    EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaws).lines(), "t.toml:2:", "0.8 of the weight together, not 1");
+    EXPECT_EQ(LoadedGrasp("[grasp]\njaws_of_gripper = 3\n" + jaws).lines(), Lines{});  // the third one bears the rest
+}
+
+TEST(GraspConfig, AdvisesOnJawsThatCannotHoldOrWeigh) {
+    const auto advice = [](const std::string& left_z, const std::string& right_z, const std::string& gravity) {
+        const auto at = [](const std::string& z) { return "x_S_in_G = [0, 0, -1]\nz_S_in_G = " + z + "\n"; };
+        const LoadedGrasp loaded("[grasp]\ngravity_G_m_s2 = " + gravity + "\n" + jaw("left", at(left_z)) +
+                                 jaw("right", at(right_z)));
+        return grasp_advice(loaded.config.grasp.value());
+    };
+    EXPECT_EQ(advice("[1, 0, 0]", "[-1, 0, 0]", "[0, 0, 9.81]"), Lines{});
+    EXPECT_SAYS(advice("[1, 0, 0]", "[1, 0, 0]", "[0, 0, 9.81]"), "[[grasp.jaw]] \"left\"", "faces no other jaw");
+    EXPECT_SAYS(advice("[1, 0, 0]", "[-1, 0, 0]", "[9.81, 0, 0]"), "[[grasp.jaw]] \"right\"",
+                "gravity points into its skin");
+}
+
 TEST(GraspConfig, AxesThatAreNotQuitePerpendicularBecomeAFrame) {
     const LoadedGrasp loaded("[grasp]\n" + jaw("left", "x_S_in_G = [1, 0.01, 0]\nz_S_in_G = [0, 1, 0]\n"));
     EXPECT_EQ(loaded.lines(), Lines{});

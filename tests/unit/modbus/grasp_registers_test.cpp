@@ -116,6 +116,21 @@ TEST_F(GraspRegisters, TheGraspBlockTellsTheObjectAndTheFriction) {
     EXPECT_LT(g[kSinceLiftOff], 5000);
 }
 
+TEST_F(GraspRegisters, TheDoubtsSayWhyAWeightIsNotStableAndOfWhichJaw) {
+    std::array<std::uint16_t, kDoubtsSize> d{};
+    encode_doubts(view_of(segment_), d);
+    EXPECT_EQ(d[kWeightWhy], 0);
+    node_.grasp.weight_doubts = TACTILED_DOUBT_DEAD_SHEAR | TACTILED_DOUBT_LATE;
+    node_.grasp.doubtful = 2;
+    publish();
+    encode_doubts(view_of(segment_), d);
+    EXPECT_EQ(d[kWeightWhy], 0x84);
+    EXPECT_EQ(d[kWeightJaws], 2);
+    EXPECT_EQ(d[kDoubtsSeq], d[kDoubtsSeqEnd]);
+    encode_doubts(view_of_nothing(), d);
+    EXPECT_EQ(d[kWeightWhy], 0);
+}
+
 TEST_F(GraspRegisters, ASensorBlockTellsItsOwnSlip) {
     EXPECT_EQ(sensor(0)[kSensorStatus] >> 2 & 3, 1);  // incipient
     EXPECT_EQ(sensor(1)[kSensorStatus] >> 2 & 3, 2);  // gross

@@ -1,0 +1,175 @@
+// The evidence for a weight: do the jaws agree with each other, and does the weight agree with its own past?
+#include <algorithm>
+#include <cmath>
+
+#include "decoupling/grasp/weight.hpp"
+
+namespace tactiled::grasp {
+namespace {
+
+constexpr double kShare = 0.25;             // tolerance of a share, relative to a jaw's load, where share_sd is small
+constexpr double kShareSds = 6;             // the same in share_sd, where that is large
+constexpr double kShareInSd = 0.5;          // part of a departure beyond 3 share_sd that the weight's sd contains
+constexpr double kShareCreeps = 0.05;       // tolerance of a share within one grasp
+constexpr double kCreeps = 0.02;            // relative change since the first stable value
+constexpr double kAnother = 0.2;            // relative change at once from which it is another load
+constexpr double kPressGain_sd = 0.03;      // relative; calibrations of two jaws may differ by this
+constexpr double kPressRepeats_sd = 0.015;  // the same, once a known weight was shown
+constexpr double kUnbalanced_sds = 3.5;
+constexpr double kBalanceInSd = 0.35;  // part of the unbalanced presses that the weight's sd contains
+constexpr double kNegative_sds = 3;
+constexpr double kMoves = 0.03;                      // relative change from window to window
+constexpr double kRamps = 0.002;                     // the same, once the load has changed while it was held
+constexpr double kNoisy = 0.0025;                    // relative noise that would hide a swing in a short window
+constexpr std::size_t kEnough = 48;                  // blocks of 5 ms: in so long a swing bends by more than the noise
+constexpr double kBends = 0.002, kTrends = 0.005;    // relative, in one window: more is a swing
+constexpr std::uint64_t kLook_ns = 100'000'000;      // that such a window takes
+constexpr std::uint64_t kTogether_ns = 100'000'000;  // within which the load comes onto all jaws
+constexpr double kSeen = 6;                          // sd of a sensor: less load than this is not timed
+
+}  // namespace
+
+// The mean forces of the jaws over the blocks that are newer than `from_ns`.
+std::span<const JawForces> Weight::forces_since(std::uint64_t from_ns, std::span<const Contact> jaws) noexcept {
+    for (std::size_t j = 0; j < n_jaws_; ++j) {
+        JawForces& out = forces_[j];
+        Eigen::Vector3d sum_S_N = Eigen::Vector3d::Zero();
+        std::size_t n = 0;
+        while (n < n_ && block(n).t_ns > from_ns)
+            sum_S_N += block_forces_S_N_[(newest_ + kBlocks - n++) % kBlocks][j].cast<double>();
+        out.force_S_N = n > 0 ? Eigen::Vector3d(sum_S_N / double(n)) : jaws_[j].last_S_N;
+        const Eigen::Array3d sensor = jaws[j].observation().sd_N.array(), zero = jaws[j].zero_sd_N().array();
+        out.sd_N = (sensor * sensor + zero * zero).sqrt().matrix();
+        out.axis_S = jaws_[j].axis_S.head<2>();
+        out.carries_m_s2 = jaws_[j].carries_m_s2;
+        out.rest_S_N = jaws_[j].rest.force_S_N;
+    }
+    return std::span(forces_).first(n_jaws_);
+}
+
+// `unknown_m_s2`: an acceleration of the hand that nothing reports, and that may explain presses which do not balance.
+Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_kg, double sd_kg,
+                                 double unknown_m_s2) const noexcept {
+    Findings found;
+    const bool shown = check_.done && check_.carrying == carrying();
+    const std::array<double, kMaxJaws> even{};
+    const double tolerance = std::max(kShare, kShareSds * share_sd_);
+    const Shares shares = shares_of(forces, shown ? check_.off : even, tolerance);
+    if (shares.known) {
+        found.off = shares.off;
+        found.jaws |= shares.jaws;
+        if (shares.jaws != 0)
+            found.doubts |= std::uint32_t(shares.dead != 0 ? TACTILED_DOUBT_DEAD_SHEAR : TACTILED_DOUBT_SHARES);
+        found.sd_kg = kShareInSd * std::max(0.0, shares.max_off - 3 * share_sd_) * std::abs(mass_kg);
+    }
+    if (all_face_) {
+        const bool reported = acceleration_reported_ && block(0).acceleration_known;
+        const Eigen::Vector3d reference_G = shown ? check_.balance_off_G : Eigen::Vector3d(Eigen::Vector3d::Zero());
+        const double expected_N = std::abs(mass_kg) * (reported ? acceleration_G_.norm() : unknown_m_s2);
+        const Balance balance =
+            balance_of(forces, gravity_G_, reference_G, shown ? kPressRepeats_sd : kPressGain_sd, expected_N);
+        if (balance.sds > kUnbalanced_sds) {
+            found.doubts |= TACTILED_DOUBT_BALANCE;
+            found.jaws |= balance.jaws;
+        }
+        if (balance.presses_N > 0) {
+            // Of a gain, the weight is off by as much as the presses; of a tilt that is not reported, by 1 - cos.
+            const double weight_N = std::max(1e-9, std::abs(mass_kg) * gravity_G_.norm());
+            const double tilt = std::hypot(1, balance.across_N / weight_N) - 1;
+            found.sd_kg = std::hypot(found.sd_kg, std::abs(mass_kg) * kBalanceInSd * balance.across_N / balance.presses_N,
+                                     std::abs(mass_kg) * tilt);
+        }
+    }
+    if (mass_kg < -kNegative_sds * std::hypot(sd_kg, found.sd_kg)) found.doubts |= TACTILED_DOUBT_NEGATIVE;
+    const Shares since = shares_of(forces, first_.off, kShareCreeps);
+    if (first_.known && since.known && since.jaws != 0) {
+        found.doubts |= TACTILED_DOUBT_CREEPS;
+        found.jaws |= since.jaws;
+    }
+    found.sd_kg = std::hypot(found.sd_kg, unexplained_kg(mass_kg));
+    if (!first_.weighed) return found;
+    const double crept_kg = std::abs(mass_kg - first_.mass_kg);
+    if (crept_kg > std::hypot(kCreeps * mass_kg, 3 * first_.sd_kg)) found.doubts |= TACTILED_DOUBT_CREEPS;
+    found.sd_kg = std::hypot(found.sd_kg, crept_kg);
+    return found;
+}
+
+// When the load came onto the last jaw: `first_ns`, that of their sum, unless a jaw was later than the others.
+std::uint64_t Weight::last_lift_off(std::span<const JawForces> forces, std::uint64_t first_ns,
+                                    std::uint32_t& late) const noexcept {
+    std::uint64_t last_ns = first_ns;
+    for (std::size_t j = 0; j < n_jaws_; ++j) {
+        if (jaws_[j].carries_m_s2 <= 0) continue;
+        const Eigen::Vector2f axis = forces[j].axis_S.cast<float>();
+        const Eigen::Vector2d rest = forces[j].rest_S_N.array().isFinite().select(forces[j].rest_S_N, 0);
+        const double rest_N = rest.dot(forces[j].axis_S),
+                     load_N = forces[j].force_S_N.head<2>().dot(forces[j].axis_S) - rest_N;
+        if (!(std::abs(load_N) > kSeen * forces[j].sd_N.head<2>().norm())) continue;
+        std::uint64_t first_of_jaw_ns = begun_ns_;
+        for (std::size_t b = 0; b < n_ && block(b).t_ns >= begun_ns_; ++b) {
+            const double then_N =
+                double(block_forces_S_N_[(newest_ + kBlocks - b) % kBlocks][j].head<2>().dot(axis)) - rest_N;
+            if (then_N / load_N >= 0.9) first_of_jaw_ns = block(b).t_ns;
+        }
+        const bool forgotten = n_ == kBlocks && first_of_jaw_ns <= block(n_ - 1).t_ns;
+        if (forgotten || first_of_jaw_ns <= first_ns + kTogether_ns) continue;
+        late |= 1u << j;
+        last_ns = std::max(last_ns, first_of_jaw_ns);
+    }
+    return last_ns;
+}
+
+// True where the means of 100 ms since `from_ns` differ by more than a load does that rests.
+bool Weight::moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_ns) const noexcept {
+    constexpr std::size_t kWindows = 8;
+    std::array<double, kWindows> sum_kg{};
+    std::array<std::size_t, kWindows> n{};
+    for (std::size_t b = 0; b < n_ && block(b).t_ns > from_ns; ++b) {
+        const std::uint64_t k = (now_ns - std::min(now_ns, block(b).t_ns)) / kLook_ns;
+        if (k >= kWindows) break;
+        sum_kg[k] += block(b).mass_kg;
+        ++n[k];
+    }
+    const double weight_kg = std::max(std::abs(window.mass_kg), contact_N_ / gravity_G_.norm());
+    const double allowed_kg = again_ ? std::hypot(kRamps * weight_kg, 4 * window.jitter_kg / std::sqrt(double(window.n)))
+                                     : std::hypot(kMoves * weight_kg, window.blocks_sd_kg);
+    for (std::size_t k = 1; k < kWindows; ++k)
+        if (n[k] > 0 && now_ns >= from_ns + (k + 1) * kLook_ns &&
+            std::abs(sum_kg[k] / double(n[k]) - window.mass_kg) > allowed_kg)
+            return true;
+    return false;
+}
+
+void Weight::take_first(const Findings& found) noexcept {
+    if (!first_.known) first_.off = found.off;  // also after a slip
+    if (!first_.weighed) {
+        unexplained_kg_ = unexplained_kg(held_kg_);
+        departed_kg_ = kNaN;
+        first_.mass_kg = held_kg_;
+        first_.sd_kg = held_sd_kg_;
+    }
+    first_.known = first_.weighed = true;
+}
+
+// A large change at once is another load. Small ones may be a sensor that creeps: they stay in the standard deviation.
+double Weight::unexplained_kg(double mass_kg) const noexcept {
+    const double change_kg = std::abs(mass_kg - departed_kg_);
+    return unexplained_kg_ + (change_kg <= kAnother * std::abs(departed_kg_) ? change_kg : 0);  // false for NaN
+}
+
+void Weight::forget_first() noexcept {
+    first_.known = first_.weighed = false;
+    unexplained_kg_ = 0;
+    departed_kg_ = kNaN;
+}
+
+// False for a window that trends or bends by more than its noise: so does a part of a swing.
+bool Weight::flat(const Mean& mean) const noexcept {
+    const double noise_kg = 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4);
+    const double weight_kg = std::max(std::abs(mean.mass_kg), contact_N_ / gravity_G_.norm());
+    if (noise_kg > kNoisy * weight_kg && mean.n < kEnough) return false;
+    return std::abs(mean.trend_kg) <= std::hypot(kTrends * weight_kg, noise_kg) &&
+           std::abs(mean.bend_kg) <= std::hypot(kBends * weight_kg, noise_kg);
+}
+
+}  // namespace tactiled::grasp
