@@ -140,18 +140,13 @@ void leave_out(std::vector<Decision>& decisions, double wanted_N) {
         places.push_back(std::move(ways));
         ways = std::move(next);
     }
-    if (ways.empty()) {  // a jump or a gain that what precedes it cannot help: nothing is left out
-        for (Decision& d : decisions) set(d, d.bound.change_N > 0, Decision::kItself);
-    } else {
-        const auto cheapest =
-            std::min_element(ways.begin(), ways.end(), [](const Way& a, const Way& b) { return a.cost_ns < b.cost_ns; });
-        Way way = *cheapest;
-        for (std::size_t i = decisions.size(); i-- > 0;) {
-            set(decisions[i], way.on, way.level);
-            if (way.before >= 0) way = places[i][std::size_t(way.before)];
-        }
+    // With all on the error is 0, so there is a way.
+    Way way = *std::min_element(ways.begin(), ways.end(), [](const Way& a, const Way& b) { return a.cost_ns < b.cost_ns; });
+    for (std::size_t i = decisions.size(); i-- > 0;) {
+        set(decisions[i], way.on, way.level);
+        if (i > 0) way = places[i][std::size_t(way.before)];
     }
-    // What the cells have merged: the dearest first.
+    // The cells may have merged better ways: the dearest effect first.
     std::vector<std::size_t> order(decisions.size());
     std::iota(order.begin(), order.end(), 0u);
     std::stable_sort(order.begin(), order.end(),
@@ -172,8 +167,7 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
     for (std::size_t i = 0; i < chain().size(); ++i) {
         const EffectEntry& effect = *chain()[i];
         if ((effect.models >> unsigned(sensor.model) & 1u) == 0) continue;
-        const auto named =
-            std::find_if(names.begin(), names.end(), [&](const Named& n) { return n.effect == effect.name; });
+        const auto named = std::find_if(names.begin(), names.end(), [&](const Named& n) { return n.effect == effect.name; });
         const bool asked = named != names.end(), on = request == "all" || request == "auto" || asked;
         Setting setting = scene.setting(i, sensor, reach);
         setting.before = before;

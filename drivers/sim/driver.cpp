@@ -115,7 +115,7 @@ private:
     std::unique_ptr<sim::Simulation> simulation_;
     std::vector<const sim::Block*> block_;
     std::vector<Line> lines_;
-    std::span<const sim::SentFrame> arrived_;  // of the sensor whose turn it is, not yet taken
+    std::span<const sim::SentFrame> arrived_;  // frames of the sensor whose turn it is, not yet taken
     std::uint64_t sample_ = 0, began_ns_ = 0;
     std::size_t sensor_ = 0;
 };

@@ -100,7 +100,7 @@ public:
 
 // A cheaper model of an effect, in one setting.
 struct Level {
-    std::string_view name;  // as in `--effects exact_overlap:cubic`
+    std::string_view name;  // named in `--effects exact_overlap:cubic`
     // No channel differs by more, N, from what the effect itself would make, on any input that keeps within the extent; gain
     // and jump are those of the effect.
     double error_N;
@@ -117,14 +117,14 @@ struct EffectEntry {
     double instructions;          // a sample of a sensor with all its channels, measured
     unsigned models;              // bits 1 << int(Model); it concerns no others
     std::vector<Parameter> parameters;
-    Bound (*bound)(const Setting&);                   // setup
-    std::unique_ptr<Effect> (*make)(const Setting&);  // setup
+    Bound (*bound)(const Setting&);                          // setup
+    std::unique_ptr<Effect> (*make)(const Setting&);         // setup
     std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; those that it has here, any order
 };
 
-// What the choice counts as the cost of an effect, ns a sample of a sensor with all its channels: the table costs.inc, which
+// The cost of an effect for the choice, ns a sample of a sensor with all its channels: the table costs.inc, which
 // `sim_bench --costs` measures in one run, so that the choice is the same on every machine. `level`: empty = the effect
-// itself. What is not in the table counts its instructions, ten a ns; a level of it half of that. setup
+// itself. Without a line in the table it is the instructions, ten a ns; for a level half of that. setup
 double cost_ns(const EffectEntry& effect, std::string_view level, Model model);
 
 inline constexpr unsigned kTable = 1u << int(Model::table), kHair = 1u << int(Model::hair),

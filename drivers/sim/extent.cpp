@@ -91,8 +91,8 @@ struct Sharing {
 
 // A share o of overlaps in x and y. An even pressure loses at most 1 / 2a a metre at each side, Hertz's 3 / 4a: together at
 // most 1.07 / a along a path. A sphere's a goes with the cube root of the press N: |N do/dN| <= 2/3 max u p(u) = 0.385, and
-// N / a grows with N. So a press moves as under its largest radius, and a shear, which may be there without a press, as under
-// its smallest, which may be a point.
+// N / a grows with N. So a press moves as under its largest radius, and a shear, which may be there without a press, as
+// under its smallest, which may be a point.
 Sharing sharing_of(const Place& place, double radius_m, bool grows) {
     return {1.07 * place.moves_m_s / radius_m, std::min(1.0, 1.07 * place.hops_m / radius_m), grows ? 0.385 : 0};
 }
@@ -121,7 +121,7 @@ std::array<Reach, kAxes> loads_of(const Segment& s, const Body& body, const Sens
             const double whole = share * (axis == kFz ? N : T), radius_N = axis == kFz ? N : press.span.min;
             const Sharing sharing =
                 sharing_of(place, footprint_m(body, sensor, sensor.share * radius_N), grows(body, sensor));
-            const double pressed = axis == kFz ? 1 : T / least_N;  // of the load for each newton of the press
+            const double pressed = axis == kFz ? 1 : T / least_N;  // share of the load for each newton of the press
             load[axis].rate += whole * sharing.rate_1_s + share * sharing.growth * pressed * press.rate;
             load[axis].jump += whole * sharing.jump + share * std::min(sharing.growth * pressed * press.jump, 2 * (N + T));
             load[axis].end_jump += share * std::min(sharing.growth * pressed * press.end_jump, 2 * (N + T));

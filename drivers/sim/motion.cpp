@@ -95,7 +95,7 @@ void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
                                             [](double t, const Segment& s) { return t < s.end_s; });
         at = std::min(std::size_t(later - segments_.begin()), segments_.size() - 1);
     }
-    const Segment* last = nullptr;  // of the sample before
+    const Segment* last = nullptr;  // segment of the sample before
     double last_direction = std::numeric_limits<double>::quiet_NaN(), cosine = 1, sine = 0;
     for (std::size_t n = 0; n < block.n; ++n) {
         const double t = block.t_s[n];

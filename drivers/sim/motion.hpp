@@ -50,7 +50,7 @@ struct Segment {
     double amplitude_N = 0;
     double from_Hz = 0, to_Hz = 0;  // a sine's frequency goes linearly from one to the other
     double slid_m = 0;              // path slid before it
-    bool still = false;             // nothing changes in it
+    bool still = false;             // without any change
     std::string kind;               // as the scene names it
     std::uint32_t line = 0;
 };

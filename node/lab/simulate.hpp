@@ -30,10 +30,10 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
 
 struct Measured {
     // One entry for each effect that concerns the sensor, in the order of Choice::decisions, with all of them active:
-    std::vector<double> share_N;     // largest change that it made to a channel
-    // Of each, in a run of the scene's first samples with the chosen effects: by how much the force that the sensor's gains
-    // make of the channels differs without it, or with it where it was not chosen; fx fy fz, the largest. NaN where the gains
-    // do not determine a force.
+    std::vector<double> share_N;  // largest change that it made to a channel
+    // For each, in a run of the scene's first samples with the chosen effects: by how much the force that the sensor's gains
+    // make of the channels differs without it, or with it where it was not chosen; fx fy fz, the largest. NaN where the
+    // gains do not determine a force.
     std::vector<std::array<double, 3>> force_N;
     std::uint64_t force_samples = 0;
     std::vector<double> time_ns;     // it took a sample
@@ -93,7 +93,7 @@ std::string choice_text(const sim::Simulation& simulation, const std::vector<std
 std::string effects_text();
 nlohmann::json effects_json();
 
-// As in `--effects`: the effect, and its level where it has one. NAME or NAME:LEVEL.
+// Name in `--effects`: the effect, and its level where it has one. NAME or NAME:LEVEL.
 std::string name_of(const sim::Decision& decision);
 const char* name_of(sim::Stage stage);
 const char* name_of(sim::Model model);

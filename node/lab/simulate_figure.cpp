@@ -93,7 +93,8 @@ private:
         svg_.put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\"{}>{}</text>\n", kLeft - 8, top + 11, faint,
                  html_text(name_of(*row.decision)));
         if (!ever)
-            svg_.put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11, html_text(row.decision->why));
+            svg_.put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11,
+                     html_text(row.decision->why));
         if (ever)
             svg_.put(svg_line(fmt::format("M{:.1f} {:.1f}H{:.1f}", x(0), top + kRow / 2, x(t_.length_s)),
                               {.css_class = "frame", .colour = "#8c959f"}));

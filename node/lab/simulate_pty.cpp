@@ -83,8 +83,7 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
             sleep_until(began_ns + std::uint64_t(double(sample) / scene.rate_Hz / speed * 1e9));
             for (std::size_t i = 0; i < sensors && interrupted == 0; ++i) {
                 for (const sim::SentFrame& frame : devices[i].arrivals.take(*block[i], n))
-                    ++(wire.send(*devices[i].port,
-                                 Device::frame(scene.sensors[i], frame, ports.size() < sensors, speed))
+                    ++(wire.send(*devices[i].port, Device::frame(scene.sensors[i], frame, ports.size() < sensors, speed))
                            ? sent
                            : dropped);
             }

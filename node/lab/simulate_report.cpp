@@ -78,7 +78,9 @@ std::string effects_table(const sim::Sensor& sensor, const sim::Choice& choice, 
         rows += html_row({html_text(effect.name), html_text(effect.title), name_of(effect.stage),
                           html_number(m.force_N[d][0], 2), html_number(m.force_N[d][1], 2), html_number(m.force_N[d][2], 2),
                           html_number(decision.bound.change_N, 3), decision.on ? "<strong>on</strong>" : "off",
-                          lowered ? html_text(decision.levels[decision.level].name) : decision.on ? "full" : "–",
+                          lowered       ? html_text(decision.levels[decision.level].name)
+                          : decision.on ? "full"
+                                        : "–",
                           html_number(decision.error_N(), 3), html_number(decision.spent_ns(), 3),
                           d < m.time_ns.size() ? html_number(m.time_ns[d], 3) : "–",
                           effect.stage == sim::Stage::time ? "–" : html_number(m.share_N[d], 3), html_text(decision.why)});
@@ -121,7 +123,8 @@ std::string scene_html(const Report& report) {
         const sim::Sensor& sensor = scene.sensors[report.sensors[k]];
         const sim::Choice& choice = report.simulation.choice(report.sensors[k]);
         page += "<h2>Sensor " + html_text(sensor.name) + "</h2>\n" + sensor_facts(sensor, choice, report.measured[k]);
-        page += timeline_figure(scene, report.effects, report.sensors[k]) + effects_table(sensor, choice, report.measured[k]);
+        page +=
+            timeline_figure(scene, report.effects, report.sensors[k]) + effects_table(sensor, choice, report.measured[k]);
         page += stated(sensor, scene.motion.extent(sensor));
     }
     return html_page("Scene " + scene.title, page + kHowToRead);

@@ -76,8 +76,8 @@ std::string choice_text(const sim::Simulation& simulation, const std::vector<std
         const sim::Choice& choice = simulation.choice(i);
         text += fmt::format("\n{} ({}): error by what is left out at most {:.3g} N; {:.3g} N wanted\n", sensor.name,
                             name_of(sensor.model), choice.guaranteed_N, choice.wanted_N);
-        text += fmt::format("{:28} {:>10} {:>13} {:>13} {:>8}  {}\n", "effect:level", "stage", "without it, N", "error now, N",
-                            "cost, ns", "why");
+        text += fmt::format("{:28} {:>10} {:>13} {:>13} {:>8}  {}\n", "effect:level", "stage", "without it, N",
+                            "error now, N", "cost, ns", "why");
         for (const auto& d : choice.decisions)
             text += fmt::format("{:28} {:>10} {:>13.3g} {:>13.3g} {:>8.3g}  {}: {}\n", name_of(d), name_of(d.effect->stage),
                                 d.bound.change_N, d.error_N(), d.spent_ns(), d.on ? "on" : "off", d.why);

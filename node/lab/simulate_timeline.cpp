@@ -10,8 +10,8 @@ namespace {
 
 using sim::Block;
 
-constexpr std::size_t kMaxParts = 400;    // of the scene, in which a change is looked for
-constexpr double kSeen = 0.01;            // of the wanted accuracy: a change that counts
+constexpr std::size_t kMaxParts = 400;    // parts of the scene, in which a change is looked for
+constexpr double kSeen = 0.01;            // share of the wanted accuracy: a change that counts
 constexpr std::size_t kLaneValues = 361;  // points of a curve over the scene
 
 std::vector<Timeline::Named> name_motions(const std::vector<sim::Segment>& segments, double length_s) {
@@ -74,7 +74,8 @@ Timeline timeline(const sim::Scene& scene, const std::string& effects, std::size
             Timeline::Row& row = result.rows[d];
             const double change_N = simulation.shares_N(number)[d];
             row.largest_N = std::max(row.largest_N, change_N);
-            if (!row.decision->on || (row.decision->effect->stage != sim::Stage::time && change_N <= kSeen * choice.wanted_N))
+            if (!row.decision->on ||
+                (row.decision->effect->stage != sim::Stage::time && change_N <= kSeen * choice.wanted_N))
                 continue;
             if (!row.changed_s.empty() && row.changed_s.back().second == begin_s)
                 row.changed_s.back().second = end_s;

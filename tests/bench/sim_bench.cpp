@@ -198,9 +198,9 @@ share = 1e-3
 share = 1e-3
 )",
                         round ? "sphere" : "textured", name[std::size_t(model)], array ? "array = [2, 2]\n" : "",
-                        model == Model::table && round
-                            ? "influence = \"" TACTILED_SOURCE_DIR "/config/calibration/table_influence.toml\"\n"
-                            : "",
+                        model == Model::table && round ? "influence = \"" TACTILED_SOURCE_DIR
+                                                         "/config/calibration/table_influence.toml\"\n"
+                                                       : "",
                         N, N / 3, N / 3),
             "moving.toml", problems),
         problems);
@@ -246,8 +246,7 @@ void print_costs() {
                 if (i == 0)
                     for (const Decision& d : choose(scene, sensor, scene.motion.extent(sensor), "auto").decisions)
                         for (const Level& level : d.levels)
-                            if (d.effect == effect &&
-                                std::find(levels.begin(), levels.end(), level.name) == levels.end())
+                            if (d.effect == effect && std::find(levels.begin(), levels.end(), level.name) == levels.end())
                                 levels.emplace_back(level.name);
                 const std::string name = std::string(effect->name) + (levels[i].empty() ? "" : ":" + levels[i]);
                 try {
@@ -304,6 +303,8 @@ int main(int argc, char** argv) {
         else if (argc > 1)
             print_scenes(argc - 1, argv + 1);
         else
-            return fmt::print(stderr, "usage: sim_bench [--costs] [--effects | --memory | --run EFFECTS N] SCENE.toml ...\n"), 2;
+            return fmt::print(stderr,
+                              "usage: sim_bench [--costs] [--effects | --memory | --run EFFECTS N] SCENE.toml ...\n"),
+                   2;
     } catch (const std::exception& e) { return fmt::print(stderr, "{}\n", e.what()), 1; }
 }

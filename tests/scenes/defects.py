@@ -20,10 +20,10 @@ from offline import TARE_S, read_forces, signals_of, tared  # noqa: E402
 from run import (ROOT, Refused, Scene, calibration_of, column, model_of, read_truth, row_of, run_calibration,  # noqa: E402
                  run_ctl, scenes_in, span_s, truth_of)
 
-NEEDED = 3            # scenes for each defect
-FIRST_SEED = 1001     # of those that judge
-FIRST_OTHER = 2001    # of those that limits are made from
-MARGIN = 1.3          # of the largest measured error
+NEEDED = 3            # scenes that each defect fails
+FIRST_SEED = 1001     # judging seeds
+FIRST_OTHER = 2001    # seeds that limits are made from
+MARGIN = 1.3          # limit over largest measured error
 
 
 def played(job):
@@ -56,7 +56,7 @@ def limits(results):
             gathered.setdefault((name, number), []).append(row)
     for (name, number), rows in sorted(gathered.items()):
         print(f"{name} {number}: {rows[0]['sensor']} {rows[0]['method']}")
-        for key, what in (("within_N", "worst"), *LIMITS.items()):
+        for key, what in (("within_N", "most"), *LIMITS.items()):
             line = []
             for axis in AXES:
                 values = [row["errors"][axis][what] for row in rows]
@@ -72,7 +72,7 @@ def limits(results):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("names", nargs="*", help="scenes by name; all by default")
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", type=int, help="20; 10 for limits")
     parser.add_argument("--effects", default="auto")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--scenes", type=pathlib.Path, default=ROOT / "config/scenes")
@@ -85,7 +85,8 @@ def main():
         for (path, method, _), said, good in pool.imap(run_calibration, [(*job, calibrations) for job in needed]):
             if not good:
                 sys.exit(f"{path.stem} {method}: {said}")
-        seeds = [(FIRST_OTHER if words.limits else FIRST_SEED) + k for k in range(10 if words.limits else words.seeds)]
+        first, count = (FIRST_OTHER, 10) if words.limits else (FIRST_SEED, 20)
+        seeds = [first + k for k in range(words.seeds or count)]
         jobs = [(path, effects, seed, calibrations, seed == seeds[0] and not words.limits)
                 for seed in seeds for effects in words.effects.split(",") for path in scenes]
         results = pool.map(played, jobs, chunksize=1)

@@ -27,7 +27,7 @@ def signals_of(run_ctl, scene, effects, seed, folder):
 
 
 def read_forces(path):
-    """As `tactilectl decouple` writes it."""
+    """A Series from a file of `tactilectl decouple`."""
     columns = {}
     with open(path) as file:
         rows = csv.reader(file)

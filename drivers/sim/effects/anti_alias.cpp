@@ -107,7 +107,7 @@ private:
     bool started_ = false;
 };
 
-// Of the impulse response w^2 t exp(-w t) the share (1 + w t) exp(-w t) is older than t; what is between two samples is
+// The share (1 + w t) exp(-w t) of the impulse response w^2 t exp(-w t) is older than t; what is between two samples is
 // between their values. Instants between samples may lie as far apart again, both in the world and in the rest, and an error
 // before it is then one of the rest and of the world's instants, too.
 Bound bound(const Setting& s) {

@@ -144,7 +144,8 @@ TEST(LeaveOut, FindsTheCheapestOfAllSets) {
     for (std::uint64_t trial = 0; trial < 200; ++trial) {
         std::vector<Decision> decisions;
         for (std::uint64_t i = 0; i < 6; ++i) {
-            const double bound = std::exp(4 * random.uniform(trial, 4 * i)) / 100, cost = 1 + 100 * random.uniform(trial, 4 * i + 1);
+            const double bound = std::exp(4 * random.uniform(trial, 4 * i)) / 100,
+                         cost = 1 + 100 * random.uniform(trial, 4 * i + 1);
             Decision d = decision(bound, true, 1 + random.uniform(trial, 4 * i + 2));
             d.cost_ns = cost;
             if (i % 2 == 0) d = with_level(d, bound * random.uniform(trial, 4 * i + 3) / 3, cost / 4);

@@ -44,11 +44,12 @@ TEST(HertzContact, HasTheRadiusOfTheBook) {
 
 // The share of a 4 x 4 array's taxels in a press of a ball of 6 mm at (x, y).
 std::vector<double> shares(double x_m, double y_m, double press_N, const std::string& shape = "sphere") {
-    const Scene scene = scene_with(
-        "hair", "array = [4, 4]\npitch_m = 8e-3\n" +
-                    fmt::format("[[motion]]\ndo = \"move\"\nx_m = {}\ny_m = {}\nin_s = 0.01\n", x_m, y_m) +
-                    press(press_N, 0.1) + hold(0.05),
-        fmt::format("body = {{shape = \"{}\", radius_m = 6e-3}}", shape));
+    const Scene scene =
+        scene_with("hair",
+                   "array = [4, 4]\npitch_m = 8e-3\n" +
+                       fmt::format("[[motion]]\ndo = \"move\"\nx_m = {}\ny_m = {}\nin_s = 0.01\n", x_m, y_m) +
+                       press(press_N, 0.1) + hold(0.05),
+                   fmt::format("body = {{shape = \"{}\", radius_m = 6e-3}}", shape));
     std::vector<double> all;
     for (std::size_t i = 0; i < 16; ++i) all.push_back(-run(scene, "none", i).load[kFz].back() / press_N);
     return all;
@@ -73,9 +74,9 @@ TEST(Footprint, OfABallOnAnArrayIsHertzs) {
     }
     // Of sqrt(1 - r^2), the part beyond a line at a / 2 from the middle: 5/32.
     const auto beside = shares(a / 2, 4e-3, 0.05);
-    EXPECT_NEAR(*std::min_element(beside.begin() + 8, beside.end(), [](double p, double q) {
-                    return (p > 0 ? p : 1) < (q > 0 ? q : 1);
-                }), 5.0 / 32, 1e-9);
+    EXPECT_NEAR(*std::min_element(beside.begin() + 8, beside.end(),
+                                  [](double p, double q) { return (p > 0 ? p : 1) < (q > 0 ? q : 1); }),
+                5.0 / 32, 1e-9);
     // Eight times the force, twice the radius.
     EXPECT_EQ(loaded(shares(1.9 * a, 4e-3, 0.4)), 2);
 }

@@ -85,9 +85,10 @@ TEST(AntiAlias, PassesWhatStandsStillToTheLastBit) {
 // phase there. A filter that knew only the samples would leave 1 / (1 + 0.4^2) of it.
 TEST(AntiAlias, LeavesOfALineThatFoldsWhatItLeavesAtTheLinesOwnFrequency) {
     for (const double line_Hz : {900.0, 1100.0, 730.0, 400.0}) {
-        const Scene scene = scene_with(
-            "table", press(0.4, 0.1) + fmt::format("[[motion]]\ndo = \"shake\"\namplitude_N = 0.2\nfrom_Hz = {}\n"
-                                                   "for_s = 1.1\n", line_Hz));
+        const Scene scene =
+            scene_with("table", press(0.4, 0.1) + fmt::format("[[motion]]\ndo = \"shake\"\namplitude_N = 0.2\nfrom_Hz = {}\n"
+                                                              "for_s = 1.1\n",
+                                                              line_Hz));
         const Recording is = run(scene, "anti_alias");
         const double gain = scene.sensors[0].gain[0][kFz], turn = 2 * kPi * line_Hz;
         double in_phase = 0, quadrature = 0;

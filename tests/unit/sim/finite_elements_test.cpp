@@ -139,11 +139,9 @@ const std::string kOnMap = "model = \"table\"\nsample = \"foil\"\ninfluence = \"
 // A press on a disc of 0.3 mm in the middle: 2332 ustrain/N in the inner gauges, linear (the same elements and mesh as
 // table_influence.csv, another load). The map has the disc's radius, not a square's of that width or a disc's of twice that.
 TEST(FiniteElements, TableUnderASmallPatchReadsItsShape) {
-    const auto reads =
-        channels_under(kOnMap + "[body]\nshape = \"edge\"\nradius_m = 0.15e-3", 1, 0, 0, "contact_patch");
+    const auto reads = channels_under(kOnMap + "[body]\nshape = \"edge\"\nradius_m = 0.15e-3", 1, 0, 0, "contact_patch");
     for (const std::size_t inner : {0u, 2u, 4u, 6u}) EXPECT_NEAR(reads[inner] / 2 * 1e6, 2332, 0.01 * 2332) << inner;
-    const auto larger =
-        channels_under(kOnMap + "[body]\nshape = \"edge\"\nradius_m = 0.3e-3", 1, 0, 0, "contact_patch");
+    const auto larger = channels_under(kOnMap + "[body]\nshape = \"edge\"\nradius_m = 0.3e-3", 1, 0, 0, "contact_patch");
     EXPECT_LT(larger[0] / 2 * 1e6, 2100);
 }
 

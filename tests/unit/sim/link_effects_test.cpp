@@ -54,7 +54,8 @@ TEST(LateFrames, ComeOnceInOrderAndCatchUpTwoAtATime) {
             latest = std::max(latest, late);
         }
         EXPECT_EQ(latest, 7u);
-        EXPECT_NEAR(double(stops), double(ideal.size()) * 0.01 / 1.14, 30 / double(every)) << "a stop and its end take 14 turns";
+        EXPECT_NEAR(double(stops), double(ideal.size()) * 0.01 / 1.14, 30 / double(every))
+            << "a stop and its end take 14 turns";
     }
 }
 
@@ -64,9 +65,7 @@ TEST(RepeatedFrames, ComeTwiceAtOnce) {
     for (std::size_t i = 0; i < all.size(); ++i) {
         ++times[all[i].sample];
         EXPECT_EQ(all[i].at, all[i].sample);
-        if (i > 0) {
-            EXPECT_LE(all[i - 1].sample, all[i].sample);
-        }
+        if (i > 0) { EXPECT_LE(all[i - 1].sample, all[i].sample); }
     }
     EXPECT_EQ(times.size(), 10000u);
     EXPECT_NEAR(double(all.size()), 11000, 100);
@@ -107,7 +106,8 @@ TEST(CutFrames, HaveNoLastChannels) {
 TEST(Link, WithAllEffectsInventsNothing) {
     const Scene scene = with(
         "[effects.late_frames]\nbegins = 0.02\nframes = 40\n[effects.repeated_frames]\nshare = 0.1\n"
-        "[effects.overtaken_frames]\nshare = 0.1\n[effects.cut_frames]\nshare = 0.1\n[effects.lost_frames]\nbegins = 0.05\n");
+        "[effects.overtaken_frames]\nshare = 0.1\n[effects.cut_frames]\nshare = 0.1\n[effects.lost_frames]\nbegins = "
+        "0.05\n");
     const std::string effects = "late_frames,repeated_frames,overtaken_frames,cut_frames,lost_frames";
     const Recording sent = run(scene, effects);
     std::map<std::uint64_t, int> times;
