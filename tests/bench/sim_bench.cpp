@@ -76,7 +76,9 @@ struct Row {
 std::string without(const Choice& choice, const EffectEntry* left_out) {
     std::string list;
     for (const Decision& d : choice.decisions)
-        if (d.on && d.effect != left_out) list += (list.empty() ? "" : ",") + std::string(d.effect->name);
+        if (d.on && d.effect != left_out)
+            list += (list.empty() ? "" : ",") + std::string(d.effect->name) +
+                    (d.level == Decision::kItself ? "" : ":" + std::string(d.levels[d.level].name));
     return list.empty() ? "none" : list;
 }
 
@@ -184,10 +186,7 @@ do = "warm"
 ambient_by_K = 2
 in_s = 0.1
 [[motion]]
-do = "shake"
-amplitude_N = {}
-from_Hz = 10
-for_s = 20
+{}
 [effects.late_frames]
 begins = 1e-3
 [effects.repeated_frames]
@@ -201,7 +200,9 @@ share = 1e-3
                         model == Model::table && round ? "influence = \"" TACTILED_SOURCE_DIR
                                                          "/config/calibration/table_influence.toml\"\n"
                                                        : "",
-                        N, N / 3, N / 3),
+                        N, N / 3,
+                        round ? "do = \"move\"\nx_m = 6e-4\nin_s = 20"
+                              : fmt::format("do = \"shake\"\namplitude_N = {}\nfrom_Hz = 10\nfor_s = 20", N / 3)),
             "moving.toml", problems),
         problems);
 }

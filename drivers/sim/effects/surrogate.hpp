@@ -65,7 +65,7 @@ public:
         }
         c_ = solve_normal(a, b);
         for (std::size_t k = 0; k < kDegree; ++k) c_[k] /= std::pow(scale, double(k + 1));
-        constexpr int kGrid = 500;
+        constexpr int kGrid = 200;
         double before = 0, steepest = 0;
         for (int i = 0; i <= kGrid; ++i) {
             const double x = min + (max - min) * i / kGrid, off = (*this)(x)-f(x);
@@ -116,7 +116,7 @@ public:
         c_ = solve_normal(a, b);
         constexpr std::array<int, 10> kOfX{0, 0, 0, 0, 1, 1, 1, 2, 2, 3}, kOfY{0, 1, 2, 3, 0, 1, 2, 0, 1, 0};
         for (std::size_t k = 0; k < 10; ++k) c_[k] /= std::pow(X, kOfX[k]) * std::pow(Y, kOfY[k]);
-        constexpr int kGrid = 40;
+        constexpr int kGrid = 24;
         std::array<double, kGrid + 1> row_before{};
         double steepest = 0;
         for (int i = 0; i <= kGrid; ++i) {
