@@ -36,6 +36,9 @@ struct Block {
     std::array<std::uint32_t, kSize> missing;  // bit k: channel k has no value
     std::array<std::uint32_t, kSize> lost;     // frames lost right before this one
     std::array<bool, kSize> dropped;           // this frame itself never arrives
+    // Frames that arrive at each sample's turn, in order, at most two: 1 + how many of the sensor's frames ago it was its
+    // own turn; 0 = none. {1, 0} where the link does nothing. arrivals.hpp hands them out.
+    std::array<std::array<std::uint8_t, 2>, kSize> arrives;
 };
 
 }  // namespace tactiled::sim

@@ -23,6 +23,7 @@ extern const EffectEntry converter_nonlinearity;
 extern const EffectEntry converter_window;
 extern const EffectEntry creep;
 extern const EffectEntry crosstalk;
+extern const EffectEntry cut_frames;
 extern const EffectEntry dead_channel;
 extern const EffectEntry dome_resonance;
 extern const EffectEntry exact_overlap;
@@ -37,6 +38,7 @@ extern const EffectEntry humidity;
 extern const EffectEntry hysteresis;
 extern const EffectEntry johnson_noise;
 extern const EffectEntry large_deflection;
+extern const EffectEntry late_frames;
 extern const EffectEntry lead_wires;
 extern const EffectEntry load_moment;
 extern const EffectEntry lost_frames;
@@ -44,11 +46,13 @@ extern const EffectEntry mains_hum;
 extern const EffectEntry misalignment;
 extern const EffectEntry mounting_curvature;
 extern const EffectEntry noise;
+extern const EffectEntry overtaken_frames;
 extern const EffectEntry partial_slip;
 extern const EffectEntry piezo_amplifier;
 extern const EffectEntry piezo_leak;
 extern const EffectEntry pyroelectric;
 extern const EffectEntry quantisation;
+extern const EffectEntry repeated_frames;
 extern const EffectEntry sampling_jitter;
 extern const EffectEntry saturation;
 extern const EffectEntry self_heating;
@@ -126,6 +130,10 @@ constexpr std::array kChain{
     // ---- Stage::link ----
     &dead_channel,
     &bit_errors,
+    &cut_frames,
+    &late_frames,
+    &repeated_frames,
+    &overtaken_frames,
     &lost_frames,
 };
 

@@ -11,7 +11,17 @@ struct Decision {
     const EffectEntry* effect;
     Bound bound;
     bool on;
-    std::string_view why;  // "needed", "left out: within the wanted accuracy", "cannot occur here", "asked for", ...
+    std::string_view why;         // "needed", "left out: within the wanted accuracy", "cannot occur here", "asked for", ...
+    double cost_ns = 0;           // cost of the effect itself: cost_ns()
+    std::vector<Level> levels{};  // levels that it offers here
+    std::vector<double> level_cost_ns{};  // cost of each level
+    static constexpr std::size_t kItself = SIZE_MAX;
+    std::size_t level = kItself;  // its level, where it is on
+
+    // Error that it makes by itself at its place in the chain, N: its bound where it is off, that of its level.
+    [[nodiscard]] double error_N() const { return !on ? bound.change_N : level == kItself ? 0 : levels[level].error_N; }
+    // Its cost as it is now.
+    [[nodiscard]] double spent_ns() const { return !on ? 0 : level == kItself ? cost_ns : level_cost_ns[level]; }
 };
 
 struct Choice {
@@ -20,16 +30,18 @@ struct Choice {
     double guaranteed_N;  // no channel differs by more from what all effects together would give
 };
 
-// `wish`: "auto", "all", "none" or names with commas. Auto leaves out, in the order of bound / instructions, what it can
-// while guaranteed_N stays at or below wanted_N. The same on every machine. setup: throws SetupError for a name that is none
+// `request`: "auto", "all", "none" or names with commas, NAME or NAME:LEVEL. Auto takes the cheapest set of effects and
+// levels with which guaranteed_N stays at or below wanted_N. The same on every machine. setup: throws SetupError for a name
+// that is none, and for a level that the effect does not offer here
 Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, const std::string& request);
 
-// The error that leaving out those with on = false can make at the end of the chain: along the chain, each that is left out
-// adds its bound, each that is on hands on what was there before it by its gain and its jump.
+// The error at the end of the chain by what is left out and by cheaper levels: along the chain, each adds its own
+// (Decision::error_N), and each that is on hands on what was there before it by its gain and its jump.
 double guaranteed_error_N(const std::vector<Decision>& decisions);
 
-// Leaves out what it can, by bound over instructions, the least first, until nothing more can go: what is left out later may
-// lower the gain of what an earlier one had to pass.
+// Leaves out and lowers to cheaper levels: the least sum of costs of all choices with guaranteed_error_N() <= wanted_N, but
+// for those whose errors on the way lie within 1/500 of wanted_N of each other, of which the cheapest is followed. No effect
+// that is on afterwards could go or be lowered with the others as they are.
 void leave_out(std::vector<Decision>& decisions, double wanted_N);
 
 }  // namespace tactiled::sim

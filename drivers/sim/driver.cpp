@@ -10,6 +10,7 @@
 
 #include "drivers/clock.hpp"
 #include "drivers/driver.hpp"
+#include "drivers/sim/arrivals.hpp"
 #include "drivers/sim/simulation.hpp"
 
 namespace tactiled {
@@ -33,6 +34,9 @@ public:
         if (ended_ && !again_) return "the scene has ended; at_end = \"again\" plays it again";
         simulation_ = std::make_unique<sim::Simulation>(scene_, effects_);
         block_.assign(scene_.sensors.size(), nullptr);
+        lines_.clear();
+        for (const sim::Sensor& sensor : scene_.sensors) lines_.push_back({sim::Arrivals(sensor), 0});
+        arrived_ = {};
         sample_ = 0;
         sensor_ = 0;
         began_ns_ = now_ns();
@@ -53,36 +57,52 @@ public:
         return fill(frame) ? Status::frame : Status::timeout;
     }
 
-    [[nodiscard]] bool has_more() const noexcept override { return sensor_ != 0; }
+    [[nodiscard]] bool has_more() const noexcept override { return sensor_ != 0 || !arrived_.empty(); }
 
     void close() noexcept override { simulation_.reset(); }
 
 private:
-    // The frame of the sensor whose turn it is; false where this sample has none of it.
+    struct Line {
+        sim::Arrivals arrivals;
+        std::uint64_t next;  // number of the frame that comes in order
+    };
+
+    // The next frame of the sensor whose turn it is; false where this sample has none of it.
     bool fill(Frame& frame) noexcept {
         const std::size_t i = sensor_;
-        const std::uint64_t sample = sample_;
-        if (sample % sim::Block::kSize == 0) block_[i] = &simulation_->advance(i);
-        const sim::Block& block = *block_[i];
-        const sim::Sensor& sensor = scene_.sensors[i];
-        const auto n = std::size_t(sample - block.first);
-        if (++sensor_ == scene_.sensors.size()) {
+        if (arrived_.empty()) {
+            if (sample_ % sim::Block::kSize == 0) block_[i] = &simulation_->advance(i);
+            arrived_ = lines_[i].arrivals.take(*block_[i], std::size_t(sample_ - block_[i]->first));
+        }
+        const bool any = !arrived_.empty();
+        const bool in_order = any && take(arrived_.front(), scene_.sensors[i], lines_[i].next, frame);
+        if (any) arrived_ = arrived_.subspan(1);
+        if (arrived_.empty() && ++sensor_ == scene_.sensors.size()) {
             sensor_ = 0;
             ++sample_;
         }
-        if (sample % sensor.every != 0) return false;
-        if (block.dropped[n]) return false;  // counted in the next that arrives
+        return in_order;
+    }
+
+    // False where a frame comes again or after a later one: it is counted and dropped, as the stream drivers do.
+    bool take(const sim::SentFrame& sent, const sim::Sensor& sensor, std::uint64_t& next, Frame& frame) noexcept {
+        const std::uint64_t number = sent.sample / sensor.every;
+        if (number < next) {
+            ++counts[TACTILED_LINK_REPEATED];
+            return false;
+        }
         frame = Frame{};
         frame.t_ns = now_ns();
-        frame.device_time_us = std::uint64_t(std::max(0.0, block.t_s[n]) * 1e6);
-        frame.sequence = std::uint32_t(sample / sensor.every);
+        frame.device_time_us = std::uint64_t(std::max(0.0, sent.t_s) * 1e6);
+        frame.sequence = std::uint32_t(number);
         frame.has_sequence = true;
         frame.device = sensor.device;
         frame.n_channels = std::uint8_t(sensor.n());
-        frame.missing = block.missing[n];
-        frame.lost = block.lost[n];
+        frame.missing = sent.missing;
+        frame.lost = std::uint32_t(number - next);
         for (std::size_t k = 0; k < sensor.n(); ++k)
-            frame.channel[k] = frame.missing >> k & 1u ? std::numeric_limits<double>::quiet_NaN() : block.channel[k][n];
+            frame.channel[k] = frame.missing >> k & 1u ? std::numeric_limits<double>::quiet_NaN() : sent.channel[k];
+        next = number + 1;
         counts[TACTILED_LINK_LOST] += frame.lost;
         ++counts[TACTILED_LINK_FRAMES];
         return true;
@@ -94,6 +114,8 @@ private:
     sim::Scene scene_;
     std::unique_ptr<sim::Simulation> simulation_;
     std::vector<const sim::Block*> block_;
+    std::vector<Line> lines_;
+    std::span<const sim::SentFrame> arrived_;  // frames of the sensor whose turn it is, not yet taken
     std::uint64_t sample_ = 0, began_ns_ = 0;
     std::size_t sensor_ = 0;
 };

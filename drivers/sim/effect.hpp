@@ -2,6 +2,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <span>
@@ -97,6 +98,15 @@ public:
     virtual void apply(Block& block) noexcept = 0;
 };
 
+// A cheaper model of an effect, in one setting.
+struct Level {
+    std::string_view name;  // named in `--effects exact_overlap:cubic`
+    // No channel differs by more, N, from what the effect itself would make, on any input that keeps within the extent; gain
+    // and jump are those of the effect.
+    double error_N;
+    std::function<std::unique_ptr<Effect>(const Setting&)> make;  // setup
+};
+
 struct EffectEntry {
     std::string_view name;   // as in `--effects creep,noise`
     std::string_view title;  // for a report
@@ -104,12 +114,18 @@ struct EffectEntry {
     std::string_view source;
     Stage stage;
     std::string_view cost_class;  // c0 < 5 ns, c1 5 .. 50 ns, c2 0.05 .. 1 us, c3 1 .. 50 us a sample
-    double instructions;          // a sample of a sensor with all its channels, measured: what the choice counts as its cost
+    double instructions;          // a sample of a sensor with all its channels, measured
     unsigned models;              // bits 1 << int(Model); it concerns no others
     std::vector<Parameter> parameters;
-    Bound (*bound)(const Setting&);                   // setup
-    std::unique_ptr<Effect> (*make)(const Setting&);  // setup
+    Bound (*bound)(const Setting&);                          // setup
+    std::unique_ptr<Effect> (*make)(const Setting&);         // setup
+    std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; those that it has here, any order
 };
+
+// The cost of an effect for the choice, ns a sample of a sensor with all its channels: the table costs.inc, which
+// `sim_bench --costs` measures in one run, so that the choice is the same on every machine. `level`: empty = the effect
+// itself. Without a line in the table it is the instructions, ten a ns; for a level half of that. setup
+double cost_ns(const EffectEntry& effect, std::string_view level, Model model);
 
 inline constexpr unsigned kTable = 1u << int(Model::table), kHair = 1u << int(Model::hair),
                           kCapacitive = 1u << int(Model::capacitive), kAll = kTable | kHair | kCapacitive;

@@ -60,14 +60,13 @@ Reach reach_of(const Segment& s, double State::*quantity, double amplitude = 0) 
     return r;
 }
 
-// The contact's centre, seen from the sensor, and the sensor's share of the load.
+// The contact's centre, seen from the sensor.
 struct Place {
-    double arm_m[2] = {0, 0};               // |x|, |y|
-    double moves_m_s = 0, hops_m = 0;       // of the centre, on the sensor
-    double share_rate = 0, share_jump = 0;  // of its taxel's share
+    double arm_m[2] = {0, 0};          // |x|, |y|
+    double moves_m_s = 0, hops_m = 0;  // of the centre, on the sensor
 };
 
-Place place_of(const Segment& s, const Sensor& sensor, double radius_m, bool covers) {
+Place place_of(const Segment& s, const Sensor& sensor, bool covers) {
     Place p;
     if (covers) return p;
     const double turn_cos = std::cos(sensor.turn_rad), turn_sin = std::sin(sensor.turn_rad);
@@ -79,16 +78,28 @@ Place place_of(const Segment& s, const Sensor& sensor, double radius_m, bool cov
     const Reach x = reach_of(s, &State::x_m), y = reach_of(s, &State::y_m);
     p.moves_m_s = std::hypot(x.rate, y.rate);
     p.hops_m = std::hypot(x.jump, y.jump);
-    if (sensor.half_width_m > 0) {
-        p.share_rate = p.moves_m_s / radius_m;  // each side of the overlap loses at most 1 / 2a a metre
-        p.share_jump = std::min(1.0, p.hops_m / radius_m);
+    if (sensor.half_width_m > 0)
         for (double& arm : p.arm_m) arm = std::min(arm, sensor.half_width_m);
-    }
     return p;
 }
 
+// Motion of an array's taxel's share, as a factor of the whole load: its own rate and jump, and, under a sphere, what the
+// growth of the contact adds to those of the press.
+struct Sharing {
+    double rate_1_s = 0, jump = 0, growth = 0;
+};
+
+// A share o of overlaps in x and y. An even pressure loses at most 1 / 2a a metre at each side, Hertz's 3 / 4a: together at
+// most 1.07 / a along a path. A sphere's a goes with the cube root of the press N: |N do/dN| <= 2/3 max u p(u) = 0.385, and
+// N / a grows with N. So a press moves as under its largest radius, and a shear, which may be there without a press, as
+// under its smallest, which may be a point.
+Sharing sharing_of(const Place& place, double radius_m, bool grows) {
+    return {1.07 * place.moves_m_s / radius_m, std::min(1.0, 1.07 * place.hops_m / radius_m), grows ? 0.385 : 0};
+}
+
 // The components of the load during a segment.
-std::array<Reach, kAxes> loads_of(const Segment& s, const Sensor& sensor, const Place& place, double share) {
+std::array<Reach, kAxes> loads_of(const Segment& s, const Body& body, const Sensor& sensor, const Place& place,
+                                  double share) {
     Reach press = reach_of(s, &State::press_N, s.wave_on_press ? s.amplitude_N : 0);
     press.span = {std::max(0.0, press.span.min), std::max(0.0, press.span.max)};
     const Reach shear = reach_of(s, &State::shear_N, s.wave_on_press ? 0 : s.amplitude_N);
@@ -104,11 +115,18 @@ std::array<Reach, kAxes> loads_of(const Segment& s, const Sensor& sensor, const 
         load[kFx] = load[kFy] = share * any;
     }
     load[kFz] = -share * press;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-        const double whole = share * (axis == kFz ? N : T);
-        load[axis].rate += whole * place.share_rate;
-        load[axis].jump += whole * place.share_jump;
-        if (sensor.half_width_m > 0) load[axis].span.take(0);  // the contact may be elsewhere
+    if (sensor.half_width_m > 0 && !covers_array(body, sensor)) {
+        const double least_N = std::max(press.span.min, 1e-12);
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+            const double whole = share * (axis == kFz ? N : T), radius_N = axis == kFz ? N : press.span.min;
+            const Sharing sharing =
+                sharing_of(place, footprint_m(body, sensor, sensor.share * radius_N), grows(body, sensor));
+            const double pressed = axis == kFz ? 1 : T / least_N;  // share of the load for each newton of the press
+            load[axis].rate += whole * sharing.rate_1_s + share * sharing.growth * pressed * press.rate;
+            load[axis].jump += whole * sharing.jump + share * std::min(sharing.growth * pressed * press.jump, 2 * (N + T));
+            load[axis].end_jump += share * std::min(sharing.growth * pressed * press.end_jump, 2 * (N + T));
+            load[axis].span.take(0);  // the contact may be elsewhere
+        }
     }
     for (std::size_t m = 0; m < 2; ++m) {
         const double arm = place.arm_m[1 - m], max = share * N;
@@ -189,8 +207,8 @@ Extent Motion::extent(const Sensor& sensor, std::size_t upto) const {
     const double share = sensor.share / (covers ? double(sensor.rows * sensor.columns) : 1);
     for (std::size_t i = 0; i < segments_.size() && i <= upto; ++i) {
         const Segment& s = segments_[i];
-        const Place place = place_of(s, sensor, contact_radius(body_, sensor), covers);
-        const auto load = loads_of(s, sensor, place, share);
+        const Place place = place_of(s, sensor, covers);
+        const auto load = loads_of(s, body_, sensor, place, share);
         for (std::size_t axis = 0; axis < kAxes; ++axis) {
             span[axis].take(load[axis].span.min);
             span[axis].take(load[axis].span.max);

@@ -12,6 +12,7 @@ public:
             block.missing[n] = 0;
             block.lost[n] = 0;
             block.dropped[n] = false;
+            block.arrives[n] = {1, 0};
         }
     }
 

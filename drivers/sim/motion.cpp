@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+
+#include "drivers/sim/effects/skin.hpp"
 
 namespace tactiled::sim {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
+constexpr double kPoint_m = 1e-6;  // no contact is smaller
 
 double course_of(const Segment& s, double u) noexcept {
     if (s.course == Course::at_once) return 1;
@@ -31,9 +35,22 @@ double wave_of(const Segment& s, double since_s, double u) noexcept {
     return 0;
 }
 
-// The part of [x - a, x + a] that lies on a cell of that half width.
-double overlap(double x, double a, double half) noexcept {
-    return std::max(0.0, std::min(x + a, half) - std::max(x - a, -half)) / (2 * a);
+// The share of a contact of half width a about x that lies on a cell of that half width: of a flat body's even pressure, or
+// of Hertz's, whose sum across the contact goes with 1 - u^2. Over all cells of a row the shares add up to 1.
+double overlap(double x, double a, double half, bool round) noexcept {
+    const auto below = [&](double edge) {
+        const double u = std::clamp((edge - x) / a, -1.0, 1.0);
+        return round ? 0.5 + u * (0.75 - 0.25 * u * u) : 0.5 + 0.5 * u;
+    };
+    return below(half) - below(-half);
+}
+
+// Sample n is as the one before.
+void stay(Block& block, std::size_t n) noexcept {
+    for (Block::Row& row : block.load) row[n] = row[n - 1];
+    for (Block::Row* row : {&block.x_m, &block.y_m, &block.radius_m, &block.speed_m_s, &block.slide_m, &block.ambient_K,
+                            &block.body_K, &block.acceleration_m_s2})
+        (*row)[n] = (*row)[n - 1];
 }
 
 }  // namespace
@@ -41,6 +58,15 @@ double overlap(double x, double a, double half) noexcept {
 double contact_radius(const Body& body, const Sensor& sensor) noexcept {
     const bool flat = body.shape == Body::Shape::flat || body.shape == Body::Shape::textured;
     return flat ? sensor.table.plate_radius_m : body.radius_m;
+}
+
+bool grows(const Body& body, const Sensor& sensor) noexcept {
+    return sensor.half_width_m > 0 && body.shape == Body::Shape::sphere;
+}
+
+double footprint_m(const Body& body, const Sensor& sensor, double press_N) noexcept {
+    if (!grows(body, sensor)) return contact_radius(body, sensor);
+    return std::max(hertz_radius_m(press_N, body.radius_m, contact_modulus_Pa(skin(sensor), body)), kPoint_m);
 }
 
 bool covers_array(const Body& body, const Sensor& sensor) noexcept {
@@ -51,13 +77,16 @@ Motion::Motion(std::vector<Segment> segments, const Body& body) : segments_(std:
     double slid = 0;
     for (Segment& s : segments_) {
         s.slid_m = slid;
+        s.still = s.from == s.to && s.from.speed_m_s == 0 && (s.wave == Wave::none || s.amplitude_N == 0);
         slid += (s.from.speed_m_s + (s.to.speed_m_s - s.from.speed_m_s) * path_of(s, 1)) * (s.end_s - s.begin_s);
     }
 }
 
 void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
-    const double radius = contact_radius(body_, sensor), half = sensor.half_width_m;
-    const bool covers = covers_array(body_, sensor);
+    const double half = sensor.half_width_m;
+    const bool covers = covers_array(body_, sensor), round = grows(body_, sensor);
+    const double modulus_Pa = round ? contact_modulus_Pa(skin(sensor), body_) : 0;
+    double radius = contact_radius(body_, sensor);
     const double fair = sensor.share / (covers ? double(sensor.rows * sensor.columns) : 1);
     const double turn_cos = std::cos(sensor.turn_rad), turn_sin = std::sin(sensor.turn_rad);
     std::size_t at = 0;  // the segment, found anew in each block: times may go back a little
@@ -66,12 +95,19 @@ void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
                                             [](double t, const Segment& s) { return t < s.end_s; });
         at = std::min(std::size_t(later - segments_.begin()), segments_.size() - 1);
     }
+    const Segment* last = nullptr;  // segment of the sample before
+    double last_direction = std::numeric_limits<double>::quiet_NaN(), cosine = 1, sine = 0;
     for (std::size_t n = 0; n < block.n; ++n) {
         const double t = block.t_s[n];
         if (segments_.empty()) return;
         while (at + 1 < segments_.size() && t >= segments_[at].end_s) ++at;
         while (at > 0 && t < segments_[at].begin_s) --at;
         const Segment& s = segments_[at];
+        if (s.still && last == &s) {
+            stay(block, n);
+            continue;
+        }
+        last = &s;
         const double since = std::clamp(t, s.begin_s, s.end_s) - s.begin_s;
         const double u = since / (s.end_s - s.begin_s), c = course_of(s, u);
         const auto between = [&](double State::*q) { return s.from.*q + (s.to.*q - s.from.*q) * c; };
@@ -86,11 +122,17 @@ void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
         if (covers) {
             x = y = 0;
         } else if (half > 0) {
-            share *= overlap(x, radius, half) * overlap(y, radius, half);
+            if (round) radius = std::max(hertz_radius_m(sensor.share * press, body_.radius_m, modulus_Pa), kPoint_m);
+            share *= overlap(x, radius, half, round) * overlap(y, radius, half, round);
             x = std::clamp(x, -half, half);
             y = std::clamp(y, -half, half);
         }
-        const double fx = share * shear * std::cos(direction), fy = share * shear * std::sin(direction);
+        if (direction != last_direction) {
+            last_direction = direction;
+            cosine = std::cos(direction);
+            sine = std::sin(direction);
+        }
+        const double fx = share * shear * cosine, fy = share * shear * sine;
         const double fz = -share * press;
         block.load[kFx][n] = fx;
         block.load[kFy][n] = fy;

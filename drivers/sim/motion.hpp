@@ -32,6 +32,8 @@ struct State {
     double speed_m_s = 0;                   // of sliding
     double ambient_K = 0, body_K = 0;       // above that at which the scene began
     double acceleration_m_s2 = 0;           // of the sensors, against gravity
+
+    bool operator==(const State&) const = default;
 };
 
 // Course of a motion from its start to its end, u = 0 .. 1.
@@ -48,6 +50,7 @@ struct Segment {
     double amplitude_N = 0;
     double from_Hz = 0, to_Hz = 0;  // a sine's frequency goes linearly from one to the other
     double slid_m = 0;              // path slid before it
+    bool still = false;             // without any change
     std::string kind;               // as the scene names it
     std::uint32_t line = 0;
 };
@@ -105,6 +108,11 @@ private:
 // Half the width of the contact before any effect changes it: the body's radius; a flat body covers the sensor. rt:
 // wait-free
 double contact_radius(const Body& body, const Sensor& sensor) noexcept;
+// True if the contact on the sensor's array grows with the press: a sphere's. rt: wait-free
+bool grows(const Body& body, const Sensor& sensor) noexcept;
+// Half the width of the contact on an array under a press on all of it: a sphere's by Hertz with the skin's stiffness, at
+// least 1 um; else as contact_radius(). rt: wait-free
+double footprint_m(const Body& body, const Sensor& sensor, double press_N) noexcept;
 // True if the body lies on all taxels of the sensor's array alike. rt: wait-free
 bool covers_array(const Body& body, const Sensor& sensor) noexcept;
 

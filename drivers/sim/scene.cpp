@@ -50,6 +50,8 @@ void read_expectations(Options& scene) {
         e.text("calibration");
         e.text("method", "");
         e.numbers("within_N", {0, 1e4}, {3, 3});
+        for (const char* key : {"gain_within", "leak_within", "late_within_s", "spread_within"})
+            e.numbers(key, {0, 1e4}, {3, 3});
         e.number("from_s", {0, 1e7}, 0);
         e.number("to_s", {0, 1e7}, 1e7);
         e.number("share", {0, 1}, 0.99);

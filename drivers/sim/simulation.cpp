@@ -46,7 +46,10 @@ Simulation::Simulation(const Scene& scene, const std::string& effects, std::size
                 if (!decision.on || decision.effect->stage != stage) continue;
                 const auto number =
                     std::size_t(std::find(chain().begin(), chain().end(), decision.effect) - chain().begin());
-                line.steps.push_back({decision.effect->make(scene.setting(number, sensor, line.extent)), stage, d});
+                const Setting setting = scene.setting(number, sensor, line.extent);
+                auto effect = decision.level == Decision::kItself ? decision.effect->make(setting)
+                                                                  : decision.levels[decision.level].make(setting);
+                line.steps.push_back({std::move(effect), stage, d});
             }
         }
     }

@@ -1,5 +1,6 @@
 // A scene at work: for each sensor a line of steps, the chosen effects and the linear model between them, and nothing else.
 #pragma once
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,6 +25,10 @@ public:
     // as much as the effects do, so it is off by default.
     void measure_shares(bool on) { measures_shares_ = on; }
     [[nodiscard]] const std::vector<double>& shares_N(std::size_t sensor) const { return lines_[sensor].shares_N; }
+    // From now on. rt: wait-free
+    void reset_shares(std::size_t sensor) noexcept {
+        std::fill(lines_[sensor].shares_N.begin(), lines_[sensor].shares_N.end(), 0.0);
+    }
 
     // ns that each chosen effect has taken so far, in the order of choice().decisions, and last what the linear model took.
     // One reading of the clock lies within each step of a block; off by default, and shares_N are not measured with it.

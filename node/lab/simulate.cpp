@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 #include <numeric>
+#include <optional>
 
 #include "config/text_file.hpp"
 #include "node/ctl/command_line.hpp"
@@ -20,6 +21,7 @@ struct Args {
     std::vector<std::string> ptys;
     Wire wire;
     double speed = 1;
+    std::optional<std::uint64_t> seed;
     bool json = false, list = false;
 };
 
@@ -73,12 +75,13 @@ int simulate(const Args& args) {
     if (args.list) return list_effects(args);
     if (args.scene.empty()) throw SetupError("--scene: name the scene's file, or ask for --list");
     check_files(args);
-    const sim::Scene scene = sim::read_scene(args.scene);
+    sim::Scene scene = sim::read_scene(args.scene);
+    if (args.seed) scene.seed = *args.seed;
     const auto sensors = sensors_of(scene, args.sensor);
     const sim::Simulation chosen(scene, args.effects);
     const bool files = !args.out.empty() || !args.truth.empty();
     if (files) write_csv(scene, args.effects, args.out, args.truth);
-    if (!args.figure.empty()) replace_file(args.figure, timeline_svg(scene, scene.sensors[sensors.front()]));
+    if (!args.figure.empty()) replace_file(args.figure, timeline_svg(scene, args.effects, sensors.front()));
     if (!args.report.empty() || args.json) {
         Report report{chosen, args.effects, sensors, {}};
         for (const std::size_t i : sensors) report.measured.push_back(measure(scene, args.effects, i));
@@ -98,13 +101,15 @@ void add_simulate(CLI::App& app, Run& run) {
     auto* verb = add_verb(app, "simulate", laboratory_help("simulate"));
     verb->add_option("--scene", args->scene, "the scene, config/scenes/*.toml");
     verb->add_option("--effects", args->effects,
-                     "auto: those that the scene calls for; all; none; or names with commas, see --list")
+                     "auto: those that the scene calls for; all; none; or names with commas, NAME or NAME:LEVEL, see --list")
         ->capture_default_str();
+    verb->add_option("--seed", args->seed, "of noise and chance, instead of the scene's own")
+        ->check(CLI::Range(std::uint64_t(0), std::uint64_t(9'000'000'000'000'000)));
     verb->add_option("--out", args->out, "signals.csv: t_s and a column a channel; - is standard output");
     verb->add_option("--truth", args->truth, "truth.csv: the loads and the centre of contact; - is standard output");
     verb->add_option("--report", args->report,
-                     "a page on each effect: bound, cost, on or off and why, measured share, and the figure");
-    verb->add_option("--figure", args->figure, "the figure alone, SVG: when the effects come on; of the first sensor");
+                     "a page on each effect: the force without it, level, cost, on or off and why, and the figure");
+    verb->add_option("--figure", args->figure, "the figure alone, SVG: what the effects did when; of the first sensor");
     verb->add_option("--sensor", args->sensor, "report, figure and JSON of this sensor alone");
     verb->add_option("--pty", args->ptys,
                      "be the sensors' device behind this name; one for each sensor, or one for all with --format cobs")

@@ -1,5 +1,6 @@
 // The parts of `tactilectl simulate`, one file each.
 #pragma once
+#include <array>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -29,7 +30,12 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
 
 struct Measured {
     // One entry for each effect that concerns the sensor, in the order of Choice::decisions, with all of them active:
-    std::vector<double> share_N;     // largest change that it made to a channel
+    std::vector<double> share_N;  // largest change that it made to a channel
+    // For each, in a run of the scene's first samples with the chosen effects: by how much the force that the sensor's gains
+    // make of the channels differs without it, or with it where it was not chosen; fx fy fz, the largest. NaN where the
+    // gains do not determine a force.
+    std::vector<std::array<double, 3>> force_N;
+    std::uint64_t force_samples = 0;
     std::vector<double> time_ns;     // it took a sample
     double linear_ns = 0;            // the linear model's time a sample, in the same run
     double none_ns = 0, all_ns = 0;  // a sample without effects, with all
@@ -40,7 +46,7 @@ struct Measured {
 // setup; runs the whole scene twice, and parts of it again against the clock
 Measured measure(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
 
-// ---- simulate_timeline.cpp: which effects a scene would call for that ended earlier ----
+// ---- simulate_timeline.cpp: what the chosen effects did when, from a run of the whole scene ----
 
 struct Timeline {
     struct Named {
@@ -48,10 +54,11 @@ struct Timeline {
         std::string kind;
     };
     struct Row {
-        const sim::EffectEntry* effect;
-        std::vector<std::pair<double, double>> on_s;  // begin, end
-        double bound_N;                               // over the whole scene
-        std::string_view why;                         // at its end
+        const sim::Decision* decision;
+        // Begin and end of what it changed a channel by more than a hundredth of the wanted accuracy in; where it is on, it
+        // ran all the time. An effect on the time of samples: always.
+        std::vector<std::pair<double, double>> changed_s;
+        double largest_N;  // change of a channel
     };
     struct Lane {  // motion of the body
         std::string name, unit;
@@ -60,12 +67,16 @@ struct Timeline {
     double length_s = 0;
     std::vector<Named> motions;  // neighbours of one kind are one
     std::vector<Lane> lanes;     // only lanes that change
-    std::vector<Row> rows;       // in the order in which they come on; those that never do, last
+    sim::Choice choice;
+    std::vector<Row> rows;  // in the order of their first change; those that are off, last
+    Timeline() = default;
+    Timeline(const Timeline&) = delete;  // rows point into the choice
+    Timeline(Timeline&&) = default;
 };
-Timeline timeline(const sim::Scene& scene, const sim::Sensor& sensor);
+Timeline timeline(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
 
 // simulate_figure.cpp. An SVG that stands alone and in a page.
-std::string timeline_svg(const sim::Scene& scene, const sim::Sensor& sensor);
+std::string timeline_svg(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
 
 // ---- simulate_report.cpp, simulate_text.cpp ----
 
@@ -82,6 +93,8 @@ std::string choice_text(const sim::Simulation& simulation, const std::vector<std
 std::string effects_text();
 nlohmann::json effects_json();
 
+// Name in `--effects`: the effect, and its level where it has one. NAME or NAME:LEVEL.
+std::string name_of(const sim::Decision& decision);
 const char* name_of(sim::Stage stage);
 const char* name_of(sim::Model model);
 

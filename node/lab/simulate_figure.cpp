@@ -26,10 +26,10 @@ public:
           time_({0, t.length_s}, kLeft, kWidth - kRight),
           svg_({.width = kWidth,
                 .height = foot_ + kAxis,
-                .about = "effects that the scene calls for, over its time",
+                .about = "what the effects did over the time of the scene",
                 .css_class = "wide",
                 .font_size = 11}) {
-        const auto on = std::count_if(t.rows.begin(), t.rows.end(), [](const auto& row) { return !row.on_s.empty(); });
+        const auto on = std::count_if(t.rows.begin(), t.rows.end(), [](const auto& row) { return row.decision->on; });
         bars_foot_ = rows_ + kRow * double(on);
     }
 
@@ -50,7 +50,7 @@ private:
         marks.add_x({kLeft, kWidth - kRight, kTitle + kMotion, foot_}, time_, axis_ticks({0, t_.length_s}), 14);
         svg_.put(marks.numbers + svg_line(marks.grid, {.css_class = "grid", .colour = "#d0d7de"}));
         svg_.put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">time, s</text>\n", x(t_.length_s / 2), foot_ + 30);
-        svg_.put("<text x=\"{:.0f}\" y=\"{:.0f}\">bound at</text><text x=\"{:.0f}\" y=\"{:.0f}\">the end, N</text>\n",
+        svg_.put("<text x=\"{:.0f}\" y=\"{:.0f}\">largest</text><text x=\"{:.0f}\" y=\"{:.0f}\">change, N</text>\n",
                  kWidth - kRight + 8, rows_ - 20, kWidth - kRight + 8, rows_ - 7);
     }
 
@@ -88,16 +88,21 @@ private:
     }
 
     void row(const Timeline::Row& row, double top) {
-        const bool ever = !row.on_s.empty();
+        const bool ever = row.decision->on;
         const char* faint = ever ? "" : " opacity=\"0.6\"";
         svg_.put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\"{}>{}</text>\n", kLeft - 8, top + 11, faint,
-                 html_text(row.effect->name));
+                 html_text(name_of(*row.decision)));
         if (!ever)
-            svg_.put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11, html_text(row.why));
-        for (const auto& [begin_s, end_s] : row.on_s)
+            svg_.put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11,
+                     html_text(row.decision->why));
+        if (ever)
+            svg_.put(svg_line(fmt::format("M{:.1f} {:.1f}H{:.1f}", x(0), top + kRow / 2, x(t_.length_s)),
+                              {.css_class = "frame", .colour = "#8c959f"}));
+        for (const auto& [begin_s, end_s] : row.changed_s)
             svg_.put("<path class=\"bar\" fill=\"#1f5fa8\" d=\"M{:.1f} {:.1f}H{:.1f}v{}H{:.1f}Z\"/>\n", x(begin_s), top + 2,
                      std::max(x(end_s), x(begin_s) + 0.5), kRow - 4, x(begin_s));
-        svg_.put("<text x=\"{}\" y=\"{:.0f}\"{}>{:.2g}</text>\n", kWidth - kRight + 8, top + 11, faint, row.bound_N);
+        if (ever && row.decision->effect->stage != sim::Stage::time)
+            svg_.put("<text x=\"{}\" y=\"{:.0f}\">{:.2g}</text>\n", kWidth - kRight + 8, top + 11, row.largest_N);
     }
 
     const Timeline& t_;
@@ -108,8 +113,9 @@ private:
 
 }  // namespace
 
-std::string timeline_svg(const sim::Scene& scene, const sim::Sensor& sensor) {
-    const Timeline t = timeline(scene, sensor);
+std::string timeline_svg(const sim::Scene& scene, const std::string& effects, std::size_t number) {
+    const Timeline t = timeline(scene, effects, number);
+    const sim::Sensor& sensor = scene.sensors[number];
     return Drawing(t).text(fmt::format("{}: sensor {} ({}), {:.3g} N wanted", scene.title, sensor.name,
                                        name_of(sensor.model), scene.wanted_N(sensor)));
 }

@@ -112,6 +112,84 @@ void measure_times(const Scene& scene, const std::string& effects, std::size_t s
     result.linear_ns = median(step_ns[n]);
 }
 
+// 3 x n: the force, fx fy fz, that the gains make of a change of the channels by least squares, each channel in its newtons.
+struct ForceOfChange {
+    std::array<std::array<double, sim::kMaxSensorChannels>, 3> row{};
+
+    explicit ForceOfChange(const sim::Sensor& sensor) {
+        double a[3][6] = {};  // normal matrix | unit matrix, by Gauss and Jordan
+        for (std::size_t k = 0; k < sensor.n(); ++k) {
+            if (!(sensor.per_N[k] > 0)) continue;
+            for (std::size_t i = 0; i < 3; ++i)
+                for (std::size_t j = 0; j < 3; ++j)
+                    a[i][j] += sensor.gain[k][i] * sensor.gain[k][j] / (sensor.per_N[k] * sensor.per_N[k]);
+        }
+        for (std::size_t i = 0; i < 3; ++i) a[i][3 + i] = 1;
+        for (std::size_t i = 0; i < 3; ++i) {
+            const double pivot = a[i][i] > 1e-12 ? a[i][i] : std::nan("");
+            for (double& x : a[i]) x /= pivot;
+            for (std::size_t r = 0; r < 3; ++r) {
+                if (r == i) continue;
+                const double factor = a[r][i];
+                for (std::size_t c = 0; c < 6; ++c) a[r][c] -= factor * a[i][c];
+            }
+        }
+        for (std::size_t i = 0; i < 3; ++i)
+            for (std::size_t k = 0; k < sensor.n(); ++k)
+                for (std::size_t j = 0; j < 3 && sensor.per_N[k] > 0; ++j)
+                    row[i][k] += a[i][3 + j] * sensor.gain[k][j] / (sensor.per_N[k] * sensor.per_N[k]);
+    }
+};
+
+// The chosen effects but for number `d`, or with it too where it was not chosen.
+std::string other_choice(const sim::Choice& choice, std::size_t d) {
+    std::string list;
+    for (std::size_t i = 0; i < choice.decisions.size(); ++i)
+        if (choice.decisions[i].on != (i == d)) list += (list.empty() ? "" : ",") + name_of(choice.decisions[i]);
+    return list.empty() ? "none" : list;
+}
+
+constexpr std::uint64_t kForceSamples = 60'000;
+
+void measure_forces(const Scene& scene, const std::string& effects, std::size_t sensor_number, Measured& result) {
+    const sim::Sensor& sensor = scene.sensors[sensor_number];
+    const ForceOfChange force(sensor);
+    Scene one = scene;  // the others would only take time
+    one.sensors = {sensor};
+    using Row = std::array<double, sim::kMaxSensorChannels>;
+    const auto channels = [&](const std::string& list) {
+        Simulation simulation(one, list);
+        std::vector<Row> rows;
+        for (const Block* b = &simulation.advance(0); b->n > 0 && rows.size() < kForceSamples; b = &simulation.advance(0))
+            for (std::size_t n = 0; n < b->n; ++n) {
+                Row& row = rows.emplace_back();
+                for (std::size_t k = 0; k < sensor.n(); ++k)
+                    row[k] = b->dropped[n] || (b->missing[n] >> k & 1u) != 0 ? std::nan("") : b->channel[k][n];
+            }
+        return rows;
+    };
+    const std::vector<Row> base = channels(effects);
+    result.force_samples = base.size();
+    const sim::Choice choice = Simulation(scene, effects).choice(sensor_number);
+    Progress progress(fmt::format("forces without each effect, {}", sensor.name));
+    for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
+        std::array<double, 3> largest{};
+        if (choice.decisions[d].bound.change_N > 0) {
+            const std::vector<Row> other = channels(other_choice(choice, d));
+            for (std::size_t n = 0; n < base.size(); ++n)
+                for (std::size_t i = 0; i < 3; ++i) {
+                    double sum = 0;
+                    for (std::size_t k = 0; k < sensor.n(); ++k) sum += force.row[i][k] * (base[n][k] - other[n][k]);
+                    if (std::abs(sum) > largest[i]) largest[i] = std::abs(sum);
+                }
+        }
+        for (std::size_t i = 0; i < 3; ++i)
+            if (std::isnan(force.row[i][0])) largest[i] = std::nan("");
+        result.force_N.push_back(largest);
+        progress.show(double(d) / double(choice.decisions.size()));
+    }
+}
+
 }  // namespace
 
 Measured measure(const Scene& scene, const std::string& effects, std::size_t i) {
@@ -135,6 +213,7 @@ Measured measure(const Scene& scene, const std::string& effects, std::size_t i) 
         progress.show(double(done) / double(scene.samples));
     }
     result.share_N = all.shares_N(i);
+    measure_forces(scene, effects, i, result);
     measure_times(scene, effects, i, result);
     return result;
 }

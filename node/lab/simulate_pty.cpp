@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 
+#include "drivers/sim/arrivals.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/lab/simulate.hpp"
 #include "tactiled/reader.hpp"
@@ -42,17 +43,17 @@ void check(const sim::Scene& scene, const std::vector<std::string>& ptys, const 
 // One sensor's frames as they come: what was dropped shows as a gap in the counter, which goes with the samples.
 struct Device {
     Port* port;
+    sim::Arrivals arrivals;
 
     // The device's clock runs with the host's, not with the scene's.
-    Frame frame(const sim::Sensor& sensor, const sim::Block& block, std::size_t n, bool shares_port, double speed) {
+    static Frame frame(const sim::Sensor& sensor, const sim::SentFrame& sent, bool shares_port, double speed) {
         Frame frame;
-        frame.sequence = std::uint32_t((block.first + n) / sensor.every);
-        frame.device_time_us = std::uint64_t(std::max(0.0, block.t_s[n]) / speed * 1e6 + kClockOffset_us);
+        frame.sequence = std::uint32_t(sent.sample / sensor.every);
+        frame.device_time_us = std::uint64_t(std::max(0.0, sent.t_s) / speed * 1e6 + kClockOffset_us);
         frame.device = shares_port ? sensor.device : std::uint16_t(0);
         frame.n_channels = std::uint8_t(sensor.n());
         for (std::size_t k = 0; k < sensor.n(); ++k)
-            frame.channel[k] =
-                (block.missing[n] >> k & 1u) != 0 ? std::numeric_limits<double>::quiet_NaN() : block.channel[k][n];
+            frame.channel[k] = (sent.missing >> k & 1u) != 0 ? std::numeric_limits<double>::quiet_NaN() : sent.channel[k];
         return frame;
     }
 };
@@ -69,7 +70,8 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
     for (const auto& pty : ptys) ports.push_back(std::make_unique<Port>(pty));
     for (const auto& port : ports) wait_for_reader(*port);
     std::vector<Device> devices;
-    for (std::size_t i = 0; i < sensors; ++i) devices.push_back({ports[std::min(i, ports.size() - 1)].get()});
+    for (std::size_t i = 0; i < sensors; ++i)
+        devices.push_back({ports[std::min(i, ports.size() - 1)].get(), sim::Arrivals(scene.sensors[i])});
 
     std::uint64_t sent = 0, dropped = 0;
     std::vector<const sim::Block*> block(sensors);
@@ -80,10 +82,10 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
             const std::uint64_t sample = done + n;
             sleep_until(began_ns + std::uint64_t(double(sample) / scene.rate_Hz / speed * 1e9));
             for (std::size_t i = 0; i < sensors && interrupted == 0; ++i) {
-                const sim::Sensor& sensor = scene.sensors[i];
-                if (sample % sensor.every != 0) continue;
-                const Frame frame = devices[i].frame(sensor, *block[i], n, ports.size() < sensors, speed);
-                if (!block[i]->dropped[n]) ++(wire.send(*devices[i].port, frame) ? sent : dropped);
+                for (const sim::SentFrame& frame : devices[i].arrivals.take(*block[i], n))
+                    ++(wire.send(*devices[i].port, Device::frame(scene.sensors[i], frame, ports.size() < sensors, speed))
+                           ? sent
+                           : dropped);
             }
         }
     }

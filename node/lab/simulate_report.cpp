@@ -68,38 +68,46 @@ std::string stated(const sim::Sensor& sensor, const sim::Extent& e) {
 }
 
 std::string effects_table(const sim::Sensor& sensor, const sim::Choice& choice, const Measured& m) {
-    std::string rows = html_row(
-        {"effect", "what", "stage", "class", "bound, N", "measured share, N", "instructions", "measured, ns", "", "why"},
-        "th");
+    std::string rows = html_row({"effect", "what", "stage", "force without it, N: fx", "fy", "fz", "at most, N", "", "level",
+                                 "error now, N", "cost, ns", "measured, ns", "measured share, N", "why"},
+                                "th");
     for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
         const sim::Decision& decision = choice.decisions[d];
         const sim::EffectEntry& effect = *decision.effect;
+        const bool lowered = decision.on && decision.level != sim::Decision::kItself;
         rows += html_row({html_text(effect.name), html_text(effect.title), name_of(effect.stage),
-                          html_text(effect.cost_class), html_number(decision.bound.change_N, 3),
-                          effect.stage == sim::Stage::time ? "–" : html_number(m.share_N[d], 3),
-                          html_number(effect.instructions, 6), d < m.time_ns.size() ? html_number(m.time_ns[d], 3) : "–",
-                          decision.on ? "<strong>on</strong>" : "off", html_text(decision.why)});
+                          html_number(m.force_N[d][0], 2), html_number(m.force_N[d][1], 2), html_number(m.force_N[d][2], 2),
+                          html_number(decision.bound.change_N, 3), decision.on ? "<strong>on</strong>" : "off",
+                          lowered       ? html_text(decision.levels[decision.level].name)
+                          : decision.on ? "full"
+                                        : "–",
+                          html_number(decision.error_N(), 3), html_number(decision.spent_ns(), 3),
+                          d < m.time_ns.size() ? html_number(m.time_ns[d], 3) : "–",
+                          effect.stage == sim::Stage::time ? "–" : html_number(m.share_N[d], 3), html_text(decision.why)});
     }
     return "<h3>Effects</h3>\n" + html_table(rows, "effects-" + sensor.name);
 }
 
-std::string timeline_figure(const sim::Scene& scene, const sim::Sensor& sensor) {
-    return "<h3>When they come on</h3>\n<figure>\n" + timeline_svg(scene, sensor) +
-           "<figcaption>What the body does, and below it a bar for each effect over the motions at whose end a scene that "
-           "ended there would need it (--effects auto). An effect can go off again when others come on: what may be left "
-           "out is decided anew.</figcaption>\n</figure>\n";
+std::string timeline_figure(const sim::Scene& scene, const std::string& effects, std::size_t number) {
+    return "<h3>What they did when</h3>\n<figure>\n" + timeline_svg(scene, effects, number) +
+           "<figcaption>What the body does, and below it a line for each effect that ran, all the time, with a bar where it "
+           "changed a channel by more than a hundredth of the wanted accuracy; its largest change in N. Effects that were "
+           "left out stand below with the reason.</figcaption>\n</figure>\n";
 }
 
 constexpr const char* kHowToRead = R"(<h2>How to read the numbers</h2>
 <ul>
 <li>N stands for a channel's change too: its change in its own unit over its response to the axis that it responds to least, of
 those that it responds to at all. So an error is rather named too large than too small.</li>
-<li>Bound: the largest change that the effect can make to any channel in any scene that states the same. Effects are left out
-in the order of bound over instructions, as long as the guaranteed error stays within the wanted accuracy.</li>
+<li>Force without it: run of this scene's first samples (at most 60,000) with the chosen effects, and again without this one,
+or with it where it was not chosen; the largest difference of the force that the sensor's gains make of the channels.</li>
+<li>At most: the bound, the largest change that the effect can make to any channel in any scene that states the same.</li>
+<li>Level, error now: a cheaper model of the effect, and how far it can be off; of an effect that is off, its bound. The
+guaranteed error is the sum of these, handed on along the chain.</li>
+<li>Cost: ns a sample, measured for all effects and levels in one run and kept in a table, so that the choice is the same on
+every machine. The choice is the cheapest set with which the guaranteed error stays within the wanted accuracy.</li>
 <li>Measured share: the largest change that the effect made to a channel, in a run of the whole scene with all effects. Of
 what moves the instant of a sample it is not measured (–).</li>
-<li>Instructions: a sample of the sensor with all its channels, counted once and for all; the choice hangs on them alone, so
-that it is the same on every machine.</li>
 <li>Measured ns: a sample of the sensor, by reading the clock after each step of a block of 64 samples in a run with all
 effects; the median over pieces of 1024 samples, the clock's own time taken off. It is of this machine and this run.</li>
 <li>What a sample costs: the median of pieces of whole runs, without, with the chosen and with all effects in turn.</li>
@@ -115,7 +123,8 @@ std::string scene_html(const Report& report) {
         const sim::Sensor& sensor = scene.sensors[report.sensors[k]];
         const sim::Choice& choice = report.simulation.choice(report.sensors[k]);
         page += "<h2>Sensor " + html_text(sensor.name) + "</h2>\n" + sensor_facts(sensor, choice, report.measured[k]);
-        page += timeline_figure(scene, sensor) + effects_table(sensor, choice, report.measured[k]);
+        page +=
+            timeline_figure(scene, report.effects, report.sensors[k]) + effects_table(sensor, choice, report.measured[k]);
         page += stated(sensor, scene.motion.extent(sensor));
     }
     return html_page("Scene " + scene.title, page + kHowToRead);

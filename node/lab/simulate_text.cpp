@@ -35,7 +35,27 @@ nlohmann::json extent_json(const sim::Extent& e) {
     return json;
 }
 
+nlohmann::json levels_json(const sim::Decision& decision) {
+    auto json = nlohmann::json::array();
+    for (std::size_t i = 0; i < decision.levels.size(); ++i)
+        json.push_back({{"name", decision.levels[i].name},
+                        {"error_N", number(decision.levels[i].error_N)},
+                        {"cost_ns", number(decision.level_cost_ns[i])}});
+    return json;
+}
+
+nlohmann::json forces_json(const std::array<double, 3>& force) {
+    return {{"fx_N", number(force[0])}, {"fy_N", number(force[1])}, {"fz_N", number(force[2])}};
+}
+
 }  // namespace
+
+std::string name_of(const sim::Decision& decision) {
+    std::string name(decision.effect->name);
+    if (decision.on && decision.level != sim::Decision::kItself)
+        name += fmt::format(":{}", decision.levels[decision.level].name);
+    return name;
+}
 
 const char* name_of(sim::Stage stage) {
     static constexpr const char* kNames[] = {"time", "contact", "material", "transducer", "converter", "link"};
@@ -56,11 +76,11 @@ std::string choice_text(const sim::Simulation& simulation, const std::vector<std
         const sim::Choice& choice = simulation.choice(i);
         text += fmt::format("\n{} ({}): error by what is left out at most {:.3g} N; {:.3g} N wanted\n", sensor.name,
                             name_of(sensor.model), choice.guaranteed_N, choice.wanted_N);
-        text += fmt::format("{:24} {:>10} {:>5} {:>12} {:>12}  {}\n", "effect", "stage", "class", "bound, N", "instructions",
-                            "why");
+        text += fmt::format("{:28} {:>10} {:>13} {:>13} {:>8}  {}\n", "effect:level", "stage", "without it, N",
+                            "error now, N", "cost, ns", "why");
         for (const auto& d : choice.decisions)
-            text += fmt::format("{:24} {:>10} {:>5} {:>12.3g} {:>12g}  {}: {}\n", d.effect->name, name_of(d.effect->stage),
-                                d.effect->cost_class, d.bound.change_N, d.effect->instructions, d.on ? "on" : "off", d.why);
+            text += fmt::format("{:28} {:>10} {:>13.3g} {:>13.3g} {:>8.3g}  {}: {}\n", name_of(d), name_of(d.effect->stage),
+                                d.bound.change_N, d.error_N(), d.spent_ns(), d.on ? "on" : "off", d.why);
     }
     return text;
 }
@@ -134,6 +154,14 @@ nlohmann::json scene_json(const Report& report) {
                                       {"gain", number(decision.bound.gain)},
                                       {"jump_N", number(decision.bound.jump_N)},
                                       {"on", decision.on},
+                                      {"level", decision.on && decision.level != sim::Decision::kItself
+                                                    ? nlohmann::json(decision.levels[decision.level].name)
+                                                    : nlohmann::json(nullptr)},
+                                      {"levels", levels_json(decision)},
+                                      {"error_N", number(decision.error_N())},
+                                      {"cost_ns", number(decision.cost_ns)},
+                                      {"spent_ns", number(decision.spent_ns())},
+                                      {"without_N", forces_json(m.force_N[d])},
                                       {"why", decision.why},
                                       {"share_N", time ? nlohmann::json(nullptr) : number(m.share_N[d])},
                                       {"time_ns", d < m.time_ns.size() ? number(m.time_ns[d]) : nullptr}});

@@ -1,4 +1,4 @@
-// The effects that a scene would call for if it ended earlier, segment by segment. They come on one by one.
+// The chosen effects over the time of a scene: when each changed a channel, from a run of the whole scene.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -10,7 +10,8 @@ namespace {
 
 using sim::Block;
 
-constexpr std::size_t kMaxEnds = 200;     // segments at whose end the choice is made; of more, evenly some
+constexpr std::size_t kMaxParts = 400;    // parts of the scene, in which a change is looked for
+constexpr double kSeen = 0.01;            // share of the wanted accuracy: a change that counts
 constexpr std::size_t kLaneValues = 361;  // points of a curve over the scene
 
 std::vector<Timeline::Named> name_motions(const std::vector<sim::Segment>& segments, double length_s) {
@@ -51,39 +52,44 @@ std::vector<Timeline::Lane> lanes_of(const sim::Scene& scene, const sim::Sensor&
 
 }  // namespace
 
-Timeline timeline(const sim::Scene& scene, const sim::Sensor& sensor) {
-    const auto& segments = scene.motion.segments();
+Timeline timeline(const sim::Scene& scene, const std::string& effects, std::size_t number) {
+    const sim::Sensor& sensor = scene.sensors[number];
     Timeline result;
     result.length_s = std::min(scene.motion.length_s(), double(scene.samples) / scene.rate_Hz);
     if (!(result.length_s > 0)) result.length_s = scene.motion.length_s();
-    result.motions = name_motions(segments, result.length_s);
+    result.motions = name_motions(scene.motion.segments(), result.length_s);
     result.lanes = lanes_of(scene, sensor, result.length_s);
 
-    sim::Scene cut = scene;  // the scene so far
-    const std::size_t step = (segments.size() + kMaxEnds - 1) / kMaxEnds;
-    double begin_s = 0;
-    for (std::size_t i = 0; i < segments.size() && begin_s < result.length_s; i += step) {
-        const std::size_t last = std::min(i + step, segments.size()) - 1;
-        const double end_s = std::min(segments[last].end_s, result.length_s);
-        cut.samples = std::uint64_t(std::llround(end_s * scene.rate_Hz));
-        const sim::Extent extent = scene.motion.extent(sensor, last);
-        const sim::Choice choice = sim::choose(cut, sensor, extent, "auto");
-        for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
-            const sim::Decision& decision = choice.decisions[d];
-            if (result.rows.size() <= d) result.rows.push_back({decision.effect, {}, 0, ""});
+    sim::Simulation simulation(scene, effects);
+    simulation.measure_shares(true);
+    const sim::Choice& choice = simulation.choice(number);
+    for (const sim::Decision& d : choice.decisions) result.rows.push_back({&d, {}, 0});
+    const std::uint64_t blocks = (scene.samples + Block::kSize - 1) / Block::kSize;
+    const std::uint64_t per_part = std::max<std::uint64_t>(1, (blocks + kMaxParts - 1) / kMaxParts);
+    for (std::uint64_t done = 0; done < scene.samples;) {
+        const double begin_s = double(done) / scene.rate_Hz;
+        for (std::uint64_t i = 0; i < per_part && done < scene.samples; ++i) done += simulation.advance(number).n;
+        const double end_s = double(done) / scene.rate_Hz;
+        for (std::size_t d = 0; d < result.rows.size(); ++d) {
             Timeline::Row& row = result.rows[d];
-            row.bound_N = decision.bound.change_N;
-            row.why = decision.why;
-            if (!decision.on) continue;
-            if (!row.on_s.empty() && row.on_s.back().second == begin_s)
-                row.on_s.back().second = end_s;
+            const double change_N = simulation.shares_N(number)[d];
+            row.largest_N = std::max(row.largest_N, change_N);
+            if (!row.decision->on ||
+                (row.decision->effect->stage != sim::Stage::time && change_N <= kSeen * choice.wanted_N))
+                continue;
+            if (!row.changed_s.empty() && row.changed_s.back().second == begin_s)
+                row.changed_s.back().second = end_s;
             else
-                row.on_s.emplace_back(begin_s, end_s);
+                row.changed_s.emplace_back(begin_s, end_s);
         }
-        begin_s = end_s;
+        simulation.reset_shares(number);
     }
+    result.choice = choice;
+    for (std::size_t d = 0; d < result.rows.size(); ++d) result.rows[d].decision = &result.choice.decisions[d];
     std::stable_sort(result.rows.begin(), result.rows.end(), [](const Timeline::Row& a, const Timeline::Row& b) {
-        const auto first_s = [](const Timeline::Row& row) { return row.on_s.empty() ? HUGE_VAL : row.on_s[0].first; };
+        const auto first_s = [](const Timeline::Row& row) {
+            return !row.decision->on ? HUGE_VAL : row.changed_s.empty() ? 1e300 : row.changed_s[0].first;
+        };
         return first_s(a) < first_s(b);
     });
     return result;

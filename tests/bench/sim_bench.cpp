@@ -3,12 +3,15 @@
 //   sim_bench SCENE.toml ...              the table
 //   sim_bench --effects SCENE.toml        each effect of the scene: bound, share, ns
 //   sim_bench --run EFFECTS N SCENE.toml  N samples of each sensor, nothing else (for valgrind)
+//   sim_bench --costs                     drivers/sim/costs.inc: each effect and level alone, on each model, in one run
 //   sim_bench --memory SCENE.toml         10^8 samples: resident memory at each tenth
 // Times are the least of 7 runs, each over whole blocks; on a shared machine compare them within one run alone.
 #include <fmt/format.h>
 
 #include <unistd.h>
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <string>
@@ -73,7 +76,9 @@ struct Row {
 std::string without(const Choice& choice, const EffectEntry* left_out) {
     std::string list;
     for (const Decision& d : choice.decisions)
-        if (d.on && d.effect != left_out) list += (list.empty() ? "" : ",") + std::string(d.effect->name);
+        if (d.on && d.effect != left_out)
+            list += (list.empty() ? "" : ",") + std::string(d.effect->name) +
+                    (d.level == Decision::kItself ? "" : ":" + std::string(d.levels[d.level].name));
     return list.empty() ? "none" : list;
 }
 
@@ -148,6 +153,116 @@ long resident_kB() {
     return resident * (::sysconf(_SC_PAGESIZE) / 1024);
 }
 
+// A scene in which everything moves, so that every effect has something to do.
+Scene moving(Model model, bool round, bool array) {
+    const char* name[] = {"table", "hair", "capacitive"};
+    const double full_N[] = {0.8, 0.04, 6};
+    const double N = full_N[std::size_t(model)];
+    Problems problems;
+    return read_scene(
+        Options::parse_text(
+            fmt::format(R"(format = 1
+title = "everything moves"
+[body]
+shape = "{}"
+radius_m = 3e-4
+temperature_C = 33
+[[sensor]]
+name = "s"
+model = "{}"
+{}{}
+[[motion]]
+do = "press"
+to_N = {}
+[[motion]]
+do = "shear"
+to_N = {}
+direction_deg = 20
+[[motion]]
+do = "slide"
+speed_m_s = 0.05
+[[motion]]
+do = "warm"
+ambient_by_K = 2
+in_s = 0.1
+[[motion]]
+{}
+[effects.late_frames]
+begins = 1e-3
+[effects.repeated_frames]
+share = 1e-3
+[effects.overtaken_frames]
+share = 1e-3
+[effects.cut_frames]
+share = 1e-3
+)",
+                        round ? "sphere" : "textured", name[std::size_t(model)], array ? "array = [2, 2]\n" : "",
+                        model == Model::table && round ? "influence = \"" TACTILED_SOURCE_DIR
+                                                         "/config/calibration/table_influence.toml\"\n"
+                                                       : "",
+                        N, N / 3,
+                        round ? "do = \"move\"\nx_m = 6e-4\nin_s = 20"
+                              : fmt::format("do = \"shake\"\namplitude_N = {}\nfrom_Hz = 10\nfor_s = 20", N / 3)),
+            "moving.toml", problems),
+        problems);
+}
+
+// ns that one step adds to a run without effects: pieces of both in turn, the median of their differences.
+double added_ns(const Scene& scene, const std::string& effects) {
+    constexpr std::uint64_t kPiece = 2048;
+    std::vector<double> differences;
+    for (int trial = 0; trial < 3; ++trial) {
+        Simulation with(scene, effects), without(scene, "none");
+        const auto piece = [](Simulation& simulation) {
+            const double begun = seconds();
+            std::uint64_t done = 0;
+            while (done < kPiece) {
+                const std::size_t n = simulation.advance(0).n;
+                if (n == 0) return std::nan("");
+                done += n;
+            }
+            return (seconds() - begun) / double(done) * 1e9;
+        };
+        for (;;) {
+            const double a = piece(with), b = piece(without);
+            if (std::isnan(a) || std::isnan(b)) break;
+            differences.push_back(a - b);
+        }
+    }
+    std::nth_element(differences.begin(), differences.begin() + std::ptrdiff_t(differences.size() / 2), differences.end());
+    return std::max(0.1, differences[differences.size() / 2]);
+}
+
+void print_costs() {
+    for (const EffectEntry* effect : chain()) {
+        const bool round = effect->name == "contact_patch" || effect->name == "hertz_contact";
+        std::vector<std::string> levels{""};
+        std::vector<std::array<double, 3>> ns;
+        for (std::size_t i = 0; i < levels.size(); ++i) {
+            auto& row = ns.emplace_back();
+            for (const Model model : {Model::table, Model::hair, Model::capacitive}) {
+                if ((effect->models >> unsigned(model) & 1u) == 0) continue;
+                const Scene scene = moving(model, round, effect->name == "array_spread");
+                const Sensor& sensor = scene.sensors[0];
+                if (i == 0)
+                    for (const Decision& d : choose(scene, sensor, scene.motion.extent(sensor), "auto").decisions)
+                        for (const Level& level : d.levels)
+                            if (d.effect == effect && std::find(levels.begin(), levels.end(), level.name) == levels.end())
+                                levels.emplace_back(level.name);
+                const std::string name = std::string(effect->name) + (levels[i].empty() ? "" : ":" + levels[i]);
+                try {
+                    row[std::size_t(model)] = added_ns(scene, name);
+                } catch (const SetupError&) {}  // this model has no such level
+            }
+        }
+        for (std::size_t i = 0; i < levels.size(); ++i) {
+            fmt::print("    Cost{{\"{}\", \"{}\", {{{:.3g}, {:.3g}, {:.3g}}}}},\n", effect->name, levels[i], ns[i][0],
+                       ns[i][1], ns[i][2]);
+            std::fflush(stdout);
+        }
+    }
+}
+
 void print_memory(const char* file) {
     Scene scene = read_scene(file);
     scene.samples = 100'000'000;
@@ -180,6 +295,8 @@ int main(int argc, char** argv) {
         const std::string first = argc > 1 ? argv[1] : "";
         if (first == "--effects" && argc == 3)
             print_effects(argv[2]);
+        else if (first == "--costs" && argc == 2)
+            print_costs();
         else if (first == "--memory" && argc == 3)
             print_memory(argv[2]);
         else if (first == "--run" && argc == 5)
@@ -187,6 +304,8 @@ int main(int argc, char** argv) {
         else if (argc > 1)
             print_scenes(argc - 1, argv + 1);
         else
-            return fmt::print(stderr, "usage: sim_bench [--effects | --memory | --run EFFECTS N] SCENE.toml ...\n"), 2;
+            return fmt::print(stderr,
+                              "usage: sim_bench [--costs] [--effects | --memory | --run EFFECTS N] SCENE.toml ...\n"),
+                   2;
     } catch (const std::exception& e) { return fmt::print(stderr, "{}\n", e.what()), 1; }
 }

@@ -24,6 +24,7 @@ import tomllib
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
+from judge import AXES, NOT_JUDGED, Series, judge  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "node/python"))
 import tactiled  # noqa: E402
@@ -32,7 +33,6 @@ import tactiled  # noqa: E402
 SPEED, SPEED_WITH_MEMORY = 4, 1
 TARE_MS = 20
 MAX_SENSORS = 16  # of a daemon
-NOT_JUDGED_N = 1e4
 NOT_NOW = 4        # enum tactiled_command_result: nothing to tare yet
 QUALITY = {tactiled.GOOD: "good", tactiled.UNCERTAIN: "uncertain", tactiled.BAD: "bad"}
 
@@ -52,10 +52,10 @@ def run_ctl(*words):
 WORLD = "friction_limit,partial_slip,stick_slip,texture,adhesion"
 
 
-def truth_of(scene_path, folder):
+def truth_of(scene_path, folder, *seed):
     """A file with the loads that each sensor of a scene is under."""
     truth = folder / f"{scene_path.stem}.truth.csv"
-    run_ctl("simulate", "--scene", scene_path, "--effects", WORLD, "--truth", truth)
+    run_ctl("simulate", "--scene", scene_path, "--effects", WORLD, "--truth", truth, *seed)
     return truth
 
 
@@ -241,38 +241,41 @@ def channels_of(table):
     return ["C1", "C2", "C3", "C4", "Cn"] + (["Vp"] if table.get("piezo_V_per_N", 1) > 0 else [])
 
 
-def judge(scene, name, expect, follow, truth):
-    """Samples against truth. Returns a row of the summary."""
-    begin_us, end_us = (round(1e6 * min(expect.get(key, usual), 1e7)) for key, usual in (("from_s", 0), ("to_s", 1e7)))
-    tolerance, wanted = expect["within_N"], expect.get("quality", "any")
-    axes = (2,) if expect.get("press_only", False) else (0, 1, 2)
-    table = scene.sensors[name][1]
-    if expect.get("tare", True):  # what was read before counts for nothing
-        begin_us = max(begin_us, math.ceil(follow.tared_at * table.get("every", 1) / scene.rate_Hz * 1e6))
-    expected = [t for t in truth if begin_us <= t <= end_us]
-    counts = dict.fromkeys(QUALITY.values(), 0)
-    worst, within, reasons = [0.0, 0.0, 0.0], 0, set()
-    for sample in follow.samples:
-        t = round(sample.device_sequence * table.get("every", 1) / scene.rate_Hz * 1e6)
-        if t not in truth or not begin_us <= t <= end_us:
-            continue
-        counts[QUALITY[sample.quality]] += 1
-        reasons.update(sample.reasons_text)
-        right = sample.quality != tactiled.BAD and wanted in ("any", QUALITY[sample.quality])
-        for axis in axes:
-            force = expect["reads_N"][axis] if "reads_N" in expect else truth[t][axis]
-            error = abs(sample.force_S_N[axis] - force)  # NaN is not within
-            right = right and error <= tolerance[axis]
-            if error > worst[axis]:
-                worst[axis] = error
-        within += right
-    share = within / len(expected) if expected else 0.0
-    quality = " ".join(f"{word} {100 * n / max(1, sum(counts.values())):.0f} %" for word, n in counts.items() if n)
-    quality += "".join(f" {word}" for word in sorted(reasons))
+def span_s(expect):
+    return [min(expect.get(key, usual), 1e7) for key, usual in (("from_s", 0), ("to_s", 1e7))]
+
+
+def row_of(scene, name, expect, series, truth, begin_s, end_s):
+    """A row of the summary. `series` has the samples of all of the scene, `truth` its loads: {microsecond: (fx, fy, fz)}."""
+    part = series.part(begin_s, end_s)
+    at = [truth[round(t * 1e6)] for t in part.t_s]
+    due = sum(round(begin_s * 1e6) <= t <= round(end_s * 1e6) for t in truth)
+    share, errors, failures = judge(expect, part, [[force[axis] for force in at] for axis in AXES], due)
+    counts = {word: part.quality.count(word) for word in QUALITY.values()}
     return {"scene": scene.path.stem, "sensor": name, "method": f"{pathlib.Path(expect['calibration'].split(':')[-1]).stem} "
-            f"{expect.get('method', '')}", "share": share, "needed": expect.get("share", 0.99), "samples": len(expected),
-            "worst": worst, "within": tolerance, "axes": axes, "quality": quality, "lost": follow.lost,
-            "passed": bool(expected) and share >= expect.get("share", 0.99)}
+            f"{expect.get('method', '')}", "share": share, "samples": due, "errors": errors, "within": expect["within_N"],
+            "axes": (2,) if expect.get("press_only", False) else AXES, "failures": failures, "passed": not failures,
+            "quality": " ".join(f"{word} {100 * n / max(1, len(part.t_s)):.0f} %" for word, n in counts.items() if n)}
+
+
+def row_of_follow(scene, name, expect, follow, truth):
+    """The samples that the daemon published."""
+    every = scene.sensors[name][1].get("every", 1)
+    begin_s, end_s = span_s(expect)
+    if expect.get("tare", True):  # what was read before counts for nothing
+        begin_s = max(begin_s, follow.tared_at * every / scene.rate_Hz)
+    read, reasons = [], set()
+    for sample in follow.samples:
+        t_s = sample.device_sequence * every / scene.rate_Hz
+        if round(t_s * 1e6) in truth:
+            read.append((t_s, sample))
+        if begin_s <= t_s <= end_s:
+            reasons.update(sample.reasons_text)
+    series = Series([t for t, _ in read], [[s.force_S_N[axis] for _, s in read] for axis in AXES],
+                    [[s.sd_force_N[axis] for _, s in read] for axis in AXES], [QUALITY[s.quality] for _, s in read])
+    row = row_of(scene, name, expect, series, truth, begin_s, end_s)
+    row["quality"] += "".join(f" {word}" for word in sorted(reasons))
+    return {**row, "lost": follow.lost}
 
 
 def run_scene(job):
@@ -292,7 +295,7 @@ def run_scene(job):
                 break
         else:
             raise Refused("the tare came later than the first force, three times; let the scene rest longer at first")
-        rows = [judge(scene, name, expect, follow, truths[name])
+        rows = [row_of_follow(scene, name, expect, follow, truths[name])
                 for (name, expect), follow in zip(scene.expectations, follows)]
         return effects, path.stem, [{**row, "took_s": time.monotonic() - began} for row in rows]
     except (Refused, OSError, AssertionError, KeyError, ValueError) as why:
@@ -308,12 +311,26 @@ def run_calibration(job):
 
 
 def print_row(row):
-    judged = [a in row["axes"] and row["within"][a] < NOT_JUDGED_N for a in range(3)]
-    worst = " ".join(f"{1e3 * row['worst'][a]:7.1f}" if judged[a] else "      -" for a in range(3))
-    within = " ".join(f"{1e3 * row['within'][a]:6.4g}" if judged[a] else "     -" for a in range(3))
-    lost = f"  reader lost {row['lost']}" if row["lost"] else ""
+    judged = [a in row["axes"] and row["within"][a] < NOT_JUDGED for a in AXES]
+    worst = " ".join(f"{1e3 * (row['errors'][a]['worst'] or math.nan):7.1f}" if judged[a] else "      -" for a in AXES)
+    within = " ".join(f"{1e3 * row['within'][a]:6.4g}" if judged[a] else "     -" for a in AXES)
+    lost = f"  reader lost {row['lost']}" if row.get("lost") else ""
     print(f"{'ok  ' if row['passed'] else 'FAIL'} {row['scene']:24} {row['sensor']:10} {row['method']:34} "
-          f"{row['samples']:6} {100 * row['share']:6.2f} {worst}  ({within})  {row['quality']}{lost}")
+          f"{row['samples']:6} {100 * row['share']:6.2f} {worst}  ({within})  {row['quality']}{lost}"
+          f"{''.join('; ' + f for f in row['failures'])}")
+
+
+def scenes_in(folder, names):
+    """Paths of the scenes with an [[expect]], and the (scene, method) of the calibrations that they need."""
+    scenes, calibrations = [], set()
+    for path in sorted(folder.resolve().glob("*.toml")):
+        expectations = tomllib.loads(path.read_text()).get("expect", [])
+        if not expectations or names and path.stem not in names:
+            continue
+        scenes.append(path)
+        calibrations |= {(path.parent / e["calibration"][6:], e["method"]) for e in expectations
+                         if e["calibration"].startswith("scene:")}
+    return scenes, sorted(calibrations)
 
 
 def main():
@@ -329,16 +346,9 @@ def main():
     folder.mkdir(exist_ok=True)
     failed = 0
     try:
-        scenes, calibrations = [], set()
-        for path in sorted(words.scenes.resolve().glob("*.toml")):
-            expectations = tomllib.loads(path.read_text()).get("expect", [])
-            if not expectations or words.names and path.stem not in words.names:
-                continue
-            scenes.append(path)
-            calibrations |= {(path.parent / e["calibration"][6:], e["method"]) for e in expectations
-                             if e["calibration"].startswith("scene:")}
+        scenes, calibrations = scenes_in(words.scenes, words.names)
         with multiprocessing.Pool(words.jobs) as pool:
-            jobs = [(path, method, folder) for path, method in sorted(calibrations)]
+            jobs = [(path, method, folder) for path, method in calibrations]
             for (path, method, _), said, good in pool.imap(run_calibration, jobs):
                 if not good:
                     failed += 1

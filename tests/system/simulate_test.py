@@ -110,7 +110,8 @@ class Files(unittest.TestCase):
 
     def on(self, scene, effects="auto"):
         report = json.loads(simulate("--scene", scene, "--effects", effects, "--json").stdout)
-        return [effect["name"] for effect in report["sensors"][0]["effects"] if effect["on"]]
+        return [":".join(filter(None, (effect["name"], effect["level"]))) for effect in report["sensors"][0]["effects"]
+                if effect["on"]]
 
     def test_the_same_scene_gives_the_same_bytes(self):
         for scene in (PRESS, self.scene(TWO)):
@@ -194,8 +195,47 @@ class Files(unittest.TestCase):
             for name, effect in effects.items():
                 self.assertIn(effect["why"], words)
                 self.assertIn(effect["bound_N"], page.values)
+                for force_N in effect["without_N"].values():
+                    self.assertIn(force_N, page.values, name)
+                if not effect["on"]:
+                    self.assertEqual(effect["error_N"], effect["bound_N"])
+                    self.assertEqual(effect["spent_ns"], 0)
                 if effect["share_N"] is not None:
                     self.assertLessEqual(effect["share_N"], effect["bound_N"] * (1 + 1e-9) + 1e-12, name)
+
+    def test_without_an_effect_the_force_is_off_by_what_the_report_says(self):
+        """0.5 N on a skin that creeps by a tenth within its time: by the effect's equation, fz alone."""
+        scene = self.scene("""
+format = 1
+title = "held"
+[[sensor]]
+name = "left"
+model = "table"
+[[motion]]
+do = "press"
+to_N = 0.5
+course = "at_once"
+[[motion]]
+do = "hold"
+for_s = 4.9
+[effects.creep]
+amount = 0.1
+time_s = 5
+""")
+        for effects in ("creep", "none"):
+            report = json.loads(simulate("--scene", scene, "--effects", effects, "--json").stdout)
+            creep = next(e for e in report["sensors"][0]["effects"] if e["name"] == "creep")
+            expected = 0.5 * 0.05 * ((1 - math.exp(-1)) + (1 - math.exp(-0.1)))
+            self.assertAlmostEqual(creep["without_N"]["fz_N"], expected, delta=2e-5)
+            self.assertAlmostEqual(creep["without_N"]["fx_N"], 0, delta=1e-12)
+
+    def test_another_seed_is_that_of_a_scene_with_it(self):
+        out, other = self.folder / "a.csv", self.folder / "b.csv"
+        simulate("--scene", self.scene(ONE), "--effects", "noise", "--seed", "7", "--out", out)
+        simulate("--scene", self.scene(ONE.replace("format = 1", "format = 1\nseed = 7")), "--effects", "noise", "--out", other)
+        self.assertEqual(out.read_bytes(), other.read_bytes())
+        simulate("--scene", self.scene(ONE), "--effects", "noise", "--out", other)
+        self.assertNotEqual(out.read_bytes(), other.read_bytes())
 
     def test_in_the_scene_that_speeds_up_effects_come_on_one_by_one(self):
         figure = self.folder / "f.svg"

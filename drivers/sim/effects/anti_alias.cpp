@@ -7,42 +7,117 @@ namespace tactiled::sim {
 namespace {
 
 double corner_Hz(const Setting& s) { return std::isnan(s.p[0]) ? s.rate_Hz / 4 : s.p[0]; }
-double keep(const Setting& s) { return std::exp(-6.283185307179586 * corner_Hz(s) / s.rate_Hz); }
 
-// Two poles at one place: it never overshoots.
-class AntiAlias final : public Effect {
+// A sine with fewer than 16 samples a period is no straight line between them: then the world is asked at instants in
+// between, 32 a period, up to one block of them a sample.
+std::size_t instants(const Setting& s) {
+    const double per_sample = s.extent.frequency_Hz / s.rate_Hz;
+    if (s.scene == nullptr || per_sample * 16 <= 1) return 1;
+    return std::size_t(std::min(std::ceil(32 * per_sample), double(Block::kSize)));
+}
+
+// Two poles at one place, y1' = w (u - y1), y2' = w (y1 - y2), exact for an input that is straight over each step h. The
+// states are y1 - u and y2 - u, so that an input that stands still passes unchanged to the last bit:
+//     d1 = a d1 + (a - 1) / x * rise,  d2 = a (d2 + x d1) + (2 (a - 1) / x + a) * rise,  x = w h, a = exp(-x)
+class TwoPoles {
 public:
-    explicit AntiAlias(const Setting& s) : channels_(s.sensor.n()), keep_(keep(s)) {}
-    void apply(Block& block) noexcept override {
-        if (block.n == 0) return;
-        for (std::size_t k = 0; k < channels_; ++k) {
-            if (!started_) first_[k] = second_[k] = block.channel[k][0];
-            for (std::size_t n = 0; n < block.n; ++n) {
-                first_[k] += (1 - keep_) * (block.channel[k][n] - first_[k]);
-                second_[k] += (1 - keep_) * (first_[k] - second_[k]);
-                block.channel[k][n] = second_[k];
-            }
-        }
-        started_ = true;
+    explicit TwoPoles(double x) : a_(std::exp(-x)), ax_(x < 700 ? a_ * x : 0), k1_(std::expm1(-x) / x), k2_(2 * k1_ + a_) {}
+    // The output when the input has risen by `rise` over the step, less the input at its end. rt: wait-free
+    double step(double rise, double& d1, double& d2) const noexcept {
+        d2 = a_ * d2 + ax_ * d1 + k2_ * rise;
+        d1 = a_ * d1 + k1_ * rise;
+        return d2;
     }
 
 private:
-    std::size_t channels_;
-    double keep_;
-    Channels first_{}, second_{};
+    double a_, ax_, k1_, k2_;
+};
+
+// Input between two samples: what the linear model makes of the world there, and the rest, by the effects before, straight.
+class AntiAlias final : public Effect {
+public:
+    explicit AntiAlias(const Setting& s)
+        : sensor_(s.sensor),
+          instants_(instants(s)),
+          poles_(6.283185307179586 * corner_Hz(s) / (s.rate_Hz * double(instants_))),
+          motion_(instants_ > 1 ? &s.scene->motion : nullptr),
+          between_(instants_ > 1 ? std::make_unique<Block>() : nullptr) {}
+
+    void apply(Block& block) noexcept override {
+        if (block.n == 0) return;
+        if (!started_) start(block);
+        if (motion_ != nullptr) {
+            for (std::size_t n = 0; n < block.n; ++n) pass_between(block, n);
+        } else {
+            for (std::size_t k = 0; k < sensor_.n(); ++k)
+                for (std::size_t n = 0; n < block.n; ++n) {
+                    double& value = block.channel[k][n];
+                    const double rise = value - last_[k];
+                    last_[k] = value;
+                    value += poles_.step(rise, first_[k], second_[k]);
+                }
+        }
+    }
+
+private:
+    void start(const Block& block) noexcept {
+        for (std::size_t k = 0; k < sensor_.n(); ++k) last_[k] = block.channel[k][0];
+        last_s_ = block.t_s[0];
+        started_ = true;
+        if (motion_ == nullptr) return;
+        between_->n = 1;
+        between_->t_s[0] = last_s_;
+        motion_->fill(*between_, sensor_);
+        for (std::size_t k = 0; k < sensor_.n(); ++k) world_[k] = linear(k, 0);
+    }
+    void pass_between(Block& block, std::size_t n) noexcept {
+        const double from_s = last_s_, step_s = (block.t_s[n] - from_s) / double(instants_);
+        between_->n = instants_;
+        for (std::size_t i = 0; i < instants_; ++i) between_->t_s[i] = from_s + step_s * double(i + 1);
+        last_s_ = between_->t_s[instants_ - 1] = block.t_s[n];
+        motion_->fill(*between_, sensor_);
+        for (std::size_t k = 0; k < sensor_.n(); ++k) {
+            double& value = block.channel[k][n];
+            const double was = world_[k], now = linear(k, instants_ - 1);
+            const double rest = ((value - now) - (last_[k] - was)) / double(instants_);
+            double before = was, late = 0;
+            for (std::size_t i = 0; i < instants_; ++i) {
+                const double here = linear(k, i);
+                late = poles_.step(here - before + rest, first_[k], second_[k]);
+                before = here;
+            }
+            world_[k] = now;
+            last_[k] = value;
+            value += late;
+        }
+    }
+    [[nodiscard]] double linear(std::size_t k, std::size_t i) const noexcept {
+        double sum = 0;
+        for (std::size_t axis = 0; axis < kAxes; ++axis) sum += sensor_.gain[k][axis] * between_->load[axis][i];
+        return sum;
+    }
+
+    const Sensor& sensor_;
+    std::size_t instants_;
+    TwoPoles poles_;
+    const Motion* motion_;
+    std::unique_ptr<Block> between_;
+    Channels last_{}, world_{}, first_{}, second_{};
+    double last_s_ = 0;
     bool started_ = false;
 };
 
-// A sample that is j samples old has the weight (1 - a)^2 (j + 1) a^j; all older ones together have a^(j+1) (1 + (j + 1) (1
-// - a)).
+// The share (1 + w t) exp(-w t) of the impulse response w^2 t exp(-w t) is older than t; what is between two samples is
+// between their values. Instants between samples may lie as far apart again, both in the world and in the rest, and an error
+// before it is then one of the rest and of the world's instants, too.
 Bound bound(const Setting& s) {
-    const double a = keep(s);
+    const double w = 6.283185307179586 * corner_Hz(s);
     const auto older = [&](double age_s) {
-        const double j = std::floor(age_s * s.rate_Hz + 1e-9) + 1;
-        return std::pow(a, j) * (1 + j * (1 - a));
+        const double x = w * std::floor(age_s * s.rate_Hz + 1e-9) / s.rate_Hz;
+        return (1 + x) * std::exp(-x);
     };
-    const double time_s = 1 / (6.283185307179586 * corner_Hz(s));
-    return {.change_N = lag_N(s, 16 * time_s + 4 / s.rate_Hz, older)};
+    const double widened = instants(s) > 1 ? 3 : 1;
+    return {.change_N = widened * lag_N(s, 16 / w + 4 / s.rate_Hz, older), .gain = widened};
 }
 
 }  // namespace
@@ -52,7 +127,7 @@ const EffectEntry anti_alias{
     .name = "anti_alias",
     .title = "low pass before the converter",
     .equation = "H = 1 / (1 + s / w_c)^2",
-    .source = "derived: second order, critically damped",
+    .source = "derived: second order, critically damped; sampled by what follows it, so a line above half the rate folds",
     .stage = Stage::converter,
     .cost_class = "c1",
     .instructions = 150,

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
+#include "drivers/sim/effects/surrogate.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -42,6 +43,28 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.channel_N(change), .load = change};
 }
 
+// A press as a polynomial; a pull is as it was.
+class PolynomialLayer final : public Effect {
+public:
+    explicit PolynomialLayer(const Polynomial<6>& softened) : softened_(softened) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) {
+            double& z = block.drive[kFz][n];
+            z = z < 0 ? -softened_(-z) : z;
+        }
+    }
+
+private:
+    Polynomial<6> softened_;
+};
+
+std::vector<Level> levels(const Setting& s) {
+    const double per_N = s.sensor.capacitive.strain_per_N, power = s.p[0];
+    const Polynomial<6> softened([&](double N) { return softer(N, per_N, power); }, 0, kBeyond * max(s, kFz));
+    return {{"polynomial", s.sensor.channel_N({0, 0, softened.error(), 0, 0}),
+             [softened](const Setting&) { return std::make_unique<PolynomialLayer>(softened); }}};
+}
+
 }  // namespace
 
 extern const EffectEntry bonded_layer;
@@ -56,6 +79,7 @@ const EffectEntry bonded_layer{
     .models = kCapacitive,
     .parameters = {{"power", "p; 0.14 where the pad is four times as wide as thick", 0.14, 0, 1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BondedLayer>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BondedLayer>(s); },
+    .levels = levels};
 
 }  // namespace tactiled::sim

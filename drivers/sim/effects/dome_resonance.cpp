@@ -3,6 +3,7 @@
 #include <cmath>
 #include <vector>
 
+#include "drivers/sim/effects/axes.hpp"
 #include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {
@@ -26,7 +27,7 @@ double delay_s(const Setting& s) {
 // x'' = w^2 (u(t - delay) - x) - 2 z w x', exact for a load that is straight between samples.
 class DomeResonance final : public Effect {
 public:
-    explicit DomeResonance(const Setting& s) : step_s_(1 / s.rate_Hz) {
+    explicit DomeResonance(const Setting& s, const Axes& axes = {}) : axes_(axes), step_s_(1 / s.rate_Hz) {
         const double w = 2 * std::numbers::pi * resonance_Hz(s), z = s.p[1], wd = w * std::sqrt((1 - z) * (1 + z));
         const double decay = std::exp(-z * w * step_s_), c = decay * std::cos(wd * step_s_),
                      d = decay * std::sin(wd * step_s_) / wd;
@@ -43,7 +44,8 @@ public:
         for (std::size_t n = 0; n < block.n; ++n) {
             const std::size_t at = (block.first + n) % length, newer = (at + length - whole_) % length;
             const std::size_t older = (newer + length - 1) % length;
-            for (std::size_t axis = 0; axis < kAxes; ++axis) {
+            for (std::size_t i = 0; i < axes_.n; ++i) {
+                const std::size_t axis = axes_.at[i];
                 past_[axis][at] = block.drive[axis][n];
                 const double u = past_[axis][newer] + part_ * (past_[axis][older] - past_[axis][newer]);
                 const double slope = (u - u_[axis]) / step_s_;
@@ -58,6 +60,7 @@ public:
     }
 
 private:
+    Axes axes_;
     double step_s_, lag_s_{}, part_{};
     std::size_t whole_{};
     std::array<double, 4> step_{};
@@ -67,7 +70,7 @@ private:
 
 // |y - u| <= integral of |h(t)| change(t + delay) dt. The impulse response h has its sign for half a period; its integral
 // over half period i is (1 + q)(-q)^i, and within one the running integral is that of the step response.
-Bound bound(const Setting& s) {
+std::array<double, kAxes> largest_change(const Setting& s) {
     const double w = 2 * std::numbers::pi * resonance_Hz(s), z = s.p[1], root = std::sqrt((1 - z) * (1 + z));
     const double half_s = std::numbers::pi / (w * root), q = std::exp(-std::numbers::pi * z / root);
     const auto step = [&](double phase) {  // within the first half period, phase = 0 .. 1
@@ -84,6 +87,12 @@ Bound bound(const Setting& s) {
             for (std::size_t axis = 0; axis < kAxes; ++axis) moved[axis] += weight * change(s, Axis(axis), seconds);
         }
     for (std::size_t axis = 0; axis < kAxes; ++axis) moved[axis] += scale / (1 - q) * 2 * span(s, Axis(axis));
+    return moved;
+}
+
+Bound bound(const Setting& s) {
+    const double z = s.p[1], q = std::exp(-std::numbers::pi * z / std::sqrt((1 - z) * (1 + z)));
+    const auto moved = largest_change(s);
     const double gain = (1 + q) / (1 - q);
     return {.change_N = s.sensor.channel_N(moved), .gain = gain, .load = moved, .load_gain = gain};
 }
@@ -104,6 +113,7 @@ const EffectEntry dome_resonance{
                    {"damping", "z, of the critical one", 0.25, 0.02, 0.98},
                    {"delay_s", "by default height over shear wave speed", std::numeric_limits<double>::quiet_NaN(), 0, 0.1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<DomeResonance>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<DomeResonance>(s); },
+    .levels = [](const Setting& s) { return fewer_axes<DomeResonance>(s, largest_change(s)); }};
 
 }  // namespace tactiled::sim

@@ -3,6 +3,7 @@
 
 #include "drivers/sim/effects/pad.hpp"
 #include "drivers/sim/effects/reach.hpp"
+#include "drivers/sim/effects/surrogate.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -56,6 +57,36 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = 1 + s.sensor.largest_N(of_error)};
 }
 
+// The same as a cubic of the shear, an electrode each.
+class CubicOverlap final : public Effect {
+public:
+    CubicOverlap(const Setting& s, const std::array<Cubic, Pad::kMax>& more_pF) : pad_(s.sensor), more_pF_(more_pF) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t i = 0; i < pad_.n; ++i) {
+            const Cubic more_pF = more_pF_[i];
+            Block::Row& channel = block.channel[pad_.channel[i]];
+            for (std::size_t n = 0; n < block.n; ++n) channel[n] += more_pF(block.drive[kFx][n], block.drive[kFy][n]);
+        }
+    }
+
+private:
+    Pad pad_;
+    std::array<Cubic, Pad::kMax> more_pF_;
+};
+
+std::vector<Level> levels(const Setting& s) {
+    const Pad pad(s.sensor);
+    std::array<Cubic, Pad::kMax> cubic;
+    std::array<double, kMaxSensorChannels> error{};
+    for (std::size_t i = 0; i < pad.n; ++i) {
+        cubic[i] = Cubic([&](double fx, double fy) { return more_pF(s.sensor, pad, i, fx, fy); }, kBeyond * max(s, kFx),
+                         kBeyond * max(s, kFy));
+        error[pad.channel[i]] = cubic[i].error();
+    }
+    return {{"cubic", s.sensor.largest_N(error),
+             [cubic](const Setting& in) { return std::make_unique<CubicOverlap>(in, cubic); }}};
+}
+
 }  // namespace
 
 extern const EffectEntry exact_overlap;
@@ -70,6 +101,7 @@ const EffectEntry exact_overlap{
     .models = kCapacitive,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExactOverlap>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExactOverlap>(s); },
+    .levels = levels};
 
 }  // namespace tactiled::sim

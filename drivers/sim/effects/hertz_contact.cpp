@@ -11,7 +11,7 @@ namespace {
 class HertzContact final : public Effect {
 public:
     explicit HertzContact(const Setting& s)
-        : round_(s.body.shape == Body::Shape::sphere && s.body.radius_m > 0),
+        : round_(s.body.shape == Body::Shape::sphere && s.body.radius_m > 0 && s.sensor.half_width_m == 0),
           radius_m_(s.body.radius_m),
           modulus_Pa_(contact_modulus_Pa(skin(s.sensor), s.body)) {}
     void apply(Block& block) noexcept override {
@@ -25,10 +25,12 @@ private:
     double radius_m_, modulus_Pa_;
 };
 
-// Only a table's map of influence asks for the radius. Two means over parts of the map lie between its least and its
-// largest.
+// Only a table's map of influence asks for the radius; on an array the world has it already (motion.hpp, footprint_m). Two
+// means over parts of the map lie between its least and its largest.
 Bound bound(const Setting& s) {
-    if (s.sensor.table.influence.empty() || s.body.shape != Body::Shape::sphere || s.body.radius_m <= 0) return {};
+    if (s.sensor.table.influence.empty() || s.sensor.half_width_m > 0 || s.body.shape != Body::Shape::sphere ||
+        s.body.radius_m <= 0)
+        return {};
     const double press = s.extent.max[kFz];
     const double modulus_Pa = contact_modulus_Pa(skin(s.sensor), s.body);
     const double reach = std::hypot(s.extent.x_m, s.extent.y_m) +

@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 
+#include "drivers/sim/effects/axes.hpp"
 #include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {
@@ -43,12 +44,13 @@ double full_scale(const Sensor& sensor, std::size_t axis) {
 // y = u + w sum of (P_i[u] - P_i[u from rest]): 0 as long as the load only rises, as a calibration by rising loads has it.
 class Hysteresis final : public Effect {
 public:
-    explicit Hysteresis(const Setting& s) : weight_(width(s) * unit_weight()) {
+    explicit Hysteresis(const Setting& s, const Axes& axes = {}) : axes_(axes), weight_(width(s) * unit_weight()) {
         for (std::size_t axis = 0; axis < kAxes; ++axis)
             for (std::size_t i = 0; i < kPlayOperators; ++i) r_[axis][i] = half_width(i) * full_scale(s.sensor, axis);
     }
     void apply(Block& block) noexcept override {
-        for (std::size_t axis = 0; axis < kAxes; ++axis)
+        for (std::size_t k = 0; k < axes_.n; ++k) {
+            const std::size_t axis = axes_.at[k];
             for (std::size_t n = 0; n < block.n; ++n) {
                 const double u = block.drive[axis][n];
                 double sum = 0;
@@ -58,9 +60,11 @@ public:
                 }
                 block.drive[axis][n] = u + weight_ * sum;
             }
+        }
     }
 
 private:
+    Axes axes_;
     double weight_;
     std::array<std::array<double, kPlayOperators>, kAxes> r_{}, p_{};
 };
@@ -68,7 +72,7 @@ private:
 // Both P lie within r of u, and within the range of u less r: they differ by at most min(2 r, span - r), and
 // by no more than u ever came back. Both follow u with
 // a slope of at most 1.
-Bound bound(const Setting& s) {
+std::array<double, kAxes> largest_change(const Setting& s) {
     const double weight = width(s) * unit_weight();
     std::array<double, kAxes> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis)
@@ -76,7 +80,12 @@ Bound bound(const Setting& s) {
             const double r = half_width(i) * full_scale(s.sensor, axis), back = comes_back(s, Axis(axis));
             change[axis] += weight * std::clamp(std::min(span(s, Axis(axis)) - r, back), 0.0, 2 * r);
         }
-    const double gain = 1 + 2 * weight * double(kPlayOperators);
+    return change;
+}
+
+Bound bound(const Setting& s) {
+    const auto change = largest_change(s);
+    const double gain = 1 + 2 * width(s) * unit_weight() * double(kPlayOperators);
     return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 
@@ -95,6 +104,7 @@ const EffectEntry hysteresis{
     .parameters = {{"width", "of full scale, the loop from 0 to full scale; by default by the sensor's model",
                     std::numeric_limits<double>::quiet_NaN(), 0, 0.5}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Hysteresis>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Hysteresis>(s); },
+    .levels = [](const Setting& s) { return fewer_axes<Hysteresis>(s, largest_change(s)); }};
 
 }  // namespace tactiled::sim

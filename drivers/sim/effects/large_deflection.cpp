@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
+#include "drivers/sim/effects/surrogate.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -52,6 +53,26 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 
+// An elastomer's law as a polynomial of the force.
+class PolynomialDeflection final : public Effect {
+public:
+    explicit PolynomialDeflection(const Polynomial<7>& yields) : yields_(yields) {}
+    void apply(Block& block) noexcept override {
+        for (std::size_t n = 0; n < block.n; ++n) block.drive[kFz][n] = yields_(block.drive[kFz][n]);
+    }
+
+private:
+    Polynomial<7> yields_;
+};
+
+std::vector<Level> levels(const Setting& s) {
+    const double per_N = strain_per_N(s.sensor), most_N = kBeyond * max(s, kFz);
+    if (per_N == 0) return {};  // a plate's power has no polynomial at 0
+    const Polynomial<7> yields([&](double z) { return -strain(-per_N * z) / per_N; }, -most_N, most_N);
+    return {{"polynomial", s.sensor.channel_N({0, 0, yields.error(), 0, 0}),
+             [yields](const Setting&) { return std::make_unique<PolynomialDeflection>(yields); }}};
+}
+
 }  // namespace
 
 extern const EffectEntry large_deflection;
@@ -66,6 +87,7 @@ const EffectEntry large_deflection{
     .models = kAll,
     .parameters = {{"half_N", "press at which a table reads half", 12.5, 0.01, 1e6}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LargeDeflection>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LargeDeflection>(s); },
+    .levels = levels};
 
 }  // namespace tactiled::sim

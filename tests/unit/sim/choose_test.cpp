@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "drivers/sim/simulation.hpp"
+
 namespace tactiled::sim {
 namespace {
 
@@ -86,15 +88,86 @@ TEST(PassOn, ChannelsMoveWithTheirLoadByTheGainsAndBesidesByWhatMovesByItself) {
     EXPECT_DOUBLE_EQ(setting.before.change_N(setting, 100), 2 * 0.2);
 }
 
+Decision costing(double change_N, double cost_ns) {
+    Decision d = decision(change_N, true);
+    d.cost_ns = cost_ns;
+    return d;
+}
+
+Decision with_level(Decision d, double error_N, double cost_ns) {
+    d.levels.push_back({"level", error_N, nullptr});
+    d.level_cost_ns.push_back(cost_ns);
+    return d;
+}
+
+double spent_ns(const std::vector<Decision>& decisions) {
+    double sum = 0;
+    for (const Decision& d : decisions) sum += d.spent_ns();
+    return sum;
+}
+
 // Two effects of one bound: the dear one goes.
 TEST(LeaveOut, WhatCostsMostForTheLeastErrorGoesFirst) {
-    EffectEntry dear = *find_effect("creep"), cheap = dear;
-    dear.instructions = 1000;
-    cheap.instructions = 10;
-    std::vector<Decision> decisions{{&cheap, {.change_N = 0.01}, true, ""}, {&dear, {.change_N = 0.01}, true, ""}};
+    std::vector<Decision> decisions{costing(0.01, 10), costing(0.01, 1000)};
     leave_out(decisions, 0.015);
     EXPECT_TRUE(decisions[0].on);
     EXPECT_FALSE(decisions[1].on);
+}
+
+// By bound over cost the first would go, and then no other could: 100 ns saved instead of 160.
+TEST(LeaveOut, TakesTheCheapestSetAndNotTheBestFirstStep) {
+    std::vector<Decision> decisions{costing(0.006, 100), costing(0.005, 80), costing(0.005, 80)};
+    leave_out(decisions, 0.0101);
+    EXPECT_TRUE(decisions[0].on);
+    EXPECT_DOUBLE_EQ(spent_ns(decisions), 100);
+}
+
+TEST(LeaveOut, TakesALevelWhereTheEffectItselfIsNeeded) {
+    std::vector<Decision> decisions{with_level(costing(1, 600), 0.004, 60), costing(0.005, 30)};
+    leave_out(decisions, 0.01);
+    EXPECT_TRUE(decisions[0].on);
+    EXPECT_EQ(decisions[0].level, 0u);
+    EXPECT_FALSE(decisions[1].on);
+    EXPECT_DOUBLE_EQ(guaranteed_error_N(decisions), 0.009);
+    leave_out(decisions, 0.0045);
+    EXPECT_EQ(decisions[0].level, 0u);
+    EXPECT_TRUE(decisions[1].on);
+    leave_out(decisions, 0.003);
+    EXPECT_EQ(decisions[0].level, Decision::kItself);
+    EXPECT_TRUE(decisions[1].on);
+}
+
+// The cheapest of all sets, found by trying each, is at most as much cheaper as errors within 1/500 of what is wanted can
+// make it; here, with few effects, not at all.
+TEST(LeaveOut, FindsTheCheapestOfAllSets) {
+    const Stream random(7, "sets");
+    for (std::uint64_t trial = 0; trial < 200; ++trial) {
+        std::vector<Decision> decisions;
+        for (std::uint64_t i = 0; i < 6; ++i) {
+            const double bound = std::exp(4 * random.uniform(trial, 4 * i)) / 100,
+                         cost = 1 + 100 * random.uniform(trial, 4 * i + 1);
+            Decision d = decision(bound, true, 1 + random.uniform(trial, 4 * i + 2));
+            d.cost_ns = cost;
+            if (i % 2 == 0) d = with_level(d, bound * random.uniform(trial, 4 * i + 3) / 3, cost / 4);
+            decisions.push_back(d);
+        }
+        const double wanted = 0.1 + 0.3 * random.uniform(trial, 63);
+        std::vector<Decision> tried = decisions;
+        double least = 1e300;
+        for (int number = 0; number < 729; ++number) {
+            bool possible = true;
+            for (int i = 0, rest = number; i < 6; ++i, rest /= 3) {
+                Decision& d = tried[std::size_t(i)];
+                d.on = rest % 3 != 0;
+                d.level = rest % 3 == 2 ? 0 : Decision::kItself;
+                possible = possible && (rest % 3 != 2 || !d.levels.empty());
+            }
+            if (possible && guaranteed_error_N(tried) <= wanted) least = std::min(least, spent_ns(tried));
+        }
+        leave_out(decisions, wanted);
+        EXPECT_LE(guaranteed_error_N(decisions), wanted);
+        EXPECT_NEAR(spent_ns(decisions), least, 1e-9 + 0.01 * least) << trial;
+    }
 }
 
 TEST(Choose, AutoKeepsTheWantedAccuracyAndLeavesOutNothingThatItDoesNotState) {
@@ -110,7 +183,7 @@ TEST(Choose, AutoKeepsTheWantedAccuracyAndLeavesOutNothingThatItDoesNotState) {
     }
 }
 
-// No effect that is on could be left out with the others as they are.
+// No effect that is on could be left out, or taken at a cheaper level, with the others as they are.
 TEST(Choose, AutoLeavesOutAsMuchAsItCan) {
     Scene scene = scene_of(kStill);
     const Extent extent = scene.motion.extent(scene.sensors[0]);
@@ -119,11 +192,50 @@ TEST(Choose, AutoLeavesOutAsMuchAsItCan) {
         Choice choice = choose(scene, scene.sensors[0], extent, "auto");
         for (Decision& d : choice.decisions) {
             if (!d.on) continue;
+            const std::size_t level = d.level;
+            const double spent = d.spent_ns();
             d.on = false;
             EXPECT_GT(guaranteed_error_N(choice.decisions), wanted_N) << d.effect->name;
             d.on = true;
+            for (d.level = 0; d.level < d.levels.size(); ++d.level)
+                if (d.spent_ns() < spent) {
+                    EXPECT_GT(guaranteed_error_N(choice.decisions), wanted_N) << d.effect->name << ":" << d.level;
+                }
+            d.level = level;
         }
     }
+}
+
+// What a list names is what runs: the levels that auto took, named, give the same bits.
+TEST(Choose, AListOfEffectsAndLevelsIsWhatAutoTook) {
+    Scene scene = scene_of(
+        "format = 1\ntitle = \"t\"\n[[sensor]]\nname = \"left\"\nmodel = \"capacitive\"\n[[motion]]\ndo = "
+        "\"press\"\nto_N = 3\nin_s = 0.2\n[[motion]]\ndo = \"shear\"\nto_N = 1\nin_s = 0.2\n");
+    const Choice choice = choose(scene, scene.sensors[0], scene.motion.extent(scene.sensors[0]), "auto");
+    std::string list;
+    bool any = false;
+    for (const Decision& d : choice.decisions) {
+        if (!d.on) continue;
+        list += (list.empty() ? "" : ",") + std::string(d.effect->name);
+        if (d.level == Decision::kItself) continue;
+        any = true;
+        list += ":" + std::string(d.levels[d.level].name);
+    }
+    EXPECT_TRUE(any) << "no level is worth it here: " << list;
+    Simulation automatic(scene, "auto"), listed(scene, list);
+    for (const Block* a = &automatic.advance(0); a->n > 0; a = &automatic.advance(0)) {
+        const Block& b = listed.advance(0);
+        for (std::size_t k = 0; k < scene.sensors[0].n(); ++k)
+            for (std::size_t n = 0; n < a->n; ++n) ASSERT_EQ(a->channel[k][n], b.channel[k][n]);
+    }
+}
+
+TEST(Choose, ALevelThatIsNotThereIsRefused) {
+    const Scene scene = scene_of(kStill);
+    const Extent extent = scene.motion.extent(scene.sensors[0]);
+    EXPECT_THROW(choose(scene, scene.sensors[0], extent, "creep:cubic"), SetupError);
+    EXPECT_THROW(choose(scene, scene.sensors[0], extent, "noise:cubic"), SetupError);
+    EXPECT_NO_THROW(choose(scene, scene.sensors[0], extent, "creep:1_axis"));
 }
 
 TEST(Choose, AStricterRequestSelectsMore) {

@@ -42,6 +42,45 @@ TEST(HertzContact, HasTheRadiusOfTheBook) {
     EXPECT_NEAR(run(scene, "hertz_contact").radius_m.back(), 48.90e-6, 0.01e-6);
 }
 
+// The share of a 4 x 4 array's taxels in a press of a ball of 6 mm at (x, y).
+std::vector<double> shares(double x_m, double y_m, double press_N, const std::string& shape = "sphere") {
+    const Scene scene =
+        scene_with("hair",
+                   "array = [4, 4]\npitch_m = 8e-3\n" +
+                       fmt::format("[[motion]]\ndo = \"move\"\nx_m = {}\ny_m = {}\nin_s = 0.01\n", x_m, y_m) +
+                       press(press_N, 0.1) + hold(0.05),
+                   fmt::format("body = {{shape = \"{}\", radius_m = 6e-3}}", shape));
+    std::vector<double> all;
+    for (std::size_t i = 0; i < 16; ++i) all.push_back(-run(scene, "none", i).load[kFz].back() / press_N);
+    return all;
+}
+
+// 0.05 N on PDMS of 0.75 MPa: a^3 = 3 F R / (4 E*), a = 0.61 mm, not the ball's 6 mm.
+TEST(Footprint, OfABallOnAnArrayIsHertzs) {
+    const double modulus = 1 / ((1 - 0.49 * 0.49) / 750e3 + (1 - 0.09) / 3e9), a = std::cbrt(0.75 * 0.05 * 6e-3 / modulus);
+    EXPECT_NEAR(a, 0.611e-3, 1e-6);
+    const auto loaded = [](const std::vector<double>& all) {
+        return std::count_if(all.begin(), all.end(), [](double share) { return share > 0; });
+    };
+    EXPECT_EQ(loaded(shares(-4e-3, 4e-3, 0.05)), 1);
+    EXPECT_EQ(loaded(shares(0.99 * a, 4e-3, 0.05)), 2);
+    EXPECT_EQ(loaded(shares(1.01 * a, 4e-3, 0.05)), 1);
+    EXPECT_EQ(loaded(shares(0, 0, 0.05)), 4);
+    EXPECT_GE(loaded(shares(0, 0, 0.05, "edge")), 4) << "an edge's contact is stated, not computed";
+    for (const double x : {0.0, 0.1e-3, 0.4e-3, 3e-3}) {
+        double sum = 0;
+        for (const double share : shares(x, -x, 0.05)) sum += share;
+        EXPECT_NEAR(sum, 1, 1e-12) << x;
+    }
+    // Of sqrt(1 - r^2), the part beyond a line at a / 2 from the middle: 5/32.
+    const auto beside = shares(a / 2, 4e-3, 0.05);
+    EXPECT_NEAR(*std::min_element(beside.begin() + 8, beside.end(),
+                                  [](double p, double q) { return (p > 0 ? p : 1) < (q > 0 ? q : 1); }),
+                5.0 / 32, 1e-9);
+    // Eight times the force, twice the radius.
+    EXPECT_EQ(loaded(shares(1.9 * a, 4e-3, 0.4)), 2);
+}
+
 TEST(Adhesion, PullsWithThreeHalvesPiWR) {
     const Scene scene = scene_with("table", press(0.3, 0.1) + press(0, 0.1) + hold(0.1),
                                    "rate_Hz = 10000\nbody = {shape = \"sphere\", radius_m = 5e-3, adhesion_J_m2 = 0.05}");

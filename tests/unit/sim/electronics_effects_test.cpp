@@ -47,8 +47,60 @@ TEST(ConverterWindow, NeedsNoWholeNumberOfSamples) {
 }
 
 TEST(AntiAlias, HalvesAtItsCorner) {
-    EXPECT_NEAR(sine_gain("anti_alias", "table", 5, 0, "[effects.anti_alias]\ncorner_Hz = 5\n"), 0.5, 0.01);
-    EXPECT_NEAR(sine_gain("anti_alias", "table", 1, 0, "[effects.anti_alias]\ncorner_Hz = 5\n"), 1 / 1.04, 0.01);
+    EXPECT_NEAR(sine_gain("anti_alias", "table", 5, 0, "[effects.anti_alias]\ncorner_Hz = 5\n"), 0.5, 1e-4);
+    EXPECT_NEAR(sine_gain("anti_alias", "table", 1, 0, "[effects.anti_alias]\ncorner_Hz = 5\n"), 1 / 1.04, 1e-4);
+}
+
+// A ramp comes later by 2 / w_c: with the corner at a quarter of the rate, 4 / (pi rate).
+TEST(AntiAlias, DelaysARampByTwiceItsTimeConstant) {
+    for (const double rate_Hz : {1000.0, 200.0}) {
+        const Scene scene = scene_with("table", press(1, 1), fmt::format("rate_Hz = {}", rate_Hz));
+        const Recording is = run(scene, "anti_alias");
+        const double late_s = 0.9 + is.channel[0][std::size_t(0.9 * rate_Hz)] / scene.sensors[0].gain[0][kFz];
+        EXPECT_NEAR(late_s, 4 / (kPi * rate_Hz), 1e-9) << rate_Hz << " Hz";
+    }
+}
+
+// The jump lasts one sample, h: its response is the mean of 1 - (1 + w t) exp(-w t) over the last h.
+TEST(AntiAlias, AnswersAJumpAsTwoPoles) {
+    const Scene scene = scene_with("table", hold(0.01) + press(1, 0.01, "at_once") + hold(0.1));
+    const Recording is = run(scene, "anti_alias"), ideal = run(scene, "none");
+    std::size_t at = 0;
+    while (ideal.load[kFz][at] == 0) ++at;
+    const double w = kPi / 2 * 1000, h = 1e-3;
+    const auto risen = [&](double t) { return t - 2 / w + (t + 2 / w) * std::exp(-w * t); };  // its integral
+    for (std::size_t n = 0; n < 20; ++n) {
+        const double t = double(n + 1) * h, expected = (risen(t) - risen(t - h)) / h;
+        EXPECT_NEAR(-is.channel[0][at + n] / scene.sensors[0].gain[0][kFz], expected, 1e-9) << n;
+    }
+}
+
+TEST(AntiAlias, PassesWhatStandsStillToTheLastBit) {
+    const Scene scene = scene_with("capacitive", "[effects.anti_alias]\ncorner_Hz = 1e-3\n" + hold(0.5), "rate_Hz = 100000");
+    const Recording is = run(scene, "anti_alias");
+    for (const double x : is.channel[4]) ASSERT_EQ(x, scene.sensors[0].zero[4]);
+}
+
+// 900 Hz sampled at 1 kHz is a line at 100 Hz, as high as the filter leaves 900 Hz: 1 / (1 + 3.6^2), and turned by its
+// phase there. A filter that knew only the samples would leave 1 / (1 + 0.4^2) of it.
+TEST(AntiAlias, LeavesOfALineThatFoldsWhatItLeavesAtTheLinesOwnFrequency) {
+    for (const double line_Hz : {900.0, 1100.0, 730.0, 400.0}) {
+        const Scene scene =
+            scene_with("table", press(0.4, 0.1) + fmt::format("[[motion]]\ndo = \"shake\"\namplitude_N = 0.2\nfrom_Hz = {}\n"
+                                                              "for_s = 1.1\n",
+                                                              line_Hz));
+        const Recording is = run(scene, "anti_alias");
+        const double gain = scene.sensors[0].gain[0][kFz], turn = 2 * kPi * line_Hz;
+        double in_phase = 0, quadrature = 0;
+        for (std::size_t n = 200; n < 1200; ++n) {
+            const double t = is.t_s[n] - 0.1, reads = -is.channel[0][n] / gain - 0.4;
+            in_phase += reads * std::sin(turn * t) / 500;
+            quadrature += reads * std::cos(turn * t) / 500;
+        }
+        const double r = line_Hz / 250, scale = 0.2 / ((1 + r * r) * (1 + r * r));  // 1 / (1 + i r)^2
+        EXPECT_NEAR(in_phase, scale * (1 - r * r), 0.01 * 0.2 / (1 + r * r)) << line_Hz;
+        EXPECT_NEAR(quadrature, -scale * 2 * r, 0.01 * 0.2 / (1 + r * r)) << line_Hz;
+    }
 }
 
 TEST(ChannelSkew, ReadsTheFirstElectrodeFourStepsBeforeTheLast) {

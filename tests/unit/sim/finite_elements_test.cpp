@@ -8,6 +8,7 @@
 #include <map>
 #include <sstream>
 
+#include "drivers/sim/effects/influence.hpp"
 #include "drivers/sim/simulation.hpp"
 
 namespace tactiled::sim {
@@ -130,6 +131,53 @@ TEST(FiniteElements, TableUnderAnEccentricPressIsAPressAndAMoment) {
     }
     errors.print("table, a press at (-0.3, 0.3) mm");
     EXPECT_LT(errors.all, 0.2);
+}
+
+const std::string kOnMap = "model = \"table\"\nsample = \"foil\"\ninfluence = \"" TACTILED_SOURCE_DIR
+                           "/config/calibration/table_influence.toml\"\n";
+
+// A press on a disc of 0.3 mm in the middle: 2332 ustrain/N in the inner gauges, linear (the same elements and mesh as
+// table_influence.csv, another load). The map has the disc's radius, not a square's of that width or a disc's of twice that.
+TEST(FiniteElements, TableUnderASmallPatchReadsItsShape) {
+    const auto reads = channels_under(kOnMap + "[body]\nshape = \"edge\"\nradius_m = 0.15e-3", 1, 0, 0, "contact_patch");
+    for (const std::size_t inner : {0u, 2u, 4u, 6u}) EXPECT_NEAR(reads[inner] / 2 * 1e6, 2332, 0.01 * 2332) << inner;
+    const auto larger = channels_under(kOnMap + "[body]\nshape = \"edge\"\nradius_m = 0.3e-3", 1, 0, 0, "contact_patch");
+    EXPECT_LT(larger[0] / 2 * 1e6, 2100);
+}
+
+// A press that grows along one axis, as a sum of patches: the moments' rows are loads that the map was not made from.
+TEST(FiniteElements, TableUnderALinearPressureIsASumOfPatches) {
+    const Scene scene = [&] {
+        Problems problems;
+        return read_scene(Options::parse_text("format = 1\ntitle = \"map\"\n[[sensor]]\nname = \"s\"\n" + kOnMap +
+                                                  "[[motion]]\ndo = \"hold\"\nfor_s = 1\n",
+                                              "map.toml", problems),
+                          problems);
+    }();
+    const InfluenceMap map(scene.sensors[0].table);
+    std::map<std::string, Row> cases;
+    for (const Row& row : rows_of("table_gauges_grid.csv")) cases[row.at("case")] = row;
+    Errors errors;
+    for (const std::string& name : {std::string("M_x"), std::string("M_y")}) {
+        constexpr int kRings = 40, kAngles = 96;
+        constexpr double kRadius_mm = 0.93, kPi = 3.14159265358979;
+        std::array<double, 8> sum{};
+        for (int i = 0; i < kRings; ++i)
+            for (int j = 0; j < kAngles; ++j) {
+                const double h = kRadius_mm / kRings, r = (i + 0.5) * h, turn = 2 * kPi * (j + 0.5) / kAngles;
+                const double x = r * std::cos(turn), y = r * std::sin(turn), area = r * h * 2 * kPi / kAngles;
+                // +Fz of a pressure 4 y / (pi R^4) has Mx = 1 N mm, of -4 x / (pi R^4) My.
+                const double N = (name == "M_x" ? y : -x) * 4 / (kPi * std::pow(kRadius_mm, 4)) * area;
+                const auto strain = map.mean(x * 1e-3, y * 1e-3, 1e-6);
+                for (std::size_t k = 0; k < 8; ++k) sum[k] += N * strain[3 * k + 2] * 1e6;
+            }
+        for (std::size_t k = 0; k < 8; ++k)
+            errors.take(fmt::format("R{}", k + 1),
+                        100 * (sum[k] - number(cases[name], fmt::format("R{}_axial_ustrain", k + 1))) / 531);
+    }
+    errors.print("table, linear pressure as patches");
+    EXPECT_LT(errors.all, 3);  // the outer gauges stand where the map's cells are coarse
+    for (const char* inner : {"R1", "R3", "R5", "R7"}) EXPECT_LT(errors.worst[inner], 0.5) << inner;
 }
 
 // Two readings make the sample (1 kPa of press, 1 kPa of shear along 0 degrees, at 750 kPa); what is compared are the

@@ -102,6 +102,25 @@ RC_GTEST_PROP(Effects, LeftOutByAutoMakeNoLargerErrorThanGuaranteed, ()) {
     RC_ASSERT(choice.guaranteed_N <= choice.wanted_N);
 }
 
+// Right behind its effect, with all effects before it at work, no level differs by more than it says.
+RC_GTEST_PROP(Levels, StayWithinTheirErrors, ()) {
+    const RandomScene random = random_scene();
+    const Scene scene = random.scene();
+    const Choice choice = choose(scene, scene.sensors[0], scene.motion.extent(scene.sensors[0]), "auto");
+    std::vector<std::size_t> with_levels;
+    for (std::size_t d = 0; d < choice.decisions.size(); ++d)
+        if (!choice.decisions[d].levels.empty()) with_levels.push_back(d);
+    if (with_levels.empty()) return;
+    const std::size_t last = *rc::gen::elementOf(with_levels);
+    std::string names;
+    for (std::size_t d = 0; d <= last; ++d) names += (d == 0 ? "" : ",") + std::string(choice.decisions[d].effect->name);
+    const Level& level = *rc::gen::elementOf(choice.decisions[last].levels);
+    const double N = difference_N(scene, names, fmt::format("{}:{}", names, level.name));
+    RC_LOG(random.text());
+    RC_LOG(fmt::format("{}:{} {} N, says {} N", choice.decisions[last].effect->name, level.name, N, level.error_N));
+    RC_ASSERT(N <= level.error_N * kRounding + kNothing_N);
+}
+
 RC_GTEST_PROP(Extent, HoldsEverySample, ()) {
     const RandomScene random = random_scene();
     RC_LOG(random.text());

@@ -1,0 +1,30 @@
+// Cost of each effect and of each of its levels, as measured in one run: what the choice counts.
+#include <algorithm>
+#include <array>
+
+#include "drivers/sim/effect.hpp"
+
+namespace tactiled::sim {
+namespace {
+
+struct Cost {
+    std::string_view effect, level;
+    std::array<double, 3> ns;  // by Model: table, hair, capacitive; 0 = it concerns no such sensor
+};
+
+constexpr std::array kCosts{
+#include "drivers/sim/costs.inc"
+    Cost{"", "", {}},
+};
+
+}  // namespace
+
+double cost_ns(const EffectEntry& effect, std::string_view level, Model model) {
+    const auto* found = std::find_if(kCosts.begin(), kCosts.end(), [&](const Cost& cost) {
+        return cost.effect == effect.name && cost.level == level && cost.ns[std::size_t(model)] > 0;
+    });
+    if (found != kCosts.end()) return found->ns[std::size_t(model)];
+    return effect.instructions / (level.empty() ? 10 : 20);
+}
+
+}  // namespace tactiled::sim
