@@ -9,6 +9,8 @@
 //                                     after them; a tare answers when it is done
 //     request   NODE objects-file
 //     answer    its path, "-" = no [grasp]
+//     request   NODE config-file
+//     answer    the path of the daemon's configuration, "-" = not known
 //     request   NODE wake | NODE events
 //     answer    "ok" with a descriptor (SCM_RIGHTS): the page of struct tactiled_wake, or one for epoll that counts
 //               node records for as long as the connection stays open (tactiled_ask_descriptor() in tactiled/reader.h)
@@ -18,6 +20,7 @@
 #include <atomic>
 #include <string>
 
+#include "node/control_client.hpp"
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
 #include "node/shm/events.hpp"
@@ -30,7 +33,8 @@ public:
     // Replaces a socket that a dead daemon left: the lock of PATH.lock says that its daemon lives, also where it is stopped
     // and cannot answer. setup: throws SetupError where `path` cannot be bound, or is another daemon's
     ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
-                  const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands);
+                  const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands,
+                  std::string config_path = "");
     ~ControlSocket();
     ControlSocket(const ControlSocket&) = delete;
     ControlSocket& operator=(const ControlSocket&) = delete;
@@ -49,6 +53,7 @@ private:
     ino_t inode_ = 0;
     std::string node_name_;
     std::string objects_path_;           // "" = there is no [grasp]
+    std::string config_path_;            // "" = not known
     std::vector<TaughtObject> objects_;  // lent to the pipeline until it acknowledges objects_number_
     std::uint32_t objects_number_ = 0;
     const SegmentWriter& writer_;
@@ -65,8 +70,5 @@ private:
     std::atomic<bool> stop_{false};
     RtThread thread_;
 };
-
-// Sends one request to the socket at `path`; "" with `why` set when there is no answer within `timeout_ms`.
-std::string ask_daemon(const std::string& path, const std::string& request, int timeout_ms, std::string& why);
 
 }  // namespace tactiled

@@ -51,7 +51,7 @@ ObjectsLock::~ObjectsLock() { ::close(fd_); }
 
 std::vector<TaughtObject> load_objects(const std::string& path, Problems& problems) {
     std::vector<TaughtObject> objects;
-    if (::access(path.c_str(), F_OK) != 0) return objects;
+    if (!is_text_file_there(path)) return objects;
     Options file = Options::parse_file(path, problems);
     if (!problems.empty()) return objects;
     if (file.integer("format", {1, 1e9}) != kFormat)
