@@ -17,6 +17,7 @@
 #include <sstream>
 #include <utility>
 
+#include "config/names.hpp"
 #include "node/control_client.hpp"
 #include "node/log.hpp"
 #include "node/objects.hpp"
@@ -168,6 +169,8 @@ void ControlSocket::take(int client) {
         return begin(client, command);
     } else if (node == node_name_ && verb == "weigh" && more.empty() && weigh_command(mask)) {
         return begin(client, *weigh_command(mask));
+    } else if (node == node_name_ && verb == "teach" && more.empty() && valid_name(mask)) {
+        return teach(client, mask);
     } else if (node == node_name_ && verb == "load-objects" && mask.empty()) {
         return load_objects(client);
     } else if (node == node_name_ && verb == "objects-file" && mask.empty()) {
@@ -178,6 +181,21 @@ void ControlSocket::take(int client) {
         answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
     }
     ::close(client);
+}
+
+void ControlSocket::teach(int client, const std::string& name) {
+    const auto reject = [&](tactiled_command_result result, const std::string& why) {
+        answer(client, fmt::format("{} {} {}", int(TACTILED_COMMAND_REJECTED), int(result), why));
+        ::close(client);
+    };
+    tactiled_node node{};
+    if (objects_path_.empty()) return reject(TACTILED_COMMAND_NOT_NOW, "there is no [grasp] in the configuration");
+    if (!segment_.latest_node(node) || node.grasp.weight_state != TACTILED_WEIGHT_STABLE)
+        return reject(TACTILED_COMMAND_NOT_NOW, "no stable weight hangs on the jaws: grasp, lift and wait");
+    try {
+        teach_grasp(objects_path_, 0, name, weighing_of(node.grasp));
+    } catch (const SetupError& error) { return reject(TACTILED_COMMAND_FAILED, error.what()); }
+    load_objects(client);
 }
 
 void ControlSocket::load_objects(int client) {

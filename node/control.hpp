@@ -3,8 +3,9 @@
 //
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
 //               NODE weigh start | NODE weigh stop | NODE weigh zero | NODE weigh KILOGRAMS: what hangs now weighs this
+//               NODE teach NAME       the weight that hangs now is one more grasp of that object
 //               NODE load-objects     the file of taught objects is read again, all of it or, with an error, nothing
-//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of load-objects perhaps with a
+//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of teach and load-objects perhaps with a
 //     reason
 //                                     after them; a tare answers when it is done
 //     request   NODE objects-file
@@ -43,6 +44,7 @@ private:
     void serve() noexcept;
     void take(int client);
     void begin(int client, Command command);
+    void teach(int client, const std::string& name);
     void load_objects(int client);
     void follow();
     void log_refused_tares();

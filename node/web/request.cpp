@@ -9,6 +9,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "config/names.hpp"
+
 namespace tactiled::web {
 namespace {
 
@@ -94,7 +96,8 @@ Order order_of(std::string_view body, const std::vector<std::string>& sensors) {
         return found != wanted.end() && found->is_string() ? found->get<std::string>() : std::string();
     };
     for (const auto& [key, value] : wanted.items())
-        if (key != "command" && key != "sensor" && key != "weigh") return {"", "the keys are command, sensor and weigh"};
+        if (key != "command" && key != "sensor" && key != "weigh" && key != "object")
+            return {"", "the keys are command, sensor, weigh and object"};
     const std::string command = text("command");
     if (command == "clear") return {"clear", ""};
     if (command == "weigh") {
@@ -108,7 +111,11 @@ Order order_of(std::string_view body, const std::vector<std::string>& sensors) {
         if (what == "start" || what == "stop" || what == "zero") return {"weigh " + what, ""};
         return {"", "weigh is \"start\", \"stop\", \"zero\" or the known weight in kg"};
     }
-    if (command != "tare" && command != "untare") return {"", "the commands are tare, untare, clear and weigh"};
+    if (command == "teach") {
+        if (!valid_name(text("object"))) return {"", fmt::format("object: {}", kValidName)};
+        return {"teach " + text("object"), ""};
+    }
+    if (command != "tare" && command != "untare") return {"", "the commands are tare, untare, clear, weigh and teach"};
     const std::string sensor = text("sensor");
     std::uint32_t mask = 0;
     for (std::size_t i = 0; i < sensors.size(); ++i)

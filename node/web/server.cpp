@@ -135,6 +135,7 @@ Server::~Server() {
     waiting_.clear();
     publish(frame_);
     for (int i = 0; i < 3; ++i) MHD_run(daemon_);
+    made_.clear();
     MHD_stop_daemon(daemon_);
 }
 
@@ -165,6 +166,7 @@ void Server::run() {
 }
 
 void Server::publish(std::shared_ptr<const std::string> frame) {
+    greeting_.reset();
     frame_ = std::move(frame);
     ++frame_number_;
     for (Stream& stream : streams_)
@@ -256,13 +258,29 @@ MHD_Result Server::answer(MHD_Connection* connection, const std::string& path, c
     if (is_command) return refuse(connection, 405, "commands are sent with POST", "Allow", "POST");
     if (method != "GET" && method != "HEAD")
         return refuse(connection, 405, "only GET and HEAD are known here", "Allow", "GET, HEAD");
-    if (path == "/api/status") return send(connection, 200, content_.status(), "application/json; charset=utf-8");
-    if (path == "/api/events") return send(connection, 200, content_.events(), "application/json; charset=utf-8");
-    if (path == "/metrics") return send(connection, 200, content_.metrics(), "text/plain; version=0.0.4; charset=utf-8");
+    constexpr const char* kJson = "application/json; charset=utf-8";
+    if (path == "/api/status") return send_made(connection, path, content_.status, kJson);
+    if (path == "/api/events") return send_made(connection, path, content_.events, kJson);
+    if (path == "/metrics") return send_made(connection, path, content_.metrics, "text/plain; version=0.0.4; charset=utf-8");
     if (path == "/api/stream" && method == "GET") return open_stream(connection);
     for (const Asset& asset : assets())
         if (asset.path == path) return send(connection, 200, asset.content, asset.type.data(), false);
     return refuse(connection, 404, "known are /, /metrics, /api/status, /api/events, /api/schema and /api/command");
+}
+
+// A thousand requests within a tick cost one body.
+MHD_Result Server::send_made(MHD_Connection* connection, const std::string& path, const std::function<std::string()>& make,
+                             const char* type) {
+    Made& made = made_[path];
+    if (std::exchange(made.tick, tick_) != tick_ || made.response == nullptr) {
+        const std::string body = make();
+        made.response.reset(
+            MHD_create_response_from_buffer(body.size(), const_cast<char*>(body.data()), MHD_RESPMEM_MUST_COPY),
+            &MHD_destroy_response);
+        if (made.response == nullptr) return MHD_NO;
+        add_headers(made.response.get(), type);
+    }
+    return MHD_queue_response(connection, 200, made.response.get());
 }
 
 MHD_Result Server::open_stream(MHD_Connection* connection) {
@@ -294,7 +312,9 @@ ssize_t Server::read_stream(void* of, std::uint64_t, char* to, std::size_t size)
     if (stream.piece == nullptr || stream.sent == stream.piece->size()) {
         stream.sent = 0;
         if (!std::exchange(stream.is_greeted, true)) {
-            stream.piece = std::make_shared<const std::string>(server.content_.greeting());
+            if (std::exchange(server.greeting_tick_, server.tick_) != server.tick_ || server.greeting_ == nullptr)
+                server.greeting_ = std::make_shared<const std::string>(server.content_.greeting());
+            stream.piece = server.greeting_;
             stream.revision = server.content_.revision();
             stream.frame_number = server.frame_number_;
         } else if (server.frame_ != nullptr && stream.frame_number != server.frame_number_) {
@@ -344,11 +364,13 @@ MHD_Result Server::command(MHD_Connection* connection, Exchange& exchange) {
 
 MHD_Result Server::answer_command(MHD_Connection* connection, const Exchange& exchange) {
     const Command& done = exchange.command;
-    int state = 0, result = 0;
-    if (std::sscanf(done.answer.c_str(), "%d %d", &state, &result) != 2)
+    int state = 0, result = 0, used = 0;
+    if (std::sscanf(done.answer.c_str(), "%d %d%n", &state, &result, &used) != 2)
         return refuse(connection, 504, done.why.empty() ? "unreadable answer of the daemon" : done.why);
-    const nlohmann::json body{{"schema", 1}, {"request", done.request}, {"state", state}, {"result", result}};
-    return send(connection, result == TACTILED_COMMAND_OK ? 200 : 409, body.dump() + "\n",
+    const std::string why = done.answer.substr(std::min(done.answer.size(), std::size_t(used) + 1));
+    const nlohmann::json body{{"schema", 1}, {"request", done.request}, {"state", state}, {"result", result}, {"why", why}};
+    return send(connection, result == TACTILED_COMMAND_OK ? 200 : 409,
+                body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n",
                 "application/json; charset=utf-8");
 }
 

@@ -48,6 +48,8 @@ public:
     void run();
     // Gives `frame` to every page. A page that has not taken the one before gets only the newest.
     void publish(std::shared_ptr<const std::string> frame);
+    // What was made of the last tick is made anew when it is asked for; until then everybody gets the same.
+    void begin_tick() { ++tick_; }
     // Greets every page anew: names have changed.
     void greet_again();
     // Closes connections whose request is not complete in time. Once a second.
@@ -67,6 +69,8 @@ private:
     static void end_stream(void* stream);
 
     MHD_Result answer(MHD_Connection* connection, const std::string& path, const std::string& method, Exchange& exchange);
+    MHD_Result send_made(MHD_Connection* connection, const std::string& path, const std::function<std::string()>& make,
+                         const char* type);
     MHD_Result open_stream(MHD_Connection* connection);
     MHD_Result command(MHD_Connection* connection, Exchange& exchange);
     MHD_Result answer_command(MHD_Connection* connection, const Exchange& exchange);
@@ -85,6 +89,13 @@ private:
     std::map<std::uint64_t, Exchange*> waiting_;  // for the daemon's answer, by the number of the command
     std::uint64_t next_command_ = 1, skipped_ = 0;
     bool closing_ = false;
+    struct Made {
+        std::uint64_t tick = 0;
+        std::shared_ptr<MHD_Response> response;
+    };
+    std::map<std::string, Made> made_;  // by path
+    std::uint64_t tick_ = 1, greeting_tick_ = 0;
+    std::shared_ptr<const std::string> greeting_;
     std::shared_ptr<const std::string> frame_;
     std::uint64_t frame_number_ = 0;
     MHD_Daemon* daemon_ = nullptr;

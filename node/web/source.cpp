@@ -23,7 +23,9 @@ double sd_of(const tactiled_sample& s, std::size_t c) { return c < 3 ? s.sd_forc
 
 // Good, uncertain, bad: a larger number is worse, and no value is as bad as BAD.
 std::uint32_t worse(std::uint32_t a, std::uint32_t b) {
-    const auto rank = [](std::uint32_t quality) { return quality == TACTILED_NO_VALUE ? std::uint32_t(TACTILED_BAD) : quality; };
+    const auto rank = [](std::uint32_t quality) {
+        return quality == TACTILED_NO_VALUE ? std::uint32_t(TACTILED_BAD) : quality;
+    };
     return std::max(rank(a), rank(b));
 }
 

@@ -14,6 +14,9 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
 from modbus_interop_test import INTEROP, fetch_javascript  # noqa: E402
 
+sys.path.insert(0, str(INTEROP))
+import read_mcap  # noqa: E402
+
 LINK = """
 [[link]]
 name = "usb0"
@@ -184,7 +187,11 @@ class Record(unittest.TestCase):
         plain = None
         for kind in ("none", "lz4", "zstd"):
             file = self.daemon.folder / f"{kind}.mcap"
-            self.assertEqual(tactilectl("record", file, "--seconds", 1, "--compression", kind, "--node", self.daemon.name).returncode, 0)
+            said = json.loads(tactilectl("record", file, "--seconds", 1, "--compression", kind, "--json", "--node", self.daemon.name).stdout)
+            seen = read_mcap.read(file)
+            self.assertEqual((seen["messages"], seen["compression"]), (said["messages"], ["" if kind == "none" else kind]))
+            self.assertEqual(seen["topics"][f"/{self.daemon.name}/table/wrench"], seen["topics"][f"/{self.daemon.name}/table/sample"])
+            self.assertEqual(len(seen["attachments"]), 3)
             done = tactilectl("replay", file, "--json")
             sensor = json.loads(done.stdout)["sensors"][0]
             self.assertEqual((done.returncode, sensor["first_difference"], json.loads(done.stdout)["why"]), (0, "", ""), kind + done.stdout + done.stderr)

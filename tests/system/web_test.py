@@ -194,8 +194,13 @@ class Access(Base):
         wait_for(lambda: self.tares() == 0, 3, "the tare to be gone")
         self.assertEqual(self.open.command({"command": "clear"}, Host="gripper.example:99", Origin="https://gripper.example:99")[0], 200)
 
+    def test_teaching_without_a_grasp_is_refused_by_the_daemon_in_words(self):
+        code, answer = self.open.command({"command": "teach", "object": "bolt"})
+        self.assertEqual((code, answer["result"]), (409, 4))
+        self.assertIn("[grasp]", answer["why"])
+
     def test_a_body_that_is_no_command_changes_nothing_and_says_what_is_right(self):
-        for body in ("", "{", "[]", "null", '{"command":"tare"}', '{"command":"tare","sensor":"right"}', '{"command":"tare","sensor":"left ; clear"}', '{"command":"reboot"}',
+        for body in ('{"command":"teach","object":"a b"}', '{"command":"teach","object":"' + "x" * 32 + '"}', '{"command":"teach"}', "", "{", "[]", "null", '{"command":"tare"}', '{"command":"tare","sensor":"right"}', '{"command":"tare","sensor":"left ; clear"}', '{"command":"reboot"}',
                      '{"command":["tare"],"sensor":"left"}', '{"command":"weigh","weigh":-1}', '{"command":"weigh","weigh":1e999}', '{"command":"weigh","weigh":"start clear"}',
                      '{"command":"tare","sensor":"left","more":1}', "[" * 4000, '"\\ud800"', b"\xff\xfe"):
             with self.subTest(body):
@@ -290,6 +295,21 @@ class Hostile(Base):
         self.assertLess(asked, 1)
         wait_for(lambda: closed(crowd[0]), 15, "a silent connection to be closed")
 
+    def test_a_thousand_whole_requests_at_once_delay_nobody(self):
+        crowd = [self.connect() for _ in range(1000)]
+        stream = Stream(self.server)
+        stream.until(lambda name, _: name == "frame")
+        last, worst = time.monotonic(), 0
+        for n, s in enumerate(crowd):
+            s.sendall((b"GET /metrics", b"GET /api/status", b"GET /uPlot.js")[n % 3] + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        for _ in range(60):
+            stream.until(lambda name, _: name == "frame")
+            worst, last = max(worst, time.monotonic() - last), time.monotonic()
+        stream.close()
+        self.assertLess(worst, 1)
+        for s in crowd[::100]:
+            self.assertTrue(s.recv(15).startswith(b"HTTP/1.1 200"))
+
     def test_streams_that_take_nothing_cost_no_memory_and_delay_nobody(self):
         before_kB = self.server.rss_kB()
         for _ in range(12):
@@ -302,7 +322,9 @@ class Hostile(Base):
 
     def test_more_pages_than_are_allowed_are_refused_and_the_others_go_on(self):
         streams = [Stream(self.server) for _ in range(16)]
-        self.assertEqual(Stream(self.server).answer.status, 503)
+        refused = Stream(self.server)
+        self.assertEqual(refused.answer.status, 503)
+        refused.close()
         for stream in streams:
             stream.until(lambda name, _: name == "frame")
             stream.close()

@@ -279,13 +279,14 @@ document.addEventListener("click", async (e) => {
   const button = e.target.closest("button[data-command]");
   if (!button) return;
   const { command, sensor, weigh } = button.dataset, outcome = byId("outcome");
-  const said = [command, sensor, weigh].filter(Boolean).join(" ");
+  const object = command === "teach" ? byId("object").value.trim() : undefined;
+  const said = [command, sensor, weigh, object].filter(Boolean).join(" ");
   put(outcome, `${said}: asked …`);
   button.disabled = true;
   try {
-    const answer = await fetch("/api/command", { method: "POST", headers: { "Content-Type": "application/json", Authorization: `Bearer ${token}` }, body: JSON.stringify({ command, sensor, weigh }) });
+    const answer = await fetch("/api/command", { method: "POST", headers: { "Content-Type": "application/json", Authorization: `Bearer ${token}` }, body: JSON.stringify({ command, sensor, weigh, object }) });
     const body = await answer.json();
-    put(outcome, `${said}: ${body.error || kResults[body.result] || `result ${body.result}`}`);
+    put(outcome, `${said}: ${body.error || body.why || kResults[body.result] || `result ${body.result}`}`);
     if (answer.status === 401) { token = ""; sessionStorage.removeItem("token"); }
   } catch (error) {
     put(outcome, `${said}: no answer, ${error.message}`);
