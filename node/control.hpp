@@ -5,8 +5,8 @@
 //               NODE weigh start | NODE weigh stop | NODE weigh zero | NODE weigh KILOGRAMS: what hangs now weighs this
 //               NODE teach NAME       the weight that hangs now is one more grasp of that object
 //               NODE load-objects     the file of taught objects is read again, all of it or, with an error, nothing
-//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of teach and load-objects perhaps with a
-//     reason
+//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of teach and load-objects perhaps
+//     with a reason
 //                                     after them; a tare answers when it is done
 //     request   NODE objects-file
 //     answer    its path, "-" = no [grasp]
