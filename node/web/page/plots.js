@@ -60,7 +60,7 @@ class Plot {
     const series = [{}], bands = [];
     for (const c of this.shown) {
       const stroke = colour("xyz"[c % 3]), at = series.length;
-      const bare = { stroke: "transparent", width: 0, points: { show: false } };
+      const bare = { stroke: "transparent", width: 1, points: { show: false } };
       series.push({ label: kNames[c], stroke, width: 1.5, dash: kDashes[c % 3], points: { show: false } }, { ...bare }, { ...bare });
       bands.push({ series: [at + 2, at + 1], fill: stroke + "38" });
     }
