@@ -53,13 +53,31 @@ bool write_all(int fd, std::string_view bytes) {
     return true;
 }
 
+thread_local TextFiles* text_files = nullptr;
+
 }  // namespace
+
+TextFiles::TextFiles(List from) : list_(std::move(from)), notes_(list_.empty()), before_(text_files) { text_files = this; }
+
+TextFiles::~TextFiles() { text_files = before_; }
+
+bool is_text_file_there(const std::string& path) {
+    if (text_files == nullptr || text_files->notes_) return ::access(path.c_str(), F_OK) == 0;
+    for (const auto& file : text_files->list_)
+        if (file.first == path) return true;
+    return false;
+}
 
 std::optional<std::string> read_text_file(const std::string& path, std::size_t max_bytes, Problems& problems) {
     const auto refuse = [&](const std::string& why) {
         problems.add(path.empty() ? "\"\"" : path, 0, why);
         return std::nullopt;
     };
+    if (text_files != nullptr && !text_files->notes_) {
+        for (const auto& [name, bytes] : text_files->list_)
+            if (name == path) return bytes;
+        return refuse("is not in the recording");
+    }
     const File file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
     if (file.fd() < 0) return refuse(why_not_opened(path, errno));
     struct stat about {};
@@ -74,7 +92,10 @@ std::optional<std::string> read_text_file(const std::string& path, std::size_t m
         const ssize_t n = ::read(file.fd(), piece, sizeof piece);
         if (n < 0 && errno == EINTR) continue;
         if (n < 0) return refuse(fmt::format("cannot be read: {}", std::strerror(errno)));
-        if (n == 0) return bytes;
+        if (n == 0) {
+            if (text_files != nullptr) text_files->list_.emplace_back(path, bytes);
+            return bytes;
+        }
         bytes.append(piece, std::size_t(n));
         if (bytes.size() > max_bytes)
             return refuse(fmt::format("is larger than {} bytes; this is not the kind of file that is read here", max_bytes));

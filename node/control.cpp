@@ -17,6 +17,8 @@
 #include <sstream>
 #include <utility>
 
+#include "config/names.hpp"
+#include "node/control_client.hpp"
 #include "node/log.hpp"
 #include "node/objects.hpp"
 
@@ -26,18 +28,6 @@ namespace {
 constexpr int kLookMs = 100;       // how long stop() may wait
 constexpr int kAnswerMs = 15'000;  // longer than the longest tare
 constexpr std::uint64_t kLogEachNs = 10'000'000'000;
-
-sockaddr_un address_of(const std::string& path) {
-    sockaddr_un address{};
-    address.sun_family = AF_UNIX;
-    path.copy(address.sun_path, sizeof address.sun_path - 1);
-    return address;
-}
-
-bool wait_readable(int fd, int timeout_ms) {
-    pollfd p{fd, POLLIN, 0};
-    return ::poll(&p, 1, timeout_ms) == 1;
-}
 
 void answer(int client, std::uint32_t state, std::uint32_t result) {
     const std::string text = fmt::format("{} {}", state, result);
@@ -88,11 +78,13 @@ void answer_with(int client, int descriptor) {
 }  // namespace
 
 ControlSocket::ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
-                             const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands)
+                             const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands,
+                             std::string config_path)
     : path_(path),
       lock_(path + ".lock"),
       node_name_(node_name),
       objects_path_(objects_path),
+      config_path_(std::move(config_path)),
       writer_(segment),
       commands_(commands),
       events_(node_name, segment.wake_page()) {
@@ -177,14 +169,33 @@ void ControlSocket::take(int client) {
         return begin(client, command);
     } else if (node == node_name_ && verb == "weigh" && more.empty() && weigh_command(mask)) {
         return begin(client, *weigh_command(mask));
+    } else if (node == node_name_ && verb == "teach" && more.empty() && valid_name(mask)) {
+        return teach(client, mask);
     } else if (node == node_name_ && verb == "load-objects" && mask.empty()) {
         return load_objects(client);
     } else if (node == node_name_ && verb == "objects-file" && mask.empty()) {
         answer(client, objects_path_.empty() ? "-" : objects_path_);
+    } else if (node == node_name_ && verb == "config-file" && mask.empty()) {
+        answer(client, config_path_.empty() ? "-" : config_path_);
     } else if (size > 0) {
         answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
     }
     ::close(client);
+}
+
+void ControlSocket::teach(int client, const std::string& name) {
+    const auto reject = [&](tactiled_command_result result, const std::string& why) {
+        answer(client, fmt::format("{} {} {}", int(TACTILED_COMMAND_REJECTED), int(result), why));
+        ::close(client);
+    };
+    tactiled_node node{};
+    if (objects_path_.empty()) return reject(TACTILED_COMMAND_NOT_NOW, "there is no [grasp] in the configuration");
+    if (!segment_.latest_node(node) || node.grasp.weight_state != TACTILED_WEIGHT_STABLE)
+        return reject(TACTILED_COMMAND_NOT_NOW, "no stable weight hangs on the jaws: grasp, lift and wait");
+    try {
+        teach_grasp(objects_path_, 0, name, weighing_of(node.grasp));
+    } catch (const SetupError& error) { return reject(TACTILED_COMMAND_FAILED, error.what()); }
+    load_objects(client);
 }
 
 void ControlSocket::load_objects(int client) {
@@ -256,29 +267,6 @@ void ControlSocket::log_refused_tares() {
                         : "a sensor is under load, beyond its tare_limit_N",
                  refused_tares_);
     }
-}
-
-std::string ask_daemon(const std::string& path, const std::string& request, int timeout_ms, std::string& why) {
-    const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
-    const sockaddr_un address = address_of(path);
-    const timeval limit{timeout_ms / 1000, timeout_ms % 1000 * 1000L};  // of connect(): the queue of a hung daemon is full
-    ::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
-    std::string reply;
-    if (fd < 0 || ::connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-        ::send(fd, request.data(), request.size(), MSG_NOSIGNAL) < 0) {
-        why = path + ": " + std::strerror(errno);
-    } else if (!wait_readable(fd, timeout_ms)) {
-        why = fmt::format("{}: no answer within {} ms", path, timeout_ms);
-    } else {
-        char buffer[4096];  // a path, or an error in a file
-        const ssize_t size = ::recv(fd, buffer, sizeof buffer, 0);
-        if (size > 0)
-            reply.assign(buffer, std::size_t(size));
-        else
-            why = path + ": the daemon closed the connection";
-    }
-    if (fd >= 0) ::close(fd);
-    return reply;
 }
 
 }  // namespace tactiled

@@ -3,12 +3,15 @@
 //
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
 //               NODE weigh start | NODE weigh stop | NODE weigh zero | NODE weigh KILOGRAMS: what hangs now weighs this
+//               NODE teach NAME       the weight that hangs now is one more grasp of that object
 //               NODE load-objects     the file of taught objects is read again, all of it or, with an error, nothing
-//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of load-objects perhaps with a
-//     reason
+//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of teach and load-objects perhaps
+//     with a reason
 //                                     after them; a tare answers when it is done
 //     request   NODE objects-file
 //     answer    its path, "-" = no [grasp]
+//     request   NODE config-file
+//     answer    the path of the daemon's configuration, "-" = not known
 //     request   NODE wake | NODE events
 //     answer    "ok" with a descriptor (SCM_RIGHTS): the page of struct tactiled_wake, or one for epoll that counts
 //               node records for as long as the connection stays open (tactiled_ask_descriptor() in tactiled/reader.h)
@@ -18,6 +21,7 @@
 #include <atomic>
 #include <string>
 
+#include "node/control_client.hpp"
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
 #include "node/shm/events.hpp"
@@ -30,7 +34,8 @@ public:
     // Replaces a socket that a dead daemon left: the lock of PATH.lock says that its daemon lives, also where it is stopped
     // and cannot answer. setup: throws SetupError where `path` cannot be bound, or is another daemon's
     ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
-                  const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands);
+                  const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands,
+                  std::string config_path = "");
     ~ControlSocket();
     ControlSocket(const ControlSocket&) = delete;
     ControlSocket& operator=(const ControlSocket&) = delete;
@@ -39,6 +44,7 @@ private:
     void serve() noexcept;
     void take(int client);
     void begin(int client, Command command);
+    void teach(int client, const std::string& name);
     void load_objects(int client);
     void follow();
     void log_refused_tares();
@@ -49,6 +55,7 @@ private:
     ino_t inode_ = 0;
     std::string node_name_;
     std::string objects_path_;           // "" = there is no [grasp]
+    std::string config_path_;            // "" = not known
     std::vector<TaughtObject> objects_;  // lent to the pipeline until it acknowledges objects_number_
     std::uint32_t objects_number_ = 0;
     const SegmentWriter& writer_;
@@ -65,8 +72,5 @@ private:
     std::atomic<bool> stop_{false};
     RtThread thread_;
 };
-
-// Sends one request to the socket at `path`; "" with `why` set when there is no answer within `timeout_ms`.
-std::string ask_daemon(const std::string& path, const std::string& request, int timeout_ms, std::string& why);
 
 }  // namespace tactiled

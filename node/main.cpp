@@ -8,6 +8,7 @@
 #include <cinttypes>
 #include <csignal>
 #include <cstring>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 
@@ -40,9 +41,9 @@ sigset_t block_signals() {
 // A PLC can tare without it, and values do not need it: a missing folder must not keep the gripper from running.
 std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, Pipeline& pipeline) {
     try {
-        return std::make_unique<ControlSocket>(node.plan.control, node.plan.group, node.plan.name, segment,
-                                               node.config.grasp ? node.config.grasp->objects : "",
-                                               pipeline.commands[TACTILED_FROM_SOCKET]);
+        return std::make_unique<ControlSocket>(
+            node.plan.control, node.plan.group, node.plan.name, segment, node.config.grasp ? node.config.grasp->objects : "",
+            pipeline.commands[TACTILED_FROM_SOCKET], std::filesystem::absolute(node.config.path).string());
     } catch (const std::exception& error) {
         log_line(LogLevel::warning, "{}; tactilectl tare will not work, sleeping readers poll each millisecond",
                  error.what());

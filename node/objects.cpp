@@ -51,7 +51,7 @@ ObjectsLock::~ObjectsLock() { ::close(fd_); }
 
 std::vector<TaughtObject> load_objects(const std::string& path, Problems& problems) {
     std::vector<TaughtObject> objects;
-    if (::access(path.c_str(), F_OK) != 0) return objects;
+    if (!is_text_file_there(path)) return objects;
     Options file = Options::parse_file(path, problems);
     if (!problems.empty()) return objects;
     if (file.integer("format", {1, 1e9}) != kFormat)
@@ -138,6 +138,37 @@ std::uint32_t free_id(std::span<const TaughtObject> taught) {
     std::uint32_t id = 1;
     while (std::any_of(taught.begin(), taught.end(), [&](const auto& o) { return o.id == id; })) ++id;
     return id;
+}
+
+std::vector<TaughtObject> teach_grasp(const std::string& path, std::uint32_t id, const std::string& name,
+                                      const Weighing& weighing) {
+    if (!is_teachable(weighing))
+        throw SetupError(fmt::format("{:.4f} kg, sd {:.4f} kg, may be nothing at all", weighing.mass_kg, weighing.sd_kg));
+    const ObjectsLock lock(path);
+    Problems problems;
+    std::vector<TaughtObject> taught = load_objects(path, problems);
+    problems.throw_if_any();
+    TaughtObject* known = nullptr;
+    for (auto& object : taught)
+        if (id != 0 ? object.id == id : object.name == name) known = &object;
+    TaughtObject object = known != nullptr ? with_one_more(*known, weighing) : summary_of({&weighing, 1});
+    if (known == nullptr) {
+        object.id = id != 0 ? id : free_id(taught);
+        object.name = name;
+    }
+    if (const auto confusion = confused_with(object, taught))
+        throw SetupError(fmt::format(
+            "it cannot be distinguished from object {} (\"{}\"): their weights are {:.1f} sd of each apart, {:g} are "
+            "needed",
+            confusion->other->id, confusion->other->name, confusion->apart_sd, kApart_sd));
+    if (known != nullptr)
+        *known = object;
+    else if (taught.size() < grasp::Grasp::kMaxObjects)
+        taught.push_back(object);
+    else
+        throw SetupError(fmt::format("{} objects are taught, no more fit", taught.size()));
+    store_objects(path, taught);
+    return taught;
 }
 
 }  // namespace tactiled

@@ -60,6 +60,12 @@ struct Confusion {
 // The object of `taught`, but for the one of `object`'s own id, that is nearest to it, where that is too near.
 std::optional<Confusion> confused_with(const TaughtObject& object, std::span<const TaughtObject> taught);
 
+// One more grasp of the object number `id`, or, where that is 0, of the one named `name`; an object that is not in the file
+// is a new one. Returns what is in the file then.
+// setup: throws SetupError where the weight may be nothing or another object's, or the file cannot be read or replaced
+std::vector<TaughtObject> teach_grasp(const std::string& path, std::uint32_t id, const std::string& name,
+                                      const Weighing& weighing);
+
 // The one of that name, or nullptr; and the least id that is free.
 const TaughtObject* find_object(std::span<const TaughtObject> taught, std::string_view name);
 std::uint32_t free_id(std::span<const TaughtObject> taught);

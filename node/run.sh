@@ -7,7 +7,7 @@ cd "$(dirname "$0")/.."
 
 ./node/install-packages.sh build demo
 [ -e build/release/build.ninja ] || cmake --preset release -DTACTILED_TESTS=OFF >/dev/null
-cmake --build --preset release --target tactiled tactilectl
+cmake --build --preset release --target tactiled tactilectl tactiled-web
 
 bin=build/release/bin
 mkdir -p build/demo

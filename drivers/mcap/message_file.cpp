@@ -119,4 +119,31 @@ std::string MessageFile::why() const {
     return why;
 }
 
+std::vector<std::pair<std::string, std::string>> attached_files(const std::string& path) {
+    constexpr std::uint64_t kMaxAttachment = 32u << 20;  // of a calibration: 16 MiB
+    std::vector<std::pair<std::string, std::string>> files;
+    const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    std::string record(kRecordHead, 0);
+    for (std::uint64_t at = kMagic.size(); fd >= 0;) {
+        record.resize(kRecordHead);
+        if (::pread(fd, record.data(), kRecordHead, off_t(at)) != ssize_t(kRecordHead)) break;
+        std::uint64_t size = 0;
+        std::memcpy(&size, &record[1], sizeof size);
+        const Op op = Op(record[0]);
+        if (op != Op::header && op != Op::schema && op != Op::channel && op != Op::attachment) break;
+        if (size > kMaxAttachment) break;
+        if (op == Op::attachment) {
+            record.resize(kRecordHead + std::size_t(size));
+            if (::pread(fd, &record[kRecordHead], std::size_t(size), off_t(at + kRecordHead)) != ssize_t(size)) break;
+            const std::string whole = std::string(kMagic) + record;
+            Reader reader(whole);
+            while (reader.next()) {}
+            for (const auto& each : reader.attachments()) files.emplace_back(each.name, each.data);
+        }
+        at += kRecordHead + size;
+    }
+    if (fd >= 0) ::close(fd);
+    return files;
+}
+
 }  // namespace tactiled::mcap

@@ -4,6 +4,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "drivers/mcap/reader.hpp"
 
@@ -55,5 +57,8 @@ private:
     std::string record_;
     std::optional<Reader> reader_;
 };
+
+// The files that stand in a recording before its messages, by name. Empty where there are none, or none can be read. setup
+[[nodiscard]] std::vector<std::pair<std::string, std::string>> attached_files(const std::string& path);
 
 }  // namespace tactiled::mcap

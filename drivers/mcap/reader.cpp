@@ -136,19 +136,41 @@ void Reader::take_named(const Record& record) {
 
 void Reader::enter_chunk(std::string_view content) {
     Fields fields(content);
-    fields.take(8 + 8 + 8);
+    fields.take(8 + 8);
+    const auto size = fields.number<std::uint64_t>();
     const auto crc = fields.number<std::uint32_t>();
-    const std::string_view compression = fields.text(), records = fields.long_text();
+    const std::string_view compression = fields.text();
+    std::string_view records = fields.long_text();
     if (fields.failed()) {
         ++damaged_;
-    } else if (!compression.empty()) {
-        ++compressed_;
-    } else if (crc != 0 && crc32(records) != crc) {  // 0: none was computed
+        return;
+    }
+    if (!compression.empty()) {
+        const auto plain = decompressed(compression, records, size);
+        if (!plain) return;
+        records = *plain;
+    }
+    if (crc != 0 && crc32(records) != crc) {  // 0: none was computed
         ++bad_crc_;
     } else {
         chunk_ = records;
         chunk_at_ = 0;
     }
+}
+
+std::optional<std::string_view> Reader::decompressed(std::string_view kind, std::string_view records, std::uint64_t size) {
+    if (!is_known_compression(kind) || size > kMaxPlain || (frozen_ && plain_ == nullptr)) {
+        ++compressed_;
+        return std::nullopt;
+    }
+    if (plain_ == nullptr) {
+        plain_.reset(new char[kMaxPlain]);
+        decompressor_ = std::make_unique<Decompressor>();
+    }
+    if (decompressor_->run(kind, records, plain_.get(), std::size_t(size)))
+        return std::string_view(plain_.get(), std::size_t(size));
+    ++damaged_;
+    return std::nullopt;
 }
 
 void Reader::take_attachment(std::string_view content) {
@@ -173,7 +195,7 @@ std::string Reader::why() const {
     const auto say = [&](unsigned count, const char* what) {
         if (count != 0) why += fmt::format("{}{} {}", why.empty() ? "" : ", ", count, what);
     };
-    say(compressed_, "chunks are compressed, which this reader does not know (mcap compress --compression none)");
+    say(compressed_, "chunks of a compression or size that this reader does not know (mcap compress --compression none)");
     say(bad_crc_, "parts with a wrong CRC left out");
     say(damaged_, "records that do not fit");
     if (cut_) why += why.empty() ? "was cut: its end is missing" : ", and its end is missing";

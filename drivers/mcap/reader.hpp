@@ -1,14 +1,17 @@
 // Reads the messages of an MCAP file in the order of the file. Pure: bytes in, no I/O; message_file.hpp reads from the disk.
-// It needs no index, so that a file that was cut is read up to its last whole chunk. Chunks are not compressed, as
-// drivers/mcap/writer.hpp writes them; others are counted.
+// It needs no index, so that a file that was cut is read up to its last whole chunk. Chunks of an unknown compression are
+// counted.
 #pragma once
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "drivers/mcap/compression.hpp"
 
 namespace tactiled::mcap {
 
@@ -26,6 +29,8 @@ struct Message {
 
 class Reader {
 public:
+    static constexpr std::uint64_t kMaxPlain = 10u << 20;  // of a chunk, decompressed; writers make them of 0.8 to 8 MiB
+
     // The whole file; must outlive the Reader. A file that is no MCAP gives no message: why().
     explicit Reader(std::string_view bytes);
 
@@ -35,7 +40,8 @@ public:
     void feed(std::string_view records);
     // Schemas and channels that records elsewhere declare, such as the summary's; those that are known stay. setup
     void declare(std::string_view records);
-    // From now on no channel is new: messages of such a one are records that do not fit.
+    // From now on no channel is new: messages of such a one are records that do not fit. Compressed chunks are read only
+    // where one has come before.
     void freeze() { frozen_ = true; }
 
     // The next message, nullopt at the end: of the file, or of what can be read of it: why().
@@ -62,6 +68,8 @@ private:
     static std::optional<Record> take_record(std::string_view bytes, std::size_t& at);
     void take_named(const Record& record);
     void enter_chunk(std::string_view content);
+    // The records of a compressed chunk; nullopt where they cannot be had.
+    std::optional<std::string_view> decompressed(std::string_view kind, std::string_view records, std::uint64_t size);
     void take_attachment(std::string_view content);
 
     std::string_view bytes_;
@@ -69,6 +77,8 @@ private:
     std::size_t at_ = 0;
     std::string_view chunk_;
     std::size_t chunk_at_ = 0;
+    std::unique_ptr<Decompressor> decompressor_;  // from the first compressed chunk on
+    std::unique_ptr<char[]> plain_;               // the chunk, decompressed
     std::map<std::uint16_t, std::string> schemas_;
     std::map<std::uint16_t, Channel> channels_;
     std::vector<Attachment> attachments_;

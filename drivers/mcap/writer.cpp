@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "drivers/mcap/compression.hpp"
 #include "drivers/mcap/format.hpp"
 
 namespace tactiled::mcap {
@@ -34,7 +35,10 @@ std::string record(Op op, std::string_view content) {
 
 }  // namespace
 
-Writer::Writer(const std::string& path, bool overwrite) : path_(path) {
+Writer::Writer(const std::string& path, bool overwrite, const std::string& compression)
+    : path_(path), compression_(compression == "none" ? "" : compression) {
+    if (!is_known_compression(compression_))
+        throw SetupError(fmt::format("compression \"{}\": this program was built without its library", compression));
     if (overwrite) ::unlink(path.c_str());  // not O_TRUNC: who reads the old file goes on reading it
     fd_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_EXCL, 0644);
     if (fd_ < 0)
@@ -124,9 +128,10 @@ void Writer::flush() {
     put(content, chunk_end_ns_);
     put(content, std::uint64_t(chunk_.size()));
     put(content, crc32(chunk_));
-    put_text(content, "");  // not compressed
-    put(content, std::uint64_t(chunk_.size()));
-    content += chunk_;
+    put_text(content, compression_);
+    const std::string packed = compression_.empty() ? chunk_ : compress(compression_, chunk_);
+    put(content, std::uint64_t(packed.size()));
+    content += packed;
     const std::string chunk = record(Op::chunk, content);
 
     std::string indices, offsets;  // of the messages in it
@@ -152,8 +157,8 @@ void Writer::flush() {
     put(index, std::uint64_t(chunk.size()));
     put_list(index, offsets);
     put(index, std::uint64_t(indices.size()));
-    put_text(index, "");
-    put(index, std::uint64_t(chunk_.size()));
+    put_text(index, compression_);
+    put(index, std::uint64_t(packed.size()));
     put(index, std::uint64_t(chunk_.size()));
     write(chunk + indices);
     chunk_indices_.push_back(record(Op::chunk_index, index));

@@ -1,4 +1,4 @@
-// Writes an MCAP file: chunks with a CRC and an index, no compression. A file that is cut anywhere loses the last chunk
+// Writes an MCAP file: chunks with a CRC and an index. A file that is cut anywhere loses the last chunk
 // only.
 #pragma once
 #include <cstdint>
@@ -13,8 +13,9 @@ namespace tactiled::mcap {
 
 class Writer {
 public:
-    // A new file; one that is there is replaced only with `overwrite`. setup: throws SetupError where it cannot be made
-    Writer(const std::string& path, bool overwrite);
+    // A new file; one that is there is replaced only with `overwrite`. `compression` of the chunks: none, lz4 or zstd.
+    // setup: throws SetupError where it cannot be made, or this program was built without the compression
+    Writer(const std::string& path, bool overwrite, const std::string& compression = "none");
     // Without close(): the file stays as after a cut.
     ~Writer();
     Writer(const Writer&) = delete;
@@ -47,7 +48,7 @@ private:
     void write(std::string_view bytes);  // throws std::runtime_error; the file ends with the last whole record
     std::string summary_group(const std::vector<std::string>& records, std::uint8_t op, std::string& offsets);
 
-    std::string path_;
+    std::string path_, compression_;  // "": none
     int fd_ = -1;
     std::uint64_t offset_ = 0, messages_ = 0;
     std::uint64_t begin_ns_ = 0, end_ns_ = 0;  // of all messages

@@ -5,18 +5,20 @@
 #include <algorithm>
 #include <chrono>
 #include <ctime>
-#include <fstream>
-#include <iterator>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "config/options.hpp"
+#include "config/text_file.hpp"
+#include "decoupling/csv.hpp"
 #include "drivers/mcap/frame_message.hpp"
 #include "drivers/mcap/writer.hpp"
+#include "node/ctl/ask.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
+#include "node/setup.hpp"
 #include "node/shm/frame_record.hpp"
 #include "tactiled/reader.hpp"
 
@@ -24,8 +26,8 @@ namespace tactiled::ctl {
 namespace {
 
 struct Args {
-    std::string node = "gripper", file, config;
-    bool overwrite = false, json = false;
+    std::string node = "gripper", file, config, compression = "none";
+    bool overwrite = false, json = false, csv = false;
     double seconds = 0;
     int flush_ms = 200;
 };
@@ -65,15 +67,45 @@ private:
     std::uint64_t lost_ = 0;
 };
 
+// The configuration and every file that it names, as they are on the disk; first the configuration as "tactiled.toml", then
+// all under their own paths.
+TextFiles::List configuration_files(const Segment& segment, const Args& args) {
+    std::string path = args.config, why;
+    if (path.empty()) path = ask_plain(segment, "config-file", 5, why);
+    const auto warn = [](const std::string& text) { fmt::print(stderr, "tactilectl: warning: {}\n", text); };
+    if (path.empty() || (args.config.empty() && path.front() != '/')) {
+        warn(fmt::format("the configuration is not recorded, replay will need --config: {}",
+                         why.empty() ? "the daemon does not say where it is" : why));
+        return {};
+    }
+    const TextFiles files;
+    Problems problems;
+    const Node node = load_node(std::filesystem::absolute(path).string(), problems);
+    if (files.list().empty()) {
+        if (!args.config.empty()) throw SetupError(problems.lines().front());
+        warn(fmt::format("the configuration is not recorded, replay will need --config: {}", problems.lines().front()));
+        return {};
+    }
+    if (!problems.empty())
+        warn(problems.lines().front());
+    else if (node.plan.calibration_id != segment.calibration_id())
+        warn(fmt::format("{} or a calibration was changed since the daemon read it: replay may differ", path));
+    TextFiles::List list{{kConfigName, files.list().front().second}};
+    for (const auto& file : files.list())
+        if (std::find(list.begin() + 1, list.end(), file) == list.end()) list.push_back(file);
+    return list;
+}
+
 class Recording {
 public:
-    Recording(const SegmentView& segment, const Args& args)
-        : config_(args.config.empty() ? "" : content_of(args.config)), file_(args.file, args.overwrite) {
+    Recording(const Segment& segment, const Args& args)
+        : files_(configuration_files(segment, args)), file_(args.file, args.overwrite, args.compression) {
         const std::string node = segment.header().name;
         const auto of_frames =
             file_.add_schema(std::string(mcap::kFrameSchema), "ros2msg", std::string(mcap::kFrameDefinition));
         const auto of_samples = file_.add_schema(std::string(kSampleSchema), "ros2msg", std::string(kSampleDefinition));
         const auto of_wrenches = file_.add_schema(std::string(kWrenchSchema), "ros2msg", std::string(kWrenchDefinition));
+        const auto of_qualities = file_.add_schema(std::string(kQualitySchema), "ros2msg", std::string(kQualityDefinition));
         for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
             const tactiled_link& link = segment.link(i);
             links_.push_back({Tail(segment, link.frames),
@@ -98,9 +130,11 @@ public:
             };
             sensors_.push_back({fmt::format("{}{}", sensor.name, simulated ? " (simulated)" : ""),
                                 Tail(segment, sensor.ring), channel(of_samples, "sample"), channel(of_wrenches, "wrench"),
-                                channel(of_wrenches, "wrench_uncertain")});
+                                channel(of_qualities, "quality"),
+                                args.csv ? std::make_unique<ForcesWriter>(csv_path(args.file, sensor.name)) : nullptr});
         }
-        if (!args.config.empty()) file_.attach("tactiled.toml", "application/toml", config_, wall_ns());
+        for (const auto& [name, bytes] : files_)
+            file_.attach(name, name.ends_with(".toml") ? "application/toml" : "text/plain", bytes, wall_ns());
         wall_from_monotonic_ns_ = wall_ns() - monotonic_ns();
     }
 
@@ -120,14 +154,22 @@ public:
                 const auto number = std::uint32_t(sample.sequence);
                 encode_sample(sample, wall(sample.t_ns), message_);
                 file_.message(sensor.samples, number, wall(sample.t_ns), message_);
-                // A wrench carries no quality: what is only UNCERTAIN has a topic of its own, what is BAD has no numbers.
+                // Every sample has a wrench, so that a plot is whole; one that is BAD has no numbers.
                 encode_wrench(sample, sensor.frame_id, wall(sample.t_ns), message_);
-                file_.message(sample.quality == TACTILED_UNCERTAIN ? sensor.doubtful : sensor.wrenches, number,
-                              wall(sample.t_ns), message_);
+                file_.message(sensor.wrenches, number, wall(sample.t_ns), message_);
+                encode_quality(sample, wall(sample.t_ns), message_);
+                file_.message(sensor.qualities, number, wall(sample.t_ns), message_);
+                if (sensor.csv)
+                    sensor.csv->write(double(sample.t_ns) / 1e9, estimate_of(sample),
+                                      quality_text(sample.quality, sample.reasons));
             }
     }
     void flush() { file_.flush(); }
-    void close() { file_.close(); }
+    void close() {
+        file_.close();
+        for (auto& sensor : sensors_)
+            if (sensor.csv) sensor.csv->close();
+    }
 
     [[nodiscard]] std::uint64_t lost() const {
         std::uint64_t lost = 0;
@@ -139,10 +181,10 @@ public:
 
 private:
     [[nodiscard]] std::uint64_t wall(std::uint64_t t_ns) const { return t_ns + wall_from_monotonic_ns_; }
-    static std::string content_of(const std::string& path) {
-        std::ifstream in(path, std::ios::binary);
-        if (!in) throw SetupError(path + ": cannot be read");
-        return {std::istreambuf_iterator<char>(in), {}};
+    // pick.mcap and sensor "left": pick.left.csv
+    static std::string csv_path(const std::string& file, const std::string& sensor) {
+        const std::string stem = file.ends_with(".mcap") ? file.substr(0, file.size() - 5) : file;
+        return fmt::format("{}.{}.csv", stem, sensor);
     }
 
     struct LinkTail {
@@ -152,9 +194,10 @@ private:
     struct SensorTail {
         std::string frame_id;
         Tail tail;
-        std::uint16_t samples, wrenches, doubtful;
+        std::uint16_t samples, wrenches, qualities;
+        std::unique_ptr<ForcesWriter> csv;
     };
-    std::string config_;  // read first: where it cannot be, there is no file
+    TextFiles::List files_;  // read first: where a configuration that was named cannot be, there is no recording
     mcap::Writer file_;
     std::vector<LinkTail> links_;
     std::vector<SensorTail> sensors_;
@@ -215,7 +258,11 @@ void add_record(CLI::App& app, Run& run) {
         ->required();
     add_node_option(verb, args->node);
     verb->add_option("--seconds", args->seconds, "end after so long; 0: not by itself")->check(CLI::NonNegativeNumber);
-    verb->add_option("--config", args->config, "the daemon's configuration, to be kept in the file");
+    verb->add_option("--config", args->config, "the configuration to keep in the file; default: the daemon's own");
+    verb->add_option("--compression", args->compression, "of the chunks: none, lz4 or zstd")
+        ->check(CLI::IsMember({"none", "lz4", "zstd"}))
+        ->capture_default_str();
+    verb->add_flag("--csv", args->csv, "beside FILE.mcap the forces of each sensor, as FILE.SENSOR.csv");
     verb->add_option("--flush-ms", args->flush_ms,
                      "a chunk is written at least this often: what a kill loses; a power cut, what the kernel held")
         ->check(CLI::Range(100, 1000))

@@ -11,6 +11,7 @@
 #include <optional>
 #include <utility>
 
+#include "config/text_file.hpp"
 #include "decoupling/csv.hpp"
 #include "drivers/mcap/frame_message.hpp"
 #include "drivers/mcap/message_file.hpp"
@@ -165,7 +166,8 @@ private:
             (void)node_.sensors[i].marker(frame.t_ns);
         }
         const tactiled_sample is = node_.sensors[i].sample(frame, frame.t_ns);
-        if (int(i) == shown_) forces_->write(double(frame.t_ns) / 1e9, wrench_of(is), quality_text(is.quality, is.reasons));
+        if (int(i) == shown_)
+            forces_->write(double(frame.t_ns) / 1e9, estimate_of(is), quality_text(is.quality, is.reasons));
         if (!was) return;
         last_epoch_[i] = was->epoch;
         ++outcome.compared;
@@ -178,19 +180,6 @@ private:
         else if (outcome.first_difference.empty())
             outcome.first_difference = fmt::format("sample {}: {}", was->sequence, what);
     }
-    static Estimate wrench_of(const tactiled_sample& s) {
-        Estimate e;
-        for (std::size_t c = 0; c < 3; ++c) {
-            e.wrench_S[c] = s.force_S_N[c];
-            e.wrench_S[c + 3] = s.torque_S_Nm[c];
-            e.sd[c] = s.sd_force_N[c];
-            e.sd[c + 3] = s.sd_torque_Nm[c];
-        }
-        std::copy_n(s.cop_S_m, 2, e.cop_S_m.begin());
-        e.residual = s.residual;
-        return e;
-    }
-
     Node& node_;
     std::vector<Outcome> outcome_;
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> last_epoch_{};
@@ -198,12 +187,30 @@ private:
     std::unique_ptr<ForcesWriter> forces_;
 };
 
+// With the configuration that stands in the recording, or the one of --config.
+Node load(const Args& args) {
+    Problems problems;
+    if (!args.config.empty()) {
+        Node node = load_node(args.config, problems, "");
+        problems.throw_if_any();
+        return node;
+    }
+    auto attached = mcap::attached_files(args.file);
+    const auto named = std::find_if(attached.begin(), attached.end(), [](const auto& a) { return a.first == kConfigName; });
+    if (named == attached.end() || named + 1 == attached.end())
+        throw SetupError(fmt::format("{}: has no configuration inside: --config FILE", args.file));
+    const std::string config_path = (named + 1)->first;  // its own path follows
+    attached.erase(named);
+    const TextFiles files(std::move(attached));
+    Node node = load_node(config_path, problems, "");
+    problems.throw_if_any();
+    return node;
+}
+
 int replay(const Args& args) {
     mcap::MessageFile file;
     open_file(file, args.file);
-    Problems problems;
-    Node node = load_node(args.config, problems, "");
-    problems.throw_if_any();
+    Node node = load(args);
     Published published(args.file, node);
     Replayed replayed(node, args);
     Frame frame;
@@ -245,7 +252,7 @@ void add_replay(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?");
     verb->add_option("file", args->file, "made by tactilectl record")->required();
-    verb->add_option("--config", args->config, "the daemon's configuration, or another one to try")->required();
+    verb->add_option("--config", args->config, "another configuration than the one in the recording");
     verb->add_option("--out", args->out, "forces.csv of one sensor; - is standard output");
     verb->add_option("--sensor", args->sensor, "whose forces, where there are several");
     verb->add_flag("--json", args->json, "the comparison as JSON");

@@ -1,6 +1,9 @@
 #include "node/ctl/sample_message.hpp"
 
+#include <algorithm>
+
 #include "drivers/mcap/cdr.hpp"
+#include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
 
@@ -30,6 +33,18 @@ float32 rate_hz
 float32 temperature_c
 uint32 state
 float32 peak_n
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+)";
+
+const std::string_view kQualityDefinition =
+    R"(# Quality of the wrench of the same time. A BAD wrench has no numbers.
+builtin_interfaces/Time stamp
+uint32 quality  # 1 good, 2 uncertain, 3 bad
+uint32 reasons  # tactiled/layout.h, enum tactiled_reason
+string text     # "uncertain:saturated"
 ================================================================================
 MSG: builtin_interfaces/Time
 int32 sec
@@ -99,6 +114,27 @@ void encode_wrench(const tactiled_sample& sample, const std::string& frame_id, s
     cdr.put(std::string_view(frame_id));
     for (const double force_N : sample.force_S_N) cdr.put(force_N);
     for (const double torque_Nm : sample.torque_S_Nm) cdr.put(torque_Nm);
+}
+
+void encode_quality(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out) {
+    CdrWriter cdr(out);
+    put_time(cdr, wall_ns);
+    cdr.put(sample.quality);
+    cdr.put(sample.reasons);
+    cdr.put(std::string_view(quality_text(sample.quality, sample.reasons)));
+}
+
+Estimate estimate_of(const tactiled_sample& s) {
+    Estimate e;
+    for (std::size_t c = 0; c < 3; ++c) {
+        e.wrench_S[c] = s.force_S_N[c];
+        e.wrench_S[c + 3] = s.torque_S_Nm[c];
+        e.sd[c] = s.sd_force_N[c];
+        e.sd[c + 3] = s.sd_torque_Nm[c];
+    }
+    std::copy_n(s.cop_S_m, 2, e.cop_S_m.begin());
+    e.residual = s.residual;
+    return e;
 }
 
 }  // namespace tactiled::ctl

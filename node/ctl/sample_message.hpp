@@ -1,17 +1,23 @@
-// A sample as messages of a recording: whole, and as the WrenchStamped that Foxglove and PlotJuggler show.
+// A sample as messages of a recording: whole, as the WrenchStamped that Foxglove and PlotJuggler show, and its quality.
 #pragma once
 #include <span>
 #include <string>
 #include <string_view>
 
+#include "decoupling/decoupler.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled::ctl {
 
 inline constexpr std::string_view kSampleSchema = "tactiled_msgs/msg/Sample";
 inline constexpr std::string_view kWrenchSchema = "geometry_msgs/msg/WrenchStamped";
-extern const std::string_view kSampleDefinition, kWrenchDefinition;  // as ROS 2 writes message definitions
-inline constexpr std::string_view kSensorKey = "sensor";             // in the channel's metadata: the sensor's name
+inline constexpr std::string_view kQualitySchema = "tactiled_msgs/msg/Quality";
+extern const std::string_view kSampleDefinition, kWrenchDefinition,
+    kQualityDefinition;                                   // as ROS 2 writes message definitions
+inline constexpr std::string_view kSensorKey = "sensor";  // in the channel's metadata: the sensor's name
+
+// The attachment that is the daemon's configuration; the one behind it is the same under its own path.
+inline constexpr const char* kConfigName = "tactiled.toml";
 
 void encode_sample(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out);
 // False where the bytes are no such message.
@@ -19,5 +25,9 @@ void encode_sample(const tactiled_sample& sample, std::uint64_t wall_ns, std::st
 
 // Force and torque as readers see them: NaN where the sample is BAD or the sensor sees none. `frame_id`: the sensor.
 void encode_wrench(const tactiled_sample& sample, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
+// Quality and reasons of a sample as numbers and words, to be shown beside its wrench.
+void encode_quality(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out);
+// A sample as a row of forces.csv.
+[[nodiscard]] Estimate estimate_of(const tactiled_sample& sample);
 
 }  // namespace tactiled::ctl

@@ -15,10 +15,6 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr const char* kCountName[TACTILED_LINK_COUNTS] = {
-    "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost",      "repeated",
-    "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};
-
 std::string number(double value, int width, int digits) {
     return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
 }
@@ -77,9 +73,8 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
         const auto& link = segment.link(i);
         out += fmt::format("link {} ({}, {})", link.name, link.driver, link.state == TACTILED_LINK_OPEN ? "open" : "closed");
         for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
-            if (const auto count = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED);
-                kCountName[kind] != nullptr && count != 0)
-                out += fmt::format("  {} {}", kCountName[kind], count);
+            if (const auto count = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED); count != 0)
+                out += fmt::format("  {} {}", kLinkCountNames[kind], count);
         out += '\n';
     }
     return out + grasp_lines(segment, node.grasp);
@@ -152,7 +147,7 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
         const auto& link = segment.link(i);
         nlohmann::json l{{"name", link.name}, {"driver", link.driver}, {"open", link.state == TACTILED_LINK_OPEN}};
         for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
-            if (kCountName[kind] != nullptr) l[kCountName[kind]] = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED);
+            l[kLinkCountNames[kind]] = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED);
         out["links"].push_back(std::move(l));
     }
     return out;

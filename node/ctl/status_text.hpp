@@ -6,6 +6,11 @@
 
 namespace tactiled::ctl {
 
+// Of tactiled_link.count, by enum tactiled_link_count.
+inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
+    "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost",      "repeated",
+    "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};
+
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
 nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot);
 // The daemon lives, and every sensor has a value.

@@ -1,4 +1,4 @@
-# Four packages of one build: the daemon, the laboratory, the headers, the Python reader. Every install() without a COMPONENT is the daemon's.
+# Five packages of one build: the daemon, the laboratory, the headers, the Python reader, the web page. Every install() without a COMPONENT is the daemon's.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tactiled)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
@@ -13,12 +13,15 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_COMPONENTS_ALL Unspecified lab dev python)
+if(TARGET tactiled-web)
+    list(APPEND CPACK_COMPONENTS_ALL web)
+endif()
 
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_NAME tactiled)
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers, init-system-helpers (>= 1.54~)")
-set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SUGGESTS "tactiled-lab, python3-tactiled, libtactiled-dev, i2c-tools, mbpoll")
+set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_SUGGESTS "tactiled-lab, tactiled-web, python3-tactiled, libtactiled-dev, i2c-tools, mbpoll")
 set(CPACK_COMPONENT_UNSPECIFIED_DESCRIPTION "daemon for the tactile sensors of a robot gripper
 It reads tactile sensors over serial ports, CAN, I2C and Modbus, turns
 their channels into forces with their uncertainty, and shows them to
@@ -49,7 +52,17 @@ set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS python3)
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "read the forces of tactiled in Python
 One module, which needs Python's standard library alone.")
 
+set(CPACK_DEBIAN_WEB_PACKAGE_NAME tactiled-web)
+set(CPACK_DEBIAN_WEB_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_WEB_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_WEB_PACKAGE_DEPENDS "tactiled (= ${PROJECT_VERSION})")
+set(CPACK_COMPONENT_WEB_DESCRIPTION "web page and metrics of the tactile sensor daemon
+It shows the forces, their uncertainty and quality, the grasp and the
+faults of tactiled in a browser, and as metrics for Prometheus and JSON.
+It reads shared memory; a crash of it does not concern the daemon.")
+
 set(scripts ${CMAKE_CURRENT_LIST_DIR})
+set(CPACK_DEBIAN_WEB_PACKAGE_CONTROL_EXTRA ${scripts}/web/postinst ${scripts}/web/prerm ${scripts}/web/postrm)
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_CONTROL_EXTRA ${scripts}/postinst ${scripts}/prerm ${scripts}/postrm)
 
 # Debian requires these files in the documentation folder of each package.
@@ -58,7 +71,11 @@ add_custom_command(OUTPUT changelog.gz DEPENDS ${CMAKE_CURRENT_BINARY_DIR}/chang
     COMMAND sh -c "gzip -9nc changelog > changelog.gz")
 add_custom_target(debian_changelog ALL DEPENDS changelog.gz)
 add_dependencies(manual_pages debian_changelog)
-foreach(pair "tactiled Unspecified" "tactiled-lab lab" "libtactiled-dev dev" "python3-tactiled python")
+set(pairs "tactiled Unspecified" "tactiled-lab lab" "libtactiled-dev dev" "python3-tactiled python")
+if(TARGET tactiled-web)
+    list(APPEND pairs "tactiled-web web")
+endif()
+foreach(pair ${pairs})
     separate_arguments(pair)
     list(GET pair 0 package)
     list(GET pair 1 component)
@@ -67,4 +84,4 @@ endforeach()
 include(CPack)
 # Not CPack's own target `package`: that builds every test first.
 add_custom_target(deb COMMAND ${CMAKE_CPACK_COMMAND} --config ${CMAKE_BINARY_DIR}/CPackConfig.cmake -B ${CMAKE_BINARY_DIR}/deb
-    DEPENDS tactiled tactilectl manual_pages USES_TERMINAL VERBATIM)
+    DEPENDS tactiled tactilectl $<$<TARGET_EXISTS:tactiled-web>:tactiled-web> manual_pages USES_TERMINAL VERBATIM)

@@ -150,8 +150,9 @@ class Service(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         TREES.mkdir(parents=True, exist_ok=True)
-        cls.tree = tree = make_tree(cls(), "service", ",".join([*dependencies("tactiled"), "systemd-sysv"]))
-        tree.run("dpkg", "-i", "/srv/deb/" + deb("tactiled").name)
+        of_web = [name for name in dependencies("tactiled-web") if name != "tactiled"]
+        cls.tree = tree = make_tree(cls(), "service", ",".join([*dependencies("tactiled"), *of_web, "systemd-sysv"]))
+        tree.run("dpkg", "-i", *("/srv/deb/" + deb(name).name for name in ("tactiled", "tactiled-web")))
         (tree.path / "etc/tactiled/tactiled.toml").write_text(CONFIG)
         (tree.path / "etc/tactiled/good.toml").write_text(CALIBRATION)
         (tree.path / "home/secret").write_text("of the administrator\n")
@@ -188,6 +189,27 @@ class Service(unittest.TestCase):
         self.assertEqual({table[g] for g in re.search(r"^Groups:(.*)$", status, re.M).group(1).split()}, {"tactile", "dialout", "i2c", "gpio"})
         self.assertEqual(len(set(re.search(r"^Uid:(.*)$", status, re.M).group(1).split())), 1)
         self.assertNotIn("Uid:\t0", status)
+
+    def ask_page(self, request):
+        """The answer of tactiled-web, asked from within the machine by bash alone."""
+        return self.machine.run("bash", "-c", f"exec 3<>/dev/tcp/127.0.0.1/8080; printf '{request}\\r\\nHost: localhost\\r\\nConnection: close\\r\\n\\r\\n' >&3; cat <&3")
+
+    def test_the_page_runs_beside_it_as_a_user_of_its_own_and_may_not_command(self):
+        self.assertEqual(self.machine.run("systemctl", "is-active", "tactiled-web", status=3).strip(), "inactive")  # until somebody wants it
+        self.machine.run("systemctl", "start", "tactiled-web")
+        self.addCleanup(self.machine.run, "systemctl", "stop", "tactiled-web")
+        until = time.monotonic() + 10
+        while '"alive": true' not in (answer := self.ask_page("GET /api/status HTTP/1.1")):
+            self.assertLess(time.monotonic(), until, answer)
+            time.sleep(0.1)
+        self.assertIn('"quality": "good', answer)
+        uid = int(self.machine.run("bash", "-c", "stat -c %u /proc/$(systemctl show -P MainPID tactiled-web)"))
+        self.assertIn(uid, range(61184, 65520), "one that systemd has made for it")
+        self.assertIn("commands are off", self.ask_page("POST /api/command HTTP/1.1"))
+        os.kill(self.machine.host_pid(), 9)  # the daemon: the page outlives it
+        time.sleep(2)
+        self.assertIn('"alive": true', self.ask_page("GET /api/status HTTP/1.1"))
+        self.assertEqual(self.machine.run("systemctl", "show", "-P", "NRestarts", "tactiled-web").strip(), "0")
 
     def test_killed_it_is_good_again_within_half_a_second(self):
         taken = []
@@ -295,11 +317,11 @@ class Service(unittest.TestCase):
         self.assertGreaterEqual(len(could), 11)
 
     def test_the_exposure_is_1_7_at_most(self):
-        unit = ROOT / "systemd/tactiled.service"
-        done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=17", "--no-pager", unit],
-                              capture_output=True, text=True)
-        print("\n" + done.stdout.splitlines()[-1])
-        self.assertEqual(done.returncode, 0, done.stdout)
+        for unit in (ROOT / "systemd/tactiled.service", ROOT / "systemd/tactiled-web.service"):
+            done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=17", "--no-pager", unit],
+                                  capture_output=True, text=True)
+            print("\n" + done.stdout.splitlines()[-1])
+            self.assertEqual(done.returncode, 0, done.stdout)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ def readelf(words, program):
 
 class Hardening(unittest.TestCase):
     def each(self):
-        for program in ("tactiled", "tactilectl", "tactilectl-lab"):
+        for program in ("tactiled", "tactilectl", "tactilectl-lab", *(["tactiled-web"] if (BIN / "tactiled-web").exists() else [])):
             with self.subTest(program=program):
                 yield program
 

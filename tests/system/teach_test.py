@@ -17,6 +17,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
 from pick_bench import GRASP, Robot, calibrate_skin  # noqa: E402
 from simulated_sensors import SENSORS  # noqa: E402
+from web_server import PROGRAM, TOKEN, Web  # noqa: E402
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(ROOT / "node/python"))
@@ -112,6 +113,29 @@ class Teach(unittest.TestCase):
         self.assertEqual(self.daemon.ctl("teach", "--forget", "bolt").returncode, 0)
         wait_for(lambda: self.node.grasp.object_id == 0, 2, "the object to be forgotten")  # without a restart, still in the hand
         self.assertEqual(self.node.grasp.state, tactiled.GRIP_HOLDING)
+
+    @unittest.skipUnless(PROGRAM.exists(), "tactiled-web is not built")
+    def test_the_web_page_teaches_the_object_that_hangs(self):
+        with Web(self.daemon.name, token=TOKEN) as web:
+            self.addCleanup(shutil.rmtree, web.folder)
+            wait_for(lambda: web.status()["alive"], 5, "the daemon")
+            code, answer = web.command({"command": "teach", "object": "bolt"})
+            self.assertEqual((code, answer["result"]), (409, 4))
+            self.assertIn("no stable weight", answer["why"])
+            self.assertFalse(self.objects.exists())
+            self.hold(0.2)
+            self.assertEqual(web.command({"command": "teach", "object": "bolt"})[0], 200)
+            wait_for(lambda: self.node.grasp.object == "bolt", 3, "the object")
+            self.let_go()
+            self.assertEqual(self.hold(0.2).object, "bolt")
+            self.assertEqual(web.command({"command": "teach", "object": "bolt"})[0], 200)  # one more grasp
+            code, answer = web.command({"command": "teach", "object": "nut"})
+            self.assertEqual((code, answer["result"]), (409, 6))
+            self.assertIn('cannot be distinguished from object 1 ("bolt")', answer["why"])
+            listed = json.loads(self.daemon.ctl("teach", "--list", "--json").stdout)
+            self.assertEqual([(o["name"], o["grasps"]) for o in listed["objects"]], [("bolt", 2)])
+            grasp = web.status()["grasp"]
+            self.assertEqual((grasp["state"], grasp["object"]), ("holding", "bolt"))
 
     def test_a_file_with_an_error_changes_nothing(self):
         good = 'format = 1\n[[object]]\nid = 5\nname = "egg"\nmass_kg = 0.2\nsd_kg = 0.01\n'

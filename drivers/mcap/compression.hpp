@@ -1,0 +1,31 @@
+// Compression of chunks, as MCAP names it: "" (none), "lz4" (frames), "zstd". Built without a library, its kind is not
+// known.
+#pragma once
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace tactiled::mcap {
+
+[[nodiscard]] bool is_known_compression(std::string_view kind);
+// `bytes` compressed. setup: throws std::runtime_error where the library fails
+[[nodiscard]] std::string compress(std::string_view kind, std::string_view bytes);
+
+class Decompressor {
+public:
+    Decompressor();
+    ~Decompressor();
+    Decompressor(const Decompressor&) = delete;
+    Decompressor& operator=(const Decompressor&) = delete;
+
+    // Writes just `size` bytes to `out`; false where `bytes` are not that.
+    // rt: with "zstd" no allocation; bounded by `size`
+    [[nodiscard]] bool run(std::string_view kind, std::string_view bytes, char* out, std::size_t size) noexcept;
+
+private:
+    struct Contexts;
+    std::unique_ptr<Contexts> contexts_;
+};
+
+}  // namespace tactiled::mcap

@@ -1,0 +1,214 @@
+// tactiled-web: the page of a tactiled daemon, its metrics and its state as JSON, over HTTP. Reads the segment; with a token
+// it also sends commands through the control socket.
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/timerfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <random>
+#include <utility>
+
+#include "config/network_address.hpp"
+#include "config/text_file.hpp"
+#include "node/ctl/command_line.hpp"
+#include "node/ctl/verb.hpp"
+#include "node/web/api.hpp"
+#include "node/web/messages.hpp"
+#include "node/web/metrics.hpp"
+#include "node/web/server.hpp"
+
+namespace tactiled::web {
+namespace {
+
+struct Args {
+    std::string node = "gripper", listen = "127.0.0.1:8080", token_file;
+    std::vector<std::string> host_names;
+    unsigned streams = 16;
+};
+
+constexpr std::size_t kMinToken = 16;
+
+std::string token_in(const std::string& path) {
+    if (path.empty()) return "";
+    Problems problems;
+    std::string token = read_text_file(path, 4096, problems).value_or("");
+    problems.throw_if_any();
+    token.erase(token.find_last_not_of(" \t\r\n") + 1);
+    const bool printable = std::all_of(token.begin(), token.end(), [](unsigned char c) { return c > ' ' && c < 127; });
+    if (token.size() < kMinToken || !printable)
+        throw SetupError(
+            fmt::format("{}: a token is one line of at least {} printable characters, such as that of "
+                        "\"openssl rand -hex 16\"",
+                        path, kMinToken));
+    return token;
+}
+
+int listen_on(const std::string& text) {
+    const ListenAddress checked = check_listen_address(text);
+    if (!checked.fault.empty()) throw SetupError(fmt::format("--listen {}: {}", text, checked.fault));
+    const std::size_t colon = text.rfind(':');
+    const auto port = in_port_t(std::stoi(text.substr(colon + 1)));
+    sockaddr_storage address{};
+    socklen_t size = 0;
+    if (text.front() == '[') {
+        auto& six = reinterpret_cast<sockaddr_in6&>(address);
+        six.sin6_family = AF_INET6;
+        six.sin6_port = htons(port);
+        ::inet_pton(AF_INET6, text.substr(1, colon - 2).c_str(), &six.sin6_addr);
+        size = sizeof six;
+    } else {
+        auto& four = reinterpret_cast<sockaddr_in&>(address);
+        four.sin_family = AF_INET;
+        four.sin_port = htons(port);
+        ::inet_pton(AF_INET, text.substr(0, colon).c_str(), &four.sin_addr);
+        size = sizeof four;
+    }
+    const int fd = ::socket(address.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    const int one = 1;
+    ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+    if (fd < 0 || ::bind(fd, reinterpret_cast<const sockaddr*>(&address), size) != 0 || ::listen(fd, 1024) != 0)
+        throw SetupError(fmt::format("--listen {}: {}", text, std::strerror(errno)));
+    if (!checked.loopback)
+        fmt::print(stderr,
+                   "tactiled-web: warning: {} can be reached from other machines, without encryption: forces and the "
+                   "token can be read on the way (ssh -L, or a proxy with TLS, prevents that)\n",
+                   text);
+    return fd;
+}
+
+// Allows as many connections as the process may have files, and a few for itself.
+unsigned max_connections() {
+    constexpr rlim_t kWanted = 2048, kOwn = 64;
+    rlimit files{};
+    if (::getrlimit(RLIMIT_NOFILE, &files) != 0) files = {1024, 1024};
+    files.rlim_cur = std::max(files.rlim_cur, std::min(files.rlim_max, kWanted));
+    if (::setrlimit(RLIMIT_NOFILE, &files) != 0) files.rlim_cur = std::min<rlim_t>(files.rlim_cur, 1024);
+    return unsigned(std::min(kWanted, files.rlim_cur) - std::min(files.rlim_cur / 2, kOwn));
+}
+
+// A random number that tells one run of this server from the next.
+std::string run_number() {
+    std::random_device random;
+    return fmt::format("{:08x}{:08x}", random(), random());
+}
+
+class Site {
+public:
+    Site(const Args& args, int listener, const std::string& token)
+        : source_(args.node),
+          has_commands_(!token.empty()),
+          node_(args.node),
+          run_(run_number()),
+          server_(listener, {args.host_names, token}, content(), {max_connections(), args.streams}) {}
+
+    void tick() {
+        const View& view = source_.tick();
+        const bool changed = std::exchange(structure_, view.structure) != view.structure;
+        if (changed) {
+            std::vector<std::string> names;
+            for (std::uint32_t i = 0; i < view.n_sensors(); ++i) names.emplace_back(view.segment->sensor(i).name);
+            history_.name_sensors(names);
+        }
+        history_.add(view);
+        timeline_.observe(view);
+        ++ticks_;
+        server_.begin_tick();
+        if (changed) server_.greet_again();
+        if (ticks_ % 30 == 0) server_.sweep();
+        if (server_.streams() == 0) return;
+        server_.publish(std::make_shared<const std::string>(frame_message(view, ticks_ % 10 == 0)));
+    }
+    Server& server() { return server_; }
+
+private:
+    Content content() {
+        return {[this] { return greeting(); },
+                [this] { return timeline_.revision(); },
+                [this](std::uint64_t revision, std::string& out) { append_changes(timeline_, revision, out); },
+                [this] { return status_body(source_.view(), node_); },
+                [this] { return events_body(timeline_); },
+                [this] { return metrics_text(source_.view(), node_, server_.streams()); },
+                [this] {
+                    std::vector<std::string> names;
+                    const View& view = source_.view();
+                    for (std::uint32_t i = 0; i < view.n_sensors(); ++i) names.emplace_back(view.segment->sensor(i).name);
+                    return names;
+                },
+                [this] {
+                    const View& view = source_.view();
+                    return std::string(view.is_alive ? view.segment->header().control : "");
+                },
+                [this] { return node_; }};
+    }
+    std::string greeting() {
+        const View& view = source_.view();
+        std::string out = "retry: 500\n\n" + hello_message(view, run_, has_commands_);
+        for (std::uint32_t i = 0; i < view.n_sensors(); ++i) append_past(view, history_, i, out);
+        append_changes(timeline_, 0, out);
+        return out + frame_message(view, true);
+    }
+
+    Source source_;
+    History history_;
+    Timeline timeline_;
+    bool has_commands_;
+    std::string node_, run_;
+    std::uint64_t structure_ = 0, ticks_ = 0;
+    Server server_;
+};
+
+int serve(const Args& args) {
+    const std::string token = token_in(args.token_file);
+    const int listener = listen_on(args.listen);
+    ctl::catch_interrupt();
+    Site site(args, listener, token);
+    const int timer = ::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    const itimerspec each{{0, long(1e9 / kTicksPerS)}, {0, 1}};
+    ::timerfd_settime(timer, 0, &each, nullptr);
+    fmt::print(stderr, "tactiled-web: http://{}/ shows node \"{}\"; commands are {}\n", args.listen, args.node,
+               token.empty() ? "off" : "on, with the token");
+    std::vector<pollfd> ready{{timer, POLLIN, 0}};
+    for (const int fd : site.server().descriptors()) ready.push_back({fd, POLLIN, 0});
+    while (ctl::interrupted == 0) {
+        ::poll(ready.data(), ready.size(), site.server().timeout_ms());
+        std::uint64_t periods = 0;
+        if (::read(timer, &periods, sizeof periods) == ssize_t(sizeof periods)) site.tick();
+        site.server().run();
+    }
+    return ctl::kGood;
+}
+
+}  // namespace
+}  // namespace tactiled::web
+
+int main(int argc, char** argv) {
+    using namespace tactiled;
+    CLI::App app{"Shows a tactiled daemon as a web page with live forces, as Prometheus metrics and as JSON.",
+                 "tactiled-web"};
+    app.set_version_flag("--version", TACTILED_VERSION);
+    web::Args args;
+    ctl::add_node_option(&app, args.node);
+    app.add_option("--listen", args.listen,
+                   "ADDRESS:PORT or [IPv6]:PORT; a loopback address can be reached from this machine alone")
+        ->capture_default_str();
+    app.add_option("--host-name", args.host_names, "name under which browsers may call, beside localhost and addresses");
+    app.add_option("--token-file", args.token_file,
+                   "turns on tare, clear, weigh and teach for those who know the token in this file");
+    app.add_option("--max-pages", args.streams, "pages that may be open at once")
+        ->check(CLI::Range(1, 64))
+        ->capture_default_str();
+    app.footer(
+        "Examples:\n"
+        "  tactiled-web                                   then open http://localhost:8080/\n"
+        "  curl http://localhost:8080/metrics             for Prometheus; /api/status is JSON\n"
+        "  openssl rand -hex 16 > token; tactiled-web --token-file token\n"
+        "  ssh -L 8080:localhost:8080 GRIPPER             the page of another machine, encrypted");
+    return ctl::run_program(app, argc, argv, [&] { return web::serve(args); });
+}

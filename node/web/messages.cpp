@@ -1,0 +1,180 @@
+#include "node/web/messages.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstring>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <span>
+
+#include "node/ctl/grasp_text.hpp"
+#include "node/ctl/status_text.hpp"
+#include "node/ctl/verb.hpp"
+
+namespace tactiled::web {
+namespace {
+
+constexpr auto kReplace = nlohmann::json::error_handler_t::replace;  // a name that is no UTF-8
+
+nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
+
+// JSON by hand: this is written 30 times a second.
+class Text {
+public:
+    explicit Text(std::string& out) : out_(out) {}
+    Text& raw(std::string_view text) {
+        out_ += text;
+        return *this;
+    }
+    template <class T>
+    Text& whole(std::string_view key, T value) {
+        fmt::format_to(std::back_inserter(out_), "\"{}\":{},", key, value);
+        return *this;
+    }
+    Text& number(std::string_view key, double value) {
+        fmt::format_to(std::back_inserter(out_), "\"{}\":", key);
+        put(value);
+        out_ += ',';
+        return *this;
+    }
+    template <class T>
+    Text& list(std::string_view key, std::span<const T> values) {
+        fmt::format_to(std::back_inserter(out_), "\"{}\":[", key);
+        for (const T value : values) {
+            put(double(value));
+            out_ += ',';
+        }
+        return end(']').raw(",");
+    }
+    Text& text(std::string_view key, const std::string& value) {
+        fmt::format_to(std::back_inserter(out_), "\"{}\":{},", key, nlohmann::json(value).dump(-1, ' ', false, kReplace));
+        return *this;
+    }
+    // Replaces the comma after the last entry.
+    Text& end(char bracket) {
+        if (out_.back() == ',') out_.pop_back();
+        out_ += bracket;
+        return *this;
+    }
+
+private:
+    void put(double value) {
+        if (std::isfinite(value))
+            fmt::format_to(std::back_inserter(out_), "{:.7g}", value);
+        else
+            out_ += "null";
+    }
+    std::string& out_;
+};
+
+void put_sensor(Text& text, const tactiled_sample& s, const Interval& interval, std::uint64_t now_ns) {
+    text.raw("{").whole("quality", s.quality).whole("reasons", s.reasons);
+    text.whole("worst", interval.quality).whole("all_reasons", interval.reasons);
+    text.list<double>("force_N", s.force_S_N).list<double>("torque_Nm", s.torque_S_Nm);
+    text.list<double>("sd_force_N", s.sd_force_N).list<double>("sd_torque_Nm", s.sd_torque_Nm);
+    text.list<float>("low", interval.low).list<float>("high", interval.high);
+    text.number("age_ms", ctl::age_ms(s, now_ns)).number("rate_Hz", double(s.rate_Hz));
+    text.whole("lost", s.lost).whole("tares", s.tare_count).whole("state", s.state);
+    text.number("peak_N", double(s.peak_N)).number("temperature_C", double(s.temperature_C));
+    text.list<double>("cop_m", s.cop_S_m).number("residual", s.residual).end('}').raw(",");
+}
+
+void put_grasp(Text& text, const Segment& segment, const tactiled_grasp& g) {
+    text.raw("\"grasp\":{").text("state", ctl::grip_state_text(g.state)).number("weight_kg", g.weight_kg);
+    text.number("weight_sd_kg", g.weight_sd_kg).text("weight_state", ctl::weight_state_text(g.weight_state));
+    const std::string object(g.object, ::strnlen(g.object, sizeof g.object));
+    text.text("object", object).whole("object_id", g.object_id).number("probability", double(g.object_probability));
+    text.number("grip_N", double(g.grip_N)).number("recommended_N", double(g.recommended_grip_N));
+    text.number("friction", double(g.friction)).number("friction_sd", double(g.friction_sd));
+    text.whole("grasps", g.grasps).whole("slips", g.slips).raw("\"jaws\":[");
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
+        text.raw("{").text("slip", ctl::slip_state_text(g.slip_state[i])).whole("slips", g.slip_count[i]);
+        text.whole("latched", g.slip_latch >> i & 1u).number("friction_use", double(g.friction_use[i])).end('}').raw(",");
+    }
+    text.end(']').end('}').raw(",");
+}
+
+void put_links(Text& text, const Segment& segment) {
+    text.raw("\"links\":[");
+    for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
+        const auto& link = segment.link(i);
+        text.raw("{").whole("open", __atomic_load_n(&link.state, __ATOMIC_RELAXED) == TACTILED_LINK_OPEN).raw("\"count\":[");
+        for (const auto& count : link.count) text.raw(fmt::format("{},", __atomic_load_n(&count, __ATOMIC_RELAXED)));
+        text.end(']').end('}').raw(",");
+    }
+    text.end(']').raw(",");
+}
+
+}  // namespace
+
+std::string hello_message(const View& view, const std::string& run, bool has_commands) {
+    const Segment& segment = *view.segment;
+    nlohmann::json out{{"run", run},
+                       {"commands", has_commands},
+                       {"reasons", ctl::kReasonWords},
+                       {"link_counts", ctl::kLinkCountNames},
+                       {"sensors", nlohmann::json::array()},
+                       {"links", nlohmann::json::array()}};
+    for (const char* word : kFaultWords) out["faults"].push_back(word != nullptr ? word : "");
+    for (const char* word : kWarningWords) out["warnings"].push_back(word != nullptr ? word : "");
+    if (segment.is_open()) {
+        out["node"] = segment.header().name;
+        out["version"] = segment.header().version;
+        out["pid"] = segment.header().pid;
+        out["epoch"] = segment.header().epoch;
+    }
+    for (std::uint32_t i = 0; i < view.n_sensors(); ++i) {
+        const auto& s = segment.sensor(i);
+        nlohmann::json scale = nlohmann::json::array();
+        for (const float full : s.full_scale) scale.push_back(json_number(double(full)));
+        out["sensors"].push_back({{"name", s.name},
+                                  {"model", s.model},
+                                  {"method", s.method},
+                                  {"serial", s.serial},
+                                  {"link", s.link},
+                                  {"stale_ms", s.stale_ms},
+                                  {"components", s.components},
+                                  {"full_scale", scale}});
+    }
+    for (std::uint32_t i = 0; i < view.n_links(); ++i)
+        out["links"].push_back({{"name", segment.link(i).name},
+                                {"driver", segment.link(i).driver},
+                                {"simulated", segment.link(i).simulated != 0}});
+    return "event: hello\ndata: " + out.dump(-1, ' ', false, kReplace) + "\n\n";
+}
+
+void append_past(const View& view, const History& history, std::uint32_t sensor, std::string& out) {
+    out += "event: past\ndata: ";
+    history.encode(sensor, view.segment->sensor(sensor).components, out);
+    out += "\n\n";
+}
+
+std::uint64_t append_changes(const Timeline& timeline, std::uint64_t revision, std::string& out) {
+    out += "event: changes\ndata: ";
+    const std::uint64_t newest = timeline.encode(revision, out);
+    out += "\n\n";
+    return newest;
+}
+
+std::string frame_message(const View& view, bool links) {
+    std::string out = "data: {";
+    Text text(out);
+    fmt::format_to(std::back_inserter(out), "\"t_s\":{:.4f},", double(view.taken_ns) / 1e9);
+    text.whole("wall_ms", view.wall_ms).whole("alive", view.is_alive).text("why", view.why);
+    if (view.segment->is_open()) {
+        const auto& node = view.snapshot.node;
+        text.whole("heartbeat", node.heartbeat).whole("status", node.status).whole("fault", node.fault);
+        text.whole("warning", node.warning).whole("worst_cycle_us", node.worst_cycle_us);
+        text.whole("missed_cycles", node.missed_cycles);
+        put_grasp(text, *view.segment, node.grasp);
+        if (links) put_links(text, *view.segment);
+    }
+    text.raw("\"sensors\":[");
+    for (std::uint32_t i = 0; i < view.n_sensors(); ++i)
+        put_sensor(text, view.snapshot.sensor[i], view.interval[i], view.taken_ns);
+    text.end(']').end('}').raw("\n\n");
+    return out;
+}
+
+}  // namespace tactiled::web

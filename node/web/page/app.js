@@ -1,0 +1,302 @@
+// Takes the event stream, judges its age, and shows it. Nothing here trusts that data arrive in time: see judge().
+"use strict";
+
+const kLate_ms = 300;        // older than this is STALE
+const kDrift = 2e-4;         // of the two clocks, at most
+const kReconnect_ms = 5000;  // of delay, after which the page asks anew
+
+const kQualityWords = ["no value", "good", "uncertain", "bad"];
+const kQualityMarks = ["✖", "●", "▲", "✖"];
+const kSentences = {
+  "no-data-yet": "no data have come yet", "stale": "no new frame in time", "disconnected": "the link is closed and being reopened",
+  "missing-channel": "a channel that is needed is missing", "saturated": "a channel is at its limit", "disagreement": "redundant channels contradict each other",
+  "outside-domain": "beyond what the calibration saw", "uncalibrated": "no calibration", "not-finite": "the result is not a number",
+  "stopped": "the daemon has ended or does not respond", "taring": "a tare is being measured", "reader-overrun": "the reader was too slow",
+  "wrong-device": "another device than declared", "sd-unknown": "the uncertainty is not known", "frozen": "a channel repeats one number",
+  "stepped": "a channel changed too fast", "idle-bus": "the device does not answer", "wrong-rate": "another rate than declared",
+  "drifted": "the zero has drifted: tare", "sensors-differ": "another sensor says otherwise", "unproved-age": "the value may be older than it seems",
+  "arrival-only": "delays would not be noticed", "zero-unknown": "the last tare was lost: tare again",
+};
+const kResults = ["done", "unknown command", "no such sensor", "bad parameter", "not now: a sensor has no trustworthy value, or another command runs",
+  "locked", "failed: a sensor lost its value", "timed out", "refused: the force moved; wait until it rests", "refused: a sensor is under load",
+  "the zero cannot be stored", "adopted", "repeated"];
+
+const byId = (id) => document.getElementById(id);
+const put = (element, text) => { if (element.textContent !== text) element.textContent = text; };
+const known = (v) => v !== null && v !== undefined;
+const number = (v, digits, unit = "") => (known(v) ? v.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1") + unit : "–");
+
+let hello = null, cards = [], frame = null, links = null;
+let source = null, offset_ms = null, received_ms = -Infinity, connected_ms = -Infinity, failure = "no data has arrived yet";
+let is_stale = true, dirty = false, drawn_ms = 0;
+const changes = new Map();
+let token = sessionStorage.getItem("token") || "";
+
+// ---- The stream ----
+
+function connect() {
+  if (source) source.close();
+  offset_ms = null;
+  connected_ms = performance.now();
+  source = new EventSource("/api/stream");
+  source.addEventListener("hello", (e) => greet(JSON.parse(e.data)));
+  source.addEventListener("past", (e) => { const past = JSON.parse(e.data); cards[past.sensor].past.replace(past); });
+  source.addEventListener("changes", (e) => { for (const change of JSON.parse(e.data)) changes.set(change.id, change); showChanges(); });
+  source.addEventListener("message", (e) => take(JSON.parse(e.data)));
+  source.addEventListener("error", () => {
+    failure = source.readyState === EventSource.CLOSED ? "the server refuses this page: too many are open?" : "the server is gone";
+    offset_ms = null;
+    judge();
+  });
+}
+
+function take(next) {
+  const now_ms = performance.now(), late_ms = now_ms - next.t_s * 1000;
+  // The shortest way that a frame has taken so far, which may grow as slowly as two clocks drift.
+  offset_ms = offset_ms === null ? late_ms : Math.min(late_ms, offset_ms + kDrift * Math.max(0, now_ms - received_ms));
+  received_ms = now_ms;
+  frame = next;
+  if (next.links) links = next.links;
+  next.sensors.forEach((sensor, i) => { if (cards[i]) cards[i].past.add(next.t_s, sensor); });
+  judge();
+  if (!dirty) { dirty = true; requestAnimationFrame(show); }
+}
+
+// "" while the newest frame is young and the daemon lives; else why not. Called by a timer: it needs no message to notice a silence.
+function why_stale() {
+  if (!frame || offset_ms === null) return failure;
+  const age_ms = performance.now() - offset_ms - frame.t_s * 1000;
+  if (age_ms > kLate_ms) return `the newest value is ${(age_ms / 1000).toFixed(1)} s old: the server or the network does not respond`;
+  return frame.alive ? "" : frame.why;
+}
+
+function judge() {
+  const why = why_stale();
+  put(byId("stale-why"), why);
+  if (is_stale !== (why !== "")) {
+    is_stale = why !== "";
+    document.body.classList.toggle("stale", is_stale);
+    if (is_stale) show();
+  }
+  const name = (hello && hello.node) || "tactiled";
+  const title = is_stale ? `STALE – ${name}` : `${name} – tactiled`;
+  if (document.title !== title) document.title = title;
+}
+
+setInterval(() => {
+  judge();
+  const now_ms = performance.now();
+  const silent_ms = now_ms - Math.max(received_ms, connected_ms);
+  const delayed_ms = frame && offset_ms !== null ? now_ms - offset_ms - frame.t_s * 1000 : 0;
+  const closed = source.readyState === EventSource.CLOSED && now_ms - connected_ms > 1000;
+  if (closed || silent_ms > kReconnect_ms || (delayed_ms > kReconnect_ms && now_ms - connected_ms > kReconnect_ms)) connect();
+}, 50);
+
+// ---- The page ----
+
+function greet(next) {
+  const same = hello && hello.run === next.run;
+  hello = next;
+  if (!same) changes.clear();
+  frame = links = null;
+  offset_ms = null;
+  for (const card of cards) card.remove();
+  cards = next.sensors.map((about, i) => new Card(about, i));
+  put(byId("node"), next.node || "tactiled");
+  byId("commands").hidden = !next.commands;
+  unlock();
+}
+
+class Card {
+  constructor(about, index) {
+    this.about = about;
+    this.past = new Past(about.components);
+    const box = byId("sensor").content.cloneNode(true).firstElementChild;
+    this.box = box;
+    box.dataset.sensor = about.name;
+    const find = (selector) => box.querySelector(selector);
+    find("h3").textContent = about.name;
+    this.quality = find(".quality");
+    this.reasons = find(".reasons");
+    this.strip = find(".strip");
+    this.place = find(".place");
+    this.reach_m = 0.01;
+    this.rows = new Map(this.past.seen.map((c) => [c, this.row(c, find(".rows"))]));
+    const [force, torque] = box.querySelectorAll(".plot");
+    this.plots = [new Plot(force, this.past, 0, "N"), new Plot(torque, this.past, 3, "Nm")];
+    this.facts = Object.fromEntries([...box.querySelectorAll("[data-fact]")].map((e) => [e.dataset.fact, e]));
+    put(this.facts.model, `${about.model}, ${about.method}${about.serial ? `, ${about.serial}` : ""}, link ${about.link}`);
+    find(".buttons").hidden = !hello.commands;
+    for (const button of box.querySelectorAll("button")) {
+      button.dataset.sensor = about.name;
+      button.setAttribute("aria-label", `${button.textContent} ${about.name}`);
+    }
+    this.visible = true;
+    this.watch = new IntersectionObserver(([e]) => { this.visible = e.isIntersecting; });
+    this.watch.observe(box);
+    byId("sensors").append(box);
+  }
+  row(c, rows) {
+    const unit = c < 3 ? "N" : "Nm", row = document.createElement("div");
+    row.className = "row";
+    row.innerHTML = '<span class="name"><svg width="22" height="8" aria-hidden="true"><line x1="0" y1="4" x2="22" y2="4" stroke-width="3"/></svg> <span></span></span><div class="bar" aria-hidden="true"><div class="fill"></div><div class="sd"></div></div><span class="number"><b></b> <small></small></span>';
+    const line = row.querySelector("line");
+    line.style.stroke = `var(--${"xyz"[c % 3]})`;
+    if (kDashes[c % 3].length) line.style.strokeDasharray = kDashes[c % 3].join(" ");
+    row.querySelector(".name > span").textContent = kNames[c];
+    row.querySelector(".fill").style.background = `var(--${"xyz"[c % 3]})`;
+    row.dataset.component = kNames[c];
+    rows.append(row);
+    return { value: row.querySelector("b"), sd: row.querySelector("small"), fill: row.querySelector(".fill"), band: row.querySelector(".sd"), unit, digits: c < 3 ? 3 : 4, scale: known(this.about.full_scale[c]) ? this.about.full_scale[c] : 0 };
+  }
+  show(s, draw) {
+    const quality = s ? s.quality : 0;
+    this.box.classList.toggle("good", quality === kGood);
+    this.box.classList.toggle("uncertain", quality === kUncertain);
+    this.box.classList.toggle("bad", quality !== kGood && quality !== kUncertain);
+    const words = s ? hello.reasons.filter((_, bit) => s.reasons >> bit & 1) : [];
+    put(this.quality, s ? `${kQualityMarks[quality]} ${kQualityWords[quality].toUpperCase()}` : "✖ STALE");
+    put(this.reasons, s ? words.map((w) => kSentences[w] || w).join("; ") : "no value: see above");
+    for (const [c, row] of this.rows) {
+      const value = s ? (c < 3 ? s.force_N[c] : s.torque_Nm[c - 3]) : null;
+      const sd = s ? (c < 3 ? s.sd_force_N[c] : s.sd_torque_Nm[c - 3]) : null;
+      put(row.value, number(value, row.digits));
+      put(row.sd, known(value) ? (known(sd) ? `± ${number(sd, row.digits)} ${row.unit}` : `± ? ${row.unit}`) : row.unit);
+      this.bar(row, value, sd);
+    }
+    put(this.facts.rate, number(s && s.rate_Hz, 1, " Hz"));
+    put(this.facts.age, number(s && quality !== kBad ? s.age_ms : null, 0, " ms"));
+    put(this.facts.lost, s ? String(s.lost) : "–");
+    put(this.facts.peak, number(s && s.peak_N, 2, " N"));
+    put(this.facts.tares, s ? String(s.tares) : "–");
+    put(this.facts.temperature, number(s && s.temperature_C, 1, " °C"));
+    put(this.facts.touch, !s || quality === kBad ? "–" : s.state & 2 ? "OVERLOAD" : s.state & 1 ? "contact" : "none");
+    if (draw && this.visible) this.draw(s);
+  }
+  bar(row, value, sd) {
+    if (!known(value)) { row.fill.style.width = row.band.style.width = "0"; row.band.style.minWidth = "0"; return; }
+    row.scale = Math.max(row.scale, Math.abs(value), 1e-3);
+    const at = (v) => 50 + 50 * Math.max(-1, Math.min(1, v / row.scale));
+    row.fill.style.left = `${Math.min(50, at(value))}%`;
+    row.fill.style.width = `${Math.abs(at(value) - 50)}%`;
+    row.band.style.minWidth = known(sd) ? "" : "0";
+    row.band.style.left = `${at(value - (sd || 0))}%`;
+    row.band.style.width = `${at(value + (sd || 0)) - at(value - (sd || 0))}%`;
+  }
+  draw(s) {
+    const now_s = frame ? frame.t_s : 0;
+    for (const plot of this.plots) plot.draw(now_s);
+    this.strip.setAttribute("aria-label", drawStrip(this.strip, this.past, now_s));
+    const cop = s ? s.cop_m : [null, null];
+    if (this.place.hidden && known(cop[0]) && known(cop[1])) this.place.hidden = false;
+    if (this.place.hidden) return;
+    if (known(cop[0])) this.reach_m = Math.max(this.reach_m, Math.abs(cop[0]) * 1.1, Math.abs(cop[1]) * 1.1);
+    drawPlace(this.place.firstElementChild, cop, this.reach_m);
+    const text = `centre of pressure x ${number(known(cop[0]) ? cop[0] * 1000 : null, 1)} y ${number(known(cop[1]) ? cop[1] * 1000 : null, 1)} mm; the square is ${(this.reach_m * 2000).toFixed(0)} mm wide`;
+    put(this.place.lastElementChild, text);
+  }
+  remove() {
+    this.watch.disconnect();
+    for (const plot of this.plots) plot.forget();
+    this.box.remove();
+  }
+}
+
+function show() {
+  dirty = false;
+  if (!hello) return;
+  const now_ms = performance.now(), draw = now_ms - drawn_ms > 95;
+  if (draw) drawn_ms = now_ms;
+  const live = is_stale ? null : frame;
+  cards.forEach((card, i) => card.show(live ? live.sensors[i] : null, draw));
+  showGrasp(live && live.grasp);
+  showSummary(live);
+  if (draw) showLinks(live);
+}
+
+function showSummary(f) {
+  if (!f) return put(byId("summary"), `version ${hello.version || "–"}`);
+  const faults = hello.faults.filter((_, bit) => f.fault >> bit & 1), warnings = hello.warnings.filter((_, bit) => f.warning >> bit & 1);
+  put(byId("summary"), [`version ${hello.version}`, `pid ${hello.pid}`, `heartbeat ${f.heartbeat}`, `worst cycle ${f.worst_cycle_us} µs`, `missed ${f.missed_cycles}`,
+    f.status & 1 << 9 ? "SIMULATED" : "", f.status & 1 << 16 ? "RT DEGRADED" : "", faults.length ? `FAULT ${faults.join(", ")}` : "", warnings.length ? `warning ${warnings.join(", ")}` : ""].filter(Boolean).join(" · "));
+}
+
+function showGrasp(g) {
+  const box = byId("grasp"), of = (key) => box.querySelector(`[data-grasp=${key}]`);
+  if (g && g.state !== "unknown") box.hidden = false;
+  if (box.hidden) return;
+  put(of("state"), g ? g.state : "–");
+  put(of("weight"), g && known(g.weight_kg) ? `${number(g.weight_kg, 4)} ± ${number(g.weight_sd_kg, 4)} kg (${g.weight_state})` : g ? `– (${g.weight_state})` : "–");
+  put(of("object"), g ? (g.object_id ? `${g.object} (${number(g.probability * 100, 1)} %)` : "unknown") : "–");
+  put(of("grip"), g ? `${number(g.grip_N, 2)} N, recommended ${number(g.recommended_N, 2)} N` : "–");
+  put(of("friction"), g ? `${number(g.friction, 2)} ± ${number(g.friction_sd, 2)}` : "–");
+  put(of("slips"), g ? [String(g.slips), ...g.jaws.map((jaw, i) => (jaw.slip === "unknown" ? "" : `${hello.sensors[i].name}: ${jaw.slip}${jaw.latched ? " (latched)" : ""}`))].filter(Boolean).join(" · ") : "–");
+}
+
+function showLinks(f) {
+  const body = byId("links").tBodies[0];
+  while (body.rows.length > hello.links.length) body.deleteRow(-1);
+  hello.links.forEach((about, i) => {
+    const row = body.rows[i] || body.insertRow();
+    while (row.cells.length < 4) row.insertCell();
+    const link = f && links && links[i];
+    put(row.cells[0], about.name);
+    put(row.cells[1], about.driver + (about.simulated ? ", simulated" : ""));
+    put(row.cells[2], !link ? "–" : link.open ? "● open" : "✖ closed");
+    put(row.cells[3], !link ? "–" : link.count.map((n, kind) => (n ? `${hello.link_counts[kind]} ${n}` : "")).filter(Boolean).join(", "));
+  });
+}
+
+function showChanges() {
+  const time = (ms) => new Date(ms).toLocaleTimeString();
+  const rows = [...changes.values()].sort((a, b) => b.id - a.id).slice(0, 200).map((change) => {
+    const row = document.createElement("li"), when = document.createElement("time");
+    when.textContent = time(change.wall_ms);
+    when.dateTime = new Date(change.wall_ms).toISOString();
+    const often = change.times > 1 ? ` (${change.times} times, last ${time(change.wall_ms + (change.last_t_s - change.t_s) * 1000)})` : "";
+    row.append(when, `${["●", "▲", "✖"][change.severity]} ${change.subject}: ${change.text}${often}`);
+    return row;
+  });
+  byId("changes").replaceChildren(...rows);
+}
+
+// ---- Commands ----
+
+function unlock() {
+  for (const button of document.querySelectorAll("button[data-command]")) button.disabled = token === "";
+}
+
+byId("token-form").addEventListener("submit", (e) => {
+  e.preventDefault();
+  token = byId("token").value.trim();
+  sessionStorage.setItem("token", token);
+  byId("token").value = "";
+  put(byId("outcome"), token ? "Unlocked in this tab." : "Locked.");
+  unlock();
+});
+
+document.addEventListener("click", async (e) => {
+  const button = e.target.closest("button[data-command]");
+  if (!button) return;
+  const { command, sensor, weigh } = button.dataset, outcome = byId("outcome");
+  const object = command === "teach" ? byId("object").value.trim() : undefined;
+  const said = [command, sensor, weigh, object].filter(Boolean).join(" ");
+  put(outcome, `${said}: asked …`);
+  button.disabled = true;
+  try {
+    const answer = await fetch("/api/command", { method: "POST", headers: { "Content-Type": "application/json", Authorization: `Bearer ${token}` }, body: JSON.stringify({ command, sensor, weigh, object }) });
+    const body = await answer.json();
+    put(outcome, `${said}: ${body.error || body.why || kResults[body.result] || `result ${body.result}`}`);
+    if (answer.status === 401) { token = ""; sessionStorage.removeItem("token"); }
+  } catch (error) {
+    put(outcome, `${said}: no answer, ${error.message}`);
+  }
+  unlock();
+});
+
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+  readColours();
+  for (const card of cards) for (const plot of card.plots) plot.forget();
+});
+
+connect();

@@ -1,0 +1,387 @@
+#!/usr/bin/env python3
+"""tactiled-web over HTTP: the values are those of the registers, a dead daemon shows, commands need token and origin, history outlives
+a reload, and hostile clients delay nobody."""
+import hashlib
+import json
+import math
+import pathlib
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import jsonschema
+from prometheus_client.parser import text_string_to_metric_families
+from pymodbus.client import ModbusTcpClient
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from daemon import ROOT, wait_for  # noqa: E402
+from unit_daemon import quality_is, unit_daemon  # noqa: E402
+from web_server import PROGRAM, TOKEN, Stream, Web, column  # noqa: E402
+
+BAD = 3
+PAGE = ROOT / "node/web/page"
+SCHEMA = json.loads((ROOT / "node/web/api.schema.json").read_text())
+
+
+def of(metrics, name, **labels):
+    """The one sample of that name and those labels."""
+    found = [s for family in text_string_to_metric_families(metrics.decode()) for s in family.samples
+             if s.name == name and all(s.labels.get(k) == v for k, v in labels.items())]
+    assert len(found) == 1, (name, labels, found)
+    return found[0].value
+
+
+class Base(unittest.TestCase):
+    rows = "0,1,2,-3\n0.01,1,2,-3\n"
+    rate = 200
+
+    def setUp(self):
+        if not PROGRAM.exists():
+            self.skipTest("tactiled-web is not built: libmicrohttpd-dev was missing")
+        self.daemon = unit_daemon(self.rows, self.rate).start()
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+
+    def web(self, *words, **kinds):
+        web = Web(self.daemon.name, *words, **kinds)
+        self.addCleanup(shutil.rmtree, web.folder)
+        self.addCleanup(web.__exit__)
+        wait_for(lambda: web.status()["alive"], 5, "the first tick")
+        return web
+
+
+class Values(Base):
+    def registers(self):
+        """fx fy fz of the first sensor as a PLC reads them, in N."""
+        with ModbusTcpClient("127.0.0.1", port=self.daemon.port) as client:
+            block = client.read_holding_registers(100, 25, slave=1).registers
+        rows = [line.split("|") for line in (ROOT / "node/modbus/MAP.md").read_text().splitlines()]
+        at = {row[4].strip(): int(row[2]) for row in rows if len(row) > 5 and row[2].strip().isdigit() and 100 <= int(row[2]) < 125}
+        words = [block[at[name] - 100] for name in ("FX", "FY", "FZ")]
+        return [(word - 65536 if word > 32767 else word) / 100 for word in words]
+
+    def test_status_metrics_and_stream_have_the_values_of_the_registers(self):
+        web = self.web()
+        status = web.status()
+        jsonschema.validate(status, SCHEMA)
+        force_N = status["sensors"][0]["force_S_N"]
+        self.assertEqual(force_N, [1, 2, -3])
+        self.assertEqual([round(f, 6) for f in self.registers()], force_N)
+        metrics = web.ask("/metrics")[2]
+        for axis, force in zip("xyz", force_N):
+            self.assertEqual(of(metrics, "tactiled_sensor_force_newtons", sensor="left", axis=axis), force)
+        self.assertEqual(of(metrics, "tactiled_up"), 1)
+        self.assertEqual(of(metrics, "tactiled_sensor_quality", sensor="left", quality="good"), 1)
+        self.assertGreater(of(metrics, "tactiled_link_events_total", link="usb0", kind="frames"), 2)
+        stream = Stream(web)
+        hello = stream.until(lambda name, _: name == "hello")
+        self.assertEqual([s["name"] for s in hello["sensors"]], ["left"])
+        frame = stream.until(lambda name, _: name == "frame")
+        self.assertEqual(frame["sensors"][0]["force_N"], force_N)
+        self.assertEqual(frame["sensors"][0]["low"][2], -3.01)
+        stream.close()
+
+    def test_a_killed_daemon_has_no_value_anywhere_and_its_successor_is_found(self):
+        web = self.web()
+        stream = Stream(web)
+        stream.until(lambda name, data: name == "frame" and data["alive"])
+        self.daemon.process.kill()
+        killed = time.monotonic()
+        self.daemon.process.wait()
+        frame = stream.until(lambda name, data: name == "frame" and not data["alive"])
+        self.assertLess(time.monotonic() - killed, 0.5)
+        self.assertIn("does not respond", frame["why"])
+        self.assertEqual(frame["sensors"][0]["quality"], BAD)
+        self.assertEqual(frame["sensors"][0]["force_N"], [None] * 3)
+        self.assertIsNone(frame["sensors"][0]["rate_Hz"])
+        status = web.status()
+        jsonschema.validate(status, SCHEMA)
+        self.assertEqual((status["alive"], status["sensors"][0]["force_S_N"]), (False, [None] * 3))
+        metrics = web.ask("/metrics")[2]
+        self.assertEqual(of(metrics, "tactiled_up"), 0)
+        self.assertTrue(math.isnan(of(metrics, "tactiled_sensor_force_newtons", sensor="left", axis="z")))
+        self.assertEqual(of(metrics, "tactiled_sensor_quality", sensor="left", quality="good"), 0)
+        self.daemon.start()
+        frame = stream.until(lambda name, data: name == "frame" and data["alive"] and data["sensors"][0]["quality"] == 1, 10)
+        self.assertEqual(frame["sensors"][0]["force_N"], [1, 2, -3])
+        texts = [e["text"] for e in json.loads(web.ask("/api/events")[2])["events"]]
+        self.assertTrue(any("does not respond" in t for t in texts), texts)
+        self.assertTrue(any("started, pid" in t for t in texts), texts)
+        past = self.past(web)
+        self.assertIn(BAD, column(past["quality"], "I"))
+        self.assertTrue(any(math.isnan(v) for v in column(past["value"][2], "f")))
+
+    def test_the_schema_refuses_a_force_in_a_bad_sample(self):
+        status = self.web().status()
+        status["sensors"][0]["quality"] = "bad:stale"
+        with self.assertRaises(jsonschema.ValidationError):
+            jsonschema.validate(status, SCHEMA)
+
+    def past(self, web):
+        stream = Stream(web)
+        self.addCleanup(stream.close)
+        return stream.until(lambda name, _: name == "past")
+
+    def test_history_is_there_after_a_reload_and_goes_back_a_minute_at_most(self):
+        web = self.web()
+        time.sleep(3)
+        past = self.past(web)
+        t_s = column(past["t_s"], "d")
+        self.assertGreater(t_s[-1] - t_s[0], 2.5)
+        self.assertEqual(set(b > a for a, b in zip(t_s, t_s[1:])), {True})
+        self.assertEqual(len(t_s), len(column(past["value"][0], "f")))
+        self.assertEqual(set(column(past["value"][2], "f")[-10:]), {-3.0})
+        self.assertLessEqual(len(t_s), 1800)
+
+    def test_a_node_that_is_not_there_shows_so(self):
+        with Web("nobody-has-this-name") as web:
+            self.addCleanup(shutil.rmtree, web.folder)
+            status = web.status()
+            jsonschema.validate(status, SCHEMA)
+            self.assertEqual((status["alive"], status["sensors"]), (False, []))
+            self.assertNotEqual(status["why"], "")
+            self.assertEqual(of(web.ask("/metrics")[2], "tactiled_up"), 0)
+
+
+class Peaks(Base):
+    """One sample in a hundred is a blow of 50 N: a page that shows every 33rd millisecond must still show it."""
+    rows = "".join(f"{n / 200},0,0,{-50 if n == 57 else -1 - n % 3 / 100}\n" for n in range(100))
+
+    def test_no_peak_between_two_ticks_is_missed(self):
+        web = self.web()
+        time.sleep(3)
+        stream = Stream(web)
+        past = stream.until(lambda name, _: name == "past")
+        stream.close()
+        low, t_s = column(past["low"][2], "f"), column(past["t_s"], "d")
+        blows = sum(1 for v in low if v < -49)
+        seconds = t_s[-1] - t_s[0]
+        self.assertGreaterEqual(blows, math.floor(seconds / 0.5) - 1)
+
+
+class Access(Base):
+    def setUp(self):
+        super().setUp()
+        self.locked = self.web()
+        self.open = self.web("--host-name", "gripper.example", token=TOKEN)
+
+    def tares(self):
+        return self.open.status()["sensors"][0]["tare_count"]
+
+    def test_a_tare_works_with_the_token_and_is_refused_without(self):
+        tare = {"command": "tare", "sensor": "left"}
+        own = f"http://{self.open.host}"
+        for code, fields in ((401, {"token": "wrong-" + TOKEN}), (401, {"Authorization": None}), (401, {"Authorization": TOKEN}), (401, {"token": TOKEN + "x"}),
+                             (401, {"token": TOKEN[:-1]}), (403, {"Origin": None}), (403, {"Origin": "http://evil.example"}), (403, {"Origin": "null"}),
+                             (403, {"Origin": f"http://127.0.0.1:{self.locked.port}"}), (403, {"Origin": own + ".evil.example"}), (403, {"Host": "evil.example", "Origin": "http://evil.example"}),
+                             (403, {"Sec_Fetch_Site": "cross-site"}), (415, {"Content_Type": "text/plain"}), (415, {"Content_Type": None})):
+            with self.subTest(fields):
+                self.assertEqual(self.open.command(tare, **fields)[0], code)
+        self.assertEqual(self.locked.command(tare)[0], 403)
+        for method in ("GET", "PUT", "DELETE"):
+            self.assertEqual(self.open.ask("/api/command", method, Origin=own, Authorization=f"Bearer {TOKEN}")[0], 405)
+        self.assertEqual(self.tares(), 0)
+        code, answer = self.open.command(tare)
+        self.assertEqual((code, answer["result"]), (200, 0), answer)
+        wait_for(lambda: self.tares() == 1, 3, "the tare")
+        self.assertEqual(self.open.command({"command": "untare", "sensor": "all"})[0], 200)
+        wait_for(lambda: self.tares() == 0, 3, "the tare to be gone")
+        self.assertEqual(self.open.command({"command": "clear"}, Host="gripper.example:99", Origin="https://gripper.example:99")[0], 200)
+
+    def test_teaching_without_a_grasp_is_refused_by_the_daemon_in_words(self):
+        code, answer = self.open.command({"command": "teach", "object": "bolt"})
+        self.assertEqual((code, answer["result"]), (409, 4))
+        self.assertIn("[grasp]", answer["why"])
+
+    def test_a_body_that_is_no_command_changes_nothing_and_says_what_is_right(self):
+        for body in ('{"command":"teach","object":"a b"}', '{"command":"teach","object":"' + "x" * 32 + '"}', '{"command":"teach"}', "", "{", "[]", "null", '{"command":"tare"}', '{"command":"tare","sensor":"right"}', '{"command":"tare","sensor":"left ; clear"}', '{"command":"reboot"}',
+                     '{"command":["tare"],"sensor":"left"}', '{"command":"weigh","weigh":-1}', '{"command":"weigh","weigh":1e999}', '{"command":"weigh","weigh":"start clear"}',
+                     '{"command":"tare","sensor":"left","more":1}', "[" * 4000, '"\\ud800"', b"\xff\xfe"):
+            with self.subTest(body):
+                code, answer = self.open.command(body)
+                self.assertEqual(code, 400)
+                self.assertNotEqual(answer["error"], "")
+        self.assertEqual(self.open.command('{"command":"' + "x" * 5000 + '"}')[0], 413)
+        self.assertEqual(self.tares(), 0)
+
+    def test_names_of_strangers_and_pages_of_other_origins_may_not_read(self):
+        paths = ["/", "/app.js", "/api/status", "/api/stream", "/metrics", "/api/events"]
+        for path in paths:
+            for host in ("evil.example", "evil.example:8080", "localhost.evil.example", "127.0.0.1.evil.example", "127.0.0.1@evil.example", "127.1", "0x7f000001", "[::1", ""):
+                self.assertIn(self.locked.ask(path, Host=host)[0], (400, 403), (path, host))
+            self.assertEqual(self.locked.ask(path, Origin="http://evil.example")[0], 403)
+            self.assertEqual(self.locked.ask(path, Sec_Fetch_Site="cross-site", Sec_Fetch_Mode="no-cors")[0], 403)
+        for host in ("localhost", f"localhost:{self.locked.port}", "LOCALHOST:1", "127.0.0.1", "[::1]:80", "192.168.1.7:8080"):
+            self.assertEqual(self.locked.ask("/api/status", Host=host)[0], 200, host)
+        self.assertEqual(self.locked.ask("/api/status", Host="gripper.example")[0], 403)
+        self.assertEqual(self.open.ask("/api/status", Host="gripper.example")[0], 200)
+
+    def test_every_answer_has_the_strict_fields(self):
+        for path, code in (("/", 200), ("/app.js", 200), ("/look.css", 200), ("/uPlot.js", 200), ("/api/status", 200), ("/metrics", 200), ("/api/schema", 200), ("/nothing", 404), ("/../etc/passwd", 404)):
+            got, fields, body = self.locked.ask(path)
+            self.assertEqual(got, code, path)
+            policy = dict(part.strip().split(" ", 1) for part in fields["content-security-policy"].split(";"))
+            self.assertEqual((policy["default-src"], policy["script-src"], policy["connect-src"], policy["frame-ancestors"]), ("'none'", "'self'", "'self'", "'none'"))
+            self.assertEqual((fields["x-content-type-options"], fields["referrer-policy"], fields["cross-origin-resource-policy"]), ("nosniff", "no-referrer", "same-origin"))
+            self.assertNotIn("access-control-allow-origin", fields)
+            head = self.locked.ask(path, "HEAD")
+            self.assertEqual((head[0], head[2]), (code, b""))
+
+    def test_a_token_that_is_short_or_missing_is_refused(self):
+        for text in ("", "short", "with a space in it but long enough"):
+            with tempfile.NamedTemporaryFile("w") as file:
+                file.write(text)
+                file.flush()
+                done = subprocess.run([PROGRAM, "--token-file", file.name], capture_output=True, text=True, timeout=10)
+            self.assertEqual(done.returncode, 2, done.stderr)
+            self.assertIn("at least 16", done.stderr)
+
+
+class Page(unittest.TestCase):
+    def test_nothing_in_the_page_is_loaded_from_elsewhere(self):
+        for file in PAGE.glob("*.*"):
+            if file.suffix in (".html", ".js", ".css"):
+                for url in re.findall(r"(?:https?:)?//[a-z0-9.-]+\.[a-z]{2,}", file.read_text()):
+                    self.assertIn("github.com/leeoniya/uPlot", file.read_text()[file.read_text().index(url):][:80], (file, url))
+                self.assertNotIn("@import", file.read_text())
+
+    def test_the_plot_library_is_the_released_file(self):
+        for line in (PAGE / "SHA256SUMS").read_text().splitlines():
+            pinned, name = line.split()
+            self.assertEqual(hashlib.sha256((PAGE / name).read_bytes()).hexdigest(), pinned, name)
+
+
+class Hostile(Base):
+    def setUp(self):
+        super().setUp()
+        self.server = self.web(token=TOKEN)
+        self.before = self.server.status()["sensors"][0]["tare_count"]
+
+    def watch(self, seconds):
+        """The longest silence of an ordinary page's stream, and how long an ordinary request took."""
+        stream = Stream(self.server)
+        worst, last, until = 0, time.monotonic(), time.monotonic() + seconds
+        while time.monotonic() < until:
+            stream.until(lambda name, _: name == "frame")
+            worst, last = max(worst, time.monotonic() - last), time.monotonic()
+        stream.close()
+        asked = time.monotonic()
+        self.server.status()
+        return worst, time.monotonic() - asked
+
+    def tearDown(self):
+        self.assertIsNone(self.server.process.poll(), self.server.log())
+        self.assertEqual(self.server.status()["sensors"][0]["tare_count"], self.before)
+        super().tearDown()
+
+    def connect(self, data=b""):
+        s = socket.create_connection(("127.0.0.1", self.server.port), timeout=5)
+        self.addCleanup(s.close)
+        if data:
+            s.sendall(data)
+        return s
+
+    def test_a_thousand_connections_that_ask_nothing_or_half_delay_nobody(self):
+        kinds = (b"", b"GET / HT", b"POST /api/command HTTP/1.1\r\nHost: localhost\r\nContent-Length: 4000\r\n\r\n{", b"GET /api/stream HTTP/1.1\r\nHost: localhost\r\n")
+        crowd = [self.connect(kinds[n % len(kinds)]) for n in range(1000)]
+        worst, asked = self.watch(3)
+        self.assertLess(worst, 1)
+        self.assertLess(asked, 1)
+        wait_for(lambda: closed(crowd[0]), 15, "a silent connection to be closed")
+
+    def test_a_thousand_whole_requests_at_once_delay_nobody(self):
+        crowd = [self.connect() for _ in range(1000)]
+        stream = Stream(self.server)
+        stream.until(lambda name, _: name == "frame")
+        last, worst = time.monotonic(), 0
+        for n, s in enumerate(crowd):
+            s.sendall((b"GET /metrics", b"GET /api/status", b"GET /uPlot.js")[n % 3] + b" HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        for _ in range(60):
+            stream.until(lambda name, _: name == "frame")
+            worst, last = max(worst, time.monotonic() - last), time.monotonic()
+        stream.close()
+        self.assertLess(worst, 1)
+        for s in crowd[::100]:
+            self.assertTrue(s.recv(15).startswith(b"HTTP/1.1 200"))
+
+    def test_streams_that_take_nothing_cost_no_memory_and_delay_nobody(self):
+        before_kB = self.server.rss_kB()
+        for _ in range(12):
+            s = self.connect()
+            s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            s.sendall(b"GET /api/stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        worst, asked = self.watch(5)
+        self.assertLess(worst, 1)
+        self.assertLess(self.server.rss_kB() - before_kB, 20_000)
+
+    def test_more_pages_than_are_allowed_are_refused_and_the_others_go_on(self):
+        streams = [Stream(self.server) for _ in range(16)]
+        refused = Stream(self.server)
+        self.assertEqual(refused.answer.status, 503)
+        refused.close()
+        for stream in streams:
+            stream.until(lambda name, _: name == "frame")
+            stream.close()
+        wait_for(lambda: self.server.ask("/metrics")[2].count(b"tactiled_web_streams 0") == 1, 5, "the places")
+
+    def test_malformed_requests_change_nothing(self):
+        head = b"POST /api/command HTTP/1.1\r\nHost: localhost\r\n"
+        cases = [b"\x00" * 100, b"\xff" * 5000, b"GET\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n", b"GET " + b"/a" * 20000 + b" HTTP/1.1\r\n\r\n", b"GET /%00%2e%2e/ HTTP/1.1\r\nHost: localhost\r\n\r\n",
+                 b"GET / HTTP/1.1\r\n" + b"A: b\r\n" * 5000 + b"\r\n", b"GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n",
+                 head + b"Content-Length: -1\r\n\r\n", head + b"Content-Length: 99999999999999999999\r\n\r\n", head + b"Content-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+                 head + b"Transfer-Encoding: chunked\r\n\r\nFFFFFFFFFFFFFFFFF\r\nx", head + b"Transfer-Encoding: chunked\r\n\r\n" + b"1000\r\n" + b"x" * 4096 + b"\r\n1000\r\n",
+                 b"OPTIONS * HTTP/1.1\r\nHost: localhost\r\n\r\n", b"CONNECT evil.example:80 HTTP/1.1\r\nHost: localhost\r\n\r\n", b"TRACE / HTTP/1.1\r\nHost: localhost\r\n\r\n",
+                 b"GET http://evil.example/ HTTP/1.1\r\nHost: evil.example\r\n\r\n", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + b"\x00" * 500,
+                 b"GET / HTTP/1.1\nHost: localhost\n\n", b"GET / HTTP/1.1\r\nHost: localhost\r\n " + b"x" * 100 + b"\r\n\r\n", b"GET / HTTP/1.1\r\n: x\r\n\r\n"]
+        for data in cases:
+            with self.subTest(data[:60]):
+                s = self.connect()
+                try:
+                    s.sendall(data)
+                    s.shutdown(socket.SHUT_WR)
+                    s.settimeout(12)
+                    answer = s.recv(65536)
+                except OSError:
+                    answer = b""
+                self.assertFalse(b"evil" in data and answer.startswith(b"HTTP/1.1 200"), answer[:200])
+                self.assertTrue(answer == b"" or answer.startswith(b"HTTP/1."), answer[:100])
+        self.assertLess(self.watch(1)[1], 1)
+
+    def test_random_bytes_and_torn_requests(self):
+        import random
+        chance = random.Random(7)
+        whole = b"POST /api/command HTTP/1.1\r\nHost: localhost\r\nOrigin: http://localhost\r\nAuthorization: Bearer x\r\nContent-Type: application/json\r\nContent-Length: 33\r\n\r\n" + b'{"command":"tare","sensor":"all"}\n'
+        for _ in range(500):
+            data = bytearray(whole)
+            for _ in range(chance.randint(1, 8)):
+                kind, at = chance.randint(0, 2), chance.randrange(len(data))
+                if kind == 0:
+                    data[at] = chance.randrange(256)
+                elif kind == 1:
+                    del data[at:at + chance.randint(1, 20)]
+                else:
+                    data[at:at] = chance.randbytes(chance.randint(1, 50))
+            s = self.connect(bytes(data) or b"x")
+            s.close()
+        self.assertLess(self.watch(1)[1], 1)
+
+
+def closed(s):
+    """Whether the server has closed it."""
+    s.setblocking(False)
+    try:
+        return s.recv(65536) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+if __name__ == "__main__":
+    unittest.main()

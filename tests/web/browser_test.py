@@ -1,0 +1,276 @@
+#!/usr/bin/python3
+"""The page of tactiled-web in a headless Chromium, as a person sees it.
+
+    ./node/install-packages.sh browser && /usr/bin/python3 tests/web/browser_test.py
+    MINUTES=10 /usr/bin/python3 tests/web/browser_test.py Long      memory of server and page with four clients
+    PICTURES=1 /usr/bin/python3 tests/web/browser_test.py Pictures  writes node/web/*.png
+
+Prints what it measured. Skips without Chromium; TACTILED_MUST=1: fails instead."""
+import json
+import os
+import pathlib
+import shutil
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/system"))
+from daemon import Daemon, wait_for  # noqa: E402
+from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
+from web_server import TOKEN, Stream, Web  # noqa: E402
+
+if not os.environ.get("TACTILED_MUST"):
+    for program in ("chromium", "chromedriver"):
+        if shutil.which(program) is None:
+            print(f"no {program}: ./node/install-packages.sh browser")
+            sys.exit(0)
+from selenium import webdriver  # noqa: E402
+from selenium.webdriver.chrome.options import Options  # noqa: E402
+from selenium.webdriver.chrome.service import Service  # noqa: E402
+from selenium.webdriver.common.by import By  # noqa: E402
+from selenium.webdriver.common.keys import Keys  # noqa: E402
+
+STALE_LIMIT_S = 0.5
+# Noise of 20 mN beside the forces, so that no channel looks frozen; 7 rows, so that the page shows all of them.
+ROWS = "".join(f"{n / 200},{1 + (n * 37 % 7 - 3) / 100},{2 + (n * 53 % 7 - 3) / 100},{-3 + (n * 71 % 7 - 3) / 100}\n" for n in range(140))
+
+
+def browser(folder, width=1000, height=900):
+    options = Options()
+    options.binary_location = shutil.which("chromium")
+    for flag in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update", "--no-first-run",
+                 f"--user-data-dir={folder}", f"--window-size={width},{height}", "--hide-scrollbars"):
+        options.add_argument(flag)
+    options.set_capability("goog:loggingPrefs", {"performance": "ALL", "browser": "ALL"})
+    return webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+
+
+class Base(unittest.TestCase):
+    rows, rate = ROWS, 200
+
+    def setUp(self):
+        self.daemon = unit_daemon(self.rows, self.rate).start()
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        self.start_page()
+
+    def start_page(self):
+        self.web = self.start_web()
+        profile = tempfile.mkdtemp(prefix="tactiled-chromium-")
+        self.addCleanup(shutil.rmtree, profile, True)
+        self.page = browser(profile)
+        self.addCleanup(self.page.quit)
+        self.open()
+
+    def start_web(self, **kinds):
+        web = Web(self.daemon.name, token=TOKEN, **kinds)
+        self.addCleanup(shutil.rmtree, web.folder)
+        self.addCleanup(web.__exit__)
+        return web
+
+    def open(self):
+        self.page.get(f"http://{self.web.host}/")
+        wait_for(lambda: not self.is_stale(), 10, "a page that is not stale")
+
+    def js(self, code, *args):
+        return self.page.execute_script(code, *args)
+
+    def is_stale(self):
+        return self.js("return document.body.classList.contains('stale') && document.getElementById('stale').offsetHeight > 30 && document.title.startsWith('STALE')")
+
+    def shown(self):
+        return self.js("return Object.fromEntries([...document.querySelectorAll('[data-sensor=left] [data-component]')].map((r) => [r.dataset.component, [r.querySelector('b').textContent, r.querySelector('small').textContent]]))")
+
+    def text(self, selector):
+        return self.js("return document.querySelector(arguments[0]).textContent", selector)
+
+
+class Page(Base):
+    rows = "0,1,2,-3\n0.01,1,2,-3\n"
+
+    def registers(self):
+        """Floats of sensor 0 as a PLC reads them."""
+        import struct
+        from pymodbus.client import ModbusTcpClient
+        with ModbusTcpClient("127.0.0.1", port=self.daemon.port) as client:
+            words = client.read_holding_registers(2100, 25, slave=1).registers
+        return [round(struct.unpack(">f", struct.pack(">HH", *words[i:i + 2]))[0], 3) for i in range(0, 24, 2)]
+
+    def test_displayed_values_equal_the_registers(self):
+        shown = self.shown()
+        self.assertEqual({name: value[0] for name, value in shown.items()}, {"fx": "1.000", "fy": "2.000", "fz": "-3.000"})
+        floats = self.registers()
+        self.assertTrue(any(floats[i:i + 3] == [1, 2, -3] for i in range(10)), floats)
+        self.assertEqual(shown["fz"][1], "± 0.010 N")
+        self.assertEqual(self.text("[data-sensor=left] .quality"), "● GOOD")
+
+    def test_stale_after_the_daemon_was_killed_and_back_after_it_starts(self):
+        self.daemon.process.kill()
+        took = self.time_to_stale("kill -9 of the daemon")
+        self.assertLess(took, STALE_LIMIT_S)
+        self.assertEqual({value[0] for value in self.shown().values()}, {"–"})
+        self.assertNotIn("GOOD", self.text("[data-sensor=left] .quality"))
+        self.daemon.process.wait()
+        self.daemon.start()
+        wait_for(lambda: not self.is_stale(), 10, "the successor")
+        self.assertEqual(self.shown()["fx"][0], "1.000")
+        changes = self.text("#changes")
+        self.assertIn("does not respond", changes)
+        self.assertIn("started, pid", changes)
+
+    def test_stale_after_the_server_was_killed_and_back_after_it_starts(self):
+        self.web.process.kill()
+        took = self.time_to_stale("kill -9 of the server")
+        self.assertLess(took, STALE_LIMIT_S)
+        self.assertEqual({value[0] for value in self.shown().values()}, {"–"})
+
+    def test_stale_where_the_server_hangs_and_the_connection_stays(self):
+        import signal
+        self.web.process.send_signal(signal.SIGSTOP)
+        took = self.time_to_stale("SIGSTOP of the server")
+        self.assertLess(took, STALE_LIMIT_S)
+        self.web.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: not self.is_stale(), 10, "the server")
+
+    def time_to_stale(self, what):
+        began = time.monotonic()
+        wait_for(self.is_stale, 5, "STALE")
+        took = time.monotonic() - began
+        print(f"{what}: STALE after {took:.3f} s")
+        return took
+
+    def test_a_tare_works_with_the_token_and_not_without_by_keyboard_alone(self):
+        tare = self.page.find_element(By.CSS_SELECTOR, "[data-sensor=left] button[data-command=tare]")
+        self.assertFalse(tare.is_enabled())
+        field = self.page.find_element(By.ID, "token")
+        field.send_keys("wrong-" + TOKEN + Keys.ENTER)
+        wait_for(tare.is_enabled, 2, "the buttons")
+        tare.send_keys(Keys.ENTER)
+        wait_for(lambda: "token is wrong" in self.text("#outcome"), 5, "the refusal")
+        self.assertEqual(self.web.status()["sensors"][0]["tare_count"], 0)
+        field.send_keys(TOKEN + Keys.ENTER)
+        wait_for(tare.is_enabled, 2, "the buttons")
+        tare.send_keys(Keys.ENTER)
+        wait_for(lambda: self.text("#outcome") == "tare left: done", 10, "the tare")
+        wait_for(lambda: self.shown()["fz"][0] == "0.000", 3, "the new zero")
+
+    def test_sixty_seconds_of_history_after_a_reload_and_no_request_leaves_the_machine(self):
+        wait_for(lambda: self.js("return cards[0].past.t_s.at(-1) - cards[0].past.t_s[0]") > 61, 90, "a minute")
+        self.page.refresh()
+        wait_for(lambda: not self.is_stale(), 5, "the page")
+        span_s, n = self.js("const t = cards[0].past.t_s; return [t.at(-1) - t[0], t.length]")
+        print(f"after a reload: {span_s:.1f} s of history, {n} points")
+        self.assertGreater(span_s, 59.5)
+        self.assertGreater(n, 1700)
+        asked = [json.loads(entry["message"])["message"] for entry in self.page.get_log("performance")]
+        urls = {m["params"]["request"]["url"] for m in asked if m["method"] == "Network.requestWillBeSent"}
+        self.assertGreater(sum(u.startswith(f"http://{self.web.host}/") for u in urls), 5)
+        # data: is in the page; chrome: is the browser's own first page.
+        self.assertEqual({u for u in urls if not u.startswith((f"http://{self.web.host}/", "data:", "chrome:"))}, set())
+        wrong = [entry for entry in self.page.get_log("browser") if entry["level"] == "SEVERE"]
+        self.assertEqual(wrong, [])  # a violation of the content security policy would be here
+
+    def test_a_script_in_a_name_or_a_page_of_another_origin_does_nothing(self):
+        self.page.get("data:text/html,<title>x</title>")
+        for code in (f"return fetch('http://{self.web.host}/api/status').then(() => 'read', () => 'refused')",
+                     f"return fetch('http://{self.web.host}/api/command', {{method: 'POST', mode: 'no-cors', body: '{{}}'}}).then((r) => r.type, () => 'refused')",
+                     f"return new Promise((f) => {{ const s = new EventSource('http://{self.web.host}/api/stream'); s.onmessage = () => f('read'); s.onerror = () => f('refused'); }})"):
+            self.assertIn(self.js(code), ("refused", "opaque"))
+        self.assertEqual(self.web.status()["sensors"][0]["tare_count"], 0)
+
+
+class Pictures(Base):
+    """Two jaws press every two seconds; once a device is silent, and once a channel is missing for a while."""
+    CONFIG = """
+[[link]]
+name = "usb{n}"
+driver = "uart"
+device = "{{folder}}/dev{n}"
+path = "direct"
+format = "lines"
+channels = 3
+sequence = true
+simulated = true
+
+[[sensor]]
+name = "{name}"
+link = "usb{n}"
+model = "generic"
+calibration = "{{folder}}/unit.toml"
+stale_ms = 100
+"""
+
+    def setUp(self):
+        self.daemon = Daemon("".join(self.CONFIG.format(n=n, name=name) for n, name in enumerate(("left", "right"))), name="gripper")
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        (self.daemon.folder / "unit.toml").write_text(CALIBRATION.replace("100.0, 100.0, 100.0", "10.0, 10.0, 10.0").replace("[0.01, 0.01, 0.01]", "[0.1, 0.15, 0.25]"))
+        for n in range(2):
+            rows = "t_s,c1,c2,c3\n"
+            for k in range(8000):
+                press = max(0, 1 - abs((k % 400) / 150 - 1))
+                x = (-1) ** n * 1.2 * press + (k * 37 % 7 - 3) / 100
+                y = f"{0.5 * press + (k * 53 % 7 - 3) / 100:.3f}" if n == 0 or not 3000 < k < 3600 else ""
+                rows += f"{k / 200},{x:.3f},{y},{-6 * press + (k * 71 % 7 - 3) / 100:.3f}\n"
+            (self.daemon.folder / f"rows{n}.csv").write_text(rows)
+        self.players = [self.daemon.play("--in", self.daemon.folder / f"rows{n}.csv", "--pty", self.daemon.folder / f"dev{n}", "--format", "lines", "--sequence", "--rate", 200, "--loop")
+                        for n in range(2)]
+        self.daemon.start()
+        self.start_page()
+
+    def test_light_dark_and_phone(self):
+        folder = ROOT / "node/web" if os.environ.get("PICTURES") else pathlib.Path(tempfile.mkdtemp())
+        import signal
+        time.sleep(40)
+        self.players[0].send_signal(signal.SIGSTOP)
+        time.sleep(0.6)
+        self.players[0].send_signal(signal.SIGCONT)
+        time.sleep(22)
+        for name, width, height, scheme in (("light", 900, 800, "light"), ("dark", 900, 800, "dark"), ("phone", 390, 844, "light")):
+            self.page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": name == "phone"})
+            self.page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+            time.sleep(1)
+            self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width, "nothing is cut off at the right")
+            self.page.save_screenshot(str(folder / f"{name}.png"))
+        self.daemon.process.kill()
+        wait_for(self.is_stale, 5, "STALE")
+        time.sleep(0.3)
+        self.page.save_screenshot(str(folder / "stale.png"))
+        print(f"pictures in {folder}")
+
+
+class Long(Base):
+    def test_memory_with_four_clients(self):
+        minutes = float(os.environ.get("MINUTES", "1"))
+        stop = threading.Event()
+
+        def client():
+            stream = Stream(self.web, timeout=20)
+            while not stop.is_set():
+                stream.next()
+            stream.close()
+        clients = [threading.Thread(target=client) for _ in range(3)]
+        for each in clients:
+            each.start()
+        try:
+            time.sleep(70)  # the history is full
+            heap = "if (window.gc) gc(); return performance.memory.usedJSHeapSize"
+            begun = self.web.rss_kB(), self.js(heap), self.web.cpu_s(), time.monotonic()
+            time.sleep(60 * minutes)
+            ended = self.web.rss_kB(), self.js(heap), self.web.cpu_s(), time.monotonic()
+        finally:
+            stop.set()
+            for each in clients:
+                each.join()
+        print(f"{minutes:g} min, 4 clients: server {begun[0]} kB -> {ended[0]} kB, {100 * (ended[2] - begun[2]) / (ended[3] - begun[3]):.2f} % of a CPU; "
+              f"page's heap {begun[1] / 1e6:.1f} MB -> {ended[1] / 1e6:.1f} MB")
+        self.assertFalse(self.is_stale())
+        self.assertLess(ended[0] - begun[0], 500)
+
+
+if __name__ == "__main__":
+    unittest.main()
