@@ -1,12 +1,11 @@
 // tactilectl record FILE: all frames of all links and all samples of all sensors, from shared memory into an MCAP file. It
 // costs the daemon nothing: what goes wrong here, a full disk too, ends the recording and nothing else.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <ctime>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -15,6 +14,8 @@
 #include "drivers/mcap/frame_message.hpp"
 #include "drivers/mcap/writer.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/liveness.hpp"
+#include "node/ctl/recorded_config.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/shm/frame_record.hpp"
@@ -67,8 +68,7 @@ private:
 
 class Recording {
 public:
-    Recording(const SegmentView& segment, const Args& args)
-        : config_(args.config.empty() ? "" : content_of(args.config)), file_(args.file, args.overwrite) {
+    Recording(const SegmentView& segment, const Args& args) : file_(args.file, args.overwrite) {
         const std::string node = segment.header().name;
         const auto of_frames =
             file_.add_schema(std::string(mcap::kFrameSchema), "ros2msg", std::string(mcap::kFrameDefinition));
@@ -100,7 +100,7 @@ public:
                                 Tail(segment, sensor.ring), channel(of_samples, "sample"), channel(of_wrenches, "wrench"),
                                 channel(of_wrenches, "wrench_uncertain")});
         }
-        if (!args.config.empty()) file_.attach("tactiled.toml", "application/toml", config_, wall_ns());
+        if (!args.config.empty()) attach_config(file_, args.config, wall_ns());
         wall_from_monotonic_ns_ = wall_ns() - monotonic_ns();
     }
 
@@ -139,11 +139,6 @@ public:
 
 private:
     [[nodiscard]] std::uint64_t wall(std::uint64_t t_ns) const { return t_ns + wall_from_monotonic_ns_; }
-    static std::string content_of(const std::string& path) {
-        std::ifstream in(path, std::ios::binary);
-        if (!in) throw SetupError(path + ": cannot be read");
-        return {std::istreambuf_iterator<char>(in), {}};
-    }
 
     struct LinkTail {
         Tail tail;
@@ -154,7 +149,6 @@ private:
         Tail tail;
         std::uint16_t samples, wrenches, doubtful;
     };
-    std::string config_;  // read first: where it cannot be, there is no file
     mcap::Writer file_;
     std::vector<LinkTail> links_;
     std::vector<SensorTail> sensors_;
@@ -162,7 +156,7 @@ private:
     std::string message_;
 };
 
-int record(const Args& args) {
+int record(Args args) {
     catch_interrupt();
     std::string why;
     const Segment segment = Segment::try_open(args.node, why);
@@ -173,13 +167,28 @@ int record(const Args& args) {
     if (segment.n_links() != 0 && segment.link(0).frames.slots == 0)
         throw SetupError(fmt::format("node \"{}\" is of version {}, which shows no frames: nothing could be replayed",
                                      args.node, segment.header().version));
+    if (const Liveness liveness = liveness_of(segment); liveness.is_dead()) {
+        fmt::print(stderr, "tactilectl: {}\n", liveness.why);
+        return kNotReachable;
+    }
+    if (args.config.empty()) {
+        args.config = config_of_daemon(segment);
+        if (args.config.empty())
+            fmt::print(stderr,
+                       "tactilectl: the recording will not contain the daemon's configuration: name it with --config\n");
+    } else if (::access(args.config.c_str(), R_OK) != 0) {  // before there is a file
+        throw SetupError(args.config + ": cannot be read");
+    }
     Recording recording(segment, args);
     const std::uint64_t begun_ns = monotonic_ns();
     std::uint64_t flushed_ns = begun_ns;
     bool ended = false;  // the daemon
-    while (interrupted == 0 && !ended && (args.seconds <= 0 || double(monotonic_ns() - begun_ns) < args.seconds * 1e9)) {
+    std::string died;    // why it publishes nothing any more
+    while (interrupted == 0 && !ended && died.empty() &&
+           (args.seconds <= 0 || double(monotonic_ns() - begun_ns) < args.seconds * 1e9)) {
         ended = !segment.is_current();
         recording.cycle();
+        if (const Liveness liveness = liveness_of(segment); liveness.is_dead()) died = liveness.why;
         if (const std::uint64_t now = monotonic_ns(); now - flushed_ns >= std::uint64_t(args.flush_ms) * 1'000'000u) {
             recording.flush();
             flushed_ns = now;
@@ -196,13 +205,21 @@ int record(const Args& args) {
                                           {"messages", recording.file().messages()},
                                           {"bytes", recording.file().bytes()},
                                           {"lost", recording.lost()},
-                                          {"daemon_ended", ended}}
+                                          {"daemon_ended", ended || !died.empty()}}
                                .dump());
     else
         fmt::print("{}: {:.1f} s, {} messages, {} bytes{}\n", args.file, seconds, recording.file().messages(),
                    recording.file().bytes(), ended ? "; the daemon has ended" : "");
     if (recording.lost() != 0)
         fmt::print(stderr, "tactilectl: {} records were missed: this program or the disk was too slow\n", recording.lost());
+    if (!died.empty()) {
+        fmt::print(stderr, "tactilectl: {}\n", died);
+        return kNotReachable;
+    }
+    if (recording.file().messages() == 0) {
+        fmt::print(stderr, "tactilectl: nothing was recorded: no link sent a frame\n");
+        return kUnhealthy;
+    }
     return recording.lost() != 0 ? kUnhealthy : kGood;
 }
 
@@ -210,12 +227,13 @@ int record(const Args& args) {
 
 void add_record(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end");
+    auto* verb = add_verb(app, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end",
+                          "  tactilectl record pick.mcap --seconds 10\n");
     verb->add_option("file", args->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
         ->required();
     add_node_option(verb, args->node);
     verb->add_option("--seconds", args->seconds, "end after so long; 0: not by itself")->check(CLI::NonNegativeNumber);
-    verb->add_option("--config", args->config, "the daemon's configuration, to be kept in the file");
+    verb->add_option("--config", args->config, "the configuration to keep in the file; default: that of the running daemon");
     verb->add_option("--flush-ms", args->flush_ms,
                      "a chunk is written at least this often: what a kill loses; a power cut, what the kernel held")
         ->check(CLI::Range(100, 1000))

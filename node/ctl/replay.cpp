@@ -15,6 +15,7 @@
 #include "drivers/mcap/frame_message.hpp"
 #include "drivers/mcap/message_file.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/recorded_config.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
@@ -201,8 +202,10 @@ private:
 int replay(const Args& args) {
     mcap::MessageFile file;
     open_file(file, args.file);
+    std::optional<RecordedConfig> recorded;
+    if (args.config.empty()) recorded.emplace(args.file);
     Problems problems;
-    Node node = load_node(args.config, problems, "");
+    Node node = load_node(recorded ? recorded->config() : args.config, problems, "");
     problems.throw_if_any();
     Published published(args.file, node);
     Replayed replayed(node, args);
@@ -243,9 +246,11 @@ int replay(const Args& args) {
 
 void add_replay(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?");
+    auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?",
+                          "  tactilectl replay pick.mcap --config my.toml\n  tactilectl replay pick.mcap --config my.toml "
+                          "--sensor left --out forces.csv\n");
     verb->add_option("file", args->file, "made by tactilectl record")->required();
-    verb->add_option("--config", args->config, "the daemon's configuration, or another one to try")->required();
+    verb->add_option("--config", args->config, "another configuration to try; default: the one in the recording");
     verb->add_option("--out", args->out, "forces.csv of one sensor; - is standard output");
     verb->add_option("--sensor", args->sensor, "whose forces, where there are several");
     verb->add_flag("--json", args->json, "the comparison as JSON");
