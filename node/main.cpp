@@ -22,6 +22,7 @@
 #include "node/setup.hpp"
 #include "node/shm/folder.hpp"
 #include "node/threads.hpp"
+#include "node/version.hpp"
 #include "node/watchdog.hpp"
 #include "tactiled/reader.hpp"
 
@@ -87,9 +88,10 @@ int run(Node& node, const sigset_t& signals) {
             modbus = std::make_unique<ModbusServer>(node.plan.name, settings, pipeline.commands[TACTILED_FROM_MODBUS]);
         std::unique_ptr<GpioOutputs> gpio;
         if (node.config.gpio) gpio = std::make_unique<GpioOutputs>(node.plan.name, *node.config.gpio);
+        std::string served = settings.listen.empty() ? settings.enabled() ? "RTU" : "off" : settings.listen;
+        if (modbus != nullptr && !modbus->listens_from_the_start()) served += " not served yet: see above";
         log_line(LogLevel::info, "tactiled {}: node \"{}\", {} sensors, segment {}/tactiled.{}, Modbus {}", TACTILED_VERSION,
-                 node.plan.name, node.sensors.size(), folder, node.plan.name,
-                 settings.listen.empty() ? settings.enabled() ? "RTU" : "off" : settings.listen);
+                 node.plan.name, node.sensors.size(), folder, node.plan.name, served);
         if (const std::string warning = folder_warning(folder, node.plan.name); !warning.empty())
             log_text(LogLevel::warning, warning);
         if (const std::string refused = enter_sandbox(); !refused.empty()) log_text(LogLevel::warning, refused);
@@ -106,7 +108,7 @@ int start(int argc, char** argv) {
     std::string path = "/etc/tactiled/tactiled.toml";
     bool check = false;
     CLI::App app{"Reads tactile sensors and publishes their forces in shared memory and over Modbus.", "tactiled"};
-    app.set_version_flag("--version", TACTILED_VERSION);
+    app.set_version_flag("--version", version_text());
     app.add_option("--config", path, "configuration file")->capture_default_str();
     app.add_flag("--check", check, "check the configuration and end");
     app.add_option_function<std::string>("--runtime-dir", set_runtime_folder,

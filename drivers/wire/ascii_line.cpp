@@ -1,10 +1,12 @@
 #include "drivers/wire/ascii_line.hpp"
 
+#include <algorithm>
 #include <boost/crc.hpp>
 #include <charconv>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 
 #include "drivers/wire/stream_format.hpp"
 
@@ -93,12 +95,16 @@ std::string AsciiDecoder::freshness() const {
 }
 
 std::string AsciiDecoder::advice() const {
-    if (format_.crc16) return "";
-    return format_.checksum
-               ? "checksum = \"xor\": of the lines that lost two bytes, one in 14 passes with wrong numbers; send a CRC "
-                 "(checksum = \"crc16\", drivers/wire/ascii_line.md)"
-               : "no checksum: a byte lost from 12.5 reads as 1.5; send a CRC (checksum = \"crc16\", "
-                 "drivers/wire/ascii_line.md)";
+    const std::string no_sequence =
+        format_.sequence ? "" : "no sequence: a lost line goes unseen; send a counter (sequence = true)";
+    if (format_.crc16) return no_sequence;
+    const std::string weak =
+        format_.checksum
+            ? "checksum = \"xor\": of the lines that lost two bytes, one in 14 passes with wrong numbers; send a CRC "
+              "(checksum = \"crc16\", drivers/wire/ascii_line.md)"
+            : "no checksum: a byte lost from 12.5 reads as 1.5; send a CRC (checksum = \"crc16\", "
+              "drivers/wire/ascii_line.md)";
+    return no_sequence.empty() ? weak : weak + "; " + no_sequence;
 }
 
 bool AsciiDecoder::read_line(std::string_view line, Frame& frame) noexcept {
@@ -209,7 +215,114 @@ std::vector<std::uint8_t> encode(const Frame& frame, const StreamSettings& setti
     return {line.begin(), line.begin() + std::ptrdiff_t(n)};
 }
 
-const StreamFormat entry{.name = "lines", .make = make, .encode = encode};
+// The whole lines of a stream, without those that a decoder skips.
+std::vector<std::string_view> whole_lines(std::string_view text) {
+    std::vector<std::string_view> lines;
+    std::size_t at = text.find('\n');
+    for (std::size_t end = 0; at != text.npos && (end = text.find('\n', at + 1)) != text.npos; at = end) {
+        std::string_view line = text.substr(at + 1, end - at - 1);
+        if (line.ends_with('\r')) line.remove_suffix(1);
+        line = trimmed(line);
+        if (!line.empty() && line.front() != '#') lines.push_back(line);
+    }
+    return lines;
+}
+
+// The cells of a line as numbers, NaN where one is empty; empty where a cell is no number.
+std::vector<double> cells_of(std::string_view line) {
+    std::vector<double> cells;
+    const char separator = separator_of(line);
+    for (bool more = true; more;) {
+        const std::string_view cell = cut_cell(line, separator, more);
+        double value = std::numeric_limits<double>::quiet_NaN();
+        if (!cell.empty() && (!read_number(cell, value) || std::isinf(value))) return {};
+        cells.push_back(value);
+    }
+    return cells;
+}
+
+// True if column `k` is a whole number that grows by one from line to line, but for a tenth of the lines.
+bool is_counter(const std::vector<std::vector<double>>& rows, std::size_t k) {
+    std::size_t right = 1;
+    for (std::size_t i = 1; i < rows.size(); ++i) right += rows[i][k] == rows[i - 1][k] + 1 ? 1 : 0;
+    return rows.size() >= 5 && right * 10 >= rows.size() * 9;
+}
+
+// True if column `k` is a whole number that grows by `units` within all lines, to a factor of two, and goes back at most
+// once (it may wrap). Single steps say little, because a busy device prints in bursts.
+bool is_clock(const std::vector<std::vector<double>>& rows, std::size_t k, double units) {
+    double grown = 0;
+    std::size_t back = 0;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        if (rows[i][k] != std::floor(rows[i][k])) return false;  // NaN, too
+        const double step = i == 0 ? 0 : rows[i][k] - rows[i - 1][k];
+        grown += std::max(0.0, step);
+        back += step < 0 ? 1 : 0;
+    }
+    return rows.size() >= 5 && back <= 1 && grown > units / 2 && grown < units * 2;
+}
+
+std::optional<StreamGuess> recognise(std::span<const std::uint8_t> bytes, double seconds) {
+    constexpr std::size_t kMinLines = 3, kLongestShown = 80;
+    const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    const auto lines = whole_lines(text);
+    if (lines.size() < kMinLines) return std::nullopt;
+    std::size_t of_digits[kCrcDigits + 1] = {};
+    for (const auto line : lines)
+        if (const std::size_t star = line.rfind('*'); star != line.npos && has_checksum(line, star))
+            ++of_digits[line.size() - star - 1];
+    const std::size_t digits = of_digits[kCrcDigits] * 2 > lines.size()   ? kCrcDigits
+                               : of_digits[kXorDigits] * 2 > lines.size() ? kXorDigits
+                                                                          : 0;
+    std::map<std::size_t, std::vector<std::vector<double>>> rows_of_width;
+    std::map<std::size_t, std::string_view> shown;
+    StreamGuess guess;
+    const auto refuse = [&](std::string_view line) {
+        ++guess.bad;
+        guess.last_bad.clear();
+        for (const char c : line.substr(0, kLongestShown)) guess.last_bad += c >= ' ' && c <= '~' ? c : '?';
+    };
+    for (const auto line : lines) {
+        const std::size_t star = line.rfind('*');
+        const bool right = digits == 0 ? star == line.npos
+                                       : star != line.npos && line.size() - star - 1 == digits && has_checksum(line, star);
+        const auto cells = right ? cells_of(line.substr(0, star)) : std::vector<double>();
+        if (cells.empty())
+            refuse(line);
+        else
+            rows_of_width[cells.size()].push_back(cells), shown[cells.size()] = line;
+    }
+    const auto widest = std::max_element(rows_of_width.begin(), rows_of_width.end(),
+                                         [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
+    if (widest == rows_of_width.end() || widest->second.size() * 2 <= lines.size()) return std::nullopt;
+    for (const auto& [width, rows] : rows_of_width)
+        if (width != widest->first) {
+            guess.bad += rows.size() - 1;
+            refuse(shown[width]);
+        }
+    const auto& rows = widest->second;
+    std::size_t left = widest->first;
+    const bool sequence = left > 1 && is_counter(rows, 0);
+    left -= sequence ? 1 : 0;
+    const bool time_us = left > 1 && is_clock(rows, sequence ? 1 : 0, 1e6 * seconds);
+    left -= time_us ? 1 : 0;
+    if (left == 0 || left > kMaxChannels) return std::nullopt;
+    guess.good = rows.size();
+    guess.keys = "format = \"lines\"\nchannels = " + std::to_string(left) + "\n";
+    if (sequence) guess.keys += "sequence = true\n";
+    if (time_us) guess.keys += "time_us = true\n";
+    if (digits != 0) guess.keys += digits == kCrcDigits ? "checksum = \"crc16\"\n" : "checksum = \"xor\"\n";
+    if (!sequence) guess.notes.emplace_back("it sends no counter: a lost line goes unseen");
+    if (const std::size_t k = sequence ? 1 : 0; !time_us && left > 1 && is_clock(rows, k, 1e3 * seconds))
+        guess.notes.emplace_back("column " + std::to_string(k + 1) +
+                                 " looks like a clock in milliseconds and would count as a channel: send micros(), or write "
+                                 "\"-\" for it in `channels` of the [[sensor]]");
+    if (!time_us) guess.notes.emplace_back("it sends no time in microseconds: a delay goes unseen");
+    if (digits != kCrcDigits) guess.notes.emplace_back("it sends no CRC: a lost byte gives a wrong number");
+    return guess;
+}
+
+const StreamFormat entry{.name = "lines", .make = make, .encode = encode, .recognise = recognise};
 
 }  // namespace
 }  // namespace tactiled

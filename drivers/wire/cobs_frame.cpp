@@ -144,7 +144,24 @@ std::vector<std::uint8_t> encode(const Frame& frame, const StreamSettings& setti
 
 std::unique_ptr<StreamDecoder> make(Options&, LinkCounts& counts) { return std::make_unique<CobsDecoder>(counts); }
 
-const StreamFormat entry{.name = "cobs", .max_devices = kCobsMaxDevices, .make = make, .encode = encode};
+std::optional<StreamGuess> recognise(std::span<const std::uint8_t> bytes, double) {
+    LinkCounts counts;
+    CobsDecoder decoder(counts);
+    StreamGuess guess;
+    Frame frame;
+    for (std::size_t at = 0; at < bytes.size(); at += StreamDecoder::kMaxBytes) {
+        decoder.push(bytes.subspan(at, std::min(StreamDecoder::kMaxBytes, bytes.size() - at)), 1);
+        while (decoder.next(frame)) ++guess.good;
+    }
+    guess.bad = counts[TACTILED_LINK_BAD_CHECKSUM] + counts[TACTILED_LINK_BAD_LENGTH] + counts[TACTILED_LINK_BAD_VALUE];
+    if (guess.good < 3 || guess.good <= guess.bad) return std::nullopt;  // a CRC of 16 bits passes by chance, but not thrice
+    guess.keys = "format = \"cobs\"\n";
+    if (frame.device_time_us == 0) guess.notes.emplace_back("its frames have no time: a delay goes unseen");
+    return guess;
+}
+
+const StreamFormat entry{
+    .name = "cobs", .max_devices = kCobsMaxDevices, .make = make, .encode = encode, .recognise = recognise};
 
 }  // namespace
 }  // namespace tactiled

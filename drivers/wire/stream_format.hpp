@@ -3,6 +3,9 @@
 #pragma once
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -22,6 +25,15 @@ struct StreamSettings {
     bool crc16 = false;     // each frame has a CRC-16: text formats
 };
 
+// A format's reading of bytes that an unknown device sent (`tactilectl identify`).
+struct StreamGuess {
+    std::string keys;                // lines of a [[link]] table: format and its own keys
+    std::size_t good = 0;            // frames that these keys accept
+    std::size_t bad = 0;             // frames or lines that they refuse
+    std::string last_bad;            // the last of these, printable
+    std::vector<std::string> notes;  // what the device should send as well
+};
+
 struct StreamFormat {
     std::string_view name;  // as in `format = "cobs"`
     // The links on which devices with this format exist.
@@ -33,6 +45,9 @@ struct StreamFormat {
     std::unique_ptr<StreamDecoder> (*make)(Options& options, LinkCounts& counts);
     // The bytes that a device sends for `frame`. nullptr: `tactilectl play` does not offer this format. setup
     std::vector<std::uint8_t> (*encode)(const Frame& frame, const StreamSettings& settings) = nullptr;
+    // The keys under which `bytes`, received within `seconds`, are frames; nothing where they are none of this format.
+    // nullptr: `identify` does not look for this format. setup
+    std::optional<StreamGuess> (*recognise)(std::span<const std::uint8_t> bytes, double seconds) = nullptr;
     Registry<StreamFormat> in_list{this};
 };
 

@@ -7,6 +7,7 @@
 #include "config/calibration.hpp"
 #include "config/keys.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/doctor/doctor.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
 
@@ -18,7 +19,9 @@ void add_check(CLI::App& app, Run& run) {
         bool keys = false;
     };
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "check", "Checks a configuration and its calibrations; prints every error in them");
+    auto* verb =
+        add_verb(app, "check", "Checks a configuration and its calibrations; prints every error in them, and what is unsafe",
+                 "  tactilectl check my.toml\n  tactilectl check --keys\n");
     auto* file = verb->add_option("file", args->path, "the configuration");
     verb->add_flag("--keys", args->keys, "print every key with its unit, range and default instead, as Markdown")
         ->excludes(file);
@@ -33,10 +36,16 @@ void add_check(CLI::App& app, Run& run) {
             const Node node = load_node(args->path, problems);
             for (const auto& line : problems.lines()) fmt::print(stderr, "{}\n", line);
             if (!problems.empty()) return kUnhealthy;
-            fmt::print("{}: good: {} links, {} sensors\n", args->path, node.links.size(), node.sensors.size());
-            for (const auto& link : node.links)
-                if (const std::string advice = link->driver->advice(); !advice.empty())
-                    fmt::print("warning: link \"{}\": {}\n", link->name, advice);
+            doctor::Findings found;
+            doctor::look_at_safety(node, found);
+            bool wrong = false;
+            for (const auto& f : found) {
+                const bool is_wrong = f.verdict == doctor::Verdict::wrong;
+                wrong = wrong || is_wrong;
+                fmt::print(is_wrong ? stderr : stdout, "{}: {}\n", is_wrong ? "error" : "warning", f.says);
+                if (!f.remedy.empty()) fmt::print(is_wrong ? stderr : stdout, "    -> {}\n", f.remedy);
+            }
+            if (!wrong) fmt::print("{}: good: {} links, {} sensors\n", args->path, node.links.size(), node.sensors.size());
             if (node.config.grasp)
                 for (const std::string& advice : grasp_advice(*node.config.grasp)) fmt::print("warning: {}\n", advice);
             for (const auto& link : node.links)
@@ -52,7 +61,7 @@ void add_check(CLI::App& app, Run& run) {
                         "its range can look GOOD; calibrate again\n",
                         sensor.name, sensor.calibration);
             }
-            return kGood;
+            return wrong ? kUnhealthy : kGood;
         };
     });
 }

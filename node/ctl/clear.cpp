@@ -34,7 +34,7 @@ void add_clear(CLI::App& app, Run& run) {
         double timeout_s = 5;
     };
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "clear", "Clears latched faults and slip latches");
+    auto* verb = add_verb(app, "clear", "Clears latched faults and slip latches", "  tactilectl clear\n");
     add_node_option(verb, args->node);
     verb->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
         ->check(number_in(0.1, 60.0))

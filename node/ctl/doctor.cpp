@@ -10,6 +10,7 @@
 
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/doctor/doctor.hpp"
+#include "node/ctl/liveness.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
 #include "tactiled/reader.hpp"
@@ -49,16 +50,16 @@ std::string user_of(const Machine& machine, const std::string& pid) {
     return self != nullptr ? self->pw_name : "root";
 }
 
-// A delay that nothing shows makes old forces look new.
-void look_at_freshness(const Node& node, Findings& found) {
-    for (const auto& link : node.links)
-        for (const auto& binding : link->bindings) {
-            const std::string by = link->driver->freshness();
-            const bool unproved = by.starts_with("arrival");
-            found.push_back({"freshness", unproved ? Verdict::advice : Verdict::good,
-                             fmt::format("sensor \"{}\": age proved by {}", node.config.sensors[binding.sensor].name, by),
-                             unproved ? "send the device's time or a counter (drivers/wire/freshness.md)" : ""});
-        }
+// A daemon that was killed, and one that takes no commands.
+void look_at_daemon(const std::string& node_name, Findings& found) {
+    std::string unused;
+    const Segment segment = Segment::try_open(node_name, unused);
+    if (!segment.is_open()) return;
+    const Liveness liveness = liveness_of(segment);
+    if (!liveness.runs())
+        found.push_back({"daemon", Verdict::wrong, liveness.why, "systemctl restart tactiled, or start it by hand"});
+    else if (const std::string fault = control_fault(segment); !fault.empty())
+        found.push_back({"control", Verdict::wrong, fault, "the daemon's log has the reason"});
 }
 
 Findings examine(const Args& args) {
@@ -84,8 +85,10 @@ Findings examine(const Args& args) {
     if (config.grasp)
         for (const std::string& advice : grasp_advice(*config.grasp))
             found.push_back({"grasp", Verdict::advice, advice, "decoupling/grasp/README.md has the frames"});
+    look_at_safety(node, found);
     look_at_readers(machine, config, found);
     look_at_port(machine, config.modbus, !pid.empty(), found);
+    look_at_daemon(config.node.name, found);
     return found;
 }
 
@@ -108,9 +111,12 @@ nlohmann::json as_json(const Findings& found, bool good) {
 
 void add_doctor(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "doctor",
-                          "What on this machine stands between the daemon and its deadlines: rights, kernel, "
-                          "processors, clock, devices; exit status 1 when something is wrong");
+    auto* verb =
+        add_verb(app, "doctor",
+                 "What on this machine stands between the daemon and its deadlines: rights, kernel, "
+                 "processors, clock, devices; and what in its configuration is unsafe; exit status 1 when something "
+                 "is wrong",
+                 "  tactilectl doctor --config my.toml\n");
     verb->add_option("--config", args->config, "the daemon's configuration")->capture_default_str();
     verb->add_option("--user", args->user, "the daemon's user; default: the running daemon's, else tactiled, else who asks");
     verb->add_option("--pid", args->pid, "the daemon; default: the one that runs under the configuration's name");

@@ -47,6 +47,7 @@ std::string doubts_text(std::uint32_t doubts) {
 }
 
 std::string grasp_lines(const Segment& segment, const tactiled_grasp& g) {
+    if (g.state == TACTILED_GRIP_UNKNOWN && g.t_ns == 0) return "";  // there is no [grasp], or no data yet
     const std::string object = g.object_id == 0 ? "unknown"
                                                 : fmt::format("{} ({}) {}", g.object, g.object_id,
                                                               number(double(g.object_probability) * 100, 1, " %"));

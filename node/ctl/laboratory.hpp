@@ -3,6 +3,7 @@
 #pragma once
 #include <optional>
 #include <string_view>
+#include <vector>
 
 namespace tactiled::ctl {
 
@@ -11,7 +12,9 @@ struct LaboratoryVerb {
 };
 inline constexpr LaboratoryVerb kLaboratoryVerbs[] = {
     {"calibrate", "Fits a calibration to labelled readings and says how good it is on rows it has not seen"},
+    {"capture", "Records the channels of a link under known loads into a labelled CSV; needs no sensor and no calibration"},
     {"decouple", "Turns a file of readings into forces, with the code that the daemon runs"},
+    {"identify", "Says what a serial port or a TCP device sends: format, channels, rate, and a [[link]] to paste"},
     {"play", "Plays a recording as a device behind a pty"},
     {"simulate", "Computes what sensors would read in a scene, with the effects it calls for"},
     {"tradeoff",
@@ -26,9 +29,9 @@ consteval const char* laboratory_help(std::string_view name) {
     throw "no verb of the laboratory";
 }
 
-// Replaces this process by tactilectl-lab, which lies in the same folder, where the first word that is no option is a verb
+// Replaces this process by tactilectl-lab, which lies in the same folder, where the verb of `words` (verb_first.hpp) is one
 // of the laboratory; arguments, environment, open files and signal dispositions stay. Returns nothing where the verb is
 // another, and the exit status, with the reason printed, where the program cannot be started.
-std::optional<int> start_laboratory(char** argv);
+std::optional<int> start_laboratory(const std::vector<char*>& words);
 
 }  // namespace tactiled::ctl

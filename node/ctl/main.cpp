@@ -2,6 +2,7 @@
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/laboratory.hpp"
 #include "node/ctl/verb.hpp"
+#include "node/ctl/verb_first.hpp"
 
 namespace {
 
@@ -14,10 +15,12 @@ void list_laboratory(CLI::App& app, tactiled::ctl::Run&) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
+int main(int, char** argv) {
     using namespace tactiled::ctl;
-    if (const auto status = start_laboratory(argv)) return *status;
-    static constexpr AddVerb kVerbs[] = {add_status, add_top,   add_read, add_record, add_replay, add_tare,       add_clear,
-                                         add_weigh,  add_teach, add_map,  add_check,  add_doctor, list_laboratory};
-    return run_verb(argc, argv, kVerbs);
+    std::vector<char*> words = verb_first(argv);
+    if (const auto status = start_laboratory(words)) return *status;
+    static constexpr AddVerb kVerbs[] = {add_status, add_top,        add_read,   add_record,     add_replay,
+                                         add_tare,   add_clear,      add_weigh,  add_teach,      add_map,
+                                         add_check,  add_completion, add_doctor, list_laboratory};
+    return run_verb(int(words.size()) - 1, words.data(), kVerbs);
 }

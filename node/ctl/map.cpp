@@ -17,7 +17,9 @@ void add_map(CLI::App& app, Run& run) {
         unsigned sensors = 2;
     };
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "map", "The Modbus register map");
+    auto* verb =
+        add_verb(app, "map", "The Modbus register map",
+                 "  tactilectl map --format csv > map.csv\n  tactilectl map --format st --sensors 2 > tactiled.st\n");
     verb->add_option("--format", args->format,
                      "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text; man: manual page")
         ->check(CLI::IsMember({"md", "csv", "st", "man"}))

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/liveness.hpp"
 #include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"
 
@@ -58,6 +59,14 @@ std::string text_row(const tactiled_sample& s, bool raw) {
     return row + "  " + quality_text(s.quality, s.reasons);
 }
 
+// Prints the state of a daemon that does not run; true where it is dead.
+bool report_daemon(const Reader& reader) {
+    if (!reader.is_attached()) return false;
+    const Liveness liveness = liveness_of(reader.segment());
+    if (!liveness.runs()) fmt::print(stderr, "tactilectl: {}\n", liveness.why);
+    return liveness.is_dead();
+}
+
 int read(const Args& args) {
     catch_interrupt();
     Reader reader(args.node, args.sensor);
@@ -76,7 +85,7 @@ int read(const Args& args) {
     if (!args.follow) {
         const tactiled_sample sample = reader.latest();
         print(sample);
-        return sample.quality == TACTILED_BAD ? kUnhealthy : kGood;
+        return report_daemon(reader) ? kNotReachable : sample.quality == TACTILED_BAD ? kUnhealthy : kGood;
     }
     tactiled_sample sample{};
     std::uint64_t heard_ns = monotonic_ns();
@@ -91,6 +100,7 @@ int read(const Args& args) {
         if (std::ferror(stdout) != 0) break;  // the reader of the output has disconnected
         if (args.timeout_s > 0 && double(monotonic_ns() - heard_ns) > args.timeout_s * 1e9) {
             fmt::print(stderr, "tactilectl: nothing from \"{}\" for {} s\n", args.sensor, args.timeout_s);
+            if (report_daemon(reader)) return kNotReachable;
             return reader.is_attached() && reader.segment().is_current() ? kUnhealthy : kNotReachable;
         }
         std::this_thread::sleep_for(std::chrono::microseconds(500));
@@ -104,7 +114,8 @@ int read(const Args& args) {
 
 void add_read(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "read", "The newest sample of a sensor, or all of them as they come");
+    auto* verb = add_verb(app, "read", "The newest sample of a sensor, or all of them as they come",
+                          "  tactilectl read left\n  tactilectl read left --follow --csv --count 1000 > forces.csv\n");
     verb->add_option("sensor", args->sensor, "name of the sensor")->required();
     add_node_option(verb, args->node);
     verb->add_flag("--follow", args->follow, "every sample, as they come");

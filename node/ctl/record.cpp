@@ -16,6 +16,7 @@
 #include "drivers/mcap/writer.hpp"
 #include "node/ctl/ask.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/liveness.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
@@ -216,13 +217,20 @@ int record(const Args& args) {
     if (segment.n_links() != 0 && segment.link(0).frames.slots == 0)
         throw SetupError(fmt::format("node \"{}\" is of version {}, which shows no frames: nothing could be replayed",
                                      args.node, segment.header().version));
+    if (const Liveness liveness = liveness_of(segment); liveness.is_dead()) {
+        fmt::print(stderr, "tactilectl: {}\n", liveness.why);
+        return kNotReachable;
+    }
     Recording recording(segment, args);
     const std::uint64_t begun_ns = monotonic_ns();
     std::uint64_t flushed_ns = begun_ns;
     bool ended = false;  // the daemon
-    while (interrupted == 0 && !ended && (args.seconds <= 0 || double(monotonic_ns() - begun_ns) < args.seconds * 1e9)) {
+    std::string died;    // why it publishes nothing any more
+    while (interrupted == 0 && !ended && died.empty() &&
+           (args.seconds <= 0 || double(monotonic_ns() - begun_ns) < args.seconds * 1e9)) {
         ended = !segment.is_current();
         recording.cycle();
+        if (const Liveness liveness = liveness_of(segment); liveness.is_dead()) died = liveness.why;
         if (const std::uint64_t now = monotonic_ns(); now - flushed_ns >= std::uint64_t(args.flush_ms) * 1'000'000u) {
             recording.flush();
             flushed_ns = now;
@@ -239,13 +247,21 @@ int record(const Args& args) {
                                           {"messages", recording.file().messages()},
                                           {"bytes", recording.file().bytes()},
                                           {"lost", recording.lost()},
-                                          {"daemon_ended", ended}}
+                                          {"daemon_ended", ended || !died.empty()}}
                                .dump());
     else
         fmt::print("{}: {:.1f} s, {} messages, {} bytes{}\n", args.file, seconds, recording.file().messages(),
                    recording.file().bytes(), ended ? "; the daemon has ended" : "");
     if (recording.lost() != 0)
         fmt::print(stderr, "tactilectl: {} records were missed: this program or the disk was too slow\n", recording.lost());
+    if (!died.empty()) {
+        fmt::print(stderr, "tactilectl: {}\n", died);
+        return kNotReachable;
+    }
+    if (recording.file().messages() == 0) {
+        fmt::print(stderr, "tactilectl: nothing was recorded: no link sent a frame\n");
+        return kUnhealthy;
+    }
     return recording.lost() != 0 ? kUnhealthy : kGood;
 }
 
@@ -253,7 +269,8 @@ int record(const Args& args) {
 
 void add_record(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end");
+    auto* verb = add_verb(app, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end",
+                          "  tactilectl record pick.mcap --seconds 10\n");
     verb->add_option("file", args->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
         ->required();
     add_node_option(verb, args->node);

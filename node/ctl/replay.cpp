@@ -250,7 +250,9 @@ int replay(const Args& args) {
 
 void add_replay(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?");
+    auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?",
+                          "  tactilectl replay pick.mcap --config my.toml\n  tactilectl replay pick.mcap --config my.toml "
+                          "--sensor left --out forces.csv\n");
     verb->add_option("file", args->file, "made by tactilectl record")->required();
     verb->add_option("--config", args->config, "another configuration than the one in the recording");
     verb->add_option("--out", args->out, "forces.csv of one sensor; - is standard output");

@@ -1,5 +1,6 @@
 // tactilectl status: every sensor once, with the counters of the links and the grasp.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cmath>
 #include <memory>
@@ -8,8 +9,10 @@
 #include "node/ctl/auto_text.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
+#include "node/ctl/liveness.hpp"
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
+#include "node/modbus/table.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled::ctl {
@@ -44,8 +47,18 @@ std::string reason_line(const Segment& segment, std::uint32_t i) {
     return counts.empty() ? "" : fmt::format("samples of {}:{}\n", segment.sensor(i).name, counts);
 }
 
+// The set bits of a register of faults or warnings, in the words of the register map up to a colon, or as the names of
+// constants in PLC code.
+std::vector<std::string> bit_names(const char* cell, std::uint32_t bits, bool constants) {
+    std::vector<std::string> names;
+    for (const modbus::Name& bit : modbus::names_of(cell))
+        if ((bits >> bit.value & 1u) != 0) names.emplace_back(constants ? bit.id : bit.name.substr(0, bit.name.find(':')));
+    return names;
+}
+
 std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
+    const Liveness liveness = liveness_of(segment);
     const auto& node = snapshot.node;
     const Lateness late = segment.lateness();
     std::string out = fmt::format(
@@ -56,6 +69,9 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
         (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
         (node.warning & TACTILED_WARN_RELOAD) != 0 ? "  reload refused: see the log" : "",
         (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "");
+    if (!liveness.runs()) out = fmt::format("{}: {}\n", liveness.word, liveness.why) + out;
+    out += fault_lines(node);
+    if (const std::string fault = control_fault(segment); liveness.runs() && !fault.empty()) out += fault + "\n";
     out += fmt::format("{:<12} {:>10} {:>10} {:>10} {:>8} {:>8} {:>8} {:>6}  {}\n", "sensor", "fx/N", "fy/N", "fz/N",
                        "sd fz/N", "Hz", "age/ms", "lost", "quality");
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
@@ -63,7 +79,7 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
         out += fmt::format("{:<12} {} {} {} {} {} {} {:>6}  {}\n", segment.sensor(i).name, number(s.force_S_N[0], 10, 3),
                            number(s.force_S_N[1], 10, 3), number(s.force_S_N[2], 10, 3), number(s.sd_force_N[2], 8, 3),
                            number(double(s.rate_Hz), 8, 1), number(age_ms(s, snapshot.taken_ns), 8, 1), s.lost,
-                           quality_text(s.quality, s.reasons));
+                           coloured(s.quality, quality_text(s.quality, s.reasons)));
     }
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         out += fmt::format("age of {}: proved by {}\n", segment.sensor(i).name, freshness_of(segment, i));
@@ -71,7 +87,7 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += reason_line(segment, i);
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
         const auto& link = segment.link(i);
-        out += fmt::format("link {} ({}, {})", link.name, link.driver, link.state == TACTILED_LINK_OPEN ? "open" : "closed");
+        out += fmt::format("link {} ({}, {})", link.name, link.driver, link_word(link, liveness));
         for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
             if (const auto count = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED); count != 0)
                 out += fmt::format("  {} {}", kLinkCountNames[kind], count);
@@ -95,6 +111,10 @@ int status(const Args& args) {
     }
     fmt::print("{}{}", args.json ? status_json(segment, snapshot).dump() : as_text(segment, snapshot),
                args.json ? "\n" : "");
+    if (const Liveness liveness = liveness_of(segment); !liveness.runs()) {
+        fmt::print(stderr, "tactilectl: {}\n", liveness.why);
+        return liveness.is_dead() ? kNotReachable : kUnhealthy;
+    }
     return is_healthy(segment, snapshot) ? kGood : kUnhealthy;
 }
 
@@ -104,12 +124,29 @@ double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
     return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0;
 }
 
+const char* link_word(const tactiled_link& link, const Liveness& liveness) {
+    return !liveness.runs() ? "not read" : link.state == TACTILED_LINK_OPEN ? "open" : "closed";
+}
+
+std::string fault_lines(const tactiled_node& node) {
+    std::string out;
+    if (const auto faults = bit_names("global.FAULT", node.fault, false); !faults.empty())
+        out += fmt::format("FAULT  {}  (latched: tactilectl clear)\n", fmt::join(faults, ", "));
+    if (const auto warnings = bit_names("global.WARN", node.warning, false); !warnings.empty())
+        out += fmt::format("WARN   {}\n", fmt::join(warnings, ", "));
+    return out;
+}
+
 nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
+    const Liveness liveness = liveness_of(segment);
     nlohmann::json out{{"schema", 1},
                        {"node", h.name},
                        {"version", h.version},
                        {"pid", h.pid},
+                       {"daemon", liveness.word},
+                       {"fault", bit_names("global.FAULT", snapshot.node.fault, true)},
+                       {"warning", bit_names("global.WARN", snapshot.node.warning, true)},
                        {"epoch", h.epoch},
                        {"heartbeat", snapshot.node.heartbeat},
                        {"sequence", snapshot.node.sequence},
@@ -145,7 +182,8 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
     }
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
         const auto& link = segment.link(i);
-        nlohmann::json l{{"name", link.name}, {"driver", link.driver}, {"open", link.state == TACTILED_LINK_OPEN}};
+        nlohmann::json l{
+            {"name", link.name}, {"driver", link.driver}, {"open", liveness.runs() && link.state == TACTILED_LINK_OPEN}};
         for (int kind = 0; kind < TACTILED_LINK_COUNTS; ++kind)
             l[kLinkCountNames[kind]] = __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED);
         out["links"].push_back(std::move(l));
@@ -162,7 +200,8 @@ bool is_healthy(const Segment& segment, const Snapshot& snapshot) {
 
 void add_status(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value");
+    auto* verb = add_verb(app, "status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value",
+                          "  tactilectl status\n  tactilectl status --json | jq .fault\n");
     add_node_option(verb, args->node);
     verb->add_flag("--json", args->json, "one JSON object");
     verb->callback([args, &run] { run = [args] { return status(*args); }; });

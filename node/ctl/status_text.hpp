@@ -2,6 +2,7 @@
 #pragma once
 #include <nlohmann/json.hpp>
 
+#include "node/ctl/liveness.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled::ctl {
@@ -12,6 +13,10 @@ inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
     "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};
 
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
+// "open", "closed", or "not read" where no daemon runs.
+const char* link_word(const tactiled_link& link, const Liveness& liveness);
+// The latched faults and the warnings of a node in words, a line each; "" where there are none.
+std::string fault_lines(const tactiled_node& node);
 nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot);
 // The daemon lives, and every sensor has a value.
 bool is_healthy(const Segment& segment, const Snapshot& snapshot);

@@ -67,7 +67,8 @@ int tare(const Args& args) {
 
 void add_tare(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "tare", "Makes what a sensor reads now its zero; the raw force stays readable");
+    auto* verb = add_verb(app, "tare", "Makes what a sensor reads now its zero; the raw force stays readable",
+                          "  tactilectl tare left\n  tactilectl tare all --remove\n");
     verb->add_option("sensor", args->sensor, "name of the sensor, or all")->required();
     add_node_option(verb, args->node);
     verb->add_flag("--remove", args->remove, "back to the calibration's zero");

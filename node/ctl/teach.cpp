@@ -100,6 +100,21 @@ std::vector<TaughtObject> taught_in(const std::string& path) {
     return taught;
 }
 
+// Standard deviation of the weights from grasp to grasp, and the largest that a grasp states of itself.
+double scatter_kg(const std::vector<Weighing>& weighings) {
+    if (weighings.size() < 2) return 0;
+    const double n = double(weighings.size());
+    double mean = 0, squares = 0;
+    for (const auto& w : weighings) mean += w.mass_kg / n;
+    for (const auto& w : weighings) squares += (w.mass_kg - mean) * (w.mass_kg - mean);
+    return std::sqrt(squares / (n - 1));
+}
+double stated_kg(const std::vector<Weighing>& weighings) {
+    double stated = 0;
+    for (const auto& w : weighings) stated = std::max(stated, w.sd_kg);
+    return stated;
+}
+
 int teach(Segment& segment, const std::string& path, const Args& args) {
     std::vector<TaughtObject> before = taught_in(path);
     const TaughtObject* known = find_object(before, args.name);
@@ -137,8 +152,10 @@ int teach(Segment& segment, const std::string& path, const Args& args) {
     if (args.json)
         fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"object", as_json(object)}, {"file", path}}.dump());
     else
-        fmt::print("{}: {:.4f} kg, sd {:.4f} kg from grasp to grasp, id {}, in {}\n", object.name, object.mass_kg,
-                   object.sd_kg, object.id, path);
+        fmt::print(
+            "{}: {:.4f} kg, sd {:.4f} kg, id {}, in {}\n"
+            "(the grasps scatter by {:.4f} kg, and each weight states {:.4f} kg: the larger one counts)\n",
+            object.name, object.mass_kg, object.sd_kg, object.id, path, scatter_kg(weighings), stated_kg(weighings));
     return exit_status;
 }
 
@@ -171,7 +188,8 @@ int run_teach(const Args& args) {
 
 void add_teach(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it");
+    auto* verb = add_verb(app, "teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it",
+                          "  tactilectl teach bolt\n  tactilectl teach --list\n");
     auto* what = verb->add_option_group("what");
     what->add_option("name", args->name, "the object's name")->check([](const std::string& name) {
         return valid_name(name) ? std::string() : std::string(kValidName);

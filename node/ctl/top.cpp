@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <memory>
+#include <sstream>
 #include <thread>
 
 #include "node/ctl/command_line.hpp"
@@ -23,23 +24,26 @@ std::string number(double value, int width, int digits) {
     return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
 }
 
-// At most 2 + 16 + 1 + 3 lines of 80 columns.
+// At most 2 + 2 + 16 + 1 + 3 lines of 80 columns.
 std::string table(const Segment& segment, const Snapshot& snapshot) {
     const auto& node = snapshot.node;
     std::string out =
-        fmt::format("{:.80}\n", fmt::format("{}  pid {}  beat {}  worst {} us  missed {}{}{}{}", segment.header().name,
-                                            segment.header().pid, node.heartbeat, node.worst_cycle_us, node.missed_cycles,
+        fmt::format("{:.80}\n", fmt::format("{}  pid {}  heartbeat {}  longest cycle {} us{}{}", segment.header().name,
+                                            segment.header().pid, node.heartbeat, node.worst_cycle_us,
                                             (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
-                                            (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : "",
-                                            node.fault != 0 ? fmt::format("  fault 0x{:x}", node.fault) : ""));
+                                            (node.status & TACTILED_SIMULATED) != 0 ? "  simulated" : ""));
+    const Liveness liveness = liveness_of(segment);
+    if (!liveness.runs()) out = fmt::format("{}: {}\n", liveness.word, liveness.why);
+    std::istringstream faults(fault_lines(node));
+    for (std::string line; std::getline(faults, line);) out += fmt::format("{:.80}\n", line);
     out += fmt::format("{:<10} {:>8} {:>8} {:>8} {:>6} {:>6} {:>5} {:>5}  {}\n", "sensor", "fx/N", "fy/N", "fz/N", "sd fz",
                        "Hz", "ms", "lost", "quality");
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         const auto& s = snapshot.sensor[i];
-        out += fmt::format("{:<10.10} {} {} {} {} {} {} {:>5}  {:.14}\n", segment.sensor(i).name,
-                           number(s.force_S_N[0], 8, 3), number(s.force_S_N[1], 8, 3), number(s.force_S_N[2], 8, 3),
-                           number(s.sd_force_N[2], 6, 3), number(double(s.rate_Hz), 6, 0),
-                           number(age_ms(s, snapshot.taken_ns), 5, 0), s.lost, quality_text(s.quality, s.reasons));
+        out += fmt::format("{:<10.10} {} {} {} {} {} {} {:>5}  {}\n", segment.sensor(i).name, number(s.force_S_N[0], 8, 3),
+                           number(s.force_S_N[1], 8, 3), number(s.force_S_N[2], 8, 3), number(s.sd_force_N[2], 6, 3),
+                           number(double(s.rate_Hz), 6, 0), number(age_ms(s, snapshot.taken_ns), 5, 0), s.lost,
+                           coloured(s.quality, quality_text(s.quality, s.reasons).substr(0, 14)));
     }
     const auto sum = [&](tactiled_link_count kind) {
         std::uint64_t total = 0;
@@ -70,6 +74,7 @@ void draw(const std::string& text) {
 
 struct Args {
     std::string node = "gripper";
+    std::string note;
     bool json = false;
     long count = 0;  // 0: until interrupted
     double interval_s = 0.5;
@@ -88,10 +93,12 @@ int top(const Args& args) {
             if (args.json)
                 fmt::print("{}\n", status_json(segment, snapshot).dump());
             else if (redraw)
-                draw(table(segment, snapshot));
+                draw(table(segment, snapshot) + (args.note.empty() ? "" : "\n" + args.note + "\n"));
             else
                 fmt::print("{}\n", table(segment, snapshot));
-            exit_status = is_healthy(segment, snapshot) ? kGood : kUnhealthy;
+            exit_status = liveness_of(segment).is_dead()  ? kNotReachable
+                          : is_healthy(segment, snapshot) ? kGood
+                                                          : kUnhealthy;
         } else {
             const std::string text = fmt::format("tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
             if (redraw)
@@ -111,8 +118,10 @@ int top(const Args& args) {
 
 void add_top(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "top", "Sensors, links and grasp, live");
+    auto* verb =
+        add_verb(app, "top", "Sensors, links and grasp, live", "  tactilectl top\n  tactilectl top --json --count 10\n");
     add_node_option(verb, args->node);
+    verb->add_option("--note", args->note, "text to keep below the table, in a terminal");
     verb->add_flag("--json", args->json, "one JSON object a line");
     verb->add_option("--count", args->count, "end after so many")->check(CLI::PositiveNumber);
     verb->add_option("--interval", args->interval_s, "seconds between two")

@@ -11,9 +11,11 @@
 #include <cstring>
 #include <exception>
 #include <iostream>
+#include <system_error>
 
 #include "config/options.hpp"
 #include "config/text_file.hpp"
+#include "node/version.hpp"
 #include "tactiled/reader.h"
 
 namespace tactiled::ctl {
@@ -28,8 +30,30 @@ void catch_interrupt() {
     ::sigaction(SIGTERM, &action, nullptr);
 }
 
-CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help) {
-    return app.add_subcommand(name, help);
+namespace {
+constexpr char kExitStatuses[] =
+    "Exit status: 0 good, 1 unhealthy or failed, 2 wrong words or files, 3 no daemon of that name, or it is dead.";
+}
+
+CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help, const std::string& examples) {
+    CLI::App* const verb = app.add_subcommand(name, help);
+    verb->footer(examples.empty() ? kExitStatuses : fmt::format("Examples:\n{}\n{}", examples, kExitStatuses));
+    return verb;
+}
+
+bool wants_colour() {
+    const auto variable = [](const char* name) {
+        const char* const value = std::getenv(name);
+        return std::string(value != nullptr ? value : "");
+    };
+    const std::string terminal = variable("TERM");
+    return ::isatty(STDOUT_FILENO) != 0 && variable("NO_COLOR").empty() && !terminal.empty() && terminal != "dumb";
+}
+
+std::string coloured(std::uint32_t quality, const std::string& text) {
+    if (!wants_colour() || text.empty()) return text;
+    const char* const code = quality == TACTILED_GOOD ? "32" : quality == TACTILED_UNCERTAIN ? "33" : "31";
+    return fmt::format("\x1b[{}m{}\x1b[0m", code, text);
 }
 
 CLI::Validator number_in(double min, double max) {
@@ -68,11 +92,12 @@ void warn_of_shared_folder(const CLI::App& app) {
 }
 
 // A failed write to the standard output makes a verb fail. A pipe without a reader, as after `head`, needs no message.
-int flush_output(const std::string& program, int status) {
+// `known_error`: of the write that failed, 0 where none is known to have failed.
+int flush_output(const std::string& program, int status, int known_error = 0) {
     errno = 0;
     const bool written = std::cout.flush().good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
     if (written) return status;
-    const int error = errno;  // 0: the write failed earlier
+    const int error = errno != 0 ? errno : known_error;  // 0: the write failed earlier
     pollfd output{STDOUT_FILENO, POLLOUT, 0};
     if (::poll(&output, 1, 0) != 1 || (output.revents & POLLERR) == 0)
         fmt::print(stderr, "{}: standard output: {}\n", program, error != 0 ? std::strerror(error) : "a write failed");
@@ -100,7 +125,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
         app.parse(argc, argv);
     } catch (const CLI::ParseError& error) { return flush_output(app.get_name(), app.exit(error) == 0 ? kGood : kUsage); }
     warn_of_shared_folder(app);
-    int status = kUnhealthy;
+    int status = kUnhealthy, write_error = 0;
     bool ran = false;
     const auto print = [&](const std::exception& error) { fmt::print(stderr, "{}: {}\n", app.get_name(), error.what()); };
     try {
@@ -111,17 +136,48 @@ int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
     } catch (const SetupError& error) {
         print(error);
         status = kUsage;
+    } catch (const std::system_error& error) {
+        ran = std::ferror(stdout) != 0;  // fmt::print() throws where it cannot write
+        if (ran)
+            write_error = error.code().value();
+        else
+            print(error);
     } catch (const std::exception& error) { print(error); }
     if (interrupted != 0 && std::ferror(stdout) != 0) std::_Exit(status);  // exit() would wait for the full pipe once more
-    return ran ? flush_output(app.get_name(), status) : status;
+    return ran ? flush_output(app.get_name(), status, write_error) : status;
 }
+
+namespace {
+
+// Text of the error where the first word is no verb of `app`, or no second word is one of a verb that has some; else "".
+std::string why_no_verb(const CLI::App& app, char** words) {
+    std::vector<std::string> known;
+    for (const CLI::App* verb : app.get_subcommands({})) known.push_back(verb->get_name());
+    if (known.empty()) return "";
+    const std::string word = words != nullptr && *words != nullptr ? *words : "";
+    if (word.starts_with('-')) return "";
+    const std::string help = "tactilectl help lists the verbs";
+    if (word.empty()) return app.get_parent() == nullptr ? "no verb is given; " + help : "";
+    for (const CLI::App* verb : app.get_subcommands({}))
+        if (verb->get_name() == word) return why_no_verb(*verb, words + 1);
+    const auto near = nearest_name(word, known);
+    return fmt::format("{} is no verb; {}", in_quotes(word),
+                       near ? fmt::format("did you mean \"{}\"? {}", *near, help) : help);
+}
+
+}  // namespace
 
 int run_verb(int argc, char** argv, std::span<const AddVerb> verbs) {
     CLI::App app{"Reads, checks and calibrates the tactile sensors of a tactiled daemon.", "tactilectl"};
-    app.set_version_flag("--version", TACTILED_VERSION);
+    app.set_version_flag("--version", version_text());
     app.require_subcommand(1);
+    app.footer(fmt::format("tactilectl VERB --help describes a verb.\n{}", kExitStatuses));
     Run run;
     for (const AddVerb add : verbs) add(app, run);
+    if (const std::string why = why_no_verb(app, argc > 0 ? argv + 1 : nullptr); !why.empty()) {
+        fmt::print(stderr, "tactilectl: {}\n", why);
+        return kUsage;
+    }
     return run_program(app, argc, argv, run);
 }
 

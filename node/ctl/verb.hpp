@@ -36,6 +36,7 @@ void add_clear(CLI::App& app, Run& run);
 void add_weigh(CLI::App& app, Run& run);
 void add_teach(CLI::App& app, Run& run);
 void add_map(CLI::App& app, Run& run);
+void add_completion(CLI::App& app, Run& run);
 void add_doctor(CLI::App& app, Run& run);
 void add_check(CLI::App& app, Run& run);
 
@@ -43,11 +44,13 @@ void add_check(CLI::App& app, Run& run);
 
 // Parses the words into `app`, calls `run`, prints what it throws after the program's name; returns the exit status.
 int run_program(CLI::App& app, int argc, char** argv, const Run& run);
-// The same for a program of several verbs, of which users know one name, tactilectl.
+// The same for a program of several verbs, of which users know one name, tactilectl. The first word is the verb
+// (verb_first.hpp). A word that is no verb is an error that names the nearest one.
 int run_verb(int argc, char** argv, std::span<const AddVerb> verbs);
 
-// add_subcommand(), compiled once, in verb.cpp: with it comes most of CLI11.
-CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help);
+// add_subcommand(), compiled once, in verb.cpp: with it comes most of CLI11. `examples` are command lines, one a line, that
+// --help shows before the exit statuses.
+CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help, const std::string& examples = "");
 
 // A number from `min` to `max`. CLI::Range accepts nan.
 CLI::Validator number_in(double min, double max);
@@ -63,6 +66,11 @@ inline constexpr std::array<const char*, 23> kReasonWords{
     "drifted",        "sensors-differ", "unproved-age", "arrival-only",    "zero-unknown"};
 // "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated". As in forces.csv.
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
+
+// True if the standard output is a terminal that shows colours, and NO_COLOR is not set.
+bool wants_colour();
+// `text` in green, yellow or red for GOOD, UNCERTAIN and BAD, where wants_colour().
+std::string coloured(std::uint32_t quality, const std::string& text);
 
 // Ends a verb that follows something: set by SIGINT and SIGTERM.
 extern volatile std::sig_atomic_t interrupted;

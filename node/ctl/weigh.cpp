@@ -5,6 +5,7 @@
 
 #include "node/ctl/ask.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/grasp_text.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
@@ -15,15 +16,31 @@ struct Args {
     double mass_kg = 0, timeout_s = 5;
 };
 
-const char* result_text(int result) {
+std::string result_text(int result) {
     switch (result) {
         case TACTILED_COMMAND_OK: return "done";
-        case TACTILED_COMMAND_NOT_NOW:
-            return "refused: there is no [grasp] in the configuration, or the grasp does not allow it now (tactilectl "
-                   "status)";
         case TACTILED_COMMAND_TIMED_OUT: return "timed out";
         default: return "refused";
     }
+}
+
+// Reason for which the grasp does not allow `what` now, as far as the node record shows it.
+std::string why_not_now(const tactiled_grasp& g, const std::string& what) {
+    if (g.t_ns == 0) return "refused: there is no [grasp] in the daemon's configuration, or its sensors sent nothing yet";
+    if (what == "known" && g.weight_state != TACTILED_WEIGHT_STABLE)
+        return fmt::format(
+            "refused: the weight is not stable (it is \"{}\"); grasp, lift, and wait for \"stable\" in "
+            "tactilectl status",
+            weight_state_text(g.weight_state));
+    return fmt::format("refused: the grasp does not allow it now (grip \"{}\", weight \"{}\": tactilectl status)",
+                       grip_state_text(g.state), weight_state_text(g.weight_state));
+}
+
+// True if `mass_kg` is near the weight that hangs only when it is read as grams.
+bool is_in_grams(double mass_kg, double hangs_kg) {
+    constexpr double kGramsInAKg = 1000, kNear = 3;
+    const double ratio = mass_kg / kGramsInAKg / hangs_kg;
+    return ratio > 1 / kNear && ratio < kNear;
 }
 
 int weigh(const Args& args, const std::string& what) {
@@ -33,12 +50,24 @@ int weigh(const Args& args, const std::string& what) {
         fmt::print(stderr, "tactilectl: {}\n", why);
         return kNotReachable;
     }
+    tactiled_node node{};
+    (void)segment.latest_node(node);
+    if (what == "known" && node.grasp.weight_state == TACTILED_WEIGHT_STABLE &&
+        is_in_grams(args.mass_kg, node.grasp.weight_kg)) {
+        fmt::print(
+            stderr,
+            "tactilectl: weigh known: the mass is in kg: {} kg is {:.0f} times the {:.4f} kg that hang now; for grams "
+            "write {}\n",
+            args.mass_kg, args.mass_kg / node.grasp.weight_kg, node.grasp.weight_kg, args.mass_kg / 1000);
+        return kUsage;
+    }
     const std::string word = what == "known" ? fmt::format("{:.17g}", args.mass_kg) : what;
     const Answer answer = ask(segment, "weigh " + word, args.timeout_s);
     if (answer.exit_status == kNotReachable)
         fmt::print(stderr, "tactilectl: {}\n", answer.text);
     else
-        fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}\n", what, result_text(answer.result));
+        fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}\n", what,
+                   answer.result == TACTILED_COMMAND_NOT_NOW ? why_not_now(node.grasp, what) : result_text(answer.result));
     return answer.exit_status;
 }
 
@@ -46,8 +75,10 @@ int weigh(const Args& args, const std::string& what) {
 
 void add_weigh(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds");
+    auto* verb = add_verb(app, "weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds",
+                          "  tactilectl weigh known 0.250     250 g hang now\n  tactilectl weigh zero\n");
     verb->require_subcommand(1);
+    add_node_option(verb, args->node);  // before the second word, too
     const auto add = [&](const char* name, const char* help) {
         auto* sub = add_verb(*verb, name, help);
         add_node_option(sub, args->node);

@@ -13,6 +13,7 @@
 #include <optional>
 
 #include "config/calibration.hpp"
+#include "config/names.hpp"
 #include "config/text_file.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/method.hpp"
@@ -32,6 +33,19 @@ struct Settings {
     std::optional<double> forget;
     bool json = false, force = false, own_zeros = false, one_zero = false;
 };
+
+// A [[sensor]] that uses the calibration, to be pasted into a configuration.
+std::string sensor_text(const FitReport& report, const Settings& settings) {
+    const std::filesystem::path file = std::filesystem::absolute(settings.out).lexically_normal();
+    std::string name = file.stem().string();
+    if (!valid_name(name)) name = "my_sensor";
+    std::vector<std::string> channels;
+    for (const auto& channel : report.calibration.channels) channels.push_back(toml_text(channel));
+    return fmt::format(
+        "[[sensor]]\nname = {}\nlink = \"usb0\"  # the name of its [[link]]\nmodel = {}\ncalibration = {}\n"
+        "channels = [{}]  # of a frame, in order; \"-\" = not used\n",
+        toml_text(name), toml_text(report.calibration.model), toml_text(file.string()), fmt::join(channels, ", "));
+}
 
 void print_report(const FitReport& report, const Settings& settings) {
     const Calibration& calibration = report.calibration;
@@ -81,6 +95,7 @@ void print_report(const FitReport& report, const Settings& settings) {
     for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);
     fmt::print("condition number: {:.3g}\n", calibration.condition);
     for (const auto& warning : report.warnings) fmt::print(stderr, "warning: {}\n", warning);
+    fmt::print("To use it, paste into the configuration:\n\n{}", sensor_text(report, settings));
 }
 
 void print_json(const FitReport& report, const Settings& settings) {
@@ -104,6 +119,7 @@ void print_json(const FitReport& report, const Settings& settings) {
                         {"methods", nlohmann::json::array()},
                         {"condition", number(report.calibration.condition)},
                         {"parameters", report.calibration.parameters},
+                        {"sensor", sensor_text(report, settings)},
                         {"components", nlohmann::json::array()},
                         {"warnings", report.warnings}};
     for (std::size_t i = 0; i < report.components.size(); ++i) {
@@ -200,7 +216,9 @@ int calibrate(Settings settings) {
 void add_calibrate(CLI::App& app, Run& run) {
     auto settings = std::make_shared<Settings>();
     settings->request.channel_unit.clear();
-    auto* verb = add_verb(app, "calibrate", laboratory_help("calibrate"));
+    auto* verb =
+        add_verb(app, "calibrate", laboratory_help("calibrate"),
+                 "  tactilectl calibrate --model generic --in labelled.csv --out my_sensor.toml --report fit.html\n");
     verb->add_option("--model", settings->request.model, fmt::format("{}", fmt::join(model_names(), ", ")))->required();
     verb->add_option("--method", settings->request.method,
                      "of the model; its first if not given; auto: all that the rows determine");

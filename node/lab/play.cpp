@@ -94,7 +94,8 @@ int play(const Args& args) {
 
 void add_play(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "play", laboratory_help("play"));
+    auto* verb = add_verb(app, "play", laboratory_help("play"),
+                          "  tactilectl play --in signals.csv --pty /tmp/skin --format lines --sequence --loop\n");
     verb->add_option("--in", args->in, "signals.csv: t_s and channels; label columns are left out")->required();
     verb->add_option("--pty", args->pty, "the name under which the daemon opens it (a symbolic link)")->required();
     args->wire.add_options(verb);

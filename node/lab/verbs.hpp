@@ -6,7 +6,9 @@
 namespace tactiled::ctl {
 
 void add_calibrate(CLI::App& app, Run& run);
+void add_capture(CLI::App& app, Run& run);
 void add_decouple(CLI::App& app, Run& run);
+void add_identify(CLI::App& app, Run& run);
 void add_play(CLI::App& app, Run& run);
 void add_simulate(CLI::App& app, Run& run);
 void add_tradeoff(CLI::App& app, Run& run);

@@ -49,6 +49,7 @@ ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings
     watch(epoll_, EPOLL_CTL_ADD, ticks_, EPOLLIN);
     line_.session.may_write = settings.commands;  // every device on the wire is allowed
     if (!settings_.listen.empty()) try_to_listen(monotonic_ns());
+    listens_from_the_start_ = settings_.listen.empty() || listener_ >= 0;
     if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), false);
     thread_.start("modbus", 0, -1, [this] { serve(); });
 }

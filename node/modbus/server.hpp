@@ -32,6 +32,8 @@ public:
         std::atomic<std::uint64_t> accepted{0}, refused{0}, closed{0};
     };
     const Counts& counts() const noexcept { return counts_; }
+    // False where [modbus] listen names a port that was not to be had when this object was made.
+    [[nodiscard]] bool listens_from_the_start() const noexcept { return listens_from_the_start_; }
 
 private:
     struct Client : modbus::Connection {
@@ -66,6 +68,7 @@ private:
 
     int epoll_ = -1, ticks_ = -1, listener_ = -1;
     std::uint64_t listen_again_ns_ = 0, complain_again_ns_ = 0;
+    bool listens_from_the_start_ = true;
     bool looks_away_ = false;  // out of descriptors: the port stays ours, who waits there waits a second
     std::string complaint_;
     std::map<int, std::unique_ptr<Client>> clients_;  // by descriptor

@@ -93,8 +93,8 @@ readme() { # SUITE TREE
     cp -a "$root/$1.base" "$root/$2"
     copy_sources "$root/$2"
     local failed=0
-    say "$2: SECONDS_TO_RUN=5 ./node/run.sh"
-    inside "$root/$2" env SECONDS_TO_RUN=5 ./node/run.sh >"$root/$2.demo.log" 2>&1 || failed=1
+    say "$2: PICKS=2 ./node/run.sh"
+    inside "$root/$2" env PICKS=2 ./node/run.sh >"$root/$2.demo.log" 2>&1 || failed=1
     say "$2: ./tests/run.sh"
     inside "$root/$2" ./tests/run.sh >"$root/$2.tests.log" 2>&1 || failed=1
     grep -E '^run.sh:|tests passed|Failed|warning:' "$root/$2.tests.log" || true

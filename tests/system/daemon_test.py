@@ -209,7 +209,7 @@ class TheDaemon(unittest.TestCase):
                 self.assertRegex(done.stderr, r"tactiled\.toml:\d+:")
 
     def test_the_configurations_that_are_shipped_are_good(self):
-        for name in ("tactiled.toml", "demo.toml"):
+        for name in ("tactiled.toml", "demo.toml", "pick.toml"):
             done = subprocess.run([BIN / "tactilectl", "check", ROOT / "config" / name], capture_output=True, text=True, timeout=10)
             self.assertEqual(done.returncode, 0, done.stderr)
 

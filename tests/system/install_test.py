@@ -13,8 +13,8 @@ from map_test import CONFIG
 
 
 def example(language, node):
-    """The example of README.md in that language, with the name of the test's own node."""
-    text = re.search(rf"```{language}\n(.*?)```", (ROOT / "README.md").read_text(), re.S).group(1)
+    """The example of node/guide/programs.md in that language, with the name of the test's own node."""
+    text = re.search(rf"```{language}\n(.*?)```", (ROOT / "node/guide/programs.md").read_text(), re.S).group(1)
     return text.replace('"gripper"', f'"{node}"')
 
 

@@ -13,7 +13,7 @@ import unittest
 from daemon import BIN, ROOT
 
 FIT = re.compile(r"lib(ceres|lapack|blas|f77blas|cblas|atlas|cholmod|spqr|suitesparse|glog|gflags|gfortran)", re.I)
-LABORATORY = ["calibrate", "decouple", "play", "simulate", "tradeoff"]
+LABORATORY = ["calibrate", "capture", "decouple", "identify", "play", "simulate", "tradeoff"]
 
 
 def libraries(program):
@@ -38,7 +38,7 @@ class Verbs(unittest.TestCase):
         groups = verbs_of_help(BIN / "tactilectl")
         self.assertEqual([verbs for group, verbs in groups.items() if "tactiled-lab" in group], [LABORATORY])
         self.assertEqual(groups["Subcommands"],
-                         ["status", "top", "read", "record", "replay", "tare", "clear", "weigh", "teach", "map", "check", "doctor"])
+                         ["status", "top", "read", "record", "replay", "tare", "clear", "weigh", "teach", "map", "check", "completion", "doctor"])
         for verb in groups["Subcommands"] + LABORATORY:
             for words in ((verb, "--help"), ("--help", verb)):
                 done = subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True)

@@ -91,6 +91,8 @@ class Teach(unittest.TestCase):
         taught = self.teach("bolt", 0.2, 3)
         self.assertEqual(taught.returncode, 0, taught.stderr)
         self.assertEqual(len(re.findall(r"grasp \d of 3: 0\.\d+ kg \+- ", taught.stdout)), 3, taught.stdout)
+        scatter, stated = re.search(r"the grasps scatter by (\S+) kg, and each weight states (\S+) kg", taught.stdout).groups()
+        self.assertAlmostEqual(float(re.search(r"sd (\S+) kg, id", taught.stdout).group(1)), max(float(scatter), float(stated)), places=4)
         told = self.hold(0.2)
         self.assertEqual((told.object_id, told.object), (1, "bolt"))
         self.assertGreater(told.object_probability, 0.5)
@@ -159,7 +161,14 @@ class Teach(unittest.TestCase):
 
     def test_weighing_is_commanded(self):
         self.assertEqual(self.daemon.ctl("weigh", "start").returncode, 1)  # nothing is held
+        early = self.daemon.ctl("weigh", "known", "0.2")
+        self.assertEqual(early.returncode, 1)
+        self.assertIn("the weight is not stable", early.stderr)
         self.hold(0.2)
+        grams = self.daemon.ctl("weigh", "known", "200")
+        self.assertEqual(grams.returncode, 2)
+        self.assertIn("the mass is in kg", grams.stderr)
+        self.assertIn("for grams write 0.2", grams.stderr)
         self.assertEqual(self.daemon.ctl("weigh", "known", "0.21").returncode, 0)
         self.assertEqual(self.daemon.ctl("weigh", "known", "nan").returncode, 2)
         wait_for(lambda: abs(self.node.grasp.weight_kg - 0.21) < 0.001, 2, "the scale")

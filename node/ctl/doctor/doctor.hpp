@@ -1,10 +1,15 @@
-// tactilectl doctor: what it finds, and where it looks. One file of this folder each: machine, rights, sandbox, devices.
+// tactilectl doctor: what it finds, and where it looks. One file of this folder each: machine,
+// rights, sandbox, devices, safety.
 #pragma once
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "config/config.hpp"
+
+namespace tactiled {
+struct Node;
+}
 
 namespace tactiled::ctl::doctor {
 
@@ -59,5 +64,11 @@ void look_at_sandbox(const Machine& machine, const std::string& pid, Findings& f
 void look_at_devices(const Machine& machine, Config& config, const std::string& user, Findings& found);
 void look_at_readers(const Machine& machine, const Config& config, Findings& found);
 void look_at_port(const Machine& machine, const ModbusSettings& settings, bool daemon_runs, Findings& found);
+
+// What the links and sensors of an accepted configuration leave unguarded, each with the line to write; `tactilectl check`
+// prints these, too. A finding that is `wrong` makes every sample BAD.
+void look_at_safety(const Node& node, Findings& found);
+// A delay that nothing shows makes old forces look new.
+void look_at_freshness(const Node& node, Findings& found);
 
 }  // namespace tactiled::ctl::doctor

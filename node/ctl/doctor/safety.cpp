@@ -1,0 +1,104 @@
+// Findings about what a configuration leaves unguarded: it is valid, and a fault would pass unseen or a function cannot
+// work.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "node/ctl/doctor/doctor.hpp"
+#include "node/setup.hpp"
+
+namespace tactiled::ctl::doctor {
+namespace {
+
+// The magnitude of the largest force that the sensor was calibrated for; NaN where no component has a full scale.
+double full_scale_N(const tactiled_sensor& sensor) {
+    double squares = 0;
+    bool known = false;
+    for (std::size_t c = 0; c < 3; ++c)
+        if (const double each = double(sensor.full_scale[c]); std::isfinite(each)) {
+            squares += each * each;
+            known = true;
+        }
+    return known ? std::sqrt(squares) : std::nan("");
+}
+
+// The number of channels that the link's own key `channels` gives to each frame; 0 where it has none, or it is no number.
+// The file is read anew: a key of another type is no error here.
+unsigned channels_of_frame(const Config& config, const std::string& link_name) {
+    Problems ignored;
+    Options root = Options::parse_file(config.path, ignored);
+    for (Options& link : root.tables("link")) {
+        if (link.text("name", "") != link_name || !link.has("channels")) continue;
+        const std::size_t before = ignored.lines().size();
+        const auto n = link.integer("channels", {1, double(kMaxChannels)}, 0);
+        return ignored.lines().size() == before ? unsigned(n) : 0;
+    }
+    return 0;
+}
+
+void look_at_channels(const Config& config, const SensorSettings& sensor, const tactiled_sensor& entry, Findings& found) {
+    const unsigned sent = channels_of_frame(config, sensor.link);
+    const std::size_t expected = sensor.channels.empty() ? entry.n_channels : sensor.channels.size();
+    if (sent != 0 && sent != expected)
+        found.push_back(
+            {"channels", Verdict::wrong,
+             fmt::format("sensor \"{}\": a frame of link \"{}\" has {} channels, {} has {}: every sample would be "
+                         "BAD:wrong-device",
+                         sensor.name, sensor.link, sent, sensor.channels.empty() ? "the calibration" : "`channels`",
+                         expected),
+             sensor.channels.empty()
+                 ? fmt::format("name all {} channels of the frame in order, \"-\" = not used: channels = [...]", sent)
+                 : "write one name a channel of the frame, \"-\" = not used"});
+}
+
+void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
+    const SensorSettings& s = node.config.sensors[i];
+    const tactiled_sensor& entry = node.plan.sensors[i];
+    const auto advise = [&](const char* check, const std::string& says, const std::string& remedy) {
+        found.push_back({check, Verdict::advice, fmt::format("sensor \"{}\": {}", s.name, says), remedy});
+    };
+    look_at_channels(node.config, s, entry, found);
+    if (s.rate_Hz <= 0)
+        advise("rate", "no rate is declared: a device that sends too rarely stays unseen",
+               "rate_Hz = 100  # as the device is set; tactilectl status shows the rate of a good one");
+    const auto link = std::find_if(node.links.begin(), node.links.end(), [&](const auto& l) { return l->name == s.link; });
+    const bool noisy =
+        link != node.links.end() && (*link)->driver != nullptr && (*link)->driver->is_noisy(std::uint16_t(s.device));
+    if (s.frozen_after == 0 || (s.frozen_after < 0 && !noisy))
+        advise("frozen", "a channel that repeats one number for ever counts as good",
+               "frozen_after = 100  # many times the repeats of a recording at rest");
+    const double full_N = full_scale_N(entry);
+    if (s.tare_limit_N == 0 || (s.tare_limit_N < 0 && std::isnan(full_N)))
+        advise("tare_limit", "a tare under any load is accepted",
+               s.tare_limit_N == 0 ? "leave out tare_limit_N: 20 % of full scale; or a value in N" : "tare_limit_N = 0.5");
+    if (s.contact_on_N > full_N)
+        advise("contact",
+               fmt::format("contact_on_N = {:g} is beyond its full scale of {:.3g} N: contact is never seen", s.contact_on_N,
+                           full_N),
+               fmt::format("contact_on_N = {:.2g}", full_N / 10));
+}
+
+}  // namespace
+
+void look_at_safety(const Node& node, Findings& found) {
+    for (const auto& link : node.links)
+        if (const std::string advice = link->driver != nullptr ? link->driver->advice() : ""; !advice.empty())
+            found.push_back({"line", Verdict::advice, fmt::format("link \"{}\": {}", link->name, advice), ""});
+    for (std::size_t i = 0; i < node.config.sensors.size(); ++i) look_at_sensor(node, i, found);
+}
+
+void look_at_freshness(const Node& node, Findings& found) {
+    for (const auto& link : node.links)
+        for (const auto& binding : link->bindings) {
+            const std::string by = link->driver->freshness();
+            const bool unproved = by.starts_with("arrival");
+            found.push_back({"freshness", unproved ? Verdict::advice : Verdict::good,
+                             fmt::format("sensor \"{}\": age proved by {}", node.config.sensors[binding.sensor].name, by),
+                             unproved ? "send the device's time or a counter: time_us = true, or sequence = true "
+                                        "(drivers/wire/freshness.md)"
+                                      : ""});
+        }
+}
+
+}  // namespace tactiled::ctl::doctor

@@ -1,0 +1,91 @@
+#!/usr/bin/python3
+"""A stand-in for an Arduino with four channels on a soft sensor: prints the lines of drivers/wire/ascii_line.md behind a pty.
+
+    arduino.py [PORT]                       runs until it is ended; PORT is a link to make, build/demo/arduino if not given
+    arduino.py load fx_N=0,fy_N=0,fz_N=-5   puts this load on the sensor of a running one
+    arduino.py mount                        takes the sensor off and mounts it again: gains and zeros change by about 1 %
+"""
+import os
+import pathlib
+import random
+import signal
+import sys
+import time
+import tty
+
+PORT = pathlib.Path("build/demo/arduino")
+RATE_Hz, NOISE = 100, 0.3
+COUNTS_A_N = ((42.0, 5.0, -38.0), (-44.0, 3.0, -41.0), (2.0, 40.0, -36.0), (-3.0, -43.0, -40.0))
+ZERO = (302.0, 295.0, 310.0, 288.0)
+
+
+def crc16(data):
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
+    return crc
+
+
+def state_file(port):
+    return port.with_name(port.name + ".load")
+
+
+def write_state(port, mounting, load):
+    new = port.with_name(port.name + ".new")
+    new.write_text(" ".join(map(str, [mounting, *load])))
+    new.rename(state_file(port))
+
+
+def read_state(port):
+    mounting, *load = state_file(port).read_text().split()
+    return int(mounting), [float(f) for f in load]
+
+
+def run(port):
+    port.parent.mkdir(parents=True, exist_ok=True)
+    write_state(port, 1, [0.0, 0.0, 0.0])
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    os.set_blocking(master, False)
+    port.unlink(missing_ok=True)
+    port.symlink_to(os.ttyname(slave))
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    noise, began, number = random.Random(1), time.monotonic(), 0
+    try:
+        while True:
+            time.sleep(max(0, began + number / RATE_Hz - time.monotonic()))
+            mounting, load = read_state(port)
+            mounted = random.Random(mounting)
+            channels = []
+            for zero, gains in zip(ZERO, COUNTS_A_N):
+                gain = mounted.gauss(1, 0.005)
+                channels.append(zero + mounted.gauss(0, 0.5) + gain * sum(g * f for g, f in zip(gains, load)) + noise.gauss(0, NOISE))
+            text = f"{number},{int((time.monotonic() - began) * 1e6)}," + ",".join(f"{c:.2f}" for c in channels)
+            try:
+                os.write(master, f"{text}*{crc16(text.encode()):04X}\r\n".encode())
+            except BlockingIOError:
+                pass  # no program reads: a serial port loses these bytes as well
+            number += 1
+    finally:
+        port.unlink(missing_ok=True)
+
+
+def main():
+    words = sys.argv[1:]
+    if words and words[0] in ("load", "mount"):
+        mounting, load = read_state(PORT)
+        if words[0] == "mount":
+            mounting += 1
+        else:
+            parts = dict(part.split("=") for part in words[1].split(","))
+            load = [float(parts.get(name, 0)) for name in ("fx_N", "fy_N", "fz_N")]
+        write_state(PORT, mounting, load)
+        time.sleep(0.1)
+        return
+    run(pathlib.Path(words[0]) if words else PORT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+#!/usr/bin/env python3
+"""The demo of node/run.sh: a simulated gripper picks, weighs and sorts objects as a PLC commands it, beside a recorded real skin.
+
+    demo.py FOLDER PORT [PICKS]    FOLDER has the ports of the jaws; without a terminal, or with PICKS, it prints a line a pick and ends
+    PICTURE=FILE.svg               draws the live view while the last object of PICKS is held
+"""
+import html
+import os
+import pathlib
+import random
+import re
+import select
+import sys
+import termios
+import threading
+import time
+import tty
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "python"))
+import tactiled  # noqa: E402
+from gripper import FAULTS, Gripper  # noqa: E402
+from plc import NotSeen, Plc  # noqa: E402
+
+BINS = {"A": 0.12, "B": 0.21, "C": 0.34}  # kg
+GRIP_STATES = ["open", "contact", "grasped", "lifting", "holding", "slipping", "lost"]
+WEIGHT_STATES = ["none", "estimating", "stable", "overload", "not observable"]
+QUALITY = {tactiled.GOOD: ("GOOD", 32), tactiled.UNCERTAIN: ("UNCERTAIN", 33), tactiled.BAD: ("BAD", 31)}
+FULL_N, BAR = 10.0, 24
+COLOUR = "PICTURE" in os.environ or sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM", "dumb") != "dumb"
+
+
+class Task(threading.Thread):
+    """Picks until it is ended; what it did last is in `done`, the count in `right` and `wrong`."""
+
+    def __init__(self, gripper, plc, picks, say):
+        super().__init__(daemon=True)
+        self.gripper, self.plc, self.picks, self.say = gripper, plc, picks, say
+        self.random, self.number, self.right, self.wrong, self.failed = random.Random(11), 0, 0, 0, 0
+        self.true_kg, self.done, self.failure = 0.0, "", None
+        self.held = lambda: None  # called while an object hangs, weighed
+
+    def run(self):
+        try:
+            while not self.plc.ended.is_set() and (self.picks == 0 or self.number < self.picks):
+                self.number += 1
+                self.one()
+        except OSError as failure:
+            if not self.plc.ended.is_set():
+                self.failure = failure
+
+    def one(self):
+        place = self.random.choice(sorted(BINS))
+        self.true_kg = BINS[place] * self.random.uniform(0.97, 1.03)
+        self.gripper.offer(self.true_kg)
+        time.sleep(0.3)
+        try:
+            seen = self.plc.pick(self.gripper)
+            chosen = min(BINS, key=lambda name: abs(BINS[name] - seen["kg"]))
+            right = chosen == place
+            self.right, self.wrong = self.right + right, self.wrong + (not right)
+            self.done = (f"pick {self.number}: {seen['kg']:.4f} +- {seen['sd_kg']:.4f} kg, true weight {self.true_kg:.4f} kg, "
+                         f"bin {chosen}: {'right' if right else 'WRONG'}")
+            self.held()
+            time.sleep(0.5)
+        except NotSeen as step:
+            self.failed += 1
+            self.done = f"pick {self.number}: given up: no {step} was seen"
+        self.plc.release(self.gripper)
+        self.say(self.done)
+
+
+def paint(text, colour):
+    return f"\x1b[{colour}m{text}\x1b[0m" if COLOUR else text
+
+
+def force_line(name, sample):
+    force = sample.force_S_N
+    word, colour = QUALITY.get(sample.quality, ("NO VALUE", 31))
+    known = sample.quality in (tactiled.GOOD, tactiled.UNCERTAIN)
+    press = max(0.0, -force[2]) if known else 0.0
+    filled = min(BAR, round(BAR * press / FULL_N))
+    numbers = "".join(f"{f:8.2f}" if known and f == f else "       -" for f in force)
+    reasons = " ".join(sample.reasons_text)
+    contact = "contact" if known and press > 0.5 else ""
+    return f"{name:<6} {'#' * filled}{'.' * (BAR - filled)} {numbers}  {contact:<8}{paint(word, colour)} {reasons}"
+
+
+def screen(node, task, fault):
+    record, samples = node.snapshot()
+    g = record.grasp
+    grip = GRIP_STATES[g.state] if g.state < len(GRIP_STATES) else "unknown"
+    weight = f"{g.weight_kg:.4f} +- {g.weight_sd_kg:.4f} kg" if g.weight_kg == g.weight_kg else "-"
+    lines = ["tactiled: a pick task through Modbus. Gripper simulated; skin: a recording of a real one.", "",
+             f"{'':<6} {'press 0 .. 10 N':<{BAR}} {'fx/N':>8}{'fy/N':>8}{'fz/N':>8}"]
+    lines += [force_line(name, sample) for name, sample in samples.items()]
+    lines += ["", f"grip {grip:<10} weight {weight:<24} {WEIGHT_STATES[min(g.weight_state, 4)]:<12} true weight {task.true_kg:.4f} kg",
+              task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
+              "faults: " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  q quit",
+              paint(f"fault: {FAULTS[fault][1]}", 31) if fault else "fault: none", "",
+              "From another terminal: tactilectl status, tactilectl read left --follow (build/release/bin), and as a PLC reads it:",
+              "mbpoll -m tcp -p 1502 -t 3:hex -0 -r 0 -c 32 -1 127.0.0.1"]
+    return lines
+
+
+def picture(lines):
+    """The lines as a drawing of a terminal; colours become those of the words."""
+    colours = {"31": "#f66", "32": "#6d6", "33": "#fc6"}
+    rows = []
+    for i, line in enumerate(lines):
+        parts = re.split("\x1b\\[(\\d+)m(.*?)\x1b\\[0m", line)
+        spans = [html.escape(parts[0])]
+        for colour, word, rest in zip(parts[1::3], parts[2::3], parts[3::3]):
+            spans.append(f'<tspan fill="{colours[colour]}">{html.escape(word)}</tspan>{html.escape(rest)}')
+        rows.append(f'<text x="14" y="{24 + 18 * i}" xml:space="preserve">{"".join(spans)}</text>')
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" width="900" height="{20 + 18 * len(lines)}" font-family="monospace" font-size="14" fill="#ddd">'
+            '<rect width="100%" height="100%" rx="6" fill="#1d1f21"/>\n' + "\n".join(rows) + "\n</svg>\n")
+
+
+def watch(node, gripper, task):
+    """The live view, until q, Ctrl-C or the end of the task."""
+    fault, before = "", termios.tcgetattr(sys.stdin)
+    try:
+        tty.setcbreak(sys.stdin)
+        print("\x1b[2J", end="")
+        while task.is_alive():
+            try:
+                lines = screen(node, task, fault)
+            except tactiled.Error as error:
+                lines = [f"no data: {error}"]
+            print("\x1b[H" + "\x1b[K\n".join(lines) + "\x1b[K\n\x1b[J", end="", flush=True)
+            if select.select([sys.stdin], [], [], 0.1)[0]:
+                key = sys.stdin.read(1)
+                if key == "q":
+                    return
+                if key in FAULTS or key == "r":
+                    fault = key if key in FAULTS else ""
+                    gripper.inject(key)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+def main():
+    folder, port = pathlib.Path(sys.argv[1]), int(sys.argv[2])
+    picks = int(sys.argv[3]) if len(sys.argv) > 3 else 0
+    live = sys.stdin.isatty() and sys.stdout.isatty() and picks == 0
+    gripper = Gripper(folder, 7)
+    gripper.start()
+    node = tactiled.open("gripper")
+    plc = Plc(port)
+    task = Task(gripper, plc, picks or (0 if live else 3), (lambda text: None) if live else (lambda text: print(text, flush=True)))
+    if "PICTURE" in os.environ:
+        task.held = lambda: pathlib.Path(os.environ["PICTURE"]).write_text(picture(screen(node, task, "")))
+    task.start()
+    if live:
+        watch(node, gripper, task)
+    else:
+        task.join()
+    plc.ended.set()
+    task.join(5)
+    gripper.finish()
+    if task.failure is not None:
+        sys.exit(f"demo: {task.failure}")
+    print(f"{task.right} objects were sorted into the right bin, {task.wrong} into a wrong one, {task.failed} were given up")
+    sys.exit(0 if task.wrong == 0 and task.right > 0 else 1)
+
+
+if __name__ == "__main__":
+    main()

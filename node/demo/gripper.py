@@ -1,0 +1,78 @@
+"""The simulated gripper of the demo: the physics of the tests' one (tests/system/pick_bench.py), whose faults keys can switch on."""
+import collections
+import pathlib
+import struct
+import sys
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/system"))
+import pick_bench  # noqa: E402
+
+DELAY_s = 0.6
+TIME = 2  # flag of a binary frame: it carries the device's time (drivers/wire/cobs_frame.md)
+
+FAULTS = {  # key: name, effect
+    "u": ("unplug", "the left jaw's cable is pulled"),
+    "f": ("frozen channel", "a channel of the left jaw repeats its last number"),
+    "d": ("delayed bytes", f"the left jaw's bytes arrive {DELAY_s} s late"),
+    "j": ("dead jaw", "the left jaw measures no load"),
+}
+
+
+class DemoSkin:
+    """The tests' skin, with a clock in its frames and faults."""
+
+    def __init__(self, skin):
+        self.skin, self.fault, self.held, self.began = skin, "", None, time.monotonic()
+        self.late = collections.deque()
+
+    def begin(self, method):
+        self.skin.begin(method)
+
+    def __setattr__(self, name, value):
+        if name == "noise_random":
+            self.skin.noise_random = value
+        else:
+            object.__setattr__(self, name, value)
+
+    def read(self, load):
+        values = self.skin.read({c: 0.0 for c in load} if self.fault == "j" else load)
+        if self.fault == "f":
+            values[0] = self.held = values[0] if self.held is None else self.held
+        else:
+            self.held = None
+        return values
+
+    def frame(self, sequence, channels):
+        now = time.monotonic()
+        plain = struct.pack("<BBBBHI", 2, 0, len(channels), TIME, sequence & 0xFFFF, int((now - self.began) * 1e6) & 0xFFFFFFFF)
+        for value in channels:
+            plain += struct.pack("<i", round(value * self.skin.counts_per_unit))
+        crc = 0xFFFF
+        for byte in plain:
+            crc ^= byte << 8
+            for _ in range(8):
+                crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
+        plain += struct.pack("<H", crc)
+        frame = b"".join(bytes([len(part) + 1]) + part for part in plain.split(b"\0")) + b"\0"
+        self.late.append((now + (DELAY_s if self.fault == "d" else 0), frame))
+        out = b""
+        while self.late and self.late[0][0] <= now:
+            out += self.late.popleft()[1]
+        return out
+
+
+class Gripper(pick_bench.Robot):
+    def __init__(self, folder, seed):
+        original = pick_bench.SENSORS["skin"]
+        pick_bench.SENSORS["skin"] = lambda: DemoSkin(original())
+        try:
+            super().__init__(folder, seed)
+        finally:
+            pick_bench.SENSORS["skin"] = original
+
+    def inject(self, key):
+        """Switches the fault of a key on, or with "r" every fault off."""
+        self.skins["left"].fault = key if key in FAULTS else ""
+        self.silent = {"left"} if key == "u" else set()

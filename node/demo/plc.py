@@ -1,0 +1,92 @@
+"""A PLC in 90 lines: Modbus TCP with sockets alone, a scan of the global block, and the cycle of a pick.
+
+It knows of gripper and object what registers say. node/modbus/MAP.md has every address.
+"""
+import socket
+import struct
+import threading
+import time
+
+SEQ, GRIP_STATE, WEIGHT_STATE, WEIGHT, WEIGHT_SD, SEQ_END = 4, 17, 19, 20, 22, 31
+STATUS, GRASPED = 7, 1 << 2
+PLC_HEARTBEAT, PLC_WATCHDOG, GRIPPER_STATE = 5020, 5021, 5022
+OPEN, CLOSING, LIFTING, OPENING = 0, 1, 3, 5  # GRIPPER_STATE
+STABLE, UNKNOWN = 2, -2 ** 31                 # WEIGHT_STATE, WEIGHT
+SCAN_s = 0.02
+
+
+class Modbus:
+    def __init__(self, port, host="127.0.0.1"):
+        self.socket = socket.create_connection((host, port), timeout=2)
+        self.number = 0
+
+    def ask(self, pdu):
+        self.number = self.number + 1 & 0xFFFF
+        self.socket.sendall(struct.pack(">HHHB", self.number, 0, len(pdu) + 1, 1) + pdu)
+        head = self._take(7)
+        answer = self._take(struct.unpack(">HHHB", head)[2] - 1)
+        if answer[0] & 0x80:
+            raise OSError(f"Modbus exception {answer[1]}")
+        return answer
+
+    def _take(self, size):
+        data = b""
+        while len(data) < size:
+            piece = self.socket.recv(size - len(data))
+            if not piece:
+                raise OSError("the Modbus server closed the connection")
+            data += piece
+        return data
+
+    def read(self, address, count):
+        return struct.unpack(f">{count}H", self.ask(struct.pack(">BHH", 4, address, count))[2:])
+
+    def write(self, address, *values):
+        self.ask(struct.pack(f">BHHB{len(values)}H", 16, address, len(values), 2 * len(values), *values))
+
+
+class NotSeen(Exception):
+    """A step of the pick did not happen in time."""
+
+
+class Plc:
+    def __init__(self, port):
+        self.modbus, self.beat, self.ended = Modbus(port), 0, threading.Event()
+        self.modbus.write(PLC_WATCHDOG, 2000)
+
+    def scan(self):
+        """One scan: heartbeat out, global block in; every word of one frame, since SEQ equals SEQ_END."""
+        self.beat = self.beat + 1 & 0xFFFF
+        self.modbus.write(PLC_HEARTBEAT, self.beat)
+        r = self.modbus.read(0, 32)
+        weight = struct.unpack(">i", struct.pack(">HH", *r[WEIGHT:WEIGHT + 2]))[0]
+        return {"whole": r[SEQ] == r[SEQ_END], "grip": r[GRIP_STATE], "grasped": bool(r[STATUS] & GRASPED), "stable": r[WEIGHT_STATE] == STABLE,
+                "kg": None if weight == UNKNOWN else weight * 1e-4, "sd_kg": r[WEIGHT_SD] * 1e-4}
+
+    def wait(self, step, condition, seconds=4):
+        until = time.monotonic() + seconds
+        while time.monotonic() < until and not self.ended.is_set():
+            seen = self.scan()
+            if seen["whole"] and condition(seen):
+                return seen
+            time.sleep(SCAN_s)
+        raise NotSeen(step)
+
+    def pick(self, robot, grip_N=8.0):
+        """Closes, waits until it is grasped, lifts, waits for a stable weight. Returns the scan with the weight."""
+        self.wait("open", lambda s: s["grip"] == OPEN)
+        self.modbus.write(GRIPPER_STATE, CLOSING)
+        robot.close(grip_N)
+        self.wait("grasped", lambda s: s["grasped"])
+        self.modbus.write(GRIPPER_STATE, LIFTING)
+        robot.lift()
+        return self.wait("a stable weight", lambda s: s["stable"] and s["kg"] is not None)
+
+    def release(self, robot):
+        self.modbus.write(GRIPPER_STATE, OPENING)
+        robot.open()
+        until = time.monotonic() + 2
+        while not robot.is_open() and time.monotonic() < until:
+            self.scan()
+            time.sleep(SCAN_s)
+        self.modbus.write(GRIPPER_STATE, OPEN)

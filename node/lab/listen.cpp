@@ -1,0 +1,123 @@
+#include "node/lab/listen.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+
+#include "config/text_file.hpp"
+#include "drivers/tcp.hpp"
+#include "drivers/tty.hpp"
+#include "node/ctl/verb.hpp"
+#include "tactiled/reader.hpp"
+
+namespace tactiled::ctl {
+namespace {
+
+// The usual rates of devices, the most frequent ones first.
+constexpr unsigned kRates[] = {115'200, 921'600, 9600, 57'600, 1'000'000, 460'800, 230'400, 38'400, 19'200};
+constexpr unsigned kTcpPort = 1000;
+constexpr int kConnectMs = 800;
+constexpr std::size_t kMaxBytes = 1u << 20;
+
+std::vector<std::uint8_t> read_for(int fd, double seconds) {
+    std::vector<std::uint8_t> bytes;
+    std::array<std::uint8_t, 4096> piece;
+    const std::uint64_t until_ns = monotonic_ns() + std::uint64_t(seconds * 1e9);
+    for (std::uint64_t now_ns = 0; interrupted == 0 && bytes.size() < kMaxBytes && (now_ns = monotonic_ns()) < until_ns;) {
+        pollfd waiting{fd, POLLIN, 0};
+        if (::poll(&waiting, 1, int((until_ns - now_ns) / 1'000'000 + 1)) <= 0) continue;
+        const ssize_t n = ::read(fd, piece.data(), piece.size());
+        if (n < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+        if (n <= 0) break;  // a hang-up: what came until then is judged
+        bytes.insert(bytes.end(), piece.begin(), piece.begin() + n);
+    }
+    return bytes;
+}
+
+std::optional<StreamGuess> guess_of(const std::vector<std::uint8_t>& bytes, double seconds) {
+    std::optional<StreamGuess> best;
+    for (const std::string& name : StreamFormats::names()) {
+        const StreamFormat* const format = StreamFormats::find(name);
+        if (format == nullptr || format->recognise == nullptr) continue;
+        auto guess = format->recognise(bytes, seconds);
+        if (guess && (!best || guess->good > best->good)) best = std::move(guess);
+    }
+    return best;
+}
+
+}  // namespace
+
+std::string Heard::keys() const {
+    if (!guess) return "";
+    return network ? fmt::format("driver = \"tcp\"\naddress = {}\n{}", toml_text(device), guess->keys)
+                   : fmt::format("driver = \"uart\"\ndevice = {}\nbaud = {}\n{}", toml_text(device), baud, guess->keys);
+}
+
+bool is_device(const std::string& word) { return word.find_first_of("/:") != word.npos; }
+
+Heard listen(const std::string& device, unsigned baud, double seconds) {
+    Heard heard{.device = device, .bytes = {}, .guess = {}};
+    heard.network = device.find('/') == device.npos;
+    std::string why;
+    if (heard.network) {
+        const TcpAddress address = tcp_address(device, kTcpPort);
+        if (!address.fault.empty()) throw SetupError(fmt::format("{} {}", in_quotes(device), address.fault));
+        const int fd = open_tcp(address, device, kConnectMs, why);
+        if (fd < 0) throw SetupError(why);
+        const std::uint64_t began_ns = monotonic_ns();
+        heard.bytes = read_for(fd, seconds);
+        heard.seconds = double(monotonic_ns() - began_ns) / 1e9;
+        ::close(fd);
+        heard.guess = guess_of(heard.bytes, heard.seconds);
+        return heard;
+    }
+    const bool has_a_rate = is_local_tty(device);  // a pseudo terminal passes bytes at any
+    for (const unsigned rate : kRates) {
+        heard.baud = baud != 0 ? baud : rate;
+        const int fd = open_tty(device, {.baud = heard.baud}, why);
+        if (fd < 0) throw SetupError(why);
+        const std::uint64_t began_ns = monotonic_ns();
+        heard.bytes = read_for(fd, seconds);
+        heard.seconds = double(monotonic_ns() - began_ns) / 1e9;
+        ::close(fd);
+        heard.guess = guess_of(heard.bytes, heard.seconds);
+        if (heard.guess || baud != 0 || !has_a_rate || interrupted != 0) break;
+    }
+    return heard;
+}
+
+std::string link_text(const std::string& name, const std::string& keys) {
+    return fmt::format("[[link]]\nname = {}\n{}", toml_text(name), keys);
+}
+
+NamedDevice device_of_link(const std::string& config, const std::string& link) {
+    Problems problems;
+    Options root = Options::parse_file(config, problems);
+    problems.throw_if_any();
+    std::vector<std::string> names;
+    for (Options& table : root.tables("link")) {
+        names.push_back(table.text("name", ""));
+        if (names.back() != link) continue;
+        const std::string device = table.text(table.has("address") ? "address" : "device", "");
+        const auto baud = table.integer("baud", {0, 12'000'000}, 0);
+        problems.throw_if_any();
+        if (device.empty())
+            throw SetupError(
+                fmt::format("{}: link {} is no serial port and no TCP device", table.where("name"), in_quotes(link)));
+        return {device, unsigned(baud)};
+    }
+    throw SetupError(fmt::format("{}: link {} {}", config, in_quotes(link), is_unknown(link, names)));
+}
+
+std::string printable(const std::vector<std::uint8_t>& bytes, std::size_t max) {
+    std::string text;
+    for (std::size_t i = 0; i < bytes.size() && i < max; ++i)
+        text += bytes[i] >= ' ' && bytes[i] <= '~' ? char(bytes[i]) : '.';
+    return text;
+}
+
+}  // namespace tactiled::ctl

@@ -1,0 +1,46 @@
+// Listening to a device that no configuration describes yet. Shared by `identify` and `capture`.
+#pragma once
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/wire/stream_format.hpp"
+
+namespace tactiled::ctl {
+
+// Result of listening to one device at one or several rates.
+struct Heard {
+    std::string device;                // path of a tty, or ADDRESS:PORT
+    bool network = false;              // ADDRESS:PORT
+    unsigned baud = 0;                 // rate at which a tty was understood, or the last one that was tried
+    double seconds = 0;                // spent at that rate
+    std::vector<std::uint8_t> bytes;   // received in that time
+    std::optional<StreamGuess> guess;  // by the format that accepts most of them
+
+    // The keys of a [[link]] but its name; "" where nothing was recognised.
+    [[nodiscard]] std::string keys() const;
+};
+
+// True for a word that names a device and not a [[link]]: it has a slash or a colon.
+bool is_device(const std::string& word);
+
+// Reads for `seconds` at `baud`, or with 0 at each usual rate until a format recognises the bytes.
+// setup: throws SetupError where the device cannot be opened
+Heard listen(const std::string& device, unsigned baud, double seconds);
+
+// Text of a [[link]] table with these keys.
+std::string link_text(const std::string& name, const std::string& keys);
+
+// "device = " or "address = " and "baud = " of a [[link]] of `config`, to be listened to.
+// setup: throws SetupError where there is no such link, or where it is no serial port and no TCP device
+struct NamedDevice {
+    std::string device;
+    unsigned baud = 0;
+};
+NamedDevice device_of_link(const std::string& config, const std::string& link);
+
+// Up to `max` of the bytes, control characters as '.'.
+std::string printable(const std::vector<std::uint8_t>& bytes, std::size_t max);
+
+}  // namespace tactiled::ctl

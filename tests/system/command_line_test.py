@@ -1,0 +1,286 @@
+#!/usr/bin/env python3
+"""tactilectl as a person types it: words in any order, misspelt words, pipes that end, a daemon that is dead, and completion."""
+import json
+import os
+import pathlib
+import pty
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+import unittest
+
+from daemon import BIN, ROOT, Daemon, run_folder, wait_for
+from unit_daemon import CALIBRATION, CONFIG, play, quality_is, unit_daemon
+
+VERBS = ["status", "top", "read", "record", "replay", "tare", "clear", "weigh", "teach", "map", "check", "completion", "doctor",
+         "calibrate", "capture", "decouple", "identify", "play", "simulate", "tradeoff"]
+
+
+def ctl(*words, **kinds):
+    return subprocess.run([BIN / "tactilectl", *map(str, words)], capture_output=True, text=True, timeout=60, **kinds)
+
+
+class Words(unittest.TestCase):
+    def test_help_is_a_verb(self):
+        self.assertEqual(ctl("help").stdout, ctl("--help").stdout)
+        self.assertEqual(ctl("help", "read").stdout, ctl("read", "--help").stdout)
+        self.assertEqual(ctl("help", "calibrate").stdout, ctl("calibrate", "--help").stdout)
+        self.assertEqual(ctl("help").returncode, 0)
+
+    def test_a_misspelt_verb_names_the_nearest_one(self):
+        for wrong, meant in (("raed", "read"), ("staus", "status"), ("calibarte", "calibrate"), ("identfy", "identify"), ("Tare", "tare")):
+            done = ctl(wrong)
+            self.assertEqual((done.returncode, done.stdout), (2, ""), wrong)
+            self.assertIn(f'did you mean "{meant}"?', done.stderr)
+        done = ctl("weigh", "knwon", "0.2")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn('did you mean "known"?', done.stderr)
+        self.assertIn("tactilectl help lists the verbs", ctl("xyzzy").stderr)
+        self.assertEqual(ctl().returncode, 2)
+        self.assertIn("no verb is given", ctl().stderr)
+
+    def test_every_verb_has_its_exit_statuses_in_its_help(self):
+        for verb in VERBS:
+            text = ctl(verb, "--help").stdout
+            self.assertIn("Exit status: 0 good, 1 unhealthy or failed, 2 wrong words or files, 3 no daemon", text, verb)
+        for verb in ("read", "record", "replay", "weigh", "calibrate", "capture", "identify"):
+            self.assertIn("Examples:\n", ctl(verb, "--help").stdout, verb)
+
+    def test_version_names_commit_and_libraries(self):
+        for program in ("tactilectl", "tactiled"):
+            text = subprocess.run([BIN / program, "--version"], capture_output=True, text=True, check=True).stdout
+            self.assertRegex(text, r"(?m)^0\.\d+\.\d+$")
+            self.assertRegex(text, r"(?m)^commit (unknown|[0-9a-f]{7,40}(-dirty)?)$")
+            for library in ("fmt", "CLI11", "nlohmann_json", "Eigen3", "Boost", "glibc", "libmodbus", "libgpiod", "libsystemd"):
+                self.assertRegex(text, library + r" \d+(\.\d+)*")
+        head = subprocess.run(["git", "-C", ROOT, "rev-parse", "--is-inside-work-tree"], capture_output=True, text=True)
+        if head.returncode == 0:
+            self.assertNotIn("commit unknown", text)
+
+    def test_a_pipe_that_ends_needs_no_message(self):
+        for words in (("map",), ("map", "--format", "csv"), ("check", "--keys"), ("help",)):
+            done = subprocess.run(f"{BIN}/tactilectl {' '.join(words)} | head -n 1", shell=True, capture_output=True, text=True)
+            self.assertEqual(done.stderr, "", words)
+            self.assertEqual(done.stdout.count("\n"), 1)
+
+
+class WithDaemon(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.daemon = unit_daemon()
+        cls.addClassCleanup(cls.daemon.__exit__)
+        cls.daemon.start()
+        wait_for(quality_is(cls.daemon, "good"), 5, "a good sample")
+
+    def test_options_stand_before_the_verb_or_after_it(self):
+        name = self.daemon.name
+        for words in (("--node", name, "read", "left"), (f"--node={name}", "read", "left"), ("read", "--node", name, "left"),
+                      ("read", "left", "--node", name), ("--node", name, "--json", "status"), ("--json", "--node", name, "read", "left")):
+            self.assertEqual(ctl(*words).returncode, 0, words)
+        # A node may be called as a verb is.
+        self.assertEqual(ctl("--node", "read", "status").returncode, 3)
+        for words in (("weigh", "--node", name, "zero"), ("weigh", "zero", "--node", name), ("--node", name, "weigh", "zero")):
+            done = ctl(*words)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn("there is no [grasp]", done.stderr)
+
+    def test_colour_is_for_a_terminal_and_no_color_is_respected(self):
+        def on_terminal(**variables):
+            master, slave = pty.openpty()
+            env = {**os.environ, "TERM": "xterm", **variables}
+            process = subprocess.Popen([BIN / "tactilectl", "status", "--node", self.daemon.name], stdout=slave, stderr=slave, env=env)
+            os.close(slave)
+            text = b""
+            try:
+                while piece := os.read(master, 65536):
+                    text += piece
+            except OSError:
+                pass
+            process.wait(10)
+            os.close(master)
+            return text.decode()
+        self.assertIn("\x1b[32mgood", on_terminal())
+        self.assertNotIn("\x1b[", on_terminal(NO_COLOR="1"))
+        self.assertNotIn("\x1b[", on_terminal(TERM="dumb"))
+        self.assertNotIn("\x1b[", self.daemon.ctl("status").stdout)
+
+    def test_without_a_grasp_no_line_of_it(self):
+        self.assertNotIn("grasp", self.daemon.ctl("status").stdout)
+        self.assertNotIn("recommended", self.daemon.ctl("top", "--count", "1").stdout)
+
+    def test_completion_of_bash_knows_verbs_options_and_sensors(self):
+        def complete(*words):
+            script = f'''source <("{BIN}/tactilectl" completion bash)
+PATH={BIN}:$PATH
+COMP_WORDS=({' '.join(words)} ''); [ "{words[-1]}" = . ] && COMP_WORDS=({' '.join(words[:-1])} "")
+COMP_CWORD=$(( ${{#COMP_WORDS[@]}} - 1 ))
+_tactilectl; printf '%s\\n' "${{COMPREPLY[@]}}"'''
+            env = {**os.environ, "TACTILED_RUNTIME_DIR": str(run_folder())}
+            return subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=env).stdout.split()
+        self.assertEqual(sorted(complete("tactilectl")), sorted(VERBS + ["help"]))
+        # A partly typed word is the last of COMP_WORDS.
+        script = f'''source <("{BIN}/tactilectl" completion bash); PATH={BIN}:$PATH
+for words in "tactilectl cal" "tactilectl read --fo" "tactilectl weigh kn" "tactilectl help ide"; do
+COMP_WORDS=($words); COMP_CWORD=$(( ${{#COMP_WORDS[@]}} - 1 )); _tactilectl; echo "${{COMPREPLY[@]}}"; done'''
+        done = subprocess.run(["bash", "-c", script], capture_output=True, text=True)
+        self.assertEqual(done.stdout.split("\n")[:4], ["calibrate", "--follow", "known", "identify"], done.stderr)
+
+    def test_an_occupied_port_is_not_announced_as_served(self):
+        with socket.socket() as taken, unit_daemon(rate=None) as d:
+            taken.bind(("127.0.0.1", d.port))
+            taken.listen()
+            d.start()
+            wait_for(lambda: "not served yet" in d.log(), 5, "the word")
+            line = [line for line in d.log().splitlines() if "node \"" in line][0]
+            self.assertIn(f"Modbus 127.0.0.1:{d.port} not served yet", line)
+        self.assertNotIn("not served", self.daemon.log())
+
+
+class Faults(unittest.TestCase):
+    def test_faults_and_warnings_are_words(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 5, "a good sample")
+            self.assertEqual(json.loads(d.ctl("status", "--json").stdout)["fault"], [])
+            d.others[0].send_signal(signal.SIGKILL)
+            wait_for(quality_is(d, "bad"), 5, "BAD")
+            wait_for(lambda: json.loads(d.ctl("status", "--json").stdout)["fault"], 5, "a fault")
+            self.assertIn("SENSOR_LOST", json.loads(d.ctl("status", "--json").stdout)["fault"])
+            self.assertIn("FAULT  sensor lost", d.ctl("status").stdout)
+            self.assertIn("sensor lost", d.ctl("top", "--count", "1").stdout)
+
+
+    def test_a_missing_control_socket_is_named_by_status_and_doctor(self):
+        with unit_daemon() as d:
+            d.config.write_text(re.sub('control = ".*"', f'control = "{d.folder}/nowhere/control.sock"', d.config.read_text()))
+            d.start()
+            wait_for(quality_is(d, "good"), 5, "a good sample")
+            self.assertIn(f"there is no control socket {d.folder}/nowhere/control.sock", d.ctl("status").stdout)
+            found = json.loads(ctl("doctor", "--json", "--config", d.config).stdout)["findings"]
+            self.assertEqual([f["verdict"] for f in found if f["check"] == "control"], ["wrong"])
+
+
+class DeadDaemon(unittest.TestCase):
+    def setUp(self):
+        self.daemon = unit_daemon()
+        self.addCleanup(self.daemon.__exit__)
+        self.daemon.start()
+        wait_for(quality_is(self.daemon, "good"), 5, "a good sample")
+        self.recorder = subprocess.Popen([BIN / "tactilectl", "record", self.daemon.folder / "a.mcap", "--node", self.daemon.name],
+                                         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        wait_for((self.daemon.folder / "a.mcap").exists, 5, "the recording")
+        self.daemon.process.send_signal(signal.SIGKILL)
+        self.daemon.process.wait()
+        time.sleep(0.5)
+
+    def test_every_reader_says_that_it_is_dead(self):
+        pid = str(self.daemon.process.pid)
+        for words in (("status",), ("read", "left"), ("top", "--count", "1")):
+            done = self.daemon.ctl(*words)
+            self.assertEqual(done.returncode, 3, (words, done))
+            self.assertIn("is dead", done.stdout + done.stderr)
+            self.assertIn(f"there is no process {pid}", done.stdout + done.stderr)
+        self.assertNotIn(", open)", self.daemon.ctl("status").stdout)
+        self.assertEqual(json.loads(self.daemon.ctl("status", "--json").stdout)["daemon"], "dead")
+        self.assertFalse(json.loads(self.daemon.ctl("status", "--json").stdout)["links"][0]["open"])
+        _, error = self.recorder.communicate(timeout=10)  # it was recording when the daemon died
+        self.assertEqual(self.recorder.returncode, 3)
+        self.assertIn("is dead", error)
+        done = ctl("record", self.daemon.folder / "b.mcap", "--node", self.daemon.name, "--seconds", "1")
+        self.assertEqual(done.returncode, 3)
+        self.assertFalse((self.daemon.folder / "b.mcap").exists())
+
+    def test_a_stopped_daemon_hangs_and_is_not_dead(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 5, "a good sample")
+            d.process.send_signal(signal.SIGSTOP)
+            time.sleep(0.5)
+            done = d.ctl("status")
+            d.process.send_signal(signal.SIGCONT)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("it hangs or was stopped", done.stderr)
+
+
+class Recording(unittest.TestCase):
+    def test_replay_takes_configuration_and_calibration_from_the_file(self):
+        config = CONFIG.replace("{folder}/unit.toml", "unit.toml")
+        with unit_daemon(config=config) as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 5, "a good sample")
+            file = d.folder / "a.mcap"
+            done = ctl("record", file, "--node", d.name, "--seconds", "1")
+            self.assertEqual((done.returncode, done.stderr), (0, ""))
+            moved = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-test-"))
+            self.addCleanup(shutil.rmtree, moved)
+            shutil.copy(file, moved / "b.mcap")
+            d.stop()
+            (d.folder / "unit.toml").unlink()
+            done = ctl("replay", moved / "b.mcap", "--json")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            sensor = json.loads(done.stdout)["sensors"][0]
+            self.assertGreater(sensor["compared"], 50)
+            self.assertEqual(sensor["equal"], sensor["compared"])
+
+    def test_another_configuration_than_that_in_force_is_not_recorded(self):
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 5, "a good sample")
+            d.config.write_text(d.config.read_text() + "# changed after the start\n")
+            done = ctl("record", d.folder / "a.mcap", "--node", d.name, "--seconds", "0.3")
+            self.assertIn("will not contain the daemon's configuration", done.stderr)
+            done = ctl("replay", d.folder / "a.mcap")
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("--config", done.stderr)
+
+
+class Check(unittest.TestCase):
+    def setUp(self):
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-test-"))
+        self.addCleanup(shutil.rmtree, self.folder)
+        (self.folder / "unit.toml").write_text(CALIBRATION)
+
+    def check(self, config, calibration=CALIBRATION):
+        (self.folder / "unit.toml").write_text(calibration)
+        (self.folder / "my.toml").write_text(config.replace("{folder}", str(self.folder)))
+        return ctl("check", "my.toml", cwd=self.folder)
+
+    def test_a_configuration_with_a_grasp_needs_no_folder_in_its_name(self):
+        grasp = CONFIG + '\n[grasp]\n[[grasp.jaw]]\nsensor = "left"\nx_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n'
+        done = self.check(grasp)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        shutil.copytree(ROOT / "config", self.folder / "config")
+        self.assertNotIn("filesystem error", ctl("check", "tactiled.toml", cwd=self.folder / "config").stderr)
+
+    def test_four_channels_do_not_fit_a_calibration_of_three(self):
+        done = self.check(CONFIG.replace("channels = 3", "channels = 4"))
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("has 4 channels, the calibration has 3", done.stderr)
+        named = CONFIG.replace("channels = 3", "channels = 4").replace("stale_ms", 'channels = ["c1", "-", "c2", "c3"]\nstale_ms')
+        self.assertEqual(self.check(named).returncode, 0)
+
+    def test_what_is_unsafe_is_named_with_the_line_to_write(self):
+        done = self.check(CONFIG.replace("sequence = true\n", "").replace("stale_ms", "tare_limit_N = 0\nstale_ms"),
+                          CALIBRATION.replace("100.0, 100.0, 100.0", "0.1, 0.1, 0.3"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for said in ("no sequence", "no checksum", "rate_Hz = ", "frozen_after = ", "tare under any load", "contact_on_N = 0.5 is beyond",
+                     "contact_on_N = 0.033"):
+            self.assertIn(said, done.stdout)
+        safe = CONFIG.replace("channels = 3\n", 'channels = 3\nchecksum = "crc16"\ntime_us = true\n')
+        safe = safe.replace("stale_ms", "rate_Hz = 100\nfrozen_after = 100\nstale_ms")
+        self.assertNotIn("warning", self.check(safe).stdout)
+
+    def test_doctor_says_the_same(self):
+        self.check(CONFIG)
+        found = json.loads(ctl("doctor", "--json", "--config", self.folder / "my.toml").stdout)["findings"]
+        kinds = {f["check"] for f in found if f["verdict"] == "advice"}
+        self.assertLessEqual({"rate", "frozen", "line"}, kinds)
+        self.assertTrue(all(f["remedy"] for f in found if f["check"] in ("rate", "frozen")))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""Every session on every page gives what the page shows, in page order, in a fresh folder, as root and as a normal user.
+
+    pages_test.py                        the sessions, and five planted errors that the test must find
+    PAGE=node/guide/plc.md pages_test.py one page
+"""
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import tempfile
+import unittest
+
+from daemon import BIN, ROOT
+from page_session import FENCE, HARDWARE, commands, faults, matches
+
+MAX_HARDWARE = 15
+USER = 65534  # nobody
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+COMMAND = re.compile(r"(?:^\s+|[\s/$(])tactilectl ([a-z]+)(.*)$")
+
+
+def pages():
+    """Each page with a session, the main page first."""
+    listed = subprocess.run(["git", "-C", ROOT, "ls-files", "-co", "--exclude-standard", "*.md"], capture_output=True, text=True)
+    files = listed.stdout.split() if listed.returncode == 0 else [str(p.relative_to(ROOT)) for p in ROOT.rglob("*.md") if "build" not in p.parts]
+    return sorted((f for f in files if FENCE.search((ROOT / f).read_text())), key=lambda f: (f != "README.md", f))
+
+
+class Fresh(unittest.TestCase):
+    def fresh(self, uid):
+        """A folder that looks like a clone with what is built, and an environment; they belong to the user."""
+        folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-page-"))
+        self.addCleanup(shutil.rmtree, folder, True)
+        for entry in ROOT.iterdir():
+            if entry.name not in ("build", ".git"):
+                (folder / entry.name).symlink_to(entry)
+        (folder / "build").mkdir()
+        (folder / "build/release").symlink_to(BIN.parent)
+        run = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-page-", dir="/run" if os.geteuid() == 0 else os.environ["XDG_RUNTIME_DIR"]))
+        self.addCleanup(shutil.rmtree, run, True)
+        run.chmod(0o755)
+        env = {key: value for key, value in os.environ.items() if key in ("PATH", "LANG")}
+        env.update(HOME=str(folder), TACTILED_RUNTIME_DIR=str(run), LC_ALL="C.UTF-8", TERM="dumb", TACTILED_BUILT="1")
+        before = ()
+        if uid != os.geteuid():
+            for path in (folder, folder / "build", run):
+                os.chown(path, uid, uid)
+            before = ("setpriv", f"--reuid={uid}", f"--regid={uid}", "--clear-groups")
+        folder.chmod(0o755)
+        return folder, env, before
+
+
+class Sessions(Fresh):
+    def test_each_page_as_root_and_as_a_normal_user(self):
+        chosen = [os.environ["PAGE"]] if "PAGE" in os.environ else pages()
+        self.assertGreater(len(chosen), 0)
+        for uid in {os.geteuid(), USER} if os.geteuid() == 0 else {os.geteuid()}:
+            for page in chosen:
+                with self.subTest(page=page, uid=uid):
+                    folder, env, before = self.fresh(uid)
+                    self.assertEqual(faults(page, (ROOT / page).read_text(), folder, env, before), [])
+
+
+class Planted(Fresh):
+    """The test finds errors of each kind that pages had."""
+
+    PLANTS = [
+        ("a wrong option", "--out skin.toml", "--output skin.toml"),
+        ("a file that is not there", "normal_labelled.csv", "normal_labeled.csv"),
+        ("a wrong number", "15 channels", "16 channels"),
+        ("a misspelt verb", "tactilectl calibrate", "tactilectl calibarte"),
+        ("a missing step", "$ PATH=$PWD/build/release/bin:$PATH\n", ""),
+    ]
+
+    def test_five_planted_errors_are_found(self):
+        page = "node/guide/calibration.md"
+        right = (ROOT / page).read_text()
+        for what, old, new in self.PLANTS:
+            with self.subTest(what):
+                self.assertIn(old, right)
+                folder, env, before = self.fresh(os.geteuid())
+                self.assertNotEqual(faults(page, right.replace(old, new), folder, env, before), [])
+
+    def test_output_is_compared_line_by_line(self):
+        self.assertEqual(matches(["a … c", "…", "z"], ["a b c", "anything", "z"]), "")
+        self.assertEqual(matches([], []), "")
+        for expected, seen in ((["a"], []), ([], ["a"]), (["a 1"], ["a 2"]), (["a", "b"], ["b", "a"]), (["a …"], ["b"]), (["1.5"], ["1x5"])):
+            self.assertNotEqual(matches(expected, seen), "", (expected, seen))
+
+
+class Pages(unittest.TestCase):
+    def test_the_main_page_is_short(self):
+        self.assertLessEqual(len((ROOT / "README.md").read_text().split()), 900)
+
+    def test_few_commands_need_hardware(self):
+        marked = [c for page in pages() for c in commands(page, (ROOT / page).read_text()) if HARDWARE in c.text]
+        self.assertLessEqual(len(marked), MAX_HARDWARE)
+
+    def test_links_of_the_guide_lead_somewhere(self):
+        for page in [ROOT / "README.md", *sorted((ROOT / "node/guide").glob("*.md"))]:
+            for target in LINK.findall(page.read_text()):
+                if "://" not in target:
+                    self.assertTrue((page.parent / target).exists(), f"{page}: {target}")
+
+    def test_every_verb_and_option_that_a_page_prints_exists(self):
+        """Also of the commands that are in no session: long ones, and those for a service."""
+        def help_of(*words):
+            return subprocess.run([BIN / "tactilectl", *words, "--help"], capture_output=True, text=True, check=True).stdout
+        verbs = set(re.findall(r"^  ([a-z]+) ", help_of(), re.M)) | {"help"}
+        options = {verb: set(re.findall(r"--[a-z][a-z0-9-]*", help_of(verb))) for verb in verbs - {"help"}}
+        seen = 0
+        for page in ROOT.rglob("*.md"):
+            if "build" in page.relative_to(ROOT).parts:
+                continue
+            for number, line in enumerate(page.read_text().splitlines(), 1):
+                if not line.startswith(("    ", "$ ")):
+                    continue
+                for verb, words in COMMAND.findall(line):
+                    seen += 1
+                    where = f"{page.relative_to(ROOT)}:{number}: {line.strip()}"
+                    self.assertIn(verb, verbs, where)
+                    for option in re.findall(r"(?<!\S)\[?(--[a-z][a-z0-9-]*)", re.split(r"\s{3,}|#|;|\|", words)[0]):
+                        self.assertIn(option, options[verb], where)
+        self.assertGreater(seen, 20)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
