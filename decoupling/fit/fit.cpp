@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "decoupling/accuracy.hpp"
+#include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/outliers.hpp"
