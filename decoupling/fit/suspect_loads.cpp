@@ -100,9 +100,9 @@ std::vector<std::vector<double>> scaled_errors(const std::vector<Load>& loads, c
 bool at_the_end(double label, double estimate, double min, double max, double full_scale) {
     if (!std::isfinite(label) || !std::isfinite(estimate)) return false;
     const double beyond = std::max(estimate - max, min - estimate);
-    const bool label_within = label <= max && label >= min;
-    // A step beyond the range cannot bend by more than a few times itself.
-    if (beyond > kBeyond * full_scale && !(label_within && std::abs(label - estimate) > kBends * beyond)) return true;
+    const bool label_too = estimate > max ? label > max : label < min;
+    // A step beyond the range cannot bend by more than a few times itself, back into the range.
+    if (beyond > kBeyond * full_scale && (label_too || std::abs(label - estimate) <= kBends * beyond)) return true;
     // A saturated sensor reads the end of the range.
     return (label > max && max > 0 && estimate >= kNearEnd * max) || (label < min && min < 0 && estimate <= kNearEnd * min);
 }
