@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "decoupling/fit/corrections.hpp"
 #include "decoupling/fit/mlp_network.hpp"
@@ -95,7 +94,8 @@ constexpr std::array<Parameter, 1> kBeforehand{kSeed};
 
 void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     const CalibrationData known = known_beforehand(calibration, kBeforehand);
-    const std::optional<double> stated = known.has("seed") ? std::optional(known["seed"]) : std::nullopt;
+    const bool stated = known.has("seed");
+    const double seed = stated ? known["seed"] : 1;
     const Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
     const auto components = Eigen::Index(scaled.component.size());
     std::size_t independent = rows.size();
@@ -125,8 +125,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     }
     const MlpRows seen = some_of(all, seen_rows, max_rows), unseen = some_of(all, unseen_rows, std::size_t(kMaxRows));
     const std::size_t few = std::max(std::size_t(kRowsOfAStart), std::size_t(double(kRowsPerWeight) * weights));
-    const MlpNetwork start = best_start(some_of(all, seen_rows, std::min(few, max_rows)), neurons,
-                                        stated ? std::uint64_t(*stated) : std::uint64_t{1});
+    const MlpNetwork start = best_start(some_of(all, seen_rows, std::min(few, max_rows)), neurons, std::uint64_t(seed));
     Trained best = train(seen, unseen, start, kDecays[0]);
     if (Trained other = train(seen, unseen, start, kDecays[1]); other.error < best.error) best = std::move(other);
     const Eigen::ArrayXd gain = squares_of(&best.network, unseen) / squares_of(nullptr, unseen);
@@ -150,7 +149,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
         const Eigen::RowVectorXd row = network.output.row(c) * unit[std::size_t(c)];
         layer2.emplace_back(row.data(), row.data() + row.size());
     }
-    if (stated) calibration.parameters = {{"seed", *stated}};
+    if (stated) calibration.parameters = {{"seed", seed}};
 }
 
 const FitEntry entry{
