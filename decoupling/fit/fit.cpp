@@ -119,8 +119,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         say_zeros(*labelled, report.zeros, raw, report.warnings);
         if (report.zeros.own) take_zeros_off(report.zeros, *labelled);
     }
-    const std::vector<double> drift = remembers ? std::vector<double>{} : zero_drift_of(request, rows, report.zeros);
-    calibration.zero_drift = drift;
+    const ZeroDrift drift = remembers ? ZeroDrift{} : zero_drift_of(request, rows, report.zeros);
+    calibration.zero_drift = drift.sd;
 
     const auto set_size = [&] {
         check_labels(rows, report);
@@ -138,7 +138,6 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         trial.method = method;
         trial.about.method = method->method;
     }
-    // Of several methods each says which one it is, and what another has said is not said again.
     const auto refuse = [&](Trial& trial, const Undetermined& error) {
         if (methods.size() == 1) throw error;
         trial.about.refused = error.what();
@@ -149,7 +148,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
             const auto begun = now();
             try {
                 trial.start = start_of(*trial.method, request, report);
-                trial.calibration = fit_rows(*trial.method, trial.start, rows, drift, trial.warnings);
+                trial.calibration = fit_rows(*trial.method, trial.start, rows, drift.sd, trial.warnings);
             } catch (const Undetermined& error) { refuse(trial, error); }
             trial.about.seconds += since(begun);
         }
@@ -174,7 +173,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
             rows,
             [&](const Rows& some) {
                 if (methods.size() > 1 && some.size() == rows.size()) return judge->calibration;
-                return fit_rows(*judge->method, judge->start, some, drift, judge->warnings);
+                return fit_rows(*judge->method, judge->start, some, drift.sd, judge->warnings);
             },
             request.keep_outliers);
         report_suspects(*labelled, judged, report);

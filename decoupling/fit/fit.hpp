@@ -53,15 +53,21 @@ struct MethodReport {
     std::string method;
     std::vector<double> held_out_rms;  // a component, as in ComponentReport
     std::string refused;               // why it could not be fitted, "" = it was
-    double seconds = 0;                // that the fit and its validation took
+    double seconds = 0;                // for the fit and its validation
 };
 
 // A label that the method cannot explain although it explains the rows around it.
 struct Suspect {
     const LabelledRow* row;
-    std::size_t component;   // that disagrees most
+    std::size_t component;   // the one that disagrees most
     double label, expected;  // N or Nm; `expected` is what the channels say without this row
     bool left_out;           // false: it is part of the calibration, since its load cannot be told from a bend
+};
+
+// sd of each channel's zero in use; empty: none.
+struct ZeroDrift {
+    std::vector<double> sd;  // channel_unit
+    bool stated = false;     // by the user; else of the sessions, whose held-out errors have it already
 };
 
 // The zeros of the channels in each session, relative to their mean over the sessions.
@@ -69,7 +75,7 @@ struct SessionZeros {
     std::vector<std::vector<double>> offset;  // [session][channel], channel_unit; empty: not known
     std::vector<double> sd;                   // a channel, over the sessions, without the scatter of the estimate
     bool own = false;                         // each session is read from its own zero, as after a tare
-    double error = 0, error_with_own = 0;     // of an affine map, leaving sessions out, mean over components; of full scale
+    double error = 0, error_with_own = 0;     // 68 % quantiles for an affine map, leaving sessions out; parts of full scale
 };
 
 struct FitReport {
@@ -92,7 +98,7 @@ struct FitReport {
 
 // Fits, names labels that look wrong, and validates by leaving out each session; where there is only one, each pose or each
 // of five stretches of time: rows of one group resemble each other so much that rows drawn at random would praise
-// themselves. Where the rest does not determine the model, one load at a time is left out. Held-out rows go through the
+// themselves. One load at a time is left out where the rest does not determine the model. Held-out rows go through the
 // Decoupler of the loop. Parts are fitted in parallel; the result does not depend on that.
 // setup: throws SetupError where the request is wrong, Undetermined where the data do not determine the model.
 FitReport fit(const Labelled& labelled, const FitRequest& request);

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "decoupling/fit/corrections.hpp"
 #include "decoupling/fit/mlp_network.hpp"
@@ -22,10 +21,11 @@ constexpr std::size_t kRowsPerWeight = 3;
 // A step costs about rows x weights^2 multiplications: 4000 rows with 534 weights (15 channels, 6 components) take 0.3 s.
 constexpr double kMaxMultiplications = 1.15e9;
 constexpr Eigen::Index kMaxRows = 4000, kRowsOfAStart = 1200;
-constexpr int kStarts = 4, kStepsOfAStart = 12, kMaxSteps = 50, kPatience = 8;
-constexpr double kDecays[] = {1e-5, 1e-3};  // of the weights, a row
+constexpr int kStarts = 4, kStepsOfAStart = 15, kMaxSteps = 150, kPatience = 20;
+constexpr double kDecays[] = {1e-5, 1e-3};  // penalty on squared weights, per row
 constexpr Eigen::Index kStretches = 25, kParts = 5;
-constexpr double kWorth = 0.98;  // of the matrix's error on the rows left out: a component that gains less keeps the matrix
+constexpr double kWorth =
+    0.98;  // part of the matrix's error on the rows left out: a component that gains less keeps the matrix
 
 // Every `every`-th of the rows `of`.
 MlpRows some_of(const MlpRows& all, const std::vector<Eigen::Index>& of, std::size_t max) {
@@ -59,7 +59,7 @@ MlpNetwork best_start(const MlpRows& rows, Eigen::Index neurons, std::uint64_t s
 
 struct Trained {
     MlpNetwork network;
-    double decay = 0, error = 0;  // of the rows left out, over that of the matrix; mean of squares over the components
+    double decay = 0, error = 0;  // on the rows left out, over that of the matrix; mean of squares over the components
     int steps = 0;
 };
 
@@ -75,7 +75,7 @@ Trained train(const MlpRows& seen, const MlpRows& unseen, const MlpNetwork& star
     return best;
 }
 
-// As many neurons as the rows determine. setup: throws Undetermined where that are too few
+// The number of neurons that the rows determine. setup: throws Undetermined where it is too small
 Eigen::Index neurons_for(std::size_t independent, std::size_t inputs, std::size_t components) {
     const std::size_t per_neuron = 1 + inputs + components;
     const std::size_t weights = std::min(kMaxWeights, independent / kRowsPerWeight);
@@ -94,7 +94,8 @@ constexpr std::array<Parameter, 1> kBeforehand{kSeed};
 
 void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     const CalibrationData known = known_beforehand(calibration, kBeforehand);
-    const std::optional<double> stated = known.has("seed") ? std::optional(known["seed"]) : std::nullopt;
+    const bool stated = known.has("seed");
+    const double seed = stated ? known["seed"] : 1;
     const Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
     const auto components = Eigen::Index(scaled.component.size());
     std::size_t independent = rows.size();
@@ -102,7 +103,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
         independent = std::min(independent, independent_rows(rows, component_index(name)));
     const Eigen::Index neurons = neurons_for(independent, calibration.channels.size(), std::size_t(components));
 
-    // What the matrix leaves over, in units of its own standard deviation; NaN where there is no label.
+    // The rest that the matrix leaves, in units of its own standard deviation; NaN where there is no label.
     MlpRows all{scaled.u, Eigen::MatrixXd::Constant(scaled.u.rows(), components, kNaN)};
     std::vector<double> unit;
     for (Eigen::Index c = 0; c < components; ++c) {
@@ -124,8 +125,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     }
     const MlpRows seen = some_of(all, seen_rows, max_rows), unseen = some_of(all, unseen_rows, std::size_t(kMaxRows));
     const std::size_t few = std::max(std::size_t(kRowsOfAStart), std::size_t(double(kRowsPerWeight) * weights));
-    const MlpNetwork start = best_start(some_of(all, seen_rows, std::min(few, max_rows)), neurons,
-                                        stated ? std::uint64_t(*stated) : std::uint64_t{1});
+    const MlpNetwork start = best_start(some_of(all, seen_rows, std::min(few, max_rows)), neurons, std::uint64_t(seed));
     Trained best = train(seen, unseen, start, kDecays[0]);
     if (Trained other = train(seen, unseen, start, kDecays[1]); other.error < best.error) best = std::move(other);
     const Eigen::ArrayXd gain = squares_of(&best.network, unseen) / squares_of(nullptr, unseen);
@@ -133,7 +133,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     // The same number of steps on all rows, from the network that was best without the rows left out.
     const MlpRows used = some_of(all, all_rows, max_rows);
     MlpSolver solver(used, best.network, best.decay);
-    for (int step = 0; step < kPatience && solver.step();) ++step;
+    for (int step = 0; step < kStepsOfAStart && solver.step();) ++step;
     MlpNetwork network = solver.network();
     for (Eigen::Index c = 0; c < components; ++c)
         if (!(gain[c] < kWorth * kWorth)) network.output.row(c).setZero();
@@ -149,7 +149,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
         const Eigen::RowVectorXd row = network.output.row(c) * unit[std::size_t(c)];
         layer2.emplace_back(row.data(), row.data() + row.size());
     }
-    if (stated) calibration.parameters = {{"seed", *stated}};
+    if (stated) calibration.parameters = {{"seed", seed}};
 }
 
 const FitEntry entry{

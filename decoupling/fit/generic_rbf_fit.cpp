@@ -57,7 +57,7 @@ Eigen::MatrixXd features_of(const Eigen::MatrixXd& u, const Eigen::MatrixXd& cen
     return features;
 }
 
-// What the matrix leaves over, a column a component, in units of its root mean square; a row without a label counts as
+// The rest that the matrix leaves, a column a component, in units of its root mean square; a row without a label counts as
 // explained: a part of the search, not of the fit.
 Eigen::MatrixXd units_left(const Scaled& scaled) {
     Eigen::MatrixXd y = Eigen::MatrixXd::Zero(scaled.u.rows(), Eigen::Index(scaled.component.size()));

@@ -10,10 +10,10 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kStretches = 5;  // of time, where there are no sessions to leave out
+constexpr std::size_t kStretches = 5;  // stretches of time, where there are no sessions to leave out
 constexpr std::size_t kMaxPoseGroups = 10, kMaxLoadGroups = 100;
 constexpr std::size_t kRowsPerPose = 5;  // on average, from where rows are said to repeat poses
-constexpr double kSameLoad = 0.01;       // of full scale
+constexpr double kSameLoad = 0.01;       // part of full scale
 // Parts of the greatest load; less than that in the rest is extrapolation. A new session may well go further than the
 // others.
 constexpr double kSpanned = 0.3, kSpannedBySessions = 0.1;

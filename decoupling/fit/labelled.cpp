@@ -69,7 +69,7 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
         csv.refuse(fmt::format("{} channels; a sensor has at most 32: choose with --channels", channel.size()));
     if (!selection.sessions.empty() && !session) csv.refuse("has no column \"session\" to choose from");
 
-    std::vector<double> t_s;  // of the rows kept
+    std::vector<double> t_s;  // time of each row kept
     double earliest_s = 0;
     std::vector<std::string> seen_sessions;  // chosen or not, for the error below
     while (csv.next()) {

@@ -16,7 +16,7 @@ constexpr double kHardlyIndependent = 0.05;  // of the labels: correlated to mor
 constexpr double kNotIndependent = 1e-3;     // ... to more than 0.999998: computed from each other
 constexpr double kLargestChannel = 1e100;    // squares of sums of them are numbers; its inverse is the least width
 constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the least full scale
-constexpr double kNoPress = 0.02;            // of the greatest pull
+constexpr double kNoPress = 0.02;            // part of the greatest pull
 
 // Keeps the columns `kept` of every row.
 Labelled with_channels(const Labelled& labelled, const std::vector<std::size_t>& kept) {

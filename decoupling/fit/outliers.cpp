@@ -64,7 +64,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
         std::size_t n = 0;
         for (std::size_t l = 0; l < loads.size(); ++l)
             if (found.suspected[l]) {
-                n += found.beyond[l] ? 0 : 1;
+                n += found.stays[l] ? 0 : 1;
                 suspected.insert(loads[l].rows.begin(), loads[l].rows.end());
             }
         judged.too_many = n > max_left_out;
@@ -72,7 +72,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     }
     std::set<const LabelledRow*> out;
     for (std::size_t l = 0; l < loads.size(); ++l)
-        if (found.suspected[l] && !found.beyond[l] && !keep && !judged.too_many)
+        if (found.suspected[l] && !found.stays[l] && !keep && !judged.too_many)
             out.insert(loads[l].rows.begin(), loads[l].rows.end());
     if (out != fitted_without) judged.calibration = refit(without(out));
     judged.bent = found.bent;

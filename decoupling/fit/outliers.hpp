@@ -17,8 +17,8 @@ struct LabelsJudged {
 // Fits `rows` and names the labels that disagree with the fit. Rows of one load are judged together. A load is suspected
 // where its error is far beyond the tail of all errors, after errors that change slowly (hysteresis, drift) have been taken
 // off where the errors are of that kind, and where the loads nearest to it in the channels do not share its error: theirs
-// would be a bend of the sensor. It is left out unless its estimate lies beyond the labels of the loads that agree: a bend
-// at the end of the range looks the same.
+// would be a bend of the sensor. It is left out unless its error stands out by little, or its load is at the end of the
+// range, where a bend looks the same.
 // `refit` fits rows. setup: throws what `refit` throws
 using Refit = std::function<Calibration(const Rows&)>;
 LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep);

@@ -204,15 +204,15 @@ void take_zeros_off(const SessionZeros& zeros, Labelled& labelled) {
     }
 }
 
-std::vector<double> zero_drift_of(const FitRequest& request, const Rows& rows, const SessionZeros& zeros) {
-    if (!request.zero_drift) return zeros.own ? std::vector<double>{} : zeros.sd;
+ZeroDrift zero_drift_of(const FitRequest& request, const Rows& rows, const SessionZeros& zeros) {
+    if (!request.zero_drift) return {.sd = zeros.own ? std::vector<double>{} : zeros.sd, .stated = false};
     Calibration domain;
     domain.channels.resize(rows.front()->channel.size());
     set_domain(rows, domain);
     std::vector<double> drift;
     for (std::size_t k = 0; k < domain.channels.size(); ++k)
         drift.push_back(*request.zero_drift * (domain.channel_most[k] - domain.channel_least[k]));
-    return *request.zero_drift > 0 ? drift : std::vector<double>{};
+    return {.sd = *request.zero_drift > 0 ? drift : std::vector<double>{}, .stated = true};
 }
 
 void say_zeros(const Labelled& labelled, const SessionZeros& zeros, const Calibration& calibration,

@@ -17,7 +17,7 @@ SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitReques
 void take_zeros_off(const SessionZeros& zeros, Labelled& labelled);
 
 // sd of each channel's zero that the fits have to allow for: the stated one, else that of the sessions; empty: none.
-std::vector<double> zero_drift_of(const FitRequest& request, const Rows& rows, const SessionZeros& zeros);
+ZeroDrift zero_drift_of(const FitRequest& request, const Rows& rows, const SessionZeros& zeros);
 
 // Says how far the zeros scatter, and what follows. `domain`: of the readings as they are.
 void say_zeros(const Labelled& labelled, const SessionZeros& zeros, const Calibration& domain,

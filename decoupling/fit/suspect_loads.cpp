@@ -12,11 +12,10 @@ namespace tactiled {
 namespace {
 
 constexpr double kOfFullScale = 0.01;  // a label that is off by less is no mistake that matters
-// A load is suspected beyond the median size of the errors times (their 90 % quantile over their median)^kTail. With 2.3
-// that are 5.2 standard deviations of normal errors, and 10 of errors with the tails of Student's distribution of three
-// degrees; with 1.9 3.7 and 6.5, which good loads exceed in 0.02 and 0.75 % of the cases: too often where there are few.
-constexpr double kTailOfFew = 2.3, kTail = 2.1;
-constexpr std::size_t kFewLoads = 1000;
+// A load is suspected beyond the median size of the errors times (their 90 % quantile over their median)^kTail: 5.2 standard
+// deviations of normal errors, 10 of errors with the tails of Student's distribution of three degrees. It is left out
+// beyond kSurely times that: a row too many that stays does less harm than a good one that is lost.
+constexpr double kTail = 2.3, kSurely = 1.5;
 constexpr double kLeast = 2.2;  // times the median, where the tail is short
 constexpr double kInner = 0.9;  // of the loads, that say in which directions errors are large
 constexpr Eigen::Index kLoadsPerAxis = 20;
@@ -100,9 +99,9 @@ std::vector<std::vector<double>> scaled_errors(const std::vector<Load>& loads, c
 bool at_the_end(double label, double estimate, double min, double max, double full_scale) {
     if (!std::isfinite(label) || !std::isfinite(estimate)) return false;
     const double beyond = std::max(estimate - max, min - estimate);
-    const bool label_within = label <= max && label >= min;
-    // A step beyond the range cannot bend by more than a few times itself.
-    if (beyond > kBeyond * full_scale && !(label_within && std::abs(label - estimate) > kBends * beyond)) return true;
+    const bool label_too = estimate > max ? label > max : label < min;
+    // A step beyond the range cannot bend by more than a few times itself, back into the range.
+    if (beyond > kBeyond * full_scale && (label_too || std::abs(label - estimate) <= kBends * beyond)) return true;
     // A saturated sensor reads the end of the range.
     return (label > max && max > 0 && estimate >= kNearEnd * max) || (label < min && min < 0 && estimate <= kNearEnd * min);
 }
@@ -134,8 +133,7 @@ std::vector<double> lengths_of(const std::vector<std::vector<double>>& z) {
 double limit_of(const std::vector<double>& sizes) {
     const double half = quantile(sizes, 0.5), most = quantile(sizes, 0.9);
     if (!(half > 0)) return std::max(kLeast, most);
-    const double tail = sizes.size() < kFewLoads ? kTailOfFew : kTail;
-    return std::max(half * std::pow(most / half, tail), half * kLeast);
+    return half * std::max(kLeast, std::pow(most / half, kTail));
 }
 
 // The median error of the loads that are nearest in the channels, without `suspected` ones and those of its own label.
@@ -227,7 +225,7 @@ void estimate_loads(const Calibration& calibration, std::vector<Load>& loads) {
 
 Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>& components, const Wrench& full_scale) {
     Found found{.suspected = std::vector<bool>(loads.size()),
-                .beyond = std::vector<bool>(loads.size()),
+                .stays = std::vector<bool>(loads.size()),
                 .component = std::vector<std::size_t>(loads.size(), components.front())};
     bool slow = false;
     const auto z = scaled_errors(loads, components, full_scale, slow);
@@ -245,6 +243,7 @@ Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>
         for (const std::size_t c : components)
             matters = matters || std::abs(loads[l].error[c]) > kOfFullScale * full_scale[c];
         found.suspected[l] = matters && (greatest[l] > of_greatest || together[l] > of_all);
+        found.stays[l] = std::max(greatest[l] / of_greatest, together[l] / of_all) < kSurely;
     }
     // Some of them are where the sensor bends: the loads around share the error.
     const std::vector<bool> first = found.suspected;
@@ -280,7 +279,7 @@ Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>
         for (const std::size_t c : components)
             if (found.suspected[l] && std::abs(loads[l].error[c]) > kOfFullScale * full_scale[c] &&
                 at_the_end(loads[l].label[c], loads[l].estimate[c], min[c], max[c], full_scale[c]))
-                found.beyond[l] = true;
+                found.stays[l] = true;
     return found;
 }
 

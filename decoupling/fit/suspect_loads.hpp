@@ -21,8 +21,8 @@ void estimate_loads(const Calibration& calibration, std::vector<Load>& loads);
 
 // Of each load.
 struct Found {
-    std::vector<bool> suspected;         // its error stands out, and the loads around do not share it
-    std::vector<bool> beyond;            // its estimate lies beyond the labels of the loads that agree
+    std::vector<bool> suspected;  // its error stands out, and the loads around do not share it
+    std::vector<bool> stays;      // not left out: its error stands out by little, or its load is at the end of the range
     std::vector<std::size_t> component;  // that disagrees most
     std::size_t bent = 0;                // loads whose error stands out but is that of the loads around
 };

@@ -38,8 +38,7 @@ Calibration fit_rows(const FitEntry& method, const Calibration& start, const Row
     return calibration;
 }
 
-void validate(const Labelled& labelled, const Rows& rows, const std::vector<double>& drift, const FitReport& report,
-              Trial& trial) {
+void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift, const FitReport& report, Trial& trial) {
     const FitEntry& method = *trial.method;
     Calibration& calibration = trial.calibration;
     if (calibration.condition > kIllConditioned)

@@ -25,7 +25,6 @@ Calibration fit_rows(const FitEntry& method, const Calibration& start, const Row
 
 // Validation, uncertainty and held-out error of the trial's calibration. setup: throws Undetermined where the method does
 // not gain what it must
-void validate(const Labelled& labelled, const Rows& rows, const std::vector<double>& drift, const FitReport& report,
-              Trial& trial);
+void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift, const FitReport& report, Trial& trial);
 
 }  // namespace tactiled

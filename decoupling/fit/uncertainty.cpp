@@ -1,6 +1,7 @@
 // The standard deviation that a calibration states, from the errors on rows that it had not seen.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <utility>
 #include <vector>
@@ -39,19 +40,6 @@ double scale_for(const std::vector<Error>& errors, double slope, const Tail& tai
     const auto at = std::min(ratio.size() - 1, std::size_t(std::ceil(tail.share * double(ratio.size()))));
     std::nth_element(ratio.begin(), ratio.begin() + std::ptrdiff_t(at), ratio.end());
     return ratio[at] / tail.sds;
-}
-
-// Misfit of a slope to the errors: they should be within one standard deviation as often where the load is small as
-// where it is great. Sum over four equal parts, by load, of the squared difference from kWithinOne.
-double unevenness(const std::vector<Error>& by_load, double slope, double scale) {
-    double sum = 0;
-    for (std::size_t part = 0; part < 4; ++part) {
-        const std::size_t first = part * by_load.size() / 4, last = (part + 1) * by_load.size() / 4;
-        double within = 0;
-        for (std::size_t i = first; i < last; ++i) within += by_load[i].size <= scale * shape(by_load[i], slope) ? 1 : 0;
-        sum += std::pow(within / double(last - first) - kWithinOne, 2);
-    }
-    return sum;
 }
 
 // Root mean square of the errors of the group in which it is greatest, in units of their shape.
@@ -100,17 +88,19 @@ void set_uncertainty(const Validation& validation, Calibration& calibration) {
             calibration.sd_slope.clear();
             return;
         }
-        std::sort(errors.begin(), errors.end(), [](const Error& a, const Error& b) { return a.share < b.share; });
-        double slope = 0, min = unevenness(errors, 0, scale_for(errors, 0, kTails[0]));
+        // The slope with the smallest deviations, in the geometric mean over the rows, that hold.
+        double slope = 0, scale = 0, min = std::numeric_limits<double>::infinity();
         for (const double other : kSlopes) {
-            const double uneven = unevenness(errors, other, scale_for(errors, other, kTails[0]));
-            if (uneven >= min) continue;
-            min = uneven;
-            slope = other;
+            double needed = validation.by_sessions ? worst_group(errors, other) : 0, log_shape = 0;
+            for (const Tail& tail : kTails)
+                if (errors.size() >= tail.errors) needed = std::max(needed, scale_for(errors, other, tail));
+            for (const Error& error : errors) log_shape += std::log(shape(error, other)) / double(errors.size());
+            if (const double mean = needed * std::exp(log_shape); mean < min) {
+                min = mean;
+                slope = other;
+                scale = needed;
+            }
         }
-        double scale = validation.by_sessions ? worst_group(errors, slope) : 0;
-        for (const Tail& tail : kTails)
-            if (errors.size() >= tail.errors) scale = std::max(scale, scale_for(errors, slope, tail));
         scale *= student(freedom_of(validation, c, calibration));
         calibration.sd.push_back(scale);
         calibration.sd_slope.push_back(scale * slope / full_scale);

@@ -94,7 +94,7 @@ struct Part {
 };
 
 Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& groups, std::size_t group,
-                    const FitEntry& method, const Calibration& whole, const std::vector<double>& drift) {
+                    const FitEntry& method, const Calibration& whole, const ZeroDrift& drift) {
     Part part;
     Rows seen, unseen;
     for (std::size_t i = 0; i < rows.size(); ++i) (groups.of_row[i] == group ? unseen : seen).push_back(rows[i]);
@@ -108,10 +108,10 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
     std::vector<std::string> of_this_part;  // said about a part only: not worth repeating
     try {
         set_domain(seen, calibration);
-        fit_with_drift(method, seen, drift, calibration, of_this_part);
+        fit_with_drift(method, seen, drift.sd, calibration, of_this_part);
         part.rows = method.remembers ? estimates(calibration, unseen, labelled.rows) : estimates(calibration, unseen);
-        if (!drift.empty() && !method.remembers)
-            part.drifted = estimates_with_random_zeros(calibration, unseen, drift, group);
+        if (drift.stated && !drift.sd.empty() && !method.remembers)
+            part.drifted = estimates_with_random_zeros(calibration, unseen, drift.sd, group);
         if (!method.adds_to.empty()) {
             calibration.method = method.adds_to;
             part.of_part = estimates(calibration, unseen);
@@ -122,7 +122,7 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
 
 // All of them, on all processors.
 std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, const Groups& groups, const FitEntry& method,
-                                  const Calibration& whole, const std::vector<double>& drift) {
+                                  const Calibration& whole, const ZeroDrift& drift) {
     std::vector<Part> parts(groups.names.size());
     std::atomic<std::size_t> next{0};
     std::exception_ptr failed;
@@ -179,7 +179,7 @@ void fit_with_drift(const FitEntry& method, const Rows& rows, const std::vector<
 }
 
 Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& whole,
-                    const std::vector<double>& drift, std::vector<std::string>& warnings) {
+                    const ZeroDrift& drift, std::vector<std::string>& warnings) {
     std::string in_vain;
     for (const Groups& groups : ways_to_hold_out(labelled, rows, method.remembers)) {
         const std::vector<Part> parts = hold_out_groups(labelled, rows, groups, method, whole, drift);

@@ -27,7 +27,7 @@ struct Validation {
     std::vector<HeldOut> rows;       // each once
     std::vector<std::size_t> group;  // of each of `rows`
     bool by_sessions = false;        // a group is a session
-    // The same rows with random zeros of the drift: what the stated standard deviation has to hold for. Empty without drift.
+    // The same rows with random zeros, where the user states a drift: the standard deviation holds for these.
     std::vector<HeldOut> drifted;
     Wrench rms = kUnseen;
     Wrench rms_of_part = kUnseen;  // of the method that this one adds to, fitted to the same parts
@@ -36,7 +36,7 @@ struct Validation {
 // the model. A method that remembers reads the whole recording in order, each session from its start, as its loop does: to
 // what is held out it comes with the past that it would have had, of which it has seen no label.
 Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& calibration,
-                    const std::vector<double>& drift, std::vector<std::string>& warnings);
+                    const ZeroDrift& drift, std::vector<std::string>& warnings);
 
 // sd and sd_slope of each component from its held-out errors: the greatest of their 68.27 % quantile, their 95 % quantile
 // over 1.96 and, from 200 rows on, their 99 % quantile over 2.58; at least the root mean square of the worst session; times

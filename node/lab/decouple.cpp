@@ -59,7 +59,7 @@ int decouple(const Settings& settings) {
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
     ForcesWriter forces(settings.out);
     std::vector<double> channel(columns.size());
-    std::optional<double> origin_s;  // of the times that models see, which are not negative: they take differences only
+    std::optional<double> origin_s;  // subtracted from the times that models see, which are not negative
     while (csv.next()) {
         const double t_s = csv.number(*time);
         if (std::isnan(t_s)) csv.refuse("column t_s is empty; when was this row read?");

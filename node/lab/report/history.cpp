@@ -1,5 +1,5 @@
-// What the errors of a report depend on: time, the direction of the load, the distance of the channels from their mean; how
-// often they are within the stated sd; and the zeros of the sessions.
+// Errors of a report against time, the direction of the load, the distance of the channels from their mean;
+// coverage of the stated sd; zeros of the sessions.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kChanges = 1e-3;  // of full scale, from row to row: less is neither loading nor unloading
+constexpr double kChanges = 1e-3;  // change from row to row, part of full scale: less is neither loading nor unloading
 
 // Held-out rows of a component that have an error, in the order of time.
 struct Row {
@@ -74,7 +74,7 @@ std::string html_history_plots(const FitReport& report, std::size_t i) {
     const ComponentReport& component = report.components[i];
     const std::vector<Row> rows = rows_of(report, component_index(component.name));
     if (rows.empty()) return "";
-    std::map<std::size_t, std::uint64_t> begun;  // of each session
+    std::map<std::size_t, std::uint64_t> begun;  // time of a session's first row
     bool timed = true;
     for (const Row& row : rows) {
         begun.emplace(row.row->session, row.row->t_ns);

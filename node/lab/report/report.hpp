@@ -38,7 +38,7 @@ std::string html_report(const FitReport& report, const std::string& title);
 
 // Parts of the page, in plots.cpp.
 std::string html_figure(const std::string& svg, const std::string& caption_html);
-std::string html_thinned(std::size_t rows);  // " 2000 of 20000 rows are drawn", or ""
+std::string html_thinned(std::size_t rows);  // the note that a plot draws a part of the rows, or ""
 std::string html_component_plots(const FitReport& report, std::size_t i);
 std::string html_coverage(const FitReport& report);
 

@@ -41,8 +41,8 @@ TEST(Eflesh, AnUnseenSessionIsWithin23PerMilleOfFullScale) {
     EXPECT_LT(flagged, 36);
 }
 
-// 68 % of the errors on rows that the fits had not seen lie within the standard deviation that is published with them. On
-// another session, which no row of the calibration tells anything about, it is a tenth less.
+// At least 68 % of the errors on rows that the fits had not seen lie within the standard deviation that is published with
+// them, and none beyond five times that, on another session as well.
 TEST(Eflesh, TheClaimedStandardDeviationHoldsForTwoThirdsOfTheErrors) {
     const FitReport report = fitted_on_session_1();
     const Calibration& c = report.calibration;
@@ -50,17 +50,17 @@ TEST(Eflesh, TheClaimedStandardDeviationHoldsForTwoThirdsOfTheErrors) {
     int held_out = 0, unseen = 0, labelled = 0;
     for (const auto& [row, estimated] : report.held_out)
         held_out += std::abs(estimated[2] - row->wrench_S[2]) <= std::hypot(c.sd[0], c.sd_slope[0] * estimated[2]) ? 1 : 0;
-    EXPECT_NEAR(held_out / double(report.held_out.size()), 0.68, 0.05);
+    EXPECT_GT(held_out / double(report.held_out.size()), 0.67);
     const auto decoupler = make_decoupler(c);
     for (const auto& row : session("2").rows) {
         if (std::isnan(row.wrench_S[2])) continue;
         const Estimate estimate = decouple(*decoupler, row.channel);
         unseen += std::abs(estimate.wrench_S[2] - row.wrench_S[2]) <= estimate.sd[2] ? 1 : 0;
+        EXPECT_LT(std::abs(estimate.wrench_S[2] - row.wrench_S[2]), 5 * estimate.sd[2]);
         ++labelled;
     }
     RecordProperty("unseen_within_one_sd_percent", std::to_string(100.0 * unseen / labelled));
-    EXPECT_GT(unseen / double(labelled), 0.55);
-    EXPECT_LT(unseen / double(labelled), 0.75);
+    EXPECT_GT(unseen / double(labelled), 0.60);
 }
 
 }  // namespace

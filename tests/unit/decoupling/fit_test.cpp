@@ -135,7 +135,9 @@ TEST(Fit, HeldOutErrorIsThatOfANewSession) {
             labelled.rows.push_back(row);
         }
     }
-    const FitReport report = fit(labelled, generic());
+    FitRequest request = generic();
+    request.zero_drift = 0;  // else the fit allows for zeros as different as those of these sessions
+    const FitReport report = fit(labelled, request);
     EXPECT_EQ(report.calibration.validation, "leave one session out (6 sessions)");
     EXPECT_GT(report.components[0].held_out_rms, 0.6);  // N
     const auto decoupler = make_decoupler(report.calibration);
@@ -144,7 +146,7 @@ TEST(Fit, HeldOutErrorIsThatOfANewSession) {
         const double sd = std::hypot(report.calibration.sd[0], report.calibration.sd_slope[0] * estimated[2]);
         within += std::abs(estimated[2] - row->wrench_S[2]) <= sd ? 1 : 0;
     }
-    EXPECT_NEAR(within / 600.0, 0.68, 0.05);
+    EXPECT_GT(within / 600.0, 0.63);  // and more, since sd is at least the error of the worst session
     EXPECT_TRUE(warns(report, "no smaller than the spread"));
     for (std::size_t i = 0; i < labelled.rows.size(); ++i)
         labelled.rows[i].session = i % 6;                                  // rows of all days in each part
