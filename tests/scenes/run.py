@@ -25,6 +25,7 @@ sys.dont_write_bytecode = True
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
 from judge import AXES, NOT_JUDGED, Series, judge  # noqa: E402
+from offline import TARE_S  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "node/python"))
 import tactiled  # noqa: E402
@@ -262,8 +263,8 @@ def row_of_follow(scene, name, expect, follow, truth):
     """The samples that the daemon published."""
     every = scene.sensors[name][1].get("every", 1)
     begin_s, end_s = span_s(expect)
-    if expect.get("tare", True):  # what was read before counts for nothing
-        begin_s = max(begin_s, follow.tared_at * every / scene.rate_Hz)
+    if expect.get("tare", True):  # what was read before counts for nothing; the limits are those of as long a rest
+        begin_s = max(begin_s, follow.tared_at * every / scene.rate_Hz, TARE_S[1])
     read, reasons = [], set()
     for sample in follow.samples:
         t_s = sample.device_sequence * every / scene.rate_Hz

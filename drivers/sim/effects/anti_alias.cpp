@@ -49,8 +49,9 @@ public:
         if (motion_ != nullptr) {
             for (std::size_t n = 0; n < block.n; ++n) pass_between(block, n);
         } else {
-            for (std::size_t k = 0; k < sensor_.n(); ++k)
-                for (std::size_t n = 0; n < block.n; ++n) {
+            const std::size_t channels = sensor_.n();
+            for (std::size_t n = 0; n < block.n; ++n)  // channels within a sample: none waits for another
+                for (std::size_t k = 0; k < channels; ++k) {
                     double& value = block.channel[k][n];
                     const double rise = value - last_[k];
                     last_[k] = value;
