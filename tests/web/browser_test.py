@@ -225,6 +225,7 @@ stale_ms = 100
     def test_light_dark_and_phone(self):
         folder = ROOT / "node/web" if os.environ.get("PICTURES") else pathlib.Path(tempfile.mkdtemp())
         import signal
+        wait_for(lambda: "SIMULATED" in self.text("#flags"), 5, "the mark of simulated data")
         time.sleep(40)
         self.players[0].send_signal(signal.SIGSTOP)
         time.sleep(0.6)
