@@ -206,9 +206,9 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.footer(
         "Examples:\n"
-        "  tactiled-web                                   then open http://localhost:8080/\n"
-        "  curl http://localhost:8080/metrics             for Prometheus; /api/status is JSON\n"
-        "  openssl rand -hex 16 > token; tactiled-web --token-file token\n"
-        "  ssh -L 8080:localhost:8080 GRIPPER             the page of another machine, encrypted");
+        "  tactiled-web                        then open http://localhost:8080/\n"
+        "  curl localhost:8080/metrics         for Prometheus; /api/status is JSON\n"
+        "  tactiled-web --token-file token     commands, after: openssl rand -hex 16 > token\n"
+        "  ssh -L 8080:localhost:8080 GRIPPER  the page of another machine, encrypted");
     return ctl::run_program(app, argc, argv, [&] { return web::serve(args); });
 }

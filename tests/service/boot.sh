@@ -18,7 +18,7 @@ exec unshare --pid --mount --net --uts --ipc --cgroup --fork --kill-child --prop
     set -e; tree=$1; shift
     mount --bind "$tree" "$tree"; cd "$tree"
     mount -t proc proc proc; mount -t sysfs -o ro sysfs sys
-    for folder in run tmp; do mount -t tmpfs tmpfs $folder; done
+    mount -t tmpfs -o mode=755 tmpfs run; mount -t tmpfs tmpfs tmp
     if [ $# = 0 ]; then
         mount -t cgroup2 cgroup2 sys/fs/cgroup
     else

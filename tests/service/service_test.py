@@ -192,7 +192,7 @@ class Service(unittest.TestCase):
 
     def ask_page(self, request):
         """The answer of tactiled-web, asked from within the machine by bash alone."""
-        return self.machine.run("bash", "-c", f"exec 3<>/dev/tcp/127.0.0.1/8080; printf '{request}\\r\\nHost: localhost\\r\\nConnection: close\\r\\n\\r\\n' >&3; cat <&3")
+        return self.machine.run("bash", "-c", f"exec 3<>/dev/tcp/127.0.0.1/8080; printf '{request}\\r\\nHost: localhost\\r\\nConnection: close\\r\\n\\r\\n' >&3; cat <&3", status=None)
 
     def test_the_page_runs_beside_it_as_a_user_of_its_own_and_may_not_command(self):
         self.assertEqual(self.machine.run("systemctl", "is-active", "tactiled-web", status=3).strip(), "inactive")  # until somebody wants it
@@ -200,7 +200,7 @@ class Service(unittest.TestCase):
         self.addCleanup(self.machine.run, "systemctl", "stop", "tactiled-web")
         until = time.monotonic() + 10
         while '"alive": true' not in (answer := self.ask_page("GET /api/status HTTP/1.1")):
-            self.assertLess(time.monotonic(), until, answer)
+            self.assertLess(time.monotonic(), until, answer + self.machine.run("journalctl", "-u", "tactiled-web", "-n", "20", "--no-pager"))
             time.sleep(0.1)
         self.assertIn('"quality": "good', answer)
         uid = int(self.machine.run("bash", "-c", "stat -c %u /proc/$(systemctl show -P MainPID tactiled-web)"))

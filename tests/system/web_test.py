@@ -293,7 +293,8 @@ class Hostile(Base):
         worst, asked = self.watch(3)
         self.assertLess(worst, 1)
         self.assertLess(asked, 1)
-        wait_for(lambda: closed(crowd[0]), 15, "a silent connection to be closed")
+        # More than half of the places are taken: sooner than the 10 s after which a silent connection is closed in any case.
+        wait_for(lambda: all(closed(s) for s in crowd[::100]), 5, "connections without a request to be closed")
 
     def test_a_thousand_whole_requests_at_once_delay_nobody(self):
         crowd = [self.connect() for _ in range(1000)]

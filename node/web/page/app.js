@@ -215,10 +215,14 @@ function show() {
 }
 
 function showSummary(f) {
-  if (!f) return put(byId("summary"), `version ${hello.version || "–"}`);
+  if (!f) {
+    put(byId("flags"), "");
+    return put(byId("summary"), `version ${hello.version || "–"}`);
+  }
   const faults = hello.faults.filter((_, bit) => f.fault >> bit & 1), warnings = hello.warnings.filter((_, bit) => f.warning >> bit & 1);
-  put(byId("summary"), [`version ${hello.version}`, `pid ${hello.pid}`, `heartbeat ${f.heartbeat}`, `worst cycle ${f.worst_cycle_us} µs`, `missed ${f.missed_cycles}`,
-    f.status & 1 << 9 ? "SIMULATED" : "", f.status & 1 << 16 ? "RT DEGRADED" : "", faults.length ? `FAULT ${faults.join(", ")}` : "", warnings.length ? `warning ${warnings.join(", ")}` : ""].filter(Boolean).join(" · "));
+  put(byId("flags"), [f.status & 1 << 9 ? "▲ SIMULATED" : "", f.status & 1 << 16 ? "▲ RT DEGRADED" : "", faults.length ? `✖ FAULT ${faults.join(", ")}` : "",
+    warnings.length ? `▲ warning: ${warnings.join(", ")}` : ""].filter(Boolean).join(" · "));
+  put(byId("summary"), [`version ${hello.version}`, `pid ${hello.pid}`, `heartbeat ${f.heartbeat}`, `worst cycle ${f.worst_cycle_us} µs`, `missed ${f.missed_cycles}`].join(" · "));
 }
 
 function showGrasp(g) {
