@@ -39,7 +39,7 @@ enum Grasp : std::uint16_t {  // offsets in 40
 enum Commands : std::uint16_t {  // offsets in 50
     kCmdRepeats = 0, kDirectCmd = 1, kDirectState = 2, kDirectResult = 3, kDirectCount = 4
 };
-enum Doubts : std::uint16_t {  // offsets in 60
+enum Doubts : std::uint16_t {  // offsets in 80
     kDoubtsSeq = 0, kWeightWhy = 1, kWeightJaws = 2, kDoubtsSeqEnd = 7
 };
 enum PerSensor : std::uint16_t {
@@ -70,7 +70,7 @@ enum CommandCode : std::uint16_t {
 inline constexpr std::uint16_t kGlobalAt = 0, kGlobalSize = 32;
 inline constexpr std::uint16_t kGraspAt = 40, kGraspSize = 8;
 inline constexpr std::uint16_t kCommandsAt = 50, kCommandsSize = 8;
-inline constexpr std::uint16_t kDoubtsAt = 60, kDoubtsSize = 8;
+inline constexpr std::uint16_t kDoubtsAt = 80, kDoubtsSize = 8;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;
 inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first

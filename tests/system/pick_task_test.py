@@ -37,7 +37,7 @@ WITHIN = 0.03  # of the weight: the estimator's aim is 3 %
 MAP_VER, SEQ, HEARTBEAT, STATUS, SLIP_LATCH, GRIP_STATE, WEIGHT_STATE, WEIGHT, WEIGHT_SD, SLIP_COUNT, SEQ_END = \
     2, 4, 5, 7, 13, 17, 19, 20, 22, 24, 31
 OBJECT_ID, OBJECT_PROB, GRASPS = 41, 42, 45
-DOUBTS, WEIGHT_WHY, WEIGHT_JAWS = 60, 1, 2                 # the block, and offsets in it
+DOUBTS, WEIGHT_WHY, WEIGHT_JAWS = 80, 1, 2                 # the block, and offsets in it
 MOVES = 1 << 5                                             # WEIGHT_WHY: no damage
 DAMAGES = {"shear dead": {"fx": 0, "fy": 0, "fz": 1}, "half gain": {"fx": 0.5, "fy": 0.5, "fz": 0.5},
            "axis reversed": {"fx": -1, "fy": -1, "fz": 1}}

@@ -90,7 +90,7 @@ TEST(GraspEvidence, AGainThatCreepsWhileHeldEndsTheStableWeight) {
         for (double& f : s.force_S_N) f *= j == 1 ? 1 + 0.012 * (hand.t_s() - begins_s) : 1;
     };
     hand.each = [](const tactiled_grasp& g) {
-        if (g.weight_state == TACTILED_WEIGHT_STABLE) ASSERT_LT(std::abs(g.weight_kg - kMass_kg), 4 * g.weight_sd_kg);
+        if (g.weight_state == TACTILED_WEIGHT_STABLE) { ASSERT_LT(std::abs(g.weight_kg - kMass_kg), 4 * g.weight_sd_kg); }
     };
     hand.stay(30);
     EXPECT_NE(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
@@ -106,7 +106,9 @@ TEST(GraspEvidence, AZeroThatDriftsWhileHeldEndsTheStableWeight) {
             if (both || j == 0) s.force_S_N[1] -= 0.01 * (hand.t_s() - begins_s);
         };
         hand.each = [](const tactiled_grasp& g) {
-            if (g.weight_state == TACTILED_WEIGHT_STABLE) ASSERT_LT(std::abs(g.weight_kg - kMass_kg), 4 * g.weight_sd_kg);
+            if (g.weight_state == TACTILED_WEIGHT_STABLE) {
+                ASSERT_LT(std::abs(g.weight_kg - kMass_kg), 4 * g.weight_sd_kg);
+            }
         };
         hand.stay(30);
         EXPECT_NE(hand.now().weight_state, TACTILED_WEIGHT_STABLE) << both;
@@ -119,7 +121,7 @@ TEST(GraspEvidence, ASwingIsNoWeightAtItsCrest) {
         hand.close().lift(kMass_kg).stay(1);
         ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
         hand.each = [](const tactiled_grasp& g) {
-            if (g.weight_state == TACTILED_WEIGHT_STABLE) ASSERT_NEAR(g.weight_kg, kMass_kg, 4 * g.weight_sd_kg);
+            if (g.weight_state == TACTILED_WEIGHT_STABLE) { ASSERT_NEAR(g.weight_kg, kMass_kg, 4 * g.weight_sd_kg); }
         };
         for (int i = 0; i < 10'000; ++i) {
             const double a_m_s2 = 3 * std::sin(2 * M_PI * frequency_Hz * i * 1e-3);
@@ -144,7 +146,7 @@ TEST(GraspEvidence, AJawThatIsLateDelaysTheWeight) {
     };
     hand.close();
     hand.each = [](const tactiled_grasp& g) {
-        if (g.weight_state == TACTILED_WEIGHT_STABLE) ASSERT_NEAR(g.weight_kg, kMass_kg, 4 * g.weight_sd_kg);
+        if (g.weight_state == TACTILED_WEIGHT_STABLE) { ASSERT_NEAR(g.weight_kg, kMass_kg, 4 * g.weight_sd_kg); }
     };
     const double weight_N = kMass_kg * kG / 2;
     hand.go(0.05, 2, 1.2 * weight_N).stay(0.1).go(0.02, 2, weight_N).stay(2);
