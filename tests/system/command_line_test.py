@@ -156,10 +156,10 @@ class Faults(unittest.TestCase):
 
     def test_a_missing_control_socket_is_named_by_status_and_doctor(self):
         with unit_daemon() as d:
-            d.config.write_text(re.sub('control = ".*"', f'control = "{d.folder}/nowhere/control.sock"', d.config.read_text()))
+            d.config.write_text(re.sub('control = ".*"', 'control = "/proc/nowhere/control.sock"', d.config.read_text()))
             d.start()
             wait_for(quality_is(d, "good"), 5, "a good sample")
-            self.assertIn(f"there is no control socket {d.folder}/nowhere/control.sock", d.ctl("status").stdout)
+            self.assertIn("there is no control socket /proc/nowhere/control.sock", d.ctl("status").stdout)
             found = json.loads(ctl("doctor", "--json", "--config", d.config).stdout)["findings"]
             self.assertEqual([f["verdict"] for f in found if f["check"] == "control"], ["wrong"])
 
