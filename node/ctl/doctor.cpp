@@ -88,7 +88,7 @@ Findings examine(const Args& args) {
     look_at_safety(node, found);
     look_at_readers(machine, config, found);
     look_at_port(machine, config.modbus, !pid.empty(), found);
-    look_at_daemon(config.node.name, found);
+    if (machine.is_this_one()) look_at_daemon(config.node.name, found);
     return found;
 }
 

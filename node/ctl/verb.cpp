@@ -152,7 +152,8 @@ namespace {
 // Text of the error where the first word is no verb of `app`, or no second word is one of a verb that has some; else "".
 std::string why_no_verb(const CLI::App& app, char** words) {
     std::vector<std::string> known;
-    for (const CLI::App* verb : app.get_subcommands({})) known.push_back(verb->get_name());
+    for (const CLI::App* verb : app.get_subcommands({}))
+        if (!verb->get_name().empty()) known.push_back(verb->get_name());  // a group of options has none
     if (known.empty()) return "";
     const std::string word = words != nullptr && *words != nullptr ? *words : "";
     if (word.starts_with('-')) return "";

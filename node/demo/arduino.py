@@ -5,11 +5,13 @@
     arduino.py load fx_N=0,fy_N=0,fz_N=-5   puts this load on the sensor of a running one
     arduino.py mount                        takes the sensor off and mounts it again: gains and zeros change by about 1 %
 """
+import fcntl
 import os
 import pathlib
 import random
 import signal
 import sys
+import termios
 import time
 import tty
 
@@ -63,6 +65,7 @@ def run(port):
                 gain = mounted.gauss(1, 0.005)
                 channels.append(zero + mounted.gauss(0, 0.5) + gain * sum(g * f for g, f in zip(gains, load)) + noise.gauss(0, NOISE))
             text = f"{number},{int((time.monotonic() - began) * 1e6)}," + ",".join(f"{c:.2f}" for c in channels)
+            fcntl.ioctl(slave, termios.TIOCNXCL)  # a real port forgets with its last close that it was opened exclusively
             try:
                 os.write(master, f"{text}*{crc16(text.encode()):04X}\r\n".encode())
             except BlockingIOError:

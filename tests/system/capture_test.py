@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """From an unknown port to newtons: identify, capture, calibrate and the daemon, on a device of a known matrix behind a pty."""
+import fcntl
 import json
 import os
 import pathlib
@@ -9,6 +10,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+import termios
 import threading
 import time
 import tty
@@ -55,6 +57,7 @@ class Device:
         began, n = time.monotonic(), 0
         while self.running:
             time.sleep(max(0, began + n / self.rate - time.monotonic()))
+            fcntl.ioctl(self.slave, termios.TIOCNXCL)  # a real port forgets it with its last close
             try:
                 os.write(self.master, (self.line(n, int((time.monotonic() - began) * 1e6)) + "\r\n").encode())
             except BlockingIOError:

@@ -156,10 +156,10 @@ class Faults(unittest.TestCase):
 
     def test_a_missing_control_socket_is_named_by_status_and_doctor(self):
         with unit_daemon() as d:
-            d.config.write_text(re.sub('control = ".*"', f'control = "{d.folder}/nowhere/control.sock"', d.config.read_text()))
+            d.config.write_text(re.sub('control = ".*"', 'control = "/proc/nowhere/control.sock"', d.config.read_text()))
             d.start()
             wait_for(quality_is(d, "good"), 5, "a good sample")
-            self.assertIn(f"there is no control socket {d.folder}/nowhere/control.sock", d.ctl("status").stdout)
+            self.assertIn("there is no control socket /proc/nowhere/control.sock", d.ctl("status").stdout)
             found = json.loads(ctl("doctor", "--json", "--config", d.config).stdout)["findings"]
             self.assertEqual([f["verdict"] for f in found if f["check"] == "control"], ["wrong"])
 
@@ -172,6 +172,8 @@ class DeadDaemon(unittest.TestCase):
         wait_for(quality_is(self.daemon, "good"), 5, "a good sample")
         self.recorder = subprocess.Popen([BIN / "tactilectl", "record", self.daemon.folder / "a.mcap", "--node", self.daemon.name],
                                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.addCleanup(self.recorder.communicate)  # after kill(): cleanups run from the last to the first
+        self.addCleanup(self.recorder.kill)
         wait_for((self.daemon.folder / "a.mcap").exists, 5, "the recording")
         self.daemon.process.send_signal(signal.SIGKILL)
         self.daemon.process.wait()
@@ -187,7 +189,8 @@ class DeadDaemon(unittest.TestCase):
         self.assertNotIn(", open)", self.daemon.ctl("status").stdout)
         self.assertEqual(json.loads(self.daemon.ctl("status", "--json").stdout)["daemon"], "dead")
         self.assertFalse(json.loads(self.daemon.ctl("status", "--json").stdout)["links"][0]["open"])
-        _, error = self.recorder.communicate(timeout=10)  # it was recording when the daemon died
+        self.recorder.wait(10)  # it was recording when the daemon died
+        error = self.recorder.stderr.read()
         self.assertEqual(self.recorder.returncode, 3)
         self.assertIn("is dead", error)
         done = ctl("record", self.daemon.folder / "b.mcap", "--node", self.daemon.name, "--seconds", "1")

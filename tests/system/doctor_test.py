@@ -35,6 +35,8 @@ name = "left"
 link = "usb0"
 model = "table"
 calibration = "{calibration}"
+rate_Hz = 100
+frozen_after = 100
 
 [modbus]
 listen = "127.0.0.1:1502"
