@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <set>
 #include <utility>
 
@@ -18,6 +19,8 @@ constexpr double kMaxShareLeftOut = 0.05;  // of the loads, or kMaxLeftOut of th
 constexpr std::size_t kMaxLeftOut = 3;
 constexpr std::size_t kSmallRecording = 2000;  // loads
 constexpr int kRounds = 6, kRoundsOfMany = 3;
+// Left out of the first fit that judges: a load that bends the fit of all rows hides among the errors that it causes.
+constexpr double kTrimmed = 0.02;  // of the loads, or kMaxLeftOut of them
 
 // The 99 % quantile of the labels' sizes: a label that lost its decimal point does not set it.
 Wrench robust_full_scale(const Rows& rows) {
@@ -29,6 +32,24 @@ Wrench robust_full_scale(const Rows& rows) {
         if (!sizes.empty()) full_scale[c] = quantile(std::move(sizes), 0.99);
     }
     return full_scale;
+}
+
+// The rows of the loads with the greatest errors, each component in its full scale.
+std::set<const LabelledRow*> rows_of_greatest_errors(const std::vector<Load>& loads,
+                                                     const std::vector<std::size_t>& components, const Wrench& full_scale) {
+    std::vector<std::pair<double, std::size_t>> greatest;
+    for (std::size_t l = 0; l < loads.size(); ++l) {
+        double error = 0;
+        for (const std::size_t c : components)
+            if (std::isfinite(loads[l].error[c])) error = std::max(error, std::abs(loads[l].error[c]) / full_scale[c]);
+        greatest.emplace_back(error, l);
+    }
+    const std::size_t n = std::min(loads.size() / 2, std::max(kMaxLeftOut, std::size_t(kTrimmed * double(loads.size()))));
+    std::partial_sort(greatest.begin(), greatest.begin() + std::ptrdiff_t(n), greatest.end(), std::greater<>());
+    std::set<const LabelledRow*> result;
+    for (std::size_t i = 0; i < n; ++i)
+        result.insert(loads[greatest[i].second].rows.begin(), loads[greatest[i].second].rows.end());
+    return result;
 }
 
 std::string unit_of(std::size_t c) { return c < 3 ? "N" : "Nm"; }
@@ -59,6 +80,10 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
         judged.calibration = refit(without(suspected));
         if (components.empty()) return judged;
         estimate_loads(judged.calibration, loads);
+        if (round == 0) try {
+                estimate_loads(refit(without(rows_of_greatest_errors(loads, components, full_scale))), loads);
+            } catch (const Undetermined&) {  // one of them is needed: judged with all
+            }
         found = suspects_of(loads, components, full_scale);
         suspected.clear();
         std::size_t n = 0;

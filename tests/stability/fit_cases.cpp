@@ -118,7 +118,7 @@ void add_kernels(Cases& cases) {
     for (Eigen::Index j = 0; j < n; ++j) at[j] = kernel(0.4567, double(j) / double(n - 1));
     const double ridge = 1e-7;
     const Eigen::VectorXd right = features.transpose() * y;
-    const double ours = at.dot(Ridge(features).solve(right, ridge));
+    const double ours = at.dot(Ridge(features).solve(right, ridge).col(0));
     RealMatrix gram = features.cast<Real>().transpose() * features.cast<Real>();
     gram.diagonal().array() += Real(ridge) * Real(2.0 * double(n));
     const RealVector exact_right = features.cast<Real>().transpose() * y.cast<Real>();
@@ -145,7 +145,7 @@ void add_kernels(Cases& cases) {
     const Eigen::Vector2d s = Eigen::JacobiSVD<Eigen::MatrixXd>(asked).singularValues();
     const double kappa = s[0] * s[0] / (s[1] * s[1]);
     cases.value("H37", "the same kernel twice: a prediction",
-                {there.dot(naive), there.dot(Ridge(twice).solve(twice_right, 1e-9)), v[0] + v[1], kappa, 64});
+                {there.dot(naive), there.dot(Ridge(twice).solve(twice_right, 1e-9).col(0)), v[0] + v[1], kappa, 64});
 }
 
 // The covariance form that every textbook prints.

@@ -175,7 +175,18 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     for (const auto& warning : report.warnings)
         EXPECT_EQ(std::count(report.warnings.begin(), report.warnings.end(), warning), 1) << warning;
     EXPECT_EQ(report.methods.size(), 4u);
-    EXPECT_EQ(report.calibration.method, "rbf");
+    EXPECT_TRUE(report.suspects.empty());
+    // The method with the smallest error on held-out rows, mean over the components in full scales.
+    std::string best;
+    double min = std::numeric_limits<double>::infinity();
+    for (const auto& each : report.methods) {
+        double error = 0;
+        for (std::size_t i = 0; i < each.held_out_rms.size(); ++i)
+            error += each.held_out_rms[i] / report.components[i].full_scale;
+        if (error < min) min = error, best = each.method;
+    }
+    EXPECT_TRUE(best == "rbf" || best == "mlp") << best;
+    EXPECT_EQ(report.calibration.method, best);
     EXPECT_EQ(report.calibration.others.size(), 3u);
     int one_session = 0;
     for (const auto& warning : report.warnings) one_session += warning.find("one session only") != warning.npos ? 1 : 0;
@@ -196,10 +207,10 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     }
     // With time enough the most accurate, with none the fastest: of costs that are given, as a busy machine may measure any.
     std::vector<MethodCost> costs{{"matrix", 0.05}, {"quadratic", 0.2}, {"rbf", 2}, {"mlp", 4}};
-    EXPECT_EQ(make_auto_method(back, 1e4, costs, fault)->method(), "rbf");
+    EXPECT_EQ(make_auto_method(back, 1e4, costs, fault)->method(), best);
     EXPECT_EQ(make_auto_method(back, 1e-6, costs, fault)->method(), "matrix");
-    EXPECT_EQ(make_decoupler(back, "auto", 1e9)->method(), "rbf");
-    EXPECT_EQ(make_decoupler(back)->method(), "rbf");
+    EXPECT_EQ(make_decoupler(back, "auto", 1e9)->method(), best);
+    EXPECT_EQ(make_decoupler(back)->method(), best);
     EXPECT_NE(refusal(back, "rbff").find("did you mean \"rbf\"?"), std::string::npos);
 }
 

@@ -149,20 +149,22 @@ TEST(PiezoFit, ReadsWhatItHasNotSeenAndStatesHowWell) {
     EXPECT_EQ(report.held_out.size(), labelled.rows.size());
     const auto decoupler = make_decoupler(report.calibration);
     double squares = 0;
-    int within = 0, good = 0;
+    int within = 0, good = 0, beyond = 0;
     for (const auto& row : other.rows) {
         const Estimate estimate = decoupler->decouple({.channel = row.channel, .t_ns = row.t_ns});
         const double error = estimate.wrench_S[2] - row.wrench_S[2];
         squares += error * error;
         good += estimate.quality == TACTILED_GOOD ? 1 : 0;
         within += std::abs(error) <= estimate.sd[2] ? 1 : 0;
+        beyond += estimate.quality == TACTILED_GOOD && std::abs(error) > 5 * estimate.sd[2] ? 1 : 0;
     }
     const double rms = std::sqrt(squares / double(other.rows.size()));
     std::printf("piezo, fitted: rms %.3f %% of 10 N on another recording (held out %.3f %%), %.1f %% within one sd\n",
                 10 * rms, 10 * report.components[0].held_out_rms, 100.0 * within / good);
     EXPECT_LT(10 * rms, 2.07);
     EXPECT_NEAR(report.components[0].held_out_rms / rms, 1, 0.3);
-    EXPECT_NEAR(double(within) / good, 0.6827, 0.05);
+    EXPECT_GT(double(within) / good, 0.63);  // and more: the deviation holds for the tails, too
+    EXPECT_EQ(beyond, 0);
     EXPECT_GT(good, int(other.rows.size()) - 30);  // one window after the start
 }
 
