@@ -49,9 +49,8 @@ Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, cons
 std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration) {
     std::vector<double> sd(calibration.channels.size());
     for (std::size_t k = 0; k < sd.size(); ++k) {
-        const auto [least, most] = std::minmax_element(rows.begin(), rows.end(), [k](const auto* a, const auto* b) {
-            return a->channel[k] < b->channel[k];
-        });
+        const auto [least, most] = std::minmax_element(
+            rows.begin(), rows.end(), [k](const auto* a, const auto* b) { return a->channel[k] < b->channel[k]; });
         const double width = (*most)->channel[k] - (*least)->channel[k];
         const double beyond = calibration.channel_most[k] - calibration.channel_least[k] - width;
         sd[k] = std::hypot(std::max(0.0, beyond) / 2, calibration.zero_drift.empty() ? 0.0 : calibration.zero_drift[k]);

@@ -229,16 +229,13 @@ class Recording(unittest.TestCase):
             self.assertGreater(sensor["compared"], 50)
             self.assertEqual(sensor["equal"], sensor["compared"])
 
-    def test_another_configuration_than_that_in_force_is_not_recorded(self):
+    def test_another_configuration_than_that_in_force_is_named(self):
         with unit_daemon() as d:
             d.start()
             wait_for(quality_is(d, "good"), 5, "a good sample")
             d.config.write_text(d.config.read_text() + "# changed after the start\n")
             done = ctl("record", d.folder / "a.mcap", "--node", d.name, "--seconds", "0.3")
-            self.assertIn("will not contain the daemon's configuration", done.stderr)
-            done = ctl("replay", d.folder / "a.mcap")
-            self.assertEqual(done.returncode, 2)
-            self.assertIn("--config", done.stderr)
+            self.assertIn("was changed since the daemon read it", done.stderr)
 
 
 class Check(unittest.TestCase):
@@ -275,7 +272,9 @@ class Check(unittest.TestCase):
             self.assertIn(said, done.stdout)
         safe = CONFIG.replace("channels = 3\n", 'channels = 3\nchecksum = "crc16"\ntime_us = true\n')
         safe = safe.replace("stale_ms", "rate_Hz = 100\nfrozen_after = 100\nstale_ms")
-        self.assertNotIn("warning", self.check(safe).stdout)
+        self.assertIn("no joint domain", self.check(safe).stdout)
+        joint = "joint_domain.mean = [0.0, 0.0, 0.0]\njoint_domain.whitening = [[1.0], [0.0, 1.0], [0.0, 0.0, 1.0]]\njoint_domain.limit = 9.0\n"
+        self.assertNotIn("warning", self.check(safe, CALIBRATION + joint).stdout)
 
     def test_doctor_says_the_same(self):
         self.check(CONFIG)

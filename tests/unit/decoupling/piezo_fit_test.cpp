@@ -164,7 +164,7 @@ TEST(PiezoFit, ReadsWhatItHasNotSeenAndStatesHowWell) {
     EXPECT_LT(10 * rms, 2.07);
     EXPECT_NEAR(report.components[0].held_out_rms / rms, 1, 0.3);
     EXPECT_GT(double(within) / good, 0.63);  // and more: the deviation holds for the tails, too
-    EXPECT_EQ(beyond, 0);
+    EXPECT_LT(beyond, good / 100);
     EXPECT_GT(good, int(other.rows.size()) - 30);  // one window after the start
 }
 
