@@ -57,8 +57,7 @@ class Words(unittest.TestCase):
             self.assertRegex(text, r"(?m)^commit (unknown|[0-9a-f]{7,40}(-dirty)?)$")
             for library in ("fmt", "CLI11", "nlohmann_json", "Eigen3", "Boost", "glibc", "libmodbus", "libgpiod", "libsystemd"):
                 self.assertRegex(text, library + r" \d+(\.\d+)*")
-        head = subprocess.run(["git", "-C", ROOT, "rev-parse", "--is-inside-work-tree"], capture_output=True, text=True)
-        if head.returncode == 0:
+        if shutil.which("git") and subprocess.run(["git", "-C", ROOT, "rev-parse"], capture_output=True).returncode == 0:
             self.assertNotIn("commit unknown", text)
 
     def test_a_pipe_that_ends_needs_no_message(self):

@@ -23,8 +23,11 @@ COMMAND = re.compile(r"(?:^\s+|[\s/$(])tactilectl ([a-z]+)(.*)$")
 
 def pages():
     """Each page with a session, the main page first."""
-    listed = subprocess.run(["git", "-C", ROOT, "ls-files", "-co", "--exclude-standard", "*.md"], capture_output=True, text=True)
-    files = listed.stdout.split() if listed.returncode == 0 else [str(p.relative_to(ROOT)) for p in ROOT.rglob("*.md") if "build" not in p.parts]
+    tracked = shutil.which("git") and subprocess.run(["git", "-C", ROOT, "ls-files", "-co", "--exclude-standard", "*.md"], capture_output=True, text=True)
+    if tracked and tracked.returncode == 0:
+        files = tracked.stdout.split()
+    else:  # an archive, or a machine without git
+        files = [str(p.relative_to(ROOT)) for p in ROOT.rglob("*.md") if "build" not in p.relative_to(ROOT).parts]
     return sorted((f for f in files if FENCE.search((ROOT / f).read_text())), key=lambda f: (f != "README.md", f))
 
 

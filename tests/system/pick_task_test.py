@@ -190,10 +190,10 @@ class PickTask(unittest.TestCase):
 
     def test_a_contact_threshold_beyond_the_calibration_is_refused(self):
         wrong = self.daemon.folder / "wrong.toml"
-        wrong.write_text(self.daemon.config.read_text().replace('link = "usb-left"\n', 'link = "usb-left"\ncontact_on_N = 5000\n', 1))
+        wrong.write_text(self.daemon.config.read_text().replace('link = "usb-left"\n', 'link = "usb-left"\ncontact_on_N = 290\n', 1))
         checked = subprocess.run([BIN / "tactilectl", "check", wrong], capture_output=True, text=True)
         self.assertEqual(checked.returncode, 1, checked)
-        self.assertRegex(checked.stderr, "wrong.toml:[0-9]+: .*contact_on_N = 5000 is not below the full scale")
+        self.assertRegex(checked.stderr, "wrong.toml:[0-9]+: .*contact_on_N = 290 is not below the full scale")
         good = subprocess.run([BIN / "tactilectl", "check", self.daemon.config], capture_output=True, text=True)
         self.assertEqual((good.returncode, "faces no other" in good.stdout), (0, False), good)
 
