@@ -333,7 +333,7 @@ calibration = "{{folder}}/unit.toml"
         shared = [t for t in threads if t["thread"] == "links"]
         self.assertEqual(len(shared), 1, "the links were not read by one thread")
         self.assertGreater(shared[0]["sections"], 1000)
-        self.assertEqual(calls_of(shared[0]), {"0", "271"})
+        self.assertEqual(calls_of(shared[0]), {"0"})  # read(), without a poll before it
         for link in seen:
             self.assertGreater(link["frames"], 3000)
 
