@@ -236,6 +236,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     const Wrench fitted = rms_error(calibration, rows);
     // The channels of a sensor that forgets a lasting load (piezo) depend on the past: any of their combinations may come.
     if (!remembers) set_joint_domain(rows, ways_to_hold_out(*labelled, rows, false).front().of_row, calibration);
+    // The zero of the next mounting is none of these, and it is in the readings until a tare.
+    if (report.zeros.own) calibration.joint_domain.limit *= 2;
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
         component.fitted_rms = fitted[c];
