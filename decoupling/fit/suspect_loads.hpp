@@ -19,7 +19,7 @@ std::vector<Load> loads_of_same_label(const Rows& rows);
 // Fills the estimates and errors of the loads. setup
 void estimate_loads(const Calibration& calibration, std::vector<Load>& loads);
 
-// Of each load.
+// The judgement of each load, in the order of the loads.
 struct Found {
     std::vector<bool> suspected;  // its error stands out, and the loads around do not share it
     std::vector<bool> stays;      // not left out: its error stands out by little, or its load is at the end of the range

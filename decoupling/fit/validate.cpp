@@ -87,7 +87,7 @@ std::vector<HeldOut> estimates_with_random_zeros(const Calibration& calibration,
     return result;
 }
 
-// What leaving one group out gives.
+// The result of leaving one group out.
 struct Part {
     std::vector<HeldOut> rows, drifted, of_part;
     std::string refused;

@@ -73,7 +73,7 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
             found.jaws |= balance.jaws;
         }
         if (balance.presses_N > 0) {
-            // Of a gain, the weight is off by as much as the presses; of a tilt that is not reported, by 1 - cos.
+            // A wrong gain changes the weight as much as the presses; a tilt that is not reported changes it by 1 - cos.
             const double weight_N = std::max(1e-9, std::abs(mass_kg) * gravity_G_.norm());
             const double tilt = std::hypot(1, balance.across_N / weight_N) - 1;
             found.sd_kg = std::hypot(found.sd_kg, std::abs(mass_kg) * kBalanceInSd * balance.across_N / balance.presses_N,

@@ -7,7 +7,7 @@
 
 namespace tactiled::ctl {
 
-// Of tactiled_link.count, by enum tactiled_link_count.
+// Names of the counters in tactiled_link.count, by enum tactiled_link_count.
 inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
     "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost",      "repeated",
     "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};

@@ -8,6 +8,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/system"))
 import pick_bench  # noqa: E402
+from simulated_sensors import cobs_frame  # noqa: E402
 
 DELAY_s = 0.6
 TIME = 2  # flag of a binary frame: it carries the device's time (drivers/wire/cobs_frame.md)
@@ -49,13 +50,7 @@ class DemoSkin:
         plain = struct.pack("<BBBBHI", 2, 0, len(channels), TIME, sequence & 0xFFFF, int((now - self.began) * 1e6) & 0xFFFFFFFF)
         for value in channels:
             plain += struct.pack("<i", round(value * self.skin.counts_per_unit))
-        crc = 0xFFFF
-        for byte in plain:
-            crc ^= byte << 8
-            for _ in range(8):
-                crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
-        plain += struct.pack("<H", crc)
-        frame = b"".join(bytes([len(part) + 1]) + part for part in plain.split(b"\0")) + b"\0"
+        frame = cobs_frame(plain)
         self.late.append((now + (DELAY_s if self.fault == "d" else 0), frame))
         out = b""
         while self.late and self.late[0][0] <= now:

@@ -63,16 +63,19 @@ Heard listen(const std::string& device, unsigned baud, double seconds) {
     Heard heard{.device = device, .bytes = {}, .guess = {}};
     heard.network = device.find('/') == device.npos;
     std::string why;
-    if (heard.network) {
-        const TcpAddress address = tcp_address(device, kTcpPort);
-        if (!address.fault.empty()) throw SetupError(fmt::format("{} {}", in_quotes(device), address.fault));
-        const int fd = open_tcp(address, device, kConnectMs, why);
-        if (fd < 0) throw SetupError(why);
+    const auto hear = [&](int fd) {
         const std::uint64_t began_ns = monotonic_ns();
         heard.bytes = read_for(fd, seconds);
         heard.seconds = double(monotonic_ns() - began_ns) / 1e9;
         ::close(fd);
         heard.guess = guess_of(heard.bytes, heard.seconds);
+    };
+    if (heard.network) {
+        const TcpAddress address = tcp_address(device, kTcpPort);
+        if (!address.fault.empty()) throw SetupError(fmt::format("{} {}", in_quotes(device), address.fault));
+        const int fd = open_tcp(address, device, kConnectMs, why);
+        if (fd < 0) throw SetupError(why);
+        hear(fd);
         return heard;
     }
     const bool has_a_rate = is_local_tty(device);  // a pseudo terminal passes bytes at any
@@ -80,11 +83,7 @@ Heard listen(const std::string& device, unsigned baud, double seconds) {
         heard.baud = baud != 0 ? baud : rate;
         const int fd = open_tty(device, {.baud = heard.baud}, why);
         if (fd < 0) throw SetupError(why);
-        const std::uint64_t began_ns = monotonic_ns();
-        heard.bytes = read_for(fd, seconds);
-        heard.seconds = double(monotonic_ns() - began_ns) / 1e9;
-        ::close(fd);
-        heard.guess = guess_of(heard.bytes, heard.seconds);
+        hear(fd);
         if (heard.guess || baud != 0 || !has_a_rate || interrupted != 0) break;
     }
     return heard;

@@ -1,4 +1,4 @@
-// What the page is sent over its event stream. The stream is between this server and its own page; programs use /api/status.
+// Messages of the event stream to the page. The stream is between this server and its own page; programs use /api/status.
 #pragma once
 #include <string>
 

@@ -25,7 +25,7 @@ struct Limits {
 // Content of the server, made when it is asked for; called in the server's thread alone.
 struct Content {
     std::function<std::string()> greeting;  // for a page that has just been opened
-    // Of the time-line: its newest revision; appends the changes after `revision`.
+    // The newest revision of the time-line; changes() appends those after `revision`.
     std::function<std::uint64_t()> revision;
     std::function<void(std::uint64_t revision, std::string& out)> changes;
     std::function<std::string()> status, events, metrics;
@@ -48,7 +48,7 @@ public:
     void run();
     // Gives `frame` to every page. A page that has not taken the one before gets only the newest.
     void publish(std::shared_ptr<const std::string> frame);
-    // What was made of the last tick is made anew when it is asked for; until then everybody gets the same.
+    // Begins a tick: each text of Content is made anew when it is next asked for, and then serves all until the next tick.
     void begin_tick() { ++tick_; }
     // Greets every page anew: names have changed.
     void greet_again();

@@ -1,5 +1,5 @@
-// What has changed and when: qualities, links, latched faults, the daemon itself. Kept in the server, so that a reload of
-// the page shows it, too.
+// Changes with their times: qualities, links, latched faults, the daemon itself. They are kept in the server, so that a
+// reload of the page shows it, too.
 #pragma once
 #include <array>
 #include <cstdint>

@@ -14,6 +14,17 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 NONE = float("nan")
 
 
+def cobs_frame(plain):
+    """The bytes of a binary frame (drivers/wire/cobs_frame.md): `plain` with its CRC-16, stuffed, and a zero."""
+    crc = 0xFFFF
+    for byte in plain:
+        crc ^= byte << 8
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
+    plain += struct.pack("<H", crc)
+    return b"".join(bytes([len(part) + 1]) + part for part in plain.split(b"\0")) + b"\0"
+
+
 class Sensor:
     """One kind of sensor. `methods`: each in turn goes through calibrate, daemon and PLC."""
     model = ""
@@ -93,13 +104,7 @@ class Sensor:
         plain += struct.pack("<I", missing) if missing else b""
         for value in channels:
             plain += struct.pack("<i", 0 if math.isnan(value) else round(value * self.counts_per_unit))
-        crc = 0xFFFF
-        for byte in plain:
-            crc ^= byte << 8
-            for _ in range(8):
-                crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
-        plain += struct.pack("<H", crc)
-        return b"".join(bytes([len(part) + 1]) + part for part in plain.split(b"\0")) + b"\0"
+        return cobs_frame(plain)
 
     def toml(self, name, method):
         more = {"lines": f'format = "lines"\nchannels = {len(self.channels)}\nsequence = true\nchecksum = true\n',

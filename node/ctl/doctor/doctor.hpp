@@ -65,8 +65,8 @@ void look_at_devices(const Machine& machine, Config& config, const std::string& 
 void look_at_readers(const Machine& machine, const Config& config, Findings& found);
 void look_at_port(const Machine& machine, const ModbusSettings& settings, bool daemon_runs, Findings& found);
 
-// What the links and sensors of an accepted configuration leave unguarded, each with the line to write; `tactilectl check`
-// prints these, too. A finding that is `wrong` makes every sample BAD.
+// Finds what the links and sensors of an accepted configuration leave unguarded, each with the line to write; `tactilectl
+// check` prints these, too. A finding that is `wrong` makes every sample BAD.
 void look_at_safety(const Node& node, Findings& found);
 // A delay that nothing shows makes old forces look new.
 void look_at_freshness(const Node& node, Findings& found);

@@ -206,7 +206,7 @@ TEST(Choose, AutoLeavesOutAsMuchAsItCan) {
     }
 }
 
-// What a list names is what runs: the levels that auto took, named, give the same bits.
+// A list runs exactly what it names: the levels that auto took, named, give the same bits.
 TEST(Choose, AListOfEffectsAndLevelsIsWhatAutoTook) {
     Scene scene = scene_of(
         "format = 1\ntitle = \"t\"\n[[sensor]]\nname = \"left\"\nmodel = \"capacitive\"\n[[motion]]\ndo = "

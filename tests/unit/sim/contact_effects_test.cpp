@@ -72,7 +72,7 @@ TEST(Footprint, OfABallOnAnArrayIsHertzs) {
         for (const double share : shares(x, -x, 0.05)) sum += share;
         EXPECT_NEAR(sum, 1, 1e-12) << x;
     }
-    // Of sqrt(1 - r^2), the part beyond a line at a / 2 from the middle: 5/32.
+    // The part of sqrt(1 - r^2) beyond a line at a / 2 from the middle is 5/32.
     const auto beside = shares(a / 2, 4e-3, 0.05);
     EXPECT_NEAR(*std::min_element(beside.begin() + 8, beside.end(),
                                   [](double p, double q) { return (p > 0 ? p : 1) < (q > 0 ? q : 1); }),
