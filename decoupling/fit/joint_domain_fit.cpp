@@ -108,7 +108,9 @@ void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of
     std::sort(distances.begin(), distances.end());
     JointDomain domain = domain_of(rows, zero_sd, calibration);
     const auto at = std::size_t(std::ceil(kQuantile * double(distances.size()))) - 1;
-    domain.limit = std::hypot(1, kMargin * distances[at]);  // 1: all components at full scale, see domain_of()
+    // 99.9 % of normal noise of the size of kFloor in all channels: averaged loads have less of it than a sample in use.
+    const double noise = std::sqrt(double(n) + 3.1 * std::sqrt(2.0 * double(n)));
+    domain.limit = std::hypot(1, std::max(noise, kMargin * distances[at]));  // 1: all components at full scale
     if (!std::isfinite(domain.limit) || domain.limit <= 0) return;
     domain.false_alarms = double(distances.end() - std::upper_bound(distances.begin(), distances.end(), domain.limit)) /
                           double(distances.size());

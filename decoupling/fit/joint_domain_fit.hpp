@@ -10,7 +10,7 @@ namespace tactiled {
 // Sets `calibration.joint_domain`, or leaves it empty where there is one channel or fewer than
 // kRowsPerCoefficient rows for each coefficient. `group_of_row`: rows of one group resemble each other (a session, a stretch
 // of time); each group is held out in turn, and the limit is 1.1 times the distance that 99.9 % of the held-out rows do not
-// exceed, and room for full scale in all components at once. setup
+// exceed, at least that of noise of 0.25 % of each range, with room for full scale in all components at once. setup
 void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration);
 
 }  // namespace tactiled

@@ -145,6 +145,22 @@ TEST_F(LoadCell, LoadsThatTheCalibrationShowedOneByOneMayComeTogether) {
     EXPECT_EQ(good, total);
 }
 
+// Loads that were averaged, and samples of one conversion each.
+TEST_F(LoadCell, NoiseOfAQuarterOfAPercentOfTheRangeIsInside) {
+    const auto calibration = fit(labelled, {.model = "generic", .method = "matrix", .serial = "", .date = ""}).calibration;
+    ASSERT_GT(calibration.joint_domain.limit, 0);
+    int inside = 0, total = 0;
+    for (int repeat = 0; repeat < 50; ++repeat)
+        for (const auto& row : labelled.rows) {
+            auto channel = row.channel;
+            for (std::size_t k = 0; k < channel.size(); ++k)
+                channel[k] += 0.0025 * (calibration.channel_most[k] - calibration.channel_least[k]) * normal(random);
+            ++total;
+            inside += joint_distance(calibration.joint_domain, channel) <= calibration.joint_domain.limit;
+        }
+    EXPECT_GE(inside, total * 998 / 1000);
+}
+
 TEST_F(LoadCell, AGaugeThatDiedUnderLoadIsOutside) {
     const auto calibration = fit(labelled, {.model = "generic", .method = "matrix", .serial = "", .date = ""}).calibration;
     const auto decoupler = make_decoupler(calibration);
