@@ -1,4 +1,4 @@
-// tactilectl doctor: what on this machine stands between the daemon and its deadlines.
+// tactilectl doctor: reports what prevents the daemon from meeting its deadlines on this machine.
 #include <fmt/format.h>
 #include <pwd.h>
 #include <sys/stat.h>
@@ -31,7 +31,7 @@ struct Args {
     bool json = false;
 };
 
-// The daemon of this configuration: its number, or "" where none runs.
+// Returns the process number of the daemon of this configuration, or "" if none runs.
 std::string running_daemon(const std::string& node_name) {
     std::string unused;
     const Segment segment = Segment::try_open(node_name, unused);
@@ -50,7 +50,7 @@ std::string user_of(const Machine& machine, const std::string& pid) {
     return self != nullptr ? self->pw_name : "root";
 }
 
-// A daemon that was killed, and one that takes no commands.
+// Reports a daemon that was killed, or that accepts no commands.
 void look_at_daemon(const std::string& node_name, Findings& found) {
     std::string unused;
     const Segment segment = Segment::try_open(node_name, unused);

@@ -1,5 +1,5 @@
-// The verbs of the laboratory. They are a program of their own, tactilectl-lab: with it come the libraries that fits need,
-// and a gripper's computer does without them. Users type tactilectl for all verbs.
+// The verbs of the laboratory. They are in a separate program, tactilectl-lab, because they need the libraries for
+// fits, which a gripper's computer does not need. Users type tactilectl for all verbs.
 #pragma once
 #include <optional>
 #include <string_view>
@@ -22,16 +22,16 @@ inline constexpr LaboratoryVerb kLaboratoryVerbs[] = {
      "with all effects, over easy, combined, eccentric, dynamic loads and with a damaged channel"},
 };
 
-// The help of one verb. It does not compile where the table has no such verb.
+// Returns the help of one verb. It does not compile if the table has no such verb.
 consteval const char* laboratory_help(std::string_view name) {
     for (const auto& verb : kLaboratoryVerbs)
         if (name == verb.name) return verb.help;
     throw "no verb of the laboratory";
 }
 
-// Replaces this process by tactilectl-lab, which lies in the same folder, where the verb of `words` (verb_first.hpp) is one
-// of the laboratory; arguments, environment, open files and signal dispositions stay. Returns nothing where the verb is
-// another, and the exit status, with the reason printed, where the program cannot be started.
+// Replaces this process by tactilectl-lab, from the same folder, if the verb of `words` (verb_first.hpp) is one of
+// the laboratory; arguments, environment, open files and signal dispositions are kept. Returns nothing for another
+// verb, and the exit status, with the reason printed, if the program cannot be started.
 std::optional<int> start_laboratory(const std::vector<char*>& words);
 
 }  // namespace tactiled::ctl

@@ -1,4 +1,4 @@
-// The register map for people and for spreadsheets: Markdown, CSV, JSON, manual page.
+// The register map for users and spreadsheets: Markdown, CSV, JSON, manual page.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -36,7 +36,7 @@ std::string access_of(const Register& r) {
     return r.limits.locked ? "rw, locked" : "rw";
 }
 
-// The words that make mbpoll show the register at `address` as what it is.
+// Returns the arguments with which mbpoll shows the register at `address` in its type.
 std::string mbpoll_of(const Area& area, const Register& r) {
     const char* const type = r.type == Type::f32                            ? "-t 4:float"
                              : r.type == Type::i32                          ? "-t 4:int"
@@ -93,7 +93,7 @@ std::string title_of(const Area& area) {
     return title;
 }
 
-// Calls with (title, run, whether it may be written) for coils and inputs.
+// Calls `each` with (title, run, whether it may be written) for coils and inputs.
 template <class Each>
 void each_bits(Each&& each) {
     for (const Bits& run : coils()) each("coil", run, true);
@@ -109,7 +109,7 @@ std::string map_markdown() {
     for (const char* rule : kRules) out += fmt::format("* {}\n", rule);
     for (const Area& area : areas()) {
         out += fmt::format("\n## {}\n\n", title_of(area));
-        if (area.low_word_first) {  // the same cells once more
+        if (area.low_word_first) {  // the same cells with the other word order
             out += fmt::format("As {} .., each f32 with its low word first.\n", area.at - kSwapped);
             continue;
         }
@@ -216,7 +216,8 @@ std::string map_manual_page() {
         ".TH TACTILED-REGISTERS 7 \"\" \"tactiled {}\" \"Register map {}.{}\"\n.SH NAME\ntactiled-registers \\- the "
         "Modbus register map of tactiled\n.SH DESCRIPTION\n",
         TACTILED_VERSION, kMapMajor, kMapMinor);
-    const auto safe = [](std::string text) {  // a backslash, and a dot or an apostrophe at the start of a line, are roff's
+    // roff interprets a backslash, and a dot or an apostrophe at the start of a line
+    const auto safe = [](std::string text) {
         for (std::size_t i = 0; (i = text.find('\\', i)) != std::string::npos; i += 2) text.insert(i, "\\");
         return text.empty() || (text[0] != '.' && text[0] != '\'') ? text : "\\&" + text;
     };

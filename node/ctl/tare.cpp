@@ -1,4 +1,4 @@
-// tactilectl tare SENSOR|all: as the PLC's command, acknowledged by the daemon.
+// tactilectl tare SENSOR|all: the same as the PLC's command, acknowledged by the daemon.
 #include <fmt/format.h>
 
 #include <memory>

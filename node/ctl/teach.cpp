@@ -1,4 +1,5 @@
-// tactilectl teach NAME: what an object weighs, from real grasps of it; the daemon then tells it by its weight.
+// tactilectl teach NAME: measures the weight of an object in real grasps; the daemon then recognises the object by
+// its weight.
 #include <fmt/format.h>
 
 #include <chrono>
@@ -32,7 +33,8 @@ int fail(int exit_status, const std::string& why) {
     return exit_status;
 }
 
-// The next grasps of the node, each once its weight is stable. Fewer than asked for where it gave up: says why.
+// Returns the next grasps of the node, each as soon as its weight is stable. Returns fewer than requested if it gives
+// up, and prints the reason.
 std::vector<Weighing> weigh_grasps(Segment& segment, const Args& args) {
     std::vector<Weighing> weighings;
     tactiled_node node{};
@@ -100,7 +102,8 @@ std::vector<TaughtObject> taught_in(const std::string& path) {
     return taught;
 }
 
-// Standard deviation of the weights from grasp to grasp, and the largest that a grasp states of itself.
+// Returns the standard deviation of the weights from grasp to grasp, or the largest one that a grasp states, if
+// larger.
 double scatter_kg(const std::vector<Weighing>& weighings) {
     if (weighings.size() < 2) return 0;
     const double n = double(weighings.size());
@@ -130,7 +133,7 @@ int teach(Segment& segment, const std::string& path, const Args& args) {
             return fail(kUnhealthy,
                         "the scale was set in between (tactilectl weigh known or forget, or a restart): nothing stored");
     const ObjectsLock lock(path);
-    before = taught_in(path);  // others may have been taught meanwhile
+    before = taught_in(path);  // another program may have changed the file meanwhile
     known = find_object(before, args.name);
     if (known == nullptr && before.size() >= grasp::Grasp::kMaxObjects)
         return fail(kUnhealthy, fmt::format("{} objects are taught by now, no more fit", before.size()));

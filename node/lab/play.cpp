@@ -1,4 +1,4 @@
-// tactilectl play: a recording as a device behind a pty, so that the daemon opens it as it opens a serial port.
+// tactilectl play: plays a recording as a device behind a pty, so that the daemon opens it as it opens a serial port.
 #include <fmt/format.h>
 
 #include <algorithm>

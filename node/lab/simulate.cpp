@@ -1,4 +1,5 @@
-// tactilectl simulate: a scene as signals and truth, without the daemon; or as devices behind ptys, for it.
+// tactilectl simulate: writes a scene as signals and truth without the daemon, or plays it as devices behind ptys for
+// the daemon.
 #include "node/lab/simulate.hpp"
 
 #include <fmt/format.h>
@@ -29,7 +30,7 @@ void print(const nlohmann::json& json) {
     fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
-// No file that is written may be another that is written or the scene itself.
+// Checks that no output file is another output file or the scene itself.
 void check_files(const Args& args) {
     namespace fs = std::filesystem;
     const std::pair<const char*, const std::string*> files[] = {{"--scene", &args.scene},
@@ -39,7 +40,7 @@ void check_files(const Args& args) {
                                                                 {"--figure", &args.figure}};
     for (const auto& [name, path] : files)
         for (const auto& [other_name, other] : files) {
-            if (other == path) break;  // those before it
+            if (other == path) break;  // compares with those before it only
             std::error_code ignored;
             if (path->empty() || other->empty()) continue;
             if (fs::path(*path).lexically_normal() == fs::path(*other).lexically_normal() ||

@@ -1,5 +1,5 @@
-// The page of `simulate --report`: for each sensor what the scene states, which effects it calls for and why, and what
-// that costs and keeps of its promise.
+// The page of `simulate --report`: for each sensor the scene's settings, the required effects with reasons, their
+// cost, and the actual error.
 #include <fmt/format.h>
 
 #include <filesystem>

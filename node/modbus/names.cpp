@@ -1,4 +1,4 @@
-// Names of bits and of values, and the order in which faults are told.
+// Names of bits and of values, and the order in which faults are reported.
 #include <array>
 
 #include "node/modbus/table.hpp"
@@ -107,7 +107,7 @@ constexpr Name kWeightStates[] = {{0, "none", "NONE"},
                                   {3, "overload", "OVERLOAD"},
                                   {4, "not observable", "NOT_OBSERVABLE"}};
 
-// Gravest first. The numbers are the map's and do not follow the order of enum tactiled_reason.
+// Most severe first. The numbers are those of the register map and do not follow the order of enum tactiled_reason.
 struct Fault {
     std::uint32_t reason;
     Name name;

@@ -22,7 +22,7 @@ std::vector<std::string> fields(const std::string& line, char separator) {
     return all;
 }
 
-// A user as /etc/passwd and /etc/group know it: the daemon's is a local one.
+// A user in /etc/passwd and /etc/group: the daemon's user is a local one.
 struct User {
     std::string name;
     long uid = -1;
@@ -77,7 +77,7 @@ void look_at_file(const Machine& machine, const std::string& link, const std::st
     }
 }
 
-// FTDI's adapters, and those that speak like them, keep received bytes back for so long.
+// Checks the time for which FTDI adapters, and adapters of the same kind, delay received bytes.
 void look_at_latency_timer(const Machine& machine, const std::string& link, const std::string& device, Findings& found) {
     std::error_code none;
     const auto real = std::filesystem::canonical(machine.path(device), none).filename().string();

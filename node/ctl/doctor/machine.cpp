@@ -104,7 +104,7 @@ void look_at_clock(const Machine& machine, Findings& found) {
             {"clocksource", Verdict::wrong, fmt::format("{}: each look at the clock is a system call", source),
              "see dmesg for why the kernel left tsc; on x86 clocksource=tsc tsc=reliable where the hardware is sound"});
 
-    // Only what a person reads off needs it: stamps, ages and timers are CLOCK_MONOTONIC's.
+    // Only displayed times need the wall clock: timestamps, ages and timers use CLOCK_MONOTONIC.
     timex state{};
     const bool synced = machine.has("/run/systemd/timesync/synchronized") ||
                         (machine.is_this_one() && ::adjtimex(&state) != -1 && (state.status & STA_UNSYNC) == 0);
