@@ -120,6 +120,8 @@ struct EffectEntry {
     Bound (*bound)(const Setting&);                          // setup
     std::unique_ptr<Effect> (*make)(const Setting&);         // setup
     std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; those that it has here, any order
+    // Its output, and that of its levels, depends on no other sample, so it may rest in a part of the scene.
+    bool instant = false;
 };
 
 // The cost of an effect for the choice, ns a sample of a sensor with all its channels: the table costs.inc, which

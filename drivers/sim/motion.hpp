@@ -94,8 +94,8 @@ public:
     // Before the scene and after it the state stands still. rt: wait-free
     void fill(Block& block, const Sensor& sensor) const noexcept;
 
-    // Up to the end of segment `upto` (all by default). setup
-    [[nodiscard]] Extent extent(const Sensor& sensor, std::size_t upto = SIZE_MAX) const;
+    // While segments `first` to `last` last, both included; all by default. setup
+    [[nodiscard]] Extent extent(const Sensor& sensor, std::size_t first = 0, std::size_t last = SIZE_MAX) const;
 
     [[nodiscard]] double length_s() const { return segments_.empty() ? 0 : segments_.back().end_s; }
     [[nodiscard]] const std::vector<Segment>& segments() const { return segments_; }
