@@ -1,4 +1,4 @@
-// Integral nonlinearity of a converter: the curve through its codes bends.
+// Integral nonlinearity of a converter: its characteristic is curved.
 #include <algorithm>
 #include <cmath>
 
@@ -33,7 +33,7 @@ private:
     Channels range_{};
 };
 
-// Its slope is within 1 - 2 c INL and 1 + c INL.
+// The slope is between 1 - 2 c INL and 1 + c INL.
 Bound bound(const Setting& s) {
     Channels change = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {

@@ -1,4 +1,4 @@
-// Drift of the bridge's excitation while it warms up and with the surroundings; a ratiometric converter has none.
+// Drift of the bridge's excitation during warm-up and with the ambient temperature; a ratiometric converter has none.
 #include <cmath>
 
 #include "drivers/sim/effects/bounds.hpp"

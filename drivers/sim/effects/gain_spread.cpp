@@ -1,4 +1,4 @@
-// Spread of the channels: no gauge or electrode is quite like the next.
+// Spread of the channels: gauges and electrodes differ from each other.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -6,7 +6,8 @@
 namespace tactiled::sim {
 namespace {
 
-// Relative deviation of a channel's gain. The thesis' two samples differ by 1.85 % in capacitance and 5.3 % in the film.
+// Relative standard deviation of a channel's gain. The thesis' two samples differ by 1.85 % in capacitance and 5.3 %
+// in the film.
 double sd(const Setting& s, std::size_t channel) {
     double spread = s.p[0];
     if (std::isnan(spread))

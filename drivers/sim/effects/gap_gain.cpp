@@ -1,4 +1,4 @@
-// Gap gain: a capacitance goes with the inverse of the gap, and so does what a shear makes of it.
+// Gap gain: a capacitance, and its change by a shear, is inversely proportional to the gap.
 #include <cmath>
 
 #include "drivers/sim/effects/pad.hpp"

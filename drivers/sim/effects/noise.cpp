@@ -7,7 +7,7 @@
 namespace tactiled::sim {
 namespace {
 
-// One standard deviation in the channel's unit. Cao et al. state 5.14e-6 for the hairs; load cells behind an HX711 show
+// Standard deviation in the channel's unit. Cao et al. state 5.14e-6 for the hairs; load cells with an HX711 show
 // 0.025 to 0.043 % of full scale.
 double sd(const Setting& s, std::size_t channel) {
     if (!std::isnan(s.p[0])) return s.p[0] * s.sensor.per_N[channel];

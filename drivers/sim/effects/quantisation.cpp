@@ -1,4 +1,4 @@
-// Quantisation: a converter knows whole steps only.
+// Quantisation: a converter has whole steps only.
 #include "drivers/sim/effects/quantisation.hpp"
 
 #include <cmath>

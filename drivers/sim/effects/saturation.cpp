@@ -1,4 +1,4 @@
-// Saturation: a reading ends at the limits of its converter.
+// Saturation: a reading is limited to the range of its converter.
 #include <algorithm>
 #include <cmath>
 

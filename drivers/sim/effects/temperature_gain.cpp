@@ -1,4 +1,4 @@
-// Gain by temperature: a warm skin is softer or stiffer, a warm gauge responds less or more.
+// Gain by temperature: a warm skin is softer or stiffer, and a warm gauge responds less or more.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"

@@ -1,4 +1,4 @@
-// Zero by temperature: gauges and pads change at rest when the room does.
+// Zero by temperature: gauges and pads at rest change with the room's temperature.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
