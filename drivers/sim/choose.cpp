@@ -187,6 +187,7 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
     bound_time(scene, sensor, extent, choice);
     if (request == "auto") leave_out(choice.decisions, choice.wanted_N);
     choice.guaranteed_N = guaranteed_error_N(choice.decisions);
+    if (request == "auto") let_rest(scene, sensor, choice);
     return choice;
 }
 

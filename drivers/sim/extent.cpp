@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
 
 #include "drivers/sim/motion.hpp"
 
@@ -196,7 +197,7 @@ std::array<double, kAxes> Extent::changes(double seconds) const {
     return all;
 }
 
-Extent Motion::extent(const Sensor& sensor, std::size_t upto) const {
+Extent Motion::extent(const Sensor& sensor, std::size_t first, std::size_t last) const {
     Extent e;
     std::array<Span, kAxes> span;
     std::array<int, 3> went{};
@@ -205,10 +206,15 @@ Extent Motion::extent(const Sensor& sensor, std::size_t upto) const {
     bool friction_known = false;
     const bool covers = covers_array(body_, sensor);
     const double share = sensor.share / (covers ? double(sensor.rows * sensor.columns) : 1);
-    for (std::size_t i = 0; i < segments_.size() && i <= upto; ++i) {
+    for (std::size_t i = 0; i < segments_.size() && i <= last; ++i) {
         const Segment& s = segments_[i];
         const Place place = place_of(s, sensor, covers);
         const auto load = loads_of(s, body_, sensor, place, share);
+        if (i < first) {  // only what the next segment must know of it
+            for (std::size_t axis = 0; axis < kAxes; ++axis) end_jump[axis] = load[axis].end_jump;
+            std::ignore = reverses(s, place, went);
+            continue;
+        }
         for (std::size_t axis = 0; axis < kAxes; ++axis) {
             span[axis].take(load[axis].span.min);
             span[axis].take(load[axis].span.max);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/sim/choose.hpp"
@@ -41,7 +42,9 @@ private:
     struct Step {
         std::unique_ptr<Effect> effect;
         Stage stage;
-        std::size_t decision;  // one beyond the last: the linear model
+        std::size_t decision;                                          // one beyond the last: the linear model
+        std::vector<std::pair<std::uint64_t, std::uint64_t>> rests{};  // samples, first and one beyond the last, in order
+        std::size_t next_rest = 0;
     };
     struct Line {
         const Sensor* sensor;
@@ -53,6 +56,7 @@ private:
         std::unique_ptr<Block> block;
         std::uint64_t next = 0;
     };
+    static bool rests(Step& step, std::uint64_t first) noexcept;
     void apply_and_measure(Line& line) noexcept;
     void apply_and_time(Line& line) noexcept;
 

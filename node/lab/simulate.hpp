@@ -55,8 +55,9 @@ struct Timeline {
     };
     struct Row {
         const sim::Decision* decision;
+        std::vector<std::pair<double, double>> active_s;  // intervals in which it is on: the scene without its rests
         // Begin and end of each interval in which it changed a channel by more than a hundredth of the wanted
-        // accuracy; if it is on, it ran all the time. An effect on the time of samples: always.
+        // accuracy. An effect on the time of samples: always.
         std::vector<std::pair<double, double>> changed_s;
         double largest_N;  // largest change of a channel
     };

@@ -3,7 +3,7 @@
 
     table.py            all that are struck here; prints the table; exit 1 where one is not as it must be
     table.py 11 34      only these
-    table.py --page     also writes the table into README.md; with numbers, these rows
+    table.py --page     also writes the table into TABLE.md; with numbers, these rows
 """
 import pathlib
 import platform
@@ -19,7 +19,7 @@ import shared_memory_faults  # noqa: E402
 import value_faults  # noqa: E402
 from rig import ROOT, with_ptys_of_its_own  # noqa: E402
 
-PAGE = pathlib.Path(__file__).parent / "README.md"
+PAGE = pathlib.Path(__file__).parent / "TABLE.md"
 BEGIN, END = "<!-- table.py writes from here -->", "<!-- to here -->"
 
 # number: (fault, how it is struck) and a function; a text: the test that strikes it; None and a reason: nobody does.

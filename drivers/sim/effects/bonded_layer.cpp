@@ -82,6 +82,7 @@ const EffectEntry bonded_layer{
     .parameters = {{"power", "p; 0.14 where the pad is four times as wide as thick", 0.14, 0, 1}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BondedLayer>(s); },
-    .levels = levels};
+    .levels = levels,
+    .instant = true};
 
 }  // namespace tactiled::sim

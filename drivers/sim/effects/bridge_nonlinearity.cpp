@@ -50,6 +50,7 @@ const EffectEntry bridge_nonlinearity{
     .models = kTable | kHair,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BridgeNonlinearity>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BridgeNonlinearity>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -59,6 +59,7 @@ const EffectEntry cap_weight{
                    {"gravity_m_s2", "against the attitude in which the zero was taken", 9.80665, -20, 20},
                    {"tilt_rad", "of the weight, from -z towards +x", 0, -6.3, 6.3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CapWeight>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CapWeight>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -71,6 +71,7 @@ const EffectEntry contact_patch{
     .models = kTable,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactPatch>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactPatch>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

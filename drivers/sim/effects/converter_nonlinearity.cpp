@@ -57,6 +57,7 @@ const EffectEntry converter_nonlinearity{
     .models = kAll,
     .parameters = {{"inl", "largest error, of the range", 4e-4, -0.1, 0.1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ConverterNonlinearity>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ConverterNonlinearity>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

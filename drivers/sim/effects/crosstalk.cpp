@@ -62,6 +62,7 @@ const EffectEntry crosstalk{
     .models = kAll,
     .parameters = {{"deviation", "of the share of one channel in another, in N", 0.01, 0, 0.2}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Crosstalk>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Crosstalk>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -102,6 +102,7 @@ const EffectEntry exact_overlap{
     .parameters = {},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExactOverlap>(s); },
-    .levels = levels};
+    .levels = levels,
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -60,6 +60,7 @@ const EffectEntry friction_limit{
     .models = kAll,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FrictionLimit>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FrictionLimit>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

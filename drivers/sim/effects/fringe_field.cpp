@@ -71,6 +71,7 @@ const EffectEntry fringe_field{
     .models = kCapacitive,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FringeField>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FringeField>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

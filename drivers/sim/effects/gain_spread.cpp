@@ -63,6 +63,7 @@ const EffectEntry gain_spread{
                     std::numeric_limits<double>::quiet_NaN(), 0, 0.2},
                    {"offset_N", "standard deviation of the zeros", 0, 0, 100}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GainSpread>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GainSpread>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

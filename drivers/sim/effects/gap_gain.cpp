@@ -59,6 +59,7 @@ const EffectEntry gap_gain{.name = "gap_gain",
                            .models = kCapacitive,
                            .parameters = {},
                            .bound = bound,
-                           .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GapGain>(s); }};
+                           .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GapGain>(s); },
+                           .instant = true};
 
 }  // namespace tactiled::sim

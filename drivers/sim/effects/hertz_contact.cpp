@@ -67,6 +67,7 @@ const EffectEntry hertz_contact{
     .models = kTable,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<HertzContact>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<HertzContact>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -47,6 +47,7 @@ const EffectEntry johnson_noise{
     .models = kTable | kHair,
     .parameters = {{"resistance_ohm", "of a gauge", 1000, 0, 1e9}, {"excitation_V", "of the bridge", 3.3, 1e-3, 100}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<JohnsonNoise>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<JohnsonNoise>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

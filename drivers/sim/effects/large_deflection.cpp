@@ -88,6 +88,7 @@ const EffectEntry large_deflection{
     .parameters = {{"half_N", "press at which a table reads half", 12.5, 0.01, 1e6}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LargeDeflection>(s); },
-    .levels = levels};
+    .levels = levels,
+    .instant = true};
 
 }  // namespace tactiled::sim

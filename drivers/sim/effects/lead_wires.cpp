@@ -45,6 +45,7 @@ const EffectEntry lead_wires{
     .models = kTable | kHair,
     .parameters = {{"share", "of the gauge's resistance", 1e-4, 0, 1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LeadWires>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LeadWires>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -71,6 +71,7 @@ const EffectEntry load_moment{
     .models = kHair | kCapacitive,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LoadMoment>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LoadMoment>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -55,6 +55,7 @@ const EffectEntry mains_hum{
     .parameters = {{"amplitude_N", "by default 0.02 % of full scale", kByModel, 0, 100},
                    {"frequency_Hz", "of the mains", 50, 0, 1e4}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MainsHum>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MainsHum>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

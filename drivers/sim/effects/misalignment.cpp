@@ -82,6 +82,7 @@ const EffectEntry misalignment{
                    {"about_y_deg", "rotation of the sensing element", -0.3, -180, 180},
                    {"about_z_deg", "rotation of the sensing element", 1, -180, 180}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Misalignment>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Misalignment>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -51,6 +51,7 @@ const EffectEntry mounting_curvature{
                    {"thickness_m", "of the sensor", 250e-6, 1e-6, 0.01},
                    {"direction_deg", "of the bend, from x", 0, -360, 360}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MountingCurvature>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MountingCurvature>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

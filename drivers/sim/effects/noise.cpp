@@ -52,6 +52,7 @@ const EffectEntry noise{.name = "noise",
                         .parameters = {{"deviation_N", "one standard deviation; by default by the sensor's model",
                                         std::numeric_limits<double>::quiet_NaN(), 0, 100}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Noise>(s); }};
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Noise>(s); },
+                        .instant = true};
 
 }  // namespace tactiled::sim

@@ -72,6 +72,7 @@ const EffectEntry partial_slip{
     .models = kAll,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PartialSlip>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PartialSlip>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

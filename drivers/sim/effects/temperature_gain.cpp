@@ -49,6 +49,7 @@ const EffectEntry temperature_gain{
     .parameters = {{"per_K", "relative; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.05,
                     0.05}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureGain>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureGain>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -76,6 +76,7 @@ const EffectEntry texture{
     .parameters = {{"contact_m", "half width of the contact of a ridge", 2e-4, 0, 1},
                    {"stiffness", "against a press, in that of the skin alone", 0.5, 0, 1e3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Texture>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Texture>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

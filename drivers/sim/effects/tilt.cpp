@@ -79,6 +79,7 @@ const EffectEntry tilt{.name = "tilt",
                        .models = kCapacitive,
                        .parameters = {{"mounted_rad", "tilt at rest", 0.01, 0, 0.2}},
                        .bound = bound,
-                       .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Tilt>(s); }};
+                       .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Tilt>(s); },
+                       .instant = true};
 
 }  // namespace tactiled::sim

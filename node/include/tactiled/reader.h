@@ -544,7 +544,7 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
         behind = tactiled_ring_head(r->segment.base, ring) - number;
         /* The reader slept for 2^30 records or more, or next is one ahead of the head, which is published last. */
         if (behind > ring->slots && (int32_t)behind > 0) {
-            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1); /* ahead of the head, which is published last */
+            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1);
             r->cursor.lost += r->cursor.next - number;
         }
         disconnected = !tactiled_is_current(&r->segment) ||

@@ -230,7 +230,7 @@ TEST(Registration, ADriverNamesTheDevicesThatItNeeds) {
     for (const char* driver : {"tcp", "replay"}) EXPECT_EQ(Drivers::find(driver)->requirements, nullptr) << driver;
 }
 
-// ---- the examples of drivers/README.md, which are compiled from the page ----
+// ---- the examples of drivers/README.md: tests/toys/example_*.cpp ----
 
 TEST(ReadmeExamples, TheDriverRunsAndIsNotTakenForAMeasurement) {
     Problems problems;
