@@ -1,4 +1,4 @@
-// [modbus] and [modbus.rtu]: where the server listens and whom it lets in.
+// [modbus] and [modbus.rtu]: the address of the server and its allowed clients.
 #include <fmt/format.h>
 
 #include "config/network_address.hpp"
