@@ -18,39 +18,26 @@ struct Decision {
     std::vector<Level> levels{};  // levels available here
     std::vector<double> level_cost_ns{};  // cost of each level
     static constexpr std::size_t kItself = SIZE_MAX;
-<<<<<<< HEAD
     std::size_t level = kItself;  // its level, where it is on
     // Where it is on: the parts of the scene (Choice::parts) in which it rests, and its bound in each of them, N. Empty: it
     // never rests.
     std::vector<bool> rests{};
     std::vector<double> part_N{};
     double active_share = 1;  // of the scene's samples, where it is on
-=======
-    std::size_t level = kItself;  // its level, if it is on
->>>>>>> words
 
     // Error that it causes at its place in the chain, N: its bound if it is off, the error of its level if it is on.
     [[nodiscard]] double error_N() const { return !on ? bound.change_N : level == kItself ? 0 : levels[level].error_N; }
-<<<<<<< HEAD
     // Its mean cost over the scene as it is now.
     [[nodiscard]] double spent_ns() const {
         return !on ? 0 : active_share * (level == kItself ? cost_ns : level_cost_ns[level]);
     }
-=======
-    // Its present cost.
-    [[nodiscard]] double spent_ns() const { return !on ? 0 : level == kItself ? cost_ns : level_cost_ns[level]; }
->>>>>>> words
 };
 
 struct Choice {
     std::vector<Decision> decisions;  // the effects that concern the sensor, in the order of the chain
     double wanted_N;
-<<<<<<< HEAD
     double guaranteed_N;        // no channel differs by more from what all effects together would give
     std::vector<Part> parts{};  // of the scene, where some effect rests in one
-=======
-    double guaranteed_N;  // no channel differs by more from the result with all effects
->>>>>>> words
 };
 
 // Chooses effects. `request`: "auto", "all", "none" or a list with commas of NAME or NAME:LEVEL. Auto takes the
@@ -58,17 +45,12 @@ struct Choice {
 // machine. setup: throws SetupError for an unknown name, and for a level that the effect does not offer here
 Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, const std::string& request);
 
-<<<<<<< HEAD
 // When an effect that is on is active, in s since the scene began: all of the scene but for its rests.
 std::vector<std::pair<double, double>> active_s(const Scene& scene, const Choice& choice, const Decision& decision);
 
-// The error at the end of the chain by what is left out and by cheaper levels: along the chain, each adds its own
-// (Decision::error_N), and each that is on hands on what was there before it by its gain and its jump.
-=======
 // Returns the error at the end of the chain that is caused by left-out effects and cheaper levels. Along the chain
 // each adds its own error (Decision::error_N), and each effect that is on passes on the error before it by its gain
 // and its jump.
->>>>>>> words
 double guaranteed_error_N(const std::vector<Decision>& decisions);
 
 // Leaves out effects or lowers their levels for the minimum sum of costs with guaranteed_error_N() <= wanted_N.

@@ -126,13 +126,9 @@ struct EffectEntry {
     std::vector<Parameter> parameters;
     Bound (*bound)(const Setting&);                          // setup
     std::unique_ptr<Effect> (*make)(const Setting&);         // setup
-<<<<<<< HEAD
-    std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; those that it has here, any order
+    std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; the levels available here, in any order
     // Its output, and that of its levels, depends on no other sample, so it may rest in a part of the scene.
     bool instant = false;
-=======
-    std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; the levels available here, in any order
->>>>>>> words
 };
 
 // Returns the cost of an effect for the choice, in ns per sample of a sensor with all its channels. It is from the

@@ -96,13 +96,8 @@ public:
     // block.n samples. Before and after the scene the state is constant. rt: wait-free
     void fill(Block& block, const Sensor& sensor) const noexcept;
 
-<<<<<<< HEAD
-    // While segments `first` to `last` last, both included; all by default. setup
+    // Extremes over the segments `first` to `last`, both included; all by default. setup
     [[nodiscard]] Extent extent(const Sensor& sensor, std::size_t first = 0, std::size_t last = SIZE_MAX) const;
-=======
-    // Extremes up to the end of segment `upto` (all by default). setup
-    [[nodiscard]] Extent extent(const Sensor& sensor, std::size_t upto = SIZE_MAX) const;
->>>>>>> words
 
     [[nodiscard]] double length_s() const { return segments_.empty() ? 0 : segments_.back().end_s; }
     [[nodiscard]] const std::vector<Segment>& segments() const { return segments_; }

@@ -82,17 +82,13 @@ const Block& Simulation::advance(std::size_t sensor) noexcept {
     return block;
 }
 
-<<<<<<< HEAD
 // True while the effect rests. Blocks come in order.
 bool Simulation::rests(Step& step, std::uint64_t first) noexcept {
     while (step.next_rest < step.rests.size() && step.rests[step.next_rest].second <= first) ++step.next_rest;
     return step.next_rest < step.rests.size() && step.rests[step.next_rest].first <= first;
 }
 
-// The change that an effect of stages contact .. converter makes to what it works on, as a change of channels.
-=======
 // Measures the change by an effect of stages contact .. converter, as a change of channels.
->>>>>>> words
 void Simulation::apply_and_measure(Line& line) noexcept {
     Block& block = *line.block;
     const Sensor& sensor = *line.sensor;
