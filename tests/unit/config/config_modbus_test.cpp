@@ -1,4 +1,4 @@
-// Where the Modbus server listens and whom it lets in.
+// Tests the address of the Modbus server and its allowed clients.
 #include <gtest/gtest.h>
 
 #include "config/config.hpp"

@@ -34,7 +34,7 @@ TEST(Config, HasDefaults) {
     EXPECT_TRUE(c.modbus.allow.empty());
     EXPECT_EQ(c.modbus.max_clients, 8);
     EXPECT_EQ(c.shm.group, "");
-    EXPECT_EQ(c.shm.history, 0);  // as many as keep the segment within 1 MB
+    EXPECT_EQ(c.shm.history, 0);  // automatic: within 1 MB
     ASSERT_EQ(c.links.size(), 1u);
     EXPECT_EQ(c.links[0].simulated, std::nullopt);
     EXPECT_EQ(c.links[0].sensors, 1);
@@ -47,7 +47,7 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(s.saturates_at[1], std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.method, "");
     EXPECT_EQ(s.stale_ms, 100);
-    EXPECT_EQ(s.frozen_after, -1);  // as the driver knows
+    EXPECT_EQ(s.frozen_after, -1);  // by the driver
     EXPECT_EQ(s.slew_limit_per_s, std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.rate_Hz, 0.0);
     EXPECT_EQ(s.rate_tolerance, 0.2);

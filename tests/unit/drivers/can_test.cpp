@@ -1,4 +1,4 @@
-// The keys of driver "can". What it does on a bus is tested where there is one: tests/kernel/can_test.py.
+// The keys of driver "can". tests/kernel/can_test.py tests its behaviour on a bus.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -67,7 +67,7 @@ protected:
 
 const std::string kFx = "{name = \"Fx\", start = 0, length = 16, order = \"intel\", type = \"signed\", factor = 0.5}";
 
-// Which of the frame's channels each message brings.
+// Indices of the frame's channels in each message.
 using Indices = std::vector<unsigned>;
 std::vector<Indices> channels_of(const CanDevice& device) {
     std::vector<Indices> all;
