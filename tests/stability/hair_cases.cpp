@@ -21,7 +21,8 @@ std::vector<double> paper(double sigma, double tau_x, double tau_y) {
 
 void add_sums_and_differences(Cases& cases) {
     const Calibration c = calibration_of("hair/sum_diff");
-    // H01: the difference of two readings that agree in three digits. As doubles they are exact and so is their difference.
+    // H01: the difference of two readings that agree in three digits. Both readings and their difference are exact as
+    // doubles.
     const auto r = paper(2000, 0.5, 0);
     const double R0 = 1000.1;
     const auto ratio = [&](double x) { return float(float(R0 * (1 + x)) - float(R0)) / float(R0); };  // single precision
