@@ -86,7 +86,7 @@ public:
     // Data from the robot or the PLC. NaN or Hint::none: no longer known. rt: wait-free
     void hint(Hint gripper) noexcept;
     void gravity(const Vector& gravity_G_m_s2) noexcept;
-    void acceleration(const Vector& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;  // of the hand; valid for 100 ms
+    void acceleration(const Vector& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;  // valid for 100 ms
 
     // Commands; false: not possible now. rt: wait-free
     bool start_weighing() noexcept;  // at once, in any state of the grasp

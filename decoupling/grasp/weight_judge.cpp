@@ -265,7 +265,7 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     take_first(found);
 }
 
-// Returns the block of the newest 20 ms that is farthest from the held value.
+// Returns the largest departure from the held value among the blocks of the newest 20 ms.
 double Weight::newest_departs_kg() const noexcept {
     double max_kg = 0;
     for (std::size_t b = 0; b < n_ && block(b).t_ns + kGlance_ns > block(0).t_ns; ++b)
