@@ -162,8 +162,8 @@ Config load_config(const std::string& path, Problems& problems) {
     config.modbus = read_modbus(root.table("modbus"), config.node.name);
     config.shm = read_shm(root.table("shm"));
 
-    if (!root.has("link")) root.problem("link", "there is no [[link]]; one at least says where data come from");
-    if (!root.has("sensor")) root.problem("sensor", "there is no [[sensor]]; one at least says what the data mean");
+    if (!root.has("link")) root.problem("link", "there is no [[link]]; add at least one, the source of the data");
+    if (!root.has("sensor")) root.problem("sensor", "there is no [[sensor]]; add at least one, the meaning of the data");
     check_unique(config.links, "link");
     check_unique(config.sensors, "sensor");
     bind_links(config.links, config.sensors);

@@ -151,7 +151,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     GraspSettings g{};
     for (const auto& jaw : table.tables("jaw", kMaxJaws)) g.jaws.push_back(read_jaw(jaw));
     read_fields(grasp_fields(), table, g, node_name);
-    if (!table.has("jaw")) table.problem("jaw", "[grasp] has no [[grasp.jaw]]; one for each sensor that sits on a jaw");
+    if (!table.has("jaw")) table.problem("jaw", "[grasp] has no [[grasp.jaw]]; add one for each sensor on a jaw");
     check_jaws(table, g.jaws, sensors);
     if (g.jaws_of_gripper == 0) g.jaws_of_gripper = int(g.jaws.size());
     if (g.jaws_of_gripper < int(g.jaws.size()))

@@ -19,10 +19,9 @@ void check_listen(Options& table, const ModbusSettings& modbus) {
     if (!address.fault.empty())
         table.problem("listen", address.fault);
     else if (!address.loopback && modbus.allow.empty() && modbus.plc.empty())
-        table.problem("listen",
-                      fmt::format("listen = {} lets other machines in, and Modbus knows no passwords: name those that may "
-                                  "connect, for example allow = [\"192.168.0.10/32\"]",
-                                  in_quotes(modbus.listen)));
+        table.problem("listen", fmt::format("listen = {} is open to other machines, and Modbus has no passwords: name the "
+                                            "machines that may connect, for example allow = [\"192.168.0.10/32\"]",
+                                            in_quotes(modbus.listen)));
 }
 
 }  // namespace

@@ -94,10 +94,11 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     // The name of the node belongs to this daemon, but another node may have been given this path. A daemon without
     // the lock is an older one, or another user has put a file in the place of the lock.
     if (lock_.take(0) == LockFile::State::busy || !ask_daemon(path, "?", kLookMs, unused).empty())
-        throw SetupError(fmt::format("control socket {}: it is another daemon's; give each its own [node] control", path));
+        throw SetupError(
+            fmt::format("control socket {}: another daemon uses it; give each daemon its own [node] control", path));
     struct stat there {};
     if (::lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode))  // a regular file that was named by mistake
-        throw SetupError(fmt::format("control socket {}: something else than a socket is there; choose another path", path));
+        throw SetupError(fmt::format("control socket {}: the path is not a socket; choose another path", path));
     ::unlink(path.c_str());
     listener_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     const sockaddr_un address = address_of(path);

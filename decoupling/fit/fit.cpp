@@ -250,8 +250,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
                             component.name));
         if (component.held_out_rms >= component.spread)
             report.warnings.push_back(
-                fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these "
-                            "channels do not tell {}, or a part that was left out alone loads this axis",
+                fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these channels "
+                            "do not determine {}, or a part that was left out alone loads this axis",
                             component.name, component.held_out_rms, component.spread, component.name));
     }
     for (const auto& [name, value] : request.parameters)

@@ -11,12 +11,12 @@ struct LaboratoryVerb {
     const char *name, *help;
 };
 inline constexpr LaboratoryVerb kLaboratoryVerbs[] = {
-    {"calibrate", "Fits a calibration to labelled readings and says how good it is on rows it has not seen"},
+    {"calibrate", "Fits a calibration to labelled readings and reports its error on rows that it was not fitted to"},
     {"capture", "Records the channels of a link under known loads into a labelled CSV; needs no sensor and no calibration"},
     {"decouple", "Turns a file of readings into forces, with the code that the daemon runs"},
-    {"identify", "Says what a serial port or a TCP device sends: format, channels, rate, and a [[link]] to paste"},
+    {"identify", "Detects what a serial port or a TCP device sends: format, channels and rate; prints a [[link]] to paste"},
     {"play", "Plays a recording as a device behind a pty"},
-    {"simulate", "Computes what sensors would read in a scene, with the effects it calls for"},
+    {"simulate", "Simulates the readings of sensors in a scene, with its disturbances"},
     {"tradeoff",
      "Measures what accuracy costs in time, on this machine: every method of every model, calibrated on simulated sensors "
      "with all effects, over easy, combined, eccentric, dynamic loads and with a damaged channel"},

@@ -67,14 +67,15 @@ std::string range_of(const Register& r) {
 
 constexpr const char* kRules[] = {
     "Addresses are those on the wire, from 0. The manuals of many PLCs add 30001 (FC 4) or 40001 (FC 3): both are given.",
-    "All is readable with FC 3 and FC 4, 5000 .. 5227 with FC 3 alone. Outside the areas, and across the end of one: "
-    "exception 2. "
+    "All registers can be read with FC 3 and FC 4, 5000 .. 5227 with FC 3 only. A request outside the areas, or across the "
+    "end of one, returns exception 2. "
     "Cells without a name inside them read 0.",
-    "i16 is two's complement. Not available: i16 0x8000, u16 and enum 0xFFFF, i32 0x80000000, f32 a quiet NaN. What leaves "
-    "the "
-    "range saturates at +-32767 or 65534 and sets a status bit.",
-    "i32 and f32 stand high word first; 3000 .. holds the floats low word first. No setting changes that.",
-    "A request is answered from one frame: SEQ = SEQ_END. Who needs two requests compares the SEQ of one with the other's.",
+    "i16 is two's complement. Not available: i16 0x8000, u16 and enum 0xFFFF, i32 0x80000000, f32 a quiet NaN. Values "
+    "outside the range saturate at +-32767 or 65534 and set a status bit.",
+    "i32 and f32 have the high word first; the copies of the floats from 3000 on have the low word first. No setting "
+    "changes that.",
+    "A request is answered from one frame: SEQ = SEQ_END. A client that needs two requests compares the SEQ of the first "
+    "with that of the second.",
     "Any unit identifier is answered over TCP and repeated. RTU: the configured address; 0 writes without an answer.",
     "Writing needs commands = true in [modbus], and only 5000 .. and the coils can be written (FC 5, 6, 15, 16, 22, 23). "
     "Exceptions: "
@@ -110,11 +111,12 @@ std::string map_markdown() {
     for (const Area& area : areas()) {
         out += fmt::format("\n## {}\n\n", title_of(area));
         if (area.low_word_first) {  // the same cells with the other word order
-            out += fmt::format("As {} .., each f32 with its low word first.\n", area.at - kSwapped);
+            out +=
+                fmt::format("The registers are those from {} on, each f32 with its low word first.\n", area.at - kSwapped);
             continue;
         }
         if (area.registers.empty()) {
-            out += "Where `scratch = true`. Start at 0, keep what is written.\n";
+            out += "These registers exist with `scratch = true`. They start at 0 and keep the written values.\n";
             continue;
         }
         const bool writable = area.block == Block::controls;
@@ -224,7 +226,9 @@ std::string map_manual_page() {
     for (const char* rule : kRules) out += fmt::format(".IP \\(bu 2\n{}\n", safe(rule));
     for (const Area& area : areas()) {
         out += fmt::format(".SH \"{}\"\n", safe(title_of(area)));
-        if (area.low_word_first) out += fmt::format("As {} .., each f32 with its low word first.\n", area.at - kSwapped);
+        if (area.low_word_first)
+            out +=
+                fmt::format("The registers are those from {} on, each f32 with its low word first.\n", area.at - kSwapped);
         for (const Register& r : area.registers) {
             if (area.low_word_first) break;
             out += fmt::format(".TP 8\n{}{}\n.B {}\n{}", is_block(area) ? "+" : "", r.at, safe(std::string(r.name)),

@@ -282,7 +282,8 @@ void add_record(CLI::App& app, Run& run) {
         ->capture_default_str();
     verb->add_flag("--csv", args->csv, "beside FILE.mcap the forces of each sensor, as FILE.SENSOR.csv");
     verb->add_option("--flush-ms", args->flush_ms,
-                     "a chunk is written at least this often: what a kill loses; a power cut, what the kernel held")
+                     "a chunk is written at least this often; the last one is lost if the program is killed, and more after "
+                     "a power cut")
         ->check(CLI::Range(100, 1000))
         ->capture_default_str();
     verb->add_flag("--overwrite", args->overwrite, "replace a file that is there");

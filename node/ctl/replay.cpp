@@ -251,7 +251,7 @@ int replay(const Args& args) {
 
 void add_replay(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?",
+    auto* verb = add_verb(app, "replay", "Processes a recording with the daemon's own code, and compares the samples",
                           "  tactilectl replay pick.mcap --config my.toml\n  tactilectl replay pick.mcap --config my.toml "
                           "--sensor left --out forces.csv\n");
     verb->add_option("file", args->file, "made by tactilectl record")->required();

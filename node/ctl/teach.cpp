@@ -191,13 +191,13 @@ int run_teach(const Args& args) {
 
 void add_teach(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it",
+    auto* verb = add_verb(app, "teach", "Learns the mass of an object from real grasps, so that the daemon recognises it",
                           "  tactilectl teach bolt\n  tactilectl teach --list\n");
     auto* what = verb->add_option_group("what");
     what->add_option("name", args->name, "the object's name")->check([](const std::string& name) {
         return valid_name(name) ? std::string() : std::string(kValidName);
     });
-    what->add_flag("--list", args->list, "what is taught");
+    what->add_flag("--list", args->list, "list the taught objects");
     what->add_option("--forget", args->forget, "removes an object");
     what->add_flag("--reload", args->reload, "the daemon reads the file again, after it was edited by hand");
     what->require_option(1);

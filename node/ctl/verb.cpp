@@ -32,7 +32,7 @@ void catch_interrupt() {
 
 namespace {
 constexpr char kExitStatuses[] =
-    "Exit status: 0 good, 1 unhealthy or failed, 2 wrong words or files, 3 no daemon of that name, or it is dead.";
+    "Exit status: 0 good, 1 unhealthy or failed, 2 wrong arguments or files, 3 no daemon of that name, or it is dead.";
 }
 
 CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help, const std::string& examples) {
@@ -68,7 +68,7 @@ CLI::Validator number_in(double min, double max) {
 }
 
 void add_node_option(CLI::App* verb, std::string& node_name) {
-    verb->add_option("--node", node_name, "name of the daemon, as [node] name says")
+    verb->add_option("--node", node_name, "name of the daemon, [node] name")
         ->check([](const std::string& name) {
             tactiled_segment unused{};
             return std::string(tactiled_check_name(&unused, "node", name.c_str()) != 0 ? "" : unused.why);

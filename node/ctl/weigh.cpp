@@ -82,19 +82,19 @@ void add_weigh(CLI::App& app, Run& run) {
     const auto add = [&](const char* name, const char* help) {
         auto* sub = add_verb(*verb, name, help);
         add_node_option(sub, args->node);
-        sub->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's word")
+        sub->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
             ->check(number_in(0.1, 60.0))
             ->capture_default_str();
         sub->callback([args, name, &run] { run = [args, name] { return weigh(*args, name); }; });
         return sub;
     };
-    add("start", "Weighs from now on, whatever the grasp thinks of a lift");
+    add("start", "Weighs from now on, in any state of the grasp");
     add("stop", "Stops weighing");
-    add("zero", "What hangs now is no object: tare");
-    add("forget", "Forgets the scale that a known weight has set");
+    add("zero", "Tares the stable weight, until this grasp ends");
+    add("forget", "Removes the scale of a known weight");
     add("known",
-        "What hangs now, stable and without a tare, weighs MASS and read as no more than 5 % of it in the grip "
-        "before its lift: sets the scale")
+        "Sets the scale: the stable load weighs MASS, has no tare, and read as at most 5 % of it in the grip before its "
+        "lift")
         ->add_option("mass", args->mass_kg, "its mass in kg")
         ->required()
         ->check(number_in(1e-6, 1000.0));

@@ -240,11 +240,11 @@ void add_calibrate(CLI::App& app, Run& run) {
     auto* own = verb->add_flag("--zero-per-session", settings->own_zeros,
                                "each session has its own zero, as after mounting; else found from the recording");
     verb->add_flag("--one-zero", settings->one_zero, "all sessions have the same zero")->excludes(own);
-    verb->add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are named, and stay");
+    verb->add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are reported and used");
     verb->add_option("--saturates-below", settings->request.saturates_below,
-                     "a row with a channel at or below stays out (unit of the channels)");
+                     "rows with a channel at or below this are left out (unit of the channels)");
     verb->add_option("--saturates-above", settings->request.saturates_above,
-                     "a row with a channel at or above stays out (unit of the channels)");
+                     "rows with a channel at or above this are left out (unit of the channels)");
     verb->add_option("--report", settings->report, "also write a report with plots: one HTML file");
     verb->add_option("--session", settings->selection.sessions, "use only these sessions")->take_all();
     verb->add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")

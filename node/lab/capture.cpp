@@ -49,7 +49,7 @@ std::unique_ptr<Source> open_source(const Args& args) {
     if (is_device(args.what)) {
         const Heard heard = listen(args.what, args.baud, 1);
         if (!heard.guess)
-            throw SetupError(fmt::format("{}: {}; tactilectl identify {} says more", args.what,
+            throw SetupError(fmt::format("{}: {}; see tactilectl identify {}", args.what,
                                          heard.bytes.empty() ? "nothing arrives" : "no known format", args.what));
         source->options = Options::parse_text(heard.keys(), args.what, source->problems);
     } else {
@@ -118,7 +118,8 @@ std::vector<CapturedRow> read_rows(Driver& driver, int& device, double settle_s,
     }
     driver.close();
     if (rows.empty() && interrupted == 0)
-        throw std::runtime_error(fmt::format("no frame in {:g} s: tactilectl identify says what the port sends", kGiveUp_s));
+        throw std::runtime_error(
+            fmt::format("no frame in {:g} s: tactilectl identify shows what the port sends", kGiveUp_s));
     return rows;
 }
 
@@ -189,7 +190,7 @@ nlohmann::json load_json(const std::vector<CapturedRow>& rows, const std::vector
 // load.
 std::optional<Load> ask_load() {
     for (std::string line; interrupted == 0;) {
-        fmt::print(stderr, "Put a load on, then type it, such as fz_N=-5 (press: fz < 0); an empty line ends: ");
+        fmt::print(stderr, "Apply a load, then type it, such as fz_N=-5 (press: fz < 0); an empty line ends: ");
         if (!std::getline(std::cin, line) || line.find_first_not_of(" \t\r") == line.npos) return std::nullopt;
         try {
             return parse_load({line});

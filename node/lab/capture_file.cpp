@@ -71,7 +71,8 @@ CaptureFile::CaptureFile(std::string path, std::vector<std::string> channels)
         csv.refuse(fmt::format("has {} channels ({}), the link sends {}: name another file with --append", there.size(),
                                fmt::join(there, " "), channels_.size()));
     if (!channels_.empty() && !channels_[0].empty() && there != channels_)
-        csv.refuse(fmt::format("has the channels {}, --channels says {}", fmt::join(there, " "), fmt::join(channels_, " ")));
+        csv.refuse(
+            fmt::format("has the channels {}, --channels names {}", fmt::join(there, " "), fmt::join(channels_, " ")));
     channels_ = there;
     while (csv.next()) {
         Load load;

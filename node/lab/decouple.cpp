@@ -90,7 +90,8 @@ void add_decouple(CLI::App& app, Run& run) {
     auto* verb = add_verb(app, "decouple", laboratory_help("decouple"));
     verb->add_option("--calibration", settings->calibration, "the calibration file")->required();
     verb->add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
-    verb->add_option("--budget-us", settings->budget_us, "what a sample may cost with --method auto")->capture_default_str();
+    verb->add_option("--budget-us", settings->budget_us, "time that a sample may take with --method auto")
+        ->capture_default_str();
     verb->add_option("--in", settings->in, "signals.csv: t_s and a column a channel; - is standard input")
         ->capture_default_str();
     verb->add_option("--out", settings->out, "forces.csv; - is standard output")->capture_default_str();

@@ -80,7 +80,7 @@ void Wire::add_options(CLI::App* verb) {
     verb->add_option("--bits", settings.bits, "binary formats: width of a channel")
         ->check(CLI::IsMember({24, 32}))
         ->capture_default_str();
-    verb->add_option("--counts-per-unit", counts_per_unit, "what is sent = value x this")->capture_default_str();
+    verb->add_option("--counts-per-unit", counts_per_unit, "factor of the values that are sent")->capture_default_str();
     verb->add_flag("--checksum", settings.checksum, "text formats: with a checksum by exclusive or");
     verb->add_flag("--crc16", settings.crc16, "text formats: with a CRC-16");
     verb->add_flag("--sequence", settings.sequence, "text formats: with a leading counter (binary ones always have one)");

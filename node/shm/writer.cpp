@@ -103,8 +103,8 @@ std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
     const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     if (fd < 0 && errno == ENOENT) return std::nullopt;
     if (fd < 0)
-        throw SetupError(
-            fmt::format("{}: {}: not ours; remove it, or choose another [node] name", path, std::strerror(errno)));
+        throw SetupError(fmt::format("{}: {}: another user owns it; remove it, or choose another [node] name", path,
+                                     std::strerror(errno)));
     struct stat status {};
     ::fstat(fd, &status);
     if (status.st_uid != ::geteuid()) {

@@ -101,7 +101,7 @@ void add_leak(Cases& cases) {
     auto blind = calibration_of("hair/sum_diff");
     blind.tables["gains"][2][0] = -blind.tables["gains"][0][0];
     cases.refused("S5", "hairs H1 H3 that answer a press with opposite signs", std::numeric_limits<double>::infinity(),
-                  refusal_of(blind), "SUM says nothing");
+                  refusal_of(blind), "SUM has no meaning");
 }
 
 // G = E / 2 (1 + nu) has no 1 - 2 nu in it.

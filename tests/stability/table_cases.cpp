@@ -85,7 +85,7 @@ void add_gauges_lost(Cases& cases) {
     collinear.full_scale = {1, 1};
     collinear.tables["forward"] = {{1, 1}, {1, 1 + 1e-9}, {1, 1 - 1e-9}, {1, 1}};
     cases.refused("H10", "four gauges whose gains are collinear to 1e-9", std::numeric_limits<double>::infinity(),
-                  refusal_of(collinear), "cannot tell fx fy apart");
+                  refusal_of(collinear), "do not determine fx fy");
 }
 
 void add_offsets_and_sizes(Cases& cases) {

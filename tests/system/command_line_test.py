@@ -46,7 +46,7 @@ class Words(unittest.TestCase):
     def test_every_verb_has_its_exit_statuses_in_its_help(self):
         for verb in VERBS:
             text = ctl(verb, "--help").stdout
-            self.assertIn("Exit status: 0 good, 1 unhealthy or failed, 2 wrong words or files, 3 no daemon", text, verb)
+            self.assertIn("Exit status: 0 good, 1 unhealthy or failed, 2 wrong arguments or files, 3 no daemon", text, verb)
         for verb in ("read", "record", "replay", "weigh", "calibrate", "capture", "identify"):
             self.assertIn("Examples:\n", ctl(verb, "--help").stdout, verb)
 

@@ -85,10 +85,10 @@ void look_at_latency_timer(const Machine& machine, const std::string& link, cons
     if (!ms) return;
     if (*ms <= 1)
         found.push_back(
-            {"latency_timer", Verdict::good, fmt::format("{}: {} hands bytes on within {} ms", link, real, *ms), ""});
+            {"latency_timer", Verdict::good, fmt::format("{}: {} delays bytes by at most {} ms", link, real, *ms), ""});
     else
         found.push_back(
-            {"latency_timer", Verdict::wrong, fmt::format("{}: {} keeps bytes back for {} ms", link, real, *ms),
+            {"latency_timer", Verdict::wrong, fmt::format("{}: {} delays bytes by up to {} ms", link, real, *ms),
              fmt::format("echo 1 > /sys/bus/usb-serial/devices/{}/latency_timer, or the package's udev rules", real)});
 }
 
@@ -157,7 +157,7 @@ void look_at_port(const Machine& machine, const ModbusSettings& settings, bool d
                 continue;  // LISTEN
             found.push_back({"port", Verdict::wrong,
                              fmt::format("another program listens on port {} of [modbus] listen", port),
-                             fmt::format("ss -ltnp 'sport = :{}' says which", port)});
+                             fmt::format("ss -ltnp 'sport = :{}' shows which", port)});
             return;
         }
     found.push_back({"port", Verdict::good, fmt::format("port {} is free", port), ""});

@@ -59,7 +59,7 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     };
     look_at_channels(node.config, s, entry, found);
     if (s.rate_Hz <= 0)
-        advise("rate", "no rate is declared: a device that sends too rarely stays unseen",
+        advise("rate", "no rate is declared: a device that sends too rarely is not detected",
                "rate_Hz = 100  # as the device is set; tactilectl status shows the rate of a good one");
     const auto link = std::find_if(node.links.begin(), node.links.end(), [&](const auto& l) { return l->name == s.link; });
     const bool noisy =
@@ -73,8 +73,8 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
                s.tare_limit_N == 0 ? "leave out tare_limit_N: 20 % of full scale; or a value in N" : "tare_limit_N = 0.5");
     if (s.contact_on_N > full_N)
         advise("contact",
-               fmt::format("contact_on_N = {:g} is beyond its full scale of {:.3g} N: contact is never seen", s.contact_on_N,
-                           full_N),
+               fmt::format("contact_on_N = {:g} is beyond its full scale of {:.3g} N: contact is never detected",
+                           s.contact_on_N, full_N),
                fmt::format("contact_on_N = {:.2g}", full_N / 10));
 }
 

@@ -94,8 +94,8 @@ std::string methods(const FitReport& report) {
     std::string text = "<h2>Methods tried</h2>\n" + html_table(rows, "methods");
     if (report.methods.size() > 1)
         text +=
-            "<p>The calibration is the one with the least sum of these errors. It was chosen by the same rows that it is "
-            "judged by here, so its error on new data is a little greater.</p>\n";
+            "<p>The calibration is the one with the least sum of these errors. It was chosen with the rows that are used "
+            "here, so its error on new data is a little larger.</p>\n";
     return text;
 }
 

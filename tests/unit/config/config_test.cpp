@@ -184,8 +184,8 @@ TEST(Config, NamesTheControlSocketAfterTheNode) {
 }
 
 TEST(Config, NeedsALinkAndASensor) {
-    EXPECT_EQ(errors(""), (Lines{"t.toml:1: there is no [[link]]; one at least says where data come from",
-                                 "t.toml:1: there is no [[sensor]]; one at least says what the data mean"}));
+    EXPECT_EQ(errors(""), (Lines{"t.toml:1: there is no [[link]]; add at least one, the source of the data",
+                                 "t.toml:1: there is no [[sensor]]; add at least one, the meaning of the data"}));
     EXPECT_EQ(errors("link = []\nsensor = []\n"), (Lines{"t.toml:1: link is an array, should be tables [[link]]",
                                                          "t.toml:2: sensor is an array, should be tables [[sensor]]"}));
     EXPECT_EQ(

@@ -327,10 +327,10 @@ TEST(FitTable, RecoversGainsZeroAndNoise) {
 TEST(FitTable, RefusesSwappedGaugesAndPressesThatPull) {
     auto labelled = table_rows(inner_gauges(), 0);
     for (auto& row : labelled.rows) row.wrench_S[2] = -row.wrench_S[2];
-    EXPECT_NE(refusal(labelled, table()).find("normal_inner comes out as"), std::string::npos);
+    EXPECT_NE(refusal(labelled, table()).find("the fit of normal_inner is"), std::string::npos);
     labelled = table_rows(inner_gauges(), 0);
     labelled.channels = {"R5", "R7", "R1", "R3"};
-    EXPECT_NE(refusal(labelled, table()).find("tangential_inner comes out as"), std::string::npos);
+    EXPECT_NE(refusal(labelled, table()).find("the fit of tangential_inner is"), std::string::npos);
 }
 
 TEST(FitTable, RefusesWhatDoesNotShowTheThreeForces) {

@@ -237,10 +237,10 @@ TEST(Hair, RefusesCalibrationsThatItCannotUse) {
     says(c, "leak terms are too large");
     c = paper("matrix");
     for (auto& row : c.tables["gains"]) row[1] = 0;
-    says(c, "cannot tell the stresses apart");
+    says(c, "do not determine the stresses");
     c = paper("sum_diff");
     c.tables["gains"][2][0] = -kHairNormal;
-    says(c, "SUM says nothing");
+    says(c, "SUM has no meaning");
     c = paper("matrix");
     c.tables["noise"][0][1] = 0;
     says(c, "table noise");
