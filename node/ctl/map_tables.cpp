@@ -62,7 +62,8 @@ std::string meaning_of(const Area& area, const Register& r, const char* separato
 
 std::string range_of(const Register& r) {
     if (r.limits.max < r.limits.min || (r.limits.min == 0 && r.limits.max == 65535)) return "";
-    return fmt::format("{} .. {}{}", r.limits.min, r.limits.max, r.limits.locked ? ", 65535 = as configured" : "");
+    return fmt::format("{} .. {}{}", r.limits.min, r.limits.max,
+                       r.limits.locked ? ", or 65535 for the configured value" : "");
 }
 
 constexpr const char* kRules[] = {

@@ -117,13 +117,13 @@ constexpr Register kFloat[] = {
     {kFloatFriction, "FRICTION", Type::f32, "", "coefficient"},
     {kFloatTime, "TIME", Type::f32, "s", "time of the frame on the daemon's clock, modulo 4096"},
     {kFloatFrictionSd, "FRICTION_SD", Type::f32, "", "NaN where FRICTION is as configured"},
-    {kFloatObjectProbability, "OBJECT_PROB", Type::f32, "", "0 .. 1, as in the grasp block"},
+    {kFloatObjectProbability, "OBJECT_PROB", Type::f32, "", "probability 0 .. 1, as in the grasp block"},
     {kFloatSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
 
 constexpr Register kSensorFloat[] = {
     {kFloatSensorSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
-    {kFloatStatus, "STATUS", Type::bits, "", "as in the sensor block"},
+    {kFloatStatus, "STATUS", Type::bits, "", "STATUS of the sensor block"},
     {kFloatForce, "FX", Type::f32, "N", "force on the sensor, frame S"},
     {kFloatForce + 2, "FY", Type::f32, "N", ""},
     {kFloatForce + 4, "FZ", Type::f32, "N", "a press is negative"},
@@ -225,7 +225,7 @@ constexpr Register kControl[] = {
      "gravity in the gripper's frame G; all three count when Z is written, and must be 9.7 .. 9.9 m/s2 together", kAny},
     {kGravityX + 1, "GRAVITY_Y", Type::i16, "0.001 m/s2", "", kAny},
     {kGravityX + 2, "GRAVITY_Z", Type::i16, "0.001 m/s2",
-     "as configured until it is written after a start; not known after PLC_WATCHDOG has expired", kAny},
+     "the configured gravity until it is written after a start; not known after PLC_WATCHDOG has expired", kAny},
     {kAccelX, "ACCEL_X", Type::i16, "0.001 m/s2", "acceleration of the hand, frame G, without gravity", kAny},
     {kAccelX + 1, "ACCEL_Y", Type::i16, "0.001 m/s2", "", kAny},
     {kAccelX + 2, "ACCEL_Z", Type::i16, "0.001 m/s2", "", kAny},
