@@ -18,6 +18,7 @@ struct Frame {
         arrival_only,  // nothing shows a delay, and nothing would
         unproved       // t_ns is when it arrived; it may be older
     } age = Age::proved;
+    std::uint8_t sequence_bits = 32;  // width of the device's counter. Set by drivers of streams
     std::uint64_t late_ns = 0;  // the age when it was taken from the kernel, where that is known
     // Not published. Set by drivers of streams, 0 = t_ns.
     std::uint64_t taken_ns = 0;  // when its last byte was taken from the kernel; t_ns may be an earlier estimate

@@ -36,13 +36,13 @@ public:
         const std::uint32_t step = (sequence - last_ - 1) & mask;  // 0: the one that follows
         const bool behind = step > mask / 2;
         const bool counts_on = behind && dropped_ && ((sequence - last_dropped_ - 1) & mask) == 0;
+        const std::uint32_t back = (last_ - sequence) & mask;
+        if (started_ && behind && !counts_on && is_overtaken(back)) {  // its clock went back, too
+            doubt(kOvertaken);
+            return {false, contested_, 0};
+        }
         const bool restart = !started_ || (clock_went_back && step != 0) || counts_on;
         if (behind && !restart) {
-            const std::uint32_t back = (last_ - sequence) & mask;
-            if (is_overtaken(back)) {
-                doubt(kOvertaken);
-                return {false, contested_, 0};
-            }
             // More of what was dropped just before is the same doubt: a restart whose second frame is lost.
             const bool more = dropped_ && ((sequence - last_dropped_ - 1) & mask) <= mask / 2;
             if (!more && (back != 0 || content != content_)) doubt(kDoubt);
@@ -88,10 +88,28 @@ private:
     unsigned doubt_ = 0;  // frames in order until there is none
 };
 
+// The width of a counter of which the format states none: one that goes from 255 or 65535 to 0 has 8 or 16 bits, until it
+// counts further.
+class CounterWidth {
+public:
+    // rt: wait-free
+    [[nodiscard]] unsigned of(std::uint32_t sequence) noexcept {
+        if (bits_ < 32 && sequence >> bits_ != 0) bits_ = 32;
+        if (sequence == 0 && (last_ == 0xFF || last_ == 0xFFFF)) bits_ = last_ == 0xFF ? 8 : 16;
+        last_ = sequence;
+        return bits_;
+    }
+
+private:
+    unsigned bits_ = 32;
+    std::uint32_t last_ = 0;
+};
+
 // An accepted frame gets its number, and loses its n_channels, which are set by then, where two devices count: nobody knows
 // whose they are. rt: wait-free
-inline void put_number(Frame& frame, std::uint32_t sequence, const SequenceTracker::Verdict& verdict) noexcept {
+inline void put_number(Frame& frame, std::uint32_t sequence, unsigned bits, const SequenceTracker::Verdict& verdict) noexcept {
     frame.sequence = sequence;
+    frame.sequence_bits = std::uint8_t(bits);
     frame.has_sequence = true;
     if (verdict.contested) frame.n_channels = 0;
 }
