@@ -13,7 +13,7 @@ using Methods = Registry<MethodEntry>;
 
 namespace {
 
-// The names that the other methods of the model know, where `method` runs on their fits.
+// Returns the names that the other methods of the model know, if `method` runs on their fits.
 OtherNames names_of_others(const MethodEntry& entry) {
     OtherNames names;
     for (const MethodEntry* other : methods_of(entry.model)) {

@@ -1,4 +1,4 @@
-// The channel of each electrode, and the part of each capacitance that answers the pad.
+// The channel of each electrode, and the part of each capacitance that depends on the pad.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -12,7 +12,7 @@ namespace tactiled {
 namespace {
 
 constexpr int kReweightings = 20;
-// A hair's noise is taken as at least this part of its rms reading: rows without noise are no reason for infinite weights.
+// Minimum noise of a hair, relative to its rms reading: rows without noise would otherwise get infinite weights.
 constexpr double kMinNoise = 1e-4;
 
 }  // namespace
@@ -26,7 +26,7 @@ RobustFit robust_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& 
         for (double& size : sizes) size = std::abs(size);
         std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
         result.sd = kRobustSd * sizes[sizes.size() / 2] * std::sqrt(double(a.rows()) / double(a.rows() - a.cols()));
-        if (!(result.sd > 1e-13 * y.cwiseAbs().maxCoeff())) break;  // rounding
+        if (!(result.sd > 1e-13 * y.cwiseAbs().maxCoeff())) break;  // only rounding is left
         const Eigen::VectorXd weight = (1 + (error / (kCauchyEfficient * result.sd)).array().square()).rsqrt();
         const LeastSquares next = least_squares(weight.asDiagonal() * a, weight.cwiseProduct(y));
         if (!next.dependent.empty()) break;
@@ -86,7 +86,7 @@ HairSession hair_session_of(const Rows& rows, const Calibration& calibration, do
 
 HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t first) {
     struct Term {
-        std::size_t axis, leak;  // one of the two; 3 and kLeakTerms where not
+        std::size_t axis, leak;  // one of the two; the other is 3 or kLeakTerms
         int order;
     };
     std::vector<Term> terms;
@@ -111,7 +111,7 @@ HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t fi
                                        terms.size() + 1, kRowsPerCoefficient * (terms.size() + 1)));
     Eigen::VectorXd y(static_cast<Eigen::Index>(n));
     for (std::size_t r = 0; r < n; ++r) y[Eigen::Index(r)] = session.rows[r]->channel[channel];
-    const double centre = y.mean();  // a large zero costs no digits
+    const double centre = y.mean();  // prevents a large zero from costing digits
     y.array() -= centre;
     for (;;) {
         Eigen::MatrixXd a(Eigen::Index(n), Eigen::Index(terms.size() + 1));

@@ -1,5 +1,5 @@
-// Model "hair", method "sum_diff": the two steps of Cao et al. DIFF of a pair gives its shear, the shear gives the intercept
-// of SUM, and SUM gives the normal stress (two_steps() in hair.cpp).
+// Model "hair", method "sum_diff": the two steps of Cao et al. DIFF of a pair gives its shear, the shear gives the
+// intercept of SUM, and SUM gives the normal stress (two_steps() in hair.cpp).
 #include <fmt/format.h>
 
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kMinSum = 0.1;  // of the sum of sizes; 1 where both hairs of a pair answer alike
+constexpr double kMinSum = 0.1;  // relative to the sum of magnitudes; 1 if both hairs of a pair respond equally
 
 constexpr auto kParameters =
     joined(kFittedParameters,
@@ -30,7 +30,7 @@ std::string read_pairs(const CalibrationData& data, HairSetup& setup) {
     return "";
 }
 
-// The hairs of a pair must answer a press with the same sign.
+// The hairs of a pair must respond to a press with the same sign.
 std::string fault_of_sums(const HairSetup& setup) {
     for (const std::uint32_t pair : {kPairX, kPairY}) {
         double sum = 0, size = 0;

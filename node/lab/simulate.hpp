@@ -55,8 +55,9 @@ struct Timeline {
     };
     struct Row {
         const sim::Decision* decision;
-        // Begin and end of what it changed a channel by more than a hundredth of the wanted accuracy in; where it is on, it
-        // ran all the time. An effect on the time of samples: always.
+        std::vector<std::pair<double, double>> active_s;  // where it is on: all of the scene but for its rests
+        // Begin and end of each time in which it changed a channel by more than a hundredth of the wanted accuracy. An
+        // effect on the time of samples: always.
         std::vector<std::pair<double, double>> changed_s;
         double largest_N;  // change of a channel
     };

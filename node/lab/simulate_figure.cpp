@@ -95,8 +95,8 @@ private:
         if (!ever)
             svg_.put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11,
                      html_text(row.decision->why));
-        if (ever)
-            svg_.put(svg_line(fmt::format("M{:.1f} {:.1f}H{:.1f}", x(0), top + kRow / 2, x(t_.length_s)),
+        for (const auto& [begin_s, end_s] : row.active_s)
+            svg_.put(svg_line(fmt::format("M{:.1f} {:.1f}H{:.1f}", x(begin_s), top + kRow / 2, x(end_s)),
                               {.css_class = "frame", .colour = "#8c959f"}));
         for (const auto& [begin_s, end_s] : row.changed_s)
             svg_.put("<path class=\"bar\" fill=\"#1f5fa8\" d=\"M{:.1f} {:.1f}H{:.1f}v{}H{:.1f}Z\"/>\n", x(begin_s), top + 2,

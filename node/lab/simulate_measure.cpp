@@ -141,11 +141,13 @@ struct ForceOfChange {
     }
 };
 
-// The chosen effects but for number `d`, or with it too where it was not chosen.
-std::string other_choice(const sim::Choice& choice, std::size_t d) {
+constexpr std::size_t kNone = SIZE_MAX;
+
+// The chosen effects but for number `other`, or with it too where it was not chosen. As a list, none of them rests.
+std::string names_of(const sim::Choice& choice, std::size_t other) {
     std::string list;
     for (std::size_t i = 0; i < choice.decisions.size(); ++i)
-        if (choice.decisions[i].on != (i == d)) list += (list.empty() ? "" : ",") + name_of(choice.decisions[i]);
+        if (choice.decisions[i].on != (i == other)) list += (list.empty() ? "" : ",") + name_of(choice.decisions[i]);
     return list.empty() ? "none" : list;
 }
 
@@ -168,14 +170,14 @@ void measure_forces(const Scene& scene, const std::string& effects, std::size_t 
             }
         return rows;
     };
-    const std::vector<Row> base = channels(effects);
-    result.force_samples = base.size();
     const sim::Choice choice = Simulation(scene, effects).choice(sensor_number);
+    const std::vector<Row> base = channels(names_of(choice, kNone));
+    result.force_samples = base.size();
     Progress progress(fmt::format("forces without each effect, {}", sensor.name));
     for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
         std::array<double, 3> largest{};
         if (choice.decisions[d].bound.change_N > 0) {
-            const std::vector<Row> other = channels(other_choice(choice, d));
+            const std::vector<Row> other = channels(names_of(choice, d));
             for (std::size_t n = 0; n < base.size(); ++n)
                 for (std::size_t i = 0; i < 3; ++i) {
                     double sum = 0;

@@ -90,7 +90,7 @@ std::string effects_table(const sim::Sensor& sensor, const sim::Choice& choice, 
 
 std::string timeline_figure(const sim::Scene& scene, const std::string& effects, std::size_t number) {
     return "<h3>What they did when</h3>\n<figure>\n" + timeline_svg(scene, effects, number) +
-           "<figcaption>What the body does, and below it a line for each effect that ran, all the time, with a bar where it "
+           "<figcaption>What the body does, and below it a line where each effect ran, with a bar where it "
            "changed a channel by more than a hundredth of the wanted accuracy; its largest change in N. Effects that were "
            "left out stand below with the reason.</figcaption>\n</figure>\n";
 }

@@ -63,7 +63,8 @@ Timeline timeline(const sim::Scene& scene, const std::string& effects, std::size
     sim::Simulation simulation(scene, effects);
     simulation.measure_shares(true);
     const sim::Choice& choice = simulation.choice(number);
-    for (const sim::Decision& d : choice.decisions) result.rows.push_back({&d, {}, 0});
+    for (const sim::Decision& d : choice.decisions)
+        result.rows.push_back({&d, d.on ? active_s(scene, choice, d) : decltype(Timeline::Row::active_s){}, {}, 0});
     const std::uint64_t blocks = (scene.samples + Block::kSize - 1) / Block::kSize;
     const std::uint64_t per_part = std::max<std::uint64_t>(1, (blocks + kMaxParts - 1) / kMaxParts);
     for (std::uint64_t done = 0; done < scene.samples;) {
