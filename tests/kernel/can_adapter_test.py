@@ -186,7 +186,7 @@ class GsUsb(Case):
         self.daemon = machine_daemon(link("vcan0", 'stamp = "hardware"'))
         self.addCleanup(self.daemon.__exit__)
         self.daemon.start()
-        wait_for(lambda: "vcan0 gives no hardware stamps" in self.daemon.log(), 5, "the complaint")
+        wait_for(lambda: "vcan0 gives no hardware timestamps" in self.daemon.log(), 5, "the complaint")
 
 
 class Kvaser(Case):

@@ -27,7 +27,8 @@ class Guard(unittest.TestCase):
 
     def report(self):
         status, _ = self.daemon.stop()
-        return status, [json.loads(line) for line in (self.daemon.folder / "guard.json").read_text().splitlines()]
+        threads = [json.loads(line) for line in (self.daemon.folder / "guard.json").read_text().splitlines()]
+        return status, [t for t in threads if t["thread"] != "links" or t["sections"] > 0]  # it reads links at high rates only
 
     def assert_clean(self, *calls):
         """`calls`: those that the two links made, by number; one of them is a tty's."""
