@@ -61,7 +61,7 @@ std::string or_did_you_mean(std::string_view name, const std::vector<std::string
 std::string fault_of_methods() {
     for (const MethodEntry* entry : Methods::all()) {
         if (entry->make == nullptr)
-            return fmt::format("method \"{}\" of model \"{}\" cannot be made: its entry has no make()", entry->method,
+            return fmt::format("method \"{}\" of model \"{}\" cannot be used: its entry has no make()", entry->method,
                                entry->model);
         if (find_method(entry->model, entry->method) != entry)
             return fmt::format("this program has two methods \"{}\" of model \"{}\"", entry->method, entry->model);

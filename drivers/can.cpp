@@ -132,7 +132,7 @@ private:
         // looked up at each opening, because an adapter that returns has another index
         index_ = int(::if_nametoindex(name_.c_str()));
         if (index_ == 0)
-            return fmt::format("there is no interface {}: plug it in; `ip -br link` lists what is there", name_);
+            return fmt::format("there is no interface {}: plug it in; `ip -br link` lists the interfaces", name_);
         const int on = 1;
         const can_err_mask_t errors = CAN_ERR_MASK;
         const int timestamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_RX_HARDWARE |
@@ -170,14 +170,15 @@ private:
                 "ip link set {0} mtu 72 (vcan), or: ip link set {0} up type can bitrate 500000 dbitrate 2000000 fd on",
                 name_, max_bytes_);
         if (hardware_timestamps_ && !has_hardware_timestamps())
-            return fmt::format("{} gives no hardware timestamps; stamp = \"software\" does without", name_);
+            return fmt::format("{} gives no hardware timestamps; use stamp = \"software\"", name_);
         return "";
     }
 
     std::string ask(CanInterface& about) {
         const int error = netlink_.ask(index_, about);
-        return error == 0 ? ""
-                          : fmt::format("{}: the kernel says nothing about it (rtnetlink): {}", name_, std::strerror(error));
+        return error == 0
+                   ? ""
+                   : fmt::format("{}: the kernel does not report its state (rtnetlink): {}", name_, std::strerror(error));
     }
 
     // Returns "" if the kernel has restarted the controller by now.

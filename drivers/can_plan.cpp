@@ -304,7 +304,7 @@ CanPlan read_can_plan(Options& link) {
         plan.devices.push_back(std::move(device));
     }
     if (!link.has("device"))
-        link.problem("device", "there is no [[link.device]]: it says which messages carry which channels");
+        link.problem("device", "there is no [[link.device]]; add one with the messages of the channels");
     if (plan.ids.size() > kCanMaxIds)
         link.problem("device", fmt::format("{} different ids; the kernel filters at most {}", plan.ids.size(), kCanMaxIds));
     return plan;

@@ -61,7 +61,7 @@ public:
     // Text for `tactilectl check` and `doctor`: the proof of age that the frames will have, and a change of the format that
     // the user should make ("" = none). setup
     [[nodiscard]] virtual std::string freshness() const {
-        return route().path == Route::Path::polled ? "request (each frame answers a question)"
+        return route().path == Route::Path::polled ? "request (each frame answers a request)"
                                                    : "cable (a bus of this machine)";
     }
     [[nodiscard]] virtual std::string advice() const { return ""; }

@@ -47,7 +47,7 @@ public:
         timeout_ns_ = std::uint64_t(options.integer("timeout_ms", {5, 5000}, 50)) * 1'000'000;
         for (auto& table : options.tables("slave", 16)) add(read_modbus_device(table, wire_), table);
         if (!options.has("slave"))
-            options.problem("slave", "there is no [[link.slave]]; one at least says which registers are read");
+            options.problem("slave", "there is no [[link.slave]]; add at least one with its registers");
         choose_probes();
         check_load(options);
     }
@@ -146,9 +146,10 @@ private:
     void add(ModbusDevice device, Options& table) {
         for (const auto& other : devices_)
             if (other.is.device == device.device)
-                table.problem("device",
-                              fmt::format("device = {} is another [[link.slave]] already; sensors tell them apart by it",
-                                          device.device));
+                table.problem(
+                    "device",
+                    fmt::format("device = {} is another [[link.slave]] already; sensors refer to it by this number",
+                                device.device));
         const auto period_ns = std::uint64_t(double(kSecond) / device.rate_Hz);
         devices_.push_back({.is = std::move(device), .period_ns = period_ns, .sequence = {}});
     }

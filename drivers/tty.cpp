@@ -71,7 +71,8 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
     const unsigned off = got.c_ospeed > baud ? got.c_ospeed - baud : baud - got.c_ospeed;
     if (off > baud / 50) {
         ::close(fd);
-        why = fmt::format("{}: asked for {} baud, the port does {}: choose a rate that it can do", path, baud, got.c_ospeed);
+        why =
+            fmt::format("{}: {} baud was requested, and the port runs at {}: choose another rate", path, baud, got.c_ospeed);
         return -1;
     }
     // USB adapters delay bytes by 16 ms unless configured otherwise. Optional: a pty does not support it.

@@ -4,7 +4,7 @@
 //
 //     rho(t) = c + S,    c = d cos t,  u = d sin t,  S = sqrt((R - u)(R + u)),    t measured from the shift's direction.
 //
-// Where the edge is between inner and outer from t1 to t2, the area changes relative to no shift by
+// If the edge lies between inner and outer from t1 to t2, the area changes relative to no shift by
 //
 //     dA = 1/2 [u2 rho2 - u1 rho1 + R^2 (asin(u2/R) - asin(u1/R))]
 //

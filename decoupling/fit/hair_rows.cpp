@@ -51,14 +51,14 @@ HairSession hair_session_of(const Rows& rows, const Calibration& calibration, do
     }
     for (const auto& name : calibration.components) {
         const std::size_t c = component_index(name);
-        if (c > 2) throw Undetermined(fmt::format("a hair sensor does not see {}: leave its column out", name));
+        if (c > 2) throw Undetermined(fmt::format("a hair sensor does not measure {}: leave its column out", name));
         session.asked[(c + 1) % 3] = true;
     }
     if (!session.asked[0] || !(session.asked[1] || session.asked[2]))
         throw Undetermined("model \"hair\" needs the labels fz_N and at least one of fx_N fy_N");
     for (std::size_t axis = 0; axis < 2; ++axis)
         if (session.asked[axis + 1] && !has_hair(session, axis) && !has_hair(session, axis + 2))
-            throw Undetermined(fmt::format("H{} and H{} are not there, so f{} cannot be seen: leave its column out",
+            throw Undetermined(fmt::format("H{} and H{} are missing, so f{} cannot be measured: leave its column out",
                                            axis + 1, axis + 3, axis == 0 ? 'x' : 'y'));
     HairLoad min{}, max{};
     for (const auto* row : rows) {
@@ -107,7 +107,7 @@ HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t fi
         fit.whole = false;
     }
     if (n < kRowsPerCoefficient * (terms.size() + 1))
-        throw Undetermined(fmt::format("{} rows with all labels for {} coefficients a hair; at least {} are needed", n,
+        throw Undetermined(fmt::format("{} rows with all labels for {} coefficients per hair; at least {} are needed", n,
                                        terms.size() + 1, kRowsPerCoefficient * (terms.size() + 1)));
     Eigen::VectorXd y(static_cast<Eigen::Index>(n));
     for (std::size_t r = 0; r < n; ++r) y[Eigen::Index(r)] = session.rows[r]->channel[channel];

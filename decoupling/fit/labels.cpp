@@ -164,7 +164,7 @@ void check_labels(const Rows& rows, FitReport& report) {
         throw Undetermined(
             fmt::format("the labels of {} follow from each other: load the axes independently, or leave one out", together));
     const std::string warning =
-        fmt::format("the labels of {} hardly vary independently of each other: they are told apart badly", together);
+        fmt::format("the labels of {} hardly vary independently of each other: their parts are determined badly", together);
     if (std::find(report.warnings.begin(), report.warnings.end(), warning) == report.warnings.end())
         report.warnings.push_back(warning);
 }

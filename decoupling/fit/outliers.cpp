@@ -152,14 +152,14 @@ void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitRe
                         unit_of(suspect.component), suspect.left_out || judged.too_many ? "" : ": apply this load again"));
     if (judged.too_many)
         report.warnings.push_back(fmt::format(
-            "more rows disagree than mistyped labels would explain, so all stay: is a session mounted otherwise, "
+            "more rows disagree than mistyped labels would explain, so none is left out: is a session mounted otherwise, "
             "was a channel damaged, or is method \"{}\" not the one for this sensor (--method auto)?",
             judged.calibration.method));
     if (judged.bent > judged.loads / 100)
-        report.warnings.push_back(fmt::format(
-            "{} of {} loads disagree with method \"{}\" as the loads around them do: the sensor bends there, and "
-            "they are part of the calibration; another method may describe it (--method auto)",
-            judged.bent, judged.loads, judged.calibration.method));
+        report.warnings.push_back(
+            fmt::format("{} of {} loads disagree with method \"{}\" as the loads around them do: the sensor is nonlinear "
+                        "there, and they are part of the calibration; another method may describe it (--method auto)",
+                        judged.bent, judged.loads, judged.calibration.method));
 }
 
 }  // namespace tactiled

@@ -207,7 +207,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
         solved = film.solve(tau_s);
     }
     if (!solved.dependent.empty())
-        throw Undetermined("Vp does not tell its gain: the press must take three levels or more, and change fast");
+        throw Undetermined("the gain of Vp cannot be determined: the press must take three levels or more, and change fast");
     const auto sure = film.sureness(tau_s, solved, range_N, tau_is_stated);
     const double passed = film.passed(tau_s);
     // "not below": NaN
@@ -249,7 +249,7 @@ void check_levels(const std::vector<PiezoRun>& runs, double range_N) {
 
 void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     if (calibration.components != std::vector<std::string>{"fz"})
-        throw Undetermined("model \"piezo\" sees fz and nothing else: leave the other labels' columns out");
+        throw Undetermined("model \"piezo\" measures only fz: leave the other labels' columns out");
     const auto channel = [&](const char* name) {
         const auto at = std::find(calibration.channels.begin(), calibration.channels.end(), name);
         if (at == calibration.channels.end()) throw Undetermined(fmt::format("channels lacks {}; needed are Vp Cn", name));

@@ -85,7 +85,7 @@ void fit_table_linear(const Rows& rows, Calibration& calibration, std::vector<st
         if (const auto found = calibration.parameters.find(name);
             found != calibration.parameters.end() && !(found->second > 0))
             throw Undetermined(
-                fmt::format("{} comes out as {:.3g}: the signs of the gauges or of the labels are not those of the "
+                fmt::format("the fit of {} is {:.3g}: the signs of the gauges or of the labels are not those of the "
                             "sign table (a press has fz < 0), or gauges are swapped",
                             name, found->second));
     const double readings = double(whole.size() * calibration.channels.size());

@@ -59,7 +59,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
         if (std::find(calibration.components.begin(), calibration.components.end(), name) == calibration.components.end())
             throw Undetermined(fmt::format("method \"map\" needs the labels of fx fy fz mx my: {} is not there", name));
     if (calibration.components.size() > all.size())
-        throw Undetermined("method \"map\" cannot see mz: leave the column mz_Nm out");
+        throw Undetermined("method \"map\" does not measure mz: leave the column mz_Nm out");
     calibration.tables.erase("gauge_scale");
     calibration.parameters["gauge_factor"] = known_beforehand(calibration, kBeforehand)["gauge_factor"];
     std::string fault;
@@ -105,11 +105,11 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
         const Eigen::Map<const Eigen::VectorXd> x(model[k].data(), m), y(measured[k].data(), m);
         const Affine fitted = affine_fit(x, y);
         if (!fitted.slope.dependent.empty())
-            throw Undetermined(fmt::format("gauge {}: no row makes it answer", calibration.channels[k]));
+            throw Undetermined(fmt::format("gauge {}: it responds in no row", calibration.channels[k]));
         scale.push_back(fitted.slope.coefficient[0]);
         if (!(scale.back() > 0))
             throw Undetermined(
-                fmt::format("gauge {} answers with the wrong sign (scale {:.3g}): swapped, or fz is not negative "
+                fmt::format("gauge {} responds with the wrong sign (scale {:.3g}): swapped, or fz is not negative "
                             "under a press",
                             calibration.channels[k], scale.back()));
         // The search is nonlinear: an effect of hysteresis on all loaded rows that is taken for the zero would change

@@ -33,8 +33,7 @@ namespace {
 
 void fit_table_matrix(const Rows& rows, Calibration& calibration, std::vector<std::string>&) {
     for (const auto& name : calibration.components)
-        if (name == "mz")
-            throw Undetermined("mz cannot be seen by the gauges of a table sensor: leave the column mz_Nm out");
+        if (name == "mz") throw Undetermined("the gauges of a table sensor do not measure mz: leave the column mz_Nm out");
     const Rows whole = rows_with(rows, calibration.components);
     const auto n = Eigen::Index(whole.size()), loads = Eigen::Index(calibration.components.size());
     if (n < 3 * (loads + 1)) throw Undetermined(fmt::format("{} rows have all labels; {} are needed", n, 3 * (loads + 1)));

@@ -122,7 +122,7 @@ std::unique_ptr<Decoupler> make_hair(const CalibrationData& data, std::string_vi
             "error, at most {} is solved; calibrate over a smaller range",
             solver.contraction(setup.wired), HairSolver::kSlowest);
     else if (!solver.solvable(setup.wired))
-        fault = "these hairs and gains cannot tell the stresses apart";
+        fault = "these hairs and gains do not determine the stresses";
     return fault.empty() ? std::make_unique<Hair>(data.calibration(), method, setup, solver) : nullptr;
 }
 

@@ -33,7 +33,7 @@ struct HairSetup {
     double area_m2 = 0;
     HairLoad scale_Pa{1, 1, 1};
     bool two_steps = false;               // true: by DIFF and SUM of pairs
-    std::array<double, 2> diff_per_Pa{};  // S_d of H1 H3 and of H2 H4, for two_steps
+    std::array<double, 2> diff_per_Pa{};  // S_d for the pairs H1 H3 and H2 H4, for two_steps
     bool noise_known = false;
 };
 

@@ -39,8 +39,9 @@ std::string fault_of_sums(const HairSetup& setup) {
             size += (pair >> i & 1u) != 0 ? std::abs(setup.response.gain[i][0]) : 0;
         }
         if ((setup.wired & pair) == pair && !(std::abs(sum) > kMinSum * size))
-            return fmt::format("table gains: the hairs {} answer a press with opposite signs, so their SUM says nothing",
-                               pair == kPairX ? "H1 H3" : "H2 H4");
+            return fmt::format(
+                "table gains: the hairs {} respond to a press with opposite signs, so their SUM has no meaning",
+                pair == kPairX ? "H1 H3" : "H2 H4");
     }
     return "";
 }

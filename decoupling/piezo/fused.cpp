@@ -91,7 +91,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     if (fault.empty() && (film == calibration.channels.end() || wiring[kCentre] < 0))
         fault = fmt::format("channels lacks {}; needed are Vp Cn", film == calibration.channels.end() ? "Vp" : "Cn");
     if (fault.empty() && calibration.components != std::vector<std::string>{"fz"})
-        fault = "model \"piezo\" sees fz and nothing else: components = [\"fz\"]";
+        fault = "model \"piezo\" measures only fz: components = [\"fz\"]";
     const double leak_s = data["leak_tau_s"], fusion_s = data.has("fusion_tau_s") ? data["fusion_tau_s"] : leak_s;
     if (fault.empty() && fusion_s > leak_s)
         fault = fmt::format("parameter fusion_tau_s = {} is above leak_tau_s = {}: it would amplify the film's offset",

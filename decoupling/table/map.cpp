@@ -317,7 +317,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     }
     GaugeSolver spread(columns, std::vector<double>(n, noise), calibration.zero, inner_gauges(calibration), 3);
     if (!spread.confused().empty() || !spread.solvable((1u << n) - 1)) {
-        fault = "a load spread over the plate: these gauges cannot tell fx fy fz apart";
+        fault = "a load spread over the plate: these gauges do not determine fx fy fz";
         return nullptr;
     }
     return std::make_unique<TableMap>(data, *map, std::move(spread), noise, data["contact"] == kPoint);

@@ -63,7 +63,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     if (!solver.confused().empty() || !solver.solvable((1u << n) - 1)) {
         std::vector<std::string> names;
         for (const std::size_t j : solver.confused()) names.push_back(calibration.components[j]);
-        fault = fmt::format("the gauges {} cannot tell {} apart: wire the outer gauges, or leave the moments out",
+        fault = fmt::format("the gauges {} do not determine {}: wire the outer gauges, or leave the moments out",
                             fmt::join(calibration.channels, " "), fmt::join(names, " "));
         return nullptr;
     }

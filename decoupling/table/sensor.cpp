@@ -22,7 +22,7 @@ std::string fault_of_gauges(const Calibration& calibration, std::span<const std:
             return fmt::format("channels lacks R{}; needed are R1 R3 R5 R7", inner);
     for (const auto& name : calibration.components)
         if (std::find(seen.begin(), seen.end(), name) == seen.end())
-            return fmt::format("component \"{}\"; the method sees {}", name, fmt::join(seen, " "));
+            return fmt::format("component \"{}\"; the method measures {}", name, fmt::join(seen, " "));
     return "";
 }
 
@@ -63,7 +63,7 @@ std::optional<GaugeSolver> solver_of_signs(const CalibrationData& data, std::str
     GaugeSolver solver(gains_of_signs(data), std::vector<double>(n, noise), data.calibration().zero,
                        inner_gauges(data.calibration()), 3);
     if (!solver.solvable((1u << n) - 1)) {
-        fault = "these gains cannot tell the three forces apart";
+        fault = "these gains do not determine the three forces";
         return std::nullopt;
     }
     return solver;

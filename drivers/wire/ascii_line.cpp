@@ -90,13 +90,13 @@ void AsciiDecoder::reset() noexcept {
 
 std::string AsciiDecoder::freshness() const {
     if (format_.time_us) return "clock (time_us)";
-    if (format_.sequence) return "sequence (a pause of the device looks like a delay; time_us = true would tell them apart)";
+    if (format_.sequence) return "sequence (a pause of the device looks like a delay, unless time_us = true)";
     return LineDecoder::freshness();
 }
 
 std::string AsciiDecoder::advice() const {
     const std::string no_sequence =
-        format_.sequence ? "" : "no sequence: a lost line goes unseen; send a counter (sequence = true)";
+        format_.sequence ? "" : "no sequence: a lost line is not detected; send a counter (sequence = true)";
     if (format_.crc16) return no_sequence;
     const std::string weak =
         format_.checksum
@@ -315,12 +315,12 @@ std::optional<StreamGuess> recognise(std::span<const std::uint8_t> bytes, double
     if (sequence) guess.keys += "sequence = true\n";
     if (time_us) guess.keys += "time_us = true\n";
     if (digits != 0) guess.keys += digits == kCrcDigits ? "checksum = \"crc16\"\n" : "checksum = \"xor\"\n";
-    if (!sequence) guess.notes.emplace_back("it sends no counter: a lost line goes unseen");
+    if (!sequence) guess.notes.emplace_back("it sends no counter: a lost line is not detected");
     if (const std::size_t k = sequence ? 1 : 0; !time_us && left > 1 && is_clock(rows, k, 1e3 * seconds))
         guess.notes.emplace_back("column " + std::to_string(k + 1) +
                                  " looks like a clock in milliseconds and would count as a channel: send micros(), or write "
                                  "\"-\" for it in `channels` of the [[sensor]]");
-    if (!time_us) guess.notes.emplace_back("it sends no time in microseconds: a delay goes unseen");
+    if (!time_us) guess.notes.emplace_back("it sends no time in microseconds: a delay is not detected");
     if (digits != kCrcDigits) guess.notes.emplace_back("it sends no CRC: a lost byte gives a wrong number");
     return guess;
 }

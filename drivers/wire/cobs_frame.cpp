@@ -157,7 +157,7 @@ std::optional<StreamGuess> recognise(std::span<const std::uint8_t> bytes, double
     // a CRC of 16 bits matches by chance, but not three times
     if (guess.good < 3 || guess.good <= guess.bad) return std::nullopt;
     guess.keys = "format = \"cobs\"\n";
-    if (frame.device_time_us == 0) guess.notes.emplace_back("its frames have no time: a delay goes unseen");
+    if (frame.device_time_us == 0) guess.notes.emplace_back("its frames have no time: a delay is not detected");
     return guess;
 }
 

@@ -67,7 +67,9 @@ public:
 
     // Text for the user: the proof of age that the frames carry on a path that may delay them, and a recommended
     // change of the format ("" = none). setup
-    [[nodiscard]] virtual std::string freshness() const { return "arrival (no clock and no counter: a delay is not seen)"; }
+    [[nodiscard]] virtual std::string freshness() const {
+        return "arrival (no clock and no counter: a delay is not detected)";
+    }
     [[nodiscard]] virtual std::string advice() const { return ""; }
 
     // Bytes that start and stop the stream of a device; empty if the device sends by itself. rt: wait-free

@@ -1,4 +1,4 @@
-// What `tactilectl simulate` says without a browser: the choice as text, all of the report as JSON, the list of effects.
+// The text output of `tactilectl simulate`: the choice as text, the whole report as JSON, the list of effects.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -121,7 +121,7 @@ nlohmann::json effects_json() {
         for (const auto& p : e->parameters)
             effect["parameters"].push_back({{"name", p.name},
                                             {"meaning", p.meaning},
-                                            {"default", number(p.usual)},  // null: by the sensor's model
+                                            {"default", number(p.usual)},  // null: depends on the sensor's model
                                             {"least", number(p.min)},
                                             {"most", number(p.max)}});
         json["effects"].push_back(effect);

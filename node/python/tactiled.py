@@ -21,10 +21,10 @@ The file is read with pread() and is not mapped: a program that has mapped a fil
 truncated, and Python cannot prevent that. A truncated file reads as a daemon that has stopped.
 
 Memory order. A sample is copied by one system call between two others, of which the first one shows that it is
-published and the second one that it was not overwritten meanwhile. That needs the three reads to happen in this
-order. On x86 this holds, because loads are not reordered with loads. On other processors (ARM, RISC-V) the hardware
-may reorder them across the entry into the kernel, which is unlikely and not excluded. Use C or C++ if correctness
-there must be guaranteed.
+published and the second one that it was not overwritten meanwhile. The three reads must happen in this order. On x86
+this holds, because loads are not reordered with loads. On other processors (ARM, RISC-V) the hardware may reorder
+them across the entry into the kernel, which is unlikely and not excluded. Use C or C++ if correctness there must be
+guaranteed.
 """
 import collections
 import errno
@@ -633,8 +633,9 @@ class _Events:
 
 class Follower(_Attached):
     """Iterates over each sample of one sensor once, in order. When the daemon ends, hangs or dies, the samples that
-    are left in the ring come first, then one BAD sample, then the samples of the successor. `lost` counts samples
-    that were overwritten before this reader read them. After a timeout, the next loop continues where this one ended."""
+    are left in the ring come first, then one BAD sample, then the samples of the successor. The count of samples that
+    were overwritten before this reader read them is `lost`. After a timeout, the next loop continues where this one
+    ended."""
 
     _events = None
 

@@ -134,7 +134,7 @@ def row_of(number, name, how, strike):
     if callable(strike):
         try:
             seen = strike()
-        except Exception as error:  # the daemon did not come, or a quality did not: that is the finding
+        except Exception as error:  # the daemon did not start, or a quality did not appear: that is the finding
             return f"| {number} | {name} | {how} | | | | **{type(error).__name__}: {error}** |", False
         bad = f"{seen['bad_ms']:.0f} ms, {seen['reasons']}" if seen["bad_ms"] is not None else seen["reasons"] or "stays GOOD"
         good = f"{seen['good_ms']:.0f} ms" if seen["bad_ms"] is not None else ""
@@ -167,7 +167,7 @@ def main():
                 f"bounds of that hour: `/usr/bin/python3 tests/faults/table.py --page`. {struck} struck here.")
         text = PAGE.read_text()
         before, after = text.split(BEGIN)[0], text.split(END)[1]
-        if only:  # the others stay as they are
+        if only:  # the other rows are unchanged
             fresh = {row.split("|")[2]: f"{row[:-2]} (commit {commit}) |" for row in rows}
             fresh |= {f" {entry[1]} ": row_of(*entry)[0] for entry in LIST if not callable(entry[3])}
             old = text.split(BEGIN)[1].split(END)[0].strip().splitlines()

@@ -15,7 +15,7 @@ from tactiled import BAD, GOOD
 
 
 class GsUsb(Case):
-    """An emulated adapter: can-dev's states and stamps are the kernel's own."""
+    """An emulated adapter: can-dev's states and timestamps are the kernel's own."""
 
     def setUp(self):
         self.plug()
@@ -216,7 +216,7 @@ class Kvaser(Case):
         self.start(link(self.ours))
         self.device(self.bus.sample)
         self.good()
-        # This controller's emulation never goes bus-off: another program of this machine says that it did.
+        # This controller's emulation never goes bus-off: another program of this machine sends a false report.
         liar = Bus(self.ours)
         self.addCleanup(liar.close)
         began = now_ns()

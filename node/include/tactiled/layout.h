@@ -82,7 +82,7 @@ enum tactiled_reason {
     TACTILED_ZERO_UNKNOWN = 1 << 22  /* a restart or a reload has lost the tare that was in force: tare again, or untare */
 };
 
-/* How the age of a sensor's samples is proved: tactiled_sensor.freshness. Since 1.5. */
+/* Proof of the age of a sensor's samples: tactiled_sensor.freshness. Since 1.5. */
 enum tactiled_freshness {
     TACTILED_FRESHNESS_UNKNOWN = 0, /* no frame yet */
     TACTILED_BY_REQUEST = 1,        /* each frame answers a request of the daemon */
@@ -115,7 +115,7 @@ struct tactiled_sample {
     TACTILED_ALIGN(8) double raw_force_S_N[3]; /* before tare, with the zero of the calibration */
     TACTILED_ALIGN(8) double raw_torque_S_Nm[3];
     TACTILED_ALIGN(8) double cop_S_m[2]; /* centre of pressure */
-    /* of the model, in standard deviations of the channels; NaN if the model has none */
+    /* residual of the model, in standard deviations of the channels; NaN if the model has none */
     TACTILED_ALIGN(8) double residual;
     TACTILED_ALIGN(8) float rate_Hz; /* measured over about the last second */
     float temperature_C;
@@ -173,7 +173,7 @@ enum tactiled_warning {
     TACTILED_WARN_BUDGET = 1 << 5, /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
     TACTILED_WARN_RATE = 1 << 6,   /* a sensor is TACTILED_WRONG_RATE */
     TACTILED_WARN_RELOAD = 1 << 7, /* the last reload was refused: the previous configuration is in force */
-    TACTILED_WARN_JAWS = 1 << 8    /* weight_doubts of the grasp has a bit besides TACTILED_DOUBT_MOVES. Since 1.6 */
+    TACTILED_WARN_JAWS = 1 << 8    /* a bit of weight_doubts besides TACTILED_DOUBT_MOVES is set. Since 1.6 */
 };
 
 /* Commander: index of tactiled_node.command. Each commander numbers its own commands. */
@@ -230,8 +230,8 @@ enum tactiled_slip_state {
 /* The grasp as computed from the node's sensors. An unknown value is NaN, never the last value. Without [grasp]
  * in the configuration, `state` is TACTILED_GRIP_UNKNOWN and everything else is "not known". */
 struct tactiled_grasp {
-    TACTILED_ALIGN(8) uint64_t t_ns;          /* CLOCK_MONOTONIC of the newest sample used */
-    TACTILED_ALIGN(8) uint64_t t_lift_off_ns; /* of the last lift-off, 0 = none yet */
+    TACTILED_ALIGN(8) uint64_t t_ns;          /* time of the newest sample used, CLOCK_MONOTONIC */
+    TACTILED_ALIGN(8) uint64_t t_lift_off_ns; /* time of the last lift-off, 0 = none yet */
     uint32_t state;                           /* enum tactiled_grip_state */
     uint32_t weight_state;                    /* enum tactiled_weight_state */
     uint32_t grasps;                          /* number of grasps: + 1 when GRASPED is entered */
@@ -276,7 +276,7 @@ static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
 /* One published record of the whole node. It says which samples of the sensors belong together. */
 struct tactiled_node {
     TACTILED_ALIGN(8) uint64_t sequence;      /* number of the record, from 0 */
-    TACTILED_ALIGN(8) uint64_t t_ns;          /* CLOCK_MONOTONIC of publishing */
+    TACTILED_ALIGN(8) uint64_t t_ns;          /* time of publishing, CLOCK_MONOTONIC */
     TACTILED_ALIGN(8) uint64_t cycles;        /* cycles of the pipeline */
     TACTILED_ALIGN(8) uint64_t missed_cycles; /* periods that the pipeline's thread missed */
     uint32_t heartbeat;                       /* + 1 each 100 ms while the pipeline runs and at least one sensor delivers */
@@ -312,7 +312,7 @@ enum tactiled_command_result {
     TACTILED_COMMAND_UNDER_LOAD = 9, /* the new zero would differ from the calibration's by more than tare_limit_N */
     /* Since 1.5: */
     TACTILED_COMMAND_NOT_STORED =
-        10, /* of a tare: rejected, because its zero cannot be stored; done: a restart will lose it */
+        10, /* for a tare: rejected, because its zero cannot be stored; done: a restart will lose it */
     /* Modbus: the first number after a start is accepted and not executed; write another one */
     TACTILED_COMMAND_ADOPTED = 11,
     TACTILED_COMMAND_REPEATED = 12 /* Modbus: that number was used before; this write executed nothing */
@@ -322,7 +322,7 @@ enum tactiled_command_result {
  * follows. The lock word of record number n (from 0) is 2n + 2 modulo 2^32 when the record is complete, and odd
  * while it is being written or if it was never written. */
 struct tactiled_ring {
-    uint32_t offset;      /* of slot 0, from the start of the file; a multiple of 128 */
+    uint32_t offset;      /* offset of slot 0 in the file; a multiple of 128 */
     uint32_t slot_size;   /* a multiple of 128 */
     uint32_t slots;       /* a power of two */
     uint32_t record_size; /* bytes of the record that this daemon fills */
@@ -337,7 +337,7 @@ struct tactiled_sensor {
     char name[TACTILED_NAME_SIZE];
     char model[TACTILED_NAME_SIZE];
     char method[TACTILED_NAME_SIZE];
-    char serial[TACTILED_NAME_SIZE]; /* of the calibrated skin */
+    char serial[TACTILED_NAME_SIZE]; /* serial number of the calibrated skin */
     char link[TACTILED_NAME_SIZE];
     struct tactiled_ring ring;
     uint32_t stale_ms; /* a sample that is older than this, or as far in the future, is BAD for every reader */
@@ -389,7 +389,7 @@ struct tactiled_link {
     TACTILED_ALIGN(128) char name[TACTILED_NAME_SIZE];
     char driver[TACTILED_NAME_SIZE];
     uint32_t simulated;                   /* 1 if the configuration declares the link as simulated */
-    struct tactiled_ring frames;          /* of struct tactiled_frame; since 1.2: no slots with an older daemon */
+    struct tactiled_ring frames;          /* records are struct tactiled_frame; since 1.2: no slots with an older daemon */
     TACTILED_ALIGN(128) uint32_t state;   /* enum tactiled_link_state; changes */
     uint32_t count[TACTILED_LINK_COUNTS]; /* changes */
 };
@@ -448,7 +448,7 @@ struct tactiled_header {
     uint32_t n_links, link_offset, link_size;       /* directory of struct tactiled_link */
     uint32_t calibration_id;                        /* CRC-16 of the configuration and the calibrations in force */
     struct tactiled_ring node;
-    uint32_t lateness_offset;           /* of the pipeline's lateness counters, below; 0 = none (before 1.3) */
+    uint32_t lateness_offset;           /* offset of the pipeline's lateness counters, below; 0 = none (before 1.3) */
     TACTILED_ALIGN(128) uint32_t state; /* enum tactiled_state */
     uint32_t reloads;                   /* + 2 with each reload that changed something; odd while it changes. Since 1.3 */
 };

@@ -413,7 +413,7 @@ struct tactiled_reader {
     int broken;                    /* 1: the last result was the end of a daemon */
     uint32_t empty;                /* calls without a result since the last sample */
     uint64_t tried_ns;             /* time of the last attempt to attach */
-    struct tactiled_rhythm rhythm; /* of published records, for TACTILED_PREDICT */
+    struct tactiled_rhythm rhythm; /* learnt from published records, for TACTILED_PREDICT */
     uint32_t* wake;                /* struct tactiled_wake, for TACTILED_BLOCK; NULL = not requested or not available */
     uint64_t asked_ns;             /* time of the request for `wake`, 0 = never */
 };
@@ -542,9 +542,9 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
         ring = &r->segment.ring[r->index];
         number = r->cursor.next;
         behind = tactiled_ring_head(r->segment.base, ring) - number;
-        /* the reader slept for 2^30 records or more; next can also be one ahead */
+        /* The reader slept for 2^30 records or more, or next is one ahead of the head, which is published last. */
         if (behind > ring->slots && (int32_t)behind > 0) {
-            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1); /* of the head, which is published last */
+            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1);
             r->cursor.lost += r->cursor.next - number;
         }
         disconnected = !tactiled_is_current(&r->segment) ||
