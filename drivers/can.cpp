@@ -16,7 +16,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <utility>
 
@@ -43,6 +45,7 @@ public:
             options.problem("interface",
                             fmt::format("interface has {} letters; Linux allows {}", name_.size(), IFNAMSIZ - 1));
         hardware_timestamps_ = options.one_of("stamp", {"software", "hardware"}, "software") == "hardware";
+        is_direct_ = options.one_of("path", {"direct", "network"}, "direct") == "direct";
         restarts_ = options.one_of("bus_off", {"leave", "restart"}, "leave") == "restart";
         CanPlan plan = read_can_plan(options);
         max_bytes_ = plan.max_bytes;
@@ -51,6 +54,8 @@ public:
             const bool extended = (id & kCanExtended) != 0;
             filters_.push_back({id, (extended ? CAN_EFF_MASK : CAN_SFF_MASK) | CAN_EFF_FLAG | CAN_RTR_FLAG});
         }
+        counts_frames_ =
+            std::all_of(plan.devices.begin(), plan.devices.end(), [](const auto& d) { return d.has_sequence(); });
         for (const CanTransport& transport : plan.transports) transports_.push_back({transport, {}});
         samples_ = std::make_unique<CanSamples>(std::move(plan.devices), counts);
     }
@@ -98,6 +103,30 @@ public:
 
     bool has_more() const noexcept override { return ready_; }
     bool can_poll() const noexcept override { return true; }
+
+    // A gateway that carries the bus over a network may hold messages back. Its frames have no clock of the device.
+    Route route() const noexcept override {
+        return {.path = is_direct_ ? Route::Path::direct : Route::Path::network, .device_clock = false};
+    }
+
+    std::string freshness() const override {
+        if (is_direct_) return Driver::freshness();
+        return counts_frames_ ? "sequence (a pause of the device looks like a delay)"
+                              : "arrival (a device without a counter: a delay is not seen)";
+    }
+    std::string advice() const override {
+        std::array<char, 64> link{};
+        std::array<char, 512> device{};
+        std::snprintf(link.data(), link.size(), "/sys/class/net/%s", name_.c_str());
+        const ssize_t size = ::readlink(link.data(), device.data(), device.size());
+        const std::string_view where(device.data(), std::size_t(std::max<ssize_t>(size, 0)));
+        return !is_direct_ || where.find("/virtual/") == where.npos
+                   ? ""
+                   : fmt::format(
+                         "{} is a virtual interface: if a gateway brings its messages over a network, write path = "
+                         "\"network\", or a delay goes unseen",
+                         name_);
+    }
 
 private:
     // ---- open ----
@@ -260,7 +289,6 @@ private:
         timespec wall{};
         ::clock_gettime(CLOCK_REALTIME, &wall);
         clocks_agree_ = arrival_.look(now_ns(), std::uint64_t(wall.tv_sec) * 1'000'000'000u + std::uint64_t(wall.tv_nsec));
-        if (!clocks_agree_) fit_.reset();
     }
 
     // Stores the next frame of the batch in `ahead_`. rt: bounded by CanBatch::kMax
@@ -341,6 +369,7 @@ private:
 
     std::string name_;
     bool hardware_timestamps_ = false, restarts_ = false;
+    bool is_direct_ = true, counts_frames_ = false;
     std::size_t max_bytes_ = 0;
     std::vector<can_filter> filters_;
     struct Transport {

@@ -18,7 +18,8 @@ struct Frame {
         arrival_only,  // no sign of a delay, but a delay would not show
         unproved       // t_ns is the time of arrival; the frame may be older
     } age = Age::proved;
-    std::uint64_t late_ns = 0;  // age when the frame was read from the kernel, if known
+    std::uint8_t sequence_bits = 32;  // width of the device's counter. Set by drivers of streams
+    std::uint64_t late_ns = 0;        // the age when it was taken from the kernel, where that is known
     // Not published. Set by drivers of streams, 0 = t_ns.
     std::uint64_t taken_ns = 0;  // when its last byte was read from the kernel; t_ns may be an earlier estimate
     std::uint64_t since_ns = 0;  // earliest possible arrival if the process was stopped; 0 = it was not

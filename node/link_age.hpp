@@ -53,7 +53,15 @@ public:
         return true;
     }
 
-    // Returns how the age of the frames of `device` is proved. rt: wait-free; from any thread
+    // How long the link should stay closed now. rt: wait-free
+    [[nodiscard]] std::uint64_t closed_ns() const noexcept {
+        std::uint64_t longest_ns = 0;
+        for (const auto& each : devices_)
+            if (each->age.is_in_trouble()) longest_ns = std::max(longest_ns, each->age.closed_ns());
+        return longest_ns;
+    }
+
+    // How the frames of `device` are proved. rt: wait-free; from any thread
     [[nodiscard]] std::uint32_t proof(std::uint16_t device) const noexcept {
         for (const auto& each : devices_)
             if (each->number == device) return each->proof.load(std::memory_order_relaxed);

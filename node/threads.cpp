@@ -193,7 +193,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         announce = worked;
         if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kMinPauseMs;
         disconnected.about(link.name, "the device is disconnected; waiting for it to return");
-        pause(pause_ms, cycles);
+        pause(std::max(pause_ms, int(link.age.closed_ns() / 1'000'000)), cycles);
         pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
     }
 }

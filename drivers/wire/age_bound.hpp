@@ -42,18 +42,36 @@ public:
         auto ahead = double(std::int64_t(device_ns - device_ns_));
         if (limits_.wrap_ns > 0)  // the number of wraps that is closest to the host's time
             ahead += limits_.wrap_ns * std::nearbyint((step - ahead) / limits_.wrap_ns);
+        if (limits_.wrap_ns > 0 && is_early_wrap(device_ns_, device_ns)) {
+            ahead += kEarlyWrap_ns;
+            wraps_early_ = true;
+        } else if (limits_.wrap_ns > 0 && wraps_early_ && is_early_wrap(device_ns, device_ns_)) {
+            ahead -= kEarlyWrap_ns;  // a frame of before
+        } else if (limits_.wrap_ns > 0 && ahead < 0 && std::abs(step - ahead - other_wrap_ns_) < kWrapError_ns) {
+            ahead += other_wrap_ns_;
+        }
         host_ns_ = host_ns;
         device_ns_ = device_ns;
         if (ahead < 0 && back_ns_ <= 0) {
-            back_ns_ = -ahead;
+            back_ns_ = step - ahead;
             before_back_ = x_;
+            late_before_back_ = x_ - reference_;
             back_since_ = t_;
+            min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
         x_ += step - ahead;
-        if (back_ns_ > 0 && x_ - before_back_ < back_ns_ / 2) back_ns_ = 0;  // a single frame was overtaken
-        if (back_ns_ > 0 && t_ - back_since_ > kSetBack_ns) restart();
+        min_since_back_ = std::min(min_since_back_, x_ - slope_ * t_);
+        if (back_ns_ > 0 && x_ - before_back_ < back_ns_ / 2) back_ns_ = 0;  // a frame that was overtaken comes alone
         advance(step);
+        if (back_ns_ > 0 && t_ - back_since_ > kSetBack_ns) accept_set_back();
         return x_ - reference_;
+    }
+
+    // A clock of 30 bits of microseconds, as the ticks of MicroPython, has begun again from 0. The times are those of a
+    // decoder, which knows 32 bits. rt: wait-free
+    [[nodiscard]] static bool is_early_wrap(std::uint64_t before_ns, std::uint64_t after_ns) noexcept {
+        constexpr auto kEnd_ns = std::uint64_t(kEarlyWrap_ns);
+        return before_ns < kEnd_ns && before_ns > kEnd_ns - 5'000'000'000 && after_ns < 20'000'000'000;
     }
 
     // The next frames are known to be on time: the reference is learned anew. The slope is kept. rt: wait-free
@@ -65,7 +83,9 @@ public:
         open_window();
     }
 
-    // True if the minimum lateness of the last window shows a lag.
+    // How often the device's clock was set back, and has stayed so.
+    [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
+    // The smallest lateness of the last window shows a lag.
     [[nodiscard]] bool is_held() const noexcept { return is_held_; }
     // Uncertainty of the drift between the clocks, as a fraction.
     [[nodiscard]] double uncertainty() const noexcept { return uncertainty_; }
@@ -78,15 +98,27 @@ private:
     // Delays that vary within minutes change the slope by this over the span of the fit: USB polls of 16 ms, and half
     // as much again.
     static constexpr double kPerturbation_ns = 30e6;
-    // a larger decrease of the minimum delay would bend the fit, so the fit restarts
-    static constexpr double kFall_ns = 20e6;
-    static constexpr double kLag_ns = 10e6;      // the minimum delay of a window does not grow by this much without a lag
-    static constexpr double kSetBack_ns = 2e9;   // a clock that stays behind for this time was set back
+    static constexpr double kFall_ns = 20e6;    // a larger fall of the smallest delay would bend the fit: it begins again
+    static constexpr double kLag_ns = 10e6;     // the smallest delay of a window does not grow by so much without a lag
+    static constexpr double kSetBack_ns = 2e9;  // a clock that has gone back and stays so for this time was set back
+    static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
+    static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
     static constexpr double kHeldShare = 0.125;  // share of the uncertainty by which the reference rises during a lag
 
     struct Point {
         double t_ns, x_ns;
     };
+
+    // The clock was set back. A lag that there was before is there still: the first frame after it was measured later than
+    // the one before it, and so came at most that much late.
+    void accept_set_back() noexcept {
+        const double lag = late_before_back_ > kWrapError_ns ? late_before_back_ : 0;
+        const double reference = std::min(first_since_back_ - lag, min_since_back_) + slope_ * t_;
+        other_wrap_ns_ = back_ns_;
+        ++set_back_;
+        restart();
+        reference_ = std::min(x_, reference);
+    }
 
     void advance(double step) noexcept {
         t_ += step;
@@ -156,8 +188,12 @@ private:
     std::uint64_t host_ns_ = 0, device_ns_ = 0;
     double t_ = 0, x_ = 0, reference_ = 0;  // since the first frame
     double slope_ = 0, uncertainty_;
-    // amount by which the device's clock went back, with x and t_ before; 0: it did not
-    double back_ns_ = 0, before_back_ = 0, back_since_ = 0;
+    double back_ns_ = 0;  // x rose by this because the device's clock went back; 0: it did not
+    double before_back_ = 0, late_before_back_ = 0, back_since_ = 0;  // x, the lateness and t_ before
+    double first_since_back_ = 0, min_since_back_ = 0;                // x since then, without the drift
+    double other_wrap_ns_ = 0;                                        // back_ns_ of the last time; 0: none
+    bool wraps_early_ = false;
+    unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;
     Point window_point_{};
     unsigned window_frames_ = 0;

@@ -129,12 +129,14 @@ bool AsciiDecoder::read_line(std::string_view line, Frame& frame) noexcept {
 bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     const auto content = std::uint32_t(std::hash<std::string_view>{}(line));
     const char separator = separator_of(line);
-    if (separator == ' ') line = trimmed(line);  // a blank or a tab at an end may otherwise bound an empty cell
-    std::uint32_t sequence = 0, time_us = 0;
+    if (separator == ' ') line = trimmed(line);  // else a blank or a tab at an end may bound an empty cell
+    std::uint32_t sequence = 0;
+    std::uint64_t clock_us = 0;  // modulo 2^32, and devices that print more do not begin again there
     bool more = true;
     if (format_.sequence && !read_number(cut_cell(line, separator, more), sequence)) return reject(TACTILED_LINK_BAD_VALUE);
-    if (format_.time_us && (!more || !read_number(cut_cell(line, separator, more), time_us)))
+    if (format_.time_us && (!more || !read_number(cut_cell(line, separator, more), clock_us)))
         return reject(TACTILED_LINK_BAD_VALUE);
+    const auto time_us = std::uint32_t(clock_us);
     frame = Frame{};
     for (; more; ++frame.n_channels) {
         if (frame.n_channels == format_.channels) return reject(TACTILED_LINK_BAD_LENGTH);
@@ -149,14 +151,15 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     const auto elapsed_us = std::int32_t(time_us - std::uint32_t(time_us_));
     const bool clock_went_back = format_.time_us && time_seen_ && elapsed_us < 0;
     if (format_.sequence) {
-        const auto verdict = sequence_.next(sequence, 32, content, clock_went_back);
+        const unsigned bits = width_.of(sequence);
+        const auto verdict = sequence_.next(sequence, bits, content, clock_went_back);
         if (!verdict.accept) {
             ++counts_[TACTILED_LINK_REPEATED];
             return false;
         }
         counts_[TACTILED_LINK_LOST] += verdict.lost;
         frame.lost = verdict.lost;
-        put_number(frame, sequence, verdict);
+        put_number(frame, sequence, bits, verdict);
     }
     if (format_.time_us) {
         time_us_ = time_seen_ && !clock_went_back ? time_us_ + std::uint32_t(elapsed_us) : time_us;

@@ -33,6 +33,7 @@ private:
 
     AsciiFormat format_;
     SequenceTracker sequence_;
+    CounterWidth width_;
     std::uint64_t time_us_ = 0;
     bool time_seen_ = false;
 };

@@ -204,7 +204,7 @@ bool CanSamples::finish(const CanDevice& device, Pending& pending) noexcept {
         const std::uint32_t unseen = verdict.lost - std::min(verdict.lost, pending.lost);
         counts_[TACTILED_LINK_LOST] += unseen;
         pending.lost += unseen;
-        put_number(frame, pending.count, verdict);
+        put_number(frame, pending.count, part->sequence->length, verdict);
     }
     frame.lost = std::exchange(pending.lost, 0);
     ++counts_[TACTILED_LINK_FRAMES];

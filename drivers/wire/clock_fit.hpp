@@ -43,51 +43,43 @@ private:
 
 // An adapter's clock, which measures the time between two messages but has its own origin and rate.
 //
-// arrival = adapter's timestamp + offset + delay, delay >= 0. The minimum of arrival - timestamp is the offset plus
-// the minimum delay, that of the messages that were not delayed. The clocks drift apart by at most kMaxDrift, so the
-// estimate rises at that rate until a message is below it. The result is therefore never before the message was on
-// the bus, as far as the drift is bounded, and never after it arrived.
+// arrival = adapter's timestamp + offset + delay, delay >= 0. The smallest arrival - timestamp seen is the offset plus the
+// smallest delay: that of the messages that nothing held up. The clocks drift apart by at most kMaxDrift, so this minimum
+// rises at that rate until a message comes below it. The result is therefore never before the message was on the bus, as far
+// as the drift is bounded, and never after it arrived. Messages that stay late are never taken for messages on time.
 class ClockFit {
 public:
-    // Returns the time of a message on the bus, plus the minimum delay of the path. rt: wait-free
+    // The time of a message on the bus, but for the smallest delay that the way from there ever has. rt: wait-free
     std::uint64_t monotonic_ns(std::uint64_t timestamp_ns, std::uint64_t arrival_ns) noexcept {
         const std::uint64_t offset_ns = arrival_ns - timestamp_ns;  // modulo 2^64, as all values computed from it
         if (fitted_) {
-            min_ns_ += double(arrival_ns > last_ns_ ? arrival_ns - last_ns_ : 0) * kMaxDrift;
-            last_ns_ = arrival_ns;
+            const std::uint64_t waited_ns = arrival_ns > last_ns_ ? arrival_ns - last_ns_ : 0;
+            const bool is_held_up = late_ns_ >= kHeldUp_ns;
+            min_ns_ += double(waited_ns) * (is_held_up ? kMaxDrift * kHeldShare : kMaxDrift);
             const double above_ns = above_base_ns(offset_ns);
-            const double late_ns = above_ns - min_ns_;
-            if (late_ns < kHeldUp_ns) {
-                fitting_ns_ = arrival_ns;
-                held_up_ = 0;
-            } else {
-                ++held_up_;
-            }
-            // A clock that was set forward shows at once, because the minimum falls. A clock that was set back delays
-            // all messages.
-            fitted_ = above_ns > -kMaxBelow_ns && (held_up_ < kMaxHeldUp || arrival_ns < fitting_ns_ + kHeldUpFor_ns);
-            if (fitted_ && late_ns > kMaxDelay_ns) return arrival_ns;
+            const bool set_back = std::int64_t(timestamp_ns - timestamp_ns_) < 0;
+            const bool set_on = above_ns < min_ns_ - kHeldUp_ns;
+            if (is_held_up && (set_back || set_on))  // the messages are as late as before
+                base_ns_ = offset_ns - std::uint64_t(std::int64_t(std::floor(std::min(min_ns_ + late_ns_, 9e18))));
+            else
+                fitted_ = !set_back && above_ns > -kMaxBelow_ns;
         }
         if (!fitted_) {
             base_ns_ = offset_ns;  // the difference to it fits a double to the nanosecond
             min_ns_ = 0;
-            fitting_ns_ = arrival_ns;
-            held_up_ = 0;
         }
         min_ns_ = std::min(min_ns_, above_base_ns(offset_ns));
+        late_ns_ = above_base_ns(offset_ns) - min_ns_;
         last_ns_ = arrival_ns;
+        timestamp_ns_ = timestamp_ns;
         fitted_ = true;
         return timestamp_ns + base_ns_ + std::uint64_t(std::int64_t(std::floor(min_ns_)));
     }
     void reset() noexcept { fitted_ = false; }
 
     static constexpr double kMaxDrift = 200e-6;  // two crystals of 100 ppm
-    // USB batches were 10 ms late, an emulated machine's 130 ms. If only late ones arrive for a while, the clock was
-    // set.
-    static constexpr double kHeldUp_ns = 20e6;
-    static constexpr unsigned kMaxHeldUp = 20;
-    static constexpr std::uint64_t kHeldUpFor_ns = 500'000'000;
-    static constexpr double kMaxDelay_ns = 1e9;  // a message with a larger delay is dated by its arrival
+    static constexpr double kHeldUp_ns = 20e6;   // USB batches were 10 ms late, an emulated machine's 130 ms
+    static constexpr double kHeldShare = 0.125;  // of the drift, by which the minimum rises while messages are held up
 
 private:
     static constexpr double kMaxBelow_ns = 1e15;  // a double still resolves the nanosecond
@@ -97,10 +89,9 @@ private:
     }
 
     bool fitted_ = false;
-    std::uint64_t base_ns_ = 0, last_ns_ = 0;
-    std::uint64_t fitting_ns_ = 0;  // time of the last message that was not delayed
-    unsigned held_up_ = 0;          // delayed messages since then
-    double min_ns_ = 0;             // above base_ns_: estimate of the minimum offset
+    std::uint64_t base_ns_ = 0, last_ns_ = 0, timestamp_ns_ = 0;
+    double min_ns_ = 0;   // above base_ns_: the smallest offset, as far as known now
+    double late_ns_ = 0;  // of the last message
 };
 
 }  // namespace tactiled

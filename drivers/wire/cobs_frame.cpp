@@ -86,7 +86,7 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t 
     frame.device = device;
     frame.n_channels = channels;
     frame.lost = verdict.lost;
-    put_number(frame, sequence, verdict);
+    put_number(frame, sequence, 16, verdict);
     if (mask_bytes != 0) frame.missing = get(&plain[kHeader], 4);
     const std::int32_t top = bytes == 3 ? saturation_limit(24) : std::numeric_limits<std::int32_t>::max();
     for (unsigned k = 0; k < channels; ++k) {

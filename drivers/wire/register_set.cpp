@@ -65,7 +65,7 @@ bool read_registers(const RegisterSet& set, std::span<const std::uint16_t> words
         if (!verdict.accept) return refuse(TACTILED_LINK_REPEATED);
         counts[TACTILED_LINK_LOST] += verdict.lost;
         frame.lost = verdict.lost;
-        put_number(frame, count, verdict);
+        put_number(frame, count, 16 * words_of(counter.type), verdict);
     }
     return true;
 }

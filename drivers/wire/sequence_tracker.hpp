@@ -37,14 +37,14 @@ public:
         const std::uint32_t step = (sequence - last_ - 1) & mask;  // 0: the next number
         const bool behind = step > mask / 2;
         const bool counts_on = behind && dropped_ && ((sequence - last_dropped_ - 1) & mask) == 0;
+        const std::uint32_t back = (last_ - sequence) & mask;
+        if (started_ && behind && !counts_on && is_overtaken(back)) {  // its clock went back, too
+            doubt(kOvertaken);
+            return {false, contested_, 0};
+        }
         const bool restart = !started_ || (clock_went_back && step != 0) || counts_on;
         if (behind && !restart) {
-            const std::uint32_t back = (last_ - sequence) & mask;
-            if (is_overtaken(back)) {
-                doubt(kOvertaken);
-                return {false, contested_, 0};
-            }
-            // More frames in sequence after the dropped one are the same doubt: a restart whose second frame is lost.
+            // More of what was dropped just before is the same doubt: a restart whose second frame is lost.
             const bool more = dropped_ && ((sequence - last_dropped_ - 1) & mask) <= mask / 2;
             if (!more && (back != 0 || content != content_)) doubt(kDoubt);
             dropped_ = true;
@@ -89,10 +89,29 @@ private:
     unsigned doubt_ = 0;  // frames in order until there is no doubt
 };
 
-// Sets the number of an accepted frame. If two devices use the counter, sets its n_channels, which were set before,
-// to 0, because the frame cannot be assigned. rt: wait-free
-inline void put_number(Frame& frame, std::uint32_t sequence, const SequenceTracker::Verdict& verdict) noexcept {
+// The width of a counter of which the format states none: one that goes from 255 or 65535 to 0 has 8 or 16 bits, until it
+// counts further.
+class CounterWidth {
+public:
+    // rt: wait-free
+    [[nodiscard]] unsigned of(std::uint32_t sequence) noexcept {
+        if (bits_ < 32 && sequence >> bits_ != 0) bits_ = 32;
+        if (sequence == 0 && (last_ == 0xFF || last_ == 0xFFFF)) bits_ = last_ == 0xFF ? 8 : 16;
+        last_ = sequence;
+        return bits_;
+    }
+
+private:
+    unsigned bits_ = 32;
+    std::uint32_t last_ = 0;
+};
+
+// An accepted frame gets its number, and loses its n_channels, which are set by then, where two devices count: nobody knows
+// whose they are. rt: wait-free
+inline void put_number(Frame& frame, std::uint32_t sequence, unsigned bits,
+                       const SequenceTracker::Verdict& verdict) noexcept {
     frame.sequence = sequence;
+    frame.sequence_bits = std::uint8_t(bits);
     frame.has_sequence = true;
     if (verdict.contested) frame.n_channels = 0;
 }
