@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""CAN adapters: bus-off, overflows, stamps, pulled and plugged; controllers that the kernel restarts. Inside the test machine."""
+"""CAN adapters: bus-off, overflows, timestamps, pulled and plugged; controllers that the kernel restarts. Inside the
+test machine."""
 # QEMU: -object can-bus,id=b -device kvaser_pci,canbus=b -device kvaser_pci,canbus=b
 import os
 import pathlib
