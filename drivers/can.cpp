@@ -53,7 +53,8 @@ public:
             const bool extended = (id & kCanExtended) != 0;
             filters_.push_back({id, (extended ? CAN_EFF_MASK : CAN_SFF_MASK) | CAN_EFF_FLAG | CAN_RTR_FLAG});
         }
-        counts_frames_ = std::all_of(plan.devices.begin(), plan.devices.end(), [](const auto& d) { return d.has_sequence(); });
+        counts_frames_ =
+            std::all_of(plan.devices.begin(), plan.devices.end(), [](const auto& d) { return d.has_sequence(); });
         for (const CanTransport& transport : plan.transports) transports_.push_back({transport, {}});
         samples_ = std::make_unique<CanSamples>(std::move(plan.devices), counts);
     }
@@ -120,8 +121,10 @@ public:
         const std::string_view where(device.data(), std::size_t(std::max<ssize_t>(size, 0)));
         return !is_direct_ || where.find("/virtual/") == where.npos
                    ? ""
-                   : fmt::format("{} is a virtual interface: if a gateway brings its messages over a network, write path = "
-                                 "\"network\", or a delay goes unseen", name_);
+                   : fmt::format(
+                         "{} is a virtual interface: if a gateway brings its messages over a network, write path = "
+                         "\"network\", or a delay goes unseen",
+                         name_);
     }
 
 private:

@@ -19,7 +19,7 @@ struct Frame {
         unproved       // t_ns is when it arrived; it may be older
     } age = Age::proved;
     std::uint8_t sequence_bits = 32;  // width of the device's counter. Set by drivers of streams
-    std::uint64_t late_ns = 0;  // the age when it was taken from the kernel, where that is known
+    std::uint64_t late_ns = 0;        // the age when it was taken from the kernel, where that is known
     // Not published. Set by drivers of streams, 0 = t_ns.
     std::uint64_t taken_ns = 0;  // when its last byte was taken from the kernel; t_ns may be an earlier estimate
     std::uint64_t since_ns = 0;  // it may have come at any time since then, because the process stood still; 0 = it did not

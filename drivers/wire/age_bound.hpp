@@ -51,23 +51,26 @@ public:
         }
         host_ns_ = host_ns;
         device_ns_ = device_ns;
-        if (ahead < 0 && back_ns_ <= 0) {
+        if (ahead < 0) {
+            if (back_ns_ <= 0) {
+                before_back_ = x_;
+                late_before_back_ = x_ - reference_;
+            }
             back_ns_ = step - ahead;
-            before_back_ = x_;
-            late_before_back_ = x_ - reference_;
             back_since_ = t_;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
         x_ += step - ahead;
         min_since_back_ = std::min(min_since_back_, x_ - slope_ * t_);
-        if (back_ns_ > 0 && x_ - before_back_ < back_ns_ / 2) back_ns_ = 0;  // a frame that was overtaken comes alone
+        if (back_ns_ > 0 && x_ - before_back_ < (first_since_back_ + slope_ * t_ - before_back_) / 2)
+            back_ns_ = 0;  // a frame that was overtaken comes alone
         advance(step);
         if (back_ns_ > 0 && t_ - back_since_ > kSetBack_ns) accept_set_back();
         return x_ - reference_;
     }
 
-    // A clock of 30 bits of microseconds, as the ticks of MicroPython, has begun again from 0. The times are those of a decoder,
-    // which knows 32 bits. rt: wait-free
+    // A clock of 30 bits of microseconds, as the ticks of MicroPython, has begun again from 0. The times are those of a
+    // decoder, which knows 32 bits. rt: wait-free
     [[nodiscard]] static bool is_early_wrap(std::uint64_t before_ns, std::uint64_t after_ns) noexcept {
         constexpr auto kEnd_ns = std::uint64_t(kEarlyWrap_ns);
         return before_ns < kEnd_ns && before_ns > kEnd_ns - 5'000'000'000 && after_ns < 20'000'000'000;
@@ -95,9 +98,9 @@ private:
     static constexpr unsigned kMinFrames = 8, kMinPoints = 6;             // the least number for a window, and for a fit
     // Delays that come and go within minutes move a slope by this over the span of the fit: USB polls of 16 ms, and half.
     static constexpr double kPerturbation_ns = 30e6;
-    static constexpr double kFall_ns = 20e6;     // a larger fall of the smallest delay would bend the fit: it begins again
-    static constexpr double kLag_ns = 10e6;      // the smallest delay of a window does not grow by so much without a lag
-    static constexpr double kSetBack_ns = 2e9;   // a clock that has gone back and stays so for this time was set back
+    static constexpr double kFall_ns = 20e6;    // a larger fall of the smallest delay would bend the fit: it begins again
+    static constexpr double kLag_ns = 10e6;     // the smallest delay of a window does not grow by so much without a lag
+    static constexpr double kSetBack_ns = 2e9;  // a clock that has gone back and stays so for this time was set back
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
     static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
     static constexpr double kHeldShare = 0.125;  // share of the uncertainty by which the reference rises during a lag

@@ -107,7 +107,8 @@ private:
 
 // An accepted frame gets its number, and loses its n_channels, which are set by then, where two devices count: nobody knows
 // whose they are. rt: wait-free
-inline void put_number(Frame& frame, std::uint32_t sequence, unsigned bits, const SequenceTracker::Verdict& verdict) noexcept {
+inline void put_number(Frame& frame, std::uint32_t sequence, unsigned bits,
+                       const SequenceTracker::Verdict& verdict) noexcept {
     frame.sequence = sequence;
     frame.sequence_bits = std::uint8_t(bits);
     frame.has_sequence = true;

@@ -67,7 +67,7 @@ private:
     static constexpr double kBooted_ns = double(kBooted_us) * 1e3;
     static constexpr double kFits_ns = 20e9;
     static constexpr double kLeap = 8, kCountedLeap = 2;  // intervals from one frame to the next
-    static constexpr double kMaxRateError = 0.04;  // of the rate measured at first: delays of 36 ms in 2 s, and more
+    static constexpr double kMaxRateError = 0.04;         // of the rate measured at first: delays of 36 ms in 2 s, and more
     static constexpr double kLearn_ns = 2e9;
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
     static constexpr unsigned kLearnFrames = 10;
@@ -79,8 +79,8 @@ private:
     void backdate(Frame& frame, double late_ns) noexcept;
     void learn_rate(double advance, std::uint64_t host_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
-    // The path has discarded what it held when it was closed: the device's time, or its counter, has gone on meanwhile. `late_ns`
-    // of a path that keeps its frames has grown by the time for which it was closed.
+    // The path has discarded what it held when it was closed: the device's time, or its counter, has gone on meanwhile.
+    // `late_ns` of a path that keeps its frames has grown by the time for which it was closed.
     [[nodiscard]] bool has_discarded(double late_ns) const noexcept {
         return is_reopened_ && route_.reopening_discards && late_ns < late_ns_ + kLate_ns;
     }
@@ -162,18 +162,22 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     }
     proof_ = Proof::clock;
     const bool ended = AgeBound::is_early_wrap(device_time_us_ * 1000, frame.device_time_us * 1000);
-    const bool counter_began = has_frame_ && !ended && frame.has_sequence && frames_since(frame, double(host_ns - host_ns_)) == 0;
+    const bool counter_began =
+        has_frame_ && !ended && frame.has_sequence && frames_since(frame, double(host_ns - host_ns_)) == 0;
     const auto silence_us = double(host_ns - host_ns_) * 1e-3;
-    const bool clock_began = has_frame_ && !ended && frame.device_time_us < kBooted_us && frame.device_time_us < device_time_us_ / 2 &&
-                             silence_us > kLate_ns * 1e-3;
-    // Either the clock was set on, or the device had paused while the path held its frames.
-    const bool leapt = late_ns_ > kLate_ns && !is_reopened_ && frame.device_time_us > device_time_us_ &&
+    const bool clock_began = has_frame_ && !ended && frame.device_time_us < kBooted_us &&
+                             frame.device_time_us < device_time_us_ / 2 && silence_us > kLate_ns * 1e-3;
+    // Either the clock was set on, or the device had paused while the path held its frames. A cable holds none.
+    const bool leapt = route_.path == Route::Path::network && late_ns_ > kLate_ns && !is_reopened_ &&
+                       frame.device_time_us > device_time_us_ &&
                        double(frame.device_time_us - device_time_us_) > silence_us + kLate_ns * 1e-3 &&
-                       double(frame.device_time_us - device_time_us_) > (frame.has_sequence ? kCountedLeap : kLeap) * interval_us_ * (1.0 + frame.lost);
+                       double(frame.device_time_us - device_time_us_) >
+                           (frame.has_sequence ? kCountedLeap : kLeap) * interval_us_ * (1.0 + frame.lost);
     if (frame.device_time_us > device_time_us_ && !is_reopened_ && has_frame_)
         interval_us_ += (std::min(double(frame.device_time_us - device_time_us_), 2e6) - interval_us_) * 0.05;
     sequence_ = frame.sequence;
-    device_time_us_ = is_reopened_ || clock_began || ended ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
+    device_time_us_ =
+        is_reopened_ || clock_began || ended ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
     const unsigned set_back = bound_.set_back();
     double late = bound_.late_ns(host_ns, frame.device_time_us * 1000);
     if (bound_.set_back() != set_back) device_time_us_ = frame.device_time_us;
@@ -181,13 +185,15 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     const bool fits = is_reopened_ && late < kFits_ns;
     if ((counter_began || (clock_began && !fits)) &&
         late > kLate_ns) {  // a new reference; a lag that there was may still be there
-        is_unproved_ = is_unproved_ || late_ns_ > kLate_ns;
+        is_unproved_ = is_unproved_ || (late_ns_ > kLate_ns && route_.path == Route::Path::network);
         bound_.restart();
         late = 0;
     }
     is_unproved_ = is_unproved_ || leapt;
     if (has_discarded(late)) is_unproved_ = false;
-    late_ns_ = late;
+    const double waited_ns =
+        frame.since_ns != 0 && frame.since_ns < frame.taken_ns ? double(frame.taken_ns - frame.since_ns) : 0;
+    late_ns_ = std::max(late - waited_ns, 0.0);  // by the path
     backdate(frame, late);
     if (is_unproved_) frame.age = Frame::Age::unproved;
     put_trouble(late > stale_ns_ || is_unproved_, host_ns);
@@ -199,9 +205,9 @@ inline void StreamAge::by_cable(Frame& frame) noexcept {
     if (frame.since_ns != 0 && frame.since_ns < frame.t_ns) backdate(frame, double(frame.taken_ns - frame.since_ns));
 }
 
-// Frames that the device has counted since the one before; 0: it has restarted. The device's rate tells how often the counter
-// has passed its end meanwhile. A counter that the decoder takes for one that has restarted, and that has not just begun,
-// has passed its end, too.
+// Frames that the device has counted since the one before; 0: it has restarted. The device's rate tells how often the
+// counter has passed its end meanwhile. A counter that the decoder takes for one that has restarted, and that has not just
+// begun, has passed its end, too.
 inline double StreamAge::frames_since(const Frame& frame, double silence_ns) const noexcept {
     const double range = std::ldexp(1.0, frame.sequence_bits);
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;

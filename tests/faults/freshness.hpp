@@ -65,12 +65,12 @@ public:
 
     // The path keeps what is sent from now on until then, and releases it at once.
     void hold_until(double t_s) { hold_until_s_ = t_s; }
-    bool pauses = false;        // the device measures and sends nothing
-    bool forwards_old = false;  // its next frame is one of a second ago under a new number
-    double drop = 0, swap = 0;  // rates
-    double extra_lag_s = 0;     // a bridge that is as fast as the device and has a backlog
-    double clock_jump_us = 0;   // added to the device's clock once
-    double buffer_frames = 1e9; // of a path that holds frames; the newest ones are dropped
+    bool pauses = false;         // the device measures and sends nothing
+    bool forwards_old = false;   // its next frame is one of a second ago under a new number
+    double drop = 0, swap = 0;   // rates
+    double extra_lag_s = 0;      // a bridge that is as fast as the device and has a backlog
+    double clock_jump_us = 0;    // added to the device's clock once
+    double buffer_frames = 1e9;  // of a path that holds frames; the newest ones are dropped
     Closed when_closed = Closed::discards;
     // Called with each frame that arrives.
     std::function<void(const Seen&, double t_s)> see;
@@ -97,8 +97,12 @@ public:
     }
 
     // The clock, or the counter, ends so soon.
-    void wrap_clock_in(double s) { offset_us_ = std::ldexp(stream_.clock_step_us, int(stream_.clock_bits)) - device_us_ - s * 1e6; }
-    void count_to_end(std::uint32_t frames) { sequence_ = std::uint32_t(std::ldexp(1.0, int(stream_.counter_bits)) - frames); }
+    void wrap_clock_in(double s) {
+        offset_us_ = std::ldexp(stream_.clock_step_us, int(stream_.clock_bits)) - device_us_ - s * 1e6;
+    }
+    void count_to_end(std::uint32_t frames) {
+        sequence_ = std::uint32_t(std::ldexp(1.0, int(stream_.counter_bits)) - frames);
+    }
 
     [[nodiscard]] double now_s() const { return now_s_; }
     [[nodiscard]] double rate_Hz() const { return stream_.rate_Hz; }

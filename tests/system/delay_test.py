@@ -214,11 +214,12 @@ class Suspended(unittest.TestCase):
                     for chain in chains:
                         chain.daemon.process.send_signal(signal.SIGCONT)
                     time.sleep(0.02)  # a reader sees the last sample for up to one cycle of the daemon
+                    if os.environ.get("TRACE"): print(keys, slept_s, [(c.quality(), c.node.latest("s").reasons, round(c.age_ms(c.node.latest("s")))) for c in chains])
                     for fields, (oldest, _) in zip(FIELDS, of_each(chains, lambda chain: chain.watch(1.5))):
                         self.assertLess(oldest, STALE_MS + ORDINARY_MS, (keys, fields, slept_s))
                 for fields, chain in zip(FIELDS, chains):
                     if "clock" in fields or "direct" in keys:
-                        self.assertEqual(chain.quality(), tactiled.GOOD, (keys, fields))
+                        self.assertEqual(chain.quality(), tactiled.GOOD, (keys, fields, chain.node.latest("s").reasons, chain.daemon.log()))
 
 
 class Veth(unittest.TestCase):
