@@ -30,8 +30,8 @@ struct Stream {
 
 // The path when the link is closed and opened again.
 enum class Closed : std::uint8_t {
-    discards,   // what it held
-    drops_due,  // what it would have sent meanwhile; its lag stays
+    discards,   // drops the frames that it held
+    drops_due,  // drops the frames of this time; the lag remains
     keeps       // everything, and goes on where it was
 };
 
@@ -70,7 +70,7 @@ public:
     double drop = 0, swap = 0;   // rates
     double extra_lag_s = 0;      // a bridge that is as fast as the device and has a backlog
     double clock_jump_us = 0;    // added to the device's clock once
-    double buffer_frames = 1e9;  // of a path that holds frames; the newest ones are dropped
+    double buffer_frames = 1e9;  // frames that a path can hold; it drops the newest ones
     Closed when_closed = Closed::discards;
     // Called with each frame that arrives.
     std::function<void(const Seen&, double t_s)> see;
@@ -94,7 +94,7 @@ public:
     void restart_device() {
         sequence_ = 0;
         device_us_ = 0;
-        offset_us_ = 100e3;  // of its start
+        offset_us_ = 100e3;  // its start
     }
 
     // The clock, or the counter, ends so soon.
@@ -152,7 +152,7 @@ private:
         // The link's thread looks each period, too.
         if (stream_.reopening_discards && age_.asks_for_reopening(std::uint64_t(now_s_ * 1e9)) && now_s_ > not_before_s_) {
             ++tally.reopened;
-            pause_s_ = now_s_ > not_before_s_ + 10 * pause_s_ ? 1 : std::min(2 * pause_s_, 60.0);  // as node/link_age.hpp
+            pause_s_ = now_s_ > not_before_s_ + 10 * pause_s_ ? 1 : std::min(2 * pause_s_, 60.0);  // see node/link_age.hpp
             not_before_s_ = now_s_ + pause_s_;
             reopen();
         }

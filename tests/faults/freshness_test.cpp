@@ -183,7 +183,9 @@ void lag_that_grows(FreshnessRun& run, double share) {
     run.run_s(30);
 }
 
-void lag_that_grows_slowly(FreshnessRun& run, std::mt19937_64&) { lag_that_grows(run, 150e-6); }  // as two crystals drift
+void lag_that_grows_slowly(FreshnessRun& run, std::mt19937_64&) {
+    lag_that_grows(run, 150e-6);
+}  // like the drift of two crystals
 void lag_that_grows_faster(FreshnessRun& run, std::mt19937_64&) {
     run.run_s(900);
     lag_that_grows(run, 250e-6);
