@@ -1,5 +1,6 @@
-// How much later than the fastest one a frame arrived, from two clocks: the host's, and one that advances with the frames
-// (the device's own, or its counter). Pure: time comes from outside. The page freshness.md explains the method.
+// Computes how much later than the fastest frame a frame arrived, from two clocks: the host's clock and a clock that
+// advances with the frames (the device's clock or its counter). Pure: times are arguments. The page freshness.md
+// explains the method.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -27,8 +28,8 @@ public:
     AgeBound() : AgeBound(Limits()) {}
     explicit AgeBound(const Limits& limits) : limits_(limits), uncertainty_(limits.max_drift) {}
 
-    // The lateness in ns of a frame that was measured at `device_ns` and had arrived by `host_ns`. Host times must not go
-    // back. rt: bounded by the number of windows, 90, once in each window; else wait-free
+    // Returns the lateness in ns of a frame that was measured at `device_ns` and had arrived by `host_ns`. Host times
+    // must not decrease. rt: bounded by the number of windows, 90, once in each window; else wait-free
     [[nodiscard]] double late_ns(std::uint64_t host_ns, std::uint64_t device_ns) noexcept {
         if (!started_) {
             started_ = true;
@@ -89,14 +90,16 @@ public:
     [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
     // The smallest lateness of the last window shows a lag.
     [[nodiscard]] bool is_held() const noexcept { return is_held_; }
-    // By how much the drift of the clocks is not known, as a fraction.
+    // Uncertainty of the drift between the clocks, as a fraction.
     [[nodiscard]] double uncertainty() const noexcept { return uncertainty_; }
 
 private:
     static constexpr std::size_t kWindows = 90;
-    static constexpr double kMinWindow_ns = 0.5e9, kMaxWindow_ns = 10e9;  // one eighth of what the fit spans, within these
-    static constexpr unsigned kMinFrames = 8, kMinPoints = 6;             // the least number for a window, and for a fit
-    // Delays that come and go within minutes move a slope by this over the span of the fit: USB polls of 16 ms, and half.
+    // one eighth of the span of the fit, within these limits
+    static constexpr double kMinWindow_ns = 0.5e9, kMaxWindow_ns = 10e9;
+    static constexpr unsigned kMinFrames = 8, kMinPoints = 6;  // minimum number for a window, and for a fit
+    // Delays that vary within minutes change the slope by this over the span of the fit: USB polls of 16 ms, and half
+    // as much again.
     static constexpr double kPerturbation_ns = 30e6;
     static constexpr double kFall_ns = 20e6;    // a larger fall of the smallest delay would bend the fit: it begins again
     static constexpr double kLag_ns = 10e6;     // the smallest delay of a window does not grow by so much without a lag
@@ -123,11 +126,10 @@ private:
     void advance(double step) noexcept {
         t_ += step;
         reference_ += slope_ * step;
-        // During a silence nothing is seen of the drift.
+        // A silence gives no information on the drift.
         if (step > kMaxWindow_ns) reference_ += uncertainty_ * (is_held_ ? kHeldShare : 1.0) * step;
         if (x_ < reference_) {
-            if (x_ < reference_ - kFall_ns)
-                restart();  // a lag has ended that was there at the start, or the clock was set on
+            if (x_ < reference_ - kFall_ns) restart();  // a lag since the start has ended, or the clock was set forward
             reference_ = x_;
         }
         if (const double above = x_ - reference_; above < window_min_) {
@@ -161,8 +163,8 @@ private:
         window_ns_ = std::clamp(span / 8, kMinWindow_ns, kMaxWindow_ns);
     }
 
-    // Least squares. A new fit replaces the slope where it is at least as certain: after restart() the old one stays until
-    // then.
+    // Fits by least squares. A new fit replaces the slope if it is at least as certain; after restart() the old slope
+    // stays until then.
     void fit() noexcept {
         if (points_ < kMinPoints) return;
         const double span = point_[points_ - 1].t_ns - point_[0].t_ns;

@@ -1,5 +1,5 @@
-// Proves the age of the frames of one device, or says that it is not proved. Pure: time comes from outside. The page
-// freshness.md explains the rules.
+// Proves the age of the frames of one device, or reports that it is not proved. Time comes only from the caller. The
+// page freshness.md explains the rules.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -10,16 +10,16 @@
 
 namespace tactiled {
 
-// The way from a device to this machine.
+// The path from a device to this machine.
 struct Route {
     enum class Path : std::uint8_t {
-        polled,  // each frame answers a request, whose time bounds the age
-        direct,  // a cable: its buffers and its rate bound the delay, and the driver dates the bytes
-        network  // may hold frames back for any time
+        polled,  // each frame answers a request, whose time limits the age
+        direct,  // a cable: its buffers and its rate limit the delay, and the driver sets the time of the bytes
+        network  // may delay frames for any time
     } path = Path::direct;
     bool device_clock = false;        // device_time_us is the time of the measurement
-    bool reopening_discards = false;  // the path drops the frames that it holds when the link is closed
-    double clock_ppm = 200;           // by which the device's clock, or its rate, may differ or wander
+    bool reopening_discards = false;  // the path drops its waiting frames when the link is closed
+    double clock_ppm = 200;           // largest error or change of the device's clock, or of its rate
 };
 
 class StreamAge {
@@ -27,20 +27,20 @@ public:
     // How the age is proved. The values are those of tactiled_sensor.freshness.
     enum class Proof : std::uint8_t { unknown, polled, direct, clock, sequence, arrival };
 
-    // `rate_Hz`: of the frames as declared, 0 = not; `stale_ns`: the age at which a value is of no use.
+    // `rate_Hz`: the declared rate of frames, 0 = none; `stale_ns`: the age at which a value cannot be used.
     StreamAge(double rate_Hz, double rate_tolerance, std::uint64_t stale_ns)
         : declared_ns_(rate_Hz > 0 ? 1e9 / rate_Hz : 0), tolerance_(rate_tolerance), stale_ns_(double(stale_ns)) {}
 
-    // The link was opened, by this way. rt: wait-free
+    // Begins again for an opened link with this path. rt: wait-free
     void open(const Route& route) noexcept;
 
-    // Dates `frame`, which was taken from the kernel at `frame.taken_ns`; `host_ns` is the same instant on a clock that
-    // nothing corrects and that goes on while the machine is suspended. Sets t_ns, late_ns and age. Every frame of the
-    // device must come here, in order. rt: as AgeBound::late_ns()
+    // Sets t_ns, late_ns and age of `frame`, which was read from the kernel at `frame.taken_ns`. `host_ns` is the
+    // same time on a clock without corrections that also runs while the machine is suspended. Every frame of the
+    // device must pass here, in order. rt: as AgeBound::late_ns()
     void judge(Frame& frame, std::uint64_t host_ns) noexcept;
 
     [[nodiscard]] Proof proof() const noexcept { return proof_; }
-    // judge() looks at the host's time for this frame. rt: wait-free
+    // Returns true if judge() uses the host's time for this frame. rt: wait-free
     [[nodiscard]] bool uses_host_time(const Frame& frame) const noexcept {
         return route_.path == Route::Path::network ||
                (route_.path == Route::Path::direct && route_.device_clock && frame.device_time_us != 0);
@@ -93,8 +93,8 @@ private:
     Proof proof_ = Proof::unknown;
     AgeBound bound_;
     bool has_clock_ = false, is_unproved_ = false, is_reopened_ = false, has_frame_ = false;
-    std::uint64_t t_ns_ = 0, host_ns_ = 0;  // of the frame before
-    std::uint64_t trouble_ns_ = 0;          // host time since which the age is not proved, or too large; 0 = it is proved
+    std::uint64_t t_ns_ = 0, host_ns_ = 0;  // of the previous frame
+    std::uint64_t trouble_ns_ = 0;          // host time since which the age is not proved or too large; 0 = it is proved
 
     std::uint64_t device_time_us_ = 0;      // the latest one
     double late_ns_ = 0, interval_us_ = 0;  // lateness of the frame before; mean interval of the device's times
@@ -121,7 +121,7 @@ inline void StreamAge::open(const Route& route) noexcept {
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     if (frame.taken_ns < frame.t_ns) frame.taken_ns = frame.t_ns;
-    // Two frames of one read have the same time, and each conversion to the host's clock differs by the time that it takes.
+    // Two frames of one read have the same time, and each conversion to the host's clock has an error.
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     if (route_.path == Route::Path::polled) {
         proof_ = Proof::polled;
@@ -143,7 +143,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     t_ns_ = frame.t_ns;
 }
 
-// The frame was measured `late_ns` before it was taken, or later.
+// Sets the age of a frame that was measured `late_ns` or longer before it was read.
 inline void StreamAge::backdate(Frame& frame, double late_ns) noexcept {
     const auto late = std::uint64_t(std::max(late_ns, 0.0));
     const std::uint64_t measured_ns = frame.taken_ns > late ? frame.taken_ns - late : 0;
