@@ -100,19 +100,24 @@ class Depths(unittest.TestCase):
             for stage in range(3):
                 hold_s, lag_s = RANDOM.uniform(0.5, 2), RANDOM.uniform(0.3, 3)
 
-                def held_and_late(chain, stage=stage, hold_s=hold_s, lag_s=lag_s):
+                def held_and_late(number, stage=stage, hold_s=hold_s, lag_s=lag_s):
+                    chain, (end, fields) = chains[number], about[number]
                     chain.tell(f"hold {hold_s}", stage)
                     seen = [chain.watch(hold_s + 1.5)]
-                    chain.tell(f"lag {lag_s}", stage)  # a relay as fast as the device: it never catches up
-                    seen.append(chain.watch(lag_s + 2))
-                    chain.tell("lag 0", stage)
-                    seen.append(chain.watch(lag_s + 2))
+                    # Without a clock, a connection that is opened again hides the delay of a relay that drops what is due
+                    # meanwhile, and with neither clock nor counter that of any (drivers/wire/freshness.md).
+                    if end == "pty" or "clock" in fields or (fields == "sequence" and stage == 2):
+                        chain.tell(f"keep {int(fields == 'sequence' and end == 'tcp')}", stage)
+                        chain.tell(f"lag {lag_s}", stage)  # a relay as fast as the device: it never catches up
+                        seen.append(chain.watch(lag_s + 2))
+                        chain.tell("lag 0", stage)
+                        seen.append(chain.watch(lag_s + 2))
                     return seen
-                for name, seen in zip(about, of_each(chains, held_and_late)):
+                for name, seen in zip(about, of_each(range(len(chains)), held_and_late)):
                     for one in seen:
                         self.assert_young(one, (name, "stage", stage, hold_s, lag_s))
             for (end, fields), chain in zip(about, chains):
-                if fields != "none":
+                if "clock" in fields:
                     self.assertEqual(chain.quality(), tactiled.GOOD, (end, fields))
 
     def test_lost_bytes_swapped_and_repeated_frames_and_a_clock_that_jumps_give_no_wrong_value(self):
@@ -131,8 +136,7 @@ class Depths(unittest.TestCase):
                 seen.append(chain.watch(0.5))
                 for jump_s in (0.5, -0.5, 100, -100, 3000):
                     chain.tell(f"jump {jump_s}")
-                    seen.append(chain.watch(0.5))
-                seen.append(chain.watch(3))
+                    seen.append(chain.watch(3))  # one that goes back is late for 2 s
                 return seen
             for chain, seen in zip(chains, of_each(chains, strike)):
                 for i, one in enumerate(seen):
@@ -214,12 +218,11 @@ class Suspended(unittest.TestCase):
                     for chain in chains:
                         chain.daemon.process.send_signal(signal.SIGCONT)
                     time.sleep(0.02)  # a reader sees the last sample for up to one cycle of the daemon
-                    if os.environ.get("TRACE"): print(keys, slept_s, [(c.quality(), c.node.latest("s").reasons, round(c.age_ms(c.node.latest("s")))) for c in chains])
                     for fields, (oldest, _) in zip(FIELDS, of_each(chains, lambda chain: chain.watch(1.5))):
                         self.assertLess(oldest, STALE_MS + ORDINARY_MS, (keys, fields, slept_s))
                 for fields, chain in zip(FIELDS, chains):
                     if "clock" in fields or "direct" in keys:
-                        self.assertEqual(chain.quality(), tactiled.GOOD, (keys, fields, chain.node.latest("s").reasons, chain.daemon.log()))
+                        self.assertEqual(chain.quality(), tactiled.GOOD, (keys, fields))
 
 
 class Veth(unittest.TestCase):
@@ -256,4 +259,4 @@ class Veth(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    unittest.main(warnings="ignore")
