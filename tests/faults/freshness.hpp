@@ -229,8 +229,8 @@ private:
         seen.good = !seen.bad && !two_devices && frame.age != Frame::Age::unproved;
         ++tally.frames;
         ++(seen.bad ? tally.bad : seen.good ? tally.good : tally.uncertain);
-        // The least delay of the path, its polls and its jitter are no lag.
-        const double normal_ms = 2 + stream_.jitter_ms + stream_.grid_ms + 1000 / stream_.rate_Hz;
+        // The smallest delay of the path, its polls and its jitter are no lag, nor are the 10 ms that the bound allows.
+        const double normal_ms = std::max(48.0, 2 + stream_.jitter_ms + stream_.grid_ms + 1000 / stream_.rate_Hz);
         const bool is_old = seen.true_age_ms > stream_.stale_ms + normal_ms;
         if (is_old) tally.wrong_before_s += 1 / stream_.rate_Hz;
         tally.alarms += !seen.good && seen.true_age_ms < stream_.stale_ms - normal_ms;

@@ -193,7 +193,7 @@ void lag_that_grows_faster(FreshnessRun& run, std::mt19937_64&) {
 
 constexpr Kind kKinds[] = {{"link down for 0.5 to 3.9 s, then all at once", link_down},
                            {"a bridge as fast as the device, lag 0.2 to 10 s", slow_bridge},
-                           {"a bridge slower than the device for a while", slower_bridge, kByCounters},
+                           {"a bridge slower than the device for a while", slower_bridge, kByCounters, 1000},
                            {"reopened in a lag, what is due is dropped", relay_that_drops_what_is_due, kByAllButRelays},
                            {"reopened in a lag, the relay keeps all", relay_that_keeps, kByCountersAndPty},
                            {"the path drops what its buffer cannot hold", short_buffer},
@@ -208,7 +208,7 @@ constexpr Kind kKinds[] = {{"link down for 0.5 to 3.9 s, then all at once", link
                            {"the clock ends, then the link is down", clock_ends, kByAll, 0, true},
                            {"the counter ends, then the link is down", counter_ends, kByAll, 0, true},
                            {"the device pauses", pause_of_the_device},
-                           {"the device pauses, then the link is down", pause_and_link_down},
+                           {"the device pauses, then the link is down", pause_and_link_down, kByCounters},
                            {"a lag at the first frame", lag_at_the_first_frame, kByNone, 0, true},
                            {"a lag that grows by 150 ppm", lag_that_grows_slowly, kByNone},
                            {"a lag that grows by 250 ppm", lag_that_grows_faster, kByClocks}};
@@ -283,7 +283,7 @@ void no_undetected_old_value(double hours, bool is_attack) {
             if (kind.episode == pause_of_the_device && clock) {
                 EXPECT_LE(sum.alarms, episodes) << "at most one sample of a pause";
             }
-            if (kind.episode == pause_of_the_device && tcp) {
+            if (kind.episode == pause_of_the_device && tcp && !is_attack) {
                 EXPECT_LE(sum.alarms, 70 * episodes) << "0.5 s and the opening";
             }
         }
@@ -291,7 +291,7 @@ void no_undetected_old_value(double hours, bool is_attack) {
 
 TEST(Freshness, NoKindOfDelayMakesAnUndetectedOldValue) { no_undetected_old_value(number("HOURS", 1), false); }
 
-TEST(Freshness, NoRateCounterOrClockMakesAnUndetectedOldValue) { no_undetected_old_value(number("HOURS", 0.5), true); }
+TEST(Freshness, NoRateCounterOrClockMakesAnUndetectedOldValue) { no_undetected_old_value(number("HOURS", 0.05), true); }
 
 }  // namespace
 }  // namespace tactiled::faults

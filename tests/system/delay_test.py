@@ -136,8 +136,7 @@ class Depths(unittest.TestCase):
                 seen.append(chain.watch(0.5))
                 for jump_s in (0.5, -0.5, 100, -100, 3000):
                     chain.tell(f"jump {jump_s}")
-                    seen.append(chain.watch(0.5))
-                seen.append(chain.watch(3))
+                    seen.append(chain.watch(3))  # one that goes back is late for 2 s
                 return seen
             for chain, seen in zip(chains, of_each(chains, strike)):
                 for i, one in enumerate(seen):
