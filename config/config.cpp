@@ -144,7 +144,7 @@ const Fields<ShmSettings>& shm_fields() {
     static const Fields<S> fields = {
         {TACTILED_KEY(S, group), "", Text::name, Reload::restart,
          "Unix group that may read and command; \"\" = the group of the daemon."},
-        {TACTILED_KEY(S, history), Default(0, "as many, up to 1024, as fit into 1 MB"), range(64, 65'536), "",
+        {TACTILED_KEY(S, history), Default(0, "the largest up to 1024 that fits into 1 MB"), range(64, 65'536), "",
          Reload::restart, "Samples kept for each sensor, a power of two."},
     };
     return fields;

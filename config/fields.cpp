@@ -22,7 +22,7 @@ std::string list_text(const double* values, std::size_t n) {
 std::string text_kind(Text text) {
     switch (text) {
         case Text::any: break;
-        case Text::name: return "1 .. 31 of A-Z a-z 0-9 _ . -";
+        case Text::name: return "1 .. 31 characters A-Z a-z 0-9 _ . -";
         case Text::full_path: return "full path";
     }
     return "";

@@ -39,7 +39,7 @@ TEST(ConfigRefused, WhoMayConnectIsNamedByAddress) {
                   std::string("t.toml:2: [modbus]: plc has \"") + bad + "\"; each is one address, such as \"192.168.0.10\"");
     EXPECT_EQ(of_table("[modbus]\nlisten = '0.0.0.0:502'\nplc = ['192.168.0.10']"), "");
     EXPECT_EQ(of_table("[modbus]\nlisten = '0.0.0.0:502'").substr(0, 49),
-              "t.toml:2: [modbus]: listen = \"0.0.0.0:502\" lets o");
+              "t.toml:2: [modbus]: listen = \"0.0.0.0:502\" is ope");
     EXPECT_EQ(of_table("[modbus]\nlisten = ''"), "");
     EXPECT_EQ(of_table("[modbus]\ncommand_allow = ['10.0.0.1/32']"),
               "t.toml:2: [modbus]: command_allow has no effect without commands = true");
