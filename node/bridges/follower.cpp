@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cassert>
 
 namespace tactiled::bridges {
 namespace {
@@ -54,6 +55,7 @@ void Follower::attach(std::uint64_t now_ns) {
     for (bool& owes : owes_end_) owes = false;  // next() has given the end in the rounds since
     forget_wakes();
     segment_ = std::move(fresh);
+    assert(segment_.n_sensors() <= cursor_.size());  // try_open() has refused it otherwise
     ++structure_;
     reloads_ = __atomic_load_n(&segment_.header().reloads, __ATOMIC_ACQUIRE);
     for (std::uint32_t i = 0; i < segment_.n_sensors(); ++i) {

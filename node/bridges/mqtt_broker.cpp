@@ -12,7 +12,7 @@ namespace tactiled::bridges::mqtt {
 namespace {
 
 constexpr int kKeepaliveS = 10;  // a broker that vanished is noticed after 15 s
-constexpr unsigned kFirstRetryS = 1, kLastRetryS = 10;
+constexpr unsigned kFirstRetryS = 1, kLastRetryS = 5;
 
 void require(int result, const char* what) {
     if (result != MOSQ_ERR_SUCCESS) throw SetupError(fmt::format("{}: {}", what, mosquitto_strerror(result)));
