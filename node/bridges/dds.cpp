@@ -167,6 +167,9 @@ int main(int argc, char** argv) {
             return name == bridges::topic_word(name) ? std::string() : "letters, digits and underscores, not first a digit";
         });
     app.add_option("--frame-prefix", args.frame_prefix, "put before the sensor's name in header.frame_id");
+    app.add_flag(
+        "--many", args.domain.many,
+        "for many bridges on one machine's loopback: they do not discover each other; readers need a participant number");
     app.add_flag("--reliable", args.domain.reliable, "reliable instead of best effort, for readers that ask for it");
     app.footer(
         "Examples:\n"

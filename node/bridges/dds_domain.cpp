@@ -30,12 +30,16 @@ std_msgs_msg_dds__Header_ header_of(double t_s, const std::string& frame) {
 
 std::string configuration(const DomainOptions& options) {
     // The loopback as ROS 2 configures it with ROS_LOCALHOST_ONLY=1: participants find each other at the ports of their
-    // numbers. 119: the last number whose ports are of the same domain.
+    // numbers. 119: the last number whose ports are of the same domain. A participant without a number finds those that have
+    // one, and its own kind does not find it: n bridges and one reader make n pairs instead of n^2. A reader that starts
+    // later waits for its next announcement.
     if (options.network.empty())
-        return "<Domain><General><Interfaces><NetworkInterface address=\"127.0.0.1\"/></Interfaces>"
-               "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
-               "<MaxAutoParticipantIndex>119</MaxAutoParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers>"
-               "</Discovery></Domain>";
+        return fmt::format(
+            "<Domain><General><Interfaces><NetworkInterface address=\"127.0.0.1\"/></Interfaces>"
+            "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>{}</ParticipantIndex>"
+            "<MaxAutoParticipantIndex>{}</MaxAutoParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers>"
+            "{}</Discovery></Domain>",
+            options.many ? "none" : "auto", options.many ? 31 : 119, options.many ? "<SPDPInterval>2s</SPDPInterval>" : "");
     const bool address = options.network.find_first_of(".:") != std::string::npos;
     return fmt::format("<Domain><General><Interfaces><NetworkInterface {}=\"{}\"/></Interfaces></General></Domain>",
                        address ? "address" : "name", options.network);

@@ -13,6 +13,7 @@ struct DomainOptions {
     std::uint32_t domain = 0;
     std::string network;  // "": the loopback alone; else name or address of an interface
     bool reliable = false;
+    bool many = false;  // many bridges on this machine: they do not discover each other
 };
 
 // Configuration of Cyclone DDS for these options.
