@@ -169,23 +169,25 @@ class Fleet(unittest.TestCase):
         self.assertEqual(self.scrape(), set(self.names))
         scraped = time.monotonic() - scraped
         lost = expected = 0
+        rates = []
         for name in self.names:
             messages = [message for _, message in mqtt[name]]
             numbers = [message["sequence"] for message in messages]
             self.assertEqual(numbers, sorted(set(numbers)), name)
             lost += numbers[-1] - numbers[0] - sum(message["samples"] for message in messages[1:])
             expected += numbers[-1] - numbers[0]
+            rates.append((numbers[-1] - numbers[0]) / (messages[-1]["t_s"] - messages[0]["t_s"]))
         times = {name: [sent for _, sent in dds[name]] for name in self.names}
-        gaps = sum(b - a > 1.5 / RATE_Hz for sent in times.values() for a, b in zip(sent, sent[1:]))
+        not_seen = sum(round((sent[-1] - sent[0]) * RATE_Hz) + 1 - len(sent) for sent in times.values())
         print(f"MQTT: {sum(map(len, mqtt.values()))} messages of {expected} samples, {lost} lost, {percentiles([r - m['t_s'] for found in mqtt.values() for r, m in found])}")
-        print(f"DDS: {sum(map(len, times.values()))} samples, {gaps} gaps, {percentiles([r - s for found in dds.values() for r, s in found])}")
+        print(f"DDS: {sum(map(len, times.values()))} samples, {not_seen} not seen, {percentiles([r - s for found in dds.values() for r, s in found])}")
         print(f"a scrape of {FLEET}: {scraped:.2f} s")
         for kind in cpu:
             rss = statistics.mean(p.status("VmRSS") for p in self.parts[kind]) / 1024
             print(f"{kind}: {100 * (cpu[kind] - at[2][kind]) / taken_s / FLEET:.2f} % of a CPU and {rss:.1f} MB each")
         self.assertEqual(lost, 0)
-        self.assertAlmostEqual(expected / FLEET / SECONDS, RATE_Hz, delta=5)
-        self.assertLess(gaps, 0.01 * expected)
+        self.assertAlmostEqual(min(rates), RATE_Hz, delta=2)
+        self.assertLess(not_seen, 0.01 * expected)  # best effort
         self.broker_away()
 
     def dropped(self):
