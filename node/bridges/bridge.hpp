@@ -14,7 +14,7 @@ namespace tactiled::bridges {
 
 struct Common {
     std::string node = "gripper";
-    std::vector<std::string> sensors;  // none: all
+    std::vector<std::string> sensors;  // empty: all
     double rate_Hz = 0;                // messages of a sensor at most; 0: every sample
 };
 // Adds --node, --runtime-dir, --sensor and --rate-Hz.

@@ -11,7 +11,7 @@
 namespace tactiled::bridges::dds {
 namespace {
 
-// sha256 of the type's description, by which ROS 2 since Iron compares types: REP 2016.
+// The sha256 of the type's description (REP 2016). ROS 2 compares types by it since Iron.
 constexpr char kWrenchHash[] = "typehash=RIHS01_8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77;";
 
 dds_entity_t require(dds_entity_t result, const std::string& what) {

@@ -50,7 +50,7 @@ void check(Args& args) {
                    args.broker.password.empty() ? "" : " and the password", args.broker.host);
 }
 
-// What is published of one sensor.
+// The topics and the last values of one sensor.
 struct Sensor {
     std::uint32_t index;
     std::string wrench_topic, quality_topic;
@@ -112,7 +112,7 @@ private:
         greet();
     }
 
-    // What a broker must know that has just been connected, or that has lost it.
+    // Makes all retained messages due again, for a broker that has just been connected.
     void greet() {
         state_ns_ = 0;
         grasp_.clear();

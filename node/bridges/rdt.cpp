@@ -23,7 +23,7 @@
 namespace tactiled::bridges::rdt {
 namespace {
 
-constexpr std::size_t kMaxClients = 8;  // of a stream
+constexpr std::size_t kMaxClients = 8;  // each stream serves so many
 constexpr std::array<const char*, 6> kAxes{"fx", "fy", "fz", "mx", "my", "mz"};
 
 struct Args {
@@ -36,7 +36,7 @@ struct Args {
 struct Client {
     sockaddr_storage address;
     std::uint32_t left;      // records to send; 0: until it stops
-    std::uint32_t sequence;  // of its next record
+    std::uint32_t sequence;  // number of its next record
     Wrench bias;
     Pace pace;
     bool wants_bias;
@@ -56,7 +56,7 @@ public:
         const sockaddr_storage address = modbus::listen_address(listen, size);
         fd_ = ::socket(address.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
         const int one = 1;
-        // So that the kernel says which client has gone.
+        // The kernel then reports which client has gone.
         ::setsockopt(fd_, IPPROTO_IP, IP_RECVERR, &one, sizeof one);
         if (address.ss_family == AF_INET6) ::setsockopt(fd_, IPPROTO_IPV6, IPV6_RECVERR, &one, sizeof one);
         if (fd_ < 0 || ::bind(fd_, reinterpret_cast<const sockaddr*>(&address), size) != 0)

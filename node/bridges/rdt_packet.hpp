@@ -20,7 +20,7 @@ enum Command : std::uint16_t {
 };
 struct Request {
     std::uint16_t command;
-    std::uint32_t count;  // of records; 0: until kStop
+    std::uint32_t count;  // records; 0: until kStop
 };
 // nullopt: no request of this protocol.
 std::optional<Request> parse_request(std::span<const std::uint8_t> bytes);

@@ -17,7 +17,7 @@ namespace tactiled::web {
 namespace {
 
 constexpr std::uint64_t kLookAhead = 16u << 20;       // bytes in which plan() looks for a sample of each sensor
-constexpr std::uint64_t kBeatEachNs = 10'000'000;     // as the daemon
+constexpr std::uint64_t kBeatEachNs = 10'000'000;     // the daemon's interval
 constexpr std::uint32_t kStaleMs = 2000;              // the recording says itself where a sensor was stale
 constexpr std::uint64_t kMaxPauseNs = 2'000'000'000;  // longer pauses of the recorder are cut
 

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What each bridge costs with 1 and 16 sensors at 1 kHz: CPU time, memory, and how old a sample is when a client has it, beside a reader of the
+"""Costs of each bridge with 1 and 16 sensors at 1 kHz: CPU time, memory, and the age of a sample when a client has it, beside a reader of the
 segment in the same run; and the daemon's latency with all bridges running, beside none, in turns. Prints tables.
 
     /usr/bin/python3 tests/bench/bridge_costs.py [SECONDS]"""

@@ -141,7 +141,7 @@ class Mqtt(unittest.TestCase):
         self.assertEqual(bad["force_N"], [None] * 3)
         state = subscriber.until(lambda topic, message: topic.endswith("state") and not message["daemon"])
         self.assertTrue(state["online"])
-        late = self.subscriber()  # of somebody who comes now, too
+        late = self.subscriber()  # a late subscriber gets the retained message
         self.assertEqual(late.until(lambda topic, _: topic.endswith("quality"))["quality"], "bad")
         (self.daemon.folder / "dev").unlink(missing_ok=True)
         self.daemon.others[0].kill()
@@ -161,7 +161,7 @@ class Mqtt(unittest.TestCase):
         subscriber.until(lambda _, message: message["online"])
         self.assertEqual(server.stop(), 0)
         subscriber.until(lambda _, message: not message["online"])
-        self.assertRegex(server.log(), r"ended; sent \d+, dropped \d, missed 0")  # those before it was connected
+        self.assertRegex(server.log(), r"ended; sent \d+, dropped \d, missed 0")  # messages before it was connected
 
     def test_a_broker_that_was_away_is_found_again_and_what_it_missed_is_counted(self):
         server = self.bridge("--rate-Hz", "50")

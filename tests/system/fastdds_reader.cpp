@@ -102,7 +102,7 @@ int main(int argc, char** argv) {
     auto* const factory = fast::DomainParticipantFactory::get_instance();
     fast::DomainParticipantQos where = fast::PARTICIPANT_QOS_DEFAULT;
     const auto loopback = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
-    loopback->interfaceWhiteList.emplace_back("127.0.0.1");  // as rmw_fastrtps does for ROS_LOCALHOST_ONLY=1
+    loopback->interfaceWhiteList.emplace_back("127.0.0.1");  // the setting of rmw_fastrtps for ROS_LOCALHOST_ONLY=1
     where.transport().use_builtin_transports = false;
     where.transport().user_transports.push_back(loopback);
     auto* const participant = factory->create_participant(fast::DomainId_t(std::atoi(argv[1])), where);

@@ -27,7 +27,7 @@ from daemon import BIN, ROOT, free_port, wait_for  # noqa: E402
 FLEET = int(os.environ.get("FLEET", "4"))
 SECONDS = float(os.environ.get("SECONDS", "5" if FLEET < 20 else "30"))
 RATE_Hz = 50
-MQTT_Hz = 10  # as by default; a message counts the samples since the one before
+MQTT_Hz = 10  # the default; a message counts the samples since the last one
 DASHBOARD = json.loads((ROOT / "node/bridges/grafana.json").read_text())
 BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
 NEEDED = [BIN / name for name in ("tactiled-mqtt", "tactiled-dds", "tactiled-web", "fastdds_reader")] + [pathlib.Path(BROKER)]
@@ -64,7 +64,7 @@ def ports(count):
 
 
 class Lines:
-    """What a program prints, line by line, split at spaces."""
+    """The output of a program, line by line, split at spaces."""
 
     def __init__(self, columns, *words):
         self.process = subprocess.Popen([str(word) for word in words], stdout=subprocess.PIPE, text=True)
@@ -122,7 +122,7 @@ class Fleet(unittest.TestCase):
         self.parts[kind].append(self.start(*words))
 
     def mqtt_since(self, begin):
-        """Of each node: (received s, message)."""
+        """For each node: (received s, message)."""
         found = {name: [] for name in self.names}
         for received, topic, text in self.mqtt.lines[begin:]:
             found[topic.split("/")[1]].append((float(received), json.loads(text)))
@@ -191,7 +191,7 @@ class Fleet(unittest.TestCase):
         self.broker_away()
 
     def dropped(self):
-        """Of each node, as its last state says."""
+        """The count of each node in its last state."""
         found = dict.fromkeys(self.names, 0)
         for line in self.client.log().splitlines():
             topic, _, text = line.partition(" ")

@@ -3,8 +3,8 @@
  *     cc -O2 -DULAPI -I/usr/include/linuxcnc -o tactiled_hal tactiled_hal.c -llinuxcnchal
  *     loadusr -W ./tactiled_hal gripper left        in a .hal file: node, sensor
  *
- * tactiled.left.valid is TRUE only while the value is good, or uncertain and not refused by good-only. Wire it into the chain
- * that stops the machine. While it is FALSE the forces are NaN, never the last value. This is no safety function.
+ * tactiled.left.valid is TRUE only while the value is good, or uncertain and not refused by good-only. Wire it into the
+ * chain that stops the machine. While it is FALSE the forces are NaN, never the last value. This is no safety function.
  * Forces and torques are what the world exerts on the sensor, frame S: z out of the skin, so a press has fz < 0. */
 #include <hal.h>
 #include <math.h>
@@ -13,15 +13,15 @@
 #include <tactiled/reader.h>
 
 struct pins {
-    hal_float_t* axis[6];     /* fx fy fz in N, mx my mz in Nm */
-    hal_float_t* sd[3];       /* one standard uncertainty of fx fy fz, N */
-    hal_float_t* age_s;       /* of the newest sample, also of one that is not valid */
-    hal_bit_t* valid;         /* the forces may be used */
-    hal_bit_t* good;          /* nothing is known against them */
-    hal_bit_t* contact;       /* the magnitude has passed contact_on_N */
-    hal_u32_t* reasons;       /* enum tactiled_reason */
-    hal_u32_t* sequence;      /* counts the sensor's samples */
-    hal_bit_t* good_only;     /* in: uncertain values are not valid, either */
+    hal_float_t* axis[6]; /* fx fy fz in N, mx my mz in Nm */
+    hal_float_t* sd[3];   /* one standard uncertainty of fx fy fz, N */
+    hal_float_t* age_s;   /* age of the newest sample, also while it is not valid */
+    hal_bit_t* valid;     /* the forces may be used */
+    hal_bit_t* good;      /* quality GOOD */
+    hal_bit_t* contact;   /* the magnitude has passed contact_on_N */
+    hal_u32_t* reasons;   /* enum tactiled_reason */
+    hal_u32_t* sequence;  /* counts the sensor's samples */
+    hal_bit_t* good_only; /* in: uncertain values are not valid, either */
 };
 
 static volatile sig_atomic_t ended;
@@ -34,7 +34,8 @@ static int make_pins(struct pins* p, int component, const char* sensor) {
     static const char* const axes[6] = {"fx", "fy", "fz", "mx", "my", "mz"};
     int i, failed = 0;
     for (i = 0; i < 6; ++i) failed |= hal_pin_float_newf(HAL_OUT, &p->axis[i], component, "tactiled.%s.%s", sensor, axes[i]);
-    for (i = 0; i < 3; ++i) failed |= hal_pin_float_newf(HAL_OUT, &p->sd[i], component, "tactiled.%s.sd-%s", sensor, axes[i]);
+    for (i = 0; i < 3; ++i)
+        failed |= hal_pin_float_newf(HAL_OUT, &p->sd[i], component, "tactiled.%s.sd-%s", sensor, axes[i]);
     failed |= hal_pin_float_newf(HAL_OUT, &p->age_s, component, "tactiled.%s.age-s", sensor);
     failed |= hal_pin_bit_newf(HAL_OUT, &p->valid, component, "tactiled.%s.valid", sensor);
     failed |= hal_pin_bit_newf(HAL_OUT, &p->good, component, "tactiled.%s.good", sensor);
@@ -94,7 +95,8 @@ int main(int argc, char** argv) {
     show(pins, &sample);
     hal_ready(component);
     while (!ended) {
-        /* At each sample, and each 10 ms without one: then the newest is judged again, and is not valid once it is too old. */
+        /* At each sample, and each 10 ms without one: then the newest is judged again, and is not valid once it is too old.
+         */
         if (!tactiled_reader_wait(&reader, &sample, 10, TACTILED_BLOCK)) tactiled_reader_latest(&reader, &sample);
         show(pins, &sample);
     }
