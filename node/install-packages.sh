@@ -1,19 +1,21 @@
 #!/usr/bin/env bash
-# install-packages.sh [build] [demo] [tests] [browser] [kernel] [packaging]: installs the Debian packages that are
+# install-packages.sh [build] [bridges] [demo] [tests] [browser] [kernel] [packaging]: installs the Debian packages that are
 # missing. If all are installed, it needs neither network nor root.
 set -euo pipefail
 
 build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
     libeigen3-dev libceres-dev nlohmann-json3-dev libboost-dev liblz4-dev libzstd-dev libmicrohttpd-dev)
+bridges=(libmosquitto-dev cyclonedds-dev cyclonedds-tools)
 demo=(mbpoll python3)
 tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio procps strace
     socat nmap tshark python3-jsonschema python3-prometheus-client
-    python3-lz4 python3-zstandard hunspell hunspell-en-us hunspell-en-gb)
+    python3-lz4 python3-zstandard hunspell hunspell-en-us hunspell-en-gb mosquitto mosquitto-clients openssl)
 browser=(chromium chromium-driver python3-selenium)
 kernel=(qemu-system-x86 busybox-static iproute2 can-utils cpio kmod python3 binutils libelf-dev make gcc xz-utils zstd)
 packaging=(help2man dpkg-dev file)
-# The formatting is checked by this version only, which Debian 13 no longer has.
-[ "$(. /etc/os-release && echo "${VERSION_ID:-}")" = 13 ] || tests+=(clang-format-14)
+# The formatting is checked by this version only, which Debian 13 no longer has; Fast DDS has
+# another interface there.
+[ "$(. /etc/os-release && echo "${VERSION_ID:-}")" = 13 ] || tests+=(clang-format-14 libfastrtps-dev)
 command -v node >/dev/null || tests+=(nodejs)
 
 wanted=()

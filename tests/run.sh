@@ -7,7 +7,7 @@ jobs=${TESTS_JOBS:-$(nproc)}
 stage() { echo "run.sh: $((SECONDS / 60)) min $((SECONDS % 60)) s: $*"; }
 
 stage packages
-./node/install-packages.sh build tests kernel
+./node/install-packages.sh build bridges tests kernel
 # Root has /run/tactiled and a session $XDG_RUNTIME_DIR; where there is neither, a folder that only this user can write to.
 [ "$(id -u)" = 0 ] || [ -n "${XDG_RUNTIME_DIR:-}" ] || { mkdir -p build; export TACTILED_RUNTIME_DIR=$PWD/build/run; }
 build() { # preset targets...

@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <random>
 #include <utility>
 
@@ -22,13 +23,14 @@
 #include "node/web/api.hpp"
 #include "node/web/messages.hpp"
 #include "node/web/metrics.hpp"
+#include "node/web/player.hpp"
 #include "node/web/server.hpp"
 
 namespace tactiled::web {
 namespace {
 
 struct Args {
-    std::string node = "gripper", listen = "127.0.0.1:8080", token_file;
+    std::string node = "gripper", listen = "127.0.0.1:8080", token_file, recording;
     std::vector<std::string> host_names;
     unsigned streams = 16;
 };
@@ -164,14 +166,21 @@ private:
     Server server_;
 };
 
-int serve(const Args& args) {
+int serve(Args args) {
     const std::string token = token_in(args.token_file);
     const int listener = listen_on(args.listen);
     ctl::catch_interrupt();
+    std::optional<Player> player;
+    if (!args.recording.empty()) {
+        if (!token.empty()) throw SetupError("a recording takes no commands: leave --token-file out");
+        player.emplace(args.recording);
+        args.node = player->node_name();
+    }
     Site site(args, listener, token);
     const int timer = ::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
     const itimerspec each{{0, long(1e9 / kTicksPerS)}, {0, 1}};
     ::timerfd_settime(timer, 0, &each, nullptr);
+    if (player) fmt::print(stderr, "tactiled-web: plays {}, again and again\n", args.recording);
     fmt::print(stderr, "tactiled-web: http://{}/ shows node \"{}\"; commands are {}\n", args.listen, args.node,
                token.empty() ? "off" : "on, with the token");
     std::vector<pollfd> ready{{timer, POLLIN, 0}};
@@ -198,6 +207,8 @@ int main(int argc, char** argv) {
     app.add_option("--listen", args.listen,
                    "ADDRESS:PORT or [IPv6]:PORT; a loopback address can be reached from this machine alone")
         ->capture_default_str();
+    app.add_option("recording", args.recording, "FILE.mcap of tactilectl record: shows it instead of a daemon")
+        ->check(CLI::ExistingFile);
     app.add_option("--host-name", args.host_names, "name under which browsers may call, beside localhost and addresses");
     app.add_option("--token-file", args.token_file,
                    "accepts tare, clear, weigh and teach from clients with the token in this file");
@@ -209,6 +220,7 @@ int main(int argc, char** argv) {
         "  tactiled-web                        then open http://localhost:8080/\n"
         "  curl localhost:8080/metrics         for Prometheus; /api/status is JSON\n"
         "  tactiled-web --token-file token     commands, after: openssl rand -hex 16 > token\n"
+        "  tactiled-web pick.mcap              a recording, at its own pace\n"
         "  ssh -L 8080:localhost:8080 GRIPPER  the page of another machine, encrypted");
     return ctl::run_program(app, argc, argv, [&] { return web::serve(args); });
 }

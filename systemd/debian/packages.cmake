@@ -1,4 +1,4 @@
-# Five packages of one build: the daemon, the laboratory, the headers, the Python reader, the web page. Every install() without a COMPONENT is the daemon's.
+# The packages of one build: the daemon, the laboratory, the headers, the Python reader, the web page, the bridges. Every install() without a COMPONENT is the daemon's.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tactiled)
 set(CPACK_PACKAGE_VERSION ${PROJECT_VERSION})
@@ -61,8 +61,36 @@ It shows the forces, their uncertainty and quality, the grasp and the
 faults of tactiled in a browser, and as metrics for Prometheus and JSON.
 It reads shared memory; a crash of it does not concern the daemon.")
 
+foreach(component ${bridges})
+    string(TOUPPER ${component} upper)
+    list(APPEND CPACK_COMPONENTS_ALL ${component})
+    set(CPACK_DEBIAN_${upper}_PACKAGE_NAME tactiled-${component})
+    set(CPACK_DEBIAN_${upper}_PACKAGE_SECTION science)
+    set(CPACK_DEBIAN_${upper}_PACKAGE_SHLIBDEPS ON)
+    set(CPACK_DEBIAN_${upper}_PACKAGE_DEPENDS "tactiled (= ${PROJECT_VERSION})")
+endforeach()
+set(CPACK_COMPONENT_RDT_DESCRIPTION "forces of tactiled as the stream of an ATI Net F/T
+It sends the forces of a tactile sensor by UDP as the force-torque sensor
+Net F/T does (RDT), so that robot programs for that device read them.")
+set(CPACK_COMPONENT_MQTT_DESCRIPTION "forces of tactiled to an MQTT broker
+It publishes the forces, their quality and the grasp of a gripper as JSON
+messages, with retained state, last will and TLS.")
+set(CPACK_COMPONENT_DDS_DESCRIPTION "forces of tactiled as topics of ROS 2
+It publishes geometry_msgs/WrenchStamped for each tactile sensor, and
+diagnostics, by Cyclone DDS. ROS itself is not needed.")
+
 set(scripts ${CMAKE_CURRENT_LIST_DIR})
-set(CPACK_DEBIAN_WEB_PACKAGE_CONTROL_EXTRA ${scripts}/web/postinst ${scripts}/web/prerm ${scripts}/web/postrm)
+# A program that is not enabled by itself, with the same scripts for each.
+foreach(component web ${bridges})
+    string(TOUPPER ${component} upper)
+    set(PROGRAM tactiled-${component})
+    set(made)
+    foreach(script postinst prerm postrm)
+        configure_file(${scripts}/reader/${script} ${component}/${script} @ONLY)
+        list(APPEND made ${CMAKE_CURRENT_BINARY_DIR}/${component}/${script})
+    endforeach()
+    set(CPACK_DEBIAN_${upper}_PACKAGE_CONTROL_EXTRA ${made})
+endforeach()
 set(CPACK_DEBIAN_UNSPECIFIED_PACKAGE_CONTROL_EXTRA ${scripts}/postinst ${scripts}/prerm ${scripts}/postrm)
 
 # Debian requires these files in the documentation folder of each package.
@@ -75,6 +103,9 @@ set(pairs "tactiled Unspecified" "tactiled-lab lab" "libtactiled-dev dev" "pytho
 if(TARGET tactiled-web)
     list(APPEND pairs "tactiled-web web")
 endif()
+foreach(component ${bridges})
+    list(APPEND pairs "tactiled-${component} ${component}")
+endforeach()
 foreach(pair ${pairs})
     separate_arguments(pair)
     list(GET pair 0 package)
@@ -82,6 +113,8 @@ foreach(pair ${pairs})
     install(FILES ${scripts}/copyright ${CMAKE_CURRENT_BINARY_DIR}/changelog.gz DESTINATION ${doc}/${package} COMPONENT ${component})
 endforeach()
 include(CPack)
+set(bridge_targets ${bridges})
+list(TRANSFORM bridge_targets PREPEND tactiled-)
 # Not CPack's own target `package`: that builds every test first.
 add_custom_target(deb COMMAND ${CMAKE_CPACK_COMMAND} --config ${CMAKE_BINARY_DIR}/CPackConfig.cmake -B ${CMAKE_BINARY_DIR}/deb
-    DEPENDS tactiled tactilectl $<$<TARGET_EXISTS:tactiled-web>:tactiled-web> manual_pages USES_TERMINAL VERBATIM)
+    DEPENDS tactiled tactilectl $<$<TARGET_EXISTS:tactiled-web>:tactiled-web> ${bridge_targets} manual_pages USES_TERMINAL VERBATIM)

@@ -17,7 +17,11 @@ import unittest
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "package"))
-from package_test import ROOT, TREES, cannot, deb, dependencies, make_tree  # noqa: E402
+from package_test import DEB, ROOT, TREES, cannot, deb, dependencies, make_tree  # noqa: E402
+
+# Bridges that were built, and what each says of itself without a client, a broker and a reader.
+BRIDGES = {name: state for name, state in {"rdt": "no client", "mqtt": "not connected", "dds": "no reader"}.items()
+           if list(DEB.glob(f"tactiled-{name}_*.deb"))}
 
 HERE = pathlib.Path(__file__).parent
 BIN = ROOT / "build/release/bin"
@@ -150,9 +154,10 @@ class Service(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         TREES.mkdir(parents=True, exist_ok=True)
-        of_web = [name for name in dependencies("tactiled-web") if name != "tactiled"]
-        cls.tree = tree = make_tree(cls(), "service", ",".join([*dependencies("tactiled"), *of_web, "systemd-sysv"]))
-        tree.run("dpkg", "-i", *("/srv/deb/" + deb(name).name for name in ("tactiled", "tactiled-web")))
+        readers = ["tactiled-web", *(f"tactiled-{name}" for name in BRIDGES)]
+        of_readers = sorted({name for reader in readers for name in dependencies(reader)} - {"tactiled"})
+        cls.tree = tree = make_tree(cls(), "service", ",".join([*dependencies("tactiled"), *of_readers, "systemd-sysv"]))
+        tree.run("dpkg", "-i", *("/srv/deb/" + deb(name).name for name in ("tactiled", *readers)))
         (tree.path / "etc/tactiled/tactiled.toml").write_text(CONFIG)
         (tree.path / "etc/tactiled/good.toml").write_text(CALIBRATION)
         (tree.path / "home/secret").write_text("of the administrator\n")
@@ -213,6 +218,23 @@ class Service(unittest.TestCase):
         time.sleep(2)
         self.assertIn('"alive": true', self.ask_page("GET /api/status HTTP/1.1"))
         self.assertEqual(self.machine.run("systemctl", "show", "-P", "NRestarts", "tactiled-web").strip(), "0")
+
+    def test_bridges_run_beside_it_in_their_sandbox(self):
+        (self.tree.path / "etc/default").mkdir(exist_ok=True)
+        (self.tree.path / "etc/default/tactiled-rdt").write_text('OPTIONS="--sensor left --zero fx,fy,mx,my,mz"\n')
+        for name, state in BRIDGES.items():
+            unit = f"tactiled-{name}"
+            self.assertEqual(self.machine.run("systemctl", "is-active", unit, status=3).strip(), "inactive")
+            self.machine.run("systemctl", "start", unit)  # returns when the bridge says READY=1
+            self.addCleanup(self.machine.run, "systemctl", "stop", unit)
+            until = time.monotonic() + 10
+            while not re.match(state, said := self.machine.run("systemctl", "show", "-P", "StatusText", unit)):
+                self.assertLess(time.monotonic(), until, said + self.machine.run("journalctl", "-u", unit, "-n", "20", "--no-pager"))
+                time.sleep(0.1)
+            self.assertNotIn("no daemon", said)
+            uid = int(self.machine.run("bash", "-c", f"stat -c %u /proc/$(systemctl show -P MainPID {unit})"))
+            self.assertIn(uid, range(61184, 65520))
+            self.assertEqual(self.machine.run("systemctl", "show", "-P", "NRestarts", unit).strip(), "0")
 
     def test_killed_it_is_good_again_within_half_a_second(self):
         taken = []
@@ -321,7 +343,8 @@ class Service(unittest.TestCase):
         self.assertGreaterEqual(len(could), 11)
 
     def test_the_exposure_is_1_7_at_most(self):
-        for unit in (ROOT / "systemd/tactiled.service", ROOT / "systemd/tactiled-web.service"):
+        bridges = [ROOT / f"build/release/systemd/tactiled-{name}.service" for name in BRIDGES]
+        for unit in (ROOT / "systemd/tactiled.service", ROOT / "systemd/tactiled-web.service", *bridges):
             done = subprocess.run(["systemd-analyze", "security", "--offline=true", "--threshold=17", "--no-pager", unit],
                                   capture_output=True, text=True)
             print("\n" + done.stdout.splitlines()[-1])

@@ -12,7 +12,7 @@ def readelf(words, program):
 
 class Hardening(unittest.TestCase):
     def each(self):
-        for program in ("tactiled", "tactilectl", "tactilectl-lab", *(["tactiled-web"] if (BIN / "tactiled-web").exists() else [])):
+        for program in ("tactiled", "tactilectl", "tactilectl-lab", *(p for p in ("tactiled-web", "tactiled-rdt", "tactiled-mqtt", "tactiled-dds") if (BIN / p).exists())):
             with self.subTest(program=program):
                 yield program
 

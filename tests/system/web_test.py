@@ -19,7 +19,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import ROOT, wait_for  # noqa: E402
+from daemon import ROOT, free_port, wait_for  # noqa: E402
 from unit_daemon import quality_is, unit_daemon  # noqa: E402
 from web_server import PROGRAM, TOKEN, Stream, Web, column  # noqa: E402
 
@@ -147,6 +147,35 @@ class Values(Base):
             self.assertEqual((status["alive"], status["sensors"]), (False, []))
             self.assertNotEqual(status["why"], "")
             self.assertEqual(of(web.ask("/metrics")[2], "tactiled_up"), 0)
+
+
+class Recording(Base):
+    def test_a_recording_is_shown_with_its_samples_and_again_at_its_end(self):
+        file = self.daemon.folder / "pick.mcap"
+        done = self.daemon.ctl("record", file, "--node", self.daemon.name, "--seconds", "1")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.daemon.stop()
+        with Web("gripper", file) as web:  # the file, and no daemon
+            self.addCleanup(shutil.rmtree, web.folder)
+            wait_for(lambda: web.status()["alive"], 5, "the first sample")
+            status = web.status()
+            jsonschema.validate(status, SCHEMA)
+            self.assertEqual((status["sensors"][0]["name"], status["sensors"][0]["force_S_N"]), ("left", [1, 2, -3]))
+            self.assertEqual(of(web.ask("/metrics")[2], "tactiled_simulated"), 1)
+            samples = of(web.ask("/metrics")[2], "tactiled_sensor_samples_total", sensor="left")
+            time.sleep(3)
+            now = of(web.ask("/metrics")[2], "tactiled_sensor_samples_total", sensor="left")
+            self.assertAlmostEqual(now - samples, 300, delta=120)  # 200 Hz for 1 s of every 2 s
+            name = web.log().rpartition("node \"")[2].partition("\"")[0]
+            segment = self.daemon.segment.parent / f"tactiled.{name}"
+            self.assertTrue(segment.exists())
+        self.assertFalse(segment.exists())
+
+    def test_a_file_that_is_no_recording_is_refused(self):
+        file = self.daemon.folder / "rows.csv"
+        for words in ((file,), (self.daemon.folder / "none.mcap",)):
+            done = subprocess.run([PROGRAM, "--listen", f"127.0.0.1:{free_port()}", *words], capture_output=True, text=True, timeout=10)
+            self.assertEqual(done.returncode, 2, done.stderr)
 
 
 class Peaks(Base):

@@ -1,0 +1,63 @@
+// Parts of every bridge's program: options, choice of sensors, messages to systemd, counters.
+#pragma once
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "node/bridges/follower.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace tactiled::bridges {
+
+struct Common {
+    std::string node = "gripper";
+    std::vector<std::string> sensors;  // empty: all
+    double rate_Hz = 0;                // messages of a sensor at most; 0: every sample
+};
+// Adds --node, --runtime-dir, --sensor and --rate-Hz.
+void add_common_options(CLI::App& app, Common& common);
+
+// A name as a level of a topic: letters, digits and underscores, not beginning with a digit.
+std::string topic_word(const std::string& name);
+// TACTILED_GOOD is "good"; the others without their reasons, too.
+std::string quality_word(std::uint32_t quality);
+std::vector<std::string> reason_words(std::uint32_t reasons);
+// Seconds since 1970 of a time of CLOCK_MONOTONIC, by the clocks' difference now.
+double wall_s(std::uint64_t monotonic_ns);
+
+// Lets the samples of one sensor pass: at most `rate_Hz`, and each change of quality at once.
+class Pace {
+public:
+    explicit Pace(double rate_Hz) : period_ns_(rate_Hz > 0 ? std::uint64_t(1e9 / rate_Hz) : 0) {}
+    bool passes(const tactiled_sample& sample);
+
+private:
+    std::uint64_t period_ns_, due_ns_ = 0;
+    std::uint32_t quality_ = ~0u;
+};
+
+// Messages that a bridge handed over, and those that it had to drop.
+struct Counts {
+    std::uint64_t sent = 0, dropped = 0;
+};
+
+// Tells systemd and the log, once a second at most, what a person may have to know.
+class Report {
+public:
+    explicit Report(std::string program) : program_(std::move(program)) {}
+    // After set-up.
+    void ready(const std::string& text) const;
+    // `state`: for a person, such as "connected". Logs each change of `state` and of the daemon's life, and losses.
+    void tick(const Follower& follower, const Counts& counts, const std::string& state);
+    void ended(const Follower& follower, const Counts& counts) const;
+
+private:
+    std::string program_, said_, why_;
+    bool alive_ = true;
+    std::uint64_t told_ns_ = 0, logged_ns_ = 0, dropped_ = 0, missed_ = 0;
+};
+
+}  // namespace tactiled::bridges

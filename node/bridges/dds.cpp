@@ -1,0 +1,182 @@
+// tactiled-dds: each sensor as a topic of ROS 2, geometry_msgs/WrenchStamped, without ROS. A value that is BAD is not sent;
+// /diagnostics says why.
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "node/bridges/bridge.hpp"
+#include "node/bridges/dds_domain.hpp"
+#include "node/ctl/command_line.hpp"
+#include "node/ctl/verb.hpp"
+
+namespace tactiled::bridges::dds {
+namespace {
+
+struct Args {
+    Common common;
+    DomainOptions domain;
+    std::string name, frame_prefix;
+};
+
+constexpr std::uint64_t kDiagnoseEachNs = 1'000'000'000;
+constexpr std::uint64_t kDiagnoseAtMostNs = 50'000'000;  // also where a quality flickers
+
+std::uint8_t level_of(const tactiled_sample& s) {
+    if (s.quality == TACTILED_GOOD) return 0;
+    if (s.quality == TACTILED_UNCERTAIN) return 1;
+    constexpr std::uint32_t kOld = TACTILED_STALE | TACTILED_DAEMON_STOPPED | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET;
+    return (s.reasons & kOld) != 0 ? 3 : 2;
+}
+
+struct Sensor {
+    std::uint32_t index;
+    std::string name, frame;
+    Domain::Writer writer;
+    Pace pace;
+    tactiled_sample last{};
+    std::uint64_t bad = 0;  // samples that were not sent
+};
+
+class Bridge {
+public:
+    explicit Bridge(const Args& args)
+        : args_(args),
+          name_(args.name.empty() ? topic_word(args.common.node) : args.name),
+          follower_(args.common.node),
+          domain_(args.domain) {}
+
+    int run() {
+        ctl::catch_interrupt();
+        report_.ready(fmt::format("node \"{}\" as /{}/SENSOR/wrench in domain {} on {}", args_.common.node, name_,
+                                  args_.domain.domain,
+                                  args_.domain.network.empty() ? "the loopback" : args_.domain.network));
+        while (ctl::interrupted == 0) {
+            follower_.look();
+            if (std::exchange(structure_, follower_.structure()) != follower_.structure()) name_sensors();
+            for (Sensor& sensor : sensors_) publish(sensor);
+            diagnose();
+            report_.tick(follower_, counts_, readers_ == 0 ? "no reader" : fmt::format("{} readers", readers_));
+            follower_.wait(monotonic_ns() + 20'000'000);
+        }
+        for (Sensor& sensor : sensors_) tactiled_invalidate(&sensor.last, TACTILED_DAEMON_STOPPED);
+        ending_ = true;
+        diagnosed_ns_ = 0;
+        diagnose();
+        report_.ended(follower_, counts_);
+        return ctl::kGood;
+    }
+
+private:
+    void name_sensors() {
+        std::vector<std::string> names;
+        for (std::uint32_t i = 0; i < follower_.n_sensors(); ++i) {
+            const auto& wanted = args_.common.sensors;
+            std::string name = follower_.segment().sensor(i).name;
+            if (wanted.empty() || std::find(wanted.begin(), wanted.end(), name) != wanted.end())
+                names.push_back(std::move(name));
+        }
+        for (const Sensor& sensor : sensors_)  // a topic that stays keeps its readers
+            if (std::find(names.begin(), names.end(), sensor.name) == names.end()) domain_.remove(sensor.writer);
+        std::vector<Sensor> now;
+        for (const std::string& name : names) {
+            const auto old = std::find_if(sensors_.begin(), sensors_.end(), [&](const Sensor& s) { return s.name == name; });
+            const auto writer =
+                old != sensors_.end() ? old->writer : domain_.wrench_writer(name_ + "/" + topic_word(name) + "/wrench");
+            now.push_back({std::uint32_t(follower_.segment().find(name)), name, args_.frame_prefix + name, writer,
+                           Pace(args_.common.rate_Hz)});
+        }
+        sensors_ = std::move(now);
+        due_ = true;
+    }
+
+    void publish(Sensor& sensor) {
+        tactiled_sample sample;
+        while (follower_.next(sensor.index, sample)) {
+            due_ |= sample.quality != sensor.last.quality || sample.reasons != sensor.last.reasons;
+            sensor.last = sample;
+            if (sample.quality != TACTILED_GOOD && sample.quality != TACTILED_UNCERTAIN) {
+                ++sensor.bad;
+                sensor.pace.passes(sample);
+            } else if (sensor.pace.passes(sample)) {
+                const bool sent = domain_.write(sensor.writer, sensor.frame, wall_s(sample.t_ns), sample);
+                ++(sent ? counts_.sent : counts_.dropped);
+            }
+        }
+    }
+
+    void diagnose() {
+        const std::uint64_t now_ns = monotonic_ns();
+        if (now_ns - diagnosed_ns_ < (due_ ? kDiagnoseAtMostNs : kDiagnoseEachNs)) return;
+        diagnosed_ns_ = now_ns;
+        due_ = false;
+        const std::string prefix = "tactiled: " + args_.common.node;
+        const bool alive = follower_.is_alive() && !ending_;
+        std::vector<Diagnosis> all{{prefix,
+                                    ending_ ? "the bridge has ended"
+                                    : alive ? "publishes"
+                                            : follower_.why(),
+                                    std::uint8_t(alive ? follower_.node().fault != 0 ? 1 : 0 : 3),
+                                    {{"sent", std::to_string(counts_.sent)},
+                                     {"dropped", std::to_string(counts_.dropped)},
+                                     {"missed", std::to_string(follower_.missed())}}}};
+        readers_ = 0;
+        for (const Sensor& sensor : sensors_) {
+            readers_ += domain_.readers(sensor.writer);
+            const tactiled_sample& s = sensor.last;
+            if (s.quality == TACTILED_NO_VALUE) continue;
+            all.push_back({prefix + ": " + sensor.name,
+                           ctl::quality_text(s.quality, s.reasons),
+                           level_of(s),
+                           {{"bad samples", std::to_string(sensor.bad)},
+                            {"lost frames", std::to_string(s.lost)},
+                            {"rate_Hz", fmt::format("{:.1f}", s.rate_Hz)}}});
+        }
+        if (!domain_.write(wall_s(now_ns), all)) ++counts_.dropped;
+    }
+
+    const Args& args_;
+    std::string name_;
+    Follower follower_;
+    Domain domain_;
+    std::vector<Sensor> sensors_;
+    std::uint64_t structure_ = 0, diagnosed_ns_ = 0;
+    std::uint32_t readers_ = 0;
+    bool due_ = true, ending_ = false;
+    Counts counts_;
+    Report report_{"tactiled-dds"};
+};
+
+}  // namespace
+}  // namespace tactiled::bridges::dds
+
+int main(int argc, char** argv) {
+    using namespace tactiled;
+    using namespace tactiled::bridges;
+    CLI::App app{
+        "Publishes forces of a tactiled daemon as topics of ROS 2 (geometry_msgs/WrenchStamped by DDS), without ROS.",
+        "tactiled-dds"};
+    app.set_version_flag("--version", TACTILED_VERSION);
+    dds::Args args;
+    add_common_options(app, args.common);
+    app.add_option("--domain", args.domain.domain, "as ROS_DOMAIN_ID")->check(CLI::Range(0, 232))->capture_default_str();
+    app.add_option(
+        "--network", args.domain.network,
+        "name or address of the network interface; default: the loopback, for ROS nodes with ROS_LOCALHOST_ONLY=1");
+    app.add_option("--name", args.name, "first part of the topics NAME/SENSOR/wrench; default: the node's name")
+        ->check([](const std::string& name) {
+            return name == bridges::topic_word(name) ? std::string() : "letters, digits and underscores, not first a digit";
+        });
+    app.add_option("--frame-prefix", args.frame_prefix, "put before the sensor's name in header.frame_id");
+    app.add_flag(
+        "--many", args.domain.many,
+        "for many bridges on one machine's loopback: they do not discover each other; readers need a participant number");
+    app.add_flag("--reliable", args.domain.reliable, "reliable instead of best effort, for readers that ask for it");
+    app.footer(
+        "Examples:\n"
+        "  tactiled-dds                                            /gripper/left/wrench on this machine\n"
+        "  ROS_LOCALHOST_ONLY=1 ros2 topic echo --qos-profile sensor_data /gripper/left/wrench "
+        "geometry_msgs/msg/WrenchStamped\n"
+        "  tactiled-dds --network eth0 --domain 7                  for other machines\n"
+        "  ros2 topic echo /diagnostics diagnostic_msgs/msg/DiagnosticArray");
+    return ctl::run_program(app, argc, argv, [&] { return dds::Bridge(args).run(); });
+}

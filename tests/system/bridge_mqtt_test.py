@@ -1,0 +1,236 @@
+#!/usr/bin/env python3
+"""tactiled-mqtt before a real mosquitto: values of the segment, BAD as null, the last will, the broker killed and restarted, TLS."""
+import json
+import os
+import pathlib
+import queue
+import shutil
+import subprocess
+import sys
+import threading
+import time
+import unittest
+
+import jsonschema
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from bridge_process import Process, bridge  # noqa: E402
+from daemon import BIN, ROOT, free_port, wait_for  # noqa: E402
+from unit_daemon import play, quality_is, unit_daemon  # noqa: E402
+
+SCHEMA = json.loads((ROOT / "node/bridges/mqtt.schema.json").read_text())
+KIND = {"wrench": "wrench", "quality": "quality_message", "grasp": "grasp", "state": "state"}
+BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
+
+
+def check(topic, message):
+    jsonschema.validate(message, {"$ref": f"#/$defs/{KIND[topic.rpartition('/')[2]]}", "$defs": SCHEMA["$defs"]})
+
+
+class Broker:
+    def __init__(self, folder, *lines, port=None):
+        self.port = port or free_port()
+        self.config = folder / f"mosquitto-{self.port}.conf"
+        self.config.write_text("\n".join(["persistence false", f"listener {self.port} 127.0.0.1", *(lines or ["allow_anonymous true"])]) + "\n")
+        self.start()
+
+    def start(self):
+        self.process = Process(BROKER, "-c", self.config, ready="running")
+
+
+class Subscriber:
+    """mosquitto_sub: topics with their messages, as they come."""
+
+    def __init__(self, port, topic="tactiled/#", *words):
+        self.process = subprocess.Popen(["mosquitto_sub", "-p", str(port), "-v", "-t", topic, *map(str, words)], stdout=subprocess.PIPE, text=True)
+        self.messages = queue.Queue()
+        threading.Thread(target=self.read, daemon=True).start()
+
+    def read(self):
+        for line in self.process.stdout:
+            topic, _, text = line.partition(" ")
+            self.messages.put((topic, json.loads(text)))
+
+    def until(self, condition, seconds=5):
+        """The first message for which condition(topic, message) is true."""
+        limit = time.monotonic() + seconds
+        while (left := limit - time.monotonic()) > 0:
+            try:
+                topic, message = self.messages.get(timeout=left)
+            except queue.Empty:
+                break
+            if condition(topic, message):
+                return message
+        raise TimeoutError
+
+    def close(self):
+        self.process.kill()
+        self.process.wait()
+        self.process.stdout.close()
+
+
+@unittest.skipUnless((BIN / "tactiled-mqtt").exists(), "tactiled-mqtt is not built: libmosquitto-dev was missing")
+@unittest.skipUnless(pathlib.Path(BROKER).exists() and shutil.which("mosquitto_sub"), "mosquitto is not installed")
+class Mqtt(unittest.TestCase):
+    def setUp(self):
+        self.daemon = unit_daemon().start()
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        self.broker = Broker(self.daemon.folder)
+        self.addCleanup(lambda: self.broker.process.__exit__())
+        self.node = f"tactiled/{self.daemon.name}"
+
+    def bridge(self, *words, port=None):
+        made = bridge("mqtt", self.daemon.name, "--port", port or self.broker.port, *words)
+        self.addCleanup(made.__exit__)
+        return made
+
+    def subscriber(self, topic="tactiled/#", port=None, *words):
+        made = Subscriber(port or self.broker.port, topic, *words)
+        self.addCleanup(made.close)
+        return made
+
+    def is_good(self, topic, message):
+        return topic == f"{self.node}/left/wrench" and message["quality"] == "good"
+
+    def test_messages_have_the_segments_values_and_their_schema(self):
+        self.bridge()
+        subscriber = self.subscriber()
+        seen = {}
+        subscriber.until(lambda topic, message: seen.update({topic: message}) or check(topic, message) or
+                         (len(seen) == 4 and message.get("sequence", 0) > 50))
+        self.assertEqual(set(seen), {f"{self.node}/{end}" for end in ("state", "grasp", "left/quality", "left/wrench")})
+        wrench = seen[f"{self.node}/left/wrench"]
+        self.assertEqual((wrench["force_N"], wrench["torque_Nm"], wrench["quality"]), ([1, 2, -3], [None] * 3, "good"))
+        self.assertEqual(wrench["sd_force_N"], [0.01] * 3)
+        self.assertAlmostEqual(wrench["t_s"], time.time(), delta=1)
+        self.assertEqual(seen[f"{self.node}/state"]["sensors"], ["left"])
+        wrench["quality"] = "bad"
+        with self.assertRaises(jsonschema.ValidationError):
+            check("x/wrench", wrench)
+
+    def test_the_rate_is_kept_and_no_sample_uncounted(self):
+        self.bridge("--rate-Hz", "20")
+        subscriber = self.subscriber(f"{self.node}/left/wrench")
+        first = subscriber.until(self.is_good)
+        until, found = time.monotonic() + 2, []
+        while time.monotonic() < until:
+            found.append(subscriber.until(self.is_good))
+        self.assertAlmostEqual(len(found), 40, delta=8)
+        self.assertEqual(sum(m["samples"] for m in found), found[-1]["sequence"] - first["sequence"])
+
+    def test_a_deadband_leaves_out_what_does_not_move(self):
+        self.bridge("--deadband-N", "0.5", "--refresh-s", "60")
+        subscriber = self.subscriber(f"{self.node}/left/wrench")
+        with self.assertRaises(TimeoutError):  # all came before it subscribed
+            for _ in range(3):
+                subscriber.until(self.is_good, 1)
+
+    def test_bad_is_null_and_killed_daemon_and_bridge_show(self):
+        server = self.bridge()
+        subscriber = self.subscriber()
+        subscriber.until(self.is_good)
+        self.daemon.process.kill()
+        killed = time.monotonic()
+        self.daemon.process.wait()
+        bad = subscriber.until(lambda topic, message: topic.endswith("wrench") and message["quality"] == "bad")
+        print(f"\nBAD after kill -9 of the daemon, s: {time.monotonic() - killed:.2f}")
+        self.assertLess(time.monotonic() - killed, 1)
+        check("x/wrench", bad)
+        self.assertEqual(bad["force_N"], [None] * 3)
+        state = subscriber.until(lambda topic, message: topic.endswith("state") and not message["daemon"])
+        self.assertTrue(state["online"])
+        late = self.subscriber()  # a late subscriber gets the retained message
+        self.assertEqual(late.until(lambda topic, _: topic.endswith("quality"))["quality"], "bad")
+        (self.daemon.folder / "dev").unlink(missing_ok=True)
+        self.daemon.others[0].kill()
+        play(self.daemon)
+        self.daemon.start()
+        subscriber.until(self.is_good, 10)
+        server.kill()
+        killed = time.monotonic()
+        self.assertEqual(subscriber.until(lambda topic, message: topic.endswith("state") and not message["online"])["daemon"], False)
+        print(f"last will after kill -9 of the bridge, s: {time.monotonic() - killed:.2f}")
+        self.bridge()
+        subscriber.until(lambda topic, message: topic.endswith("state") and message["online"])
+
+    def test_a_clean_end_says_so(self):
+        server = self.bridge()
+        subscriber = self.subscriber(f"{self.node}/state")
+        subscriber.until(lambda _, message: message["online"])
+        self.assertEqual(server.stop(), 0)
+        subscriber.until(lambda _, message: not message["online"])
+        self.assertRegex(server.log(), r"ended; sent \d+, dropped \d, missed 0")  # messages before it was connected
+
+    def test_a_broker_that_was_away_is_found_again_and_what_it_missed_is_counted(self):
+        server = self.bridge("--rate-Hz", "50")
+        subscriber = self.subscriber()
+        subscriber.until(self.is_good)
+        self.broker.process.kill()
+        wait_for(lambda: "not connected" in server.log(), 5, "the loss")
+        time.sleep(2)
+        self.assertEqual(quality_is(self.daemon, "good")(), True)
+        self.broker.start()
+        subscriber = self.subscriber()
+        subscriber.until(self.is_good, 15)
+        state = subscriber.until(lambda topic, message: topic.endswith("state") and message.get("dropped", 0) > 0, 15)
+        print(f"\ndropped while the broker was away: {state['dropped']}")
+        self.assertGreater(state["dropped"], 50)
+
+    def test_a_broker_that_hangs_fills_no_memory(self):
+        server = self.bridge("--rate-Hz", "0")
+        self.subscriber().until(self.is_good)
+        self.broker.process.process.send_signal(19)  # SIGSTOP
+        before = server.status("VmRSS")
+        time.sleep(5)
+        self.assertLess(server.status("VmRSS") - before, 4096)
+        self.broker.process.process.send_signal(18)
+        self.subscriber().until(self.is_good, 20)
+
+    def test_no_broker_is_no_error(self):
+        server = self.bridge(port=free_port())
+        wait_for(lambda: "not connected" in server.log(), 5, "the message")
+        self.assertIsNone(server.process.poll())
+        self.assertEqual(server.stop(), 0)
+
+    def test_discovery_is_retained(self):
+        self.bridge("--discovery", "homeassistant")
+        messages = self.subscriber("homeassistant/#")
+        found = {}
+        messages.until(lambda topic, message: found.update({topic: message}) or len(found) == 3)
+        self.assertEqual({m["unit_of_measurement"] for m in found.values()}, {"N"})
+        self.assertEqual({m["availability_topic"] for m in found.values()}, {f"{self.node}/state"})
+
+    def test_a_password_and_tls(self):
+        folder = self.daemon.folder
+        subprocess.run(["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost",
+                        "-addext", "subjectAltName=DNS:localhost,IP:127.0.0.1", "-keyout", folder / "key.pem", "-out", folder / "ca.pem"],
+                       check=True, capture_output=True)
+        (folder / "password").write_text("right one\n")
+        (folder / "users").write_text("gripper7:right one\n")
+        (folder / "users").chmod(0o600)
+        subprocess.run(["mosquitto_passwd", "-U", folder / "users"], check=True, capture_output=True)
+        for name in ("key.pem", "users"):  # mosquitto gives up root
+            if os.geteuid() == 0:
+                shutil.chown(folder / name, "mosquitto", "mosquitto")
+        folder.chmod(0o755)
+        secure = Broker(folder, "allow_anonymous false", f"password_file {folder}/users", f"cafile {folder}/ca.pem",
+                        f"certfile {folder}/ca.pem", f"keyfile {folder}/key.pem")
+        self.addCleanup(secure.process.__exit__)
+        words = ["--tls-ca", folder / "ca.pem", "--user", "gripper7", "--password-file", folder / "password"]
+        good = self.bridge(*words, "--broker", "localhost", port=secure.port)
+        subscriber = self.subscriber("tactiled/#", secure.port, "--cafile", folder / "ca.pem", "-h", "localhost", "-u", "gripper7", "-P", "right one")
+        subscriber.until(self.is_good)
+        good.stop()
+        (folder / "password").write_text("wrong one\n")
+        wrong = self.bridge(*words, "--broker", "localhost", port=secure.port)
+        wait_for(lambda: "refused" in wrong.log(), 10, "the refusal")
+        (folder / "password").write_text("right one\n")
+        stranger = self.bridge("--tls", *words[2:], "--broker", "localhost", port=secure.port)  # its authority is not in /etc/ssl/certs
+        time.sleep(2.5)
+        self.assertIn("not connected", stranger.log())
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)

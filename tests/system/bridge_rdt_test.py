@@ -1,0 +1,152 @@
+#!/usr/bin/env python3
+"""tactiled-rdt: a client of RDT reads the values of the segment, and nothing at all while there is no value."""
+import pathlib
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from bridge_process import bridge  # noqa: E402
+from daemon import BIN, free_port, wait_for  # noqa: E402
+from rdt_client import Client  # noqa: E402
+from unit_daemon import quality_is, unit_daemon  # noqa: E402
+
+STOP, STREAM, BIAS = 0, 2, 0x42
+
+
+class Rdt(unittest.TestCase):
+    rows = "0,1,2,-3\n0.01,1,2,-3\n"
+
+    def setUp(self):
+        self.daemon = unit_daemon(self.rows).start()
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        self.port = free_port()
+
+    def bridge(self, *words):
+        made = bridge("rdt", self.daemon.name, "--listen", f"127.0.0.1:{self.port}", *words)
+        self.addCleanup(made.__exit__)
+        return made
+
+    def client(self, **kinds):
+        client = Client(self.port, **kinds)
+        self.addCleanup(client.close)
+        return client
+
+    def refused(self, *words):
+        done = subprocess.run([BIN / "tactiled-rdt", "--node", self.daemon.name, *words], capture_output=True, text=True, timeout=10)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        return done.stderr
+
+    def test_a_stream_has_every_sample_with_the_segments_values(self):
+        self.bridge("--zero", "mx,my,mz")
+        client = self.client()
+        client.request(STREAM)
+        records = [client.record() for _ in range(100)]
+        self.assertEqual({tuple(r[3]) for r in records}, {(1, 2, -3, 0, 0, 0)})
+        self.assertEqual([r[0] for r in records], list(range(1, 101)))
+        first = records[0][1]
+        self.assertEqual([r[1] for r in records], list(range(first, first + 100)))
+        self.assertEqual({r[2] for r in records}, {0})
+        client.request(STOP)
+        time.sleep(0.1)
+        client.records(0.05)
+        self.assertEqual(client.records(0.3), [])
+
+    def test_a_request_for_three_records_gets_three(self):
+        self.bridge("--zero", "mx,my,mz")
+        client = self.client()
+        client.request(STREAM, 3)
+        self.assertEqual([r[0] for r in client.records(0.5)], [1, 2, 3])
+
+    def test_a_sensor_of_three_axes_is_refused_unless_told(self):
+        self.assertIn("does not measure mx,my,mz", self.refused("--sensor", "left"))
+        self.assertIn("--zero mx,my,mz", self.refused("--sensor", "left", "--zero", "mx"))
+        self.assertIn("would hide", self.refused("--sensor", "left", "--zero", "fx,mx,my,mz"))
+        self.assertIn("no sensor \"right\"", self.refused("--sensor", "right"))
+
+    def test_other_machines_need_an_allow_list(self):
+        self.assertIn("--allow", self.refused("--zero", "mx,my,mz", "--listen", f"0.0.0.0:{self.port}"))
+
+    def test_nothing_is_sent_while_the_value_is_bad_and_a_restart_is_found(self):
+        self.bridge("--zero", "mx,my,mz")
+        client = self.client()
+        client.request(STREAM)
+        client.record()
+        device = self.daemon.others[0]
+        device.kill()
+        device.wait()
+        time.sleep(0.3)  # stale_ms = 100
+        client.records(0.05)
+        self.assertEqual(client.records(0.5), [])
+        self.daemon.process.kill()
+        self.daemon.process.wait()
+        self.assertEqual(client.records(0.6), [])
+        (self.daemon.folder / "dev").unlink(missing_ok=True)
+        from unit_daemon import play
+        play(self.daemon)
+        self.daemon.start()
+        client.socket.settimeout(10)
+        self.assertEqual(client.record()[3], [1, 2, -3, 0, 0, 0])
+
+    def test_a_killed_bridge_stops_the_stream_and_its_successor_serves_a_new_request(self):
+        first = self.bridge("--zero", "mx,my,mz")
+        client = self.client()
+        client.request(STREAM)
+        client.record()
+        first.kill()
+        client.records(0.05)
+        with self.assertRaises((socket.timeout, ConnectionRefusedError)):
+            client.record()
+        self.assertEqual(self.daemon.process.poll(), None)
+        self.bridge("--zero", "mx,my,mz")
+        client.request(STREAM)
+        self.assertEqual(client.record()[3], [1, 2, -3, 0, 0, 0])
+
+    def test_a_client_that_has_gone_gets_no_more(self):
+        server = self.bridge("--zero", "mx,my,mz")
+        client = Client(self.port)
+        client.request(STREAM)
+        client.record()
+        client.close()
+        wait_for(lambda: "no client" in server.log().splitlines()[-1], 5, "the stream's end")
+
+    def test_a_bias_is_refused_unless_allowed_and_is_of_one_client(self):
+        server = self.bridge("--zero", "mx,my,mz")
+        client = self.client()
+        client.request(STREAM)
+        client.record()
+        client.request(BIAS)
+        self.assertEqual({tuple(r[3]) for r in client.records(0.3)}, {(1, 2, -3, 0, 0, 0)})
+        self.assertIn("refused", server.log())
+        server.stop()
+        self.bridge("--zero", "mx,my,mz", "--bias")
+        other = self.client()
+        for each in (client, other):
+            each.request(STREAM)
+        client.request(BIAS)
+        client.records(0.2)
+        self.assertEqual(client.record()[3], [0, 0, 0, 0, 0, 0])
+        self.assertEqual(other.record()[3], [1, 2, -3, 0, 0, 0])
+
+    def test_a_rate_is_kept(self):
+        self.bridge("--zero", "mx,my,mz", "--rate-Hz", "50")
+        client = self.client()
+        client.request(STREAM)
+        self.assertAlmostEqual(len(client.records(2)), 100, delta=15)
+
+    def test_rubbish_changes_nothing(self):
+        self.bridge("--zero", "mx,my,mz")
+        client = self.client()
+        for data in (b"", b"\x12\x34", b"\x12\x34\x00\x63" + bytes(4), bytes(8), b"\xff" * 1400):
+            client.socket.sendto(data, client.to)
+        client.request(STREAM)
+        self.assertEqual(client.record()[3], [1, 2, -3, 0, 0, 0])
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
