@@ -54,19 +54,23 @@ struct SensorSettings {
     double counts_per_unit;              // raw number of the frame / this = the unit of the calibration
     std::array<double, 2> saturates_at;  // raw numbers, lowest and highest; at or beyond them a channel counts as saturated
     std::string model;
-    std::string calibration;  // path, as given or beside the configuration file
-    std::string method;       // "" = the calibration's own; "auto"
-    double budget_us;         // time budget of a sample with method "auto"
+    std::string expect_serial;  // of the calibration; "" = any
+    std::string calibration;    // path, as given or beside the configuration file
+    std::string method;         // "" = the calibration's own; "auto"
+    double budget_us;           // time budget of a sample with method "auto"
     int stale_ms;
-    int frozen_after;                // readings; -1: as the driver knows
-    double slew_limit_per_s;         // raw numbers a second; infinity = none
-    double rate_Hz, rate_tolerance;  // 0 = not declared; of rate_Hz
-    double drift_limit_N;            // 0 = none
-    int tare_ms;                     // length of a tare's mean
-    double tare_limit_N;             // magnitude; 0 = none, -1 = 20 % of full scale, each component by its own
-    std::string tare_after_restart;  // "restore" or "forget"
-    bool accept_unproved_age;        // tared and weighed with although nothing in its stream would show a delay
-    double filter_hz;                // low pass on force and torque, 0 = off
+    int frozen_after;                           // readings; -1: as the calibration or the driver knows
+    std::string temperature;                    // name of the frame's channel, "" = none
+    std::array<double, 2> temperature_range_C;  // lowest and highest; NaN = not declared
+    double delay_ms;                            // -1: as the driver knows
+    double slew_limit_per_s;                    // raw numbers a second; infinity = none
+    double rate_Hz, rate_tolerance;             // 0 = not declared; of rate_Hz
+    double drift_limit_N;                       // 0 = none
+    int tare_ms;                                // length of a tare's mean
+    double tare_limit_N;                        // magnitude; 0 = none, -1 = 20 % of full scale, each component by its own
+    std::string tare_after_restart;             // "restore" or "forget"
+    bool accept_unproved_age;                   // tared and weighed with although nothing in its stream would show a delay
+    double filter_hz;                           // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;
     double overload_N;        // 0 = none
     std::string agrees_with;  // "" = none, or none that is named here

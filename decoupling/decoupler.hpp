@@ -24,6 +24,7 @@ struct Reading {
     std::uint32_t missing = 0;        // bit n: channel n
     std::uint32_t saturated = 0;      // bit n: channel n
     std::uint64_t t_ns = 0;           // CLOCK_MONOTONIC, of the frame; for models that remember (piezo, hysteresis)
+    double temperature_C = kNaN;      // of the sensor; NaN = not known
 };
 
 // Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = this sensor cannot see it, or BAD.
@@ -50,6 +51,11 @@ public:
 
     // Readings were missed, or one came of which nothing can be said: what was remembered no longer holds. rt: wait-free
     virtual void forget() noexcept {}
+
+    // The known delay of the measuring chain: the channels of a reading may be of instants so far apart. setup
+    virtual void set_delay(double /*delay_s*/) noexcept {}
+    // The temperature of the sensor may lie within a range of this width; 0 = not declared. setup
+    virtual void set_temperature_range(double /*width_K*/) noexcept {}
 
     [[nodiscard]] virtual std::string_view method() const noexcept = 0;
 };

@@ -15,7 +15,13 @@ namespace tactiled {
 struct StreamLimits {
     std::uint64_t stale_ns = 100'000'000;  // without a frame for longer, there is no value
     unsigned frozen_after = 0;  // equal readings of a channel in a row that it cannot give while it works; 0 = may
-    bool noisy = false;         // noise moves its numbers in every reading: one number everywhere is an idle bus
+    // The same for each channel, where frozen_after is 0: so many readings, and for so long. 0 readings = it may.
+    struct Frozen {
+        unsigned after = 0;
+        std::uint64_t ns = 0;
+    };
+    std::array<Frozen, kMaxChannels> frozen_of{};
+    bool noisy = false;  // noise moves its numbers in every reading: one number everywhere is an idle bus
     double slew_per_s = std::numeric_limits<double>::infinity();  // most that a channel can change, raw numbers a second
     double rate_Hz = 0;                                           // as declared; 0 = not
     double rate_tolerance = 0.2;                                  // of rate_Hz
@@ -23,7 +29,7 @@ struct StreamLimits {
 
 class StreamQuality {
 public:
-    explicit StreamQuality(const StreamLimits& limits) : limits_(limits) {}
+    explicit StreamQuality(const StreamLimits& limits) { judge_by(limits); }
 
     // Call once, before the first frame. setup
     void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
@@ -33,7 +39,12 @@ public:
     // rt: bounded by the channels
     void succeed(const StreamQuality& before, bool same_channels) noexcept;
     // Judges by these from now on; what is known of the stream stays. rt: wait-free
-    void judge_by(const StreamLimits& limits) noexcept { limits_ = limits; }
+    void judge_by(const StreamLimits& limits) noexcept {
+        limits_ = limits;
+        judges_repeats_ =
+            limits.frozen_after != 0 || std::any_of(limits.frozen_of.begin(), limits.frozen_of.end(),
+                                                    [](const StreamLimits::Frozen& one) { return one.after != 0; });
+    }
 
     // A frame came that is older than the stream may be: there is no value until one comes that is not. rt: wait-free
     void arrive_late(const Frame& frame) noexcept;
@@ -74,19 +85,24 @@ public:
 
 private:
     void measure_rate(std::uint64_t t_ns) noexcept;
+    [[nodiscard]] StreamLimits::Frozen frozen_limit(std::size_t k) const noexcept {
+        return limits_.frozen_after != 0 ? StreamLimits::Frozen{limits_.frozen_after, 0} : limits_.frozen_of[k];
+    }
     [[nodiscard]] std::uint32_t find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept;
     [[nodiscard]] bool is_idle_bus(std::span<const double> raw, std::uint32_t usable) noexcept;
     [[nodiscard]] bool has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept;
 
     StreamLimits limits_;
+    bool judges_repeats_ = false;                    // for some channel
     std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: from the frame before
     std::uint64_t resumed_ns_ = 0;                   // the machine was suspended until then
     bool after_discontinuity_ = true;                // this is the first frame of a stream
     std::uint32_t opening_ = 0;                      // of the link, that the frame before came through
     std::uint32_t broken_ = TACTILED_NO_DATA_YET, discontinuities_ = 0, lost_ = 0, lost_now_ = 0;
 
-    std::array<double, kMaxChannels> raw_{};  // of the frame before
-    std::uint32_t known_ = 0, newest_ = 0;    // bit k: raw_[k] is a number; of the frame right before
+    std::array<double, kMaxChannels> raw_{};              // of the frame before
+    std::uint32_t known_ = 0, newest_ = 0;                // bit k: raw_[k] is a number; of the frame right before
+    std::array<std::uint64_t, kMaxChannels> moved_ns_{};  // when a channel last changed
     std::array<unsigned, kMaxChannels> equal_{},
         moved_{};               // readings in a row: like the one before; that frozen ones changed
     std::uint32_t frozen_ = 0;  // bit k

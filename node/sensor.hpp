@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "decoupling/auto_method.hpp"
+#include "decoupling/latency.hpp"
 #include "drivers/clock.hpp"
 #include "drivers/frame.hpp"
 #include "node/agreement.hpp"
@@ -42,6 +43,9 @@ public:
         std::array<double, 3> tare_limit_of_component_N{};  // likewise, of each component of the force
         bool accept_unproved_age = false;  // a stream without a clock or a counter may be tared and weighed with
         std::uint32_t zero_id = 0;         // a kept zero of another id is not this sensor's (zero_store.hpp)
+        int temperature_of_frame = -1;     // the channel of a frame that is its temperature in degC; -1: none
+        double temperature_width_K = 0;    // of the range that is declared for its temperature; 0 = none
+        double delay_s = 0;  // known one of converter and transmission: part of the standard deviation (latency.hpp)
         Agreement::Limits agreement;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
@@ -54,6 +58,10 @@ public:
           drift_(setup_.drift_N),
           agreement_(setup_.agreement),
           zero_(tare_limits(setup_)) {
+        if (setup_.decoupler != nullptr) {
+            setup_.decoupler->set_delay(setup_.delay_s);
+            setup_.decoupler->set_temperature_range(setup_.temperature_width_K);
+        }
         set(SensorSettable::as_configured());
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
@@ -142,6 +150,7 @@ private:
     inline void judge_age(Frame::Age age, tactiled_sample& sample) const noexcept;
     inline void follow_tare(tactiled_sample& sample) noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
+    inline void judge_latency(tactiled_sample& sample) noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
@@ -153,6 +162,7 @@ private:
     Zero zero_;
     std::size_t method_ = 0;  // method "auto": that zero_S() and low_pass_ belong to; else 0
     LowPass low_pass_;
+    Latency latency_;
     std::array<double, kMaxChannels> channel_{};  // of the last frame, in the unit of the calibration
     float peak_N_ = 0;
     tactiled_sample last_{};

@@ -120,6 +120,7 @@ struct EffectEntry {
     Bound (*bound)(const Setting&);                          // setup
     std::unique_ptr<Effect> (*make)(const Setting&);         // setup
     std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; those that it has here, any order
+    double (*delay_s)(const Setting&) = nullptr;             // setup; of a slow signal; nullptr: it delays nothing
 };
 
 // The cost of an effect for the choice, ns a sample of a sensor with all its channels: the table costs.inc, which

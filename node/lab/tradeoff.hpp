@@ -46,8 +46,10 @@ inline constexpr const char* kDamaged = "damaged";  // the trial that does not c
 struct Trial {
     std::string kind;  // "easy", "combined", "eccentric", "dynamic", kDamaged, or the name of a file
     Labelled rows;
+    double delay_s = 0;  // known one of the chain
 };
-struct Contest {  // the methods of one model, and what they are asked
+Trial trial_of(const std::string& kind, const std::string& scene);  // setup: throws SetupError
+struct Contest {                                                    // the methods of one model, and what they are asked
     std::string model;
     std::vector<Candidate> candidates;
     std::vector<Trial> trials;
@@ -56,7 +58,8 @@ struct Contest {  // the methods of one model, and what they are asked
 
 // All models, calibrated in process on scenes of `folder` and asked there. Calls `show` with the share that is done.
 // setup: throws SetupError
-std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show);
+std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show,
+                                  const std::string& model = "");  // "" = all
 // The methods of the model of a scene's first sensor, calibrated as in all_contests() but on that sensor.
 Contest contest_of_scene(const std::string& folder, const std::string& scene);
 // All methods that a calibration has a fit of.
@@ -77,7 +80,8 @@ struct Judged {
 };
 // The number of the first row under load; that of rows where none is.
 std::size_t first_load(const Labelled& rows);
-Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows);
+// `delay_s`: of the chain, part of the standard deviation as in the loop (decoupling/latency.hpp).
+Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows, double delay_s = 0);
 // One row over the trials of a whole sensor. Errors: the geometric mean, so that no trial drowns the others, and NaN where a
 // trial had no value at all: to say BAD throughout is no way to be accurate. p99: the worst trial's; shares: all samples
 // together.

@@ -69,6 +69,8 @@ void look_at_port(const Machine& machine, const ModbusSettings& settings, bool d
 // check` prints these, too. A finding that is `wrong` makes every sample BAD.
 void look_at_safety(const Node& node, Findings& found);
 // A delay that nothing shows makes old forces look new.
+// Whose calibration it is, and what nothing can show.
+void look_at_identity(const Node& node, Findings& found);
 void look_at_freshness(const Node& node, Findings& found);
 
 }  // namespace tactiled::ctl::doctor
