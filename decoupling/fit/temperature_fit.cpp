@@ -65,7 +65,8 @@ Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Cali
     if (rows.empty()) return {};
     const auto [least, most] = std::minmax_element(
         rows.begin(), rows.end(), [](const auto* a, const auto* b) { return a->temperature_C < b->temperature_C; });
-    Temperature found{.reference_C = 0, .range_C = {(*least)->temperature_C, (*most)->temperature_C}};
+    Temperature found;
+    found.range_C = {(*least)->temperature_C, (*most)->temperature_C};
     if (found.range_C[1] - found.range_C[0] < kMinRange_K) {
         warnings.push_back(fmt::format("temperature_C covers {:.1f} K: too little to learn zero and gain against it",
                                        found.range_C[1] - found.range_C[0]));

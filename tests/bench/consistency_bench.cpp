@@ -4,6 +4,8 @@
 //   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd, median sd / rms, GOOD
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
 //   consistency_bench alarms HOURS [MODEL]         clean use with a load that wanders: samples that are not GOOD, by reason
+//   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
+//                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd
 //
 // Frozen channels are not looked for: that is the node's, before the model.
 #include <fmt/format.h>
@@ -15,10 +17,14 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <map>
+#include <random>
+#include <sstream>
 #include <string>
 #include <vector>
 
+#include "decoupling/fit/fit.hpp"
 #include "decoupling/latency.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "node/lab/tradeoff.hpp"
@@ -212,18 +218,105 @@ void alarms(const std::string& folder, const std::vector<Contest>& contests, dou
     fs::remove_all(copies);
 }
 
+using Damage = std::function<void(std::vector<double>&, std::size_t)>;
+
+// Each channel in turn, damaged in all rows. `damage` is given the row and the channel.
+void judge_damage(const Calibration& calibration, const std::string& kind, const Labelled& rows, std::size_t cases,
+                  const Damage& damage) {
+    std::size_t samples = 0, good = 0, wrong = 0, beyond = 0;
+    double worst = 0;
+    for (std::size_t k = 0; k < cases; ++k) {
+        const auto decoupler = make_decoupler(calibration);
+        for (const LabelledRow& row : rows.rows) {
+            std::vector<double> channel = row.channel;
+            damage(channel, k);
+            const Estimate e = decoupler->decouple({.channel = channel, .t_ns = row.t_ns});
+            ++samples;
+            if (e.quality != TACTILED_GOOD) continue;
+            ++good;
+            bool is_wrong = false, is_beyond = false;
+            for (std::size_t i = 0; i < calibration.components.size(); ++i) {
+                const std::size_t c = component_index(calibration.components[i]);
+                const double error = std::abs(e.wrench_S[c] - row.wrench_S[c]);
+                if (!std::isfinite(error)) continue;
+                is_wrong = is_wrong || error > 0.1 * calibration.full_scale[i];
+                is_beyond = is_beyond || error > 5 * e.sd[c];
+                worst = std::max(worst, error / calibration.full_scale[i]);
+            }
+            wrong += is_wrong;
+            beyond += is_beyond;
+        }
+    }
+    fmt::print("{:<10} {:<16} GOOD {:>6.2f} %  wrong {:>5.2f} %  beyond 5 sd {:>5.2f} %  worst {:>5.1f} %\n",
+               calibration.method, kind, percent(good, samples), percent(wrong, samples), percent(beyond, samples),
+               100 * worst);
+    std::fflush(stdout);
+}
+
+// The damages of damaged_channels.py.
+void damage(const std::string& fit_file, const std::string& judge_file, const std::string& methods) {
+    const Labelled seen = read_labelled(fit_file, {}), unseen = read_labelled(judge_file, {});
+    std::vector<double> least = seen.rows.front().channel, most = least;
+    const LabelledRow* rest = &seen.rows.front();
+    for (const LabelledRow& row : seen.rows) {
+        const auto load = [](const LabelledRow& r) {
+            double sum = 0;
+            for (const double f : r.wrench_S) sum += std::isfinite(f) ? std::abs(f) : 0;
+            return sum;
+        };
+        if (load(row) < load(*rest)) rest = &row;
+        for (std::size_t k = 0; k < least.size(); ++k) {
+            least[k] = std::min(least[k], row.channel[k]);
+            most[k] = std::max(most[k], row.channel[k]);
+        }
+    }
+    const std::size_t n = seen.channels.size();
+    std::mt19937 random(3);
+    std::vector<std::pair<std::size_t, std::size_t>> pairs;
+    while (pairs.size() < 40)
+        if (const auto a = random() % n, b = random() % n; a != b) pairs.emplace_back(a, b);
+    const std::vector<std::pair<const char*, Damage>> kinds{
+        {"undamaged", [](auto&, std::size_t) {}},
+        {"at rest", [&](auto& channel, std::size_t k) { channel[k] = rest->channel[k]; }},
+        {"at zero", [](auto& channel, std::size_t k) { channel[k] = 0; }},
+        {"half gain", [](auto& channel, std::size_t k) { channel[k] *= 0.5; }},
+        {"turned round", [](auto& channel, std::size_t k) { channel[k] *= -1; }},
+        {"shifted by 20 %", [&](auto& channel, std::size_t k) { channel[k] += 0.2 * (most[k] - least[k]); }},
+        {"exchanged", [&](auto& channel, std::size_t k) { std::swap(channel[pairs[k].first], channel[pairs[k].second]); }}};
+    std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
+    for (std::string method; std::getline(names, method, ',');) {
+        const Calibration calibration =
+            fit(seen, {.model = "generic", .method = method, .serial = "", .date = ""}).calibration;
+        fmt::print(
+            "{}: {} channels checked by the others\n", method,
+            std::count_if(calibration.parity.sd.begin(), calibration.parity.sd.end(), [](double sd) { return sd > 0; }));
+        for (const auto& [kind, how] : kinds)
+            judge_damage(calibration, kind, unseen,
+                         std::string(kind) == "undamaged"   ? 1
+                         : std::string(kind) == "exchanged" ? pairs.size()
+                                                            : n,
+                         how);
+    }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
     const std::string what = argc > 1 ? argv[1] : "";
-    const int numbers = what == "damaged" ? 2 : what == "alarms" ? 1 : what == "coverage" ? 0 : -1;
+    const int numbers = what == "damaged" || what == "damage" ? 2 : what == "alarms" ? 1 : what == "coverage" ? 0 : -1;
     if (numbers < 0 || argc < 2 + numbers) {
-        fmt::print(stderr, "usage: consistency_bench coverage|damaged FIRST COUNT|alarms HOURS [MODEL]\n");
+        fmt::print(stderr,
+                   "usage: consistency_bench coverage|damaged FIRST COUNT|alarms HOURS [MODEL]\n"
+                   "       consistency_bench damage FIT.csv JUDGE.csv [METHODS]\n");
         return 2;
     }
     try {
         const std::string folder = scenes_folder(), model = argc > 2 + numbers ? argv[2 + numbers] : "";
-        std::vector<Contest> contests = all_contests(
+        if (what == "damage") {
+            damage(argv[2], argv[3], model);
+            return 0;
+        }
+        const std::vector<Contest> contests = all_contests(
             folder, [](double) {}, model);
         if (what == "coverage") coverage(contests);
         if (what == "damaged")

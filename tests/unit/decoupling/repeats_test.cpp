@@ -44,7 +44,7 @@ TEST(Repeats, LoadsOfAFewRowsDoNotTell) {
 }
 
 TEST(Repeats, ARowThatWasLeftOutEndsARun) {
-    auto labelled = held_loads(5, 50, [](std::size_t i) { return i % 4 < 3 ? 7.0 : double(i); });
+    auto labelled = held_loads(5, 50, [](std::size_t i) { return i % 4 < 3 ? 7.0 : -double(i); });
     EXPECT_EQ(repeats(labelled).readings, std::vector<int>{3});
     for (auto& row : labelled.rows) row.line *= 2;  // every other row of the file
     EXPECT_TRUE(repeats(labelled).readings.empty());
