@@ -8,10 +8,11 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kCycleNs = 2 * kMs;        // a PLC's input filters for 3 ms and more
-constexpr std::uint64_t kSetAgainNs = 100 * kMs;   // notices a chip that is gone, and a line that somebody else has set
-constexpr std::uint64_t kLookAgainNs = 100 * kMs;  // for a segment that is not there
-constexpr std::uint64_t kRepeatNs = 10'000 * kMs;  // the same news at most so often
+constexpr std::uint64_t kCycleNs = 2 * kMs;  // the input filters of a PLC take 3 ms and more
+// detects a chip that was removed, and a line that another program has set
+constexpr std::uint64_t kSetAgainNs = 100 * kMs;
+constexpr std::uint64_t kLookAgainNs = 100 * kMs;  // retry interval if there is no segment
+constexpr std::uint64_t kRepeatNs = 10'000 * kMs;  // minimum interval between equal log lines
 constexpr std::uint64_t kMinPauseNs = 50 * kMs, kMaxPauseNs = 1000 * kMs;
 
 }  // namespace
@@ -82,8 +83,8 @@ void GpioOutputs::cycle(std::uint64_t now_ns) {
     if (set_driven()) return;
     pause_ns_ = 0;
     open_ns_ = now_ns + kMinPauseNs;
-    say(said_disconnected_, LogLevel::warning,
-        fmt::format("GPIO chip \"{}\" is disconnected; waiting for it to return", chip_));
+    log_unless_repeated(logged_disconnected_, LogLevel::warning,
+                        fmt::format("GPIO chip \"{}\" is disconnected; waiting for it to return", chip_));
 }
 
 GpioSigns GpioOutputs::look(std::uint64_t now_ns) {
@@ -102,15 +103,16 @@ bool GpioOutputs::open_missing() {
     bool more = false;
     for (auto& line : lines_) {
         if (line.driven) continue;
-        const bool sign = GpioSigns{}.*line.sign;  // fault, until a look says otherwise
+        const bool sign = GpioSigns{}.*line.sign;  // shows a fault until the first evaluation
         const std::string wrong = line.output.open({chip_, line.name}, sign == line.high_means);
         line.driven = wrong.empty();
         more |= line.driven;
-        if (!line.driven) say(line.said_refused, LogLevel::warning, fmt::format("{}: {}", line.key, wrong));
+        if (!line.driven)
+            log_unless_repeated(line.logged_refused, LogLevel::warning, fmt::format("{}: {}", line.key, wrong));
     }
     if (more)
-        say(said_driving_, LogLevel::info,
-            fmt::format("drives {} of {} lines of chip \"{}\"", driven(), lines_.size(), chip_));
+        log_unless_repeated(logged_driving_, LogLevel::info,
+                            fmt::format("drives {} of {} lines of chip \"{}\"", driven(), lines_.size(), chip_));
     return more;
 }
 
@@ -128,7 +130,7 @@ std::size_t GpioOutputs::driven() const noexcept {
     return std::size_t(std::count_if(lines_.begin(), lines_.end(), [](const Line& line) { return line.driven; }));
 }
 
-void GpioOutputs::say(Said& last, LogLevel level, const std::string& text) {
+void GpioOutputs::log_unless_repeated(LastLogged& last, LogLevel level, const std::string& text) {
     const std::uint64_t now_ns = monotonic_ns();
     if (text == last.text && now_ns - last.t_ns < kRepeatNs) return;
     log_line(level, "[gpio]: {}", text);

@@ -1,5 +1,6 @@
-// Low-pass for the six components of a wrench, at whatever times the samples come: two equal first-order stages, each with
-// the exact step response over the time since the last sample. No overshoot; group delay at low frequencies 0.205 / cutoff.
+// Low-pass for the six components of a wrench, for any sample times: two equal first-order stages, each with the
+// exact step response over the time since the last sample. No overshoot; the group delay at low frequencies is 0.205
+// / cutoff.
 #pragma once
 #include <array>
 #include <cmath>
@@ -18,7 +19,7 @@ public:
     // Of a slow signal; 0 where it is off.
     [[nodiscard]] double delay_s() const noexcept { return is_on() ? 2 / corner_rad_s() : 0; }
     [[nodiscard]] bool is_on() const noexcept { return cutoff_Hz_ > 0; }
-    // Forgets what came before: after a break, a tare, a value that was none. rt: wait-free
+    // Forgets the past: after a discontinuity, a tare, or a sample without a value. rt: wait-free
     void reset() noexcept { empty_ = true; }
 
     // rt: wait-free

@@ -93,7 +93,7 @@ unsigned max_connections() {
     return unsigned(std::min(kWanted, files.rlim_cur) - std::min(files.rlim_cur / 2, kOwn));
 }
 
-// A random number that tells one run of this server from the next.
+// A random number that identifies one run of this server.
 std::string run_number() {
     std::random_device random;
     return fmt::format("{:08x}{:08x}", random(), random());
@@ -200,7 +200,7 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.add_option("--host-name", args.host_names, "name under which browsers may call, beside localhost and addresses");
     app.add_option("--token-file", args.token_file,
-                   "turns on tare, clear, weigh and teach for those who know the token in this file");
+                   "accepts tare, clear, weigh and teach from clients with the token in this file");
     app.add_option("--max-pages", args.streams, "pages that may be open at once")
         ->check(CLI::Range(1, 64))
         ->capture_default_str();

@@ -1,17 +1,18 @@
-// Slips and vibrating transport, simulated, and what the estimator says of them.
+// Simulated slips and vibrating transport, and the estimator's results.
 #pragma once
 #include <cstdint>
 
 namespace tactiled::bench {
 
 struct SlipFigures {
-    int n = 0, found = 0, in_10_ms = 0, early = 0;      // early: gross slip was said before it began
-    int incipient_before = 0, incipient_at_rest = 0;    // near the limit was said before; while it hung at two thirds of it
+    int n = 0, found = 0, in_10_ms = 0, early = 0;  // early: gross slip was reported before it began
+    // incipient slip was reported before; while the object hung at two thirds of the limit
+    int incipient_before = 0, incipient_at_rest = 0;
     double p50_ms = 0, p99_ms = 0, friction_error = 0;  // rms, relative, of the coefficient learnt
 };
 
-// `n` slips of one jaw: clamped, loaded, then pulled until it slips. The friction that the estimator is told is off by up to
-// `told_off` (relative; 1 = it is told nothing); kinetic over static friction is `kinetic`.
+// `n` slips of one jaw: clamped, loaded, then pulled until it slips. The configured friction is wrong by up to
+// `told_off` (relative; 1 = none is configured); kinetic over static friction is `kinetic`.
 SlipFigures slips(std::uint64_t seed, int n, double told_off, double kinetic_from, double kinetic_to);
 
 struct TransportFigures {

@@ -1,5 +1,6 @@
-// What a hard reading costs beside an easy one: hard_readings [METHOD] gives each method ordinary readings and then hard
-// ones, each through one_sample(), and prints a line each. tests/stability/instructions.py counts their instructions.
+// Cost of a hard reading compared with an easy one: hard_readings [METHOD] gives each method ordinary readings and
+// then hard ones, each through one_sample(), and prints a line each. tests/stability/instructions.py counts their
+// instructions.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -11,7 +12,7 @@ namespace {
 using namespace tactiled;
 using namespace tactiled::stability;
 
-double sum = 0;  // so that nothing is optimised away
+double sum = 0;  // keeps the optimiser from removing the loop
 std::uint64_t t_ns = 1'000'000'000;
 }  // namespace
 
@@ -61,7 +62,7 @@ void measure(const Method& method) {
     each("saturated", [](double&, auto&, auto& saturated, auto bit) { saturated = bit; });
     each("dead", [](double& value, auto&, auto&, auto) { value = 0; });
     each("three_times", [](double& value, auto&, auto&, auto) { value *= 3; });
-    // Every subset of dead, of saturated channels, and of dead ones beside one at its rail.
+    // Every subset of dead, of saturated channels, and of dead ones with one saturated channel.
     for (std::uint32_t subset = 1; subset < 1u << method.calibration.channels.size(); ++subset) {
         auto channel = meter.next();
         meter.sample("saturated_ones", channel, 0, subset);

@@ -1,5 +1,5 @@
-// Benefit of averaging hairs: the stress that one hair, a pair and all four tell from their noise, through model "hair",
-// against the time a sample.
+// Benefit of averaging hairs: the stress that one hair, a pair and all four detect above their noise, through model
+// "hair", against the time a sample.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@ namespace {
 constexpr double kNormal_Pa = 1000, kShear_Pa = 500;  // half and a quarter of the paper's range
 constexpr double kNone = kNaN;
 
-// The sensor with these of its four hairs, and the components that they can tell.
+// The sensor with these of its four hairs, and the components that they can measure.
 Calibration with_hairs(Calibration calibration, const std::vector<std::size_t>& hairs,
                        const std::vector<std::string>& components) {
     const Calibration whole = calibration;
@@ -75,7 +75,7 @@ Cost measure(const CostSetup& setup) {
         }
         return Noise{sd(normal_Pa), sd(shear_Pa)};
     };
-    const double alone = sd(reading_1);  // of one hair, which cannot say which stress it was
+    const double alone = sd(reading_1);  // standard deviation of one hair, which cannot separate the stresses
     const Noise of_pair = through(pair, reading_2), of_four = through(four, reading_4);
 
     const auto runs = [n](std::shared_ptr<Decoupler> decoupler, const std::vector<double>& reading, std::size_t channels) {
