@@ -117,6 +117,47 @@ void read_joint_domain(Options& file, Calibration& calibration) {
                                                    domain.whitening[i].size(), i + 1));
 }
 
+void read_parity(Options& file, Calibration& calibration) {
+    if (!file.has("parity")) return;
+    Options table = file.table("parity");
+    const std::size_t n = calibration.channels.size();
+    const Count each = n == 0 ? Count{} : Count{n, n};
+    Parity& parity = calibration.parity;
+    parity.order = int(table.integer("order", {1, 2}));
+    parity.centre = table.numbers("centre", kFinite, each);
+    parity.scale = table.numbers("scale", {1e-300, 1e300}, each);
+    parity.coefficients = table.rows("coefficients");
+    parity.sd = table.numbers("sd", kNotNegative, each);
+    if (n != 0 && parity.coefficients.size() != n)
+        table.problem("coefficients",
+                      fmt::format("coefficients has {} rows for {} channels", parity.coefficients.size(), n));
+}
+
+void read_temperature(Options& file, Calibration& calibration) {
+    if (!file.has("temperature")) return;
+    Options table = file.table("temperature");
+    const std::size_t n = calibration.channels.size();
+    const Count each = n == 0 ? Count{} : Count{n, n};
+    constexpr Range kCelsius{-273.15, 1000};
+    Temperature& temperature = calibration.temperature;
+    temperature.reference_C = table.number("reference_C", kCelsius);
+    temperature.range_C = table.numbers("range_C", kCelsius, {2, 2});
+    temperature.zero = table.numbers("zero", kFinite, each);
+    temperature.zero_per_K = table.numbers("zero_per_K", kFinite, each);
+    temperature.gain_per_K = table.numbers("gain_per_K", {-0.1, 0.1}, each);
+    if (const auto& range = temperature.range_C; range.size() == 2 && range[0] > range[1])
+        table.problem("range_C", "range_C should be [least, greatest]");
+}
+
+void read_repeats(Options& file, Calibration& calibration) {
+    if (!file.has("repeats")) return;
+    Options table = file.table("repeats");
+    const std::size_t n = calibration.channels.size();
+    for (const double readings : table.numbers("readings", {0, 1e6}, n == 0 ? Count{} : Count{n, n}))
+        calibration.repeats.readings.push_back(int(readings));
+    calibration.repeats.interval_s = table.number("interval_s", {0, 1e6}, 0);
+}
+
 void read_components(Options& file, Calibration& calibration) {
     const auto possible = fmt::format("{}", fmt::join(kComponentNames, " "));
     missing(file, "components", "those of " + possible + " that the sensor sees");
@@ -147,6 +188,13 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.sd = file.numbers("sd", kNotNegative, each);
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
     fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
+    fit.sd_without = file.rows("sd_without");
+    if (!fit.sd_without.empty() && n != 0 && fit.sd_without.size() != n)
+        file.problem("sd_without", fmt::format("sd_without has {} rows for {} channels", fit.sd_without.size(), n));
+    for (std::size_t i = 0; i < fit.sd_without.size(); ++i)
+        if (n_rows != 0 && fit.sd_without[i].size() != n_rows)
+            file.problem("sd_without", fmt::format("sd_without[{}] has {} numbers for {} components", i,
+                                                   fit.sd_without[i].size(), n_rows));
     fit.matrix = file.rows("matrix");
     if (!fit.matrix.empty() && n_rows != 0 && fit.matrix.size() != n_rows)
         file.problem("matrix", fmt::format("matrix has {} rows for {} components", fit.matrix.size(), n_rows));
@@ -208,6 +256,9 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
     read_names(file, calibration);
     read_channels(file, calibration);
     read_joint_domain(file, calibration);
+    read_repeats(file, calibration);
+    read_parity(file, calibration);
+    read_temperature(file, calibration);
     read_components(file, calibration);
     read_fit(file, calibration, calibration);
     for (Options& other : file.tables("other", kMaxMethods)) {

@@ -27,6 +27,9 @@ struct Fit {
     std::vector<double> sd, sd_slope;
     // Per component: root mean square error on held-out rows, N or Nm; empty = unknown.
     std::vector<double> held_out_rms;
+    // Error with one channel replaced by its prediction (Parity): a row a channel, a column a component, N or Nm; empty =
+    // unknown.
+    std::vector<std::vector<double>> sd_without;
     double condition = 0;    // condition number of the scaled problem that was solved; 0 = unknown
     std::string validation;  // groups that were held out: "leave one session out (2 sessions)" ...
 };
@@ -38,6 +41,32 @@ struct JointDomain {
     std::vector<std::vector<double>> whitening;  // lower triangle, 1 / channel_unit: row i has i + 1 numbers
     double limit = 0;                            // 0 = the calibration has no joint domain
     double false_alarms = 0;                     // share of the held-out rows beyond the limit, 0 .. 1
+};
+
+// How long each channel repeated one number while the load was held, in the rows of the calibration.
+struct Repeats {
+    std::vector<int> readings;  // a channel: the longest run of equal readings; 0 = no end was seen. Empty = unknown
+    double interval_s = 0;      // median time between two readings; 0 = unknown
+};
+
+// Zero and gain of each channel against temperature: with dT = temperature - reference_C a channel reads
+// zero + zero_per_K dT + (1 + gain_per_K dT) (what it would read at reference_C - zero). See decoupling/temperature.hpp.
+struct Temperature {
+    double reference_C = 0;
+    std::vector<double> range_C;                       // least and greatest that the rows covered
+    std::vector<double> zero, zero_per_K, gain_per_K;  // a channel: channel_unit, channel_unit / K, 1 / K; empty = unknown
+};
+
+inline constexpr std::size_t kMaxParityFeatures = 45;  // 8 channels with their products, or 32 without
+
+// Each channel as a polynomial of the others: coefficients times 1, x, and for order 2 the products x_i x_j (i <= j), where
+// x = (channel - centre) / scale. See decoupling/parity.hpp.
+struct Parity {
+    int order = 1;
+    std::vector<double> centre, scale;              // a channel, in channel_unit
+    std::vector<std::vector<double>> coefficients;  // a row a channel, in channel_unit
+    std::vector<double>
+        sd;  // a channel: of its residual, channel_unit; 0 = is not checked. Empty = the calibration has none
 };
 
 // Its own Fit, and those of other methods of the same model, for the same channels and components.
@@ -54,6 +83,9 @@ struct Calibration : Fit {
     std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
     std::vector<double> channel_least, channel_most;  // range of the calibration's rows; empty = unknown
     JointDomain joint_domain;
+    Repeats repeats;
+    Parity parity;
+    Temperature temperature;
     std::vector<double>
         zero_drift;  // per channel: sd of the zero that the fits and each sd allow for, channel_unit; empty = 0
     std::vector<std::string> components;  // subset of kComponentNames that the sensor measures, in this order

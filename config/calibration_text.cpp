@@ -57,6 +57,7 @@ public:
         numbers("sd", fit.sd);
         numbers("sd_slope", fit.sd_slope);
         numbers("held_out_rms", fit.held_out_rms);
+        if (!fit.sd_without.empty()) rows("sd_without", fit.sd_without);
         line("condition", toml_number(fit.condition));
         text("validation", fit.validation);
         for (const auto& [name, value] : fit.parameters) line("parameters." + toml_key(name), toml_number(value));
@@ -86,6 +87,24 @@ std::string calibration_text(const Calibration& calibration) {
         out.rows("joint_domain.whitening", domain.whitening);
         out.line("joint_domain.limit", toml_number(domain.limit));
         out.line("joint_domain.false_alarms", toml_number(domain.false_alarms));
+    }
+    if (const Parity& parity = calibration.parity; !parity.sd.empty()) {
+        out.line("parity.order", fmt::format("{}", parity.order));
+        out.numbers("parity.centre", parity.centre);
+        out.numbers("parity.scale", parity.scale);
+        out.rows("parity.coefficients", parity.coefficients);
+        out.numbers("parity.sd", parity.sd);
+    }
+    if (const Temperature& temperature = calibration.temperature; !temperature.zero_per_K.empty()) {
+        out.line("temperature.reference_C", toml_number(temperature.reference_C));
+        out.numbers("temperature.range_C", temperature.range_C);
+        out.numbers("temperature.zero", temperature.zero);
+        out.numbers("temperature.zero_per_K", temperature.zero_per_K);
+        out.numbers("temperature.gain_per_K", temperature.gain_per_K);
+    }
+    if (const Repeats& repeats = calibration.repeats; !repeats.readings.empty()) {
+        out.line("repeats.readings", fmt::format("[{}]", fmt::join(repeats.readings, ", ")));
+        out.line("repeats.interval_s", toml_number(repeats.interval_s));
     }
     out.numbers("zero_drift", calibration.zero_drift);
     out.line("components", toml_texts(calibration.components));

@@ -57,19 +57,23 @@ struct SensorSettings {
     // lowest and highest raw number; a channel at or beyond one of them counts as saturated
     std::array<double, 2> saturates_at;
     std::string model;
-    std::string calibration;  // path, as given or beside the configuration file
-    std::string method;       // "" = the calibration's own; "auto"
-    double budget_us;         // time budget of a sample with method "auto"
+    std::string expect_serial;  // of the calibration; "" = any
+    std::string calibration;    // path, as given or beside the configuration file
+    std::string method;         // "" = the calibration's own; "auto"
+    double budget_us;           // time budget of a sample with method "auto"
     int stale_ms;
-    int frozen_after;                // number of readings; -1: by the driver
-    double slew_limit_per_s;         // raw numbers per second; infinity = none
-    double rate_Hz, rate_tolerance;  // 0 = not declared; rate_tolerance is relative to rate_Hz
-    double drift_limit_N;            // 0 = none
-    int tare_ms;                     // length of a tare's mean
-    double tare_limit_N;             // magnitude; 0 = none, -1 = 20 % of full scale for each component
-    std::string tare_after_restart;  // "restore" or "forget"
-    bool accept_unproved_age;        // used for tares and weights although its stream would not show a delay
-    double filter_hz;                // low pass on force and torque, 0 = off
+    int frozen_after;                           // number of readings; -1: by the calibration or the driver
+    std::string temperature;                    // name of the frame's channel, "" = none
+    std::array<double, 2> temperature_range_C;  // lowest and highest; NaN = not declared
+    double delay_ms;                            // -1: by the driver
+    double slew_limit_per_s;                    // raw numbers per second; infinity = none
+    double rate_Hz, rate_tolerance;             // 0 = not declared; rate_tolerance is relative to rate_Hz
+    double drift_limit_N;                       // 0 = none
+    int tare_ms;                                // length of a tare's mean
+    double tare_limit_N;                        // magnitude; 0 = none, -1 = 20 % of full scale for each component
+    std::string tare_after_restart;             // "restore" or "forget"
+    bool accept_unproved_age;                   // used for tares and weights although its stream would not show a delay
+    double filter_hz;                           // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;
     double overload_N;        // 0 = none
     std::string agrees_with;  // "" = no other sensor, or named by the other one

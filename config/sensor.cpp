@@ -14,6 +14,8 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::array<double, 2> kUnlimited = {-kInf, kInf};
+constexpr std::array<double, 2> kNoRange = {std::numeric_limits<double>::quiet_NaN(),
+                                            std::numeric_limits<double>::quiet_NaN()};
 constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();  // cannot be in a file
 
 void check_channels(Options& table, const std::vector<std::string>& channels) {
@@ -45,6 +47,14 @@ const Fields<SensorSettings>& sensor_fields() {
          "The raw number of the frame divided by this value is in the unit of the calibration."},
         {TACTILED_KEY(S, saturates_at), Default(kUnlimited, "only what the driver reports"), range(-1e300, 1e300),
          "raw numbers", Reload::tune, "A channel at or beyond one of the two, [lowest, highest], is saturated."},
+        {TACTILED_KEY(S, temperature), "", Text::any, Reload::epoch,
+         "The name in `channels` that is the sensor's temperature in degC; \"\" = the link delivers none."},
+        {TACTILED_KEY(S, temperature_range_C), Default(kNoRange, "not declared"), range(-273.15, 1000), "degC",
+         Reload::epoch,
+         "[lowest, highest] in use. The standard deviation contains what it can change where the calibration knows the "
+         "temperature coefficient and the link delivers no temperature."},
+        {TACTILED_KEY(S, expect_serial), "", Text::any, Reload::epoch,
+         "Serial of the sensor that is mounted here; a calibration of another one is refused. \"\" = any."},
         {TACTILED_KEY(S, model), kRequired, Text::any, Reload::restart,
          "Model of the sensor, as in the calibration; decoupling/README.md lists them."},
         {TACTILED_KEY(S, calibration), kRequired, Text::any, Reload::epoch,
@@ -56,11 +66,18 @@ const Fields<SensorSettings>& sensor_fields() {
          "and up again after a calm stretch (decoupling/README.md)."},
         {TACTILED_KEY(S, stale_ms), 100, range(1, 10'000), "ms", Reload::restart,
          "Without a frame for longer, the force is BAD."},
-        {TACTILED_KEY(S, frozen_after), Default(-1, "100 where the driver knows that noise moves every number, else 0"),
+        {TACTILED_KEY(S, frozen_after),
+         Default(-1,
+                 "10 times the longest run in the calibration and at least 100; without rows at rest 100 where the "
+                 "driver knows that noise moves every number, else 0"),
          range(0, 1'000'000), "readings", Reload::tune,
          "A channel that repeats one number this often (2 or more) is dead and has no value; 0 = a channel may repeat. A "
          "quiet sensor of few bits, or one that is asked more often than it measures, repeats itself rightly: set many "
          "times what a recording at rest shows (`tactilectl record`)."},
+        {TACTILED_KEY(S, delay_ms), Default(-1.0, "what the driver knows of its converter, else 0"), range(0, 10'000), "ms",
+         Reload::tune,
+         "Time from the middle of a measurement to the arrival of its frame: conversion, filters, transmission. While the "
+         "force moves, the standard deviation contains what it can change in that time; the timestamp stays."},
         {TACTILED_KEY(S, slew_limit_per_s), Default(kInf, "none"), range(1e-300, 1e300), "raw numbers a second",
          Reload::tune, "A channel that changes faster makes the force UNCERTAIN."},
         {TACTILED_KEY(S, rate_Hz), 0, range(0, 1e6), "Hz", Reload::tune,
@@ -110,6 +127,11 @@ SensorSettings read_sensor(Options table, const std::string& folder) {
     check_channels(table, s.channels);
     if (const auto [lowest, highest] = s.saturates_at; !(lowest < highest))
         table.problem("saturates_at", fmt::format("saturates_at = [{}, {}] should be [lowest, highest]", lowest, highest));
+    if (const auto [lowest, highest] = s.temperature_range_C; !std::isnan(lowest) && !(lowest < highest))
+        table.problem("temperature_range_C",
+                      fmt::format("temperature_range_C = [{}, {}] should be [lowest, highest]", lowest, highest));
+    if (!s.temperature.empty() && std::find(s.channels.begin(), s.channels.end(), s.temperature) == s.channels.end())
+        table.problem("temperature", fmt::format("temperature = {} is no name in channels", in_quotes(s.temperature)));
     if (s.frozen_after == 1)
         table.problem("frozen_after", "frozen_after = 1 is no number of equal readings; 0 = off, else 2 or more");
     if (s.agrees_with.empty() && s.agree_N != 0)

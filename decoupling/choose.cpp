@@ -7,6 +7,8 @@
 #include "decoupling/auto_method.hpp"
 #include "decoupling/joint_domain.hpp"
 #include "decoupling/method.hpp"
+#include "decoupling/parity.hpp"
+#include "decoupling/temperature.hpp"
 
 namespace tactiled {
 namespace {
@@ -24,6 +26,7 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
     if (!fitted && calibration.method != method.sd_of) {
         one.sd.clear();
         one.sd_slope.clear();
+        one.sd_without.clear();
     }
     return one;
 }
@@ -65,10 +68,14 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
         return refuse("method", fmt::format("method = \"{}\": model \"{}\" has {} (or auto){}", name, calibration.model,
                                             fmt::join(known, " "), or_did_you_mean(name, known)));
     std::string text = fault_of_joint_domain(calibration);
+    if (text.empty()) text = fault_of_parity(calibration);
+    if (text.empty()) text = fault_of_temperature(calibration);
     if (!text.empty()) return refuse("calibration", fmt::format("{}: {}", calibration.path, text));
     auto decoupler = make_method(*method, fit_for(calibration, *method), text);
     if (decoupler == nullptr) return refuse("calibration", fmt::format("{}: method {}: {}", calibration.path, name, text));
-    return with_joint_domain(calibration, std::move(decoupler));
+    // A channel that is replaced by its prediction is judged by the joint domain as it is then.
+    return with_temperature(
+        calibration, with_parity(fit_for(calibration, *method), with_joint_domain(calibration, std::move(decoupler))));
 }
 
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us) {

@@ -25,6 +25,7 @@ struct Reading {
     std::uint32_t saturated = 0;      // bit n: channel n
     // CLOCK_MONOTONIC of the frame, for models that depend on the past (piezo, hysteresis)
     std::uint64_t t_ns = 0;
+    double temperature_C = kNaN;  // of the sensor; NaN = not known
 };
 
 // Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = not measured by this sensor, or BAD.
@@ -51,6 +52,11 @@ public:
 
     // Removes what depends on the past, after missed readings or one that is not valid. rt: wait-free
     virtual void forget() noexcept {}
+
+    // The known delay of the measuring chain: the channels of a reading may be of instants so far apart. setup
+    virtual void set_delay(double /*delay_s*/) noexcept {}
+    // The temperature of the sensor may lie within a range of this width; 0 = not declared. setup
+    virtual void set_temperature_range(double /*width_K*/) noexcept {}
 
     [[nodiscard]] virtual std::string_view method() const noexcept = 0;
 };

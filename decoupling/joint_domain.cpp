@@ -35,6 +35,7 @@ public:
         return estimate;
     }
     void forget() noexcept override { inner_->forget(); }
+    void set_delay(double delay_s) noexcept override { inner_->set_delay(delay_s); }
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:

@@ -1,6 +1,7 @@
 // Driver "i2c": chips on one bus, each a device of the link. The chips are in chips/, and their keys in this file.
 #include <fmt/format.h>
 
+#include <map>
 #include <set>
 
 #include "drivers/chips/schedule.hpp"
@@ -106,6 +107,10 @@ public:
     }
     Status read(Frame& frame, int timeout_ms) noexcept override { return schedule_.read(frame, timeout_ms); }
     bool is_noisy(std::uint16_t device) const override { return noisy_.count(device) != 0; }
+    double delay_s(std::uint16_t device) const override {
+        const auto known = delay_s_.find(device);
+        return known == delay_s_.end() ? 0 : known->second;
+    }
     Route route() const noexcept override { return {.path = Route::Path::polled}; }
 
     void close() noexcept override {
@@ -153,6 +158,7 @@ private:
             ready = lines_.back().get();
         }
         if (made->is_noisy()) noisy_.insert(device);
+        delay_s_[device] = double(made->conversions() * made->conversion_ns()) * 0.5e-9;
         Selector* const selector = read_selector(options, made->electrodes());
         schedule_.add(name, std::move(made), place, device, counts, ready, selector);
     }
@@ -186,6 +192,7 @@ private:
     std::vector<std::unique_ptr<GpioSelector>> selectors_;
     Schedule schedule_{bus_};
     std::set<std::uint16_t> devices_, noisy_;
+    std::map<std::uint16_t, double> delay_s_;  // half of the time that the conversions of a frame take
     std::vector<Place> places_;
 };
 

@@ -16,6 +16,8 @@ public:
         empty_ = true;
     }
     [[nodiscard]] double cutoff_Hz() const noexcept { return cutoff_Hz_; }
+    // Of a slow signal; 0 where it is off.
+    [[nodiscard]] double delay_s() const noexcept { return is_on() ? 2 / corner_rad_s() : 0; }
     [[nodiscard]] bool is_on() const noexcept { return cutoff_Hz_ > 0; }
     // Forgets the past: after a discontinuity, a tare, or a sample without a value. rt: wait-free
     void reset() noexcept { empty_ = true; }
@@ -24,9 +26,7 @@ public:
     void apply(std::array<double, 6>& value, std::uint64_t t_ns) noexcept {
         if (!is_on()) return;
         if (empty_) first_ = second_ = value;
-        // Each stage is 1.5 dB down at the cutoff: its own corner is 1 / sqrt(sqrt(2) - 1) higher.
-        const double corner_rad_s = 2 * 3.14159265358979323846 * cutoff_Hz_ * 1.5537739740300374;
-        const double gain = empty_ || t_ns <= t_ns_ ? 0 : -std::expm1(-corner_rad_s * double(t_ns - t_ns_) * 1e-9);
+        const double gain = empty_ || t_ns <= t_ns_ ? 0 : -std::expm1(-corner_rad_s() * double(t_ns - t_ns_) * 1e-9);
         for (std::size_t i = 0; i < value.size(); ++i) {
             first_[i] += gain * (value[i] - first_[i]);
             second_[i] += gain * (first_[i] - second_[i]);
@@ -37,6 +37,11 @@ public:
     }
 
 private:
+    // Each stage is 3 dB / 2 down at the cutoff: its own corner lies 1 / sqrt(sqrt(2) - 1) higher.
+    [[nodiscard]] double corner_rad_s() const noexcept {
+        return 2 * 3.14159265358979323846 * cutoff_Hz_ * 1.5537739740300374;
+    }
+
     double cutoff_Hz_ = 0;
     bool empty_ = true;
     std::uint64_t t_ns_ = 0;

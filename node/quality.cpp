@@ -33,6 +33,7 @@ void StreamQuality::succeed(const StreamQuality& before, bool same_channels) noe
     raw_ = before.raw_;
     known_ = before.known_;
     equal_ = before.equal_;
+    moved_ns_ = before.moved_ns_;
     moved_ = before.moved_;
     frozen_ = before.frozen_;
     has_frozen_ = before.has_frozen_;
@@ -72,9 +73,9 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
     if (limits_.rate_Hz > 0 && std::abs(double(rate_Hz_) - limits_.rate_Hz) > limits_.rate_tolerance * limits_.rate_Hz)
         reasons |= TACTILED_WRONG_RATE;
     const bool slews = std::isfinite(limits_.slew_per_s);
-    if (limits_.frozen_after == 0 && !slews) return reasons;
+    if (!judges_repeats_ && !slews) return reasons;
     if (slews && has_stepped(raw, usable)) reasons |= TACTILED_STEPPED;
-    if (limits_.frozen_after != 0) {
+    if (judges_repeats_) {
         if ((dead = find_frozen(raw, usable)) != 0) reasons |= TACTILED_FROZEN;
         if (limits_.noisy && is_idle_bus(raw, usable)) {
             reasons |= TACTILED_IDLE_BUS;
@@ -91,13 +92,15 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
 std::uint32_t StreamQuality::find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept {
     for (std::size_t k = 0; k < raw.size(); ++k) {
         if ((usable >> k & 1u) == 0) continue;  // a saturated value may repeat
+        const StreamLimits::Frozen limit = frozen_limit(k);
         if (raw[k] == raw_[k] && (known_ >> k & 1u) != 0) {
-            equal_[k] = std::min(equal_[k] + 1, limits_.frozen_after);
+            equal_[k] = std::min(equal_[k] + 1, std::max(1u, limit.after));
         } else {
             equal_[k] = 1;
+            moved_ns_[k] = last_frame_ns_;
             moved_[k] = std::min(moved_[k] + 1, kAliveAfter);
         }
-        if (equal_[k] >= limits_.frozen_after) {
+        if (limit.after != 0 && equal_[k] >= limit.after && last_frame_ns_ - moved_ns_[k] >= limit.ns) {
             frozen_ |= 1u << k;
             moved_[k] = 0;
         } else if (moved_[k] >= kAliveAfter) {

@@ -15,6 +15,12 @@ namespace tactiled {
 struct StreamLimits {
     std::uint64_t stale_ns = 100'000'000;  // no value if there is no frame for longer
     unsigned frozen_after = 0;             // consecutive equal readings of a channel that count as frozen; 0 = never
+    // The same for each channel if frozen_after is 0: this number of readings, and for this time. 0 readings = never.
+    struct Frozen {
+        unsigned after = 0;
+        std::uint64_t ns = 0;
+    };
+    std::array<Frozen, kMaxChannels> frozen_of{};
     bool noisy = false;  // noise changes its numbers in every reading: one number everywhere is an idle bus
     double slew_per_s = std::numeric_limits<double>::infinity();  // maximum change of a channel, raw numbers per second
     double rate_Hz = 0;                                           // declared rate; 0 = none
@@ -23,7 +29,7 @@ struct StreamLimits {
 
 class StreamQuality {
 public:
-    explicit StreamQuality(const StreamLimits& limits) : limits_(limits) {}
+    explicit StreamQuality(const StreamLimits& limits) { judge_by(limits); }
 
     // Starts the clock. Call it once, before the first frame. setup
     void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
@@ -32,7 +38,12 @@ public:
     // rt: bounded by the channels
     void succeed(const StreamQuality& before, bool same_channels) noexcept;
     // Changes the limits; the state of the stream is kept. rt: wait-free
-    void judge_by(const StreamLimits& limits) noexcept { limits_ = limits; }
+    void judge_by(const StreamLimits& limits) noexcept {
+        limits_ = limits;
+        judges_repeats_ =
+            limits.frozen_after != 0 || std::any_of(limits.frozen_of.begin(), limits.frozen_of.end(),
+                                                    [](const StreamLimits::Frozen& one) { return one.after != 0; });
+    }
 
     // Takes a frame that is older than allowed: there is no value until a newer one arrives. rt: wait-free
     void arrive_late(const Frame& frame) noexcept;
@@ -73,19 +84,24 @@ public:
 
 private:
     void measure_rate(std::uint64_t t_ns) noexcept;
+    [[nodiscard]] StreamLimits::Frozen frozen_limit(std::size_t k) const noexcept {
+        return limits_.frozen_after != 0 ? StreamLimits::Frozen{limits_.frozen_after, 0} : limits_.frozen_of[k];
+    }
     [[nodiscard]] std::uint32_t find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept;
     [[nodiscard]] bool is_idle_bus(std::span<const double> raw, std::uint32_t usable) noexcept;
     [[nodiscard]] bool has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept;
 
     StreamLimits limits_;
+    bool judges_repeats_ = false;                    // for some channel
     std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: time since the previous frame
     std::uint64_t resumed_ns_ = 0;                   // the machine was suspended until then
     bool after_discontinuity_ = true;                // this is the first frame of a stream
     std::uint32_t opening_ = 0;                      // number of the link's opening for the previous frame
     std::uint32_t broken_ = TACTILED_NO_DATA_YET, discontinuities_ = 0, lost_ = 0, lost_now_ = 0;
 
-    std::array<double, kMaxChannels> raw_{};  // numbers of the previous frame
-    std::uint32_t known_ = 0, newest_ = 0;    // known_: bit k: raw_[k] is a number; newest_: of the last frame
+    std::array<double, kMaxChannels> raw_{};              // numbers of the previous frame
+    std::uint32_t known_ = 0, newest_ = 0;                // known_: bit k: raw_[k] is a number; newest_: of the last frame
+    std::array<std::uint64_t, kMaxChannels> moved_ns_{};  // time of the last change of a channel
     std::array<unsigned, kMaxChannels> equal_{},
         moved_{};               // consecutive readings: equal to the previous one; of frozen channels that changed
     std::uint32_t frozen_ = 0;  // bit k: channel k is frozen

@@ -30,7 +30,10 @@ void put(const Estimate& e, tactiled_sample& s) noexcept {
 tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcept {
     notice_suspension(now_ns);
     if (stream_.is_late(frame)) return late_sample(frame, now_ns);
-    if (stream_.arrive(frame)) low_pass_.reset();
+    if (stream_.arrive(frame)) {
+        low_pass_.reset();
+        latency_.forget();
+    }
     if (setup_.automatic != nullptr) take_over_method();
 
     tactiled_sample s = next_sample(frame.t_ns, now_ns);
@@ -41,6 +44,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     judge_age(frame.age, s);
     follow_tare(s);
     judge_zero(s);
+    judge_latency(s);
     // A value that was doubtful, because of saturation for instance, must not contribute to a GOOD one.
     if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && own_quality_ == TACTILED_UNCERTAIN)) low_pass_.reset();
     put_tared(s);
@@ -98,6 +102,11 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     std::uint32_t dead = 0;
     const std::uint32_t of_stream = stream_.judge({raw.data(), n}, all & ~(reading.missing | reading.saturated), dead);
     const bool is_complete = reading.missing == 0;
+    if (setup_.temperature_of_frame >= 0) {
+        const auto i = std::size_t(setup_.temperature_of_frame);
+        if ((frame.missing >> i & 1u) == 0 && std::isfinite(frame.channel[i])) reading.temperature_C = frame.channel[i];
+        s.temperature_C = float(reading.temperature_C);
+    }
     for (std::size_t k = 0; dead != 0 && k < n; ++k)
         if ((dead >> k & 1u) != 0) channel_[k] = kNaN;
     reading.missing |= dead & all;
@@ -152,6 +161,7 @@ void Sensor::take_over_method() noexcept {
     if (now == method_) return;
     method_ = now;
     low_pass_.reset();
+    latency_.forget();
 }
 
 void Sensor::put_method(tactiled_sample& s) const noexcept {
@@ -183,6 +193,21 @@ void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     s.quality = TACTILED_UNCERTAIN;
     s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
+}
+
+// The delay of the chain and of the low pass is part of the standard deviation while the force moves.
+inline void Sensor::judge_latency(tactiled_sample& s) noexcept {
+    if (s.quality == TACTILED_BAD) return latency_.forget();
+    Wrench raw, sd;
+    for (std::size_t i = 0; i < 3; ++i) {
+        raw[i] = s.raw_force_S_N[i];
+        raw[i + 3] = s.raw_torque_S_Nm[i];
+        sd[i] = s.sd_force_N[i];
+        sd[i + 3] = s.sd_torque_Nm[i];
+    }
+    latency_.widen(raw, s.t_ns, sd);
+    std::copy_n(sd.begin(), 3, s.sd_force_N);
+    std::copy_n(sd.begin() + 3, 3, s.sd_torque_Nm);
 }
 
 // Sets the raw wrench minus the zero, low-passed.
@@ -268,12 +293,16 @@ void Sensor::set(const SensorSettable& settable) noexcept {
         std::min(or_configured(settable.contact_off_N, configured.contact_off_N), in_force_.contact_on_N);
     in_force_.overload_N = or_configured(settable.overload_N, configured.overload_N);
     if (in_force_.filter_Hz != low_pass_.cutoff_Hz()) low_pass_.set_cutoff(in_force_.filter_Hz);
+    const double delay_s = setup_.delay_s + low_pass_.delay_s();
+    if (delay_s != latency_.delay_s()) latency_.set_delay(delay_s);
 }
 
 void Sensor::retune(const Sensor& other) noexcept {
     setup_.saturates_below = other.setup_.saturates_below;
     setup_.saturates_above = other.setup_.saturates_above;
     setup_.settable = other.setup_.settable;
+    setup_.delay_s = other.setup_.delay_s;
+    if (setup_.decoupler != nullptr) setup_.decoupler->set_delay(setup_.delay_s);
     setup_.accept_unproved_age = other.setup_.accept_unproved_age;
     stream_.judge_by(other.setup_.stream);
     drift_.judge_by(other.setup_.drift_N);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "decoupling/auto_method.hpp"
+#include "decoupling/latency.hpp"
 #include "drivers/clock.hpp"
 #include "drivers/frame.hpp"
 #include "node/agreement.hpp"
@@ -44,6 +45,9 @@ public:
         bool accept_unproved_age = false;  // a stream without a clock or a counter may be used for tares and weights
         // a stored zero with another id does not belong to this sensor (zero_store.hpp)
         std::uint32_t zero_id = 0;
+        int temperature_of_frame = -1;   // the channel of a frame that is its temperature in degC; -1: none
+        double temperature_width_K = 0;  // width of the range that is declared for its temperature; 0 = none
+        double delay_s = 0;  // known delay of converter and transmission: part of the standard deviation (latency.hpp)
         Agreement::Limits agreement;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
@@ -56,6 +60,10 @@ public:
           drift_(setup_.drift_N),
           agreement_(setup_.agreement),
           zero_(tare_limits(setup_)) {
+        if (setup_.decoupler != nullptr) {
+            setup_.decoupler->set_delay(setup_.delay_s);
+            setup_.decoupler->set_temperature_range(setup_.temperature_width_K);
+        }
         set(SensorSettable::as_configured());
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
@@ -147,6 +155,7 @@ private:
     inline void judge_age(Frame::Age age, tactiled_sample& sample) const noexcept;
     inline void follow_tare(tactiled_sample& sample) noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
+    inline void judge_latency(tactiled_sample& sample) noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
 
@@ -158,6 +167,7 @@ private:
     Zero zero_;
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;
+    Latency latency_;
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
     float peak_N_ = 0;
     tactiled_sample last_{};

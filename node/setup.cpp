@@ -23,7 +23,10 @@ void put(char (&field)[N], const std::string& text) {
 }
 
 constexpr double kTareLimit = 0.2;  // relative to full scale
-constexpr int kFrozenAfter = 100;   // readings, if the driver knows that noise changes them
+constexpr int kFrozenAfter = 100;   // readings, if the driver knows that noise changes them; the least of all limits
+// Times the longest run of equal readings in the calibration's rows. A run of R in n readings is expected if a reading
+// repeats with the probability n^(-1 / R): from 200 readings, ten such runs come once in 10^20 readings.
+constexpr int kFrozenTimes = 10;
 
 // Makes the driver of `link` and fills its entry in the directory.
 void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
@@ -112,6 +115,22 @@ ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibrat
     return owner;
 }
 
+// When a channel that repeats one number counts as frozen.
+void put_frozen(const SensorSettings& settings, const Calibration& calibration, StreamLimits& limits) {
+    if (settings.frozen_after == 0) limits.noisy = false;
+    if (settings.frozen_after >= 0) {
+        limits.frozen_after = unsigned(settings.frozen_after);
+        return;
+    }
+    const Repeats& repeats = calibration.repeats;
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
+        const int run = repeats.readings.empty() ? 0 : repeats.readings[k];
+        const int after = run == 0 ? (limits.noisy ? kFrozenAfter : 0) : std::max(kFrozenAfter, kFrozenTimes * run);
+        const double longest_ns = double(kFrozenTimes) * double(run) * repeats.interval_s * 1e9;
+        limits.frozen_of[k] = {unsigned(after), std::uint64_t(std::min(longest_ns, 1e18))};
+    }
+}
+
 // A sensor whose files are wrong is left out: the problems state the reason, and the node will not run.
 void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const std::string& costs_folder) {
     if (method_names(settings.model).empty()) {
@@ -128,6 +147,13 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     if (calibration.model != settings.model) {
         settings.options.problem("calibration", fmt::format("{} is for model \"{}\", the sensor says \"{}\"",
                                                             settings.calibration, calibration.model, settings.model));
+        return;
+    }
+    if (!settings.expect_serial.empty() && calibration.serial != settings.expect_serial) {
+        settings.options.problem(
+            "calibration",
+            fmt::format("{} is of serial {}, expect_serial = {}: it belongs to another sensor", settings.calibration,
+                        in_quotes(calibration.serial), in_quotes(settings.expect_serial)));
         return;
     }
     Sensor::Setup setup;
@@ -148,6 +174,11 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
     if (setup.decoupler == nullptr || !problems.empty()) return;
     setup.counts_per_unit = settings.counts_per_unit;
+    if (!settings.temperature.empty())
+        setup.temperature_of_frame = int(
+            std::find(settings.channels.begin(), settings.channels.end(), settings.temperature) - settings.channels.begin());
+    if (const auto [lowest, highest] = settings.temperature_range_C; lowest < highest)
+        setup.temperature_width_K = highest - lowest;
     setup.saturates_below = settings.saturates_at[0];
     setup.saturates_above = settings.saturates_at[1];
     setup.stream.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
@@ -172,12 +203,11 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         if (link->name != settings.link) continue;
         link->bindings.push_back({std::uint16_t(settings.device), index});
         link->age.add(std::uint16_t(settings.device), settings.rate_Hz, settings.rate_tolerance, setup.stream.stale_ns);
+        if (link->driver != nullptr) setup.delay_s = link->driver->delay_s(std::uint16_t(settings.device));
         setup.stream.noisy = link->driver != nullptr && link->driver->is_noisy(std::uint16_t(settings.device));
     }
-    if (settings.frozen_after == 0) setup.stream.noisy = false;
-    setup.stream.frozen_after = unsigned(settings.frozen_after >= 0 ? settings.frozen_after
-                                         : setup.stream.noisy       ? kFrozenAfter
-                                                                    : 0);
+    if (settings.delay_ms >= 0) setup.delay_s = settings.delay_ms * 1e-3;
+    put_frozen(settings, calibration, setup.stream);
     node.sensors.emplace_back(std::move(setup));
     node.calibrations.push_back(calibration_text(calibration));
 }

@@ -13,7 +13,10 @@
 #include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/outliers.hpp"
+#include "decoupling/fit/parity_fit.hpp"
+#include "decoupling/fit/repeats.hpp"
 #include "decoupling/fit/session_zeros.hpp"
+#include "decoupling/fit/temperature_fit.hpp"
 #include "decoupling/fit/trial.hpp"
 #include "decoupling/method.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -106,11 +109,16 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     report.labelled = labelled;
     calibration.channels = labelled->channels;
     Rows rows = usable_rows(*labelled, request, report);
+    calibration.repeats = repeats_of(rows);
     check_numbers(*labelled, rows);
     if (const std::string odd = press_without_sign(rows); !odd.empty()) report.warnings.push_back(odd);
     check_labels(rows, report);
     check_number(rows, report);
     const bool remembers = methods.front()->remembers;
+    Temperature temperature;  // of the calibration, once all that reads rows at the reference temperature is done
+    if (!remembers) temperature = take_temperature_off(rows, *labelled, calibration, report.warnings);
+    if (!temperature.zero_per_K.empty())  // a row without a temperature is of no use
+        std::erase_if(rows, [](const LabelledRow* row) { return !std::isfinite(row->temperature_C); });
     Calibration raw;  // domain of the readings without a tare
     raw.channels = labelled->channels;
     set_domain(rows, raw);
@@ -236,9 +244,22 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     const Wrench fitted = rms_error(calibration, rows);
     // The channels of a sensor that does not measure a lasting load (piezo) depend on the past, so that any
     // combination of them is possible.
-    if (!remembers) set_joint_domain(rows, ways_to_hold_out(*labelled, rows, false).front().of_row, calibration);
+    if (!remembers) {
+        const std::vector<std::size_t> group_of_row = ways_to_hold_out(*labelled, rows, false).front().of_row;
+        set_joint_domain(rows, group_of_row, calibration);
+        set_parity(rows, group_of_row, calibration);
+        set_sd_without(rows, calibration);
+        for (Fit& other : calibration.others) {
+            Calibration one = calibration;
+            static_cast<Fit&>(one) = other;
+            one.others.clear();
+            set_sd_without(rows, one);
+            other.sd_without = one.sd_without;
+        }
+    }
     // The zero of the next mounting is another one, and the readings contain it until a tare.
     if (report.zeros.own) calibration.joint_domain.limit *= 2;
+    calibration.temperature = std::move(temperature);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
         component.fitted_rms = fitted[c];

@@ -44,20 +44,6 @@ Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, cons
     return (squares + ridge * Eigen::MatrixXd::Identity(m, m)).ldlt().solve(load.transpose() * at);
 }
 
-// Returns the possible zeros of each channel, as a standard deviation in channel_unit: the permitted drift, and the
-// part of the domain beyond the rows, from which their session's zero was subtracted if each session has its own.
-std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration) {
-    std::vector<double> sd(calibration.channels.size());
-    for (std::size_t k = 0; k < sd.size(); ++k) {
-        const auto [least, most] = std::minmax_element(
-            rows.begin(), rows.end(), [k](const auto* a, const auto* b) { return a->channel[k] < b->channel[k]; });
-        const double width = (*most)->channel[k] - (*least)->channel[k];
-        const double beyond = calibration.channel_most[k] - calibration.channel_least[k] - width;
-        sd[k] = std::hypot(std::max(0.0, beyond) / 2, calibration.zero_drift.empty() ? 0.0 : calibration.zero_drift[k]);
-    }
-    return sd;
-}
-
 // Returns the domain without its limit.
 JointDomain domain_of(const Rows& rows, const std::vector<double>& zero_sd, const Calibration& calibration) {
     const auto n = Eigen::Index(calibration.channels.size());
@@ -89,6 +75,18 @@ JointDomain domain_of(const Rows& rows, const std::vector<double>& zero_sd, cons
 }
 
 }  // namespace
+
+std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration) {
+    std::vector<double> sd(calibration.channels.size());
+    for (std::size_t k = 0; k < sd.size(); ++k) {
+        const auto [least, most] = std::minmax_element(
+            rows.begin(), rows.end(), [k](const auto* a, const auto* b) { return a->channel[k] < b->channel[k]; });
+        const double width = (*most)->channel[k] - (*least)->channel[k];
+        const double beyond = calibration.channel_most[k] - calibration.channel_least[k] - width;
+        sd[k] = std::hypot(std::max(0.0, beyond) / 2, calibration.zero_drift.empty() ? 0.0 : calibration.zero_drift[k]);
+    }
+    return sd;
+}
 
 void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration) {
     calibration.joint_domain = {};

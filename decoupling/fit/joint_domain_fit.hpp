@@ -13,4 +13,8 @@ namespace tactiled {
 // of 0.25 % of each range, and leaves room for full scale in all components at once. setup
 void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration);
 
+// The zeros that each channel may have, as a standard deviation in channel_unit: the drift that is allowed for, and what
+// the domain has beyond the rows, which are less their session's zero where each session has its own. setup
+std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration);
+
 }  // namespace tactiled

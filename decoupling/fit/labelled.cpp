@@ -41,11 +41,13 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
         label[c] = csv.find(label_column(c));
         any_label = any_label || label[c].has_value();
     }
-    const auto session = csv.find("session"), time = csv.find("t_s");
+    const auto session = csv.find("session"), time = csv.find("t_s"), temperature = csv.find("temperature_C");
     std::vector<std::size_t> channel;  // index of the column
     for (std::size_t k = 0; k < csv.columns().size(); ++k) {
         const std::string& name = csv.columns()[k];
-        if (name == "t_s" || name == "session" || std::find(label.begin(), label.end(), k) != label.end()) continue;
+        if (name == "t_s" || name == "session" || name == "temperature_C" ||
+            std::find(label.begin(), label.end(), k) != label.end())
+            continue;
         if (const std::size_t c = meant_component(name); c < label.size())
             csv.refuse(fmt::format("column \"{}\": a label is called \"{}\" and is in {}", name, label_column(c),
                                    c < 3 ? "N" : "Nm"));
@@ -91,6 +93,7 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
         for (const std::size_t k : channel) row.channel.push_back(csv.number(k));
         for (std::size_t c = 0; c < label.size(); ++c)
             if (label[c]) row.wrench_S[c] = csv.number(*label[c]);
+        if (temperature) row.temperature_C = csv.number(*temperature);
         labelled.rows.push_back(std::move(row));
         t_s.push_back(time ? std::clamp(csv.number(*time), -kLatest_s, kLatest_s) : kNaN);
         if (t_s.back() < earliest_s) earliest_s = t_s.back();

@@ -96,6 +96,7 @@ public:
     std::uint64_t conversion_ns() const noexcept override {
         return (kCapUs[rate_] + (converts_temperature() ? kVtUs : 0)) * std::uint64_t{1000};
     }
+    unsigned conversions() const noexcept override { return channels_; }
     Identity identity() const noexcept override { return {"its registers 0 and 7 .. 12 read", packed(kIdle, settings())}; }
 
 private:

@@ -76,6 +76,7 @@ public:
     }
 
     Pace pace() const noexcept override { return Pace::triggered; }
+    unsigned conversions() const noexcept override { return unsigned(inputs_.size()); }
     std::uint64_t conversion_ns() const noexcept override { return 1'000'000'000u / kRates_Hz[rate_] + kWakeNs; }
     Identity identity() const noexcept override { return {"its register 1 reads back", config()}; }
 

@@ -65,6 +65,8 @@ public:
     [[nodiscard]] virtual unsigned electrodes() const noexcept { return 0; }
     // Duration of the present conversion, or the interval between two of them, by the data sheet.
     [[nodiscard]] virtual std::uint64_t conversion_ns() const noexcept = 0;
+    // One after the other for a frame. setup
+    [[nodiscard]] virtual unsigned conversions() const noexcept { return 1; }
     // Identification of this chip, such as "its registers 0xFE and 0xFF read", 0x54491004. setup
     struct Identity {
         std::string_view what;

@@ -92,6 +92,7 @@ public:
     // DRDY with CRP = 0, the value after a reset
     ReadyEdge ready_edge() const noexcept override { return ReadyEdge::rising; }
     bool is_noisy() const noexcept override { return true; }
+    unsigned conversions() const noexcept override { return channels_; }
     std::uint64_t conversion_ns() const noexcept override { return 1'000'000'000u / kRates_Hz[rate_]; }
     Identity identity() const noexcept override { return {"its register 0x1f reads", 0x0F}; }
 

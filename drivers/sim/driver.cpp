@@ -61,6 +61,12 @@ public:
 
     void close() noexcept override { simulation_.reset(); }
 
+    [[nodiscard]] double delay_s(std::uint16_t device) const override {
+        for (const sim::Sensor& sensor : scene_.sensors)
+            if (sensor.device == device) return scene_.delay_s(sensor) / speed_;
+        return 0;
+    }
+
 private:
     struct Line {
         sim::Arrivals arrivals;

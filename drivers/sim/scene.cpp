@@ -108,6 +108,16 @@ Scene read_scene(const std::string& path) {
     return read_scene(Options::parse_file(path, problems), problems);
 }
 
+double Scene::delay_s(const Sensor& sensor) const {
+    const Extent extent = motion.extent(sensor);
+    double sum = 0;
+    for (std::size_t i = 0; i < chain().size(); ++i)
+        if (const EffectEntry& entry = *chain()[i];
+            entry.delay_s != nullptr && (entry.models & 1u << unsigned(sensor.model)) != 0)
+            sum += entry.delay_s(setting(i, sensor, extent));
+    return sum;
+}
+
 Setting Scene::setting(std::size_t effect, const Sensor& sensor, const Extent& extent) const {
     const EffectEntry& entry = *chain()[effect];
     return {sensor,

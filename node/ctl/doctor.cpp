@@ -82,6 +82,7 @@ Findings examine(const Args& args) {
     if (!problems.empty()) return found;
     look_at_devices(machine, config, user, found);
     look_at_freshness(node, found);
+    look_at_identity(node, found);
     if (config.grasp)
         for (const std::string& advice : grasp_advice(*config.grasp))
             found.push_back({"grasp", Verdict::advice, advice, "decoupling/grasp/README.md has the frames"});

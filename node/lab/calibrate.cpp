@@ -94,6 +94,13 @@ void print_report(const FitReport& report, const Settings& settings) {
         }
     for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);
     fmt::print("condition number: {:.3g}\n", calibration.condition);
+    std::vector<std::string> checked;
+    for (std::size_t k = 0; k < calibration.parity.sd.size(); ++k)
+        if (calibration.parity.sd[k] > 0) checked.push_back(calibration.channels[k]);
+    fmt::print("channels that the others predict: {}\n",
+               checked.empty() ? "none" : fmt::format("{}", fmt::join(checked, " ")));
+    if (const Temperature& t = calibration.temperature; !t.zero_per_K.empty())
+        fmt::print("temperature: {:.1f} to {:.1f} degC\n", t.range_C[0], t.range_C[1]);
     for (const auto& warning : report.warnings) fmt::print(stderr, "warning: {}\n", warning);
     fmt::print("To use it, paste into the configuration:\n\n{}", sensor_text(report, settings));
 }

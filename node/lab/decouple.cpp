@@ -54,6 +54,7 @@ int decouple(const Settings& settings) {
     const auto time = csv.find("t_s");
     if (!time) csv.refuse("has no column t_s");
     const auto columns = channel_columns(csv, calibration);
+    const auto temperature = csv.find("temperature_C");
     std::error_code none;
     if (settings.in != "-" && settings.out != "-" && std::filesystem::equivalent(settings.in, settings.out, none))
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
@@ -70,6 +71,7 @@ int decouple(const Settings& settings) {
             csv.refuse(fmt::format("column t_s: {} s lies before the rows above it; sort the rows by time", t_s));
         const auto t_ns = std::uint64_t(std::round((t_s - *origin_s) * 1e9));
         Reading reading{.channel = channel, .missing = 0, .saturated = 0, .t_ns = t_ns};
+        if (temperature) reading.temperature_C = csv.number(*temperature);
         for (std::size_t k = 0; k < columns.size(); ++k) {
             channel[k] = csv.number(columns[k]);
             if (std::isnan(channel[k])) reading.missing |= 1u << k;

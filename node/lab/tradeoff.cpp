@@ -52,7 +52,7 @@ Result compete(const Contest& contest, std::size_t samples, const std::function<
         std::vector<Timing> timings = time_all(contest.candidates, trial.rows, samples);
         for (std::size_t i = 0; i < timings.size(); ++i) {
             const auto decoupler = contest.candidates[i].make();
-            const Judged judged = judge(*decoupler, contest.candidates[i], trial.rows);
+            const Judged judged = judge(*decoupler, contest.candidates[i], trial.rows, trial.delay_s);
             result.measures[i].push_back(measure_of(trial.kind, judged, timings[i].ns, timings[i].instructions));
             if (trial.kind == kDamaged) continue;
             all[i].ns.insert(all[i].ns.end(), timings[i].ns.begin(), timings[i].ns.end());
@@ -75,10 +75,9 @@ std::vector<Contest> contests_of(const Args& args, const std::function<void(doub
     Contest contest =
         args.calibration.empty() ? contest_of_scene(folder(), args.scene) : contest_of_calibration(args.calibration);
     if (!args.scene.empty())
-        contest.trials.push_back(
-            {std::filesystem::path(args.scene).stem().string(), rows_of(sim::read_scene(args.scene), kMaxOfScene)});
+        contest.trials.push_back(trial_of(std::filesystem::path(args.scene).stem().string(), args.scene));
     if (!args.in.empty())
-        contest.trials.push_back({std::filesystem::path(args.in).stem().string(), read_labelled(args.in, {})});
+        contest.trials.push_back({std::filesystem::path(args.in).stem().string(), read_labelled(args.in, {}), 0});
     if (contest.candidates.empty())
         throw std::runtime_error(contest.refused.empty() ? "no method to compare" : contest.refused.front());
     std::vector<Contest> one;

@@ -47,8 +47,10 @@ inline constexpr const char* kDamaged = "damaged";  // the trial that is not par
 struct Trial {
     std::string kind;  // "easy", "combined", "eccentric", "dynamic", kDamaged, or the name of a file
     Labelled rows;
+    double delay_s = 0;  // known one of the chain
 };
-struct Contest {  // the methods of one model, and their trials
+Trial trial_of(const std::string& kind, const std::string& scene);  // setup: throws SetupError
+struct Contest {                                                    // the methods of one model, and their trials
     std::string model;
     std::vector<Candidate> candidates;
     std::vector<Trial> trials;
@@ -58,7 +60,8 @@ struct Contest {  // the methods of one model, and their trials
 // Returns all models, calibrated in process on scenes of `folder` and tested there. Calls `show` with the share that
 // is done.
 // setup: throws SetupError
-std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show);
+std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show,
+                                  const std::string& model = "");  // "" = all
 // Returns the methods of the model of a scene's first sensor, calibrated as in all_contests() but on that sensor.
 Contest contest_of_scene(const std::string& folder, const std::string& scene);
 // Returns all methods for which a calibration has a fit.
@@ -82,7 +85,8 @@ struct Judged {
 };
 // Returns the index of the first row under load, or the number of rows if there is none.
 std::size_t first_load(const Labelled& rows);
-Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows);
+// `delay_s`: known delay of the chain, part of the standard deviation as in the loop (decoupling/latency.hpp).
+Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows, double delay_s = 0);
 // Returns one row over the trials of a whole sensor. Errors are geometric means, so that no trial dominates, and NaN
 // if a trial had no value at all, because a method that is always BAD is not accurate. p99 is the worst trial's;
 // shares are over all samples together.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/latency.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "node/lab/tradeoff.hpp"
 
@@ -59,7 +60,7 @@ std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& row
     return readings;
 }
 
-Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows) {
+Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows, double delay_s) {
     std::vector<double> storage;
     const auto readings = readings_of(candidate, rows, storage);
     const Calibration& calibration = candidate.calibration;
@@ -71,8 +72,15 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
     std::size_t at_rest = 0;
     Judged judged;
     std::array<std::vector<double>, 6> errors, good_errors;
+    Latency latency;
+    latency.set_delay(delay_s);
+    decoupler.set_delay(delay_s);
     for (std::size_t i = 0; i < readings.size(); ++i) {
-        const Estimate e = decoupler.decouple(readings[i]);
+        Estimate e = decoupler.decouple(readings[i]);
+        if (e.quality == TACTILED_BAD)
+            latency.forget();
+        else
+            latency.widen(e.wrench_S, readings[i].t_ns, e.sd);
         if (i < begin) {  // the second half of the time at rest is the tare
             if (i < begin / 2 || e.quality == TACTILED_BAD) continue;
             ++at_rest;

@@ -110,12 +110,19 @@ void add(Contest& contest, Made&& made) {
 
 std::unique_ptr<Decoupler> Candidate::make() const { return make_decoupler(calibration, method); }
 
-std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show) {
+Trial trial_of(const std::string& kind, const std::string& path) {
+    const sim::Scene scene = sim::read_scene(path);
+    return {kind, rows_of(scene, kMaxOfScene), scene.delay_s(scene.sensors.front())};
+}
+
+std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show,
+                                  const std::string& model) {
+    const auto is_left_out = [&model](const auto& one) { return !model.empty() && one.model != model; };
     std::atomic<std::size_t> done = 0;
     std::vector<std::future<Made>> made;
     for (const Source& source : sources())
-        made.push_back(std::async(std::launch::async, [&folder, &source, &done] {
-            Made m = calibrate(folder, source, nullptr);
+        made.push_back(std::async(std::launch::async, [&folder, &source, &done, &is_left_out] {
+            Made m = is_left_out(source) ? Made{} : calibrate(folder, source, nullptr);
             ++done;
             return m;
         }));
@@ -124,11 +131,12 @@ std::vector<Contest> all_contests(const std::string& folder, const std::function
             show(double(done) / double(made.size()));
     std::vector<Contest> contests;
     for (const Asked& asked : kAsked) {
+        if (is_left_out(asked)) continue;
         Contest contest{.model = asked.model, .candidates = {}, .trials = {}, .refused = {}};
         for (std::size_t i = 0; i < made.size(); ++i)
             if (sources()[i].model == asked.model) add(contest, made[i].get());
         for (std::size_t k = 0; k < kKinds.size(); ++k)
-            contest.trials.push_back({kKinds[k], rows_of(sim::read_scene(path_of(folder, asked.scene[k])), kMaxOfScene)});
+            contest.trials.push_back(trial_of(kKinds[k], path_of(folder, asked.scene[k])));
         contests.push_back(std::move(contest));
     }
     return contests;

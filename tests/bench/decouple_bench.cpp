@@ -128,15 +128,17 @@ Case piezo() {  // the thesis' curves
     return result;
 }
 
-// `jointly`: with the joint domain of the fit.
+enum class Checks { none, joint_domain, all };
+
 Case fitted(const std::string& model, const std::string& method, const Labelled& rows, const Forward& forward,
-            bool jointly = true) {
+            Checks checks = Checks::all) {
     FitRequest request;
     request.model = model;
     request.method = method;
     Case result{.name = model + "/" + method, .decoupler = nullptr, .readings = {}, .ns = {}};
     Calibration calibration = fit(rows, request).calibration;
-    if (!jointly) calibration.joint_domain = {};
+    if (checks == Checks::none) calibration.joint_domain = {};
+    if (checks != Checks::all) calibration.parity = {};
     result.decoupler = make_decoupler(calibration, method);
     // Methods that model one contact point cannot follow a moving one: its readings would be doubtful, which is not
     // the usual case.
@@ -192,10 +194,17 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n, std::ve
         if (wanted(std::string(model) + "/" + method)) cases.push_back(fitted(model, method, rows, forward));
     };
     for (const char* method : {"matrix", "quadratic", "rbf", "mlp"}) add("generic", method, skin_rows, skin);
-    if (wanted("alone/matrix")) {  // generic/matrix without the joint domain: the difference is its cost for 15 channels
-        cases.push_back(fitted("generic", "matrix", skin_rows, skin, false));
-        cases.back().name = "alone/matrix";
-    }
+    // Of 15 and of 8 channels without the checks around the method: the differences are their costs.
+    const auto part = [&](const char* name, const char* model, const char* method, const Labelled& rows,
+                          const Forward& forward, Checks checks) {
+        if (!wanted(name)) return;
+        cases.push_back(fitted(model, method, rows, forward, checks));
+        cases.back().name = name;
+    };
+    part("alone/matrix", "generic", "matrix", skin_rows, skin, Checks::none);
+    part("joint/matrix", "generic", "matrix", skin_rows, skin, Checks::joint_domain);
+    part("alone/linear", "table", "linear", gauge_rows, gauges, Checks::none);
+    part("joint/linear", "table", "linear", gauge_rows, gauges, Checks::joint_domain);
     add("table", "linear", gauge_rows, gauges);
     add("table", "matrix", moment_rows, gauges);
     add("table", "nonlinear", gauge_rows, gauges);

@@ -37,6 +37,7 @@ model = "table"
 calibration = "{calibration}"
 rate_Hz = 100
 frozen_after = 100
+expect_serial = "documents"
 
 [modbus]
 listen = "127.0.0.1:1502"
@@ -125,7 +126,7 @@ class Doctor(unittest.TestCase):
         self.assertEqual([f for f in said["findings"] if f["verdict"] != "good"], [])
         self.assertEqual((status, said["schema"], said["good"]), (0, 1, True))
         self.assertEqual({f["check"] for f in said["findings"]},
-                         {check for _, check, _ in CASES if check != "user"} | {"configuration", "freshness"})
+                         {check for _, check, _ in CASES if check != "user"} | {"configuration", "freshness", "identity"})
 
     def test_each_thing_that_is_wrong_is_found_alone_with_a_remedy(self):
         for changes, check, verdict in CASES:

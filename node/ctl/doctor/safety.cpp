@@ -1,9 +1,11 @@
 // Findings about a valid configuration with which a fault would not be detected or a function cannot work.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "config/calibration.hpp"
 #include "node/ctl/doctor/doctor.hpp"
 #include "node/setup.hpp"
 
@@ -51,6 +53,19 @@ void look_at_channels(const Config& config, const SensorSettings& sensor, const 
                  : "write one name a channel of the frame, \"-\" = not used"});
 }
 
+// "a channel that", or of some channels "channel C1 that": those for which no limit of equal readings is known. "" = none.
+std::string channels_that_may_freeze(const SensorSettings& s, bool noisy) {
+    if (s.frozen_after > 0 || (s.frozen_after < 0 && noisy)) return "";
+    Problems ignored;
+    const Calibration calibration = load_calibration(s.calibration, ignored);
+    const std::vector<int>& readings = calibration.repeats.readings;
+    if (s.frozen_after == 0 || readings.empty()) return "a channel that";
+    std::vector<std::string> unknown;
+    for (std::size_t k = 0; k < readings.size(); ++k)
+        if (readings[k] == 0) unknown.push_back(calibration.channels[k]);
+    return unknown.empty() ? "" : fmt::format("channel {}, still in the calibration, that", fmt::join(unknown, " "));
+}
+
 void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     const SensorSettings& s = node.config.sensors[i];
     const tactiled_sensor& entry = node.plan.sensors[i];
@@ -64,8 +79,8 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     const auto link = std::find_if(node.links.begin(), node.links.end(), [&](const auto& l) { return l->name == s.link; });
     const bool noisy =
         link != node.links.end() && (*link)->driver != nullptr && (*link)->driver->is_noisy(std::uint16_t(s.device));
-    if (s.frozen_after == 0 || (s.frozen_after < 0 && !noisy))
-        advise("frozen", "a channel that repeats one number for ever counts as good",
+    if (const std::string which = channels_that_may_freeze(s, noisy); !which.empty())
+        advise("frozen", which + " repeats one number for ever counts as good",
                "frozen_after = 100  # many times the repeats of a recording at rest");
     const double full_N = full_scale_N(entry);
     if (s.tare_limit_N == 0 || (s.tare_limit_N < 0 && std::isnan(full_N)))
@@ -85,6 +100,25 @@ void look_at_safety(const Node& node, Findings& found) {
         if (const std::string advice = link->driver != nullptr ? link->driver->advice() : ""; !advice.empty())
             found.push_back({"line", Verdict::advice, fmt::format("link \"{}\": {}", link->name, advice), ""});
     for (std::size_t i = 0; i < node.config.sensors.size(); ++i) look_at_sensor(node, i, found);
+}
+
+void look_at_identity(const Node& node, Findings& found) {
+    for (std::size_t i = 0; i < node.config.sensors.size(); ++i) {
+        const SensorSettings& s = node.config.sensors[i];
+        const std::string serial = node.plan.sensors[i].serial;
+        const bool is_expected = !s.expect_serial.empty();
+        found.push_back({"identity", is_expected ? Verdict::good : Verdict::advice,
+                         is_expected
+                             ? fmt::format("sensor \"{}\": the calibration is of serial {}, as expected; its device "
+                                           "reports none",
+                                           s.name, serial)
+                             : fmt::format("sensor \"{}\": nothing shows that the calibration is of the sensor that is "
+                                           "mounted: its device reports no serial",
+                                           s.name),
+                         is_expected ? ""
+                                     : "expect_serial = \"" + (serial.empty() ? "..." : serial) +
+                                           "\"  # as printed on the sensor; `calibrate --serial` writes it"});
+    }
 }
 
 void look_at_freshness(const Node& node, Findings& found) {

@@ -106,6 +106,21 @@ TEST(StreamQuality, ASaturationLimitRepeatsRightly) {
     EXPECT_EQ(stream.send(3, 4, 7).reasons, unsigned(TACTILED_FROZEN));  // it is not a sign of life, either
 }
 
+TEST(StreamQuality, EachChannelHasItsOwnLimitWhichIsATimeToo) {
+    StreamLimits limits;
+    limits.frozen_of[1] = {.after = 5, .ns = 20 * kMs};
+    limits.frozen_of[2] = {.after = 10, .ns = 0};
+    Stream stream(limits);
+    for (int i = 0; i < 9; ++i) EXPECT_EQ(stream.send(7, 7, 7).quality, kGood) << i;
+    auto s = stream.send(7, 7, 7);
+    EXPECT_EQ(s.missing, 0b100u);  // ten readings in 9 ms
+    for (int i = 0; i < 10; ++i) s = stream.send(7, 7, i);
+    EXPECT_EQ(s.reasons, 0u);  // 19 ms
+    for (int i = 0; i < 10; ++i) s = stream.send(7, 7, i);
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_FROZEN));
+    EXPECT_EQ(s.missing, 0b010u);  // the first one may repeat for ever
+}
+
 TEST(StreamQuality, WithoutALimitAQuietSensorMayRepeatItself) {
     Stream stream({});
     for (int i = 0; i < 1000; ++i) ASSERT_EQ(stream.send(1, 2, 3).quality, kGood);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 #include "through.hpp"
 
@@ -42,6 +43,49 @@ TEST(Sensor, DividesCountsAndKeepsTheTimestampOfTheFrame) {
     EXPECT_EQ(s.t_ns, 5 * kMs);
     EXPECT_TRUE(std::isnan(s.torque_S_Nm[0]));  // an unmeasured component is not zero
     EXPECT_EQ(s.epoch, 7u << 16);
+}
+
+Sensor with(const std::function<void(Sensor::Setup&)>& change) {
+    Sensor::Setup setup;
+    setup.channel_of_frame = {0, 1, 2};
+    setup.frame_channels = 4;
+    setup.decoupler = std::make_unique<Through>();
+    change(setup);
+    Sensor sensor(std::move(setup));
+    sensor.start(7, 0);
+    return sensor;
+}
+
+tactiled_sample send(Sensor& sensor, std::uint64_t t_ns, double force, double fourth) {
+    Frame f = frame(t_ns, force, 0, 0);
+    f.n_channels = 4;
+    f.channel[3] = fourth;
+    return sensor.sample(f, t_ns);
+}
+
+TEST(Sensor, TakesItsTemperatureFromAChannelOfTheFrame) {
+    Sensor sensor = with([](Sensor::Setup& setup) { setup.temperature_of_frame = 3; });
+    EXPECT_EQ(send(sensor, kMs, 1, 23.5).temperature_C, 23.5f);
+    EXPECT_TRUE(std::isnan(send(sensor, 2 * kMs, 1, std::nan("")).temperature_C));
+    Sensor none = with([](Sensor::Setup&) {});
+    EXPECT_TRUE(std::isnan(send(none, kMs, 1, 23.5).temperature_C));
+}
+
+TEST(Sensor, TheDelayOfChainAndLowPassIsInTheStandardDeviationWhileTheForceMoves) {
+    Sensor chain = with([](Sensor::Setup& setup) { setup.delay_s = 0.004; });
+    Sensor filtered = with([](Sensor::Setup& setup) { setup.settable.filter_Hz = 50; });
+    tactiled_sample late{}, low_passed{};
+    for (std::uint64_t i = 1; i < 50; ++i) {
+        late = send(chain, i * kMs, 0.1 * double(i), 0);  // 100 N/s
+        low_passed = send(filtered, i * kMs, 0.1 * double(i), 0);
+    }
+    EXPECT_NEAR(late.sd_force_N[0], std::hypot(Through::kSd_N, 0.4), 1e-9);
+    EXPECT_EQ(late.sd_force_N[1], Through::kSd_N);
+    EXPECT_EQ(late.t_ns, 49 * kMs);
+    const double lag_N = low_passed.raw_force_S_N[0] - low_passed.force_S_N[0];
+    EXPECT_NEAR(low_passed.sd_force_N[0], lag_N, 0.05 * lag_N);
+    for (std::uint64_t i = 50; i < 60; ++i) late = send(chain, i * kMs, 5, 0);
+    EXPECT_EQ(late.sd_force_N[0], Through::kSd_N);
 }
 
 TEST(Sensor, AMissingChannelIsBadAndItsForceNoNumber) {

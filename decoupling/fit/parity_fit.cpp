@@ -1,0 +1,180 @@
+#include "decoupling/fit/parity_fit.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "decoupling/fit/groups.hpp"
+#include "decoupling/fit/joint_domain_fit.hpp"
+#include "decoupling/parity.hpp"
+#include "decoupling/solve/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kNoise = 1e-3;      // of a channel's range: noise and drift that a recording of held loads does not show
+constexpr double kWorth = 0.7;       // the error of a quadratic one over that of a linear one, from which on it is taken
+constexpr double kRedundant = 0.05;  // greatest sd of a residual, as a part of the channel's range
+// The 99.9 % quantile of normal numbers is 3.29 standard deviations.
+constexpr double kTail = 0.999, kTail_sd = 3.29;
+constexpr double kRidge = 1e-10;
+constexpr std::size_t kMaxChannelsOfOrder2 = 8;
+
+Eigen::MatrixXd features_of(const Rows& rows, const Parity& parity) {
+    const std::size_t n = rows.front()->channel.size();
+    Eigen::MatrixXd features(Eigen::Index(rows.size()), Eigen::Index(parity_features(n, parity.order)));
+    std::vector<double> feature(std::size_t(features.cols()));
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        put_features(parity, rows[i]->channel, feature.data());
+        features.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVectorXd>(feature.data(), features.cols());
+    }
+    return features;
+}
+
+// The features that do not contain channel k.
+std::vector<Eigen::Index> features_without(std::size_t n, int order, std::size_t k) {
+    std::vector<Eigen::Index> index{0};
+    for (std::size_t i = 0; i < n; ++i)
+        if (i != k) index.push_back(Eigen::Index(1 + i));
+    auto at = Eigen::Index(1 + n);
+    for (std::size_t i = 0; order > 1 && i < n; ++i)
+        for (std::size_t j = i; j < n; ++j, ++at)
+            if (i != k && j != k) index.push_back(at);
+    return index;
+}
+
+// Coefficients of all channels, a column each, by ridge regression on the rows of `features`.
+Eigen::MatrixXd coefficients_of(const Eigen::MatrixXd& features, const Eigen::MatrixXd& channel, int order) {
+    const auto n = std::size_t(channel.cols());
+    const Eigen::MatrixXd squares = features.transpose() * features, products = features.transpose() * channel;
+    Eigen::MatrixXd coefficients = Eigen::MatrixXd::Zero(features.cols(), channel.cols());
+    for (std::size_t k = 0; k < n; ++k) {
+        const auto index = features_without(n, order, k);
+        const auto m = Eigen::Index(index.size());
+        Eigen::MatrixXd a(m, m);
+        Eigen::VectorXd b(m);
+        for (Eigen::Index i = 0; i < m; ++i) {
+            b[i] = products(index[std::size_t(i)], Eigen::Index(k));
+            for (Eigen::Index j = 0; j < m; ++j) a(i, j) = squares(index[std::size_t(i)], index[std::size_t(j)]);
+        }
+        a.diagonal().array() += kRidge * double(features.rows());
+        const Eigen::VectorXd solved = a.ldlt().solve(b);
+        for (Eigen::Index i = 0; i < m; ++i) coefficients(index[std::size_t(i)], Eigen::Index(k)) = solved[i];
+    }
+    return coefficients;
+}
+
+struct HeldOutParity {
+    Parity parity;
+    double error = 0;  // held out, geometric mean over the channels of rms / range
+};
+
+HeldOutParity fit_order(const Rows& rows, const std::vector<std::size_t>& group_of_row, const Calibration& calibration,
+                        Parity parity) {
+    const std::size_t n = calibration.channels.size();
+    const Eigen::MatrixXd features = features_of(rows, parity);
+    Eigen::MatrixXd channel(features.rows(), Eigen::Index(n));
+    for (Eigen::Index i = 0; i < channel.rows(); ++i)
+        for (std::size_t k = 0; k < n; ++k) channel(i, Eigen::Index(k)) = rows[std::size_t(i)]->channel[k];
+    Eigen::MatrixXd residual = Eigen::MatrixXd::Constant(channel.rows(), channel.cols(), kNaN);
+    for (const std::size_t group : std::set<std::size_t>(group_of_row.begin(), group_of_row.end())) {
+        std::vector<Eigen::Index> seen, unseen;
+        for (std::size_t i = 0; i < rows.size(); ++i) (group_of_row[i] == group ? unseen : seen).push_back(Eigen::Index(i));
+        if (Eigen::Index(seen.size()) < features.cols()) continue;
+        const Eigen::MatrixXd part = coefficients_of(features(seen, Eigen::all), channel(seen, Eigen::all), parity.order);
+        const Eigen::MatrixXd errors = channel(unseen, Eigen::all) - features(unseen, Eigen::all) * part;
+        for (std::size_t i = 0; i < unseen.size(); ++i) residual.row(unseen[i]) = errors.row(Eigen::Index(i));
+    }
+    const Eigen::MatrixXd coefficients = coefficients_of(features, channel, parity.order);
+    const std::vector<double> zero_sd = zeros_of(rows, calibration);
+    HeldOutParity result;
+    for (std::size_t k = 0; k < n; ++k) {
+        std::vector<double> sizes;
+        double squares = 0;
+        for (Eigen::Index i = 0; i < residual.rows(); ++i)
+            if (const double error = residual(i, Eigen::Index(k)); std::isfinite(error)) {
+                sizes.push_back(std::abs(error));
+                squares += error * error;
+            }
+        if (sizes.empty()) return {};
+        const auto at = sizes.begin() + std::ptrdiff_t(kTail * double(sizes.size() - 1));
+        std::nth_element(sizes.begin(), at, sizes.end());
+        const double rms = std::sqrt(squares / double(sizes.size()));
+        // Noise and drift of each channel, through the linear coefficients.
+        double others = 0;
+        for (std::size_t j = 0; j < n; ++j) {
+            const double gain = j == k ? 1 : coefficients(Eigen::Index(1 + j), Eigen::Index(k)) / parity.scale[j];
+            others += std::pow(gain * std::hypot(zero_sd[j], kNoise * 2 * parity.scale[j]), 2);
+        }
+        const double sd = std::hypot(std::max(rms, *at / kTail_sd), std::sqrt(others));
+        parity.sd.push_back(sd <= kRedundant * 2 * parity.scale[k] ? sd : 0);
+        parity.coefficients.emplace_back();
+        for (Eigen::Index f = 0; f < coefficients.rows(); ++f)
+            parity.coefficients.back().push_back(coefficients(f, Eigen::Index(k)));
+        result.error += std::log(std::max(sd / (2 * parity.scale[k]), 1e-12)) / double(n);
+    }
+    result.error = std::exp(result.error);
+    result.parity = std::move(parity);
+    return result;
+}
+
+}  // namespace
+
+void set_parity(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration) {
+    calibration.parity = {};
+    const std::size_t n = calibration.channels.size();
+    if (n < 2 || rows.empty()) return;
+    const std::size_t loads = loads_of(rows).back() + 1;
+    Parity parity;
+    for (std::size_t k = 0; k < n; ++k) {
+        const auto [least, most] = std::minmax_element(
+            rows.begin(), rows.end(), [k](const auto* a, const auto* b) { return a->channel[k] < b->channel[k]; });
+        parity.centre.push_back(((*least)->channel[k] + (*most)->channel[k]) / 2);
+        parity.scale.push_back(((*most)->channel[k] - (*least)->channel[k]) / 2);
+        if (!(parity.scale.back() > 0)) return;
+    }
+    HeldOutParity best;
+    for (const int order : {1, 2}) {
+        if (order == 2 && n > kMaxChannelsOfOrder2) break;
+        if (loads < kRowsPerCoefficient * parity_features(n - 1, order)) break;
+        parity.order = order;
+        HeldOutParity one = fit_order(rows, group_of_row, calibration, parity);
+        if (one.parity.sd.empty()) break;
+        if (best.parity.sd.empty() || one.error < kWorth * best.error) best = std::move(one);
+    }
+    const auto& sd = best.parity.sd;
+    if (std::all_of(sd.begin(), sd.end(), [](double each) { return each == 0; })) return;
+    calibration.parity = std::move(best.parity);
+}
+
+void set_sd_without(const Rows& rows, Calibration& calibration) {
+    calibration.sd_without.clear();
+    const Parity& parity = calibration.parity;
+    if (parity.sd.empty()) return;
+    Calibration plain = calibration;  // without the check
+    plain.parity = {};
+    plain.joint_domain = {};
+    for (std::size_t k = 0; k < parity.sd.size(); ++k) {
+        const auto decoupler = make_decoupler(plain);
+        std::vector<double> squares(calibration.components.size()), count(calibration.components.size());
+        for (const auto* row : rows) {
+            if (parity.sd[k] == 0) break;
+            std::vector<double> channel = row->channel;
+            channel[k] = predicted(parity, row->channel, k);
+            const Estimate estimate = decoupler->decouple({.channel = channel, .t_ns = row->t_ns});
+            for (std::size_t i = 0; i < squares.size(); ++i) {
+                const std::size_t c = component_index(calibration.components[i]);
+                const double error = estimate.wrench_S[c] - row->wrench_S[c];
+                if (!std::isfinite(error)) continue;
+                squares[i] += error * error;
+                ++count[i];
+            }
+        }
+        calibration.sd_without.emplace_back();
+        for (std::size_t i = 0; i < squares.size(); ++i)
+            calibration.sd_without.back().push_back(count[i] > 0 ? std::sqrt(squares[i] / count[i]) : 0);
+    }
+}
+
+}  // namespace tactiled

@@ -1,0 +1,19 @@
+// The parity of a calibration from its rows (decoupling/parity.hpp).
+#pragma once
+#include <cstddef>
+#include <vector>
+
+#include "decoupling/fit/fit.hpp"
+
+namespace tactiled {
+
+// Sets `calibration.parity`: each channel as a linear function of the others, or a quadratic one where that lowers the error
+// on rows of held-out groups to less than 0.7. A channel is not checked where kLimit standard deviations of that error are
+// more than a fifth of its range. Left empty where no channel can be checked, or where the rows are too few. setup
+void set_parity(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration);
+
+// Sets `calibration.sd_without`: the error of its own method with one channel replaced by its prediction, rms over the rows.
+// setup
+void set_sd_without(const Rows& rows, Calibration& calibration);
+
+}  // namespace tactiled

@@ -1,0 +1,54 @@
+#include "decoupling/fit/repeats.hpp"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "decoupling/fit/groups.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::size_t kHeldRows = 20, kRowsNeeded = 200;
+// A run of so many readings that fills half of the time for which the load was held has no end that was seen.
+constexpr int kEndlessRun = 10;
+
+}  // namespace
+
+Repeats repeats_of(const Rows& rows) {
+    if (rows.empty()) return {};
+    const std::size_t n = rows.front()->channel.size();
+    const std::vector<std::size_t> load = loads_of(rows);
+    Repeats repeats{.readings = std::vector<int>(n, 1), .interval_s = 0};
+    std::vector<bool> endless(n);
+    std::vector<std::uint64_t> intervals_ns;
+    std::size_t looked_at = 0;
+    const auto follows = [&](std::size_t i) {
+        return load[i] == load[i - 1] && rows[i]->session == rows[i - 1]->session && rows[i]->line == rows[i - 1]->line + 1;
+    };
+    for (std::size_t begin = 0, end; begin < rows.size(); begin = end) {
+        for (end = begin + 1; end < rows.size() && follows(end);) ++end;
+        if (end - begin < kHeldRows) continue;
+        looked_at += end - begin;
+        for (std::size_t i = begin + 1; i < end; ++i)
+            if (rows[i]->t_ns > rows[i - 1]->t_ns) intervals_ns.push_back(rows[i]->t_ns - rows[i - 1]->t_ns);
+        for (std::size_t k = 0; k < n; ++k) {
+            int run = 1;
+            for (std::size_t i = begin + 1; i < end; ++i) {
+                run = rows[i]->channel[k] == rows[i - 1]->channel[k] ? run + 1 : 1;
+                repeats.readings[k] = std::max(repeats.readings[k], run);
+                if (run >= kEndlessRun && 2 * std::size_t(run) > end - begin) endless[k] = true;
+            }
+        }
+    }
+    if (looked_at < kRowsNeeded) return {};
+    for (std::size_t k = 0; k < n; ++k)
+        if (endless[k]) repeats.readings[k] = 0;
+    if (!intervals_ns.empty()) {
+        const auto middle = intervals_ns.begin() + std::ptrdiff_t(intervals_ns.size() / 2);
+        std::nth_element(intervals_ns.begin(), middle, intervals_ns.end());
+        repeats.interval_s = double(*middle) * 1e-9;
+    }
+    return repeats;
+}
+
+}  // namespace tactiled

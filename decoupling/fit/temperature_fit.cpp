@@ -1,0 +1,117 @@
+#include "decoupling/fit/temperature_fit.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+#include "decoupling/solve/domain.hpp"
+#include "decoupling/temperature.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kMinRange_K = 2;
+constexpr std::size_t kStretches = 5;
+// A channel whose error falls below this part follows the temperature.
+constexpr double kWorth = 0.9;
+
+// 1, the loads, their squares and products; scaled by full scale.
+Eigen::MatrixXd loads_of_rows(const Rows& rows, const Calibration& calibration) {
+    const auto m = Eigen::Index(calibration.components.size());
+    Eigen::MatrixXd load(Eigen::Index(rows.size()), 1 + m + m * (m + 1) / 2);
+    for (Eigen::Index i = 0; i < load.rows(); ++i) {
+        load(i, 0) = 1;
+        for (Eigen::Index c = 0; c < m; ++c)
+            load(i, 1 + c) = rows[std::size_t(i)]->wrench_S[component_index(calibration.components[std::size_t(c)])];
+    }
+    for (Eigen::Index c = 1; c <= m; ++c) {
+        const double largest = load.col(c).cwiseAbs().maxCoeff();
+        if (largest > 0) load.col(c) /= largest;
+    }
+    auto at = 1 + m;
+    for (Eigen::Index i = 1; i <= m; ++i)
+        for (Eigen::Index j = i; j <= m; ++j, ++at) load.col(at) = load.col(i).cwiseProduct(load.col(j));
+    return load;
+}
+
+Eigen::VectorXd solve(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) { return a.colPivHouseholderQr().solve(b); }
+
+// Root mean square error on stretches that were left out.
+double held_out(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {
+    double squares = 0;
+    const Eigen::Index n = a.rows();
+    for (std::size_t s = 0; s < kStretches; ++s) {
+        std::vector<Eigen::Index> seen, unseen;
+        for (Eigen::Index i = 0; i < n; ++i)
+            (std::size_t(i) * kStretches / std::size_t(n) == s ? unseen : seen).push_back(i);
+        const Eigen::VectorXd error = b(unseen) - a(unseen, Eigen::all) * solve(a(seen, Eigen::all), b(seen));
+        squares += error.squaredNorm();
+    }
+    return std::sqrt(squares / double(n));
+}
+
+}  // namespace
+
+Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Calibration& calibration,
+                                 std::vector<std::string>& warnings) {
+    Rows rows;
+    for (const auto* row : all)
+        if (std::isfinite(row->temperature_C) &&
+            std::all_of(calibration.components.begin(), calibration.components.end(),
+                        [&](const std::string& name) { return std::isfinite(row->wrench_S[component_index(name)]); }))
+            rows.push_back(row);
+    if (rows.empty()) return {};
+    const auto [least, most] = std::minmax_element(
+        rows.begin(), rows.end(), [](const auto* a, const auto* b) { return a->temperature_C < b->temperature_C; });
+    Temperature found;
+    found.range_C = {(*least)->temperature_C, (*most)->temperature_C};
+    if (found.range_C[1] - found.range_C[0] < kMinRange_K) {
+        warnings.push_back(fmt::format("temperature_C covers {:.1f} K: too little to learn zero and gain against it",
+                                       found.range_C[1] - found.range_C[0]));
+        return {};
+    }
+    Eigen::VectorXd from_K(Eigen::Index(rows.size()));
+    for (Eigen::Index i = 0; i < from_K.size(); ++i) from_K[i] = rows[std::size_t(i)]->temperature_C;
+    found.reference_C = from_K.mean();
+    from_K.array() -= found.reference_C;
+    const Eigen::MatrixXd load = loads_of_rows(rows, calibration);
+    if (load.rows() < Eigen::Index(kRowsPerCoefficient) * (load.cols() + 2)) return {};
+    std::size_t followed = 0;
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
+        Eigen::VectorXd channel(from_K.size());
+        for (Eigen::Index i = 0; i < channel.size(); ++i) channel[i] = rows[std::size_t(i)]->channel[k];
+        // The gain multiplies the response to the load, which is found first.
+        Eigen::MatrixXd with_zero(load.rows(), load.cols() + 1);
+        with_zero << load, from_K;
+        const Eigen::VectorXd first = solve(with_zero, channel);
+        Eigen::VectorXd response = load * first.head(load.cols());
+        response.array() -= first[0];
+        Eigen::MatrixXd with_gain(load.rows(), load.cols() + 2);
+        with_gain << with_zero, response.cwiseProduct(from_K);
+        const double without = held_out(load, channel), zero_alone = held_out(with_zero, channel),
+                     both = held_out(with_gain, channel);
+        Eigen::VectorXd solved = Eigen::VectorXd::Zero(load.cols() + 2);
+        if (both < kWorth * std::min(without, zero_alone))
+            solved = solve(with_gain, channel);
+        else if (zero_alone < kWorth * without)
+            solved.head(load.cols() + 1) = first;
+        else
+            solved.head(load.cols()) = solve(load, channel);
+        followed += solved[load.cols()] != 0;
+        found.zero.push_back(solved[0]);
+        found.zero_per_K.push_back(solved[load.cols()]);
+        found.gain_per_K.push_back(std::clamp(solved[load.cols() + 1], -0.1, 0.1));
+    }
+    if (followed == 0) {
+        warnings.emplace_back("no channel follows temperature_C");
+        return {};
+    }
+    for (LabelledRow& row : labelled.rows)
+        for (std::size_t k = 0; k < row.channel.size(); ++k)
+            row.channel[k] = at_reference(found, k, row.channel[k], row.temperature_C);  // NaN without a temperature
+    return found;
+}
+
+}  // namespace tactiled

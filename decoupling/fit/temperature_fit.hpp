@@ -1,0 +1,16 @@
+// Zero and gain of each channel against temperature, from the rows of a calibration (decoupling/temperature.hpp).
+#pragma once
+#include <string>
+#include <vector>
+
+#include "decoupling/fit/fit.hpp"
+
+namespace tactiled {
+
+// Takes each row of `labelled` back to the reference temperature, where the rows cover at
+// least 2 K and the temperature lowers the error of a quadratic forward model on held-out stretches; and returns what it
+// took off; else returns none and says why. setup
+Temperature take_temperature_off(const Rows& rows, Labelled& labelled, const Calibration& calibration,
+                                 std::vector<std::string>& warnings);
+
+}  // namespace tactiled

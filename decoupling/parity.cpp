@@ -1,0 +1,238 @@
+#include "decoupling/parity.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <utility>
+
+#include "config/names.hpp"
+#include "decoupling/solve/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr double kLimit = 4;                  // standard deviations
+constexpr double kSkew = 0.5;                 // of the motion over the last samples, as a standard deviation
+constexpr int kOn = 5, kOf = 10, kOff = 400;  // samples
+constexpr int kTests = 3;                     // of each channel, before one is named
+constexpr std::size_t kPast = 3;              // readings; with the present one four
+
+class ParityChecked final : public Decoupler {
+public:
+    ParityChecked(const Calibration& calibration, std::unique_ptr<Decoupler> inner)
+        : inner_(std::move(inner)),
+          parity_(calibration.parity),
+          n_(calibration.channels.size()),
+          n_features_(parity_features(n_, parity_.order)),
+          coefficient_(n_features_ * n_) {
+        for (std::size_t k = 0; k < n_; ++k) {
+            if (parity_.sd[k] > 0) checked_ |= 1u << k;
+            for (std::size_t f = 0; f < n_features_ && parity_.sd[k] > 0; ++f)
+                coefficient_[f * n_ + k] = parity_.coefficients[k][f];
+            // The standard deviation with channel k replaced, of each component.
+            sd_without_[k].fill(kNaN);
+            for (std::size_t i = 0; i < calibration.components.size() && k < calibration.sd_without.size(); ++i)
+                for (std::size_t c = 0; c < kComponentNames.size(); ++c)
+                    if (calibration.components[i] == kComponentNames[c]) sd_without_[k][c] = calibration.sd_without[k][i];
+        }
+        for (auto& past : past_) past.resize(2 * n_);
+    }
+
+    [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
+        if (reading.channel.size() != n_ || reading.missing != 0 || reading.saturated != 0) {
+            n_past_ = 0;
+            return inner_->decouple(reading);
+        }
+        double x[kMaxChannels], prediction[kMaxChannels], motion[kMaxChannels];
+        for (std::size_t k = 0; k < n_; ++k) x[k] = reading.channel[k];
+        predict(x, prediction);
+        follow_motion(reading.t_ns, x, prediction, motion);
+        // Beyond the calibrated ranges the predictions hold no better than the method, which says so itself.
+        if (is_within_range(x)) {
+            const std::uint32_t off = disagreeing(x, prediction, motion, kLimit);
+            follow_alarm(off != 0);
+            if (is_alarmed_ && off != 0) look_for_damage(x, prediction, motion);
+        }
+        if (!is_alarmed_) [[likely]]
+            return inner_->decouple(reading);
+        return doubtful_estimate(reading, x, prediction);
+    }
+
+    void forget() noexcept override {
+        n_past_ = 0;
+        inner_->forget();
+    }
+    void set_delay(double delay_s) noexcept override {
+        spacing_ns_ = std::uint64_t(delay_s / double(kPast) * 1e9);
+        inner_->set_delay(delay_s);
+    }
+    [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
+
+private:
+    [[nodiscard]] bool is_within_range(const double* x) const noexcept {
+        bool within = true;
+        for (std::size_t k = 0; k < n_; ++k)
+            within &= std::abs(x[k] - parity_.centre[k]) <= (1 + 2 * kDomainMargin) * parity_.scale[k];
+        return within;
+    }
+
+    void predict(const double* x, double* prediction) const noexcept {
+        double feature[kMaxParityFeatures];
+        put_features(parity_, {x, n_}, feature);
+        double sum[kMaxChannels]{};
+        const double* row = coefficient_.data();
+        for (std::size_t f = 0; f < n_features_; ++f, row += n_)
+            for (std::size_t k = 0; k < n_; ++k) sum[k] += row[k] * feature[f];
+        for (std::size_t k = 0; k < n_; ++k) prediction[k] = sum[k];
+    }
+
+    // How far each channel and its prediction have moved over the last samples, or over the delay of the chain.
+    void follow_motion(std::uint64_t t_ns, const double* x, const double* prediction, double* motion) noexcept {
+        for (std::size_t k = 0; k < n_; ++k) {
+            double min = x[k], max = x[k], min_p = prediction[k], max_p = prediction[k];
+            for (std::size_t i = 0; i < n_past_; ++i) {
+                min = std::min(min, past_[i][k]);
+                max = std::max(max, past_[i][k]);
+                min_p = std::min(min_p, past_[i][n_ + k]);
+                max_p = std::max(max_p, past_[i][n_ + k]);
+            }
+            motion[k] = (max - min) + (max_p - min_p);
+        }
+        if (n_past_ != 0 && t_ns - past_ns_ < spacing_ns_) return;
+        past_ns_ = t_ns;
+        std::copy_n(x, n_, past_[next_].begin());
+        std::copy_n(prediction, n_, past_[next_].begin() + std::ptrdiff_t(n_));
+        next_ = (next_ + 1) % kPast;
+        n_past_ = std::min(n_past_ + 1, kPast);
+    }
+
+    // Bit k: channel k is checked, and off by more than `limit` standard deviations. False for a NaN.
+    [[nodiscard]] std::uint32_t disagreeing(const double* x, const double* prediction, const double* motion,
+                                            double limit) const noexcept {
+        std::uint32_t off = 0;
+        for (std::size_t k = 0; k < n_; ++k) {
+            const double error = x[k] - prediction[k], moved = kSkew * motion[k], sd = parity_.sd[k];
+            off |= error * error > limit * limit * (sd * sd + moved * moved) ? 1u << k : 0;
+        }
+        return off & checked_;
+    }
+
+    void follow_alarm(bool off) noexcept {
+        recent_ = (recent_ << 1 | (off ? 1u : 0u)) & ((1u << kOf) - 1);
+        agreeing_ = off ? 0 : std::min(agreeing_ + 1, kOff);
+        if (!is_alarmed_ && std::popcount(recent_) >= kOn) {
+            is_alarmed_ = true;
+            cleared_ = 0;
+            tests_ = 0;
+            turn_ = 0;
+        }
+        if (is_alarmed_ && agreeing_ >= kOff) is_alarmed_ = false;
+    }
+
+    // Replaces one channel by its prediction; if others then still disagree, it is not the only damaged one.
+    void look_for_damage(const double* x, const double* prediction, const double* motion) noexcept {
+        const std::size_t k = turn_;
+        turn_ = (turn_ + 1) % n_;
+        if (turn_ == 0) tests_ = std::min(tests_ + 1, kTests);
+        if ((cleared_ >> k & 1u) != 0) return;
+        bool explains = (checked_ >> k & 1u) != 0;
+        if (explains) {
+            double replaced[kMaxChannels], again[kMaxChannels];
+            std::copy_n(x, n_, replaced);
+            replaced[k] = prediction[k];
+            predict(replaced, again);
+            explains = (disagreeing(replaced, again, motion, kLimit) & ~(1u << k)) == 0;
+        }
+        if (!explains) cleared_ |= 1u << k;
+    }
+
+    [[nodiscard]] Estimate doubtful_estimate(const Reading& reading, double* x, const double* prediction) noexcept {
+        const std::uint32_t suspects = checked_ & ~cleared_;
+        const bool is_named = tests_ >= kTests && std::popcount(suspects) == 1;
+        const auto k = std::size_t(is_named ? std::countr_zero(suspects) : 0);
+        Reading used = reading;
+        if (is_named) {
+            x[k] = prediction[k];
+            used.channel = {x, n_};
+        }
+        Estimate estimate = inner_->decouple(used);
+        if (estimate.quality == TACTILED_BAD) return estimate;
+        estimate.quality = TACTILED_UNCERTAIN;
+        estimate.reasons |= TACTILED_DISAGREEMENT;
+        bool is_known = false;
+        for (std::size_t c = 0; c < estimate.sd.size(); ++c) {
+            estimate.sd[c] = is_named ? std::hypot(estimate.sd[c], sd_without_[k][c]) : kNaN;
+            is_known = is_known || std::isfinite(estimate.sd[c]);
+        }
+        if (!is_known) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+        return estimate;
+    }
+
+    std::unique_ptr<Decoupler> inner_;
+    Parity parity_;
+    std::size_t n_, n_features_;
+    std::vector<double> coefficient_;  // [feature][channel]
+    std::uint32_t checked_ = 0;        // bit k: channel k is predicted
+    std::array<Wrench, kMaxChannels> sd_without_{};
+
+    std::array<std::vector<double>, kPast> past_;  // channels, then predictions
+    std::size_t next_ = 0, n_past_ = 0;
+    std::uint64_t past_ns_ = 0, spacing_ns_ = 0;
+    std::uint32_t recent_ = 0;  // bit i: i samples ago some channel disagreed
+    int agreeing_ = 0;          // samples in a row
+    bool is_alarmed_ = false;
+    std::uint32_t cleared_ = 0;  // bit k: channel k alone does not explain the alarm
+    std::size_t turn_ = 0;       // the channel that is replaced next
+    int tests_ = 0;              // of each channel since the alarm
+};
+
+}  // namespace
+
+std::size_t parity_features(std::size_t n, int order) noexcept { return 1 + n + (order > 1 ? n * (n + 1) / 2 : 0); }
+
+void put_features(const Parity& parity, std::span<const double> channel, double* feature) noexcept {
+    const std::size_t n = channel.size();
+    feature[0] = 1;
+    for (std::size_t k = 0; k < n; ++k) feature[1 + k] = (channel[k] - parity.centre[k]) / parity.scale[k];
+    if (parity.order < 2) return;
+    const double* const x = feature + 1;
+    double* product = feature + 1 + n;
+    for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t j = i; j < n; ++j) *product++ = x[i] * x[j];
+}
+
+double predicted(const Parity& parity, std::span<const double> channel, std::size_t k) {
+    std::vector<double> feature(parity_features(channel.size(), parity.order));
+    put_features(parity, channel, feature.data());
+    double sum = 0;
+    for (std::size_t f = 0; f < feature.size(); ++f) sum += parity.coefficients[k][f] * feature[f];
+    return sum;
+}
+
+std::unique_ptr<Decoupler> with_parity(const Calibration& calibration, std::unique_ptr<Decoupler> inner) {
+    if (inner == nullptr || calibration.parity.sd.empty()) return inner;
+    return std::make_unique<ParityChecked>(calibration, std::move(inner));
+}
+
+std::string fault_of_parity(const Calibration& calibration) {
+    const Parity& parity = calibration.parity;
+    if (parity.sd.empty()) return "";
+    const std::size_t n = calibration.channels.size();
+    if (parity.order < 1 || parity.order > 2 || parity_features(n, parity.order) > kMaxParityFeatures)
+        return fmt::format("parity.order = {} with {} channels", parity.order, n);
+    if (parity.centre.size() != n || parity.scale.size() != n || parity.sd.size() != n || parity.coefficients.size() != n)
+        return fmt::format("parity has {} centres, {} scales, {} sd and {} rows of coefficients for {} channels",
+                           parity.centre.size(), parity.scale.size(), parity.sd.size(), parity.coefficients.size(), n);
+    for (std::size_t k = 0; k < n; ++k) {
+        if (!(parity.scale[k] > 0)) return fmt::format("parity.scale[{}] is not above 0", k);
+        if (parity.coefficients[k].size() != parity_features(n, parity.order))
+            return fmt::format("parity.coefficients[{}] has {} numbers, not {}", k, parity.coefficients[k].size(),
+                               parity_features(n, parity.order));
+    }
+    return "";
+}
+
+}  // namespace tactiled

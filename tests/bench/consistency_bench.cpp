@@ -1,0 +1,330 @@
+// Is GOOD consistent, and the stated uncertainty true? Every method of every model, calibrated in simulation as in
+// `tactilectl tradeoff`, through the Decoupler and the latency of the loop.
+//
+//   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd, median sd / rms, GOOD
+//   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
+//   consistency_bench alarms HOURS [MODEL]         clean use with a load that wanders: samples that are not GOOD, by reason
+//   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
+//                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd
+//
+// Frozen channels are not looked for: that is the node's, before the model.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <random>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "decoupling/fit/fit.hpp"
+#include "decoupling/latency.hpp"
+#include "decoupling/solve/domain.hpp"
+#include "node/lab/tradeoff.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace tactiled;
+using namespace tactiled::ctl;
+
+struct Shares {
+    std::size_t samples = 0, good = 0, undetected = 0;  // GOOD and off by more than 5 sd in some component
+    std::size_t values = 0, within = 0, beyond = 0;     // components of GOOD samples: 1 sd, 5 sd
+    double sharpness = 0;                               // the largest median sd / rms of a component
+    std::map<std::uint32_t, std::size_t> reasons;
+};
+
+struct Errors {
+    std::vector<float> sd;
+    double squares = 0;
+};
+
+class Course {
+public:
+    Course(const Candidate& candidate, double delay_s) : candidate_(candidate), decoupler_(candidate.make()) {
+        decoupler_->set_delay(delay_s);
+        latency_.set_delay(delay_s);
+    }
+    // Tares on the second half of the rest before the first load.
+    void judge(const Labelled& rows) {
+        std::vector<double> storage;
+        const auto readings = readings_of(candidate_, rows, storage);
+        const std::size_t begin = is_tared_ ? 0 : first_load(rows);
+        std::size_t at_rest = 0;
+        Wrench sum{};
+        for (std::size_t i = 0; i < readings.size(); ++i) {
+            Estimate e = decoupler_->decouple(readings[i]);
+            if (e.quality == TACTILED_BAD)
+                latency_.forget();
+            else
+                latency_.widen(e.wrench_S, readings[i].t_ns, e.sd);
+            if (i < begin) {
+                if (i < begin / 2 || e.quality == TACTILED_BAD) continue;
+                ++at_rest;
+                for (std::size_t c = 0; c < 6; ++c) sum[c] += std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
+                continue;
+            }
+            if (i == begin && at_rest > 0)
+                for (std::size_t c = 0; c < 6; ++c) zero_[c] = sum[c] / double(at_rest);
+            take(e, rows.rows[i]);
+        }
+        is_tared_ = true;
+    }
+    Shares shares() {
+        for (const std::string& name : candidate_.calibration.components) {
+            Errors& errors = errors_[component_index(name)];
+            if (errors.sd.empty()) continue;
+            const auto middle = errors.sd.begin() + std::ptrdiff_t(errors.sd.size() / 2);
+            std::nth_element(errors.sd.begin(), middle, errors.sd.end());
+            const double rms = std::sqrt(errors.squares / double(errors.sd.size()));
+            shares_.sharpness = std::max(shares_.sharpness, double(*middle) / rms);
+        }
+        return shares_;
+    }
+
+private:
+    void take(const Estimate& e, const LabelledRow& row) {
+        ++shares_.samples;
+        ++shares_.reasons[e.quality == TACTILED_GOOD ? 0 : e.reasons];
+        if (e.quality != TACTILED_GOOD) return;
+        ++shares_.good;
+        bool undetected = false;
+        for (const std::string& name : candidate_.calibration.components) {
+            const std::size_t c = component_index(name);
+            const double error = e.wrench_S[c] - zero_[c] - row.wrench_S[c];
+            if (!std::isfinite(error)) continue;
+            ++shares_.values;
+            shares_.within += std::abs(error) <= e.sd[c];
+            const bool beyond = std::abs(error) > 5 * e.sd[c];
+            shares_.beyond += beyond;
+            undetected = undetected || beyond;
+            errors_[c].sd.push_back(float(e.sd[c]));
+            errors_[c].squares += error * error;
+        }
+        shares_.undetected += undetected;
+    }
+
+    const Candidate& candidate_;
+    std::unique_ptr<Decoupler> decoupler_;
+    Latency latency_;
+    Wrench zero_{};
+    bool is_tared_ = false;
+    std::array<Errors, 6> errors_;
+    Shares shares_;
+};
+
+double percent(std::size_t part, std::size_t whole) {
+    return whole == 0 ? std::nan("") : 100 * double(part) / double(whole);
+}
+
+void coverage(const std::vector<Contest>& contests) {
+    fmt::print("{:<30} {:>10} {:>8} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "in 1 sd", "over 5 sd", "sd / rms",
+               "samples");
+    for (const Contest& contest : contests)
+        for (const Candidate& candidate : contest.candidates)
+            for (const Trial& trial : contest.trials) {
+                Course course(candidate, trial.delay_s);
+                course.judge(trial.rows);
+                const Shares s = course.shares();
+                fmt::print("{:<30} {:>10.1f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9}\n",
+                           fmt::format("{}/{} {}", contest.model, candidate.name, trial.kind), percent(s.good, s.samples),
+                           percent(s.within, s.values), percent(s.undetected, s.good), s.sharpness, s.samples);
+            }
+}
+
+void damaged(const std::string& folder, const std::vector<Contest>& contests, std::uint64_t first, std::uint64_t count) {
+    for (const Contest& contest : contests) {
+        const std::string of = contest.model == "generic" ? "capacitive" : contest.model;
+        std::vector<std::vector<double>> undetected(contest.candidates.size());
+        std::vector<double> good(contest.candidates.size());
+        for (std::uint64_t seed = first; seed < first + count; ++seed) {
+            sim::Scene scene = sim::read_scene(fmt::format("{}/tradeoff_{}_damaged.toml", folder, of));
+            scene.seed = seed;
+            const Labelled rows = rows_of(scene, kMaxOfScene);
+            for (std::size_t i = 0; i < contest.candidates.size(); ++i) {
+                Course course(contest.candidates[i], scene.delay_s(scene.sensors.front()));
+                course.judge(rows);
+                const Shares s = course.shares();
+                undetected[i].push_back(percent(s.undetected, s.samples));
+                good[i] += percent(s.good, s.samples) / double(count);
+            }
+        }
+        for (std::size_t i = 0; i < contest.candidates.size(); ++i) {
+            double mean = 0;
+            for (const double each : undetected[i]) mean += each / double(count);
+            const auto worst = std::max_element(undetected[i].begin(), undetected[i].end());
+            fmt::print("{:<24} undetected mean {:>6.2f} %, worst {:>6.2f} % (seed {}), GOOD {:>5.1f} %\n",
+                       contest.model + "/" + contest.candidates[i].name, mean, *worst,
+                       first + std::uint64_t(worst - undetected[i].begin()), good[i]);
+        }
+    }
+}
+
+// The scene, with its loads wandering from another seed: a copy beside a link to the calibrations that it names.
+CalibrationScene with_other_loads(const std::string& path, const fs::path& copies, std::uint64_t seed) {
+    std::ifstream in(path);
+    std::string text{std::istreambuf_iterator<char>(in), {}};
+    const std::string wander = "do = \"wander\"\n";
+    const auto at = text.find(wander);
+    if (at == text.npos) throw std::runtime_error(path + ": no load wanders");
+    text.insert(at + wander.size(), fmt::format("seed = {}\n", seed));
+    std::ofstream(copies / "scenes" / "copy.toml") << text;
+    CalibrationScene scene = read_calibration_scene(copies / "scenes" / "copy.toml");
+    scene.scene.seed = seed;
+    return scene;
+}
+
+// The calibration's kind of use goes on for hours, with other loads and other noise.
+void alarms(const std::string& folder, const std::vector<Contest>& contests, double hours) {
+    const std::map<std::string, std::string> scenes{{"table", "tradeoff_table_calibrate"},
+                                                    {"hair", "tradeoff_hair_calibrate"},
+                                                    {"capacitive", "tradeoff_capacitive_calibrate"},
+                                                    {"generic", "tradeoff_generic_calibrate"}};
+    const fs::path copies = fs::temp_directory_path() / fmt::format("consistency_bench.{}", ::getpid());
+    fs::create_directories(copies / "scenes");
+    fs::create_directory_symlink(fs::path(folder).parent_path() / "calibration", copies / "calibration");
+    for (const Contest& contest : contests) {
+        const auto found = scenes.find(contest.model);
+        if (found == scenes.end()) continue;
+        const std::string path = folder + "/" + found->second + ".toml";
+        const CalibrationScene first = read_calibration_scene(path);
+        std::vector<Course> courses;
+        for (const Candidate& candidate : contest.candidates)
+            courses.emplace_back(candidate, first.scene.delay_s(first.scene.sensors.front()));
+        double done_s = 0;
+        for (std::uint64_t seed = 5000; done_s < hours * 3600; ++seed) {
+            const CalibrationScene source = with_other_loads(path, copies, seed);
+            const Labelled rows = rows_of(source.scene, std::size_t(source.scene.samples));
+            done_s += double(source.scene.samples) / source.scene.rate_Hz;
+            for (Course& course : courses) course.judge(rows);
+        }
+        for (std::size_t i = 0; i < courses.size(); ++i) {
+            const Shares s = courses[i].shares();
+            fmt::print("{:<24} {:.1f} h, {} samples, GOOD {:.4f} %", contest.model + "/" + contest.candidates[i].name,
+                       done_s / 3600, s.samples, percent(s.good, s.samples));
+            for (const auto& [reasons, n] : s.reasons)
+                if (reasons != 0) fmt::print(", reasons 0x{:x}: {:.4f} %", reasons, percent(n, s.samples));
+            fmt::print("\n");
+        }
+    }
+    fs::remove_all(copies);
+}
+
+using Damage = std::function<void(std::vector<double>&, std::size_t)>;
+
+// Each channel in turn, damaged in all rows. `damage` is given the row and the channel.
+void judge_damage(const Calibration& calibration, const std::string& kind, const Labelled& rows, std::size_t cases,
+                  const Damage& damage) {
+    std::size_t samples = 0, good = 0, wrong = 0, beyond = 0;
+    double worst = 0;
+    for (std::size_t k = 0; k < cases; ++k) {
+        const auto decoupler = make_decoupler(calibration);
+        for (const LabelledRow& row : rows.rows) {
+            std::vector<double> channel = row.channel;
+            damage(channel, k);
+            const Estimate e = decoupler->decouple({.channel = channel, .t_ns = row.t_ns});
+            ++samples;
+            if (e.quality != TACTILED_GOOD) continue;
+            ++good;
+            bool is_wrong = false, is_beyond = false;
+            for (std::size_t i = 0; i < calibration.components.size(); ++i) {
+                const std::size_t c = component_index(calibration.components[i]);
+                const double error = std::abs(e.wrench_S[c] - row.wrench_S[c]);
+                if (!std::isfinite(error)) continue;
+                is_wrong = is_wrong || error > 0.1 * calibration.full_scale[i];
+                is_beyond = is_beyond || error > 5 * e.sd[c];
+                worst = std::max(worst, error / calibration.full_scale[i]);
+            }
+            wrong += is_wrong;
+            beyond += is_beyond;
+        }
+    }
+    fmt::print("{:<10} {:<16} GOOD {:>6.2f} %  wrong {:>5.2f} %  beyond 5 sd {:>5.2f} %  worst {:>5.1f} %\n",
+               calibration.method, kind, percent(good, samples), percent(wrong, samples), percent(beyond, samples),
+               100 * worst);
+    std::fflush(stdout);
+}
+
+// The damages of damaged_channels.py.
+void damage(const std::string& fit_file, const std::string& judge_file, const std::string& methods) {
+    const Labelled seen = read_labelled(fit_file, {}), unseen = read_labelled(judge_file, {});
+    std::vector<double> least = seen.rows.front().channel, most = least;
+    const LabelledRow* rest = &seen.rows.front();
+    for (const LabelledRow& row : seen.rows) {
+        const auto load = [](const LabelledRow& r) {
+            double sum = 0;
+            for (const double f : r.wrench_S) sum += std::isfinite(f) ? std::abs(f) : 0;
+            return sum;
+        };
+        if (load(row) < load(*rest)) rest = &row;
+        for (std::size_t k = 0; k < least.size(); ++k) {
+            least[k] = std::min(least[k], row.channel[k]);
+            most[k] = std::max(most[k], row.channel[k]);
+        }
+    }
+    const std::size_t n = seen.channels.size();
+    std::mt19937 random(3);
+    std::vector<std::pair<std::size_t, std::size_t>> pairs;
+    while (pairs.size() < 40)
+        if (const auto a = random() % n, b = random() % n; a != b) pairs.emplace_back(a, b);
+    const std::vector<std::pair<const char*, Damage>> kinds{
+        {"undamaged", [](auto&, std::size_t) {}},
+        {"at rest", [&](auto& channel, std::size_t k) { channel[k] = rest->channel[k]; }},
+        {"at zero", [](auto& channel, std::size_t k) { channel[k] = 0; }},
+        {"half gain", [](auto& channel, std::size_t k) { channel[k] *= 0.5; }},
+        {"turned round", [](auto& channel, std::size_t k) { channel[k] *= -1; }},
+        {"shifted by 20 %", [&](auto& channel, std::size_t k) { channel[k] += 0.2 * (most[k] - least[k]); }},
+        {"exchanged", [&](auto& channel, std::size_t k) { std::swap(channel[pairs[k].first], channel[pairs[k].second]); }}};
+    std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
+    for (std::string method; std::getline(names, method, ',');) {
+        const Calibration calibration =
+            fit(seen, {.model = "generic", .method = method, .serial = "", .date = ""}).calibration;
+        fmt::print(
+            "{}: {} channels checked by the others\n", method,
+            std::count_if(calibration.parity.sd.begin(), calibration.parity.sd.end(), [](double sd) { return sd > 0; }));
+        for (const auto& [kind, how] : kinds)
+            judge_damage(calibration, kind, unseen,
+                         std::string(kind) == "undamaged"   ? 1
+                         : std::string(kind) == "exchanged" ? pairs.size()
+                                                            : n,
+                         how);
+    }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    const std::string what = argc > 1 ? argv[1] : "";
+    const int numbers = what == "damaged" || what == "damage" ? 2 : what == "alarms" ? 1 : what == "coverage" ? 0 : -1;
+    if (numbers < 0 || argc < 2 + numbers) {
+        fmt::print(stderr,
+                   "usage: consistency_bench coverage|damaged FIRST COUNT|alarms HOURS [MODEL]\n"
+                   "       consistency_bench damage FIT.csv JUDGE.csv [METHODS]\n");
+        return 2;
+    }
+    try {
+        const std::string folder = scenes_folder(), model = argc > 2 + numbers ? argv[2 + numbers] : "";
+        if (what == "damage") {
+            damage(argv[2], argv[3], model);
+            return 0;
+        }
+        const std::vector<Contest> contests = all_contests(
+            folder, [](double) {}, model);
+        if (what == "coverage") coverage(contests);
+        if (what == "damaged")
+            damaged(folder, contests, std::strtoull(argv[2], nullptr, 10), std::strtoull(argv[3], nullptr, 10));
+        if (what == "alarms") alarms(folder, contests, std::strtod(argv[2], nullptr));
+    } catch (const std::exception& error) {
+        fmt::print(stderr, "{}\n", error.what());
+        return 1;
+    }
+    return 0;
+}

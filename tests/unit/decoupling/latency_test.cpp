@@ -1,0 +1,70 @@
+// The part of the standard deviation that a delay makes.
+#include "decoupling/latency.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace tactiled {
+namespace {
+
+constexpr std::uint64_t kMs = 1'000'000;
+
+double sd_of(Latency& latency, double fz, std::uint64_t t_ns, double sd = 0.01) {
+    Wrench wrench = kUnseen, all = kUnseen;
+    wrench[2] = fz;
+    all[2] = sd;
+    latency.widen(wrench, t_ns, all);
+    EXPECT_TRUE(std::isnan(all[0]));
+    return all[2];
+}
+
+TEST(Latency, AForceThatMovesIsOffByDelayTimesItsSlope) {
+    Latency latency;
+    latency.set_delay(0.002);
+    double sd = 0;
+    for (std::uint64_t i = 1; i < 10; ++i) sd = sd_of(latency, 5 * double(i), i * kMs);  // 5000 N/s
+    EXPECT_NEAR(sd, std::hypot(0.01, 10), 1e-9);
+}
+
+TEST(Latency, AtRestAndWithoutADelayNothingIsAdded) {
+    Latency latency;
+    for (std::uint64_t i = 1; i < 10; ++i) EXPECT_EQ(sd_of(latency, 5 * double(i), i * kMs), 0.01);
+    latency.set_delay(0.002);
+    for (std::uint64_t i = 11; i < 20; ++i) EXPECT_EQ(sd_of(latency, 5, i * kMs), 0.01);
+}
+
+TEST(Latency, AJumpIsForgottenAfterThreeSamplesAndAtADiscontinuity) {
+    Latency latency;
+    latency.set_delay(0.001);
+    (void)sd_of(latency, 0, 1 * kMs);
+    for (std::uint64_t i = 2; i < 5; ++i) EXPECT_GT(sd_of(latency, 9, i * kMs), 1) << i;
+    EXPECT_EQ(sd_of(latency, 9, 5 * kMs), 0.01);
+    latency.forget();
+    EXPECT_EQ(sd_of(latency, 0, 6 * kMs), 0.01);
+}
+
+// Ten thousand samples a second and a delay of 8 ms: four samples would show a slope of noise alone.
+TEST(Latency, NoiseIsNoSlopeHoweverFastTheSamplesCome) {
+    Latency latency;
+    latency.set_delay(0.008);
+    std::mt19937 random(1);
+    std::normal_distribution<double> noise(0, 0.01);
+    double sum = 0;
+    for (std::uint64_t i = 1; i <= 1000; ++i) sum += sd_of(latency, noise(random), i * kMs / 10);
+    EXPECT_LT(sum / 1000, 0.025);
+}
+
+TEST(Latency, AnyNumbersLeaveAFiniteStandardDeviation) {
+    Latency latency;
+    latency.set_delay(0.001);
+    for (const double value : {1e300, -1e300, 1e160, 0.0}) {
+        EXPECT_TRUE(std::isfinite(sd_of(latency, value, 5 * kMs)));
+        EXPECT_TRUE(std::isfinite(sd_of(latency, -value, 6 * kMs)));
+    }
+    EXPECT_TRUE(std::isnan(sd_of(latency, 1, 7 * kMs, kNaN)));
+}
+
+}  // namespace
+}  // namespace tactiled
