@@ -43,7 +43,7 @@ struct JointDomain {
     double false_alarms = 0;                     // share of the held-out rows beyond the limit, 0 .. 1
 };
 
-// How long each channel repeated one number while the load was held, in the rows of the calibration.
+// The longest repetition of one number by each channel while the load was held, in the rows of the calibration.
 struct Repeats {
     std::vector<int> readings;  // a channel: the longest run of equal readings; 0 = no end was seen. Empty = unknown
     double interval_s = 0;      // median time between two readings; 0 = unknown

@@ -57,7 +57,7 @@ struct SensorSettings {
     // lowest and highest raw number; a channel at or beyond one of them counts as saturated
     std::array<double, 2> saturates_at;
     std::string model;
-    std::string expect_serial;  // of the calibration; "" = any
+    std::string expect_serial;  // serial that the calibration must have; "" = any
     std::string calibration;    // path, as given or beside the configuration file
     std::string method;         // "" = the calibration's own; "auto"
     double budget_us;           // time budget of a sample with method "auto"

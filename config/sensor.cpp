@@ -74,8 +74,8 @@ const Fields<SensorSettings>& sensor_fields() {
          "A channel that repeats one number this often (2 or more) is dead and has no value; 0 = a channel may repeat. A "
          "quiet sensor of few bits, or one that is asked more often than it measures, repeats itself rightly: set many "
          "times what a recording at rest shows (`tactilectl record`)."},
-        {TACTILED_KEY(S, delay_ms), Default(-1.0, "what the driver knows of its converter, else 0"), range(0, 10'000), "ms",
-         Reload::tune,
+        {TACTILED_KEY(S, delay_ms), Default(-1.0, "the delay of the converter if the driver knows it, else 0"),
+         range(0, 10'000), "ms", Reload::tune,
          "Time from the middle of a measurement to the arrival of its frame: conversion, filters, transmission. While the "
          "force moves, the standard deviation contains what it can change in that time; the timestamp stays."},
         {TACTILED_KEY(S, slew_limit_per_s), Default(kInf, "none"), range(1e-300, 1e300), "raw numbers a second",

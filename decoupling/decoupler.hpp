@@ -25,7 +25,7 @@ struct Reading {
     std::uint32_t saturated = 0;      // bit n: channel n
     // CLOCK_MONOTONIC of the frame, for models that depend on the past (piezo, hysteresis)
     std::uint64_t t_ns = 0;
-    double temperature_C = kNaN;  // of the sensor; NaN = not known
+    double temperature_C = kNaN;  // temperature of the sensor; NaN = unknown
 };
 
 // Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = not measured by this sensor, or BAD.

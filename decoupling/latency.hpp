@@ -21,7 +21,7 @@ public:
         count_ = 0;
     }
     [[nodiscard]] double delay_s() const noexcept { return delay_s_; }
-    // What came before does not belong to what comes next: after a discontinuity, another method. rt: wait-free
+    // Discards the past samples: after a discontinuity or a change of method. rt: wait-free
     void forget() noexcept { count_ = 0; }
 
     // Makes each sd hypot(sd, delay * slope) of its component. The slope is taken over the last four samples, and over the

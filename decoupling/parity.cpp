@@ -14,10 +14,10 @@
 namespace tactiled {
 namespace {
 
-constexpr double kLimit = 4;                  // standard deviations
-constexpr double kSkew = 0.5;                 // of the motion over the last samples, as a standard deviation
+constexpr double kLimit = 4;   // standard deviations
+constexpr double kSkew = 0.5;  // share of the motion over the last samples that counts as a standard deviation
 constexpr int kOn = 5, kOf = 10, kOff = 400;  // samples
-constexpr int kTests = 3;                     // of each channel, before one is named
+constexpr int kTests = 3;                     // tests of each channel before one is named
 constexpr std::size_t kPast = 3;              // readings; with the present one four
 
 class ParityChecked final : public Decoupler {
@@ -89,7 +89,7 @@ private:
         for (std::size_t k = 0; k < n_; ++k) prediction[k] = sum[k];
     }
 
-    // How far each channel and its prediction have moved over the last samples, or over the delay of the chain.
+    // The motion of each channel and of its prediction over the last samples, or over the delay of the chain.
     void follow_motion(std::uint64_t t_ns, const double* x, const double* prediction, double* motion) noexcept {
         for (std::size_t k = 0; k < n_; ++k) {
             double min = x[k], max = x[k], min_p = prediction[k], max_p = prediction[k];
@@ -186,7 +186,7 @@ private:
     bool is_alarmed_ = false;
     std::uint32_t cleared_ = 0;  // bit k: channel k alone does not explain the alarm
     std::size_t turn_ = 0;       // the channel that is replaced next
-    int tests_ = 0;              // of each channel since the alarm
+    int tests_ = 0;              // tests of each channel since the alarm
 };
 
 }  // namespace

@@ -6,7 +6,7 @@
 // last samples is added: channels are not converted at the same instant. Five samples of ten that count raise the alarm, 400
 // in a row that do not end it. During the alarm each channel in turn is replaced by its prediction. The only one with which
 // all others agree again is the damaged one: the method goes on with its prediction, and with the standard deviation that
-// the calibration states for that. As long as several or none explain the residuals, there is no standard deviation.
+// the calibration states for that. There is no standard deviation as long as several channels or none explain the residuals.
 #pragma once
 #include <memory>
 #include <span>

@@ -13,7 +13,7 @@ namespace tactiled {
 namespace {
 
 constexpr double kMargin_K = 0.5;  // beyond the range that the calibration covered
-constexpr double kLarge = 0.1;     // of full scale: a term of this size makes a value UNCERTAIN
+constexpr double kLarge = 0.1;     // share of full scale from which on the term makes a value UNCERTAIN
 
 class AtReference final : public Decoupler {
 public:

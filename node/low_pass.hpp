@@ -16,7 +16,7 @@ public:
         empty_ = true;
     }
     [[nodiscard]] double cutoff_Hz() const noexcept { return cutoff_Hz_; }
-    // Of a slow signal; 0 where it is off.
+    // The delay of a slow signal; 0 if the filter is off.
     [[nodiscard]] double delay_s() const noexcept { return is_on() ? 2 / corner_rad_s() : 0; }
     [[nodiscard]] bool is_on() const noexcept { return cutoff_Hz_ > 0; }
     // Forgets the past: after a discontinuity, a tare, or a sample without a value. rt: wait-free

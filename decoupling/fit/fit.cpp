@@ -115,7 +115,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     check_labels(rows, report);
     check_number(rows, report);
     const bool remembers = methods.front()->remembers;
-    Temperature temperature;  // of the calibration, once all that reads rows at the reference temperature is done
+    Temperature temperature;  // set in the calibration at the end: until then all rows are at the reference
     if (!remembers) temperature = take_temperature_off(rows, *labelled, calibration, report.warnings);
     if (!temperature.zero_per_K.empty())  // a row without a temperature is of no use
         std::erase_if(rows, [](const LabelledRow* row) { return !std::isfinite(row->temperature_C); });

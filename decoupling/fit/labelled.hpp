@@ -15,7 +15,7 @@ struct LabelledRow {
     Wrench wrench_S = kUnseen;    // NaN where the reference has none
     std::size_t session = 0;      // index in Labelled::sessions
     std::uint64_t t_ns = 0;       // the file's t_s, 0 = unknown
-    double temperature_C = kNaN;  // of the file's temperature_C
+    double temperature_C = kNaN;  // the file's temperature_C
 };
 
 struct Labelled {

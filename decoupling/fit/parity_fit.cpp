@@ -13,8 +13,8 @@
 namespace tactiled {
 namespace {
 
-constexpr double kNoise = 1e-3;      // of a channel's range: noise and drift that a recording of held loads does not show
-constexpr double kWorth = 0.7;       // the error of a quadratic one over that of a linear one, from which on it is taken
+constexpr double kNoise = 1e-3;  // share of a channel's range: noise and drift that a recording of held loads does not show
+constexpr double kWorth = 0.7;   // the error of a quadratic one over that of a linear one, from which on it is taken
 constexpr double kRedundant = 0.05;  // greatest sd of a residual, as a part of the channel's range
 // The 99.9 % quantile of normal numbers is 3.29 standard deviations.
 constexpr double kTail = 0.999, kTail_sd = 3.29;

@@ -1,4 +1,4 @@
-// How long channels repeat one number while the load is held, from the rows of a calibration.
+// The repetition of numbers while the load is held, from the rows of a calibration.
 #pragma once
 #include "decoupling/fit/fit.hpp"
 

@@ -194,7 +194,7 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n, std::ve
         if (wanted(std::string(model) + "/" + method)) cases.push_back(fitted(model, method, rows, forward));
     };
     for (const char* method : {"matrix", "quadratic", "rbf", "mlp"}) add("generic", method, skin_rows, skin);
-    // Of 15 and of 8 channels without the checks around the method: the differences are their costs.
+    // The methods of 15 and of 8 channels without the checks around them: the differences are the costs of the checks.
     const auto part = [&](const char* name, const char* model, const char* method, const Labelled& rows,
                           const Forward& forward, Checks checks) {
         if (!wanted(name)) return;

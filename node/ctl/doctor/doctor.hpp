@@ -71,7 +71,7 @@ void look_at_port(const Machine& machine, const ModbusSettings& settings, bool d
 // check` prints these, too. A finding that is `wrong` makes every sample BAD.
 void look_at_safety(const Node& node, Findings& found);
 // Reports links on which a delay would not be detected, so that old forces would seem new.
-// Whose calibration it is, and what nothing can show.
+// Reports whether the calibration is compared with the sensor that is mounted.
 void look_at_identity(const Node& node, Findings& found);
 void look_at_freshness(const Node& node, Findings& found);
 

@@ -47,7 +47,7 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(s.saturates_at[1], std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.method, "");
     EXPECT_EQ(s.stale_ms, 100);
-    EXPECT_EQ(s.frozen_after, -1);  // as the calibration or the driver knows
+    EXPECT_EQ(s.frozen_after, -1);  // by the calibration or the driver
     EXPECT_EQ(s.delay_ms, -1);
     EXPECT_EQ(s.slew_limit_per_s, std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.rate_Hz, 0.0);

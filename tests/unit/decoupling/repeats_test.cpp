@@ -1,4 +1,4 @@
-// How long channels repeat one number at rest, as the calibration records it.
+// The calibration records the repetition of numbers at rest.
 #include "decoupling/fit/repeats.hpp"
 
 #include <gtest/gtest.h>
