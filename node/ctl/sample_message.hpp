@@ -12,8 +12,9 @@ namespace tactiled::ctl {
 inline constexpr std::string_view kSampleSchema = "tactiled_msgs/msg/Sample";
 inline constexpr std::string_view kWrenchSchema = "geometry_msgs/msg/WrenchStamped";
 inline constexpr std::string_view kQualitySchema = "tactiled_msgs/msg/Quality";
-extern const std::string_view kSampleDefinition, kWrenchDefinition,
-    kQualityDefinition;                                   // as ROS 2 writes message definitions
+inline constexpr std::string_view kToolSchema = "tactiled_msgs/msg/Tool";
+extern const std::string_view kSampleDefinition, kWrenchDefinition, kQualityDefinition,
+    kToolDefinition;                                   // as ROS 2 writes message definitions
 inline constexpr std::string_view kSensorKey = "sensor";  // in the channel's metadata: the sensor's name
 
 // The attachment that is the daemon's configuration; the one behind it is the same under its own path.
@@ -27,6 +28,9 @@ void encode_sample(const tactiled_sample& sample, std::uint64_t wall_ns, std::st
 void encode_wrench(const tactiled_sample& sample, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
 // Quality and reasons of a sample as numbers and words, to be shown beside its wrench.
 void encode_quality(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out);
+// The wrench on the gripper: whole, and as a WrenchStamped of frame `frame_id`.
+void encode_tool(const tactiled_tool& tool, std::uint64_t wall_ns, std::string& out);
+void encode_wrench(const tactiled_tool& tool, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
 // A sample as a row of forces.csv.
 [[nodiscard]] Estimate estimate_of(const tactiled_sample& sample);
 

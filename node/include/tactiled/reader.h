@@ -179,7 +179,7 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
-/* The newest node record, judged at `now_ns`: its grasp is not known where the daemon has ended, where it writes none
+/* The newest node record, judged at `now_ns`: its grasp and its tool are not known where the daemon has ended, where it writes none
  * (before 1.1), or where the record is older than a sensor's stale_ms, for then nobody has told the grasp that its sensors
  * fell silent. Returns 1, or 0 when there is none. */
 static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
@@ -190,8 +190,10 @@ static inline int tactiled_latest_node(const struct tactiled_segment* segment, s
         if (segment->stale_ms[i] < limit_ms) limit_ms = segment->stale_ms[i];
     if (limit_ms < kMinMs) limit_ms = kMinMs;
     if (segment->node.record_size < TACTILED_NODE_SIZE_1_1 || !tactiled_is_current(segment) ||
-        !tactiled_is_fresh(node->t_ns, now_ns, limit_ms))
+        !tactiled_is_fresh(node->t_ns, now_ns, limit_ms)) {
         tactiled_forget_grasp(&node->grasp);
+        tactiled_forget_tool(&node->tool);
+    }
     return 1;
 }
 
