@@ -35,6 +35,8 @@ public:
     [[nodiscard]] double noise_N(int axis) const noexcept { return noise_N_[axis]; }
     // One sd of the zero's random walk since the free phase; infinite if there was none since a discontinuity.
     [[nodiscard]] Eigen::Vector3d zero_sd_N() const noexcept;
+    // Time since the zero was last learnt; 0 = not learnt yet.
+    [[nodiscard]] double zero_age_s() const noexcept;
 
 private:
     void judge_touch() noexcept;

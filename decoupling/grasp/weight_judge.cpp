@@ -234,9 +234,10 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     const double fixed_kg = systematic_kg(mean.mass_kg, jaws);
     const Findings found =
         after ? examine(forces_since(since_ns, jaws), mean.mass_kg, std::hypot(moving_kg, fixed_kg), 0) : Findings{};
-    const double sd_kg = std::hypot(std::hypot(moving_kg, fixed_kg), std::max(0.0, dragged_kg), found.sd_kg);
     const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
     const std::uint64_t quiet_ns = now_ns - std::min(now_ns, kQuiet_ns);
+    const double drifted_kg = after ? this->drifted_kg(jaws, std::max(quiet_ns, last_ns + excused_ns)) : 0;
+    const double sd_kg = std::hypot(std::hypot(moving_kg, fixed_kg), std::hypot(std::max(0.0, dragged_kg), drifted_kg), found.sd_kg);
     const bool still =
         mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
         mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
@@ -279,7 +280,10 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
         balanced_ns_ = now_ns;
     else if (now_ns < balanced_ns_ + accelerates_ns_ + 2 * window_ns_)
         found = examine(forces, held_kg_, held_sd_kg, max_acceleration_m_s2_);
-    const double fixed_kg = std::hypot(systematic, found.sd_kg);
+    const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
+    const double drifted_kg =
+        this->drifted_kg(jaws, std::max(now_ns - std::min(now_ns, 2 * kQuiet_ns), now_.lift_off_ns + excused_ns));
+    const double fixed_kg = std::hypot(systematic, found.sd_kg, drifted_kg);
     const double departs_kg = kDeparts * std::abs(held_kg_);
     // A change of the load within the window is scatter too: it may not excuse itself.
     const double window_sd_kg = std::min(window.sd_kg, departs_kg);

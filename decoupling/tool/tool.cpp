@@ -11,6 +11,7 @@ namespace {
 
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
 constexpr std::uint64_t kApart_ns = 50'000'000;   // samples of one sum
+constexpr double kMinG_m_s2 = 9.69, kMaxG_m_s2 = 9.91;  // on Earth, and rounding: another length is another unit, or no gravity
 constexpr double kNoPart = 1e-6;                  // of an axis: rounding of a rotation
 constexpr double kSteady_sds = 4, kSteady = 0.02;  // of the sensor's noise, and of the weight that it carries
 
@@ -71,12 +72,12 @@ Tool::Tool(const Setup& setup)
         sensors_.push_back({.setup = s});
     }
     rest_S_N_.assign(sensors_.size(), Vector{kNaN, kNaN, kNaN});
-    gravity_known_ = eigen(gravity_G_).norm() > 0.1;  // false for NaN
+    gravity_known_ = eigen(gravity_G_).norm() > kMinG_m_s2 && eigen(gravity_G_).norm() < kMaxG_m_s2;
 }
 
 void Tool::gravity(const Vector& gravity_G_m_s2) noexcept {
     const double size = eigen(gravity_G_m_s2).norm();
-    const bool known = size > 0.1 && size < 1000;  // false for NaN
+    const bool known = size > kMinG_m_s2 && size < kMaxG_m_s2;  // false for NaN
     const bool same = known && gravity_known_ && (eigen(gravity_G_m_s2) - eigen(gravity_G_)).norm() < kDown_rad * size;
     if (!same) {
         ++gravity_changes_;

@@ -187,7 +187,7 @@ TEST(Tool, ATareWhileGravityIsNotKnownLeavesNoValue) {
 
 TEST(Tool, ATareOfAnEarlierRunLeavesNoValueOnceTheHandTurns) {
     SimulatedHand hand;
-    Setup setup = hand.setup(hand.fit(6));
+    tool::Setup setup = hand.setup(hand.fit(6));
     setup.gravity_G_m_s2 = {0, 0, kG};
     Tool tool(setup);
     Sample s = hand.read(down(0, 0), 1'000'000'000);
@@ -201,7 +201,7 @@ TEST(Tool, ATareOfAnEarlierRunLeavesNoValueOnceTheHandTurns) {
 
 TEST(Tool, WithoutGravityOrASensorThereIsNoSum) {
     SimulatedHand hand;
-    Setup setup = hand.setup(hand.fit(6));
+    tool::Setup setup = hand.setup(hand.fit(6));
     setup.sensors.push_back({.sensor = 3});
     Tool tool(setup);
     Sample s = hand.read(down(0, 0), 1'000'000'000), light{.t_ns = 1'000'000'000, .quality = TACTILED_GOOD};
