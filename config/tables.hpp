@@ -38,9 +38,10 @@ ModbusSettings read_modbus(Options table, const std::string& node_name);
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
                                         const std::vector<SensorSettings>& sensors, const std::string& folder);
 
-// Two axes of one frame as a person wrote them, of any length, as rows of an orthonormal matrix: x, y, z. `key_x` and `key_z`
-// name them in the problems. setup: never throws for bad input
-std::array<std::array<double, 3>, 3> read_axes(Options& table, const std::array<double, 3>& x, const std::array<double, 3>& z);
+// Two axes of one frame as a person wrote them, of any length, as rows of an orthonormal matrix: x, y, z. `key_x` and
+// `key_z` name them in the problems. setup: never throws for bad input
+std::array<std::array<double, 3>, 3> read_axes(Options& table, const std::array<double, 3>& x,
+                                               const std::array<double, 3>& z);
 // 0, which is "not known", or a length that occurs on Earth; a problem of `key` otherwise. setup
 void check_gravity(Options& table, const char* key, const std::array<double, 3>& gravity_m_s2);
 

@@ -121,8 +121,7 @@ void Pipeline::mark_discontinuities(std::uint64_t now_ns) noexcept {
 // ---- before and after the loop -----------------------------------------------------------------------------------------
 
 Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
-                   std::uint32_t status, const std::optional<Grasping::Setup>& grasp,
-                   const std::optional<tool::Setup>& tool)
+                   std::uint32_t status, const std::optional<Grasping::Setup>& grasp, const std::optional<tool::Setup>& tool)
     : commands(sensors, wake_),
       links_(links),
       sensors_(sensors),

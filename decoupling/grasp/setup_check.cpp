@@ -13,12 +13,13 @@ namespace {
 using Vector3 = Eigen::Vector3d;
 using Matrix3 = Eigen::Matrix3d;
 
-constexpr double kAgrees = 0.5;      // of a jaw's part of the weight: more contradicts the configuration
-constexpr double kBetter = 0.5;      // an error explains what the jaws read if it leaves less than this part of it
-constexpr double kShare = 0.2;       // of a share, between what is configured and measured
-constexpr double kSum = 0.15;        // of the weight, between the sum of the forces and the known mass
-constexpr double kDead = 0.1;        // of the load of the others
-constexpr double kWellAbove = 2;     // a press that a contact should be found with, in contact_on_N
+constexpr double kAgrees = 0.5;    // of a jaw's part of the weight: more contradicts the configuration
+constexpr double kSuspect = 0.25;  // of the same: more contradicts it, if one error explains it
+constexpr double kBetter = 0.25;   // an error explains what the jaws read if it leaves less than this part of the squares
+constexpr double kShare = 0.2;     // of a share, between what is configured and measured
+constexpr double kSum = 0.15;      // of the weight, between the sum of the forces and the known mass
+constexpr double kDead = 0.1;      // of the load of the others
+constexpr double kWellAbove = 2;   // a press that a contact should be found with, in contact_on_N
 constexpr double kSymmetry = 1e-9;
 
 Vector3 eigen(const Vector& v) { return {v[0], v[1], v[2]}; }
@@ -73,8 +74,8 @@ struct Misfit {
     }
 };
 
-// The load along gravity is shared as configured; that across it by the stiffness of normals and shears, which are not known:
-// both are fitted, each not negative.
+// The load along gravity is shared as configured; that across it by the stiffness of normals and shears, which are not
+// known: both are fitted, each not negative.
 void add_pose(const GuidedGrasp& seen, const std::vector<Matrix3>& frames, const Vector3& palm_G, const Vector3& gravity_G,
               Vector CheckedJaw::*reading, Misfit& misfit) {
     const std::size_t n = seen.jaws.size();
@@ -157,8 +158,7 @@ void check_loads(const GuidedGrasp& seen, std::vector<SetupFinding>& found) {
         if (std::abs(loads[j]) < kDead * others_N) found.push_back({.fault = SetupFault::dead, .jaw = j});
     }
     if (!found.empty()) return;
-    if (all && std::abs(sum_N / weight_N - 1) > kSum)
-        found.push_back({.fault = SetupFault::sum, .value = sum_N / weight_N});
+    if (all && std::abs(sum_N / weight_N - 1) > kSum) found.push_back({.fault = SetupFault::sum, .value = sum_N / weight_N});
     std::vector<double> shares;
     bool off = false;
     for (std::size_t j = 0; j < loads.size(); ++j) {
@@ -180,13 +180,14 @@ std::vector<SetupFinding> check_setup(const GuidedGrasp& seen) {
             found.push_back({.fault = SetupFault::contact, .jaw = j, .value = press_N});
     }
     const Misfit as_configured = misfit_of(seen, {});
-    if (as_configured.max > kAgrees) {
+    if (as_configured.max > kSuspect) {
         const Hypothesis* best = nullptr;
         const std::vector<Hypothesis> all = hypotheses(seen);
         Misfit best_misfit = as_configured;
         for (const Hypothesis& h : all)
-            if (const Misfit misfit = misfit_of(seen, h); misfit.squares < best_misfit.squares) best = &h, best_misfit = misfit;
-        if (best != nullptr && best_misfit.squares < kBetter * kBetter * as_configured.squares && best_misfit.max < kAgrees) {
+            if (const Misfit misfit = misfit_of(seen, h); misfit.squares < best_misfit.squares)
+                best = &h, best_misfit = misfit;
+        if (best != nullptr && best_misfit.max < kAgrees && best_misfit.squares < kBetter * as_configured.squares) {
             SetupFinding finding{.fault = best->gravity_reversed ? SetupFault::gravity_sign
                                           : best->turned         ? SetupFault::turned
                                                                  : SetupFault::exchanged};

@@ -14,7 +14,7 @@ namespace tactiled::grasp {
 struct CheckedJaw {
     std::string name;
     std::array<Vector, 3> S_from_G{};
-    double share = 0;  // 0: all jaws alike
+    double share = 0;                           // 0: all jaws alike
     double contact_on_N = 0, full_scale_N = 0;  // of the press; 0: full scale not known
     Vector closed_N{}, lifted_N{}, tilted_N{};
 };

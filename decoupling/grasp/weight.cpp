@@ -9,7 +9,8 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
-constexpr double kMinG_m_s2 = 9.69, kMaxG_m_s2 = 9.91;  // on Earth, and rounding: another length is another unit, or no gravity
+constexpr double kMinG_m_s2 = 9.69,
+                 kMaxG_m_s2 = 9.91;  // on Earth, and rounding: another length is another unit, or no gravity
 constexpr double kObservable = 0.3;  // of the weight must be tangential: gravity 17 degrees out of the skin's normal
 constexpr double kKnownSure = 0.05;  // of a known weight: the scale cannot be set by noise
 

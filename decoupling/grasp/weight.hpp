@@ -95,6 +95,7 @@ private:
     [[nodiscard]] double sensors_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] bool sure(double mass_kg, double sd_kg) const noexcept;
     [[nodiscard]] double newest_departs_kg() const noexcept;
+    [[nodiscard]] std::uint64_t first_above(double mass_kg) const noexcept;
     [[nodiscard]] std::uint64_t lift_off(double mass_kg) const noexcept;
     [[nodiscard]] double systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] double off_axis_kg(std::span<const Contact> jaws, double mass_kg, std::uint32_t& found) const noexcept;

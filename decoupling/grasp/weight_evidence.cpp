@@ -26,7 +26,7 @@ constexpr double kBends = 0.002, kTrends = 0.005;    // relative, in one window:
 constexpr std::uint64_t kLook_ns = 100'000'000;      // that such a window takes
 constexpr std::uint64_t kTogether_ns = 100'000'000;  // within which the load comes onto all jaws
 constexpr double kSlopeBlocks = 60;                  // 0.3 s: in less, the noise is no slope's
-constexpr double kSlopeNoises = 2;                   // sd of a slope that noise explains
+constexpr double kSlopeNoises = 1;                   // sd of a slope that noise explains
 constexpr double kSeen = 6;                          // sd of a sensor: less load than this is not timed
 
 }  // namespace
@@ -142,8 +142,8 @@ bool Weight::moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_
     return false;
 }
 
-// A load that goes on changing steadily may be a zero that drifts, and has drifted since it was learnt. The slope of the blocks
-// that are newer than `from_ns`, as far as their noise does not explain it, times the age of the zeros.
+// A load that goes on changing steadily may be a zero that drifts, and has drifted since it was learnt. The slope of the
+// blocks that are newer than `from_ns`, as far as their noise does not explain it, times the age of the zeros.
 double Weight::drifted_kg(std::span<const Contact> jaws, std::uint64_t from_ns) const noexcept {
     double n = 0, t = 0, m = 0, tt = 0, tm = 0, jitter = 0;
     for (std::size_t b = 0; b < n_ && block(b).t_ns > from_ns; ++b, ++n) {

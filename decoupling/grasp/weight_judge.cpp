@@ -24,6 +24,8 @@ constexpr double kTableFriction = 0.3;  // what is drawn over a table with a for
 constexpr double kFollows_s = 1;        // a stable value follows what creeps
 constexpr double kShaken = 0.2;         // of the weight, rms of 5 ms: more is no vibration but another load every time
 constexpr double kSure = 0.2;           // of the weight: with a larger deviation none looks good
+constexpr std::uint64_t kSlowly_ns =
+    250'000'000;  // from half of the load to nine tenths of it; lifts that were looked at take 0.05 to 0.3 s in all
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
 
 double square(double x) noexcept { return x * x; }
@@ -64,11 +66,16 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     return m;
 }
 
-// When the load first came to nine tenths of `mass_kg`. The last time would be missed under vibration.
-std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
+std::uint64_t Weight::first_above(double mass_kg) const noexcept {
     std::uint64_t first_ns = begun_ns_;
     for (std::size_t b = 0; b < n_ && block(b).t_ns >= begun_ns_; ++b)
-        if (block(b).mass_kg >= 0.9 * mass_kg) first_ns = block(b).t_ns;
+        if (block(b).mass_kg >= mass_kg) first_ns = block(b).t_ns;
+    return first_ns;
+}
+
+// When the load first came to nine tenths of `mass_kg`. The last time would be missed under vibration.
+std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
+    const std::uint64_t first_ns = first_above(0.9 * mass_kg);
     const bool forgotten = n_ == kBlocks && now_.lift_off_ns >= begun_ns_ && now_.lift_off_ns < block(n_ - 1).t_ns;
     return forgotten ? now_.lift_off_ns : first_ns;
 }
@@ -236,14 +243,18 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
         after ? examine(forces_since(since_ns, jaws), mean.mass_kg, std::hypot(moving_kg, fixed_kg), 0) : Findings{};
     const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
     const std::uint64_t quiet_ns = now_ns - std::min(now_ns, kQuiet_ns);
-    const double drifted_kg = after ? this->drifted_kg(jaws, std::max(quiet_ns, last_ns + excused_ns)) : 0;
-    const double sd_kg = std::hypot(std::hypot(moving_kg, fixed_kg), std::hypot(std::max(0.0, dragged_kg), drifted_kg), found.sd_kg);
+    // A load that took long from half of this to nine tenths of it was not lifted, but swings.
+    const std::uint64_t half_ns = first_above(mean.mass_kg / 2),
+                        lifted_ns = last_ns > half_ns + kSlowly_ns ? half_ns : last_ns;
+    const double drifted_kg = after ? this->drifted_kg(jaws, std::max(quiet_ns, lifted_ns + excused_ns)) : 0;
+    const double sd_kg =
+        std::hypot(std::hypot(moving_kg, fixed_kg), std::hypot(std::max(0.0, dragged_kg), drifted_kg), found.sd_kg);
     const bool still =
         mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
         mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
         std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
         (mean.accelerations_known ||
-         (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, last_ns + excused_ns), now_ns)));
+         (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, lifted_ns + excused_ns), now_ns)));
     const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) && still && found.doubts == 0;
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};

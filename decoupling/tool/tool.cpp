@@ -11,8 +11,9 @@ namespace {
 
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
 constexpr std::uint64_t kApart_ns = 50'000'000;   // samples of one sum
-constexpr double kMinG_m_s2 = 9.69, kMaxG_m_s2 = 9.91;  // on Earth, and rounding: another length is another unit, or no gravity
-constexpr double kNoPart = 1e-6;                  // of an axis: rounding of a rotation
+constexpr double kMinG_m_s2 = 9.69,
+                 kMaxG_m_s2 = 9.91;                // on Earth, and rounding: another length is another unit, or no gravity
+constexpr double kNoPart = 1e-6;                   // of an axis: rounding of a rotation
 constexpr double kSteady_sds = 4, kSteady = 0.02;  // of the sensor's noise, and of the weight that it carries
 
 using Vector3 = Eigen::Vector3d;
@@ -110,8 +111,7 @@ void Tool::sample(std::size_t index, const Sample& sample) noexcept {
     if (sample.tare_count != 0 && (!sensor.seen || another_tare)) {
         const bool measured = sensor.seen && sensor.last.taring && sensor.changes_before == gravity_changes_;
         const bool assumed = !gravity_told_;  // a hand that stays as it is configured
-        sensor.tare_gravity_G =
-            gravity_known_ && (measured || assumed) ? gravity_G_ : Vector{kNaN, kNaN, kNaN};
+        sensor.tare_gravity_G = gravity_known_ && (measured || assumed) ? gravity_G_ : Vector{kNaN, kNaN, kNaN};
         sensor.tare_assumed = assumed;
     }
     sensor.last = sample;
@@ -169,7 +169,9 @@ Tool::Turned Tool::turned(const Sensor& sensor, const Vector& pull_G, double unk
         to_G(s.S_from_G, torque_S - to_S(s.S_from_G, arm_G.cross(weight_G))) + cross(position_G, force_G);
 
     const Vector3 zero_N = Vector3::Constant(tared ? 0 : s.zero_sd_N), zero_Nm = Vector3::Constant(tared ? 0 : s.zero_sd_Nm);
-    const auto added = [](const Vector3& a, const Vector3& b) -> Vector3 { return (a.cwiseAbs2() + b.cwiseAbs2()).cwiseSqrt(); };
+    const auto added = [](const Vector3& a, const Vector3& b) -> Vector3 {
+        return (a.cwiseAbs2() + b.cwiseAbs2()).cwiseSqrt();
+    };
     const double hangs = hangs_G.norm(), mass_N = s.mass_sd_kg * hangs;
     const Vector3 sd_N = added(added(sd_to_G(s.S_from_G, part(sensor.last.sd, 0)), zero_N), Vector3::Constant(mass_N));
     const double weight_Nm = std::hypot(mass_N * arm_G.norm(), s.centre_sd_m * weight_G.norm());
@@ -262,7 +264,8 @@ void Tool::succeed(const Tool& before) noexcept {
                 sensor.tare_gravity_G = was.tare_gravity_G;
                 sensor.tare_assumed = was.tare_assumed;
                 sensor.changes_before = was.changes_before;
-                if (!gravity_told_ && was.tare_assumed) sensor.tare_gravity_G = gravity_known_ ? gravity_G_ : was.tare_gravity_G;
+                if (!gravity_told_ && was.tare_assumed)
+                    sensor.tare_gravity_G = gravity_known_ ? gravity_G_ : was.tare_gravity_G;
             }
 }
 

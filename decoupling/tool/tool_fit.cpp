@@ -9,8 +9,8 @@
 namespace tactiled::tool {
 namespace {
 
-constexpr double kSpread = 0.2;    // least singular value of the directions of gravity, relative to their rms
-constexpr double kMinMass_sds = 3;  // of the mass: less is no mass
+constexpr double kSpread = 0.2;       // least singular value of the directions of gravity, relative to their rms
+constexpr double kMinMass_sds = 3;    // of the mass: less is no mass
 constexpr double kMaxResidual = 0.1;  // of the weight: more is another hand, or something that touched it
 
 using Matrix = Eigen::MatrixXd;
@@ -100,16 +100,18 @@ Fit fit_tool(std::span<const Pose> poses, const std::array<Vector, 3>& rows, con
     for (Eigen::Index i = 0; i < n; ++i) fit.worst_N = std::max(fit.worst_N, left.segment(i * n_seen, n_seen).norm());
     const double weight_N = std::abs(fit.mass_kg) * 9.81;
     if (fit.mass_kg < -kMinMass_sds * fit.mass_sd_kg)
-        return fails(fmt::format("the mass would be {:.3f} kg: the direction of gravity or the sensor's axes have the wrong "
-                                 "sign",
-                                 fit.mass_kg));
+        return fails(
+            fmt::format("the mass would be {:.3f} kg: the direction of gravity or the sensor's axes have the wrong "
+                        "sign",
+                        fit.mass_kg));
     if (fit.mass_kg < kMinMass_sds * fit.mass_sd_kg)
         return fails(fmt::format("the sensor carries {:.4f} +- {:.4f} kg: no mass that it could measure", fit.mass_kg,
                                  fit.mass_sd_kg));
     if (fit.residual_N > kMaxResidual * weight_N)
-        return fails(fmt::format("a force of {:.3f} N is left in the poses, of a weight of {:.3f} N: the axes of the sensor "
-                                 "are wrong, gravity is not that of the hand, or something touched it",
-                                 fit.residual_N, weight_N));
+        return fails(
+            fmt::format("a force of {:.3f} N is left in the poses, of a weight of {:.3f} N: the axes of the sensor "
+                        "are wrong, gravity is not that of the hand, or something touched it",
+                        fit.residual_N, weight_N));
 
     if (!(seen[3] && seen[4] && seen[5])) return fit;
     Matrix at = Matrix::Zero(3 * n, 6);

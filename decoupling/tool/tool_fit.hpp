@@ -29,7 +29,8 @@ struct Fit {
 
 inline constexpr std::size_t kMinPoses = 4;
 
-// Least squares over at least kMinPoses: raw_S = S_from_G m g + zero, torque_S = S_from_G ((centre - position) x m g) + zero.
+// Least squares over at least kMinPoses: raw_S = S_from_G m g + zero, torque_S = S_from_G ((centre - position) x m g) +
+// zero.
 // setup: allocates
 Fit fit_tool(std::span<const Pose> poses, const std::array<Vector, 3>& S_from_G, const Vector& position_G_m);
 

@@ -1,4 +1,5 @@
-// tactilectl grasp-check: a guided grasp of a known weight that finds errors of [grasp], and prints the lines that are right.
+// tactilectl grasp-check: a guided grasp of a known weight that finds errors of [grasp], and prints the lines that are
+// right.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -45,13 +46,15 @@ std::string says(const SetupFinding& f, const grasp::GuidedGrasp& seen, const Gr
     switch (f.fault) {
         case SetupFault::gravity_sign: {
             const grasp::Vector g = seen.gravity_G_m_s2;
-            return fmt::format("gravity has the wrong sign: the weight pulls the other way. If the robot writes GRAVITY_X .. "
-                               "GRAVITY_Z, it must write the negative\n[grasp]\ngravity_G_m_s2 = {}\n",
-                               axis({-g[0], -g[1], -g[2]}));
+            return fmt::format(
+                "gravity has the wrong sign: the weight pulls the other way. If the robot writes GRAVITY_X .. "
+                "GRAVITY_Z, it must write the negative\n[grasp]\ngravity_G_m_s2 = {}\n",
+                axis({-g[0], -g[1], -g[2]}));
         }
         case SetupFault::turned:
-            return fmt::format("jaw \"{}\" is turned by {} degrees about its normal\n[[grasp.jaw]]  # \"{}\"\nx_S_in_G = {}\n", name,
-                               f.degrees > 180 ? f.degrees - 360 : f.degrees, name, axis(f.x_S_in_G));
+            return fmt::format(
+                "jaw \"{}\" is turned by {} degrees about its normal\n[[grasp.jaw]]  # \"{}\"\nx_S_in_G = {}\n", name,
+                f.degrees > 180 ? f.degrees - 360 : f.degrees, name, axis(f.x_S_in_G));
         case SetupFault::exchanged: {
             const JawSettings &a = settings.jaws[f.jaw], &b = settings.jaws[f.other];
             std::string text = fmt::format("jaws \"{}\" and \"{}\" are exchanged\n", a.sensor, b.sensor);
@@ -65,12 +68,14 @@ std::string says(const SetupFinding& f, const grasp::GuidedGrasp& seen, const Gr
             const std::string scale =
                 seen.jaws[f.jaw].full_scale_N > 0 ? fmt::format(", full scale {:g} N", seen.jaws[f.jaw].full_scale_N) : "";
             if (!(f.value > 0))
-                return fmt::format("jaw \"{}\" has no press: it reads {:.3f} N{}; see that it touches, and that its z axis "
-                                   "points out of its skin\n",
-                                   name, f.value, scale);
-            return fmt::format("jaw \"{}\": contact_on_N = {:g} is too large for its press of {:.3f} N{}\n[[sensor]]  # \"{}\"\n"
-                               "contact_on_N = {:.3g}\ncontact_off_N = {:.3g}\n",
-                               name, seen.jaws[f.jaw].contact_on_N, f.value, scale, name, on_N, on_N / 2);
+                return fmt::format(
+                    "jaw \"{}\" has no press: it reads {:.3f} N{}; see that it touches, and that its z axis "
+                    "points out of its skin\n",
+                    name, f.value, scale);
+            return fmt::format(
+                "jaw \"{}\": contact_on_N = {:g} is too large for its press of {:.3f} N{}\n[[sensor]]  # \"{}\"\n"
+                "contact_on_N = {:.3g}\ncontact_off_N = {:.3g}\n",
+                name, seen.jaws[f.jaw].contact_on_N, f.value, scale, name, on_N, on_N / 2);
         }
         case SetupFault::shares: {
             std::string text = "the jaws do not share the weight as configured\n";
@@ -81,9 +86,10 @@ std::string says(const SetupFinding& f, const grasp::GuidedGrasp& seen, const Gr
         case SetupFault::dead:
             return fmt::format("jaw \"{}\" carries nothing: its shear is dead, or it does not hold\n", name);
         case SetupFault::sum:
-            return fmt::format("the forces of all jaws add up to {:.0f} % of the known weight: a wrong mass, a wrong gain "
-                               "(calibrate again), or something else that carries it\n",
-                               100 * f.value);
+            return fmt::format(
+                "the forces of all jaws add up to {:.0f} % of the known weight: a wrong mass, a wrong gain "
+                "(calibrate again), or something else that carries it\n",
+                100 * f.value);
         case SetupFault::unexplained:
             return "the jaws contradict the configuration, and no single error explains it: check x_S_in_G and z_S_in_G of "
                    "each jaw, and gravity\n";
@@ -125,8 +131,9 @@ int check(const Args& args) {
         {fmt::format("2 of 4: close them on an object of {:g} kg that stands on a table.", args.mass_kg),
          &grasp::CheckedJaw::closed_N},
         {"3 of 4: lift it, so that it hangs free.", &grasp::CheckedJaw::lifted_N},
-        {fmt::format("4 of 4: tilt the hand by {:g} degrees, so that the place of jaw \"{}\", on the side {} of G, comes down.",
-                     args.tilt_deg, lower, axis({-z[0], -z[1], -z[2]})),
+        {fmt::format(
+             "4 of 4: tilt the hand by {:g} degrees, so that the place of jaw \"{}\", on the side {} of G, comes down.",
+             args.tilt_deg, lower, axis({-z[0], -z[1], -z[2]})),
          &grasp::CheckedJaw::tilted_N}};
     std::optional<Observed> open;
     for (const auto& step : steps) {
@@ -149,11 +156,13 @@ int check(const Args& args) {
         if (step.into != &grasp::CheckedJaw::tilted_N || !reported) continue;
         const auto& upright = guided.gravity_G_m_s2;
         const double cosine = (g[0] * upright[0] + g[1] * upright[1] + g[2] * upright[2]) / (9.81 * 9.81);
-        if (cosine < std::cos(kLeastTilt_deg * kDegree)) guided.tilted_gravity_G_m_s2 = g;  // else it is not that of the robot
+        if (cosine < std::cos(kLeastTilt_deg * kDegree))
+            guided.tilted_gravity_G_m_s2 = g;  // else it is not that of the robot
     }
     const auto& g = guided.gravity_G_m_s2;
     if (!(std::hypot(g[0], g[1], g[2]) > 0))
-        throw SetupError("gravity is not known: gravity_G_m_s2 in [grasp] is that of the upright hand, such as [0, 0, 9.81]");
+        throw SetupError(
+            "gravity is not known: gravity_G_m_s2 in [grasp] is that of the upright hand, such as [0, 0, 9.81]");
     guided.tilt_rad = args.tilt_deg * kDegree;
     const auto findings = grasp::check_setup(guided);
     if (findings.empty()) fmt::print("\ngood: the jaws read what the configuration lets expect\n");
@@ -171,8 +180,12 @@ void add_grasp_check(CLI::App& app, Run& run) {
     verb->add_option("mass", args->mass_kg, "mass of the object in kg")->required()->check(number_in(1e-3, 1000.0));
     add_node_option(verb, args->node);
     verb->add_option("--config", args->config, "the configuration; default: the daemon's own");
-    verb->add_option("--tilt", args->tilt_deg, "degrees of the tilt")->check(number_in(kLeastTilt_deg, 60.0))->capture_default_str();
-    verb->add_option("--seconds", args->seconds, "that each step is averaged")->check(number_in(0.1, 60.0))->capture_default_str();
+    verb->add_option("--tilt", args->tilt_deg, "degrees of the tilt")
+        ->check(number_in(kLeastTilt_deg, 60.0))
+        ->capture_default_str();
+    verb->add_option("--seconds", args->seconds, "that each step is averaged")
+        ->check(number_in(0.1, 60.0))
+        ->capture_default_str();
     verb->callback([args, &run] { run = [args] { return check(*args); }; });
 }
 

@@ -107,8 +107,8 @@ Observed observe(const Segment& segment, std::uint32_t mask, double seconds) {
         const Sum& sum = sums[i];
         const double n = double(sum.n), n_half = double(sum.n_half);
         if (sum.n_half < kLeastSamples || sum.n - sum.n_half < kLeastSamples) {
-            out.fault = fmt::format("sensor \"{}\" sent {} samples in {:g} s: too few", segment.sensor(std::uint32_t(i)).name,
-                                    sum.n, seconds);
+            out.fault = fmt::format("sensor \"{}\" sent {} samples in {:g} s: too few",
+                                    segment.sensor(std::uint32_t(i)).name, sum.n, seconds);
             return out;
         }
         double size_N = 0, moves_N = 0;
@@ -117,8 +117,7 @@ Observed observe(const Segment& segment, std::uint32_t mask, double seconds) {
             out.tared_S[i][k] = sum.tared[k] / n;
             if (k >= 3 || !std::isfinite(out.raw_S[i][k])) continue;
             size_N = std::hypot(size_N, out.raw_S[i][k]);
-            const double scatter =
-                std::sqrt(std::max(0.0, sum.squares[k] / n - out.raw_S[i][k] * out.raw_S[i][k]));
+            const double scatter = std::sqrt(std::max(0.0, sum.squares[k] / n - out.raw_S[i][k] * out.raw_S[i][k]));
             out.scatter_N[i] = std::max(out.scatter_N[i], scatter);
             moves_N = std::max(moves_N, std::abs(sum.half[k] / n_half - (sum.sum[k] - sum.half[k]) / (n - n_half)));
         }

@@ -14,7 +14,7 @@ inline constexpr std::string_view kWrenchSchema = "geometry_msgs/msg/WrenchStamp
 inline constexpr std::string_view kQualitySchema = "tactiled_msgs/msg/Quality";
 inline constexpr std::string_view kToolSchema = "tactiled_msgs/msg/Tool";
 extern const std::string_view kSampleDefinition, kWrenchDefinition, kQualityDefinition,
-    kToolDefinition;                                   // as ROS 2 writes message definitions
+    kToolDefinition;                                      // as ROS 2 writes message definitions
 inline constexpr std::string_view kSensorKey = "sensor";  // in the channel's metadata: the sensor's name
 
 // The attachment that is the daemon's configuration; the one behind it is the same under its own path.

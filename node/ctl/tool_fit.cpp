@@ -30,9 +30,10 @@ std::string numbers(const std::array<double, 3>& v, double scale, int digits) {
 bool take_pose(const Segment& segment, const Args& args, std::uint32_t mask, std::vector<Observed>& poses) {
     const std::string where = fmt::format("Pose {} of {}", poses.size() + 1, args.poses);
     while (interrupted == 0) {
-        if (!ask_person(fmt::format("{}: turn the hand, with nothing in it and nothing that touches it; when it rests, press "
-                                    "Enter: ",
-                                    where)))
+        if (!ask_person(
+                fmt::format("{}: turn the hand, with nothing in it and nothing that touches it; when it rests, press "
+                            "Enter: ",
+                            where)))
             return false;
         Observed seen = observe(segment, mask, args.seconds);
         if (seen.fault.empty() && args.ask_gravity) {
@@ -107,8 +108,7 @@ int fit(const Args& args) {
         if (f.has_centre)
             fmt::print("centre_G_mm = {}\ncentre_sd_mm = {:.3f}\n", numbers(f.centre_G_m, 1e3, 3), f.centre_sd_m * 1e3);
         fmt::print("zero_S_N = {}\nzero_sd_N = {:.5f}\n", numbers(f.zero_S_N, 1, 5), f.zero_sd_N);
-        if (f.has_centre)
-            fmt::print("zero_S_Nm = {}\nzero_sd_Nm = {:.6f}\n", numbers(f.zero_S_Nm, 1, 6), f.zero_sd_Nm);
+        if (f.has_centre) fmt::print("zero_S_Nm = {}\nzero_sd_Nm = {:.6f}\n", numbers(f.zero_S_Nm, 1, 6), f.zero_sd_Nm);
     }
     return exit_status;
 }
@@ -117,15 +117,18 @@ int fit(const Args& args) {
 
 void add_tool_fit(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "tool-fit",
-                          "Measures the mass and the centre of the hand that the sensors of [tool] carry, in poses that you choose",
-                          "  tactilectl tool-fit --poses 8\n");
+    auto* verb =
+        add_verb(app, "tool-fit",
+                 "Measures the mass and the centre of the hand that the sensors of [tool] carry, in poses that you choose",
+                 "  tactilectl tool-fit --poses 8\n");
     add_node_option(verb, args->node);
     verb->add_option("--config", args->config, "the configuration; default: the daemon's own");
     verb->add_option("--poses", args->poses, "how many, of orientations as different as possible")
         ->check(CLI::Range(unsigned(tool::kMinPoses), 100u))
         ->capture_default_str();
-    verb->add_option("--seconds", args->seconds, "that each pose is averaged")->check(number_in(0.1, 60.0))->capture_default_str();
+    verb->add_option("--seconds", args->seconds, "that each pose is averaged")
+        ->check(number_in(0.1, 60.0))
+        ->capture_default_str();
     verb->add_flag("--ask-gravity", args->ask_gravity, "asks for gravity in each pose, where no robot reports it");
     verb->callback([args, &run] { run = [args] { return fit(*args); }; });
 }

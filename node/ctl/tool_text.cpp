@@ -12,7 +12,8 @@ namespace {
 
 nlohmann::json json_of(const auto& three) {
     nlohmann::json out = nlohmann::json::array();
-    for (const double number : three) out.push_back(std::isfinite(number) ? nlohmann::json(number) : nlohmann::json(nullptr));
+    for (const double number : three)
+        out.push_back(std::isfinite(number) ? nlohmann::json(number) : nlohmann::json(nullptr));
     return out;
 }
 
@@ -40,14 +41,10 @@ std::string tool_lines(const tactiled_tool& t) {
 
 nlohmann::json tool_json(const Segment& segment, const tactiled_tool& t) {
     if (t.quality == TACTILED_NO_VALUE) return nullptr;
-    nlohmann::json out{{"quality", quality_text(t.quality, 0)},
-                       {"why", tool_why_text(t.why)},
-                       {"force_G_N", json_of(t.force_G_N)},
-                       {"torque_G_Nm", json_of(t.torque_G_Nm)},
-                       {"sd_force_N", json_of(t.sd_force_N)},
-                       {"sd_torque_Nm", json_of(t.sd_torque_Nm)},
-                       {"gravity_G_m_s2", json_of(t.gravity_G_m_s2)},
-                       {"mass_kg", t.mass_kg}};
+    nlohmann::json out{{"quality", quality_text(t.quality, 0)},       {"why", tool_why_text(t.why)},
+                       {"force_G_N", json_of(t.force_G_N)},           {"torque_G_Nm", json_of(t.torque_G_Nm)},
+                       {"sd_force_N", json_of(t.sd_force_N)},         {"sd_torque_Nm", json_of(t.sd_torque_Nm)},
+                       {"gravity_G_m_s2", json_of(t.gravity_G_m_s2)}, {"mass_kg", t.mass_kg}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         if ((t.sensors >> i & 1u) != 0)
             out["sensors"][segment.sensor(i).name] = {{"quality", quality_text(t.sensor_quality[i], 0)},

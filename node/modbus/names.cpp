@@ -100,18 +100,17 @@ constexpr Name kGripStates[] = {
     {TACTILED_GRIP_GRASPED, "grasped", "GRASPED"}, {TACTILED_GRIP_LIFTING, "lifting", "LIFTING"},
     {TACTILED_GRIP_HOLDING, "holding", "HOLDING"}, {TACTILED_GRIP_SLIPPING, "slipping", "SLIPPING"},
     {TACTILED_GRIP_LOST, "lost", "LOST"}};
-constexpr Name kToolBits[] = {
-    {0, "gravity is not known: no value", "GRAVITY"},
-    {1, "a sensor has no value: see NO_VALUE", "SENSOR"},
-    {2, "gravity was not known at the tare of a sensor: no value; tare again, or untare", "TARE"},
-    {3, "a sensor's value is uncertain", "DOUBTED"},
-    {4, "the hand may accelerate, and the robot does not report it: in SD_FX ..", "MOVES"},
-    {5, "a component of the torque is not seen", "TORQUE"},
-    {6, "the sensors' frames are further apart than 50 ms", "APART"},
-    {8, "the value is GOOD", "GOOD"},
-    {9, "uncertain", "UNCERTAIN"},
-    {10, "saturated: a register is at the end of its range", "RANGE"},
-    {15, "no value", "NO_VALUE"}};
+constexpr Name kToolBits[] = {{0, "gravity is not known: no value", "GRAVITY"},
+                              {1, "a sensor has no value: see NO_VALUE", "SENSOR"},
+                              {2, "gravity was not known at the tare of a sensor: no value; tare again, or untare", "TARE"},
+                              {3, "a sensor's value is uncertain", "DOUBTED"},
+                              {4, "the hand may accelerate, and the robot does not report it: in SD_FX ..", "MOVES"},
+                              {5, "a component of the torque is not seen", "TORQUE"},
+                              {6, "the sensors' frames are further apart than 50 ms", "APART"},
+                              {8, "the value is GOOD", "GOOD"},
+                              {9, "uncertain", "UNCERTAIN"},
+                              {10, "saturated: a register is at the end of its range", "RANGE"},
+                              {15, "no value", "NO_VALUE"}};
 constexpr Name kSlipStates[] = {{0, "none", "NONE"}, {1, "incipient", "INCIPIENT"}, {2, "gross", "GROSS"}};
 constexpr Name kWeightStates[] = {{0, "none", "NONE"},
                                   {1, "estimating", "ESTIMATING"},

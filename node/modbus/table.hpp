@@ -113,7 +113,19 @@ struct Name {
 };
 
 enum class Block {
-    global, grasp, commands, tool, doubts, sensor, floats, tool_floats, sensor_floats, tool_sensors, controls, scratch, constants
+    global,
+    grasp,
+    commands,
+    tool,
+    doubts,
+    sensor,
+    floats,
+    tool_floats,
+    sensor_floats,
+    tool_sensors,
+    controls,
+    scratch,
+    constants
 };
 
 // A run of addresses that is readable as a whole; cells without an entry read 0.

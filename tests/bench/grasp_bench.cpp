@@ -4,8 +4,8 @@
 //   grasp_bench slip [SLIPS [SEED]]          gross slips found, incipient before gross
 //   grasp_bench transport [HOURS [SEED]]     false alarms of vibrating transport
 //   grasp_bench figure [SESSIONS [SEED]]     CSV of error against time after lift-off, and decoupling/grasp/weight.svg
-//   grasp_bench faults [GRASPS [SEED [JAWS]]]   damaged jaws, wrong set-ups, motion: STABLE although wrong; GRASPS of each kind
-//   grasp_bench faults-development [N [SEED]]   the same with the objects, presses and shares of development
+//   grasp_bench faults [GRASPS [SEED [JAWS]]]   damaged jaws, wrong set-ups, motion: STABLE although wrong; GRASPS of each
+//   kind grasp_bench faults-development [N [SEED]]   the same with the objects, presses and shares of development
 //   grasp_bench check                        a few of each against their limits; status 1 where one is not kept
 #include <fmt/format.h>
 

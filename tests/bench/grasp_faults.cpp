@@ -134,13 +134,17 @@ Plan plan_of(const FaultKind& kind, Random& random, Objects objects, unsigned n_
         case Fault::swings_later:
             p.size = random.uniform(2, 4), p.frequency_Hz = random.uniform(0.7, 1.4), p.hold_s = 8;
             break;
-        case Fault::gain_drifts: p.size = random.uniform(0.001, 0.005) * (random.uniform(0, 1) < 0.5 ? -1 : 1), p.hold_s = 20; break;
+        case Fault::gain_drifts:
+            p.size = random.uniform(0.001, 0.005) * (random.uniform(0, 1) < 0.5 ? -1 : 1), p.hold_s = 20;
+            break;
         case Fault::stamped_late: p.size = random.uniform(0.05, 0.3); break;
         case Fault::leaks_mass: p.size = random.uniform(0.01, 0.05), p.hold_s = 8; break;
         case Fault::jaw_on_table: p.size = random.uniform(0.1, 0.6); break;
         case Fault::second_object: p.size = random.log_uniform(0.05, 1) * (random.uniform(0, 1) < 0.5 ? -0.9 : 1); break;
         case Fault::upside_down: p.down_G *= -1; break;
-        case Fault::gravity_size: p.size = random.uniform(0, 1) < 0.5 ? random.uniform(0.5, 0.97) : random.uniform(1.03, 1.5); break;
+        case Fault::gravity_size:
+            p.size = random.uniform(0, 1) < 0.5 ? random.uniform(0.5, 0.97) : random.uniform(1.03, 1.5);
+            break;
         case Fault::slow_lift: p.size = random.uniform(0.3, 1); break;
         case Fault::cable:
         case Fault::table: p.size = random.uniform(0.05, 0.4); break;
@@ -208,7 +212,8 @@ Vector3 measured_S(const Plan& p, std::size_t j, Fault fault, double t_s, Random
     if (damaged && fault == Fault::reversed) f.head<2>() *= -1;
     if (damaged && fault == Fault::turned_90) f.head<2>() = Eigen::Vector2d(-f.y(), f.x());
     if (damaged && fault == Fault::half_gain) f *= p.size;
-    if (damaged && (fault == Fault::gain_creeps || fault == Fault::gain_drifts)) f *= 1 + p.size * std::max(0.0, t_s - kFree_s);
+    if (damaged && (fault == Fault::gain_creeps || fault == Fault::gain_drifts))
+        f *= 1 + p.size * std::max(0.0, t_s - kFree_s);
     if (fault == Fault::both_zeros_drift || (damaged && fault == Fault::zero_drifts))
         f.y() += p.size * std::max(0.0, t_s - kFree_s);
     f += jaw.zero_N + Vector3::Constant(jaw.drift_N_s * t_s);

@@ -265,7 +265,8 @@ static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
 
 /* Why the wrench of the gripper has no value, or a weakness: bits of tactiled_tool.why. Since 1.7. */
 enum tactiled_tool_why {
-    TACTILED_TOOL_GRAVITY = 1 << 0, /* no value: the direction of gravity is not known, and a sensor carries a part of the hand */
+    TACTILED_TOOL_GRAVITY =
+        1 << 0, /* no value: the direction of gravity is not known, and a sensor carries a part of the hand */
     TACTILED_TOOL_SENSOR = 1 << 1,  /* no value: a sensor has none */
     TACTILED_TOOL_TARE = 1 << 2,    /* no value: gravity was not known when a sensor was tared; tare again, or untare */
     TACTILED_TOOL_DOUBTED = 1 << 3, /* uncertain: a sensor's value is */
@@ -274,8 +275,8 @@ enum tactiled_tool_why {
     TACTILED_TOOL_APART = 1 << 6    /* uncertain: the sensors' samples are further apart in time than 50 ms */
 };
 
-/* What the world exerts on the gripper, in its frame G (z out of the palm): the forces of all sensors of [tool], turned, less
- * the weight of the part of the hand that each carries, and their sum. Torques are about the origin of G. All NaN where
+/* What the world exerts on the gripper, in its frame G (z out of the palm): the forces of all sensors of [tool], turned,
+ * less the weight of the part of the hand that each carries, and their sum. Torques are about the origin of G. All NaN where
  * quality is TACTILED_BAD; a component that is not seen is NaN. Without [tool] quality is TACTILED_NO_VALUE. Since 1.7. */
 struct tactiled_tool {
     TACTILED_ALIGN(8) uint64_t t_ns; /* of the oldest sample in the sum */
@@ -288,8 +289,8 @@ struct tactiled_tool {
     TACTILED_ALIGN(8) double torque_G_Nm[3];
     TACTILED_ALIGN(8) double sd_force_N[3];
     TACTILED_ALIGN(8) double sd_torque_Nm[3];
-    float gravity_G_m_s2[3]; /* as told or configured; NaN = not known */
-    float mass_kg;           /* of the hand that is compensated, all sensors */
+    float gravity_G_m_s2[3];                       /* as told or configured; NaN = not known */
+    float mass_kg;                                 /* of the hand that is compensated, all sensors */
     uint32_t sensor_quality[TACTILED_MAX_SENSORS]; /* enum tactiled_quality, of the following, by sensor of the node */
     float sensor_force_G_N[TACTILED_MAX_SENSORS][3];
     float sensor_torque_G_Nm[TACTILED_MAX_SENSORS][3];

@@ -179,9 +179,9 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
-/* The newest node record, judged at `now_ns`: its grasp and its tool are not known where the daemon has ended, where it writes none
- * (before 1.1), or where the record is older than a sensor's stale_ms, for then nobody has told the grasp that its sensors
- * fell silent. Returns 1, or 0 when there is none. */
+/* The newest node record, judged at `now_ns`: its grasp and its tool are not known where the daemon has ended, where it
+ * writes none (before 1.1), or where the record is older than a sensor's stale_ms, for then nobody has told the grasp that
+ * its sensors fell silent. Returns 1, or 0 when there is none. */
 static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
     enum { kMinMs = 20 }; /* a daemon without news publishes each 10 ms */
     uint32_t i, limit_ms = segment->watchdog_ms;

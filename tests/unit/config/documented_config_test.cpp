@@ -40,7 +40,8 @@ TEST(DocumentedConfig, LoadsWithoutAProblem) {
 TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
     const std::string bad = "zzzzzzzzzzzz = 1\n";
     Loaded loaded("[node]\n" + bad + "[realtime]\n" + bad + "[modbus]\n" + bad + "[modbus.rtu]\n" + bad + "[shm]\n" + bad +
-                  "[grasp]\n" + bad + "[tool]\n" + bad + "[[tool.sensor]]\nsensor = 'left'\n" + bad + "[gpio]\nchip = 'a'\nfault = '1'\n" + bad +
+                  "[grasp]\n" + bad + "[tool]\n" + bad + "[[tool.sensor]]\nsensor = 'left'\n" + bad +
+                  "[gpio]\nchip = 'a'\nfault = '1'\n" + bad +
                   "[[grasp.jaw]]\nsensor = 'left'\nx_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n" + bad + kLink + bad +
                   kSensor + bad);
     loaded.config.root.finish();

@@ -62,8 +62,8 @@ GuidedGrasp guided(std::size_t jaws, std::uint64_t seed) {
 }
 
 TEST(SetupCheck, FindsNothingInARightSetUp) {
-    for (const std::size_t jaws : {2u, 3u, 4u})
-        for (std::uint64_t seed = 0; seed < 50; ++seed) {
+    for (const std::size_t jaws : {2u, 3u, 4u, 6u})
+        for (std::uint64_t seed = 0; seed < 200; ++seed) {
             const auto found = check_setup(guided(jaws, seed));
             EXPECT_TRUE(found.empty()) << jaws << " jaws, seed " << seed << ": " << int(found.front().fault);
         }

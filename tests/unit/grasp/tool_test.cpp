@@ -32,8 +32,7 @@ struct SimulatedHand {
     double normal(double sd) { return std::normal_distribution<double>(0, sd)(random); }
     Sample read(const Vector3& gravity_G, std::uint64_t t_ns) {
         const Vector3 weight_G = mass_kg * gravity_G, force = S_from_G * (weight_G + force_G);
-        const Vector3 torque =
-            S_from_G * ((centre_G - position_G).cross(weight_G) + (at_G - position_G).cross(force_G));
+        const Vector3 torque = S_from_G * ((centre_G - position_G).cross(weight_G) + (at_G - position_G).cross(force_G));
         Sample s{.t_ns = t_ns, .quality = TACTILED_GOOD};
         for (std::size_t i = 0; i < 3; ++i) {
             const auto k = Eigen::Index(i);
@@ -250,7 +249,10 @@ TEST(Tool, AnAccelerationThatNothingReportsIsInTheDeviation) {
 
 TEST(Tool, AComponentThatIsNotSeenIsNoNumber) {
     Tool tool({.sensors = {{.sensor = 0, .S_from_G = {{{0, -1, 0}, {0, 0, -1}, {1, 0, 0}}}, .position_G_m = {0, 0.02, 0}}}});
-    Sample s{.t_ns = 1, .raw_S = {kNaN, 2, -3, kNaN, kNaN, kNaN}, .sd = {0.1, 0.1, 0.1, kNaN, kNaN, kNaN}, .quality = TACTILED_GOOD};
+    Sample s{.t_ns = 1,
+             .raw_S = {kNaN, 2, -3, kNaN, kNaN, kNaN},
+             .sd = {0.1, 0.1, 0.1, kNaN, kNaN, kNaN},
+             .quality = TACTILED_GOOD};
     tool.sample(0, s);
     const tactiled_tool state = tool.state();
     EXPECT_DOUBLE_EQ(state.force_G_N[0], -3);
