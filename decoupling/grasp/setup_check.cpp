@@ -13,12 +13,12 @@ namespace {
 using Vector3 = Eigen::Vector3d;
 using Matrix3 = Eigen::Matrix3d;
 
-constexpr double kAgrees = 0.5;    // of a jaw's part of the weight: more contradicts the configuration
-constexpr double kSuspect = 0.25;  // of the same: more contradicts it, if one error explains it
+constexpr double kAgrees = 0.5;    // a jaw's part of the weight: more contradicts the configuration
+constexpr double kSuspect = 0.25;  // the same: more contradicts it, if one error explains it
 constexpr double kBetter = 0.25;   // an error explains what the jaws read if it leaves less than this part of the squares
-constexpr double kShare = 0.2;     // of a share, between what is configured and measured
-constexpr double kSum = 0.15;      // of the weight, between the sum of the forces and the known mass
-constexpr double kDead = 0.1;      // of the load of the others
+constexpr double kShare = 0.2;     // share, between what is configured and measured
+constexpr double kSum = 0.15;      // part of the weight, between the sum of the forces and the known mass
+constexpr double kDead = 0.1;      // part of the load of the others
 constexpr double kWellAbove = 2;   // a press that a contact should be found with, in contact_on_N
 constexpr double kSymmetry = 1e-9;
 

@@ -15,7 +15,7 @@ struct CheckedJaw {
     std::string name;
     std::array<Vector, 3> S_from_G{};
     double share = 0;                           // 0: all jaws alike
-    double contact_on_N = 0, full_scale_N = 0;  // of the press; 0: full scale not known
+    double contact_on_N = 0, full_scale_N = 0;  // press; 0: full scale not known
     Vector closed_N{}, lifted_N{}, tilted_N{};
 };
 
@@ -23,7 +23,7 @@ struct GuidedGrasp {
     std::vector<CheckedJaw> jaws;
     unsigned jaws_of_gripper = 0;
     double mass_kg = 0;
-    Vector gravity_G_m_s2{};         // as configured or reported, while it was lifted
+    Vector gravity_G_m_s2{};         // configured or reported, while it was lifted
     std::size_t lower_jaw = 0;       // the tilt brought this one down ...
     double tilt_rad = 0;             // ... by so much;
     Vector tilted_gravity_G_m_s2{};  // or, where it is not 0, as the robot reported it
@@ -33,11 +33,11 @@ enum class SetupFault { gravity_sign, turned, exchanged, contact, shares, dead, 
 
 struct SetupFinding {
     SetupFault fault;
-    std::size_t jaw = 0, other = 0;  // of turned, contact, dead; of exchanged both
-    int degrees = 0;                 // of turned: about z of S, from the configured to the true axes
-    double value = 0;                // of contact: the press; of sum: the part of the weight that the forces add up to
-    std::vector<double> shares{};    // of shares: those that were measured
-    Vector x_S_in_G{};               // of turned: the corrected axis
+    std::size_t jaw = 0, other = 0;  // turned, contact and dead: the jaw; exchanged: both
+    int degrees = 0;                 // turned: about z of S, from the configured to the true axes
+    double value = 0;                // contact: the press; sum: the part of the weight that the forces add up to
+    std::vector<double> shares{};    // shares: the measured ones
+    Vector x_S_in_G{};               // turned: the corrected axis
 };
 
 // In the order of their weight; empty: what the jaws read agrees with the configuration. setup: allocates
