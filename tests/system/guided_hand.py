@@ -3,6 +3,7 @@ import os
 import random
 import subprocess
 import threading
+import time
 import tty
 
 from daemon import BIN, Daemon
@@ -48,7 +49,7 @@ class Device(threading.Thread):
                 continue
             values = ",".join(f"{v + self.random.gauss(0, self.noise):.6f}" for v in self.reading)
             try:
-                os.write(self.master, f"{sequence},{sequence * 1_000_000 // RATE_HZ % 2**32},{values}\n".encode())
+                os.write(self.master, f"{sequence},{time.monotonic_ns() // 1000 % 2**32},{values}\n".encode())
             except BlockingIOError:
                 pass  # the daemon is not there
 
@@ -80,14 +81,20 @@ def guide(daemon, words, steps):
     Returns (exit status, all that it printed)."""
     process = subprocess.Popen([BIN / "tactilectl", *map(str, words), "--node", daemon.name], stdin=subprocess.PIPE,
                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env=daemon.reader_env)
-    printed, todo = "", list(steps)
-    while True:
-        byte = process.stdout.read(1)
-        if not byte:
-            break
+    printed, todo, since, refused = "", list(steps), 0, 0
+    while byte := process.stdout.read(1):
         printed += byte.decode("utf-8", "replace")
-        if printed.endswith((": ", "): ")) and printed.rsplit("\n", 1)[-1].endswith(("Enter: ", "0 0 9.81): ")):
-            answer = (todo.pop(0)() if todo else None) or ""
-            process.stdin.write(f"{answer}\n".encode())
-            process.stdin.flush()
+        if not printed.rsplit("\n", 1)[-1].endswith(("Enter: ", "0 0 9.81): ")):
+            continue
+        again = "not taken: " in printed[since:]  # the same step, once more
+        refused += again
+        if refused > 20:
+            process.kill()
+            raise AssertionError(printed)
+        answer = "" if again or not todo else todo.pop(0)() or ""
+        since = len(printed)
+        process.stdin.write(f"{answer}\n".encode())
+        process.stdin.flush()
+    process.stdin.close()
+    process.stdout.close()
     return process.wait(timeout=10), printed

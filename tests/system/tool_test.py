@@ -159,7 +159,7 @@ class Tool(unittest.TestCase):
         node = tactiled.open(self.daemon.name)
         self.plc.close()
         self.plc = ModbusTcpClient("127.0.0.1", port=self.daemon.port)
-        self.assertTrue(self.plc.connect())
+        wait_for(self.plc.connect, 10, "the registers of the next run")
         self.addCleanup(self.plc.close)
         self.turn(1.0, 1.0)
         time.sleep(0.5)
