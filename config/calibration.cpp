@@ -19,9 +19,9 @@ constexpr std::size_t kMaxMethods = 16;
 constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of a few numbers
 constexpr Range kNotNegative{0, 1e300};
 
-// The last line, crc = "0x1234". Taken as text, not as TOML: it stands outside of every table.
+// The last line, crc = "0x1234". It is read as text and not as TOML, because it is outside of every table.
 struct Seal {
-    std::size_t start;  // of the line in the file; the file's end where there is none
+    std::size_t start;  // start of the line in the file; the file's end if there is none
     std::optional<std::uint16_t> crc;
 };
 
@@ -135,7 +135,7 @@ void read_components(Options& file, Calibration& calibration) {
     calibration.full_scale = file.numbers("full_scale", kNotNegative, each);
 }
 
-// Of the file itself, or of one of its [[other]] tables.
+// Reads the fit of the file itself, or of one of its [[other]] tables.
 void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.method = file.text("method", "");
     if (!fit.method.empty() && !valid_name(fit.method))

@@ -8,19 +8,19 @@
 namespace tactiled {
 namespace {
 
-// The shortest decimal that reads back as the same bits, with what TOML wants to see in a float.
+// Returns the shortest decimal that reads back as the same bits, in the form of a TOML float.
 std::string toml_number(double x) {
     std::string text = fmt::format("{}", x);
     if (text.find_first_of(".en") == text.npos) text += ".0";  // "n": inf and nan, which the reader refuses
     return text;
 }
 
-// Bare where that is possible, so that a name cannot bring lines of its own into the file.
+// Writes a bare key if possible, else a quoted one, so that a name cannot add lines to the file.
 std::string toml_key(const std::string& name) {
     return valid_name(name) && name.find('.') == name.npos ? name : toml_text(name);
 }
 
-// Broken into lines: a table may have rows of a thousand numbers.
+// Breaks the list into lines, because a table may have rows of a thousand numbers.
 std::string toml_numbers(const std::vector<double>& numbers) {
     constexpr std::size_t kPerLine = 32;
     std::string out = "[";
@@ -35,7 +35,7 @@ std::string toml_texts(const std::vector<std::string>& texts) {
     return fmt::format("[{}]", fmt::join(all, ", "));
 }
 
-// Lines "key = value" of what is not empty.
+// Lines "key = value", without empty values.
 class Lines {
 public:
     void line(const std::string& key, const std::string& value) { text_ += fmt::format("{} = {}\n", key, value); }

@@ -14,7 +14,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMaxSensors = 16, kMaxLinks = 16;  // TACTILED_MAX_SENSORS and _LINKS
-constexpr std::size_t kLongestSocketPath = 107;          // of sockaddr_un
+constexpr std::size_t kLongestSocketPath = 107;          // limit of sockaddr_un
 
 NodeSettings read_node(Options table) {
     NodeSettings node{};
@@ -63,7 +63,7 @@ void bind_links(std::vector<LinkSettings>& links, std::vector<SensorSettings>& s
     for (const auto& link : links)
         if (!link.name.empty()) names.push_back(link.name);
     for (auto& sensor : sensors) {
-        if (sensor.link.empty()) continue;  // reported already
+        if (sensor.link.empty()) continue;  // the error is reported already
         const auto link = std::find_if(links.begin(), links.end(), [&](const auto& l) { return l.name == sensor.link; });
         if (link != links.end()) {
             ++link->sensors;
@@ -162,8 +162,8 @@ Config load_config(const std::string& path, Problems& problems) {
     config.modbus = read_modbus(root.table("modbus"), config.node.name);
     config.shm = read_shm(root.table("shm"));
 
-    if (!root.has("link")) root.problem("link", "there is no [[link]]; one at least says where data come from");
-    if (!root.has("sensor")) root.problem("sensor", "there is no [[sensor]]; one at least says what the data mean");
+    if (!root.has("link")) root.problem("link", "there is no [[link]]; add at least one, the source of the data");
+    if (!root.has("sensor")) root.problem("sensor", "there is no [[sensor]]; add at least one, the meaning of the data");
     check_unique(config.links, "link");
     check_unique(config.sensors, "sensor");
     bind_links(config.links, config.sensors);

@@ -1,5 +1,5 @@
-// The settings of a user as plain structures. config/KEYS.md lists the keys with units, ranges and defaults; the lists of
-// fields that fill these structures stand in the file of each table (tables.hpp).
+// The settings of a user as plain structures. config/KEYS.md lists the keys with units, ranges and defaults; the
+// lists of fields that fill these structures are in the file of each table (tables.hpp).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -14,16 +14,17 @@ namespace tactiled {
 Options no_options();  // an empty table of no file
 
 struct NodeSettings {
-    std::string name;      // the segment is tactiled.NAME in the run-time folder
-    int watchdog_ms;       // readers hold the daemon for dead when it published nothing for so long
-    int stuck_link_ms;     // a link that is in its device for so long ends the feeding of systemd's watchdog; 0 = never
+    std::string name;  // the segment is tactiled.NAME in the run-time folder
+    int watchdog_ms;   // readers consider the daemon dead when it has published nothing for this time
+    // a link that is in its device for this time stops the feeding of systemd's watchdog; 0 = never
+    int stuck_link_ms;
     std::string control;   // path of the control socket
     std::string zeros;     // path of the file of zeros; "" = zeros_path()
-    double fault_clear_s;  // after which a latched fault without a cause clears itself, 0 = never
+    double fault_clear_s;  // time after which a latched fault without a cause clears itself, 0 = never
 };
 
 struct RealtimeSettings {
-    int priority;  // SCHED_FIFO of the pipeline; links run two below
+    int priority;  // SCHED_FIFO priority of the pipeline; links run two below
     int cpu;       // -1: any
     bool lock_memory;
     bool required;  // refused rights end the daemon instead of setting RT_DEGRADED
@@ -33,16 +34,16 @@ struct RealtimeSettings {
 struct LinkSettings {
     std::string name;
     std::string driver;
-    std::optional<bool> simulated;   // STATUS shows that the data are simulated or replayed; unset: as the driver declares
+    std::optional<bool> simulated;   // STATUS shows that the data are simulated or replayed; unset: by the driver
     int sensors;                     // number of sensors that use it; filled by load_config
     Options options = no_options();  // the driver's own keys, not yet read
 };
 
-// A sensor of the same thing in the same frame: of two, one names the other, and both have this.
+// Two sensors of the same force in the same frame: one names the other, and both have this structure.
 struct PairSettings {
     int other = -1;      // index of the sensor, -1: none
-    double agree_N = 0;  // the magnitudes of their difference that is allowed
-    int agree_ms = 0;    // and for how long a larger one is
+    double agree_N = 0;  // allowed magnitude of their difference
+    int agree_ms = 0;    // time for which a larger one is allowed
     bool operator==(const PairSettings&) const = default;
 };
 
@@ -50,27 +51,29 @@ struct SensorSettings {
     std::string name;
     std::string link;
     int device;
-    std::vector<std::string> channels;   // name of each channel of the frame in order, "-" = not used; empty = as calibrated
-    double counts_per_unit;              // raw number of the frame / this = the unit of the calibration
-    std::array<double, 2> saturates_at;  // raw numbers, lowest and highest; at or beyond them a channel counts as saturated
+    // name of each channel of the frame in order, "-" = not used; empty = as calibrated
+    std::vector<std::string> channels;
+    double counts_per_unit;  // raw number of the frame / this = the unit of the calibration
+    // lowest and highest raw number; a channel at or beyond one of them counts as saturated
+    std::array<double, 2> saturates_at;
     std::string model;
     std::string calibration;  // path, as given or beside the configuration file
     std::string method;       // "" = the calibration's own; "auto"
     double budget_us;         // time budget of a sample with method "auto"
     int stale_ms;
-    int frozen_after;                // readings; -1: as the driver knows
-    double slew_limit_per_s;         // raw numbers a second; infinity = none
-    double rate_Hz, rate_tolerance;  // 0 = not declared; of rate_Hz
+    int frozen_after;                // number of readings; -1: by the driver
+    double slew_limit_per_s;         // raw numbers per second; infinity = none
+    double rate_Hz, rate_tolerance;  // 0 = not declared; rate_tolerance is relative to rate_Hz
     double drift_limit_N;            // 0 = none
     int tare_ms;                     // length of a tare's mean
-    double tare_limit_N;             // magnitude; 0 = none, -1 = 20 % of full scale, each component by its own
+    double tare_limit_N;             // magnitude; 0 = none, -1 = 20 % of full scale for each component
     std::string tare_after_restart;  // "restore" or "forget"
-    bool accept_unproved_age;        // tared and weighed with although nothing in its stream would show a delay
+    bool accept_unproved_age;        // used for tares and weights although its stream would not show a delay
     double filter_hz;                // low pass on force and torque, 0 = off
     double contact_on_N, contact_off_N;
     double overload_N;        // 0 = none
-    std::string agrees_with;  // "" = none, or none that is named here
-    double agree_N;           // as written on this sensor; `pair` has the values of the sensor that names the other
+    std::string agrees_with;  // "" = no other sensor, or named by the other one
+    double agree_N;           // from this sensor's table; `pair` has the values of the sensor that names the other
     int agree_ms;
     PairSettings pair;
     Options options = no_options();  // the model's own keys, not yet read
@@ -79,7 +82,7 @@ struct SensorSettings {
 struct RtuSettings {
     std::string device;  // "" = no RTU
     int baud;
-    std::string parity;  // "none", "odd" or "even"
+    std::string parity;  // parity: "none", "odd" or "even"
     int address;
     int silence_us;  // between a request and its answer; 0 = 3.5 characters
     bool rs485;      // the kernel's driver switches the direction
@@ -87,40 +90,42 @@ struct RtuSettings {
 
 struct ModbusSettings {
     std::string listen;              // ADDRESS:PORT, "" = no TCP
-    std::vector<std::string> allow;  // CIDR; needed where `listen` is not the loopback
-    std::vector<std::string> plc;    // addresses that always find a place
+    std::vector<std::string> allow;  // CIDR; required if `listen` is not the loopback
+    std::vector<std::string> plc;    // addresses with reserved places
     int max_clients;
-    int max_requests_per_s;                  // a client; 0 = no limit
+    int max_requests_per_s;                  // per client; 0 = no limit
     bool commands;                           // the writable block may be written
-    std::vector<std::string> command_allow;  // CIDR; empty = whoever may connect
+    std::vector<std::string> command_allow;  // CIDR; empty = all clients that may connect
     bool scratch;
     std::string settings;  // file that SAVE writes
     RtuSettings rtu;
-    std::string objects;  // of [grasp], where TEACH stores; "" = there is no [grasp], and nothing to weigh
+    std::string objects;  // from [grasp], written by TEACH; "" = there is no [grasp]
 
     [[nodiscard]] bool enabled() const { return !listen.empty() || !rtu.device.empty(); }
 };
 
 struct ShmSettings {
     std::string group;  // "" = the daemon's own
-    int history;        // samples kept a sensor, a power of two; 0 = as many as keep the segment within 1 MB
+    int history;        // samples kept per sensor, a power of two; 0 = as many as keep the segment within 1 MB
 };
 
 struct JawSettings {
     std::string sensor;
-    std::array<double, 3> x_S_in_G, z_S_in_G;       // as written: of any length, perpendicular within 1 degree
-    std::array<std::array<double, 3>, 3> S_from_G;  // rows: the axes of the skin's frame S, seen in the gripper's frame G
-    double share;                                   // of the object's weight, 0 = all jaws alike
+    std::array<double, 3> x_S_in_G, z_S_in_G;  // components as configured: of any length, perpendicular within 1 degree
+    // rows: the axes of the skin's frame S, expressed in the gripper's frame G
+    std::array<std::array<double, 3>, 3> S_from_G;
+    double share;  // share of the object's weight, 0 = all jaws equally
     Options options = no_options();
 };
 
 struct GraspSettings {
     std::vector<JawSettings> jaws;
     int jaws_of_gripper;                   // with and without a sensor
-    std::array<double, 3> gravity_G_m_s2;  // all 0: not known
-    double friction;                       // 0: not known
-    double share_sd;                       // of a jaw's share from grasp to grasp, once a known weight was shown
-    double margin;                         // recommended grip / least grip
+    std::array<double, 3> gravity_G_m_s2;  // all 0: unknown
+    double friction;                       // 0: unknown
+    // variation of a jaw's share from grasp to grasp, after a known weight was shown
+    double share_sd;
+    double margin;  // recommended grip / minimum grip
     double weigh_window_ms;
     double slip_sensitivity;  // 0 .. 1; the key is in percent
     double lift_acceleration_m_s2, lift_accelerates_ms;
@@ -149,9 +154,9 @@ struct ToolSettings {
 
 struct GpioSettings {
     std::string chip;
-    std::string fault, grasped, slip, alive;  // lines; "" = none
+    std::string fault, grasped, slip, alive;  // GPIO lines; "" = none
     std::string fault_is;                     // the level that means a fault: "low" or "high"
-    int slip_ms;                              // a slip is shown for so long at least
+    int slip_ms;                              // minimum time for which a slip is shown
 };
 
 struct Config {
@@ -165,14 +170,14 @@ struct Config {
     std::optional<GraspSettings> grasp;
     std::optional<ToolSettings> tool;
     std::optional<GpioSettings> gpio;
-    Options root = no_options();  // finish() it once drivers and models have read theirs
+    Options root = no_options();  // call finish() when drivers and models have read their keys
 };
 
-// Advice about a [grasp] that is allowed but hardly intended, a sentence each; empty: none.
+// Returns advice about a [grasp] that is allowed but probably not intended, one sentence each; empty: none.
 std::vector<std::string> grasp_advice(const GraspSettings& grasp);
 
-// Reads every key that is not a driver's or a model's own, checks names, references between them, and that each
-// sensor's link exists. Errors go to `problems`. setup: never throws for bad input
+// Reads every key that does not belong to a driver or a model, and checks names, references between them, and that
+// each sensor's link exists. Errors go to `problems`. setup: never throws for bad input
 Config load_config(const std::string& path, Problems& problems);
 
 }  // namespace tactiled

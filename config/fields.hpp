@@ -1,5 +1,5 @@
-// A table of the configuration as a list of fields. The parser, the rules of a reload, the reference page (KEYS.md) and the
-// test of tactiled.toml read the same list, so that all facts about a key stand in one entry.
+// A table of the configuration as a list of fields. The parser, the rules of a reload, the reference page (KEYS.md)
+// and the test of tactiled.toml read the same list, so that all facts about a key are in one entry.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -29,7 +29,7 @@ struct ConfigKey {
     std::string help;
 };
 
-// The value of a missing key. The words replace the value in the pages where it stands for something else, such as 0 for
+// The value of a missing key. The words replace the value in the pages if it has a special meaning, such as 0 for
 // "all".
 template <typename T>
 struct Default {
@@ -39,11 +39,12 @@ struct Default {
     Default(T v, const char* w) : value(v), words(w) {}
 };
 
-struct NoDefault {};  // the key must be there
+struct NoDefault {};  // the key is required
 inline constexpr NoDefault kRequired;
 
 using Choices = std::vector<std::string>;
-constexpr Range range(double min, double max) { return {min, max}; }  // braces would stand one below the other
+// a function, because nested braces would be hard to read
+constexpr Range range(double min, double max) { return {min, max}; }
 
 enum class Text {
     any,
@@ -61,13 +62,13 @@ std::string choices_text(const std::vector<std::string>& choices);
 std::string quoted(const std::string& value);
 // `fallback` nullptr: the key is required.
 std::string read_text(Options& table, const std::string& key, const std::string* fallback, Text text);
-// `fallback` with the name of the node in the place of NAME.
+// Returns `fallback` with the name of the node in the place of NAME.
 std::string with_node_name(const std::string& fallback, const std::string& node_name);
 }  // namespace field
 
-// One key of a table and the member of the settings that receives its value. The type of the member selects the constructor.
-// Write the first two arguments with TACTILED_KEY: then the key is the name of the member, and two members cannot be
-// swapped.
+// One key of a table and the member of the settings that receives its value. The type of the member selects the
+// constructor. Write the first two arguments with TACTILED_KEY: the key is then the name of the member, and two
+// members cannot be swapped.
 template <typename Settings>
 struct Field : ConfigKey {
     template <typename T>
@@ -87,7 +88,7 @@ struct Field : ConfigKey {
               settings.*member = table.number(key, r, d.value);
           }) {}
 
-    // All `N` numbers of the default where the key is missing or wrong.
+    // All `N` numbers of the default if the key is missing or wrong.
     template <std::size_t N>
     Field(const char* key, std::array<double, N> Settings::*member, Same<Default<std::array<double, N>>> d, Range r,
           const char* u, Reload l, const char* h)
@@ -104,7 +105,7 @@ struct Field : ConfigKey {
               if (values.size() == N) std::copy(values.begin(), values.end(), (settings.*member).begin());
           }) {}
 
-    // All NaN, which is no number of a file, where the key is wrong or missing; the caller reports a missing one.
+    // All NaN, which cannot be in a file, if the key is wrong or missing; the caller reports a missing one.
     template <std::size_t N>
     Field(const char* key, std::array<double, N> Settings::*member, NoDefault, Range r, const char* u, Reload l,
           const char* h)
@@ -118,7 +119,7 @@ struct Field : ConfigKey {
               settings.*member = table.flag(key, d.value);
           }) {}
 
-    // Without a value where the key is missing or wrong.
+    // Without a value if the key is missing or wrong.
     Field(const char* key, std::optional<bool> Settings::*member, const char* words, Reload l, const char* h)
         : ConfigKey{key, "boolean", "", "", words, l, h}, read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = table.optional_flag(key);

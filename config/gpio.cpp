@@ -1,4 +1,4 @@
-// [gpio]: lines that tell another machine what the node sees.
+// [gpio]: output lines that show the node's state to another machine.
 #include <fmt/format.h>
 
 #include "config/tables.hpp"

@@ -1,4 +1,4 @@
-// [grasp]: which sensors sit on which jaw, and how they are turned.
+// [grasp]: the sensors on the jaws and their orientation.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -13,10 +13,10 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMaxJaws = 16;                  // grasp::kMaxJaws
-constexpr double kSkewDeg = 1;                        // of two axes that a person wrote down as perpendicular
+constexpr double kSkewDeg = 1;                        // allowed error of two axes that are configured as perpendicular
 constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;  // 9.76 on Huascaran, 9.83 at the poles
 constexpr double kFaces = -0.2;      // cosine between the normals of two jaws that hold an object between them
-constexpr double kTangential = 0.3;  // of gravity: less of it in the plane of a skin is no weight
+constexpr double kTangential = 0.3;  // share of gravity in the plane of a skin, below which there is no weight
 constexpr double kDeg = 57.29577951308232;
 
 using Vector = std::array<double, 3>;
@@ -31,7 +31,7 @@ Vector unit(const Vector& a) {
     return {a[0] / l, a[1] / l, a[2] / l};
 }
 
-// The direction of a field of the jaw; nothing, with an error, where it has none.
+// Returns the direction of a field of the jaw; nothing, with an error, if its length is 0.
 std::optional<Vector> axis(Options& table, const char* key, const Vector& v) {
     if (!table.has(key)) {
         table.problem(key, fmt::format("{} is missing; it says where this axis of the skin points in the gripper's frame G, "
@@ -39,7 +39,7 @@ std::optional<Vector> axis(Options& table, const char* key, const Vector& v) {
                                        key, key));
         return std::nullopt;
     }
-    if (std::isnan(v[0])) return std::nullopt;  // reported already
+    if (std::isnan(v[0])) return std::nullopt;  // the error is reported already
     if (v[0] == 0 && v[1] == 0 && v[2] == 0) {
         table.problem(key, fmt::format("{} = [0, 0, 0] has no direction", key));
         return std::nullopt;
@@ -61,7 +61,7 @@ void check_jaws(Options& grasp, std::vector<JawSettings>& jaws, const std::vecto
     double shares = 0;
     for (auto jaw = jaws.begin(); jaw != jaws.end(); ++jaw) {
         shares += jaw->share;
-        if (jaw->sensor.empty()) continue;  // reported already
+        if (jaw->sensor.empty()) continue;  // the error is reported already
         if (std::any_of(jaws.begin(), jaw, [&](const auto& j) { return j.sensor == jaw->sensor; }))
             jaw->options.problem("sensor", fmt::format("sensor = {} has a [[grasp.jaw]] already", in_quotes(jaw->sensor)));
         if (std::find(names.begin(), names.end(), jaw->sensor) != names.end()) continue;
@@ -76,7 +76,7 @@ void check_jaws(Options& grasp, std::vector<JawSettings>& jaws, const std::vecto
         grasp.problem("jaw", fmt::format("the shares of the jaws are {:g} of the weight together; 1 at most", shares));
 }
 
-// Shares of which some belong to jaws without a sensor add up to less than 1.
+// Checks that shares add up to less than 1 if some belong to jaws without a sensor.
 void check_sum_of_shares(Options& grasp, const GraspSettings& g) {
     double shares = 0;
     for (const JawSettings& jaw : g.jaws) shares += jaw.share;
@@ -163,7 +163,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     GraspSettings g{};
     for (const auto& jaw : table.tables("jaw", kMaxJaws)) g.jaws.push_back(read_jaw(jaw));
     read_fields(grasp_fields(), table, g, node_name);
-    if (!table.has("jaw")) table.problem("jaw", "[grasp] has no [[grasp.jaw]]; one for each sensor that sits on a jaw");
+    if (!table.has("jaw")) table.problem("jaw", "[grasp] has no [[grasp.jaw]]; add one for each sensor on a jaw");
     check_jaws(table, g.jaws, sensors);
     if (g.jaws_of_gripper == 0) g.jaws_of_gripper = int(g.jaws.size());
     if (g.jaws_of_gripper < int(g.jaws.size()))
@@ -173,7 +173,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     check_gravity(table, "gravity_G_m_s2", g.gravity_G_m_s2);
     g.slip_sensitivity /= 100;
     if (g.objects.empty()) table.problem("objects", "objects = \"\" names no file; leave the key out for the default");
-    // absolute("") throws: a configuration that is named without a folder is in the current one.
+    // absolute("") throws: a configuration without a folder in its name is in the current one.
     g.objects = (std::filesystem::absolute(folder.empty() ? "." : folder) / g.objects).lexically_normal().string();
     return g;
 }

@@ -1,4 +1,4 @@
-// All keys of the configuration but those of drivers and models: what a reload may change, and the pages about them.
+// All keys of the configuration except those of drivers and models: the rules of a reload, and the pages about them.
 #pragma once
 #include <string>
 #include <string_view>
@@ -10,24 +10,25 @@ namespace tactiled {
 
 struct KeyTable {
     std::string header, about;  // "[[grasp.jaw]]"
-    Reload others;              // of keys that are not in the list: of a driver or a model, or a table below
+    Reload others;              // rule of keys that are not in the list: of a driver or a model, or a table below
     std::vector<ConfigKey> keys;
 
     [[nodiscard]] std::string name() const;  // "grasp.jaw"
 };
 
-// In the order of config/tactiled.toml.
+// Returns the tables in the order of config/tactiled.toml.
 const std::vector<KeyTable>& key_tables();
 
-// The effect of a changed `key` of `table`, such as "sensor", on a reload.
+// Returns the effect of a changed `key` of `table`, such as "sensor", on a reload.
 Reload reload_rule(std::string_view table, std::string_view key);
-// No key of the table may change without a restart.
+// Returns true if no key of the table may change without a restart.
 bool needs_restart(std::string_view table);
 
-// The comment of a key in config/tactiled.toml: "ms, 1 .. 10000, default 100: Without a frame for longer, the force is BAD."
+// Returns the comment of a key in config/tactiled.toml: "ms, 1 .. 10000, default 100: Without a frame for longer, the
+// force is BAD."
 std::string key_comment(const ConfigKey& key);
 
-// config/KEYS.md.
+// Returns the text of config/KEYS.md.
 std::string keys_markdown();
 
 }  // namespace tactiled

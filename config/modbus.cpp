@@ -1,4 +1,4 @@
-// [modbus] and [modbus.rtu]: where the server listens and whom it lets in.
+// [modbus] and [modbus.rtu]: the address of the server and its allowed clients.
 #include <fmt/format.h>
 
 #include "config/network_address.hpp"
@@ -19,10 +19,9 @@ void check_listen(Options& table, const ModbusSettings& modbus) {
     if (!address.fault.empty())
         table.problem("listen", address.fault);
     else if (!address.loopback && modbus.allow.empty() && modbus.plc.empty())
-        table.problem("listen",
-                      fmt::format("listen = {} lets other machines in, and Modbus knows no passwords: name those that may "
-                                  "connect, for example allow = [\"192.168.0.10/32\"]",
-                                  in_quotes(modbus.listen)));
+        table.problem("listen", fmt::format("listen = {} is open to other machines, and Modbus has no passwords: name the "
+                                            "machines that may connect, for example allow = [\"192.168.0.10/32\"]",
+                                            in_quotes(modbus.listen)));
 }
 
 }  // namespace

@@ -7,8 +7,9 @@
 
 namespace tactiled {
 
-inline constexpr std::size_t kLongestNameBytes = 31;  // TACTILED_NAME_SIZE of the shared memory, less its final zero
-inline constexpr std::size_t kMaxChannels = 32;       // of a frame
+// the shared memory's TACTILED_NAME_SIZE without the terminating zero
+inline constexpr std::size_t kLongestNameBytes = 31;
+inline constexpr std::size_t kMaxChannels = 32;  // channels of a frame
 
 inline bool valid_name(std::string_view name) {
     constexpr std::string_view kAllowed = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_.-";
@@ -16,7 +17,7 @@ inline bool valid_name(std::string_view name) {
 }
 inline constexpr const char* kValidName = "a name has 1 .. 31 of A-Z a-z 0-9 _ . -";
 
-// Channels are the headers of CSV columns as well: no comma, no quote, nothing invisible.
+// Channels are the headers of CSV columns as well: no comma, no quote, no invisible character.
 inline bool valid_channel(std::string_view name) {
     return !name.empty() && name.size() <= kLongestNameBytes && std::none_of(name.begin(), name.end(), [](char c) {
         return static_cast<unsigned char>(c) <= ' ' || c == ',' || c == '"' || c == '\x7f';  // char may be signed or not

@@ -75,7 +75,7 @@ std::string fault_of_network(const std::string& text) {
     if (!bits) return fmt::format("{} should end with /0 .. /{}", in_quotes(text), address->bits);
     if (*bits == 0)
         return in_quotes(text) +
-               " is everybody; name the network or the address of the PLC, for example \"192.168.0.10/32\"";
+               " is every machine; name the network or the address of the PLC, for example \"192.168.0.10/32\"";
     Address network = *address;
     for (unsigned bit = *bits; bit < address->bits; ++bit)
         network.bytes[bit / 8] = std::uint8_t(network.bytes[bit / 8] & ~(0x80u >> (bit % 8)));

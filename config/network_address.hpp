@@ -6,13 +6,13 @@ namespace tactiled {
 
 struct ListenAddress {
     std::string fault;  // "" if the text is valid, else the expected form
-    bool loopback;      // reached from this machine alone
+    bool loopback;      // reachable from this machine only
 };
 
-// "ADDRESS:PORT", IPv4 dotted or [IPv6], port 1 .. 65535. setup
+// Checks "ADDRESS:PORT", IPv4 dotted or [IPv6], port 1 .. 65535. setup
 ListenAddress check_listen_address(const std::string& text);
 
-// "ADDRESS/BITS" with no bits set beyond BITS, and BITS > 0. Returns "" or what would be right. setup
+// Checks "ADDRESS/BITS" with no bits set beyond BITS, and BITS > 0. Returns "" or the fault. setup
 std::string fault_of_network(const std::string& text);
 
 }  // namespace tactiled

@@ -14,10 +14,11 @@
 namespace tactiled {
 namespace {
 
-// A table's destructor recurses: with at most 16 nested values a hostile file's depth stays under 5,000 tables, some MiB.
+// The destructor of a table recurses: with at most 16 nested values the depth of a malicious file stays below 5,000
+// tables, some MiB.
 constexpr std::ptrdiff_t kMaxDotsALine = 512;
-constexpr std::size_t kMaxUnknownKeys = 20;          // reported of one table
-constexpr double kExactIntegers = 9007199254740992;  // 2^53: a float up to here can stand for one integer only
+constexpr std::size_t kMaxUnknownKeys = 20;          // reported for one table
+constexpr double kExactIntegers = 9007199254740992;  // 2^53: a float up to this value represents one integer only
 
 std::string kind_of(const toml::node& node) {
     switch (node.type()) {
@@ -35,7 +36,7 @@ std::string kind_of(const toml::node& node) {
     return "nothing";
 }
 
-// " = 5" where the value is short enough to be told, else "".
+// Returns " = 5" if the value is short enough to be printed, else "".
 std::string value_of(const toml::node& node) {
     if (const auto* text = node.as_string()) return " = " + in_quotes(text->get());
     if (const auto* integer = node.as_integer()) return fmt::format(" = {}", integer->get());
@@ -44,7 +45,7 @@ std::string value_of(const toml::node& node) {
     return "";
 }
 
-// The reason for which the text of a file is unfit for the parser, as line and message.
+// Returns the reason why the text of a file is unfit for the parser, as line and message.
 std::optional<std::pair<std::uint32_t, std::string>> unfit(std::string_view text) {
     std::uint32_t line = 1;
     for (std::size_t start = 0; start < text.size(); ++line) {
@@ -58,14 +59,14 @@ std::optional<std::pair<std::uint32_t, std::string>> unfit(std::string_view text
     return std::nullopt;
 }
 
-// Empty if the text is not from a file, or not TOML; the reason is reported.
+// Returns nothing if the text is not from a file, or not TOML; the reason is reported.
 std::optional<toml::table> parse(std::string_view text, const std::string& name, Problems& problems) {
     if (const auto why = unfit(text)) {
         problems.add(name, why->first, why->second);
         return std::nullopt;
     }
     try {
-        return toml::parse(text);  // without a name: it has no memory to lose
+        return toml::parse(text);  // without a name, which would need memory
     } catch (const toml::parse_error& error) {
         const std::string description = in_quotes(error.description());
         problems.add(name, error.source().begin.line, description.substr(1, description.size() - 2),
@@ -80,12 +81,12 @@ struct Options::Node {
     struct Document {
         std::string file;
         Problems* problems = nullptr;
-        bool readable = false;  // a file that is no TOML has one error, not one for each key that is missing as well
+        bool readable = false;  // a file that is not TOML has one error, not one for each missing key as well
         toml::table root;
     };
 
     std::shared_ptr<const Document> document;
-    const toml::table* table = nullptr;  // nullptr: not in the file, which is as good as empty
+    const toml::table* table = nullptr;  // nullptr: not in the file, which is treated as empty
     std::uint32_t line = 1;
     std::string label;  // `sensor "left"`, "[node]"; "" is the root
     std::vector<std::string> asked{};
@@ -112,12 +113,13 @@ struct Options::Node {
     }
     void problem(std::string_view key, const std::string& text) const { problem(line_of(key), text); }
     void missing(std::string_view key) const { problem(key, fmt::format("key \"{}\" is missing", key)); }
-    // `name` is the key, or an entry of its array.
+    // Reports a wrong type. `name` is the key, or an entry of its array.
     void wrong_kind(std::string_view name, const toml::node& found, std::string_view wanted) const {
         problem(line_of(found), fmt::format("{}{} is {}, should be {}", name, value_of(found), kind_of(found), wanted));
     }
 
-    // The array at `key`; nullptr where it is missing, and with an error where it is none or its size is wrong.
+    // Returns the array at `key`; nullptr if it is missing, and with an error if it is not an array or its size is
+    // wrong.
     const toml::array* ask_array(std::string_view key, std::string_view wanted, Count count) {
         const toml::node* found = ask(key);
         if (!found) return nullptr;
@@ -133,7 +135,7 @@ struct Options::Node {
         return nullptr;
     }
 
-    // An integer is a number, too.
+    // Returns a float or an integer as a number.
     std::optional<double> number(std::string_view name, const toml::node& found, Range range) const {
         const auto value = found.is_number() ? found.value<double>() : std::nullopt;
         if (!value)
@@ -147,7 +149,7 @@ struct Options::Node {
         return std::nullopt;
     }
 
-    // All numbers of an array; the first wrong one is reported, and then there are none.
+    // Returns all numbers of an array; if one is wrong, it is reported and the result is empty.
     std::vector<double> numbers(std::string_view name, const toml::array& array, Range range) const {
         std::vector<double> all;
         for (std::size_t i = 0; i < array.size(); ++i) {
@@ -306,7 +308,7 @@ std::vector<std::vector<double>> Options::rows(std::string_view key) {
 std::optional<Options::TextFile> Options::text_file(std::string_view key, std::size_t max_bytes) {
     const std::string name = text(key);
     if (name.empty()) return std::nullopt;
-    const std::string path = (std::filesystem::path(file()).parent_path() / name).string();  // an absolute path stays itself
+    const std::string path = (std::filesystem::path(file()).parent_path() / name).string();  // an absolute path is unchanged
     Problems found;
     auto bytes = read_text_file(path, max_bytes, found);
     for (const auto& line : found.lines()) problem(key, line);

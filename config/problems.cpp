@@ -10,13 +10,13 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kLongestName = 64;   // a longer word is no mistyped key, and comparing it would cost
+constexpr std::size_t kLongestName = 64;   // a longer word is not a mistyped key, and comparing it would take long
 constexpr std::size_t kLongestQuote = 60;  // bytes
 
 char lower(char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; }
 
-// Optimal string alignment: insertions, deletions, replacements and swaps of neighbours, which are the usual slips of a
-// hand. Upper and lower case count as equal.
+// Optimal string alignment: insertions, deletions, replacements and swaps of neighbours, which are the usual typing
+// errors. Upper and lower case count as equal.
 std::size_t distance(std::string_view a, std::string_view b) {
     std::vector<std::size_t> before(b.size() + 1), last(b.size() + 1), now(b.size() + 1);
     for (std::size_t j = 0; j <= b.size(); ++j) last[j] = j;
@@ -70,7 +70,7 @@ std::optional<std::string> nearest_name(std::string_view name, const std::vector
     std::size_t min = 0;
     for (const auto& candidate : known) {
         if (candidate.size() > kLongestName) continue;
-        // One slip in three letters is meant; "baudrate" for "baud" and "stale" for "stale_ms" are, too.
+        // One error in three letters is accepted; "baudrate" for "baud" and "stale" for "stale_ms" are accepted, too.
         const std::size_t max = (std::max(name.size(), candidate.size()) + 1) / 3;
         std::size_t slips = distance(name, candidate);
         if (slips > 1 && one_starts_the_other(name, candidate)) slips = 1;
@@ -97,7 +97,7 @@ std::string in_quotes(std::string_view text) {
         const auto next = i + 1 < text.size() ? static_cast<unsigned char>(text[i + 1]) : 0u;
         if (byte < 0x20 || byte == 0x7F)
             out += fmt::format("\\x{:02x}", byte);
-        else if (byte == 0xC2 && next >= 0x80 && next < 0xA0)  // U+0080 .. U+009F steer terminals as well
+        else if (byte == 0xC2 && next >= 0x80 && next < 0xA0)  // U+0080 .. U+009F control terminals as well
             out += fmt::format("\\x{:02x}", unsigned(text[++i]) & 0xFFu);
         else
             out += text[i];

@@ -10,8 +10,8 @@
 
 namespace tactiled {
 
-// The list of all entries of one type. The last member of the type is its place in the list; `find` and `names` use its
-// member `name`:
+// The list of all entries of one type. The last member of the type is its place in the list; `find` and `names` use
+// its member `name`:
 //
 //     struct ChipEntry {
 //         std::string_view name;
@@ -26,7 +26,7 @@ template <class Entry>
 class Registry {
 public:
     explicit Registry(const Entry* entry) noexcept : entry_(entry), next_(first_) { first_ = this; }
-    ~Registry() {  // a test may add an entry for a while
+    ~Registry() {  // a test may add an entry temporarily
         const Registry** at = &first_;
         while (*at != this) at = &(*at)->next_;
         *at = next_;
@@ -47,8 +47,9 @@ public:
         return found;
     }
 
-    // The entry with that name, of those that `accept` accepts; nullptr where there is none. Two entries with the same name
-    // are an error of the program: without the assertion, the order of linking would choose between them.
+    // Returns the entry with that name, of those that `accept` accepts; nullptr if there is none. Two entries with
+    // the same name are an error of the program: without the assertion, the order of linking would choose between
+    // them.
     template <class Accept = All>
     static const Entry* find(std::string_view name, Accept accept = {}) noexcept {
         const Entry* found = nullptr;
@@ -60,7 +61,7 @@ public:
         return found;
     }
 
-    // The names of those that `accept` accepts, sorted.
+    // Returns the names of those that `accept` accepts, sorted.
     template <class Accept = All>
     static std::vector<std::string> names(Accept accept = {}) {
         std::vector<std::string> names;
@@ -70,12 +71,12 @@ public:
     }
 
 private:
-    inline static constinit const Registry* first_ = nullptr;  // constant, so that no entry comes before it
+    inline static constinit const Registry* first_ = nullptr;  // initialised at compile time, so before any entry
     const Entry* entry_;
     mutable const Registry* next_;  // changes when an entry leaves the list
 };
 
-// A field of an entry that has no default: an entry that does not state it does not compile.
+// A field of an entry without a default: an entry that omits it does not compile.
 template <class Value>
 class Required {
 public:

@@ -1,4 +1,4 @@
-// [[sensor]]: channels of a frame, the model that turns them into a force, and how the force is judged.
+// [[sensor]]: the channels of a frame, the model that converts them to a force, and the limits of the force.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::array<double, 2> kUnlimited = {-kInf, kInf};
-constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();  // no number of a file
+constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();  // cannot be in a file
 
 void check_channels(Options& table, const std::vector<std::string>& channels) {
     const auto wrong = [&](const std::string& why) { table.problem("channels", why); };
@@ -121,7 +121,7 @@ SensorSettings read_sensor(Options table, const std::string& folder) {
     if (s.contact_off_N > s.contact_on_N)
         table.problem("contact_off_N",
                       fmt::format("contact_off_N = {} is above contact_on_N = {}", s.contact_off_N, s.contact_on_N));
-    if (!s.calibration.empty())  // an absolute path stays itself
+    if (!s.calibration.empty())  // an absolute path is unchanged
         s.calibration = (std::filesystem::path(folder) / s.calibration).string();
     return s;
 }

@@ -1,5 +1,5 @@
-// The tables of the configuration: the list of fields of each, and the parts of load_config() that have a file of their own.
-// Inside of config/ only.
+// The tables of the configuration: the list of fields of each, and the parts of load_config() with a file of their
+// own. For use in config/ only.
 #pragma once
 #include <array>
 #include <optional>
@@ -24,17 +24,17 @@ const Fields<RtuSettings>& rtu_fields();
 const Fields<ShmSettings>& shm_fields();
 const Fields<GpioSettings>& gpio_fields();
 
-// [[sensor]] alone. setup: never throws for bad input
+// Reads one [[sensor]]. setup: never throws for bad input
 SensorSettings read_sensor(Options table, const std::string& folder);
-// Two sensors that are compared know each other, whichever of them names the other. setup: never throws for bad input
+// Pairs sensors that are compared, whichever of them names the other. setup: never throws for bad input
 void pair_sensors(std::vector<SensorSettings>& sensors);
-// Several sensors may read one frame, each its own channels. setup: never throws for bad input
+// Checks sensors that read the same frame: each has its own channels. setup: never throws for bad input
 void check_shared_frames(std::vector<SensorSettings>& sensors);
 
-// [modbus] and [modbus.rtu]. setup: never throws for bad input
+// Reads [modbus] and [modbus.rtu]. setup: never throws for bad input
 ModbusSettings read_modbus(Options table, const std::string& node_name);
 
-// [grasp], checked against the sensors; nothing where the file has none. setup: never throws for bad input
+// Reads [grasp] and checks it against the sensors; nothing if the file has none. setup: never throws for bad input
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
                                         const std::vector<SensorSettings>& sensors, const std::string& folder);
 
@@ -45,14 +45,14 @@ std::array<std::array<double, 3>, 3> read_axes(Options& table, const std::array<
 // 0, which is "not known", or a length that occurs on Earth; a problem of `key` otherwise. setup
 void check_gravity(Options& table, const char* key, const std::array<double, 3>& gravity_m_s2);
 
-// [tool], checked against the sensors; nothing where the file has none. setup: never throws for bad input
+// Reads [tool], checked against the sensors; nothing if the file has none. setup: never throws for bad input
 std::optional<ToolSettings> read_tool(Options& root, const std::vector<SensorSettings>& sensors,
                                       const std::optional<GraspSettings>& grasp);
 
-// [gpio]; nothing where the file has none. setup: never throws for bad input
+// Reads [gpio]; nothing if the file has none. setup: never throws for bad input
 std::optional<GpioSettings> read_gpio(Options& root);
 
-// No file that the daemon writes is another one of the configuration. setup: never throws for bad input
+// Checks that no file that the daemon writes is another file of the configuration. setup: never throws for bad input
 void check_written_files(Config& config);
 
 }  // namespace tactiled

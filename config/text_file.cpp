@@ -23,7 +23,7 @@ public:
     File(const File&) = delete;
     File& operator=(const File&) = delete;
     [[nodiscard]] int fd() const { return fd_; }
-    [[nodiscard]] bool close() {  // a file system over a network may report a lost write only here
+    [[nodiscard]] bool close() {  // a network file system may report a lost write only here
         const int fd = std::exchange(fd_, -1);
         return ::close(fd) == 0;
     }
@@ -85,7 +85,7 @@ std::optional<std::string> read_text_file(const std::string& path, std::size_t m
     if (S_ISDIR(about.st_mode)) return refuse("is a folder; give the path of a file in it");
     if (!S_ISREG(about.st_mode)) return refuse("is a pipe or a device; give the path of a regular file");
 
-    // Read until the end instead of st_size bytes: the file may grow meanwhile, and /proc says 0.
+    // Reads until the end instead of st_size bytes: the file may grow meanwhile, and /proc reports 0.
     std::string bytes;
     char piece[1 << 16];
     for (;;) {
@@ -118,7 +118,7 @@ std::string toml_text(const std::string& text) {
 void replace_file(const std::string& path, std::string_view bytes) {
     const std::filesystem::path target(path);
     const std::string folder = target.parent_path().empty() ? "." : target.parent_path().string();
-    // One writer a process and name at a time; a leftover of a process that died with our number is nobody's any more.
+    // One writer per process and name at a time; a file left by a dead process with this number is unused.
     const std::string temporary = fmt::format("{}/.{}.{}.tmp", folder, target.filename().string(), ::getpid());
     const auto refuse = [&](const char* step, bool remove) {
         const int error = errno;
@@ -132,7 +132,7 @@ void replace_file(const std::string& path, std::string_view bytes) {
     if (::fsync(file.fd()) != 0) refuse("fsync", true);
     if (!file.close()) refuse("close", true);
     if (::rename(temporary.c_str(), path.c_str()) != 0) refuse("rename", true);
-    // Some file systems cannot sync a folder (EINVAL); there the rename is as durable as it gets.
+    // Some file systems cannot sync a folder (EINVAL); the rename is then as durable as possible.
     const File parent(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (parent.fd() >= 0 && ::fsync(parent.fd()) != 0 && errno != EINVAL) refuse("fsync of the folder", false);
 }

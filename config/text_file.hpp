@@ -1,4 +1,4 @@
-// Files that a user wrote, whole and with a limit; and files that must not be lost half-written.
+// Reads files of users completely and with a limit of size; writes files so that they are never incomplete.
 #pragma once
 #include <optional>
 #include <string>
@@ -10,15 +10,16 @@
 
 namespace tactiled {
 
-// The bytes of a regular file of at most `max_bytes`. Else an error in `problems` that says what to do. Never blocks on a
-// pipe or a device. setup: never throws for bad input
+// Returns the bytes of a regular file of at most `max_bytes`. Otherwise adds an error with the remedy to `problems`.
+// Never blocks on a pipe or a device. setup: never throws for bad input
 std::optional<std::string> read_text_file(const std::string& path, std::size_t max_bytes, Problems& problems);
 
-// True if read_text_file() would find something at `path`. setup
+// Returns true if read_text_file() would find something at `path`. setup
 bool is_text_file_there(const std::string& path);
 
-// Files as they were when something was loaded, so that it can be loaded again elsewhere. While one lives, read_text_file()
-// of this thread notes what it reads (`from` is empty), or takes every file from `from` and none from the disk. setup
+// Files as they were when a configuration was loaded, so that it can be loaded again elsewhere. While an object
+// exists, read_text_file() of this thread records the files that it reads (if `from` is empty), or takes every file
+// from `from` and none from the disk. setup
 class TextFiles {
 public:
     using List = std::vector<std::pair<std::string, std::string>>;  // path, bytes; in the order of reading
@@ -36,14 +37,14 @@ private:
     TextFiles* before_;
 };
 
-// `text` as a string of TOML, in quotes.
+// Returns `text` as a TOML string, in quotes.
 std::string toml_text(const std::string& text);
 
 struct SaveError : SetupError {
     using SetupError::SetupError;
 };
 
-// Replaces `path` at once or not at all: temporary file beside it, fsync, rename, fsync of the folder.
+// Replaces `path` atomically: temporary file beside it, fsync, rename, fsync of the folder.
 // setup: throws SaveError where a step is refused; the old file stands as it was then, but after the rename, and no temporary one
 void replace_file(const std::string& path, std::string_view bytes);
 

@@ -1,18 +1,19 @@
-// toml++ 3.3 or 3.4 for bytes that nobody has checked. Included by options.cpp alone.
+// toml++ 3.3 or 3.4 for unchecked bytes. Included by options.cpp only.
 #pragma once
 
-#define TOML_EXCEPTIONS 1      // without, a parser that finds no memory ends the program
-#define TOML_FLOAT_CHARCONV 1  // exact, and a stream that finds no memory only says "no number"; since g++ 11
+#define TOML_EXCEPTIONS 1      // without them, the parser ends the program if there is no memory
+#define TOML_FLOAT_CHARCONV 1  // exact; a stream without memory would only report "no number"; since g++ 11
 // Maximum depth of nested values. Dotted keys (a.b.c = 1) nest tables without limit, see unfit() in options.cpp.
 #define TOML_MAX_NESTED_VALUES 16
-// The parser asserts what only good files satisfy ("a = 1979-05-", "{ ."), and reports the error in the lines that follow.
-// Fuzzed without the assertions under the address and undefined-behaviour sanitizers: 2.7 million inputs, no finding.
+// The parser asserts conditions that only valid files satisfy ("a = 1979-05-", "{ ."), and reports the error in the
+// lines that follow. Fuzzed without the assertions under the address and undefined-behaviour sanitizers: 2.7 million
+// inputs, no finding.
 #define TOML_ASSERT(expression) static_assert(true)
 
-// A letter of U+00A1 .. U+0499 outside of a string, or after a backslash that ends a line of one, reaches the `default` of
-// is_non_ascii_horizontal_whitespace(), which 3.3 and 3.4 declare unreachable. The letter is no white space. No public
-// header offers a way to change that, and a check of the text beforehand would have to parse it. 3.4 has other names for the
-// files.
+// A letter of U+00A1 .. U+0499 outside of a string, or after a backslash that ends a line of one, reaches the
+// `default` of is_non_ascii_horizontal_whitespace(), which 3.3 and 3.4 declare unreachable. The letter is not white
+// space. No public header allows changing that, and a check of the text beforehand would have to parse it. 3.4 has
+// other names for the files.
 #if __has_include(<toml++/impl/preprocessor.hpp>)
 #include <toml++/impl/preprocessor.hpp>
 #else

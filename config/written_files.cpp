@@ -1,5 +1,5 @@
-// The files that a daemon writes are no other files of its configuration: else one command would overwrite the
-// configuration, or a calibration, with something else.
+// Checks that the files that a daemon writes are not other files of its configuration; otherwise a command could
+// overwrite the configuration or a calibration.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -16,7 +16,7 @@ struct NamedFile {
     const char *table, *key;  // nullptr: the daemon only reads the file
 };
 
-// The same name, after links and ".." are resolved, or two names of one file.
+// Returns true for the same name, after links and ".." are resolved, or for two names of one file.
 bool is_same(const std::string& a, const std::string& b) {
     std::error_code error;
     const auto resolved = [&](const std::string& path) {

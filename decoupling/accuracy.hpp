@@ -8,8 +8,9 @@
 
 namespace tactiled {
 
-// Error on rows that the fit had not seen, in full scales, mean over the components; of a file without that number the
-// standard deviation that it states at half of full scale; infinite where neither is known. setup
+// Returns the error on rows that the fit did not use, relative to full scale, as a mean over the components; for a
+// file without that number, the standard deviation that it states at half of full scale; infinite if neither is
+// known. setup
 inline double inaccuracy(const Calibration& calibration) {
     const std::size_t n = calibration.components.size();
     if (calibration.sd.size() != n || calibration.full_scale.size() != n || n == 0)

@@ -13,7 +13,7 @@ namespace {
 // 48 samples of each of five methods with their pauses: 40 ms where a pause ends 60 us late.
 constexpr int kSamples = 48, kWarmUp = 4;
 constexpr std::chrono::microseconds kPause{100};
-// A step down that saves less than that is not worth its accuracy.
+// A step down that saves less than this is not worth its loss of accuracy.
 constexpr double kWorth = MethodChoice::kRoom;
 
 std::vector<double> costs_of(const std::vector<FrontMethod>& methods) {
@@ -22,7 +22,7 @@ std::vector<double> costs_of(const std::vector<FrontMethod>& methods) {
     return us;
 }
 
-// Readings spread over the calibration's domain; its zero where it knows none.
+// Returns readings spread over the calibration's domain; its zero if it has no domain.
 std::vector<double> reading_number(const Calibration& calibration, int number) {
     std::vector<double> channel = calibration.zero;
     if (calibration.channel_least.empty()) return channel;
@@ -33,7 +33,7 @@ std::vector<double> reading_number(const Calibration& calibration, int number) {
     return channel;
 }
 
-// Without their costs; none where one is wrong: that is said, not skipped.
+// Returns the fitted methods without their costs; none, with `fault` set, if one of them is wrong.
 std::vector<FrontMethod> fitted_methods(const Calibration& calibration, DecouplerFault& fault) {
     std::vector<std::string> fitted{calibration.method};
     for (const Fit& other : calibration.others) fitted.push_back(other.method);
@@ -48,8 +48,9 @@ std::vector<FrontMethod> fitted_methods(const Calibration& calibration, Decouple
     return methods;
 }
 
-// As the loop runs them: one sample after a pause in which caches and clock go cold, the methods in turn, so that what
-// disturbs one disturbs all. What is judged in the loop is measured here: the time that 7 in 8 samples keep to.
+// Measures as the daemon's pipeline runs the methods: one sample after a pause in which caches and clock become cold,
+// the methods alternating, so that a disturbance affects all of them. The measured time is the one that the pipeline
+// judges: the time that 7 in 8 samples do not exceed.
 void measure(std::vector<FrontMethod>& methods, const Calibration& calibration) {
     using Clock = std::chrono::steady_clock;
     std::vector<std::vector<double>> us(methods.size());
@@ -67,11 +68,11 @@ void measure(std::vector<FrontMethod>& methods, const Calibration& calibration) 
     for (std::size_t m = 0; m < methods.size(); ++m) {
         const auto at = us[m].begin() + kSamples * 7 / 8 - 1;
         std::nth_element(us[m].begin(), at, us[m].end());
-        methods[m].cost.us = std::max(*at, 1e-3);  // a clock may tick more slowly than that
+        methods[m].cost.us = std::max(*at, 1e-3);  // the clock may have a coarser resolution than that
     }
 }
 
-// False where one of them is not known.
+// Returns false if the cost of one of them is unknown.
 bool take_known(std::vector<FrontMethod>& methods, const std::vector<MethodCost>& costs) {
     for (auto& each : methods) {
         const auto known = std::find_if(costs.begin(), costs.end(),
@@ -82,7 +83,7 @@ bool take_known(std::vector<FrontMethod>& methods, const std::vector<MethodCost>
     return true;
 }
 
-// Most accurate first, and then each that costs enough less than the one before it.
+// Returns the most accurate method first, and then each method that costs sufficiently less than the one before it.
 std::vector<FrontMethod> front_of(std::vector<FrontMethod> methods) {
     const bool any_known =
         std::any_of(methods.begin(), methods.end(), [](const FrontMethod& each) { return std::isfinite(each.inaccuracy); });
@@ -116,7 +117,7 @@ std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, dou
         measure(methods, calibration);
         costs.clear();
         for (const auto& each : methods) costs.push_back(each.cost);
-        methods = fitted_methods(calibration, fault);  // anew: these have seen loads that never were
+        methods = fitted_methods(calibration, fault);  // rebuilt: the measurement has given these a false past
         (void)take_known(methods, costs);
     }
     return std::make_unique<AutoMethod>(front_of(std::move(methods)), budget_us);

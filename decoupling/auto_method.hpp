@@ -1,9 +1,9 @@
-// Method "auto": several fitted methods, prepared, of which one runs. MethodChoice selects the method from the times that
-// the caller reports; nothing here reads a clock in the loop.
+// Method "auto": several prepared methods, of which one runs. MethodChoice selects it from the times that the caller
+// reports; nothing here reads a clock in the loop.
 //
-// A method that was not running has not seen the readings in between. At its return it forgets what it remembered: "map"
-// searches anew, and one whose values need a past ("nonlinear" with hysteresis, "fused") says unknown-uncertainty until it
-// has one.
+// A method does not see the readings while another one runs, and forgets the past when it runs again. Then "map"
+// searches anew, and methods whose values need a past ("nonlinear" with hysteresis, "fused") report
+// unknown-uncertainty until they have one.
 #pragma once
 #include <memory>
 #include <string>
@@ -15,39 +15,41 @@
 
 namespace tactiled {
 
-// Time of a sample of a method on this machine: 7 in 8 samples need at most so long, the clock's own time included.
+// Time that a method needs for a sample on this machine: 7 of 8 samples take at most this long, including the reading
+// of the clock.
 struct MethodCost {
     std::string method;
     double us = 0;
     bool operator==(const MethodCost&) const = default;
 };
 
-// A method of the front: what is more accurate costs more.
+// A method of the front: a more accurate one costs more.
 struct FrontMethod {
     MethodCost cost;
-    double inaccuracy = 0;  // accuracy.hpp
+    double inaccuracy = 0;  // see accuracy.hpp
     std::unique_ptr<Decoupler> decoupler;
 };
 
 class AutoMethod final : public Decoupler {
 public:
-    // `front`: most accurate first, costs falling, 1 .. MethodChoice::kMax. setup
+    // `front`: 1 .. MethodChoice::kMax methods, most accurate first, with falling costs. setup
     AutoMethod(std::vector<FrontMethod> front, double budget_us);
 
-    // By the method that runs now. rt: as its own
+    // Uses the method that runs now. rt: as that method
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
         return front_[choice_.now()].decoupler->decouple(reading);
     }
-    // By method `index` of the front, for one that does not run: without a past. rt: as its own
+    // Uses method `index` of the front, which does not run now, without a past. rt: as that method
     [[nodiscard]] Estimate decouple_anew(std::size_t index, const Reading& reading) noexcept {
         front_[index].decoupler->forget();
         return front_[index].decoupler->decouple(reading);
     }
-    // The last decouple(), of a reading at `t_ns`, took so long. The next may be by another method. rt: wait-free
+    // Reports that the last decouple(), of a reading at `t_ns`, took `ns`. The next one may use another method. rt:
+    // wait-free
     void took(std::uint64_t ns, std::uint64_t t_ns) noexcept;
     void forget() noexcept override { front_[choice_.now()].decoupler->forget(); }
 
-    // For the method that runs now.
+    // Of the method that runs now.
     [[nodiscard]] std::string_view method() const noexcept override { return front_[choice_.now()].decoupler->method(); }
     [[nodiscard]] const std::vector<FrontMethod>& front() const noexcept { return front_; }
     [[nodiscard]] const MethodChoice& choice() const noexcept { return choice_; }
@@ -57,10 +59,10 @@ private:
     MethodChoice choice_;
 };
 
-// Of the methods that the calibration has a fit and a standard deviation of (where it has of none: the fastest), those on
-// the front of accuracy against time. `costs`: what was measured before, used where it names all of these methods; else it
-// is measured, for less than 0.1 s, and put there. nullptr where a fit is wrong or the model unknown, and `fault` says why.
-// setup
+// Makes the front of accuracy against time from the methods that the calibration has a fit and a standard deviation
+// of; if it has a standard deviation of none, from the fastest method. `costs` are used if they contain all of these
+// methods, else they are measured in less than 0.1 s and stored there. Returns nullptr with `fault` set if a fit is
+// wrong or the model is unknown. setup
 std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, double budget_us,
                                              std::vector<MethodCost>& costs, DecouplerFault& fault);
 

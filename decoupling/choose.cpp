@@ -1,4 +1,4 @@
-// Which method of a calibration runs.
+// Chooses the method that a calibration runs with.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -11,12 +11,12 @@
 namespace tactiled {
 namespace {
 
-// The calibration as `method` runs it. A standard deviation holds for the method whose errors it was taken from, and for
-// one that names it.
+// Returns the calibration for `method`. Its standard deviation holds for the method whose errors it was computed
+// from, and for a method that names it.
 Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
     const std::string name(method.method);
     Calibration one = calibration.with_method(name);
-    // A calibration that names no method is one of the model's default.
+    // A calibration without a method uses the model's default.
     const bool is_default = method_names(calibration.model).front() == name;
     const bool fitted = (calibration.method.empty() && is_default) || calibration.method == name ||
                         std::any_of(calibration.others.begin(), calibration.others.end(),
@@ -28,7 +28,7 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
     return one;
 }
 
-// A name in the calibration's file that no method of its model has.
+// Returns the fault of a method name in the calibration's file that its model does not have.
 std::string fault_of_fitted_names(const Calibration& calibration) {
     std::vector<std::string> fitted;
     if (!calibration.method.empty()) fitted.push_back(calibration.method);

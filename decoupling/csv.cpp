@@ -18,7 +18,7 @@ constexpr std::size_t kMaxColumns = 4096;
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
-// The text of a wrong cell for a message: short, and without control characters for the terminal.
+// Returns the text of an invalid cell for a message: short, and without control characters for the terminal.
 std::string shown(std::string_view text) {
     std::string result;
     for (const char c : text.substr(0, 40)) result += (c >= ' ' && c <= '~') ? c : '?';
@@ -42,7 +42,8 @@ CsvReader::CsvReader(const std::string& path) : name_(path == "-" ? "standard in
     file_.reset(path == "-" ? stdin : std::fopen(path.c_str(), "re"));
     if (file_ == nullptr) throw SetupError(why_not_opened(path));
     if (!read_line()) throw SetupError(name_ + ": is empty; the first line names the columns: t_s,R1,R3,...");
-    if (buffer_.starts_with("\xEF\xBB\xBF")) buffer_.erase(0, 3);  // the mark that spreadsheets write before UTF-8
+    // the byte order mark that spreadsheets write before UTF-8
+    if (buffer_.starts_with("\xEF\xBB\xBF")) buffer_.erase(0, 3);
     split();
     columns_ = cells_;
     if (columns_.size() == 1 && columns_[0].find(';') != std::string::npos)
@@ -104,7 +105,7 @@ bool CsvReader::read_line() {
     return true;
 }
 
-// Quotes as in RFC 4180, but a quoted line break is refused: no name or number has one.
+// Quotes as in RFC 4180, except that a quoted line break is refused: names and numbers have none.
 void CsvReader::split() {
     cells_.clear();
     std::size_t at = 0;
@@ -140,7 +141,7 @@ void CsvReader::split() {
 ForcesWriter::ForcesWriter(const std::string& path) : name_(path == "-" ? "standard output" : path) {
     file_.reset(path == "-" ? stdout : std::fopen(path.c_str(), "we"));
     if (file_ == nullptr) throw SetupError(why_not_opened(path));
-    // A consumer at the other end of a pipe sees a row when it is there, not 4 kB later.
+    // A consumer at the other end of a pipe receives each row at once, not after 4 kB.
     if (path == "-") std::setvbuf(stdout, nullptr, _IOLBF, 1u << 16);
     put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
         "sd_mx_Nm,sd_my_Nm,sd_mz_Nm\n");
@@ -155,7 +156,7 @@ void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view 
     add(t_s);
     for (const double component : estimate.wrench_S) add(component);
     for (std::size_t c = 0; c < 3; ++c) add(estimate.sd[c]);
-    // Several reasons are separated by commas: quoted then.
+    // Several reasons are separated by commas and need quotes.
     const bool quoted = quality.find(',') != std::string_view::npos;
     if (quoted) row_ += '"';
     row_ += quality;

@@ -1,5 +1,5 @@
-// A model turns the channels of a sensor into the force and torque that the world exerts on it. It never fails: it
-// returns an estimate with its standard deviation and quality, and the reader decides.
+// A model computes the force and torque of the world on a sensor from its channels. It never fails: it returns an
+// estimate with its standard deviation and quality, and the reader decides.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -18,15 +18,16 @@ namespace tactiled {
 
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// The channels of one sensor at one instant, in the order of Calibration::channels and in its unit.
+// The channels of one sensor at one time, in the order of Calibration::channels and in its unit.
 struct Reading {
     std::span<const double> channel;  // NaN where missing
     std::uint32_t missing = 0;        // bit n: channel n
     std::uint32_t saturated = 0;      // bit n: channel n
-    std::uint64_t t_ns = 0;           // CLOCK_MONOTONIC, of the frame; for models that remember (piezo, hysteresis)
+    // CLOCK_MONOTONIC of the frame, for models that depend on the past (piezo, hysteresis)
+    std::uint64_t t_ns = 0;
 };
 
-// Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = this sensor cannot see it, or BAD.
+// Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = not measured by this sensor, or BAD.
 using Wrench = std::array<double, 6>;
 inline constexpr Wrench kUnseen{kNaN, kNaN, kNaN, kNaN, kNaN, kNaN};
 
@@ -35,7 +36,7 @@ struct Estimate {
     Wrench sd = kUnseen;  // one standard deviation
     tactiled_quality quality = TACTILED_BAD;
     std::uint32_t reasons = 0;                  // enum tactiled_reason
-    double residual = kNaN;                     // of the model, in standard deviations of the channels
+    double residual = kNaN;                     // difference from the model, in standard deviations of the channels
     std::array<double, 2> cop_S_m{kNaN, kNaN};  // place of the force on the surface, for methods that find it
     std::uint32_t direction = 0;                // method "signs": row of the decision table, 0 = none or not this method
 };
@@ -44,11 +45,11 @@ class Decoupler {
 public:
     virtual ~Decoupler() = default;
 
-    // For any bits in `reading`, a finite wrench with a true quality, or BAD with NaN.
+    // Returns for any bits in `reading` a finite wrench with its quality, or BAD with NaN.
     // rt: wait-free
     [[nodiscard]] virtual Estimate decouple(const Reading& reading) noexcept = 0;
 
-    // Readings were missed, or one came of which nothing can be said: what was remembered no longer holds. rt: wait-free
+    // Removes what depends on the past, after missed readings or one that is not valid. rt: wait-free
     virtual void forget() noexcept {}
 
     [[nodiscard]] virtual std::string_view method() const noexcept = 0;
@@ -56,16 +57,16 @@ public:
 
 // The reason why there is no decoupler.
 struct DecouplerFault {
-    std::string key;   // of [[sensor]], that has to change: "model", "calibration" or "method"
-    std::string text;  // names the calibration's file or the key
+    std::string key;   // the key of [[sensor]] to change: "model", "calibration" or "method"
+    std::string text;  // contains the calibration's file or the key
 };
 
-// The decoupler of a calibration. `method`: "" = the one that it was fitted for; "auto" = auto_method.hpp, within
-// `budget_us` a sample. A method that has no fit in the calibration states no standard deviation. nullptr where that cannot
-// be, and `fault` says why. setup
+// Makes the decoupler of a calibration. `method`: "" = the one that the calibration was fitted for; "auto" =
+// auto_method.hpp, within `budget_us` per sample. A method without a fit in the calibration has no standard
+// deviation. Returns nullptr with `fault` set if it is not possible. setup
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us,
                                           DecouplerFault& fault);
-// The same. setup: throws SetupError with the fault's text
+// Does the same. setup: throws SetupError with the fault's text
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method = "",
                                           double budget_us = 0);
 

@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kMaxFactor = 1e6;  // of a standard deviation, which stays finite for any bits
+constexpr double kMaxFactor = 1e6;  // largest factor of a standard deviation, which keeps it finite for any bits
 
 class JointlyChecked final : public Decoupler {
 public:
@@ -38,7 +38,7 @@ public:
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:
-    // By columns: each step adds a multiple of a column, without a sum that waits for the one before.
+    // Goes by columns: each step adds a multiple of a column and does not wait for the previous sum.
     [[nodiscard]] double distance_squared(const double* channel) const noexcept {
         double z[kMaxChannels]{};
         for (std::size_t k = 0; k < n_; ++k) {
@@ -54,7 +54,7 @@ private:
     std::size_t n_;
     double limit_squared_;
     double mean_[kMaxChannels]{};
-    double column_[kMaxChannels][kMaxChannels]{};  // of the lower triangle
+    double column_[kMaxChannels][kMaxChannels]{};  // columns of the lower triangle
 };
 
 }  // namespace

@@ -13,7 +13,7 @@ using Methods = Registry<MethodEntry>;
 
 namespace {
 
-// The names that the other methods of the model know, where `method` runs on their fits.
+// Returns the names that the other methods of the model know, if `method` runs on their fits.
 OtherNames names_of_others(const MethodEntry& entry) {
     OtherNames names;
     for (const MethodEntry* other : methods_of(entry.model)) {
@@ -61,7 +61,7 @@ std::string or_did_you_mean(std::string_view name, const std::vector<std::string
 std::string fault_of_methods() {
     for (const MethodEntry* entry : Methods::all()) {
         if (entry->make == nullptr)
-            return fmt::format("method \"{}\" of model \"{}\" cannot be made: its entry has no make()", entry->method,
+            return fmt::format("method \"{}\" of model \"{}\" cannot be used: its entry has no make()", entry->method,
                                entry->model);
         if (find_method(entry->model, entry->method) != entry)
             return fmt::format("this program has two methods \"{}\" of model \"{}\"", entry->method, entry->model);

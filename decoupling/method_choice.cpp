@@ -6,7 +6,7 @@
 namespace tactiled {
 namespace {
 
-// 0 where the clock went back.
+// Returns 0 if the clock went back.
 std::uint64_t elapsed_ns(std::uint64_t since_ns, std::uint64_t t_ns) noexcept {
     return t_ns > since_ns ? t_ns - since_ns : 0;
 }

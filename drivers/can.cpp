@@ -1,5 +1,6 @@
-// Driver "can": SocketCAN, classic and FD. Messages come in batches with the kernel's stamps; what they mean is
-// can_plan.cpp's, what they become wire/can_sample.cpp's. An interface that is down, away or bus-off is gone.
+// Driver "can": SocketCAN, classic and FD. Messages are received in batches with the kernel's timestamps.
+// can_plan.cpp reads what the messages mean; wire/can_sample.cpp converts them. An interface that is down, removed or
+// bus-off counts as disconnected.
 #include <fmt/format.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
@@ -15,7 +16,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <utility>
 
@@ -31,9 +34,9 @@
 namespace tactiled {
 namespace {
 
-constexpr int kReceiveBuffer = 1 << 20;  // asked for; the kernel gives what net.core.rmem_max allows
+constexpr int kReceiveBuffer = 1 << 20;  // requested; the kernel grants at most net.core.rmem_max
 constexpr std::uint64_t kSilence_ns = 1'000'000'000;
-constexpr int kMaxRestart_ms = 800;  // of the kernel's restart, waited for in open()
+constexpr int kMaxRestart_ms = 800;  // longest restart delay of the kernel that open() waits for
 
 class Can final : public Driver {
 public:
@@ -42,14 +45,17 @@ public:
             options.problem("interface",
                             fmt::format("interface has {} letters; Linux allows {}", name_.size(), IFNAMSIZ - 1));
         hardware_timestamps_ = options.one_of("stamp", {"software", "hardware"}, "software") == "hardware";
+        is_direct_ = options.one_of("path", {"direct", "network"}, "direct") == "direct";
         restarts_ = options.one_of("bus_off", {"leave", "restart"}, "leave") == "restart";
         CanPlan plan = read_can_plan(options);
         max_bytes_ = plan.max_bytes;
         for (const std::uint32_t id :
-             plan.ids) {  // the flags in the mask: else an id of 11 bits lets one of 29 through, too
+             plan.ids) {  // the flags in the mask: without them an 11-bit id would match a 29-bit id, too
             const bool extended = (id & kCanExtended) != 0;
             filters_.push_back({id, (extended ? CAN_EFF_MASK : CAN_SFF_MASK) | CAN_EFF_FLAG | CAN_RTR_FLAG});
         }
+        counts_frames_ =
+            std::all_of(plan.devices.begin(), plan.devices.end(), [](const auto& d) { return d.has_sequence(); });
         for (const CanTransport& transport : plan.transports) transports_.push_back({transport, {}});
         samples_ = std::make_unique<CanSamples>(std::move(plan.devices), counts);
     }
@@ -58,7 +64,7 @@ public:
     std::string open() override {
         close();
         fd_ = ::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
-        overflows_ = 0;  // each socket's count begins anew
+        overflows_ = 0;  // the count of a new socket begins at 0
         if (fd_ < 0) return fmt::format("no CAN in this kernel ({}): modprobe can_raw", std::strerror(errno));
         std::string why = bind_socket();
         if (const int error = netlink_.open(); why.empty() && error != 0)
@@ -98,13 +104,38 @@ public:
     bool has_more() const noexcept override { return ready_; }
     bool can_poll() const noexcept override { return true; }
 
+    // A gateway that carries the bus over a network may hold messages back. Its frames have no clock of the device.
+    Route route() const noexcept override {
+        return {.path = is_direct_ ? Route::Path::direct : Route::Path::network, .device_clock = false};
+    }
+
+    std::string freshness() const override {
+        if (is_direct_) return Driver::freshness();
+        return counts_frames_ ? "sequence (a pause of the device looks like a delay)"
+                              : "arrival (a device without a counter: a delay is not seen)";
+    }
+    std::string advice() const override {
+        std::array<char, 64> link{};
+        std::array<char, 512> device{};
+        std::snprintf(link.data(), link.size(), "/sys/class/net/%s", name_.c_str());
+        const ssize_t size = ::readlink(link.data(), device.data(), device.size());
+        const std::string_view where(device.data(), std::size_t(std::max<ssize_t>(size, 0)));
+        return !is_direct_ || where.find("/virtual/") == where.npos
+                   ? ""
+                   : fmt::format(
+                         "{} is a virtual interface: if a gateway brings its messages over a network, write path = "
+                         "\"network\", or a delay goes unseen",
+                         name_);
+    }
+
 private:
     // ---- open ----
 
     std::string bind_socket() {
-        index_ = int(::if_nametoindex(name_.c_str()));  // by name each time: an adapter that comes back has another index
+        // looked up at each opening, because an adapter that returns has another index
+        index_ = int(::if_nametoindex(name_.c_str()));
         if (index_ == 0)
-            return fmt::format("there is no interface {}: plug it in; `ip -br link` lists what is there", name_);
+            return fmt::format("there is no interface {}: plug it in; `ip -br link` lists the interfaces", name_);
         const int on = 1;
         const can_err_mask_t errors = CAN_ERR_MASK;
         const int timestamps = SOF_TIMESTAMPING_RX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_RX_HARDWARE |
@@ -124,7 +155,7 @@ private:
         return fmt::format("{} cannot be bound to: {}; is it a CAN interface?", name_, std::strerror(errno));
     }
 
-    // After the socket is bound: a bus-off after this question is told by an error frame.
+    // Called after the socket is bound: an error frame reports any bus-off after this check.
     std::string check_interface() {
         CanInterface about;
         if (const auto why = ask(about); !why.empty()) return why;
@@ -142,17 +173,18 @@ private:
                 "ip link set {0} mtu 72 (vcan), or: ip link set {0} up type can bitrate 500000 dbitrate 2000000 fd on",
                 name_, max_bytes_);
         if (hardware_timestamps_ && !has_hardware_timestamps())
-            return fmt::format("{} gives no hardware timestamps; stamp = \"software\" does without", name_);
+            return fmt::format("{} gives no hardware timestamps; use stamp = \"software\"", name_);
         return "";
     }
 
     std::string ask(CanInterface& about) {
         const int error = netlink_.ask(index_, about);
-        return error == 0 ? ""
-                          : fmt::format("{}: the kernel says nothing about it (rtnetlink): {}", name_, std::strerror(error));
+        return error == 0
+                   ? ""
+                   : fmt::format("{}: the kernel does not report its state (rtnetlink): {}", name_, std::strerror(error));
     }
 
-    // "" where the kernel has restarted the controller by now.
+    // Returns "" if the kernel has restarted the controller by now.
     std::string follow_bus_off(CanInterface& about) {
         bus_off_ = true;
         if (about.restart_ms != 0) {
@@ -184,7 +216,8 @@ private:
         if (error != 0) return fmt::format("{} is bus-off, and restarting it failed: {}", name_, std::strerror(error));
         bus_off_ = false;
         ++counts[TACTILED_LINK_RESTARTED];
-        // An error although it is mended: so the node waits longer before each of several restarts in a row.
+        // Returns an error although the restart succeeded, so that the node waits longer before each of several
+        // restarts in a row.
         return fmt::format(
             "{} was bus-off and was set down and up; check wiring, termination and bitrate if it happens again", name_);
     }
@@ -205,8 +238,9 @@ private:
 
     // ---- read ----
 
-    // The error frame that told of a bus-off may have found no room in the socket. Some drivers leave the carrier on in a
-    // bus-off (gs_usb in Linux 6.1 does), so that only rtnetlink knows; asked once a second at most, and in silence.
+    // The socket may have had no room for the error frame of a bus-off. Some drivers leave the carrier on during a
+    // bus-off (gs_usb in Linux 6.1 does), so that only rtnetlink shows it. rtnetlink is therefore asked during
+    // silence, at most once a second.
     // rt: bounded by the kernel's lock for all of its interfaces
     [[nodiscard]] bool is_bus_off_in_silence(std::uint64_t now) noexcept {
         if (now < heard_ns_ + kSilence_ns) return false;
@@ -215,10 +249,11 @@ private:
         return netlink_.ask(index_, about) == 0 && about.is_bus_off;
     }
 
-    // Waits for messages and looks for the next frame in them; false: the device is gone, and all that came before is used.
+    // Waits for messages and looks for the next frame in them. Returns false if the device has disconnected and all
+    // messages received before are used.
     // rt: blocks on the link, for at most `timeout_ms`
     bool receive(int timeout_ms) noexcept {
-        arrival_.seen_empty(drained_ns_);  // not before the last batch is used: it holds what was there earlier
+        arrival_.seen_empty(drained_ns_);  // not before the last batch is used, because it contains earlier messages
         const std::uint64_t before_ns = now_ns();
         if (!ending_) {
             pollfd waiting{fd_, POLLIN, 0};
@@ -237,7 +272,7 @@ private:
             drained_ns_ = before_ns;
             return !ending_;
         }
-        if (n < 0) {  // the interface went down or away; what it had received before still waits in the socket
+        if (n < 0) {  // the interface is down or removed; the socket may still have messages received before
             if (std::exchange(ending_, true)) return false;
             return true;
         }
@@ -254,10 +289,9 @@ private:
         timespec wall{};
         ::clock_gettime(CLOCK_REALTIME, &wall);
         clocks_agree_ = arrival_.look(now_ns(), std::uint64_t(wall.tv_sec) * 1'000'000'000u + std::uint64_t(wall.tv_nsec));
-        if (!clocks_agree_) fit_.reset();
     }
 
-    // The next frame that the batch holds becomes `ahead_`. rt: bounded by CanBatch::kMax
+    // Stores the next frame of the batch in `ahead_`. rt: bounded by CanBatch::kMax
     void advance() noexcept {
         while (!ready_) {
             if (samples_->next(ahead_))
@@ -288,7 +322,7 @@ private:
         }
     }
 
-    // A message, or a part of one that comes in several frames.
+    // Takes a message, or one frame of a message that is split into several frames.
     void take_frame(const CanArrival& arrival) noexcept {
         for (auto& [about, receiver] : transports_) {
             if (about.id != arrival.id) continue;
@@ -302,7 +336,7 @@ private:
         samples_->take(arrival);
     }
 
-    // Where the queue is full the device's patience ends, and the message is lost. rt: one system call, does not wait
+    // If the send queue is full, the message times out at the device and is lost. rt: one system call, does not wait
     void answer(std::uint32_t id, const std::array<std::uint8_t, 8>& bytes) noexcept {
         can_frame frame{};
         frame.can_id = id;
@@ -314,7 +348,7 @@ private:
     void take_error(const canfd_frame& frame) noexcept {
         const std::uint32_t kinds = frame.can_id & CAN_ERR_MASK;
         if ((kinds & CAN_ERR_CRTL) != 0 && (frame.data[1] & CAN_ERR_CRTL_RX_OVERFLOW) != 0)
-            ++counts[TACTILED_LINK_OVERRUN];  // how many it lost, no controller says
+            ++counts[TACTILED_LINK_OVERRUN];  // controllers do not report how many messages were lost
         else if (kinds == CAN_ERR_RESTARTED)
             ++counts[TACTILED_LINK_RESTARTED];
         else
@@ -323,7 +357,7 @@ private:
         if ((kinds & CAN_ERR_BUSOFF) != 0) bus_off_ = ending_ = true;
     }
 
-    // What the socket lost after the last message that said so. setup
+    // Adds the messages that the socket lost after the last message that reported its count. setup
     void count_overflows(int fd) noexcept {
         std::uint32_t memory[SK_MEMINFO_VARS]{};
         socklen_t size = sizeof memory;
@@ -335,6 +369,7 @@ private:
 
     std::string name_;
     bool hardware_timestamps_ = false, restarts_ = false;
+    bool is_direct_ = true, counts_frames_ = false;
     std::size_t max_bytes_ = 0;
     std::vector<can_filter> filters_;
     struct Transport {
@@ -345,16 +380,16 @@ private:
     std::unique_ptr<CanSamples> samples_;
     int fd_ = -1, index_ = 0;
     CanNetlink netlink_;
-    std::uint64_t heard_ns_ = 0;  // a message, or what rtnetlink says
-    bool bus_off_ = false;        // seen, and not seen to be over
-    bool ending_ = false;         // gone, once what came before is used
+    std::uint64_t heard_ns_ = 0;  // time of the last message, or of the last answer of rtnetlink
+    bool bus_off_ = false;        // a bus-off was seen and its end was not
+    bool ending_ = false;         // disconnected, as soon as the messages received before are used
     CanBatch batch_;
-    unsigned at_ = 0, n_ = 0;  // of the batch: the next message, and how many there are
+    unsigned at_ = 0, n_ = 0;  // index of the next message in the batch; number of messages
     std::uint32_t overflows_ = 0;
-    std::uint64_t drained_ns_ = 0;  // then there was nothing in the socket but what the batch has
+    std::uint64_t drained_ns_ = 0;  // time at which the socket had nothing besides the batch
     ArrivalTime arrival_;
     ClockFit fit_;
-    bool clocks_agree_ = true;  // the wall clock was not set since the last batch
+    bool clocks_agree_ = true;  // false if the wall clock was set since the last batch
     Frame ahead_;
     bool ready_ = false;
 };

@@ -1,4 +1,4 @@
-// The messages of one recvmmsg with the kernel's stamps, in memory that is there from the start.
+// The messages of one recvmmsg call with the kernel's timestamps, in preallocated memory.
 #pragma once
 #include <linux/can.h>
 #include <linux/errqueue.h>
@@ -17,10 +17,10 @@ public:
     static constexpr unsigned kMax = 64;
 
     struct Timestamps {
-        std::uint64_t software_ns = 0, hardware_ns = 0;  // CLOCK_REALTIME; the adapter's own. 0: none
+        std::uint64_t software_ns = 0, hardware_ns = 0;  // on CLOCK_REALTIME; on the adapter's clock. 0: none
     };
 
-    // Returns what recvmmsg does. rt: one system call, does not wait
+    // Receives messages. Returns the result of recvmmsg. rt: one system call, does not wait
     int receive(int fd) noexcept {
         for (unsigned i = 0; i < kMax; ++i) {
             pieces_[i] = {&frames_[i], sizeof frames_[i]};
@@ -33,14 +33,15 @@ public:
         return ::recvmmsg(fd, messages_.data(), kMax, MSG_DONTWAIT, nullptr);
     }
     [[nodiscard]] const canfd_frame& frame(unsigned i) const noexcept { return frames_[i]; }
-    // The record's size says which kind of frame it is. 0 where it is none, or says to have more bytes than it can.
+    // Returns the maximum payload of the kind of frame that the record's size identifies. Returns 0 if the record is
+    // no frame, or if it declares more bytes than it can have.
     [[nodiscard]] std::size_t max_bytes(unsigned i) const noexcept {
         const std::size_t max = messages_[i].msg_len == CAN_MTU     ? CAN_MAX_DLEN
                                 : messages_[i].msg_len == CANFD_MTU ? CANFD_MAX_DLEN
                                                                     : 0;
         return frames_[i].len <= max ? max : 0;
     }
-    // `overflows` is left alone where the kernel says nothing: so it does while nothing was lost.
+    // `overflows` keeps its value if the kernel reports none, which it does while nothing was lost.
     Timestamps timestamps(unsigned i, std::uint32_t& overflows) noexcept {
         Timestamps timestamps;
         msghdr* const head = &messages_[i].msg_hdr;
@@ -57,7 +58,7 @@ public:
     }
 
 private:
-    template <class T>  // timespec, and the kernel's own of the same meaning
+    template <class T>  // timespec, or the kernel's structure of the same meaning
     static std::uint64_t ns_of(const T& t) noexcept {
         return std::uint64_t(t.tv_sec) * 1'000'000'000u + std::uint64_t(t.tv_nsec);
     }

@@ -51,7 +51,7 @@ struct CanNetlink::Request {
 };
 
 struct CanNetlink::Answer {
-    alignas(nlmsghdr) char bytes[16384];  // an interface with all its statistics has 2 kB
+    alignas(nlmsghdr) char bytes[16384];  // the record of an interface with all its statistics has 2 kB
 
     [[nodiscard]] const nlmsghdr& header() const { return *reinterpret_cast<const nlmsghdr*>(bytes); }
 };
@@ -72,7 +72,7 @@ void CanNetlink::close() noexcept {
 int CanNetlink::exchange(Request& request, Answer& answer) noexcept {
     request.header.nlmsg_seq = ++number_;
     if (::send(fd_, &request, sizeof request, 0) < 0) return errno;
-    for (int older = 0; older < 4; ++older) {  // answers that were not waited for
+    for (int older = 0; older < 4; ++older) {  // skips answers to earlier requests that timed out
         const ssize_t size = ::recv(fd_, answer.bytes, sizeof answer.bytes, 0);
         if (size < 0) return errno;
         const nlmsghdr& header = answer.header();

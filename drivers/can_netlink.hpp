@@ -1,4 +1,4 @@
-// A CAN interface as rtnetlink knows it: what it is, whether it is bus-off, down and up.
+// The state of a CAN interface through rtnetlink: its kind, bus-off, up and down.
 #pragma once
 #include <cstdint>
 
@@ -6,23 +6,24 @@ namespace tactiled {
 
 struct CanInterface {
     bool is_can = false, is_up = false;
-    bool has_bitrate = true;  // false: a controller that was never told one, and so cannot go up
+    bool has_bitrate = true;  // false: a controller without a configured bit rate, which cannot be set up
     bool is_bus_off = false;
-    std::uint32_t mtu = 0;         // 16: classic frames only; 72: CAN FD too
-    std::uint32_t restart_ms = 0;  // the kernel's own restart after a bus-off; 0: none
+    std::uint32_t mtu = 0;         // 16: classic frames only; 72: CAN FD
+    std::uint32_t restart_ms = 0;  // delay of the kernel's automatic restart after a bus-off; 0: none
 };
 
-// A socket to rtnetlink. Its questions wait for the lock that every `ip link` takes.
+// A socket to rtnetlink. Requests wait for the kernel lock that each `ip link` takes.
 class CanNetlink {
 public:
     ~CanNetlink() { close(); }
-    // Errno, 0 = done. setup
+    // Opens the socket. Returns errno, 0 on success. setup
     int open();
     void close() noexcept;
 
-    // Errno, 0 = done. rt: bounded by the kernel's lock; two system calls
+    // Reads the state of an interface. Returns errno, 0 on success. rt: bounded by the kernel's lock; two system
+    // calls
     int ask(int index, CanInterface& about) noexcept;
-    // Sets the interface up or down: errno, 0 = done. Needs CAP_NET_ADMIN. setup
+    // Sets the interface up or down. Returns errno, 0 on success. Needs CAP_NET_ADMIN. setup
     int set(int index, bool up) noexcept;
 
 private:

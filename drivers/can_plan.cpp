@@ -11,13 +11,13 @@
 namespace tactiled {
 namespace {
 
-constexpr double kWindowWithCounter_ms = 20;  // USB batches came up to 10 ms late
+constexpr double kWindowWithCounter_ms = 20;  // batches of USB adapters were up to 10 ms late
 
-// A signal that the configuration asks for, wherever it was described.
+// A signal that the configuration requests, from the configuration or from a DBC file.
 struct Wanted {
     std::string name;
     std::uint32_t id = 0;
-    std::size_t bytes = 0;  // of the message
+    std::size_t bytes = 0;  // length of the message
     CanSignal signal;
     bool multiplexed = false;
     CanSignal selector;
@@ -25,7 +25,7 @@ struct Wanted {
 };
 
 struct Sequence {
-    std::optional<std::uint32_t> id;  // none: each message of the device carries it
+    std::optional<std::uint32_t> id;  // the message with the signal; no value: each message of the device has it
     CanSignal signal;
 };
 
@@ -101,7 +101,7 @@ std::string known_names(const Items& items, std::string_view name) {
     return names.empty() ? "it has none" : fmt::format("it has {} of them, \"{}\" first", names.size(), names.front());
 }
 
-// The signal `name` of `message`; nullopt, with an error, where it cannot be had.
+// Finds the signal `name` of `message`. Returns nullopt and reports an error if that is not possible.
 std::optional<Wanted> find_signal(Options& device, std::string_view key, const std::string& path, const DbcMessage& message,
                                   std::string_view name) {
     const auto refuse = [&](const std::string& why) {
@@ -133,7 +133,7 @@ std::optional<Wanted> find_signal(Options& device, std::string_view key, const s
     return wanted;
 }
 
-// "Msg.Signal" of the file; nullopt, with an error, where there is none.
+// Finds "Msg.Signal" of the file. Returns nullopt and reports an error if there is none.
 std::optional<Wanted> find_in_dbc(Options& device, std::string_view key, const std::string& path, const Dbc& dbc,
                                   const std::string& name) {
     const std::size_t dot = name.find('.');
@@ -151,7 +151,7 @@ std::optional<Wanted> find_in_dbc(Options& device, std::string_view key, const s
 
 class DbcFiles {
 public:
-    // nullptr, with errors, where the device's file is none. The same file is read once.
+    // Returns the device's DBC file, which is read once; nullptr with errors if it is not valid.
     const Dbc* get(Options& device, std::string& path) {
         const auto file = device.text_file("dbc", kDbcMaxBytes);
         if (!file) return nullptr;
@@ -181,7 +181,7 @@ std::vector<Wanted> read_signals_of_dbc(Options& device, DbcFiles& files, std::m
         if (auto wanted = find_in_dbc(device, "signals", path, *dbc, name)) all.push_back(std::move(*wanted));
     if (sequence.empty()) return all;
     std::vector<std::string> places{sequence};
-    if (sequence.find('.') == sequence.npos) {  // in every message
+    if (sequence.find('.') == sequence.npos) {  // a signal of that name in every message
         places.clear();
         for (const auto& wanted : all) places.push_back(wanted.name.substr(0, wanted.name.find('.') + 1) + sequence);
     }
@@ -197,8 +197,8 @@ std::vector<Wanted> read_signals_of_dbc(Options& device, DbcFiles& files, std::m
 
 // ---- both ----
 
-// Signals to messages. A signal that is in each message of a multiplexed id is read from the first of them that is used: a
-// sample has it once.
+// Groups signals by message. A signal that is in each message of a multiplexed id is read from the first of these
+// messages that is used, so that a sample has it once.
 std::vector<CanPart> parts_of(const std::vector<Wanted>& all) {
     std::vector<CanPart> parts;
     for (std::size_t n = 0; n < all.size(); ++n) {
@@ -229,7 +229,7 @@ std::vector<CanPart> parts_of(const std::vector<Wanted>& all) {
 
 void add_sequence(Options& device, CanDevice& plan, const Sequence& sequence) {
     if (sequence.signal.length < 2 || sequence.signal.length > 32 ||
-        sequence.signal.type != CanSignal::Type::is_unsigned) {  // one bit cannot tell a gap from a repeat
+        sequence.signal.type != CanSignal::Type::is_unsigned) {  // one bit cannot distinguish a gap from a repetition
         device.problem("sequence", "a sequence counter is unsigned and has 2 .. 32 bits");
         return;
     }
@@ -243,7 +243,7 @@ void add_sequence(Options& device, CanDevice& plan, const Sequence& sequence) {
     if (!found) device.problem("sequence", "sequence is in a message that none of the signals is in");
 }
 
-// A sample that comes as one message of several frames: the whole message is what signals are places in.
+// Reads a sample that comes as one message of several frames. The signals are places in the whole message.
 void read_transport(Options& device, const CanDevice& read, CanPlan& plan) {
     const bool extended = device.flag("extended", false);
     const std::uint32_t reply_id = read_id(device, "isotp_reply_id", extended);
@@ -289,7 +289,7 @@ CanPlan read_can_plan(Options& link) {
         std::optional<Sequence> sequence;
         std::map<std::uint32_t, Sequence> sequences;  // by id
         const auto signals = table.has("dbc") ? read_signals_of_dbc(table, files, sequences) : read_signals(table, sequence);
-        if (signals.empty()) continue;  // has an error
+        if (signals.empty()) continue;  // an error is reported already
         device.n_channels = std::uint8_t(signals.size());
         device.parts = parts_of(signals);
         if (sequence) add_sequence(table, device, *sequence);
@@ -304,7 +304,7 @@ CanPlan read_can_plan(Options& link) {
         plan.devices.push_back(std::move(device));
     }
     if (!link.has("device"))
-        link.problem("device", "there is no [[link.device]]: it says which messages carry which channels");
+        link.problem("device", "there is no [[link.device]]; add one with the messages of the channels");
     if (plan.ids.size() > kCanMaxIds)
         link.problem("device", fmt::format("{} different ids; the kernel filters at most {}", plan.ids.size(), kCanMaxIds));
     return plan;

@@ -17,12 +17,12 @@ namespace tactiled {
 
 enum class Status {
     frame,         // `frame` was filled
-    timeout,       // nothing complete arrived in time: call again
-    disconnected,  // the device vanished: close(), then open() after a pause
+    timeout,       // no complete frame in time: call again
+    disconnected,  // the device is disconnected: close(), then open() after a pause
 };
 
-// Counters of a link; the index is enum tactiled_link_count. Written by the driver's thread only; the node copies it
-// out. Counters belong to the driver object and survive close() and open().
+// Counters of a link, indexed by enum tactiled_link_count. Only the driver's thread writes them, and the node copies
+// them. Counters belong to the driver object and survive close() and open().
 struct LinkCounts {
     std::uint32_t count[TACTILED_LINK_COUNTS] = {};
     std::uint32_t& operator[](tactiled_link_count kind) noexcept { return count[kind]; }
@@ -33,11 +33,12 @@ class Driver {
 public:
     virtual ~Driver() = default;
 
-    // Opens the device. Returns "" when it is open, else the fault and the remedy, for the log.
-    // Never throws. rt: not in the loop; may allocate and block for up to a second
+    // Opens the device. Returns "" on success, else the fault and the remedy, for the log. Never throws. rt: not in
+    // the loop; may allocate and block for up to a second
     [[nodiscard]] virtual std::string open() = 0;
 
-    // Fills `frame` with the next reading; frames already received come at once, one a call, in order.
+    // Fills `frame` with the next reading. Frames that were already received are returned at once, one per call, in
+    // order.
     // rt: blocks on the link, for at most `timeout_ms`; no allocation, no lock, no system call but waiting for its device,
     // reading and asking it (tests/guard lists them)
     [[nodiscard]] virtual Status read(Frame& frame, int timeout_ms) noexcept = 0;
@@ -45,37 +46,38 @@ public:
     // rt: not in the loop; may be called when not open
     virtual void close() noexcept = 0;
 
-    // True when another frame is already complete: read() would return it without a system call.
+    // True if another frame is already complete: read() would return it without a system call.
     // rt: wait-free
     [[nodiscard]] virtual bool has_more() const noexcept { return false; }
 
     // True if read() with a time limit of 0 never waits, so that one thread may read several links. setup
     [[nodiscard]] virtual bool can_poll() const noexcept { return false; }
 
-    // The way by which the frames come. The default is for a driver that dates its frames itself, from a bus or a device
-    // of this machine. Called after open().
+    // Describes the path of the frames. The default is for a driver that dates its frames itself, from a bus or a
+    // device of this machine. Called after open().
     // rt: wait-free
     [[nodiscard]] virtual Route route() const noexcept { return {}; }
 
     // Text for `tactilectl check` and `doctor`: the proof of age that the frames will have, and a change of the format that
     // the user should make ("" = none). setup
     [[nodiscard]] virtual std::string freshness() const {
-        return route().path == Route::Path::polled ? "request (each frame answers a question)"
+        return route().path == Route::Path::polled ? "request (each frame answers a request)"
                                                    : "cable (a bus of this machine)";
     }
     [[nodiscard]] virtual std::string advice() const { return ""; }
 
-    // True if noise moves every number of `device` in every reading, so that many equal ones come of a fault. setup
+    // True if noise changes every number of `device` in every reading, so that many equal readings indicate a fault.
+    // setup
     [[nodiscard]] virtual bool is_noisy(std::uint16_t /*device*/) const { return false; }
 
     LinkCounts counts;
 };
 
-// Something on this machine that a link cannot work without. `tactilectl doctor` checks it.
+// Something on this machine that a link needs. `tactilectl doctor` checks it.
 struct Requirement {
     enum class Kind {
         file,              // must exist, and the daemon's user must be allowed to read and write it
-        serial_port,       // a file that is a serial port: its adapter should not hold received bytes back
+        serial_port,       // a serial port: its adapter should not delay received bytes
         network_interface  // must exist and be up
     } kind;
     std::string name;           // path of the file, or name of the interface
@@ -84,14 +86,14 @@ struct Requirement {
 
 // One kind of driver. A new driver is one new file, with an entry at its end, and one line in drivers/CMakeLists.txt.
 struct DriverEntry {
-    std::string_view name;  // as in `driver = "uart"`
-    // False: the driver invents or replays its data, so that they are always published as simulated. There is no default:
-    // simulated data that pass for measured ones are worse than the reverse.
+    std::string_view name;  // name in `driver = "uart"`
+    // False if the driver invents or replays its data, which are then always published as simulated. There is no
+    // default: simulated data published as measured ones would be worse than the reverse.
     Required<bool> measures;
     // Reads the driver's own keys of a [[link]] table. Errors go to the options' Problems; a driver with an
     // error is never opened. Never throws SetupError itself.
     std::unique_ptr<Driver> (*make)(Options& options);
-    // What the link of these keys, which make() has accepted, needs on this machine. nullptr: nothing. setup
+    // Returns what the link of these keys, which make() has accepted, needs on this machine. nullptr: nothing. setup
     std::vector<Requirement> (*requirements)(Options& options) = nullptr;
     Registry<DriverEntry> in_list{this};
 };

@@ -1,5 +1,5 @@
-// GPIO lines, through libgpiod 1.x (gpio_v1.cpp) or 2.x (gpio_v2.cpp), whichever the machine has. A line's user reopens it
-// when its chip is gone, as the node reopens a link.
+// GPIO lines, through libgpiod 1.x (gpio_v1.cpp) or 2.x (gpio_v2.cpp), whichever is installed. The user of a line
+// reopens it after its chip was removed, as the node reopens a link.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -13,7 +13,7 @@ struct GpioName {
     std::string line;  // name, or offset: "DRDY", "17"
 };
 
-// A line whose edges are waited for: data ready.
+// A line with edges to wait for: data ready.
 class GpioEdges {
 public:
     enum class Edge { rising, falling };
@@ -21,18 +21,20 @@ public:
 
     GpioEdges();
     ~GpioEdges();
-    // Returns "" when the line is held, else the fault and the remedy. setup; may allocate
+    // Requests the line. Returns "" on success, else the fault and the remedy. setup; may allocate
     [[nodiscard]] std::string open(const GpioName& name, Edge edge);
     void close() noexcept;
 
-    // Waits for an edge and takes all that are there. `t_ns` is the newest one's stamp, CLOCK_MONOTONIC, taken in the
-    // interrupt, 0 where newer ones may have been lost; `edges` how many there were. An edge can be missed: after `timeout`
-    // the device is asked all the same. A chip that goes away ends a wait at its time-out at the latest.
+    // Waits for an edge and takes all edges that have occurred. `t_ns` is the timestamp of the newest one,
+    // CLOCK_MONOTONIC, taken in the interrupt; 0 if newer ones may have been lost. `edges` is their number. An edge
+    // can be missed: after `timeout` the device is read anyway. If the chip is removed, the wait ends at its time
+    // limit at the latest.
     // rt: blocks for at most `timeout_ms`; ppoll and read
     [[nodiscard]] Wait wait_edge(int timeout_ms, std::uint64_t& t_ns, std::uint32_t& edges) noexcept;
-    // Readable while an edge waits: to be polled among others. -1 when not open. rt: wait-free
+    // Returns a descriptor that is readable when an edge waits, for polling with others; -1 if not open. rt:
+    // wait-free
     [[nodiscard]] int fd() const noexcept;
-    // 0 or 1, -1 where the chip is gone: for a line that is a level rather than an edge. rt: one ioctl
+    // Returns 0 or 1, or -1 if the chip was removed, for a line that is used as a level. rt: one ioctl
     [[nodiscard]] int level() const noexcept;
 
 private:
@@ -40,17 +42,17 @@ private:
     std::unique_ptr<Held> held_;
 };
 
-// A line that is driven: a multiplexer's select, a reset, a signal to another machine.
+// An output line: select of a multiplexer, reset, signal to another machine.
 class GpioOutput {
 public:
     GpioOutput();
     GpioOutput(GpioOutput&&) noexcept;
     ~GpioOutput();
-    // Driven high or low from the first moment on. setup; may allocate
+    // Requests the line, driven high or low from the first moment. setup; may allocate
     [[nodiscard]] std::string open(const GpioName& name, bool high);
-    // Lets go of the line. What level it then has is the chip's affair: many keep the last.
+    // Releases the line. The chip decides which level it then has; many keep the last one.
     void close() noexcept;
-    // False where the chip is gone. rt: one ioctl
+    // Sets the level. Returns false if the chip was removed. rt: one ioctl
     [[nodiscard]] bool set(bool high) noexcept;
 
 private:
@@ -58,12 +60,13 @@ private:
     std::unique_ptr<Held> held_;
 };
 
-// ---- for both back ends ----
+// ---- for both versions of libgpiod ----
 
 inline constexpr const char* kGpioConsumer = "tactiled";
-// The line's offset, where its name is nothing but digits.
+// Returns the line's offset if its name consists of digits only.
 std::optional<unsigned> gpio_offset(const GpioName& name);
-// "GPIO line "DRDY" of chip "gpiochip0": what the error is, and what a user can do about it"; without a chip, of that.
+// Returns "GPIO line "DRDY" of chip "gpiochip0": the error and the remedy"; without a chip, the text concerns the
+// chip.
 std::string gpio_refusal(const GpioName& name, bool has_chip, int error);
 
 }  // namespace tactiled

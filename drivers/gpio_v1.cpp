@@ -1,4 +1,5 @@
-// libgpiod 1.x, as in Debian 12. It uses the kernel's first interface: 16 edges wait at most, the newest are dropped beyond.
+// libgpiod 1.x, as in Debian 12. It uses the kernel's first interface: at most 16 edges wait, and newer ones are
+// dropped.
 #include <gpiod.h>
 #include <poll.h>
 
@@ -9,7 +10,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint32_t kWaitingMax = 16;  // of the kernel
+constexpr std::uint32_t kWaitingMax = 16;  // limit of the kernel
 
 struct Line {
     gpiod_chip* chip = nullptr;
@@ -65,7 +66,7 @@ GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::u
         if (::gpiod_line_event_read(held_->line, &event) != 0) return Wait::disconnected;
         t_ns = std::uint64_t(event.ts.tv_sec) * 1'000'000'000u + std::uint64_t(event.ts.tv_nsec);
         ++edges;
-        timeout = {};  // the others only if they are there
+        timeout = {};  // further edges only if they have occurred already
     }
     if (edges == kWaitingMax) t_ns = 0;  // newer ones may have been dropped
     return edges != 0 ? Wait::edge : Wait::timeout;

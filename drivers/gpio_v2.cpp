@@ -1,4 +1,5 @@
-// libgpiod 2.x, as in Debian 13. 256 edges wait at most, the oldest are dropped beyond; the line's sequence counts them.
+// libgpiod 2.x, as in Debian 13. At most 256 edges wait, and the oldest are dropped; the line's sequence number
+// counts them.
 #include <dirent.h>
 #include <gpiod.h>
 #include <poll.h>
@@ -14,7 +15,7 @@ namespace {
 
 constexpr std::size_t kWaitingMax = 256;
 
-// By path, name or label; nullptr with errno.
+// Opens a chip by path, name or label. Returns nullptr with errno on failure.
 gpiod_chip* open_chip(const std::string& wanted) {
     if (wanted.find('/') != std::string::npos) return ::gpiod_chip_open(wanted.c_str());
     std::vector<std::string> names;
@@ -28,7 +29,7 @@ gpiod_chip* open_chip(const std::string& wanted) {
     for (const auto& name : names) {
         gpiod_chip* chip = ::gpiod_chip_open(("/dev/" + name).c_str());
         if (chip == nullptr) {
-            error = errno;  // may have been the one: EACCES
+            error = errno;  // this may have been the chip: EACCES
             continue;
         }
         gpiod_chip_info* info = ::gpiod_chip_get_info(chip);
@@ -88,7 +89,7 @@ struct GpioEdges::Held : Line {
     Held() : buffer(::gpiod_edge_event_buffer_new(kWaitingMax)) {}
     ~Held() { ::gpiod_edge_event_buffer_free(buffer); }
     gpiod_edge_event_buffer* buffer;
-    unsigned long sequence = 0;  // of the last edge
+    unsigned long sequence = 0;  // number of the last edge
 };
 struct GpioOutput::Held : Line {};
 
@@ -127,7 +128,7 @@ GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::u
     gpiod_edge_event* last = ::gpiod_edge_event_buffer_get_event(held_->buffer, static_cast<unsigned long>(n - 1));
     t_ns = ::gpiod_edge_event_get_timestamp_ns(last);
     const unsigned long sequence = ::gpiod_edge_event_get_line_seqno(last);
-    edges = std::uint32_t(sequence - held_->sequence);  // those that the kernel dropped, too
+    edges = std::uint32_t(sequence - held_->sequence);  // includes edges that the kernel dropped
     held_->sequence = sequence;
     return Wait::edge;
 }

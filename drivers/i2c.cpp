@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::size_t kMaxChips = 32, kMaxSelectLines = 4;
 
-// A chip's data-ready line on a GPIO chip. Where that goes away, the chip is asked by the clock alone until the link is
-// opened again.
+// A chip's data-ready line on a GPIO chip. If the GPIO chip is removed, the chip is polled by the clock alone until
+// the link is opened again.
 class GpioReady final : public ReadyLine {
 public:
     GpioReady(I2cDevice& bus, GpioName name, Chip::ReadyEdge edge)
@@ -22,7 +22,7 @@ public:
           name_(std::move(name)),
           edge_(edge == Chip::ReadyEdge::rising ? GpioEdges::Edge::rising : GpioEdges::Edge::falling) {}
 
-    // "" or what is wrong. setup
+    // Returns "" or the fault. setup
     [[nodiscard]] std::string open() {
         std::string wrong = edges_.open(name_, edge_);
         is_open_ = wrong.empty();
@@ -40,7 +40,7 @@ public:
         const auto wait = edges_.wait_edge(0, t_ns, edges);
         if (wait == GpioEdges::Wait::disconnected) {
             bus_.forget(fd());
-            is_open_ = false;  // the line itself is closed with the link: that may allocate
+            is_open_ = false;  // the line itself is closed with the link, because closing may allocate
         }
         return wait == GpioEdges::Wait::edge;
     }
@@ -53,12 +53,12 @@ private:
     bool is_open_ = false;
 };
 
-// A switch whose lines tell it the electrode's number, the first line its lowest bit.
+// A switch whose lines carry the electrode's number, lowest bit first.
 class GpioSelector final : public Selector {
 public:
     explicit GpioSelector(std::vector<GpioName> names) : names_(std::move(names)), lines_(names_.size()) {}
 
-    // "" or what is wrong. setup
+    // Returns "" or the fault. setup
     [[nodiscard]] std::string open() {
         std::string wrong;
         for (std::size_t bit = 0; bit < names_.size() && wrong.empty(); ++bit) wrong = lines_[bit].open(names_[bit], false);
@@ -157,7 +157,7 @@ private:
         schedule_.add(name, std::move(made), place, device, counts, ready, selector);
     }
 
-    // nullptr where there is none.
+    // Returns nullptr if there is no switch.
     Selector* read_selector(Options& options, unsigned electrodes) {
         if (!options.has("select")) {
             if (electrodes != 0)

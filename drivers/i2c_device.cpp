@@ -19,9 +19,9 @@
 namespace tactiled {
 namespace {
 
-// No transfer of 35 bytes lasts so long at 10 kHz; the time-outs of adapters are 0.1 s to 2 s.
+// A transfer of 35 bytes takes less at 10 kHz; the time limits of adapters are 0.1 s to 2 s.
 constexpr std::uint64_t kHangNs = 90'000'000;
-constexpr unsigned kMaxHard = 8;  // in a row: then the adapter itself is looked for anew
+constexpr unsigned kMaxHard = 8;  // errors in a row after which the adapter is opened again
 
 std::string remedy(int error, const std::string& path) {
     switch (error) {
@@ -45,7 +45,8 @@ std::string I2cDevice::open(const std::string& path, int timeout_ms) {
     constexpr unsigned long kBlocks = I2C_FUNC_SMBUS_I2C_BLOCK | I2C_FUNC_SMBUS_BYTE;
     if (!is_plain_ && (functions & kBlocks) != kBlocks)
         return fmt::format("{}: this adapter can neither plain I2C nor SMBus I2C block transfers; take another", path);
-    // In units of 10 ms; no other than the adapter's own where nobody asked, for it is every user's.
+    // In units of 10 ms. The adapter's own value stays if none is configured, because it affects every user of the
+    // adapter.
     if (timeout_ms > 0 && ::ioctl(fd_, I2C_TIMEOUT, (unsigned long)((timeout_ms + 9) / 10)) != 0)
         return fmt::format("{}: timeout_ms = {} was refused: {}", path, timeout_ms, std::strerror(errno));
     struct stat status {};
@@ -72,7 +73,7 @@ void I2cDevice::wait_until(std::uint64_t t_ns) noexcept {
     const timespec wait{long((t_ns - now) / 1'000'000'000), long((t_ns - now) % 1'000'000'000)};
     if (::ppoll(watched_.data(), watched_.size(), &wait, nullptr) <= 0) return;
     for (pollfd& line : watched_)
-        if ((line.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) line.fd = -1;  // its chip is gone: no reason to wake up
+        if ((line.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) line.fd = -1;  // the GPIO chip was removed
 }
 
 void I2cDevice::watch(std::vector<int> fds) {
@@ -95,7 +96,7 @@ Answer I2cDevice::transfer(std::uint8_t address, std::span<const std::uint8_t> o
     return classify(error, began_ns);
 }
 
-// One message or two; 0 or errno.
+// Sends one message or two. Returns 0 or errno.
 int I2cDevice::carry_out(std::uint8_t address, std::span<const std::uint8_t> out, std::span<std::uint8_t> in) noexcept {
     i2c_msg messages[2] = {{address, 0, std::uint16_t(out.size()), const_cast<std::uint8_t*>(out.data())},
                            {address, I2C_M_RD, std::uint16_t(in.size()), in.data()}};
@@ -125,16 +126,17 @@ int I2cDevice::smbus(std::uint8_t address, std::span<const std::uint8_t> out, st
     return 0;
 }
 
-// No acknowledge is ENXIO with most adapters, EREMOTEIO with bcm2835, designware and tegra.
+// A missing acknowledge is ENXIO with most adapters, EREMOTEIO with bcm2835, designware and tegra.
 Answer I2cDevice::classify(int error, std::uint64_t began_ns) noexcept {
     if (error == ENXIO || error == EREMOTEIO) return Answer::absent;
     if (error == EAGAIN) return Answer::failed;
-    // An adapter that vanished answers EIO for ever, and the kernel sees no other USB device until it is closed.
+    // A removed adapter returns EIO permanently, and the kernel does not recognise another USB device until this one
+    // is closed.
     char byte;
     if (error == ENODEV || presence_fd_ < 0 || ::read(presence_fd_, &byte, 1) < 0 || ++n_hard_ >= kMaxHard)
         return Answer::disconnected;
     if (error == ETIMEDOUT || now_ns() - began_ns >= kHangNs) return Answer::timeout;
-    return Answer::failed;  // EIO: with some adapters a byte that was not acknowledged
+    return Answer::failed;  // EIO: with some adapters, a byte without acknowledge
 }
 
 }  // namespace tactiled

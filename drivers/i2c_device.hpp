@@ -1,4 +1,4 @@
-// /dev/i2c-N as the kernel offers it: plain I2C where the adapter can, else SMBus block transfers.
+// Access to /dev/i2c-N: plain I2C if the adapter supports it, else SMBus block transfers.
 #pragma once
 #include <poll.h>
 
@@ -13,8 +13,8 @@ class I2cDevice final : public I2cBus {
 public:
     ~I2cDevice() override { close(); }
 
-    // "", or the fault and the remedy. `timeout_ms` 0 leaves the adapter's own, which all users of it share.
-    // setup
+    // Opens the adapter. Returns "" or the fault and the remedy. `timeout_ms` = 0 leaves the adapter's own limit,
+    // which all users of the adapter share. setup
     [[nodiscard]] std::string open(const std::string& path, int timeout_ms);
     void close() noexcept;
 
@@ -22,7 +22,7 @@ public:
     std::uint64_t now_ns() const noexcept override;
     void wait_until(std::uint64_t t_ns) noexcept override;
 
-    // These end a wait when they are readable, until they are gone. setup
+    // Sets descriptors that end a wait when they are readable, until they are removed. setup
     void watch(std::vector<int> fds);
     // rt: bounded by the number of lines
     void forget(int fd) noexcept;
@@ -35,9 +35,9 @@ private:
 
     std::vector<pollfd> watched_;
     int fd_ = -1;
-    int presence_fd_ = -1;  // the adapter's `name` in sysfs: can be read for as long as the adapter is there
+    int presence_fd_ = -1;  // the adapter's `name` in sysfs, readable as long as the adapter exists
     bool is_plain_ = true;
-    unsigned n_hard_ = 0;  // errors in a row that are no missing acknowledge
+    unsigned n_hard_ = 0;  // consecutive errors other than a missing acknowledge
 };
 
 }  // namespace tactiled

@@ -1,14 +1,14 @@
-// Driver "modbus": the master of devices on an RTU line or behind one TCP connection. One request stands open at a time; a
-// frame is one answer, whole.
+// Driver "modbus": the master of devices on an RTU line or behind one TCP connection. One request is open at a time,
+// and a frame is one whole answer.
 //
-// libmodbus is not used here. It reads an answer in one blocking call: when that call ends in time for the link's thread,
-// the bytes that it has received so far are lost, and it waits for the length that a foreign message seems to have.
+// libmodbus is not used here. It reads an answer in one blocking call. When that call ends in time for the link's
+// thread, the bytes received so far are lost; libmodbus also waits for the length that a foreign message declares.
 // README.md names the tests that it fails.
 //
-// Late answers. Over TCP a transaction number identifies them. An RTU answer has only unit, function and length. A request
-// without a good answer therefore puts its unit in doubt, and a doubted unit is first asked for a number of registers that
-// no other request to it has. A slave answers in order: when that length, or an exception, has come, nothing older can come
-// any more.
+// Late answers. Over TCP a transaction number identifies them. An RTU answer has only unit, function and length. A
+// request without a good answer therefore makes its unit doubtful, and a doubtful unit is first asked for a number of
+// registers that no other request to it uses. A slave answers in order, so after an answer of that length, or an
+// exception, no older answer can arrive.
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -33,7 +33,7 @@ namespace {
 
 constexpr std::uint64_t kSecond = 1'000'000'000;
 constexpr int kConnectMs = 800;     // open() may block for a second
-constexpr unsigned kMissedMax = 3;  // in a row: then its counter may begin anywhere
+constexpr unsigned kMissedMax = 3;  // consecutive requests without an answer after which its counter may restart
 constexpr std::uint64_t kMaxPauseNs = kSecond;
 
 TtySettings::Parity parity_of(const std::string& name) {
@@ -47,7 +47,7 @@ public:
         timeout_ns_ = std::uint64_t(options.integer("timeout_ms", {5, 5000}, 50)) * 1'000'000;
         for (auto& table : options.tables("slave", 16)) add(read_modbus_device(table, wire_), table);
         if (!options.has("slave"))
-            options.problem("slave", "there is no [[link.slave]]; one at least says which registers are read");
+            options.problem("slave", "there is no [[link.slave]]; add at least one with its registers");
         choose_probes();
         check_load(options);
     }
@@ -66,7 +66,8 @@ public:
             device.started = device.missed = 0;
             device.was_set_up = false;
             device.sequence.reset();
-            doubted_[device.is.unit] = wire_ == ModbusWire::rtu;  // whoever had the line before may have asked it
+            // an earlier user of the line may have sent a request to it
+            doubted_[device.is.unit] = wire_ == ModbusWire::rtu;
         }
         return "";
     }
@@ -88,9 +89,9 @@ public:
             counts[TACTILED_LINK_SKIPPED] += std::exchange(answers_.skipped, 0);
             if (found == ModbusAnswers::Found::broken) {
                 ++counts[TACTILED_LINK_BAD_LENGTH];
-                return Status::disconnected;  // a new connection begins with a message's first byte
+                return Status::disconnected;  // a new connection begins at the boundary of a message
             }
-            if (late)  // whole or not: if this process stood still (SIGSTOP, suspend), it may be of any age
+            if (late)  // complete or not: if this process was stopped (SIGSTOP, suspend), the answer may be of any age
                 failed(found == ModbusAnswers::Found::nothing ? answers_.missing() : TACTILED_LINK_BUS_ERROR);
             else if (found != ModbusAnswers::Found::nothing && answered(found, frame))
                 return Status::frame;
@@ -109,11 +110,12 @@ private:
     struct Device {
         ModbusDevice is;
         std::uint64_t period_ns;
-        std::uint64_t due_ns = 0;           // on its own grid: no drift, whatever an answer takes
-        std::uint16_t probe_registers = 1;  // a length that no other request to this unit has
-        std::size_t started = 0;            // writes of is.start that were confirmed
+        // on the device's own grid, so the period does not drift with the duration of answers
+        std::uint64_t due_ns = 0;
+        std::uint16_t probe_registers = 1;  // number of registers that no other request to this unit has
+        std::size_t started = 0;            // number of writes of is.start that were confirmed
         bool was_set_up = false;            // since open()
-        unsigned missed = 0;                // requests without a good answer, in a row
+        unsigned missed = 0;                // consecutive requests without a good answer
         SequenceTracker sequence;
     };
     enum class Asked { probe, start, values };
@@ -132,20 +134,22 @@ private:
         where_ = options.text("device");
         tty_.baud = unsigned(options.integer("baud", {300, 4'000'000}, 19200));
         tty_.parity = parity_of(options.one_of("parity", {"none", "odd", "even"}, "even"));
-        tty_.two_stop_bits = tty_.parity == TtySettings::Parity::none;  // who expects but one takes the other for a pause
+        // a receiver that expects one takes the other for a pause
+        tty_.two_stop_bits = tty_.parity == TtySettings::Parity::none;
         tty_.rs485 = options.flag("rs485", false);
         tty_.answers = true;
         byte_ns_ = 11 * kSecond / tty_.baud;
-        // 3.5 characters; above 19200 baud the standard fixes 1.75 ms (Modbus over serial line 1.02, 2.5.1.1).
+        // 3.5 characters; the standard fixes 1.75 ms above 19200 baud (Modbus over serial line 1.02, 2.5.1.1).
         silence_ns_ = tty_.baud > 19200 ? 1'750'000 : 7 * byte_ns_ / 2;
     }
 
     void add(ModbusDevice device, Options& table) {
         for (const auto& other : devices_)
             if (other.is.device == device.device)
-                table.problem("device",
-                              fmt::format("device = {} is another [[link.slave]] already; sensors tell them apart by it",
-                                          device.device));
+                table.problem(
+                    "device",
+                    fmt::format("device = {} is another [[link.slave]] already; sensors refer to it by this number",
+                                device.device));
         const auto period_ns = std::uint64_t(double(kSecond) / device.rate_Hz);
         devices_.push_back({.is = std::move(device), .period_ns = period_ns, .sequence = {}});
     }
@@ -158,7 +162,7 @@ private:
                 ++device.probe_registers;
     }
 
-    // A line that is asked for more than it can carry would be late with everything, and nobody could tell why.
+    // Refuses requests that exceed the capacity of the line: all answers would be late without an obvious reason.
     void check_load(Options& options) {
         if (wire_ == ModbusWire::tcp) return;
         double load = 0;
@@ -174,7 +178,7 @@ private:
                                         100 * load, tty_.baud, std::ceil(10 * load) / 10));
     }
 
-    // Sleeps until `until_ns` or until the device has something; false where it is gone.
+    // Sleeps until `until_ns` or until the device has data. Returns false if the device is disconnected.
     bool wait(std::uint64_t until_ns, short events) noexcept {
         const std::uint64_t now = now_ns();
         const std::uint64_t left_ns = until_ns > now ? until_ns - now : 0;
@@ -185,7 +189,7 @@ private:
                (ready > 0 && (waiting.revents & (POLLERR | POLLHUP | POLLNVAL | POLLRDHUP)) == 0);
     }
 
-    // What is there, at most as much as there is room for; false where the device is gone.
+    // Reads the available bytes, limited by the buffer. Returns false if the device is disconnected.
     bool take() noexcept {
         const auto room = answers_.room();
         const ssize_t size =
@@ -198,7 +202,8 @@ private:
         return true;
     }
 
-    // Whose `start` comes before anything is read from this unit, else nullptr. Several may be one device.
+    // Returns the device whose `start` writes are due before anything is read from this unit, else nullptr. Several
+    // may be one device.
     Device* to_set_up(std::uint8_t unit) noexcept {
         for (Device& device : devices_)
             if (device.is.unit == unit && device.started < device.is.start.size()) return &device;
@@ -231,18 +236,18 @@ private:
         answers_.expect(request_);
         std::array<std::uint8_t, kModbusMaxRequest> bytes;
         const std::size_t size = encode_modbus(wire_, request_, bytes);
-        // Before it is sent: this process may stand still behind send(), and the answer come meanwhile.
+        // Computed before sending: this process may be stopped after send() while the answer arrives.
         const std::uint64_t may_take_ns = timeout_ns_ + (size + modbus_answer_bytes(wire_, request_)) * byte_ns_;
         deadline_ns_ = now_ns() + may_take_ns;
         too_old_ns_ = with_suspend_ns() + may_take_ns;
         const ssize_t sent =
             wire_ == ModbusWire::tcp ? ::send(fd_, bytes.data(), size, MSG_NOSIGNAL) : ::write(fd_, bytes.data(), size);
-        if (sent != ssize_t(size)) return false;  // half a request cannot be taken back
+        if (sent != ssize_t(size)) return false;  // a partial request cannot be withdrawn
         asking_ = &device;
         return true;
     }
 
-    // True where `frame` was filled.
+    // Returns true if `frame` was filled.
     bool answered(ModbusAnswers::Found found, Frame& frame) noexcept {
         using Found = ModbusAnswers::Found;
         Device& device = *asking_;
@@ -257,7 +262,7 @@ private:
         if (asked_ == Asked::start && ++set_up_->started == set_up_->is.start.size() &&
             std::exchange(set_up_->was_set_up, true))
             ++counts[TACTILED_LINK_RESTARTED];
-        if (asked_ != Asked::values) return false;  // its values are still due
+        if (asked_ != Asked::values) return false;  // the device's values are still due
         device.missed = 0;
         plan(device, 0);
         if (!read_registers(device.is.set, answers_.registers(), device.sequence, counts, frame)) return false;
@@ -272,16 +277,17 @@ private:
         Device& device = *std::exchange(asking_, nullptr);
         doubted_[device.is.unit] = wire_ == ModbusWire::rtu;
         quiet_until_ns_ = now_ns() + silence_ns_;
-        // It may have lost its supply: what it was told and what it counted. A slow poll misses one request at most.
+        // The unit may have lost its supply, and with it its settings and counters. A slow poll misses at most one
+        // request.
         for (Device& other : devices_)
             if (other.is.unit == device.is.unit) other.started = 0;
         if (++device.missed >= kMissedMax) device.sequence.reset();
-        // Twice as long each time, so that a unit that is not there takes little from the others of its line.
+        // Doubles the pause each time, so that an absent unit takes little time from the others on its line.
         const unsigned doublings = std::min(device.missed - 1, 10u);
         plan(device, doublings == 0 ? 0 : std::min(device.period_ns << doublings, kMaxPauseNs));
     }
 
-    // The next place on the device's grid that is at least `pause_ns` away.
+    // Sets the next time on the device's grid that is at least `pause_ns` away.
     void plan(Device& device, std::uint64_t pause_ns) noexcept {
         const std::uint64_t after_ns = now_ns() + pause_ns;
         device.due_ns += device.period_ns * (1 + (std::max(after_ns, device.due_ns) - device.due_ns) / device.period_ns);
@@ -291,19 +297,19 @@ private:
     std::string where_;  // path or address
     TtySettings tty_;
     TcpAddress address_;
-    std::uint64_t timeout_ns_ = 0, byte_ns_ = 0, silence_ns_ = 0;  // the last two 0 over TCP
+    std::uint64_t timeout_ns_ = 0, byte_ns_ = 0, silence_ns_ = 0;  // the last two are 0 over TCP
     std::vector<Device> devices_;
     std::array<bool, 256> doubted_{};  // by unit
 
     int fd_ = -1;
     ModbusAnswers answers_;
     ModbusRequest request_;
-    Device* asking_ = nullptr;  // whose request is open
-    Device* set_up_ = nullptr;  // whose write it is
+    Device* asking_ = nullptr;  // device of the open request
+    Device* set_up_ = nullptr;  // device whose write is open
     Asked asked_ = Asked::values;
     std::uint16_t transaction_ = 0;
     std::uint64_t deadline_ns_ = 0, quiet_until_ns_ = 0, last_byte_ns_ = 0;
-    std::uint64_t too_old_ns_ = 0;  // deadline_ns_ by the clock that goes on in suspend
+    std::uint64_t too_old_ns_ = 0;  // deadline_ns_ on the clock that continues during suspend
 };
 
 std::unique_ptr<Driver> make(Options& options) { return std::make_unique<Modbus>(options); }

@@ -52,7 +52,8 @@ ModbusDevice::Write read_write(Options table) {
     return {at, value, std::uint8_t(function)};
 }
 
-// One request covers all; a hole may be read along where it is small: some devices refuse what they do not have.
+// Sets one request that covers all registers. Small gaps are read, too; some devices refuse to read registers that do
+// not exist.
 void cover(RegisterSet& set, Options& table, int max_gap) {
     struct Span {
         unsigned first, last;
@@ -94,7 +95,7 @@ void cover(RegisterSet& set, Options& table, int max_gap) {
     set.count = std::uint16_t(count);
 }
 
-// The keys that describe a kind of device, wherever they stand.
+// Reads the keys that describe a kind of device, from the link's table or from a file.
 void read_kind(ModbusDevice& device, Options& table) {
     device.function =
         std::uint8_t(table.integer("function", {modbus::kReadHolding, modbus::kReadInputRegisters}, modbus::kReadHolding));

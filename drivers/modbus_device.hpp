@@ -10,7 +10,7 @@
 namespace tactiled {
 
 struct ModbusDevice {
-    std::uint16_t device = 0;  // of Frame
+    std::uint16_t device = 0;  // Frame::device
     std::uint8_t unit = 1, function = 3;
     double rate_Hz = 0;
     RegisterSet set;
@@ -18,10 +18,10 @@ struct ModbusDevice {
         std::uint16_t at, value;
         std::uint8_t function;
     };
-    std::vector<Write> start;  // before the first reading, and after each request without a good answer
+    std::vector<Write> start;  // written before the first reading, and after each request without a good answer
 };
 
-// Errors go to the options' Problems. setup: never throws for bad input
+// Reads one device. Errors go to the options' Problems. setup: never throws for bad input
 ModbusDevice read_modbus_device(Options table, ModbusWire wire);
 
 }  // namespace tactiled

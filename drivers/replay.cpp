@@ -1,5 +1,5 @@
-// Driver "replay": the frames of one link of a recording (tactilectl record), each as long after the one before as then. Its
-// data are declared simulated: nobody shall take them for a measurement of now.
+// Driver "replay": the frames of one link of a recording (tactilectl record), at the original intervals. Its data are
+// declared as simulated, so that they are not taken for a present measurement.
 #include <fmt/format.h>
 #include <time.h>
 
@@ -15,14 +15,15 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kMaxAtOpening = 16u << 20;  // bytes in which open() looks for the first frame; then read() goes on
-constexpr std::uint64_t kMaxACycle = 1u << 20;      // bytes in which read() does
-constexpr long kPause_ns = 1'000'000;               // after as many: nothing else may make this thread wait
+// bytes in which open() searches for the first frame; read() continues after that
+constexpr std::uint64_t kMaxAtOpening = 16u << 20;
+constexpr std::uint64_t kMaxACycle = 1u << 20;  // the same limit for one read()
+constexpr long kPause_ns = 1'000'000;           // pause after that many bytes, because nothing else makes this thread wait
 
 class Replay final : public Driver {
 public:
     explicit Replay(Options& options) {
-        // seen from the folder of the configuration; an absolute path stays itself
+        // relative to the folder of the configuration; an absolute path is unchanged
         path_ = (std::filesystem::path(options.file()).parent_path() / options.text("file")).string();
         link_ = options.text("link", "");
         speed_ = options.number("speed", {0.001, 1000}, 1);
@@ -70,8 +71,8 @@ public:
 private:
     enum class Ahead { frame, later, end };
 
-    // The link's next frame becomes `ahead_`; later: not within `max_bytes`. rt: blocks on the disk; bounded by
-    // `max_bytes` and a chunk
+    // Stores the link's next frame in `ahead_`; returns `later` if there is none within `max_bytes`. rt: blocks on
+    // the disk; bounded by `max_bytes` and a chunk
     Ahead look_ahead(std::uint64_t max_bytes) {
         const std::uint64_t until = file_.bytes_read() + max_bytes;
         while (const auto message = file_.next(until - std::min(until, file_.bytes_read()))) {
@@ -106,7 +107,7 @@ private:
         left_out_ = {bad_crc, unreadable};
     }
 
-    // Selects the link that is played. Returns "" or the fault.
+    // Selects the link to replay. Returns "" or the fault.
     std::string choose_link() {
         std::vector<std::string> links;
         for (const auto& [number, channel] : file_.reader().channels())
@@ -125,7 +126,7 @@ private:
         return "";
     }
 
-    std::string path_, link_;  // "": the file has but one link
+    std::string path_, link_;  // "": the file has only one link
     double speed_;
     bool again_;
     mcap::MessageFile file_;
@@ -134,7 +135,7 @@ private:
     std::uint64_t first_ns_ = 0, began_ns_ = 0;
     struct {
         unsigned bad_crc = 0, unreadable = 0;
-    } left_out_;  // as it was counted last
+    } left_out_;  // last counts
 };
 
 std::unique_ptr<Driver> make(Options& options) { return std::make_unique<Replay>(options); }

@@ -14,12 +14,13 @@
 namespace tactiled {
 namespace {
 
-// Bytes that the other end does not acknowledge for so long end the connection: a pulled cable says nothing by itself.
+// Bytes that the other end does not acknowledge for so long end the connection, because a disconnected cable causes
+// no event.
 constexpr int kUnacknowledgedMs = 3500;
 
-// A pulled cable would never be detected on a connection on which nothing is sent: after 2 s of silence the other end is
-// asked whether it is there, each second. With TCP_USER_TIMEOUT set, that ends the connection (not TCP_KEEPCNT): here after
-// two questions without an answer.
+// A disconnected cable would not be detected on a connection without traffic from this end. After 2 s of silence a
+// keep-alive probe is sent each second. With TCP_USER_TIMEOUT set, that ends the connection (not TCP_KEEPCNT): here
+// after two probes without an answer.
 constexpr int kKeepAlive = 1, kAskAfterS = 2, kAskEveryS = 1;
 
 const char* remedy(int error) {

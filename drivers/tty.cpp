@@ -49,30 +49,33 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
     termios2 settings{};
     if (::ioctl(fd, TCGETS2, &settings) != 0) return fail("");
     if (::ioctl(fd, TIOCEXCL) != 0) return fail("exclusive use: ");
-    if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {  // root may open it all the same: then this tells two daemons apart
+    if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {  // root can open an exclusive tty: this lock keeps two daemons apart
         errno = EBUSY;
         return fail("");
     }
-    settings.c_iflag = wanted.parity == Parity::none ? 0 : INPCK;  // a wrong one reads as 0, and the frame's checksum fails
+    // a byte with wrong parity reads as 0, so the frame's checksum fails
+    settings.c_iflag = wanted.parity == Parity::none ? 0 : INPCK;
     settings.c_oflag = 0;
     settings.c_lflag = 0;
-    settings.c_cflag = CS8 | CREAD | CLOCAL | BOTHER | (BOTHER << IBSHIFT);  // no HUPCL: closing must not reset an Arduino
+    // no HUPCL: closing must not reset an Arduino
+    settings.c_cflag = CS8 | CREAD | CLOCAL | BOTHER | (BOTHER << IBSHIFT);
     if (wanted.parity != Parity::none) settings.c_cflag |= PARENB | (wanted.parity == Parity::odd ? PARODD : 0u);
     if (wanted.two_stop_bits) settings.c_cflag |= CSTOPB;
     settings.c_ispeed = settings.c_ospeed = baud;
     settings.c_cc[VMIN] = 1;
     settings.c_cc[VTIME] = 0;
     if (::ioctl(fd, TCSETS2, &settings) != 0) return fail("settings: ");
-    // A UART that cannot do the rate takes the call and does another one.
+    // A UART that cannot do the rate accepts the call and uses another rate.
     termios2 got{};
     if (::ioctl(fd, TCGETS2, &got) != 0) return fail("settings: ");
     const unsigned off = got.c_ospeed > baud ? got.c_ospeed - baud : baud - got.c_ospeed;
     if (off > baud / 50) {
         ::close(fd);
-        why = fmt::format("{}: asked for {} baud, the port does {}: choose a rate that it can do", path, baud, got.c_ospeed);
+        why =
+            fmt::format("{}: {} baud was requested, and the port runs at {}: choose another rate", path, baud, got.c_ospeed);
         return -1;
     }
-    // USB adapters hold bytes back for 16 ms unless told otherwise. Optional: a pty has no such thing.
+    // USB adapters delay bytes by 16 ms unless configured otherwise. Optional: a pty does not support it.
     serial_struct serial{};
     if (::ioctl(fd, TIOCGSERIAL, &serial) == 0) {
         serial.flags |= ASYNC_LOW_LATENCY;

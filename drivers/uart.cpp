@@ -24,11 +24,11 @@ namespace tactiled {
 namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
-constexpr std::uint64_t kSilentNs = 1'000'000'000;  // a device that was asked for a stream is asked again
-constexpr std::uint64_t kAwayMs = 950;  // bytes may wait so long, and for the cycle of read() (50 ms in the node)
-constexpr int kSliceMs = 10;            // of a wait, see kLateMs
-constexpr std::uint64_t kLateMs = 20;   // a process that runs looks again so soon after the end of a slice
-constexpr std::uint64_t kStopMs = 20;   // two frames of a device at 100 Hz: the frame that it was sending has ended
+constexpr std::uint64_t kSilentNs = 1'000'000'000;  // the request for a stream is repeated after this silence
+constexpr std::uint64_t kAwayMs = 950;              // bytes may wait this long, plus the cycle of read() (50 ms in the node)
+constexpr int kSliceMs = 10;                        // duration of one slice of a wait, see kLateMs
+constexpr std::uint64_t kLateMs = 20;               // a running process continues this soon after the end of a slice
+constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: a frame that was being sent has ended
 
 class Stream final : public Driver {
 public:
@@ -74,13 +74,14 @@ public:
             frame.since_ns = since_ns_;
             return Status::frame;
         }
-        if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // it may have lost its supply
+        if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // the device may have lost its supply
             asked_ns_ = now_ns();
             asked_again_ = streamed_;
             if (!ask_for_stream(false)) return Status::disconnected;
         }
-        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. In slices, so
-        // that a process that was stopped meanwhile is noticed. Without a time to wait, read() alone tells what is there.
+        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. The wait
+        // is divided into slices, so that a stop of the process is noticed. Without a time limit, read() alone shows
+        // whether bytes are there.
         const std::uint64_t cycle_ns = std::uint64_t(timeout_ms) * 1'000'000;
         int ready = timeout_ms == 0;
         for (int left_ms = timeout_ms; ready == 0;) {
@@ -89,7 +90,8 @@ public:
             pollfd waiting{fd_, POLLIN, 0};
             const timespec timeout{0, long(slice_ms) * 1'000'000};
             ready = ::ppoll(&waiting, 1, &timeout, nullptr);
-            if (ready == 0) empty_ns_ = waits_ns + std::uint64_t(slice_ms) * 1'000'000;  // the kernel looked at its end, too
+            // the kernel had no bytes at the end of the slice, either
+            if (ready == 0) empty_ns_ = waits_ns + std::uint64_t(slice_ms) * 1'000'000;
             if (ready == 0 && (left_ms -= slice_ms) <= 0) return Status::timeout;
         }
         if (ready < 0 && errno == EINTR) return Status::timeout;
@@ -98,12 +100,12 @@ public:
         const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
         if (size < 0 && errno == EAGAIN) empty_ns_ = reads_ns;
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
-        if (size <= 0) return Status::disconnected;  // 0 on a tty is a hang-up, not an end of file to be read again
+        if (size <= 0) return Status::disconnected;  // 0 on a tty is a hang-up and not an end of file
         const std::uint64_t t_ns = now_ns();
         const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
         if (waited_ns > cycle_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
         since_ns_ = waited_ns > (kSliceMs + kLateMs) * 1'000'000 ? t_ns - waited_ns : 0;
-        if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a full tty gives one byte less
+        if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a read from a full tty returns one byte less
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!decoder_->next(frame)) return Status::timeout;
         frame.since_ns = since_ns_;
@@ -135,8 +137,8 @@ public:
     }
     std::string advice() const override { return decoder_ == nullptr ? "" : decoder_->advice(); }
 
-    // A connection ends at the device, or at its serial server, and with it what the way there still held. What is behind a
-    // pseudo terminal does not notice that it was opened again.
+    // A connection ends at the device or at its serial server, which discards the data in between. The program behind
+    // a pseudo terminal does not notice that it was opened again.
     Route route() const noexcept override {
         return {.path = is_direct_ ? Route::Path::direct : Route::Path::network,
                 .device_clock = true,
@@ -145,7 +147,7 @@ public:
     }
 
 private:
-    // A device that streams already hears nothing but its stop. `stop_first`: a tty, at opening.
+    // A device that already streams reacts only to its stop bytes. `stop_first`: a tty, at opening.
     bool ask_for_stream(bool stop_first) noexcept {
         if (decoder_->start_bytes().empty()) return true;
         if (stop_first) {
@@ -153,13 +155,14 @@ private:
             const std::uint64_t sent_ms = 10 * 1000 * decoder_->stop_bytes().size() / baud_;
             const timespec pause{0, long(std::min<std::uint64_t>(sent_ms + kStopMs, 900)) * 1'000'000};
             ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
-            if (!flush_tty(fd_)) return false;  // what it sent until it stopped
+            if (!flush_tty(fd_)) return false;  // discards the bytes sent until it stopped
         }
         return tell(decoder_->start_bytes());
     }
 
-    // This thread or the whole process stood still. More that is as old may wait where nobody can count it (a tty's lower
-    // buffers, the other end of a connection whose window had closed), so only opening anew tells old from new.
+    // Called after this thread or the whole process was stopped. Further bytes of that age may wait in uncounted
+    // buffers (the lower buffers of a tty, the other end of a connection whose window was closed), so only a new
+    // opening separates old bytes from new ones.
     Status too_old(std::size_t size) noexcept {
         int more = 0;
         if (::ioctl(fd_, FIONREAD, &more) != 0) more = 0;
@@ -179,14 +182,16 @@ private:
     std::string path_;  // or address
     TcpAddress address_;
     unsigned baud_ = 0;
-    std::string declared_path_;  // "": as the kernel shows it
+    std::string declared_path_;  // "": the kernel's answer
     double clock_ppm_ = 0;
     bool is_direct_ = false;
-    std::unique_ptr<StreamDecoder> decoder_;  // nullptr where the configuration has an error: the node does not open it then
+    // nullptr if the configuration has an error: the node then does not open the link
+    std::unique_ptr<StreamDecoder> decoder_;
     int fd_ = -1;
-    std::uint64_t empty_ns_ = 0;                   // nothing waited then, with_suspend_ns(): what is read came later
-    std::uint64_t since_ns_ = 0;                   // of the bytes in the decoder, see Frame
-    std::uint64_t asked_ns_ = 0;                   // for the stream, or when it last brought a frame
+    // time, with_suspend_ns(), at which no bytes waited: bytes read arrived later
+    std::uint64_t empty_ns_ = 0;
+    std::uint64_t since_ns_ = 0;                   // argument since_ns of the bytes in the decoder, see Frame
+    std::uint64_t asked_ns_ = 0;                   // time of the request for the stream, or of its last frame
     bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;
     std::array<std::uint8_t, StreamDecoder::kMaxBytes> bytes_{};

@@ -9,8 +9,8 @@ namespace {
 constexpr std::uint32_t kRight = TACTILED_SENSORS_DIFFER | TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED |
                                  TACTILED_ARRIVAL_ONLY | TACTILED_UNCALIBRATED | TACTILED_UNKNOWN_UNCERTAINTY;
 
-// Reasons that show that this sensor was the wrong one. Saturation is not among them: a force that is too large for one
-// sensor says nothing about the other.
+// Reasons that show that this sensor was the wrong one. Saturation is not among them: a force that is too large for
+// one sensor does not show an error of the other.
 constexpr std::uint32_t kCulprit =
     TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_MISSING_CHANNEL | TACTILED_NOT_FINITE | TACTILED_WRONG_DEVICE;
 
@@ -29,7 +29,8 @@ void Agreement::succeed(const Agreement& before) noexcept {
     if (limits_.other == before.limits_.other) differs_ = before.differs_;
 }
 
-// Whether that has been so since `since_ns` for as long as the patience; a first time, or one that goes back, begins it.
+// Returns true if the condition has lasted since `since_ns` for as long as the patience; the first time, or a time
+// that goes back, restarts it.
 bool Agreement::has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const noexcept {
     if (since_ns == 0 || now_ns < since_ns) since_ns = now_ns;
     return now_ns - since_ns >= limits_.patience_ns;
@@ -42,9 +43,9 @@ bool Agreement::compare(const tactiled_sample& mine, const tactiled_sample& othe
         differs_ = false;
     const std::uint64_t between_ns = mine.t_ns > others.t_ns ? mine.t_ns - others.t_ns : others.t_ns - mine.t_ns;
     if (!is_comparable(mine) || !is_comparable(others) || between_ns > limits_.patience_ns) return differs_;
-    if (mine.t_ns - compared_ns_ > limits_.patience_ns) otherwise_since_ns_ = 0;  // the times on both sides of a gap
+    if (mine.t_ns - compared_ns_ > limits_.patience_ns) otherwise_since_ns_ = 0;  // a gap separates these times
     compared_ns_ = mine.t_ns;
-    double squares = 0;  // of the components that both see
+    double squares = 0;  // sum over the components that both sensors measure
     for (std::size_t i = 0; i < 3; ++i) {
         const double apart_N = mine.force_S_N[i] - others.force_S_N[i];
         if (std::isfinite(apart_N)) squares += apart_N * apart_N;

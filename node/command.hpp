@@ -39,13 +39,13 @@ struct Command {
     Kind kind = Kind::tare;
     std::uint32_t mask = 0;               // bit n: sensor n
     std::uint32_t number = 0;             // reported as tactiled_command.acknowledged
-    SensorSettable settable{};            // of `set`
-    std::uint64_t until_ns = UINT64_MAX;  // the sender has given up after that time
-    GraspSettable grasp{};                // of `set`
-    double mass_kg = 0;                   // of `known_weight`
-    grasp::Hint gripper{};                // of `hint`
-    grasp::Vector robot_G_m_s2{};         // of `gravity` and `acceleration`; NaN = not known
-    std::uint64_t reported_ns = 0;        // of `acceleration`
+    SensorSettable settable{};            // argument of `set`
+    std::uint64_t until_ns = UINT64_MAX;  // the sender gives up at that time
+    GraspSettable grasp{};                // argument of `set`
+    double mass_kg = 0;                   // argument of `known_weight`
+    grasp::Hint gripper{};                // argument of `hint`
+    grasp::Vector robot_G_m_s2{};         // argument of `gravity` and `acceleration`; NaN = unknown
+    std::uint64_t reported_ns = 0;        // argument of `acceleration`
     // Argument of `objects`. The sender owns the memory and keeps it until the command is acknowledged, however long that
     // takes.
     std::span<const TaughtObject> objects{};

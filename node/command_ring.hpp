@@ -10,10 +10,10 @@ namespace tactiled {
 
 class CommandRing : public Ring<Command> {
 public:
-    // `wake`: of the pipeline's thread; nullptr: the ring's consumer looks by itself. setup
+    // `wake`: wakes the pipeline's thread; nullptr: the consumer polls the ring. setup
     explicit CommandRing(std::size_t capacity, WakeWord* wake = nullptr) : Ring(capacity), wake_(wake) {}
 
-    // Shows the pipeline all that was pushed, and wakes its thread. rt: one system call
+    // Publishes all pushed commands to the pipeline and wakes its thread. rt: one system call
     void commit() noexcept {
         Ring::commit();
         if (wake_ != nullptr) wake_->wake();

@@ -15,19 +15,19 @@ namespace tactiled {
 
 class Commands {
 public:
-    // `wake`: of the thread that carries the commands out.
+    // `wake`: wakes the thread that carries the commands out.
     Commands(std::vector<Sensor>& sensors, WakeWord& wake)
         : sensors_(sensors), rings_{CommandRing{16, &wake}, CommandRing{16, &wake}}, tares_(sensors) {}
 
     // The ring of one commander (enum tactiled_commander). A ring has one producer: each commander is one thread.
     [[nodiscard]] CommandRing& operator[](std::size_t commander) noexcept { return rings_[commander]; }
 
-    // Carries out the commands that wait, in the order of the commanders. rt: bounded by the capacity of the rings
+    // Carries out the waiting commands, in the order of the commanders. rt: bounded by the capacity of the rings
     void carry_out(Grasping& grasping, NodeRecord& record, std::uint64_t now_ns) noexcept;
     // Acknowledges the running tare when its last sensor has finished. rt: bounded by the number of sensors
     void follow_tares(NodeRecord& record, std::uint64_t now_ns) noexcept;
     [[nodiscard]] const Tares& tares() const noexcept { return tares_; }
-    // Keeps the zeros of tares in `store`, which must live as long as the loop. Before the loop. setup
+    // Stores the zeros of tares in `store`, which must live as long as the loop. Call it before the loop. setup
     void keep_zeros_in(ZeroStore& store) noexcept { tares_.keep_in(store); }
 
 private:

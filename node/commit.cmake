@@ -1,4 +1,4 @@
-# Writes OUTPUT with the commit of the sources in SOURCE, and only where it has changed, so that nothing is compiled anew.
+# Writes OUTPUT with the commit of the sources in SOURCE, only if it has changed, so that nothing is compiled again.
 # An archive without git has the commit "unknown".
 execute_process(COMMAND git -C ${SOURCE} describe --always --abbrev=12 --dirty --exclude=* OUTPUT_VARIABLE commit
     OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE failed)

@@ -25,7 +25,7 @@
 namespace tactiled {
 namespace {
 
-constexpr int kLookMs = 100;       // how long stop() may wait
+constexpr int kLookMs = 100;       // longest delay of stop()
 constexpr int kAnswerMs = 15'000;  // longer than the longest tare
 constexpr std::uint64_t kLogEachNs = 10'000'000'000;
 
@@ -38,7 +38,7 @@ void answer(int client, std::string_view text) {
     [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
 }
 
-// The request of NODE weigh, by its word.
+// Returns the command of NODE weigh for its word.
 std::optional<Command> weigh_command(const std::string& word) {
     Command command;
     char* end = nullptr;
@@ -48,12 +48,12 @@ std::optional<Command> weigh_command(const std::string& word) {
                    : word == "zero" ? Command::Kind::zero_weight
                                     : Command::Kind::known_weight;
     const bool mass = !word.empty() && *end == 0 && std::isfinite(command.mass_kg) && command.mass_kg > 0;
-    const bool known = word == "forget" || mass;  // text that is not a number reads as 0 kg, which forgets
+    const bool known = word == "forget" || mass;  // "forget" has no number and sends 0 kg
     if (command.kind == Command::Kind::known_weight && !known) return std::nullopt;
     return command;
 }
 
-// "ok" and the descriptor, or "none" where it is -1.
+// Sends "ok" with the descriptor, or "none" if it is -1.
 void answer_with(int client, int descriptor) {
     char text[] = "ok";
     iovec part{text, 2};
@@ -91,13 +91,14 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     std::error_code ignored;
     std::filesystem::create_directories(std::filesystem::path(path).parent_path(), ignored);
     std::string unused;
-    // The name of the node is ours, but another node may have been given this path. A daemon without the lock is an older
-    // one, or another user has put a file in the lock's place.
+    // The name of the node belongs to this daemon, but another node may have been given this path. A daemon without
+    // the lock is an older one, or another user has put a file in the place of the lock.
     if (lock_.take(0) == LockFile::State::busy || !ask_daemon(path, "?", kLookMs, unused).empty())
-        throw SetupError(fmt::format("control socket {}: it is another daemon's; give each its own [node] control", path));
+        throw SetupError(
+            fmt::format("control socket {}: another daemon uses it; give each daemon its own [node] control", path));
     struct stat there {};
-    if (::lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode))  // a file that was named by mistake
-        throw SetupError(fmt::format("control socket {}: something else than a socket is there; choose another path", path));
+    if (::lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode))  // a regular file that was named by mistake
+        throw SetupError(fmt::format("control socket {}: the path is not a socket; choose another path", path));
     ::unlink(path.c_str());
     listener_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     const sockaddr_un address = address_of(path);
@@ -137,13 +138,13 @@ void ControlSocket::serve() noexcept {
         const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
         if (client >= 0) try {
                 take(client);
-            } catch (const std::exception&) { ::close(client); }  // no memory: it is not answered
+            } catch (const std::exception&) { ::close(client); }  // no memory: the request is not answered
         else
-            sleep_until(monotonic_ns() + std::uint64_t(kLookMs) * 1'000'000u);  // out of descriptors: do not spin
+            sleep_until(monotonic_ns() + std::uint64_t(kLookMs) * 1'000'000u);  // out of descriptors: avoids a busy loop
     }
 }
 
-// One client's request. Who says nothing within kLookMs is not waited for.
+// Handles one client's request. A client that sends nothing within kLookMs is dropped.
 void ControlSocket::take(int client) {
     char request[128];
     const ssize_t size = wait_readable(client, kLookMs) ? ::recv(client, request, sizeof request, 0) : 0;
@@ -249,7 +250,8 @@ void ControlSocket::follow() {
     asker_ = -1;
 }
 
-// Whoever asked: a PLC that tares through one register sees WARN and no more. At most a line each 10 s.
+// Logs refused tares for any commander, because a PLC that tares through one register sees only WARN. At most one
+// line each 10 s.
 void ControlSocket::log_refused_tares() {
     tactiled_node node{};
     if (!segment_.latest_node(node)) return;

@@ -1,5 +1,5 @@
-// The control socket: what a local user may ask the daemon for. AF_UNIX, one packet a request, one packet an answer;
-// who may connect is the file's mode, 0660.
+// The control socket for requests of local users. AF_UNIX, one packet per request, one packet per answer. The file's
+// mode, 0660, decides who may connect.
 //
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
 //               NODE weigh start | NODE weigh stop | NODE weigh zero | NODE weigh KILOGRAMS: what hangs now weighs this
@@ -31,8 +31,9 @@ namespace tactiled {
 
 class ControlSocket {
 public:
-    // Replaces a socket that a dead daemon left: the lock of PATH.lock says that its daemon lives, also where it is stopped
-    // and cannot answer. setup: throws SetupError where `path` cannot be bound, or is another daemon's
+    // Replaces a socket that a dead daemon left. The lock of PATH.lock shows whether its daemon lives, even if that
+    // daemon is stopped and cannot answer. setup: throws SetupError where `path` cannot be bound, or is another
+    // daemon's
     ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
                   const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands,
                   std::string config_path = "");
@@ -51,11 +52,11 @@ private:
 
     std::string path_;
     LockFile lock_;
-    dev_t device_ = 0;  // of the socket's own file, and its inode
+    dev_t device_ = 0;  // device and inode of the socket's file
     ino_t inode_ = 0;
     std::string node_name_;
     std::string objects_path_;           // "" = there is no [grasp]
-    std::string config_path_;            // "" = not known
+    std::string config_path_;            // "" = unknown
     std::vector<TaughtObject> objects_;  // lent to the pipeline until it acknowledges objects_number_
     std::uint32_t objects_number_ = 0;
     const SegmentWriter& writer_;
@@ -63,10 +64,11 @@ private:
     EventFanOut events_;
     std::uint32_t number_ = 0;
     int listener_ = -1;
-    int asker_ = -1;  // the client that waits for the running command, -1 = none
+    int asker_ = -1;  // client that waits for the running command, -1 = none
     std::uint64_t give_up_ns_ = 0;
-    std::array<std::uint32_t, TACTILED_COMMANDERS> refusal_seen_{};  // number of the command
-    std::uint64_t silent_until_ns_ = 0;                              // of the log
+    // acknowledged number of each commander's last refusal
+    std::array<std::uint32_t, TACTILED_COMMANDERS> refusal_seen_{};
+    std::uint64_t silent_until_ns_ = 0;  // for the log
     unsigned refused_tares_ = 0;
     Segment segment_;
     std::atomic<bool> stop_{false};

@@ -8,10 +8,11 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kCycleNs = 2 * kMs;        // a PLC's input filters for 3 ms and more
-constexpr std::uint64_t kSetAgainNs = 100 * kMs;   // notices a chip that is gone, and a line that somebody else has set
-constexpr std::uint64_t kLookAgainNs = 100 * kMs;  // for a segment that is not there
-constexpr std::uint64_t kRepeatNs = 10'000 * kMs;  // the same news at most so often
+constexpr std::uint64_t kCycleNs = 2 * kMs;  // the input filters of a PLC take 3 ms and more
+// detects a chip that was removed, and a line that another program has set
+constexpr std::uint64_t kSetAgainNs = 100 * kMs;
+constexpr std::uint64_t kLookAgainNs = 100 * kMs;  // retry interval if there is no segment
+constexpr std::uint64_t kRepeatNs = 10'000 * kMs;  // minimum interval between equal log lines
 constexpr std::uint64_t kMinPauseNs = 50 * kMs, kMaxPauseNs = 1000 * kMs;
 
 }  // namespace
@@ -102,7 +103,7 @@ bool GpioOutputs::open_missing() {
     bool more = false;
     for (auto& line : lines_) {
         if (line.driven) continue;
-        const bool sign = GpioSigns{}.*line.sign;  // fault, until a look says otherwise
+        const bool sign = GpioSigns{}.*line.sign;  // shows a fault until the first evaluation
         const std::string wrong = line.output.open({chip_, line.name}, sign == line.high_means);
         line.driven = wrong.empty();
         more |= line.driven;

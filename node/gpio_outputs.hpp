@@ -1,5 +1,5 @@
-// The thread that mirrors the node on GPIO lines, for a machine without a PLC. A reader of shared memory like any other: it
-// could be a process of its own.
+// The thread that mirrors the node on GPIO lines, for a machine without a PLC. It reads shared memory like any reader
+// and could be a process of its own.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -20,11 +20,11 @@ struct GpioSigns {
     bool operator==(const GpioSigns&) const = default;
 };
 
-// From node record to signs. Without a fresh record everything is a fault.
+// Converts a node record to signs. Without a fresh record every sign shows a fault.
 class GpioJudge {
 public:
     GpioJudge(int slip_ms) noexcept : slip_ns_(std::uint64_t(slip_ms) * 1'000'000u) {}
-    // `node` is nullptr where there is no fresh one.
+    // Returns the signs; `node` is nullptr if there is no fresh record.
     GpioSigns judge(const tactiled_node* node, std::uint64_t now_ns) noexcept;
 
 private:
@@ -35,10 +35,11 @@ private:
 
 class GpioOutputs {
 public:
-    // Starts the thread. A line that is not to be had holds back no other, and is asked for again, up to each second.
+    // Starts the thread. A line that is not available does not block the others, and is requested again, at most each
+    // second.
     // setup: throws SetupError where no thread can be made
     GpioOutputs(std::string node_name, const GpioSettings& settings);
-    // Says fault, then lets go of the lines.
+    // Shows a fault, then releases the lines.
     ~GpioOutputs();
     GpioOutputs(const GpioOutputs&) = delete;
     GpioOutputs& operator=(const GpioOutputs&) = delete;
@@ -50,10 +51,10 @@ private:
     };
 
     struct Line {
-        const char* key;  // of [gpio]
+        const char* key;  // key of [gpio]
         std::string name;
         bool GpioSigns::*sign;
-        bool high_means;  // what a high level says of the sign
+        bool high_means;  // meaning of a high level
         GpioOutput output{};
         bool driven = false;
         Said said_refused{};
@@ -62,9 +63,10 @@ private:
     void run() noexcept;
     void cycle(std::uint64_t now_ns);
     GpioSigns look(std::uint64_t now_ns);
-    // Opens the lines that are not driven, those of the file's first keys first: fault. True when another one is driven.
+    // Opens the lines that are not driven, in the order of the file's keys, with fault first. Returns true if one
+    // more is driven.
     bool open_missing();
-    // Sets the driven lines. False when one of them was gone: it is then driven no more.
+    // Sets the driven lines. Returns false if one of them was removed: it is then no longer driven.
     bool set_driven();
     [[nodiscard]] std::size_t driven() const noexcept;
     static void say(Said& last, LogLevel level, const std::string& text);

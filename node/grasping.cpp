@@ -10,7 +10,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kMaxWindow_ms = 1000;  // that the estimator remembers; the register takes up to 10 s
+constexpr double kMaxWindow_ms = 1000;  // memory of the estimator; the register accepts up to 10 s
 
 }  // namespace
 
@@ -40,20 +40,20 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
     observed.t_ns = s.t_ns;
     observed.quality = tactiled_quality(s.quality);
     observed.reasons = s.reasons;
-    // A force whose zero is not known is no force to grasp or to weigh with.
+    // A force with an unknown zero must not be used for grasping or weighing.
     if ((s.reasons & TACTILED_ZERO_UNKNOWN) != 0) observed.quality = TACTILED_BAD;
     const std::uint32_t method = TACTILED_METHOD(s.state), before = methods_seen_[sensor];  // 0: BAD, or not "auto"
     if (method != 0) methods_seen_[sensor] = method;
     const bool another_method = method != 0 && before != 0 && method != before;
     if (s.tare_count != std::exchange(tares_seen_[sensor], s.tare_count) || another_method) {
-        // Forces before and after a new zero, or of two methods, are in different coordinates: their difference is no
-        // event of the world.
+        // Forces before and after a new zero, or of two methods, are not comparable: their difference is not an event
+        // of the grasp.
         grasp::JawSample moved = observed;
         moved.quality = TACTILED_BAD;
         moved.reasons |= TACTILED_TARING;
         estimator_->sample(std::size_t(jaw), moved);
     }
-    // How far off such a value is nobody knows, so that no weight made of it is stable.
+    // The error of such a value is unknown, so no weight that is computed from it is stable.
     constexpr std::uint32_t kDoubts =
         TACTILED_STEPPED | TACTILED_SENSORS_DIFFER | TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY;
     const bool doubted = (s.reasons & kDoubts) != 0;

@@ -1,4 +1,4 @@
-// Lends an object to the thread that runs the pipeline, which works on it between two cycles, and waits until it is given
+// Lends an object to the thread that runs the pipeline, which uses it between two cycles, and waits until it is given
 // back.
 #pragma once
 #include <atomic>
@@ -12,21 +12,21 @@ namespace tactiled {
 template <class T>
 class Handover {
 public:
-    // Wakes the thread that takes. Returns false, and the object was not touched, when it was not taken within
-    // `patience_ms`. One offer at a time. setup: from another thread than take()
+    // Wakes the taking thread. Returns false, with the object untouched, if it was not taken within `patience_ms`.
+    // One offer at a time. setup: from another thread than take()
     [[nodiscard]] bool offer(T& object, WakeWord& taker, int patience_ms) noexcept {
         done_.store(false, std::memory_order_relaxed);
         offered_.store(&object, std::memory_order_release);  // pairs with take(): the object is filled
         taker.wake();
         for (int ms = 0; !done_.load(std::memory_order_acquire); ++ms) {
-            // The offer is withdrawn, unless it is being worked on at this moment, which takes microseconds.
+            // Withdraws the offer, unless the object is in use at this moment, which takes microseconds.
             if (ms >= patience_ms && offered_.exchange(nullptr, std::memory_order_relaxed) != nullptr) return false;
             tactiled_sleep_until(monotonic_ns() + 1'000'000u);
         }
         return true;
     }
 
-    // The object that is offered, or nullptr. give_back() must follow. rt: wait-free
+    // Returns the offered object, or nullptr. give_back() must follow. rt: wait-free
     [[nodiscard]] T* take() noexcept {
         if (offered_.load(std::memory_order_relaxed) == nullptr)
             return nullptr;                                            // an exchange in each cycle would cost more

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# install-packages.sh [build] [demo] [tests] [browser] [kernel] [packaging]: installs the Debian packages that are missing. Nothing to do: no network, no root.
+# install-packages.sh [build] [demo] [tests] [browser] [kernel] [packaging]: installs the Debian packages that are
+# missing. If all are installed, it needs neither network nor root.
 set -euo pipefail
 
 build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
@@ -7,11 +8,11 @@ build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsys
 demo=(mbpoll python3)
 tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio procps strace
     socat nmap tshark python3-jsonschema python3-prometheus-client
-    python3-lz4 python3-zstandard)
+    python3-lz4 python3-zstandard hunspell hunspell-en-us hunspell-en-gb)
 browser=(chromium chromium-driver python3-selenium)
 kernel=(qemu-system-x86 busybox-static iproute2 can-utils cpio kmod python3 binutils libelf-dev make gcc xz-utils zstd)
 packaging=(help2man dpkg-dev file)
-# The formatting is judged by this version alone, which Debian 13 no longer has.
+# The formatting is checked by this version only, which Debian 13 no longer has.
 [ "$(. /etc/os-release && echo "${VERSION_ID:-}")" = 13 ] || tests+=(clang-format-14)
 command -v node >/dev/null || tests+=(nodejs)
 

@@ -28,7 +28,7 @@ public:
                 return;
             }
     }
-    // The count of `device`, which starts again at 0. rt: bounded by the number of sensors
+    // Returns the count of `device`, which restarts at 0. rt: bounded by the number of sensors
     [[nodiscard]] std::uint32_t take(std::uint16_t device) noexcept {
         std::uint32_t frames = 0;
         for (auto& entry : entries_)
@@ -54,7 +54,7 @@ struct Link {
 
     // Constant while the threads run.
     std::string name;
-    std::uint32_t index = 0;  // in the segment's directory
+    std::uint32_t index = 0;  // index in the segment's directory
     std::unique_ptr<Driver> driver;
     std::vector<Binding> bindings;
 
@@ -65,12 +65,12 @@ struct Link {
 
     // The driver is read by the link's own thread, or lent to the thread that reads several links (shared_links.hpp).
     Lending lending;
-    bool is_present = true;               // of the reader that gives the link back
+    bool is_present = true;               // set by the reader that gives the link back
     std::atomic<std::uint64_t> reads{0};  // bursts; written by the reader
 
     // Used by the reader only.
     std::uint64_t read_ns = 0, read_interval_ns = UINT64_MAX;  // end of the last burst, and time between the last two
-    // Used by the reader only, but for LinkAge::proof().
+    // Used by the reader only, except LinkAge::proof().
     LinkAge age;
     RefusedFrames refused;
     Frame spare;  // receives the frame that the ring refuses

@@ -1,5 +1,5 @@
-// Proves the age of the frames of one link, device by device (drivers/wire/stream_age.hpp), and asks for a new opening where
-// only that helps.
+// Proves the age of the frames of one link, device by device (drivers/wire/stream_age.hpp), and requests a new
+// opening if only that helps.
 #pragma once
 #include <algorithm>
 #include <atomic>
@@ -15,7 +15,7 @@ namespace tactiled {
 
 class LinkAge {
 public:
-    // A sensor reads `device`. setup
+    // Adds a sensor that reads `device`. setup
     void add(std::uint16_t device, double rate_Hz, double rate_tolerance, std::uint64_t stale_ns) {
         devices_.push_back(std::make_unique<Device>(device, StreamAge(rate_Hz, rate_tolerance, stale_ns)));
     }
@@ -31,15 +31,15 @@ public:
         bool is_first = true;
         for (auto& each : devices_) {
             if (each->number != frame.device || !is_first) continue;
-            is_first = false;  // two sensors of one device share what is known of it
+            is_first = false;  // two sensors of one device share its state
             const std::uint64_t taken_ns = std::max(frame.taken_ns, frame.t_ns);
             each->age.judge(frame, each->age.uses_host_time(frame) ? host_ns(taken_ns) : taken_ns);
             each->proof.store(std::uint32_t(each->age.proof()), std::memory_order_relaxed);
         }
     }
 
-    // True once where the age has not been proved for a while, or has been too large, and opening the link again discards
-    // what causes it. At most once a second, and less often while it does not help. rt: wait-free
+    // Returns true once if the age has not been proved for a while, or has been too large, and opening the link again
+    // discards the delayed data. At most once a second, and less often if it does not help. rt: wait-free
     [[nodiscard]] bool asks_for_reopening() noexcept {
         if (std::none_of(devices_.begin(), devices_.end(), [](const auto& each) { return each->age.is_in_trouble(); }))
             return false;
@@ -51,6 +51,14 @@ public:
         pause_ns_ = now > not_before_ns_ + 10 * pause_ns_ ? kMinPause_ns : std::min(2 * pause_ns_, kMaxPause_ns);
         not_before_ns_ = now + pause_ns_;
         return true;
+    }
+
+    // How long the link should stay closed now. rt: wait-free
+    [[nodiscard]] std::uint64_t closed_ns() const noexcept {
+        std::uint64_t longest_ns = 0;
+        for (const auto& each : devices_)
+            if (each->age.is_in_trouble()) longest_ns = std::max(longest_ns, each->age.closed_ns());
+        return longest_ns;
     }
 
     // How the frames of `device` are proved. rt: wait-free; from any thread

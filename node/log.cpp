@@ -14,7 +14,8 @@ namespace tactiled {
 namespace {
 std::atomic<unsigned> dropped{0};
 
-// One line, one write: lines of several threads do not mix. At most PIPE_BUF bytes: a pipe that polls writable takes them.
+// Writes one line with one system call, so that lines of several threads do not mix. At most PIPE_BUF bytes, which a
+// writable pipe accepts.
 void write_line(const char* prefix, std::string_view text) noexcept {
     std::array<char, 1024> line{};
     const int length = std::snprintf(line.data(), line.size() - 1, "%s%.*s", prefix,

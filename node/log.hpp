@@ -1,4 +1,4 @@
-// One line of log to standard error, with the journal's level prefix when nobody watches a terminal.
+// Writes lines of log to standard error, with the journal's level prefix if standard error is not a terminal.
 #pragma once
 #include <fmt/format.h>
 
@@ -8,8 +8,9 @@ namespace tactiled {
 
 enum class LogLevel { error = 3, warning = 4, info = 6 };  // the numbers of syslog(3)
 
-// Any thread but the real-time ones. Never blocks: a line that standard error cannot take now is dropped and counted;
-// the next line that gets through says how many. Needs no memory; what is longer than 960 bytes is cut.
+// Writes one line, from any thread except the real-time ones. Never blocks: a line that standard error cannot take
+// now is dropped and counted, and the next line that succeeds reports the count. Needs no memory; a text longer than
+// 960 bytes is cut.
 void log_text(LogLevel level, std::string_view text) noexcept;
 void log_formatted(LogLevel level, fmt::string_view format, fmt::format_args values) noexcept;
 template <class... Values>
@@ -17,8 +18,8 @@ void log_line(LogLevel level, fmt::format_string<Values...> format, const Values
     log_formatted(level, format, fmt::make_format_args(values...));
 }
 
-// Call first of all. Who starts us may have closed descriptors 0 to 2: the next file that is opened, the segment, would be
-// the log, and written over. setup
+// Must be called first. If the parent has closed descriptors 0 to 2, the next file that is opened, the segment, would
+// get the log's descriptor and be overwritten. setup
 void hold_standard_descriptors() noexcept;
 
 }  // namespace tactiled

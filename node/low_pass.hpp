@@ -1,5 +1,6 @@
-// Low-pass for the six components of a wrench, at whatever times the samples come: two equal first-order stages, each with
-// the exact step response over the time since the last sample. No overshoot; group delay at low frequencies 0.205 / cutoff.
+// Low-pass for the six components of a wrench, for any sample times: two equal first-order stages, each with the
+// exact step response over the time since the last sample. No overshoot; the group delay at low frequencies is 0.205
+// / cutoff.
 #pragma once
 #include <array>
 #include <cmath>
@@ -16,14 +17,14 @@ public:
     }
     [[nodiscard]] double cutoff_Hz() const noexcept { return cutoff_Hz_; }
     [[nodiscard]] bool is_on() const noexcept { return cutoff_Hz_ > 0; }
-    // Forgets what came before: after a break, a tare, a value that was none. rt: wait-free
+    // Forgets the past: after a discontinuity, a tare, or a sample without a value. rt: wait-free
     void reset() noexcept { empty_ = true; }
 
     // rt: wait-free
     void apply(std::array<double, 6>& value, std::uint64_t t_ns) noexcept {
         if (!is_on()) return;
         if (empty_) first_ = second_ = value;
-        // Each stage is 3 dB / 2 down at the cutoff: its own corner lies 1 / sqrt(sqrt(2) - 1) higher.
+        // Each stage is 1.5 dB down at the cutoff: its own corner is 1 / sqrt(sqrt(2) - 1) higher.
         const double corner_rad_s = 2 * 3.14159265358979323846 * cutoff_Hz_ * 1.5537739740300374;
         const double gain = empty_ || t_ns <= t_ns_ ? 0 : -std::expm1(-corner_rad_s * double(t_ns - t_ns_) * 1e-9);
         for (std::size_t i = 0; i < value.size(); ++i) {

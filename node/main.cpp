@@ -1,4 +1,4 @@
-// tactiled, the daemon: reads the configuration, makes the segment, starts the threads, waits for a signal.
+// tactiled, the daemon: reads the configuration, creates the segment, starts the threads, and waits for a signal.
 #include <fmt/format.h>
 #include <sysexits.h>
 #include <systemd/sd-daemon.h>
@@ -29,7 +29,7 @@
 namespace tactiled {
 namespace {
 
-// Blocked in every thread, taken by the main thread alone.
+// Blocks the signals in every thread; only the main thread receives them.
 sigset_t block_signals() {
     sigset_t set;
     sigemptyset(&set);
@@ -39,7 +39,8 @@ sigset_t block_signals() {
     return set;
 }
 
-// A PLC can tare without it, and values do not need it: a missing folder must not keep the gripper from running.
+// The control socket is not essential: a PLC can tare without it, and values do not need it. A missing folder must
+// not keep the gripper from running.
 std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, Pipeline& pipeline) {
     try {
         return std::make_unique<ControlSocket>(
@@ -99,7 +100,7 @@ int run(Node& node, const sigset_t& signals) {
         wait_for_end(signals, reloader, pipeline);
         ::sd_notify(0, "STOPPING=1");
     }
-    pipeline.stop(monotonic_ns());  // the threads have ended: nothing overtakes the last word
+    pipeline.stop(monotonic_ns());  // the threads have ended: no sample follows the last one
     log_line(LogLevel::info, "stopped");
     return EX_OK;
 }

@@ -18,8 +18,8 @@ namespace {
 
 constexpr std::size_t kMaxBytes = 16384;
 
-// The lines of /proc/cpuinfo that name the first CPU's kind (x86: model name; ARM: implementer, part ...), without its
-// clock.
+// Returns the lines of /proc/cpuinfo that name the first CPU's kind (x86: model name; ARM: implementer, part ...),
+// without its clock.
 std::string cpu_model() {
     std::ifstream file("/proc/cpuinfo");
     std::string model;
@@ -30,7 +30,7 @@ std::string cpu_model() {
     return model;
 }
 
-// The linker's hash of this program.
+// Returns the linker's hash of this program.
 std::string build_id() {
     std::string id;
     const auto look = [](dl_phdr_info* program, std::size_t, void* out) {

@@ -7,7 +7,7 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000, kSecond = 1000 * kMs;
 constexpr std::uint64_t kHeartbeatNs = 100 * kMs;
-constexpr std::uint64_t kNodeRecordNs = 10 * kMs;  // at least this often, so that readers see that the loop is alive
+constexpr std::uint64_t kNodeRecordNs = 10 * kMs;  // minimum rate, so that readers see that the loop is alive
 
 template <typename Bit>
 std::uint32_t bit_if(bool on, Bit bit) noexcept {
@@ -25,18 +25,18 @@ void NodeRecord::latch_faults_of(std::uint32_t reasons) noexcept {
         bit_if((reasons & (TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_WRONG_DEVICE)) != 0, TACTILED_FAULT_SENSOR_LOST));
 }
 
-// Faults whose cause lasts without new samples.
+// Returns the faults whose cause lasts without new samples.
 std::uint32_t NodeRecord::lasting_faults(const Tares& tares) const noexcept {
     constexpr std::uint32_t kGone = TACTILED_STALE | TACTILED_DISCONNECTED;
     std::uint32_t reasons = 0;
-    for (const auto& sensor : sensors_)  // a sensor that has never delivered is no fault
+    for (const auto& sensor : sensors_)  // a sensor that has never delivered is not a fault
         if ((sensor.last().reasons & TACTILED_NO_DATA_YET) == 0) reasons |= sensor.last().reasons;
     return bit_if((reasons & kGone) != 0, TACTILED_FAULT_SENSOR_LOST) |
            bit_if((reasons & TACTILED_DISCONNECTED) != 0, TACTILED_FAULT_BUS) |
            bit_if(!tares.can_keep(), TACTILED_FAULT_STORAGE);
 }
 
-// The absence of a cause is measured from the last record in which it was seen.
+// The absence of a cause is measured from the last record in which it was present.
 void NodeRecord::follow_faults(std::uint64_t now_ns, const Tares& tares) noexcept {
     if (!tares.can_keep()) latch(TACTILED_FAULT_STORAGE);
     if (clear_after_ns_ == 0 || node_.fault == 0) return;

@@ -1,4 +1,5 @@
-// The node record: status, latched faults, warnings, heartbeat, counts, acknowledged commands and the grasp of the node.
+// The node record: status, latched faults, warnings, heartbeat, counts, acknowledged commands and the grasp of the
+// node.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -24,18 +25,19 @@ public:
         : links_(links), sensors_(sensors), segment_(segment), fixed_status_(status) {}
     // Adds such bits, before the loop only.
     void add_status(std::uint32_t bits) noexcept { fixed_status_ |= bits; }
-    // A latched fault clears itself once its cause has been absent for this time, 0 = never. Before the loop only.
+    // Makes a latched fault clear itself when its cause has been absent for this time, 0 = never. Before the loop
+    // only.
     void clear_faults_after(std::uint64_t absent_ns) noexcept { clear_after_ns_ = absent_ns; }
-    // The heartbeat and the statistics begin at `now_ns`. setup
+    // Starts heartbeat and statistics at `now_ns`. setup
     void start(std::uint64_t now_ns) noexcept { heartbeat_ns_ = worst_since_ns_ = now_ns; }
 
-    // A sample of sensor `index` was published: counts the sample and latches the faults of its reasons. rt: wait-free
+    // Takes a published sample of sensor `index`: counts it and latches the faults of its reasons. rt: wait-free
     void add(std::uint32_t index, const tactiled_sample& sample) noexcept {
         node_.count[index] = sample.sequence + 1;
         has_news_ = true;
         if (sample.reasons != 0) latch_faults_of(sample.reasons);
     }
-    // The stream of a sensor that had delivered has broken. rt: wait-free
+    // Latches the fault of a stream that had delivered and has a discontinuity. rt: wait-free
     void latch_lost_sensor(bool link_is_connected) noexcept {
         latch(TACTILED_FAULT_SENSOR_LOST | (link_is_connected ? 0u : std::uint32_t(TACTILED_FAULT_BUS)));
     }
@@ -47,21 +49,21 @@ public:
         node_.command[commander] = command;
         has_news_ = true;
     }
-    // The number of the command of `commander` that was acknowledged last.
+    // Returns the number of the last acknowledged command of `commander`.
     [[nodiscard]] std::uint32_t acknowledged(std::size_t commander) const noexcept {
         return node_.command[commander].acknowledged;
     }
 
-    // Counts the heartbeat up when it is due and a sensor delivers. rt: bounded by the number of sensors
+    // Advances the heartbeat when it is due and a sensor delivers. rt: bounded by the number of sensors
     void beat(std::uint64_t now_ns) noexcept;
-    // The time in the loop that a cycle took, and the number of periods that were slept through before it. rt: wait-free
+    // Takes the duration of a cycle and the number of periods that were missed before it. rt: wait-free
     void account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept;
     // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void set_reload_refused(bool refused) noexcept { reload_refused_.store(refused, std::memory_order_relaxed); }
 
-    // Something is new since the last record, or that record is 10 ms old. rt: wait-free
+    // Returns true if something is new since the last record, or that record is 10 ms old. rt: wait-free
     [[nodiscard]] bool is_due(std::uint64_t now_ns) const noexcept;
-    // The time of the next record or heartbeat, if nothing is new until then. rt: wait-free
+    // Returns the time of the next record or heartbeat if nothing is new until then. rt: wait-free
     [[nodiscard]] std::uint64_t deadline_ns() const noexcept;
     // rt: bounded by the number of sensors and links
     void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp, const tactiled_tool& tool) noexcept;
@@ -87,10 +89,10 @@ private:
     bool has_news_ = false;  // since the last record
     static constexpr std::size_t kFaults = 16;
     std::uint64_t clear_after_ns_ = 0;
-    std::uint32_t seen_ = 0;                             // faults whose cause was seen since the last record
-    std::array<std::uint64_t, kFaults> last_seen_ns_{};  // of the cause of each fault
+    std::uint32_t seen_ = 0;                             // faults whose cause was present since the last record
+    std::array<std::uint64_t, kFaults> last_seen_ns_{};  // time of the cause of each fault
     std::uint64_t heartbeat_ns_ = 0, lost_until_ns_ = 0;
-    std::uint32_t lost_seen_ = 0, refused_seen_ = 0;  // frames, as of the last record
+    std::uint32_t lost_seen_ = 0, refused_seen_ = 0;  // number of frames at the last record
     std::uint64_t worst_since_ns_ = 0;
     std::uint32_t worst_ns_ = 0;
 };

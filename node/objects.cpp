@@ -36,7 +36,7 @@ TaughtObject read_object(Options table) {
 }  // namespace
 
 ObjectsLock::ObjectsLock(const std::string& path) {
-    const std::string beside = path + ".lock";  // not the file itself: that is replaced
+    const std::string beside = path + ".lock";  // not the file itself, because that is replaced
     fd_ = ::open(beside.c_str(), O_RDONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
     while (fd_ >= 0) {
         if (::flock(fd_, LOCK_EX) == 0) return;
@@ -143,7 +143,8 @@ std::uint32_t free_id(std::span<const TaughtObject> taught) {
 std::vector<TaughtObject> teach_grasp(const std::string& path, std::uint32_t id, const std::string& name,
                                       const Weighing& weighing) {
     if (!is_teachable(weighing))
-        throw SetupError(fmt::format("{:.4f} kg, sd {:.4f} kg, may be nothing at all", weighing.mass_kg, weighing.sd_kg));
+        throw SetupError(
+            fmt::format("{:.4f} kg, sd {:.4f} kg, does not differ from 0 by 3 sd", weighing.mass_kg, weighing.sd_kg));
     const ObjectsLock lock(path);
     Problems problems;
     std::vector<TaughtObject> taught = load_objects(path, problems);

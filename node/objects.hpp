@@ -1,4 +1,5 @@
-// The file of taught objects: who writes it (tactilectl teach, the register TEACH) and who reads it (the daemon) do so here.
+// The file of taught objects. The writers (tactilectl teach, the register TEACH) and the reader (the daemon) use
+// these functions.
 #pragma once
 #include <optional>
 #include <span>
@@ -12,14 +13,14 @@
 namespace tactiled {
 
 struct TaughtObject : grasp::Object {
-    unsigned grasps = 0;  // that mass and sd are of
-    bool scaled = false;  // weighed after a known weight had set the scale, which a restart of the daemon forgets
+    unsigned grasps = 0;  // number of grasps behind mass and sd
+    bool scaled = false;  // weighed after a known weight had set the scale, which is lost at a restart of the daemon
 };
 
-// Held from reading the file to replacing it: there are two who do so.
+// Held from reading the file to replacing it, because there are two writers.
 class ObjectsLock {
 public:
-    // Waits for the other one. setup: throws SetupError where no file can be made beside `path`
+    // Waits for the other writer. setup: throws SetupError where no file can be created beside `path`
     explicit ObjectsLock(const std::string& path);
     ~ObjectsLock();
     ObjectsLock(const ObjectsLock&) = delete;
@@ -29,7 +30,7 @@ private:
     int fd_;
 };
 
-// A file that is not there teaches nothing and is no problem. With problems, the result is not fit to use.
+// Reads the file. A missing file has no objects and is not a problem. With problems, the result must not be used.
 // setup: never throws for bad input
 std::vector<TaughtObject> load_objects(const std::string& path, Problems& problems);
 // setup: throws SetupError where the file cannot be replaced; then the old one stands as it was
@@ -43,30 +44,31 @@ struct Weighing {
     bool scaled = false;
 };
 Weighing weighing_of(const tactiled_grasp& grasp);
-// True if it is surely the weight of an object: more than kApart_sd above 0, and the file takes it.
+// Returns true if it is certainly the weight of an object: more than kApart_sd above 0, and valid for the file.
 bool is_teachable(const Weighing& weighing);
 
-// Mean and sd from grasp to grasp; the sd is at least what the weighings themselves claim. At least one of them.
+// Returns mean and sd from grasp to grasp; the sd is at least the one that the weighings state. At least one weighing
+// is needed.
 TaughtObject summary_of(std::span<const Weighing> weighings);
-// `object` with one more grasp of it; where that was of another scale, from this grasp alone.
+// Returns `object` with one more grasp; if its scale was another one, from this grasp alone.
 TaughtObject with_one_more(const TaughtObject& object, const Weighing& weighing);
 
-// Two objects of one scale are told apart where 3 sd of the one and 3 sd of the other do not meet: of normal weights, 1 in
-// 700 lies nearer to the other one.
+// Two objects of one scale can be distinguished if the ranges of 3 sd do not overlap: of normal weights, 1 in 700 is
+// nearer to the other object.
 struct Confusion {
     const TaughtObject* other = nullptr;
     double apart_sd = 0;  // difference of the means / (sd + other's sd)
 };
-// The object of `taught`, but for the one of `object`'s own id, that is nearest to it, where that is too near.
+// Returns the object of `taught`, without the one of `object`'s own id, that is nearest to it, if it is too near.
 std::optional<Confusion> confused_with(const TaughtObject& object, std::span<const TaughtObject> taught);
 
-// One more grasp of the object number `id`, or, where that is 0, of the one named `name`; an object that is not in the file
-// is a new one. Returns what is in the file then.
+// Adds one more grasp to the object number `id` or, if that is 0, to the one named `name`; an object that is not in
+// the file is a new one. Returns the new content of the file.
 // setup: throws SetupError where the weight may be nothing or another object's, or the file cannot be read or replaced
 std::vector<TaughtObject> teach_grasp(const std::string& path, std::uint32_t id, const std::string& name,
                                       const Weighing& weighing);
 
-// The one of that name, or nullptr; and the least id that is free.
+// Return the object of that name, or nullptr; and the smallest free id.
 const TaughtObject* find_object(std::span<const TaughtObject> taught, std::string_view name);
 std::uint32_t free_id(std::span<const TaughtObject> taught);
 

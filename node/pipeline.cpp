@@ -24,7 +24,7 @@ Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
             link.ring_full.store(++driver.counts[TACTILED_LINK_RING_FULL], std::memory_order_relaxed);
         }
     }
-    if (status != Status::frame || !driver.has_more()) {  // once for each burst, not for each frame
+    if (status != Status::frame || !driver.has_more()) {  // once per burst, not per frame
         link.ring.commit();
         segment.set_link_counts(link.index, driver.counts.count);
         if (link.age.asks_for_reopening()) return Status::disconnected;
@@ -35,7 +35,8 @@ Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
 // ---- deliver: ring -> sensor -> publish --------------------------------------------------------------------------------
 
 void Pipeline::deliver(Link& link, std::uint64_t now_ns) noexcept {
-    // Read before the ring: frames that arrived before the link broke are delivered before the discontinuity is published.
+    // Read before the ring: frames that arrived before the link disconnected are delivered before the discontinuity
+    // is published.
     link.was_connected = link.connected.load(std::memory_order_acquire);
     for (std::size_t n = 0; n < link.ring.capacity(); ++n) {  // a flood of one link does not starve the others
         const Frame* const frame = link.ring.front();
@@ -108,7 +109,7 @@ bool Pipeline::cycle(std::uint64_t now_ns) noexcept {
     return true;
 }
 
-// Publishes a BAD sample of each sensor whose stream has just broken, or is broken for another reason than before.
+// Publishes a BAD sample of each sensor whose stream has a new discontinuity, or another reason for the present one.
 void Pipeline::mark_discontinuities(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         const bool had_data = sensors_[i].is_delivering(), connected = link_of_sensor_[i]->was_connected;

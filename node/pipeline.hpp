@@ -1,4 +1,4 @@
-// The data path of the daemon, from a link's bytes to shared memory. node/README.md walks one sample through it.
+// The data path of the daemon, from a link's bytes to shared memory. node/README.md follows one sample through it.
 //
 //     link's thread  acquire()   driver -> Frame -> ring of the link
 //     the runner     deliver()   ring -> Sensor: Reading -> Decoupler -> Estimate -> tactiled_sample
@@ -29,7 +29,7 @@
 namespace tactiled {
 
 // Reads at most one frame of the link into its ring, and commits the ring at the end of a burst. Called by the link's
-// thread. `disconnected` also where the link should be opened again because the age of its frames is not proved.
+// thread. Returns `disconnected` also if the link should be opened again because the age of its frames is not proved.
 // rt: blocks on the link, for at most `timeout_ms`
 [[nodiscard]] Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept;
 
@@ -39,25 +39,27 @@ public:
     Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
              std::uint32_t status, const std::optional<Grasping::Setup>& grasp = {},
              const std::optional<tool::Setup>& tool = {});
-    // Sets where each node record is announced to sleeping readers, and each cycle is counted. Before the loop only.
+    // Sets where each node record is announced to sleeping readers, and where each cycle is counted. Before the loop
+    // only.
     void announce_to(Waker* readers, Progress::Liveness* cycles) noexcept {
         readers_ = readers;
         cycles_ = cycles;
     }
-    // Adds bits that set-up learnt after the pipeline was made: RT_DEGRADED. Before the loop only.
+    // Adds bits that set-up determined after the pipeline was made: RT_DEGRADED. Before the loop only.
     void add_status(std::uint32_t bits) noexcept { record_.add_status(bits); }
 
-    // A latched fault clears itself once its cause has been absent for this time, 0 = never. Before the loop only.
+    // Makes a latched fault clear itself when its cause has been absent for this time, 0 = never. Before the loop
+    // only.
     void clear_faults_after(std::uint64_t absent_ns) noexcept { record_.clear_faults_after(absent_ns); }
 
-    // Publishes one BAD sample of each sensor, so that a reader finds a reason, not an empty ring. setup
+    // Publishes one BAD sample of each sensor, so that a reader finds a reason and not an empty ring. setup
     void start(std::uint64_t now_ns) noexcept;
     // Ends the set-up, in which serve() only announces: the calling thread carries out what was announced. Call it once.
     // rt: as serve()
     void open() noexcept { run(); }
-    // Runs cycles until no thread has more work, unless another thread does so already; that one then sees the work of the
-    // caller, too. After kMaxCycles the rest is left to the pipeline's thread. From any real-time thread.
-    // False: another thread is the runner. rt: bounded by kMaxCycles cycles, each with the system calls of
+    // Runs cycles until no thread has more work, unless another thread does so already; that one then sees the
+    // caller's work, too. After kMaxCycles the rest is left to the pipeline's thread. From any real-time thread.
+    // Returns false if another thread is the runner. rt: bounded by kMaxCycles cycles, each with the system calls of
     // Waker::published()
     bool serve() noexcept {
         if (!runner_.enter()) return false;
@@ -67,27 +69,28 @@ public:
     // Makes the pipeline's thread call serve(). From any thread. rt: one system call
     void wake() noexcept { wake_.wake(); }
     [[nodiscard]] WakeWord& wake_word() noexcept { return wake_; }
-    // The time at which serve() must be called again, for time limits and the heartbeat, if nothing arrives until then.
+    // Returns the time at which serve() must be called again, for time limits and the heartbeat, if nothing arrives
+    // until then.
     // rt: wait-free; from any thread
     [[nodiscard]] std::uint64_t deadline_ns() const noexcept { return deadline_ns_.load(std::memory_order_relaxed); }
-    // The pipeline's thread slept through so many periods. rt: wait-free; from any thread
+    // Adds the number of periods that the pipeline's thread missed. rt: wait-free; from any thread
     void add_missed(std::uint64_t periods) noexcept { missed_.fetch_add(periods, std::memory_order_relaxed); }
 
-    // One iteration of the loop: a reload, commands, the frames of all links, time limits, tares, heartbeat, node record.
-    // True when a node record was published. By the runner, and by tests. rt: bounded by the capacity of the rings; no
-    // system call
+    // Does one cycle of the loop: a reload, commands, the frames of all links, time limits, tares, heartbeat, node
+    // record. Returns true if a node record was published. Called by the runner, and by tests. rt: bounded by the
+    // capacity of the rings; no system call
     bool cycle(std::uint64_t now_ns) noexcept;
     // Publishes one last BAD sample of each sensor. After the loop. setup
     void stop(std::uint64_t now_ns) noexcept;
 
-    // Exchanges the parts of `replacement` with the running ones, between two cycles. Returns false, and nothing was
-    // exchanged, when the loop did not respond within `patience_ms`. setup: while the loop runs, from another thread
+    // Exchanges the parts of `replacement` with the running ones, between two cycles. Returns false, without an
+    // exchange, if the loop did not respond within `patience_ms`. setup: while the loop runs, from another thread
     bool replace(Replacement& replacement, int patience_ms) noexcept;
     // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void reload_refused(bool refused) noexcept { record_.set_reload_refused(refused); }
 
 private:
-    WakeWord wake_;  // of the pipeline's thread
+    WakeWord wake_;  // wakes the pipeline's thread
 
 public:
     Commands commands;

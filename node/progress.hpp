@@ -1,5 +1,5 @@
-// Liveness counters of the real-time threads. Each thread counts its cycles; an observer thread finds by these counts a
-// thread that makes no progress: in the kernel, in an endless loop, or stopped by a debugger.
+// Liveness counters of the real-time threads. Each thread counts its cycles. An observer thread detects by these
+// counts a thread that makes no progress: in the kernel, in an endless loop, or stopped by a debugger.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -19,10 +19,10 @@ class Progress {
     };
 
 public:
-    // One thread's place on the list, for as long as it runs.
+    // One thread's entry on the list, for as long as the thread runs.
     class Liveness {
     public:
-        // `limit_ns`: a cycle that takes longer counts as a standstill. setup: may wait for a lock
+        // `limit_ns`: a longer cycle counts as a standstill. setup: may wait for a lock
         Liveness(Progress& progress, std::string name, std::uint64_t limit_ns) : progress_(progress) {
             const std::lock_guard lock(progress_.mutex_);
             auto& entry = progress_.entries_.emplace_back();
@@ -47,8 +47,8 @@ public:
         Entry* entry_;
     };
 
-    // "" when each thread has finished a cycle within its limit, as far as looks so often can show, else the first that has
-    // not, by a name that stands until its Turns end.
+    // Returns "" if each thread has finished a cycle within its limit, as far as the rate of calls can show, else the
+    // name of the first thread that has not, valid until its Liveness ends.
     std::string_view look(std::uint64_t now_ns) noexcept {
         const std::lock_guard lock(mutex_);
         std::string_view stuck;
@@ -65,7 +65,7 @@ public:
     }
 
 private:
-    std::mutex mutex_;  // for the list, which changes when threads begin and end; never taken by count()
+    std::mutex mutex_;  // guards the list, which changes when threads begin and end; never taken by count()
     std::list<Entry> entries_;
 };
 

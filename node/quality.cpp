@@ -7,15 +7,16 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kRateWindowNs = 1'000'000'000;
-// A frozen channel is alive again when it has changed so often: one change may be the last of its death.
+// A frozen channel counts as alive after this many changes, because a single change may still be part of the fault.
 constexpr unsigned kAliveAfter = 2;
-// An idle bus reads one number everywhere. Converters rest near 0, too: noise of one count gives a 0 in two of five
-// readings, and so many in a row once in 10^9. At least three readings, so that no single disturbed one counts.
+// An idle bus gives the same number everywhere. Converters may rest near 0, too: noise of one count gives a 0 in two
+// of five readings, and this many in a row once in 10^9. At least three readings, so that a single disturbed one does
+// not count.
 constexpr unsigned kIdleNumbers = 24, kIdleReadings = 3;
 constexpr std::uint64_t kRestNs = 2'000'000'000;
 constexpr double kRestMean_s = 1;
 
-// All zeros or all ones, of the widths that converters and registers have, signed or not.
+// Returns true for all zeros or all ones, of the widths of converters and registers, signed or not.
 bool is_idle_number(double value) noexcept {
     constexpr double kOnes[] = {0, -1, 0xFF, 0x3FF, 0xFFF, 0xFFFF, 0xFFFFF, 0xFFFFFF, 0xFFFFFFFF};
     return std::find(std::begin(kOnes), std::end(kOnes), value) != std::end(kOnes);
@@ -39,7 +40,7 @@ void StreamQuality::succeed(const StreamQuality& before, bool same_channels) noe
 }
 
 bool StreamQuality::arrive(const Frame& frame) noexcept {
-    // The link was closed and opened again while the loop stood still: this discontinuity was not counted.
+    // The link was closed and opened again while the loop did not run: this discontinuity was not counted.
     if (broken_ == 0 && frame.opening != opening_) {
         ++discontinuities_;
         broken_ = TACTILED_DISCONNECTED;
@@ -67,7 +68,7 @@ void StreamQuality::arrive_late(const Frame& frame) noexcept {
 
 std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept {
     std::uint32_t reasons = 0;
-    // False with NaN: where the rate is not known, nothing is said.
+    // False for NaN: an unknown rate is not judged.
     if (limits_.rate_Hz > 0 && std::abs(double(rate_Hz_) - limits_.rate_Hz) > limits_.rate_tolerance * limits_.rate_Hz)
         reasons |= TACTILED_WRONG_RATE;
     const bool slews = std::isfinite(limits_.slew_per_s);
@@ -89,7 +90,7 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
 
 std::uint32_t StreamQuality::find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept {
     for (std::size_t k = 0; k < raw.size(); ++k) {
-        if ((usable >> k & 1u) == 0) continue;  // a saturated value repeats rightly
+        if ((usable >> k & 1u) == 0) continue;  // a saturated value may repeat
         if (raw[k] == raw_[k] && (known_ >> k & 1u) != 0) {
             equal_[k] = std::min(equal_[k] + 1, limits_.frozen_after);
         } else {
@@ -120,11 +121,11 @@ bool StreamQuality::is_idle_bus(std::span<const double> raw, std::uint32_t usabl
     return idle_ >= enough;
 }
 
-// Against the time since the frame before, or the time that the device took for it where frames of a backlog come at once.
+// Compares with the time since the last frame, or with the device's own time if frames of a backlog arrive at once.
 bool StreamQuality::has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept {
     const double declared_Hz = limits_.rate_Hz > 0 ? limits_.rate_Hz : double(rate_Hz_);
     if (after_discontinuity_ || !(declared_Hz > 0))
-        return false;  // it may have gone anywhere; not declared and not yet measured
+        return false;  // the change is unknown, or the rate is neither declared nor measured
     const double step_s = std::max(double(step_ns_) * 1e-9, (1 + double(lost_now_)) / declared_Hz);
     const double max = limits_.slew_per_s * step_s;
     for (std::size_t k = 0; k < raw.size(); ++k)
@@ -147,7 +148,7 @@ bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noex
     const std::uint32_t waiting = broken_ & TACTILED_NO_DATA_YET;
     const std::uint32_t why = waiting | (connected ? TACTILED_STALE : TACTILED_DISCONNECTED);
     if (why == broken_) return false;
-    if (broken_ == 0) ++discontinuities_;  // a new discontinuity, not a new reason for the present one
+    if (broken_ == 0) ++discontinuities_;  // a new discontinuity, not another reason for the present one
     broken_ = why;
     rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
     return true;

@@ -1,5 +1,5 @@
-// Checks that the stream of one sensor is alive and plausible, from times and raw numbers alone. What a number means is the
-// model's, what to publish is Sensor's.
+// Checks that the stream of one sensor is alive and plausible, from times and raw numbers only. The meaning of the
+// numbers is the model's concern, the published sample is Sensor's.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -13,31 +13,30 @@
 namespace tactiled {
 
 struct StreamLimits {
-    std::uint64_t stale_ns = 100'000'000;  // without a frame for longer, there is no value
-    unsigned frozen_after = 0;  // equal readings of a channel in a row that it cannot give while it works; 0 = may
-    bool noisy = false;         // noise moves its numbers in every reading: one number everywhere is an idle bus
-    double slew_per_s = std::numeric_limits<double>::infinity();  // most that a channel can change, raw numbers a second
-    double rate_Hz = 0;                                           // as declared; 0 = not
-    double rate_tolerance = 0.2;                                  // of rate_Hz
+    std::uint64_t stale_ns = 100'000'000;  // no value if there is no frame for longer
+    unsigned frozen_after = 0;             // consecutive equal readings of a channel that count as frozen; 0 = never
+    bool noisy = false;  // noise changes its numbers in every reading: one number everywhere is an idle bus
+    double slew_per_s = std::numeric_limits<double>::infinity();  // maximum change of a channel, raw numbers per second
+    double rate_Hz = 0;                                           // declared rate; 0 = none
+    double rate_tolerance = 0.2;                                  // relative to rate_Hz
 };
 
 class StreamQuality {
 public:
     explicit StreamQuality(const StreamLimits& limits) : limits_(limits) {}
 
-    // Call once, before the first frame. setup
+    // Starts the clock. Call it once, before the first frame. setup
     void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
 
-    // Goes on counting where `before` ends, after a discontinuity of its own. With the same channels what is dead stays
-    // dead.
+    // Continues the counters of `before`, after a discontinuity. With the same channels, dead channels remain dead.
     // rt: bounded by the channels
     void succeed(const StreamQuality& before, bool same_channels) noexcept;
-    // Judges by these from now on; what is known of the stream stays. rt: wait-free
+    // Changes the limits; the state of the stream is kept. rt: wait-free
     void judge_by(const StreamLimits& limits) noexcept { limits_ = limits; }
 
-    // A frame came that is older than the stream may be: there is no value until one comes that is not. rt: wait-free
+    // Takes a frame that is older than allowed: there is no value until a newer one arrives. rt: wait-free
     void arrive_late(const Frame& frame) noexcept;
-    // The machine was suspended: what was taken from the kernel until `now_ns` is of before. rt: wait-free
+    // Notes that the machine was suspended: data read from the kernel until `now_ns` are from before. rt: wait-free
     void suspended(std::uint64_t now_ns) noexcept {
         resumed_ns_ = now_ns;
         last_frame_ns_ = 0;
@@ -45,31 +44,31 @@ public:
     [[nodiscard]] bool is_late(const Frame& frame) const noexcept {
         return frame.late_ns > limits_.stale_ns || frame.t_ns < resumed_ns_;
     }
-    // The stream delivers; true: again, after a discontinuity. rt: wait-free
+    // Notes that the stream delivers. Returns true if it does so again, after a discontinuity. rt: wait-free
     bool arrive(const Frame& frame) noexcept;
-    // Looks at the channels of the frame that has just arrived. `usable`: bit k, channel k has a number that is not
-    // saturated. What is of no use is set in `dead`: such a channel has no value. Returns reasons. rt: bounded by the
-    // channels
+    // Checks the channels of the frame that has just arrived. `usable`: bit k, channel k has a number that is not
+    // saturated. A channel that is set in `dead` has no value. Returns reasons. rt: bounded by the channels
     [[nodiscard]] std::uint32_t judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept;
 
-    // True when the stream has just broken, or the reason has changed. `connected` is the link's state. rt: wait-free
+    // Returns true if there is a new discontinuity, or its reason has changed. `connected` is the link's state. rt:
+    // wait-free
     [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept;
-    // The time by which it must be asked again, if nothing else happens: the stream's limit, or before the limit of a frame
-    // that arrives after `now_ns`. rt: wait-free
+    // Returns the time by which has_discontinuity() must be called again if nothing else happens: the stream's limit,
+    // or the limit of a frame that arrives after `now_ns`. rt: wait-free
     [[nodiscard]] std::uint64_t deadline_ns(std::uint64_t now_ns) const noexcept {
         const bool is_marked = (broken_ & (TACTILED_STALE | TACTILED_DISCONNECTED)) != 0;
         const std::uint64_t latest_ns = now_ns + limits_.stale_ns;
         return is_marked ? latest_ns : std::min(latest_ns, last_frame_ns_ + limits_.stale_ns + 1);
     }
-    // Why there is no stream now, 0 = it delivers.
+    // Returns the reason why there is no stream now, 0 = it delivers.
     [[nodiscard]] std::uint32_t broken() const noexcept { return broken_; }
-    // Discontinuities so far, those of frozen channels included: the lower half of a sample's epoch.
+    // Returns the number of discontinuities, including those of frozen channels: the lower half of a sample's epoch.
     [[nodiscard]] std::uint32_t discontinuities() const noexcept { return discontinuities_; }
 
     [[nodiscard]] std::uint64_t last_frame_ns() const noexcept { return last_frame_ns_; }
-    // Frames known to be lost since the start.
+    // Returns the number of frames known to be lost since the start.
     [[nodiscard]] std::uint32_t lost() const noexcept { return lost_; }
-    // Measured over the last second or so; NaN where it is not known.
+    // Returns the rate over about the last second; NaN if unknown.
     [[nodiscard]] float rate_Hz() const noexcept { return rate_Hz_; }
 
 private:
@@ -79,27 +78,27 @@ private:
     [[nodiscard]] bool has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept;
 
     StreamLimits limits_;
-    std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: from the frame before
+    std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: time since the previous frame
     std::uint64_t resumed_ns_ = 0;                   // the machine was suspended until then
     bool after_discontinuity_ = true;                // this is the first frame of a stream
-    std::uint32_t opening_ = 0;                      // of the link, that the frame before came through
+    std::uint32_t opening_ = 0;                      // number of the link's opening for the previous frame
     std::uint32_t broken_ = TACTILED_NO_DATA_YET, discontinuities_ = 0, lost_ = 0, lost_now_ = 0;
 
-    std::array<double, kMaxChannels> raw_{};  // of the frame before
-    std::uint32_t known_ = 0, newest_ = 0;    // bit k: raw_[k] is a number; of the frame right before
+    std::array<double, kMaxChannels> raw_{};  // numbers of the previous frame
+    std::uint32_t known_ = 0, newest_ = 0;    // known_: bit k: raw_[k] is a number; newest_: of the last frame
     std::array<unsigned, kMaxChannels> equal_{},
-        moved_{};               // readings in a row: like the one before; that frozen ones changed
-    std::uint32_t frozen_ = 0;  // bit k
-    bool has_frozen_ = false;   // one that was usable, in the frame before
-    unsigned idle_ = 0;         // numbers in a row that an idle bus reads
+        moved_{};               // consecutive readings: equal to the previous one; of frozen channels that changed
+    std::uint32_t frozen_ = 0;  // bit k: channel k is frozen
+    bool has_frozen_ = false;   // a usable channel was frozen in the previous frame
+    unsigned idle_ = 0;         // consecutive numbers of an idle bus
 
     std::uint64_t rate_since_ns_ = 0;
     std::uint32_t rate_frames_ = 0;
     float rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
 };
 
-// Checks if the zero at rest has wandered from the calibration's: a mean of the raw force over about a second without
-// contact. Once told it stays told until a mean at rest is within the limit.
+// Checks if the zero at rest has drifted from the calibration's, by a mean of the raw force over about a second
+// without contact. The result stays true until a mean at rest is within the limit.
 class ZeroDrift {
 public:
     explicit ZeroDrift(double limit_N) : limit_N_(limit_N) {}
@@ -111,7 +110,7 @@ public:
 private:
     double limit_N_;  // 0 = not judged
     std::array<double, 3> mean_N_{};
-    std::uint64_t since_ns_ = 0, last_ns_ = 0;  // at rest; 0 = not
+    std::uint64_t since_ns_ = 0, last_ns_ = 0;  // begin of the present mean; 0 = none
     bool drifted_ = false;
 };
 

@@ -17,7 +17,7 @@
 namespace tactiled {
 namespace {
 #if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__)
-constexpr std::size_t kStackBytes = 8 * 1024 * 1024;  // the sanitizers keep their own data there
+constexpr std::size_t kStackBytes = 8 * 1024 * 1024;  // the sanitizers need additional stack
 #else
 constexpr std::size_t kStackBytes = 256 * 1024;
 #endif
@@ -29,7 +29,7 @@ void touch_stack() noexcept {
     (void)page;
 }
 
-// Filters that decay to 0 end in denormals, which cost a hundred times a normal operation.
+// Filters that decay to 0 reach denormals, which take a hundred times as long as a normal operation.
 void flush_denormals() noexcept {
 #if defined(__x86_64__)
     _mm_setcsr(_mm_getcsr() | 0x8040u);  // flush to zero, denormals are zero
@@ -54,7 +54,7 @@ std::string RtThread::start(const char* name, int priority, int cpu, std::functi
     ::pthread_attr_setstacksize(&attributes, kStackBytes);
     const auto entry = [](void* self) -> void* {
         auto& thread = *static_cast<RtThread*>(self);
-        ::prctl(PR_SET_TIMERSLACK, 1);  // matters only where SCHED_FIFO was refused
+        ::prctl(PR_SET_TIMERSLACK, 1);  // has an effect only where SCHED_FIFO was refused
         touch_stack();
         flush_denormals();
         if (rtguard_thread != nullptr && thread.has_loop_) rtguard_thread(thread.name_);

@@ -1,5 +1,5 @@
-// The rights that a steady loop needs from the operating system, and the threads that use them. A refused right is reported,
-// not fatal: the caller decides.
+// The real-time rights of the daemon, and the threads that use them. A refused right is reported and not fatal: the
+// caller decides.
 #pragma once
 #include <pthread.h>
 
@@ -7,13 +7,13 @@
 #include <functional>
 #include <string>
 
-// Filled in by the guard library of tests/guard when it is preloaded; null otherwise. The part of a real-time thread
+// Defined by the guard library of tests/guard when it is preloaded; null otherwise. The part of a real-time thread
 // between arm and disarm must not allocate, lock, fault or make a system call that is not on its list.
 extern "C" {
 void rtguard_thread(const char* name) __attribute__((weak));
 void rtguard_arm() __attribute__((weak));
 void rtguard_disarm() __attribute__((weak));
-void rtguard_plant() __attribute__((weak));  // breaks a rule on purpose, to prove that the guard sees it
+void rtguard_plant() __attribute__((weak));  // breaks a rule on purpose, to test the guard
 }
 
 namespace tactiled {
@@ -32,11 +32,12 @@ public:
     Armed& operator=(const Armed&) = delete;
 };
 
-// Locks all memory, present and future, and keeps the heap from giving pages back. "" or what was refused and the remedy.
+// Locks all memory, present and future, and keeps the heap from returning pages. Returns "" or the refused right with
+// the remedy.
 std::string lock_memory();
 
-// A thread with a small, touched stack: the default of 8 MiB would all be locked. `body` runs until it returns; join() waits
-// for it.
+// A thread with a small, touched stack, because the default of 8 MiB would be locked completely. `body` runs until it
+// returns; join() waits for it.
 class RtThread {
 public:
     RtThread() = default;
@@ -44,8 +45,8 @@ public:
     RtThread(const RtThread&) = delete;
     RtThread& operator=(const RtThread&) = delete;
 
-    // SCHED_FIFO at `priority` (0: ordinary scheduling) on `cpu` (-1: any). Returns "" or which right was refused; the
-    // thread runs all the same.
+    // Sets SCHED_FIFO at `priority` (0: ordinary scheduling) on `cpu` (-1: any). Returns "" or the refused right; the
+    // thread runs in any case.
     // setup: throws SetupError where no thread can be made
     std::string start(const char* name, int priority, int cpu, std::function<void()> body);
     void join() noexcept;

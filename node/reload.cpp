@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr int kPatienceMs = 1000;  // for the pipeline to respond
+constexpr int kPatienceMs = 1000;  // time for the pipeline to respond
 constexpr char kRestart[] = "cannot change while the daemon runs; restart it (systemctl restart tactiled)";
 
 bool is_jaw(const std::optional<Grasping::Setup>& grasp, std::uint32_t sensor) {
@@ -47,13 +47,13 @@ void Reloader::reload(Pipeline& pipeline) noexcept try {
     pipeline.reload_refused(true);
 }
 
-// What was done, or "" with the reasons in `problems`.
+// Returns the changes, or "" with the reasons in `problems`.
 std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     Node fresh = load_node(path_, problems, costs_folder_);
     if (problems.empty()) refuse_what_needs_a_restart(fresh);
     if (!problems.empty()) return "";
 
-    Accepted next = accepted(fresh);  // all that may throw comes before the change
+    Accepted next = accepted(fresh);  // everything that may throw comes before the change
     Replacement replacement = difference(fresh);
     std::vector<std::string> names;
     for (const auto& part : replacement.sensors)
@@ -62,7 +62,7 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     if (replacement.grasping != nullptr) names.push_back(now_.tool ? "the grasp or the tool" : "the grasp");
     std::string done = names.empty() ? "neither the configuration nor a calibration has changed"
                                      : fmt::format("changed {}", fmt::join(names, ", "));
-    if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment
+    if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment has changed
     for (const auto& part : replacement.sensors)
         if (zeros_ != nullptr && !part.measures_alike) zeros_->replace_owner(part.index, fresh.zeros[part.index]);
     if (!pipeline.replace(replacement, kPatienceMs)) {
@@ -96,7 +96,7 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
         return root.problem("tool", fmt::format("whether there is a [tool] {}", kRestart));
     if (!fresh.config.grasp) return;
     Options before = now_.root, grasp = root.table("grasp");
-    const bool same_objects = fresh.config.grasp->objects == now_.objects;  // the same file, written in another way
+    const bool same_objects = fresh.config.grasp->objects == now_.objects;  // the same file, written differently
     for (const auto& key : grasp.differing_keys(before.table("grasp")))
         if (reload_rule("grasp", key) == Reload::restart && !(key == "objects" && same_objects))
             grasp.problem(key, fmt::format("{} {}", key, kRestart));
@@ -114,15 +114,16 @@ Replacement Reloader::difference(Node& fresh) const {
     replacement.calibration_id = fresh.plan.calibration_id;
     bool regrasp =
         fresh.grasp && !(fresh.grasp->estimator == now_.grasp->estimator &&
-                         fresh.grasp->settable == now_.grasp->settable);  // objects: as the running one knows them
+                         fresh.grasp->settable == now_.grasp->settable);  // objects: as in the running configuration
     regrasp |= fresh.tool != now_.tool;
     for (std::uint32_t i = 0; i < fresh.sensors.size(); ++i) {
         const bool alike = measures_alike(fresh, i);
-        const bool same_pair = fresh.config.sensors[i].pair == now_.sensors[i].pair;  // the other may have named it
+        // the other sensor's table may have named it
+        const bool same_pair = fresh.config.sensors[i].pair == now_.sensors[i].pair;
         if (alike && same_pair && fresh.config.sensors[i].options.differing_keys(now_.sensors[i].options).empty()) continue;
         replacement.sensors.push_back(
             {i, alike, std::make_unique<Sensor>(std::move(fresh.sensors[i])), fresh.plan.sensors[i]});
-        regrasp |= !alike && is_jaw(fresh.grasp, i);  // its forces are others: so is the scale of the weight
+        regrasp |= !alike && is_jaw(fresh.grasp, i);  // its forces differ, and therefore the scale of the weight
     }
     if (regrasp) replacement.grasping = std::make_unique<Grasping>(fresh.grasp, fresh.tool);
     return replacement;

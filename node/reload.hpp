@@ -1,5 +1,6 @@
-// SIGHUP: reads the configuration and the calibrations again and puts what changed into the running node, all or nothing.
-// config/KEYS.md states for each key whether it may change without a restart; the refusal of another change names it.
+// SIGHUP: reads the configuration and the calibrations again and applies the changes to the running node, all or
+// nothing. config/KEYS.md states for each key whether it may change without a restart; the refusal of another change
+// names it.
 #pragma once
 #include <string>
 #include <vector>
@@ -10,10 +11,10 @@ namespace tactiled {
 
 class Reloader {
 public:
-    // `running` is what the daemon started with; `zeros` learns of new calibrations. setup
+    // `running` is the node at the daemon's start; `zeros` is informed of new calibrations. setup
     Reloader(const Node& running, std::string costs_folder, ZeroStore* zeros = nullptr);
 
-    // Logs what changed, or why nothing did. Takes as long as a start; the loop goes on meanwhile.
+    // Logs the changes, or the reason for the refusal. Takes as long as a start; the loop runs meanwhile.
     // setup: never throws; in the thread that waits for signals
     void reload(Pipeline& pipeline) noexcept;
 

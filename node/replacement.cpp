@@ -1,4 +1,4 @@
-// Exchanges sensors and the grasp of the running pipeline, when the configuration was read again.
+// Exchanges sensors and the grasp of the running pipeline after the configuration was read again.
 #include "node/replacement.hpp"
 
 #include <type_traits>
@@ -19,7 +19,8 @@ void Pipeline::take_replacement(std::uint64_t now_ns) noexcept {
     replacement_.give_back();
 }
 
-// A sensor that measures differently begins a new epoch with a BAD sample: later samples are not comparable to earlier ones.
+// A sensor that measures differently begins a new epoch with a BAD sample: later samples are not comparable to
+// earlier ones.
 void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
     static_assert(std::is_nothrow_swappable_v<Sensor>);
     if (replacement.grasping != nullptr) {
@@ -36,7 +37,7 @@ void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
         std::swap(running, *part.sensor);
         publish(part.index, running.marker(now_ns));
     }
-    // The directory changes after the samples: an old force beside the new CAL_ID would look like a force of the new
+    // The directory changes after the samples: an old force with the new CAL_ID would seem to be a force of the new
     // calibration.
     publish_node(now_ns);
     segment_.begin_reload();

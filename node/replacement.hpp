@@ -1,4 +1,4 @@
-// The sensors and the grasp that a reload of the configuration exchanges. Made and destroyed outside of the loop.
+// The sensors and the grasp that a reload of the configuration exchanges. Created and destroyed outside of the loop.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -12,10 +12,10 @@ namespace tactiled {
 
 struct Replacement {
     struct Part {
-        std::uint32_t index;  // of the sensor
+        std::uint32_t index;  // index of the sensor
         bool measures_alike;  // the running sensor stays and only takes over the settings of `sensor`
         std::unique_ptr<Sensor> sensor;
-        tactiled_sensor entry;  // of the directory
+        tactiled_sensor entry;  // entry of the directory
     };
     std::vector<Part> sensors;
     std::unique_ptr<Grasping> grasping;  // nullptr: the running one stays

@@ -1,9 +1,9 @@
-// The ring between a link's thread (producer) and the pipeline's (consumer): single producer, single consumer, lock-free,
-// items are filled and read in place.
+// The ring between a link's thread (producer) and the pipeline's (consumer): single producer, single consumer,
+// lock-free. Items are filled and read in place.
 //
-// Each side works on its own position and looks at the other's published index only when its remembered copy says full
-// or empty; indices are published once a burst. A burst of frames thus costs one cache-line hop, not one a frame.
-// Measured beside boost::lockfree, moodycamel and DPDK: tests/bench/RESULTS.md.
+// Each side works on its own position and reads the other's published index only if its remembered copy indicates
+// full or empty; indices are published once per burst. A burst of frames thus costs one cache-line transfer, not one
+// per frame. tests/bench/RESULTS.md compares it with boost::lockfree, moodycamel and DPDK.
 #pragma once
 #include <atomic>
 #include <cassert>
@@ -27,19 +27,21 @@ public:
 
     // ---- producer ----
 
-    // The next free item to fill, or nullptr when the ring is full: refuse the newest, count it, lose nothing older.
+    // Returns the next free item to fill, or nullptr if the ring is full: the newest item is then refused and
+    // counted.
     // rt: wait-free
     [[nodiscard]] T* claim() noexcept {
         if (produced_ - seen_tail_ > mask_) {
-            commit();  // what the consumer has not been told of, it cannot take away
-            seen_tail_ = tail_.load(std::memory_order_acquire);  // pairs with release(): the item's reader is done
+            commit();  // the consumer cannot remove items that were not committed
+            // pairs with release(): the reader of the item has finished
+            seen_tail_ = tail_.load(std::memory_order_acquire);
             if (produced_ - seen_tail_ > mask_) return nullptr;
         }
         return &items_[produced_ & mask_];
     }
-    // Counts the claimed item in; the consumer sees it at the next commit(). rt: wait-free
+    // Adds the claimed item; the consumer sees it at the next commit(). rt: wait-free
     void push() noexcept { ++produced_; }
-    // Shows the consumer all that was pushed. rt: wait-free
+    // Publishes all pushed items to the consumer. rt: wait-free
     void commit() noexcept {
         if (committed_ == produced_) return;
         committed_ = produced_;
@@ -48,7 +50,7 @@ public:
 
     // ---- consumer ----
 
-    // The oldest item, or nullptr when there is none. rt: wait-free
+    // Returns the oldest item, or nullptr if there is none. rt: wait-free
     [[nodiscard]] const T* front() noexcept {
         if (consumed_ == seen_head_) {
             release();
@@ -57,7 +59,8 @@ public:
         }
         return &items_[consumed_ & mask_];
     }
-    // Done with the oldest item. Room is handed back every kReleaseEvery items, and whenever front() finds the ring empty.
+    // Removes the oldest item. Room is returned to the producer every kReleaseEvery items, and whenever front() finds
+    // the ring empty.
     // rt: wait-free
     void pop() noexcept {
         if (++consumed_ - released_ >= kReleaseEvery) release();
@@ -79,12 +82,12 @@ private:
         void operator()(T* items) const noexcept { ::operator delete[](items, std::align_val_t{kCacheLine}); }
     };
     static_assert(std::is_trivially_destructible_v<T>);
-    const std::unique_ptr<T[], AlignedDelete> items_;  // on a line's boundary: an item of two lines must not touch three
+    const std::unique_ptr<T[], AlignedDelete> items_;         // aligned to a line: an item of two lines must not touch three
     alignas(kCacheLine) std::atomic<std::uint64_t> head_{0};  // items the consumer may read; 64 bits never wrap
     alignas(kCacheLine) std::atomic<std::uint64_t> tail_{0};  // items the producer may overwrite
-    alignas(kCacheLine) std::uint64_t produced_ = 0;          // the producer's own
+    alignas(kCacheLine) std::uint64_t produced_ = 0;          // used by the producer only
     std::uint64_t committed_ = 0, seen_tail_ = 0;
-    alignas(kCacheLine) std::uint64_t consumed_ = 0;  // the consumer's own
+    alignas(kCacheLine) std::uint64_t consumed_ = 0;  // used by the consumer only
     std::uint64_t released_ = 0, seen_head_ = 0;
 };
 

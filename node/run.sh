@@ -6,7 +6,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-if [ -z "${TACTILED_BUILT:-}" ]; then  # set: take the programs that are there
+if [ -z "${TACTILED_BUILT:-}" ]; then  # set: use existing programs
     ./node/install-packages.sh build demo
     [ -e build/release/build.ninja ] || cmake --preset release -DTACTILED_TESTS=OFF >/dev/null
     cmake --build --preset release --target tactiled tactilectl tactiled-web
@@ -14,7 +14,8 @@ fi
 
 bin=build/release/bin
 mkdir -p build/demo
-# Root has /run/tactiled and a session $XDG_RUNTIME_DIR; without either, a folder that only this user can write to.
+# Root has /run/tactiled and a session has $XDG_RUNTIME_DIR; without either, use a folder that only this user can
+# write to.
 if [ "$(id -u)" != 0 ] && [ -z "${XDG_RUNTIME_DIR:-}" ] && [ -z "${TACTILED_RUNTIME_DIR:-}" ]; then
     export TACTILED_RUNTIME_DIR=$PWD/build/demo/run
     echo "In other terminals: export TACTILED_RUNTIME_DIR=$TACTILED_RUNTIME_DIR"
@@ -31,12 +32,12 @@ trap end EXIT
 trap 'exit 0' INT TERM
 rm -f build/demo/left build/demo/right
 
-# In a terminal Ctrl-C reaches every process: player and daemon are ended by end() instead, in order.
+# In a terminal Ctrl-C reaches every process: end() stops player and daemon instead, in order.
 setsid "$bin/tactilectl" play --in config/demo/skin_session2.csv --pty build/demo/skin --format lines --sequence --crc16 \
     --speed 4 --loop 2>build/demo/play-skin.log & children+=($!)
 setsid "$bin/tactiled" --config config/pick.toml 2>build/demo/tactiled.log & daemon=$!
 children=("$daemon" "${children[@]}")
-# 3: there is no daemon of that name yet
+# 3: there is no daemon of that name yet.
 for _ in $(seq 100); do
     status=0; "$bin/tactilectl" status >/dev/null 2>&1 || status=$?
     [ $status != 3 ] && break

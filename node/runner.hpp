@@ -1,5 +1,5 @@
-// The right to run the pipeline. Each real-time thread that has work announces it; one of them at a time, the runner, does
-// the work of all. The others return to their devices at once, and no thread waits for a lock.
+// The right to run the pipeline. Each real-time thread that has work announces it; one thread at a time, the runner,
+// does the work of all. The others return to their devices at once, and no thread waits for a lock.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -8,13 +8,14 @@ namespace tactiled {
 
 class Runner {
 public:
-    // Announces work that is visible to this thread. True: the caller is the runner now, and must call run(). False: the
-    // present runner will see the work. rt: wait-free
+    // Announces work that is visible to this thread. Returns true if the caller is the runner now and must call
+    // run(). Returns false if the present runner will see the work. rt: wait-free
     [[nodiscard]] bool enter() noexcept {
         return announced_.fetch_add(1, std::memory_order_release) == 0;  // pairs with announced()
     }
-    // Repeats `round`, which does all the work there is, until no thread has announced more. False: after `max_rounds` there
-    // may be more, and the caller, who is not the runner any longer, must make another thread enter(). Runner only.
+    // Repeats `round`, which does all available work, until no thread has announced more. Returns false if after
+    // `max_rounds` there may be more work; the caller is then not the runner any longer and must make another thread
+    // enter(). Runner only.
     // rt: bounded by max_rounds
     template <class Round>
     [[nodiscard]] bool run(int max_rounds, Round&& round) noexcept {
@@ -28,14 +29,16 @@ public:
     }
 
 private:
-    // The announcements so far, whose work a round that begins now will find. Acquires it, and the last runner's work:
-    // only read-modify-writes change the word, and each continues the release sequences of those before it.
+    // Returns the number of announcements so far, whose work a round that begins now will find. Acquires them and the
+    // last runner's work: only read-modify-writes change the word, and each continues the release sequences of those
+    // before it.
     [[nodiscard]] std::uint32_t announced() const noexcept { return announced_.load(std::memory_order_acquire); }
-    // Ends a round that began with `seen` announcements. False: there are new ones, and the caller is still the runner.
+    // Ends a round that began with `seen` announcements. Returns false if there are new ones; the caller is then
+    // still the runner.
     [[nodiscard]] bool leave(std::uint32_t seen) noexcept {
         return announced_.compare_exchange_strong(seen, 0, std::memory_order_release, std::memory_order_relaxed);
     }
-    // Gives the role up while there may be new announcements.
+    // Gives up the role while there may be new announcements.
     void resign() noexcept { announced_.exchange(0, std::memory_order_release); }
 
     std::atomic<std::uint32_t> announced_{1};  // set-up is the first runner: nothing is delivered before it leaves

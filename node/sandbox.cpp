@@ -25,7 +25,7 @@ constexpr std::uint32_t kMachine = AUDIT_ARCH_AARCH64;
 #elif defined(__arm__) && defined(__ARM_EABI__)
 constexpr std::uint32_t kMachine = AUDIT_ARCH_ARM;
 #else
-constexpr std::uint32_t kMachine = 0;  // The filter was not tested on other processors, so that it forbids nothing there.
+constexpr std::uint32_t kMachine = 0;  // The filter was not tested on other processors and is empty there.
 #endif
 
 constexpr int kForbidden[] = {
@@ -53,12 +53,12 @@ constexpr int kMmap = SYS_mmap2;  // The EABI has no other mmap. The protection 
 constexpr int kMmap = SYS_mmap;
 #endif
 
-// A call that may not make memory executable, with what else in its third argument.
+// A call that must not make memory executable, with the bits that its third argument is tested for.
 struct Restricted {
     int call;
     std::uint32_t protection;
 };
-// Memory becomes code from a file, as when a library is loaded; not what was written in memory.
+// Memory becomes code only from a file, as when a library is loaded, not from written memory.
 constexpr Restricted kRestricted[] = {
     {SYS_mprotect, PROT_EXEC}, {SYS_pkey_mprotect, PROT_EXEC}, {kMmap, PROT_WRITE | PROT_EXEC}};
 
@@ -68,7 +68,8 @@ constexpr sock_filter unless_equal(std::uint32_t value, std::uint8_t skip) {
 }
 constexpr sock_filter end_with(std::uint32_t action) { return BPF_STMT(BPF_RET | BPF_K, action); }
 
-// The compiler makes the filter, so that nothing is needed to set it up. Language: linux/filter.h, seccomp(2).
+// The filter is computed at compile time, so that its set-up needs no resources. Language: linux/filter.h,
+// seccomp(2).
 constexpr auto kFilter = [] {
     constexpr sock_filter refuse = end_with(SECCOMP_RET_ERRNO | EPERM), allow = end_with(SECCOMP_RET_ALLOW);
     constexpr std::size_t third = offsetof(seccomp_data, args) + 2 * sizeof(std::uint64_t);  // its low half: little endian
@@ -103,11 +104,11 @@ bool has_system_call_filter() noexcept { return kMachine != 0; }
 
 std::string enter_sandbox() {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-    return "";  // the sanitizers trace their own process when it ends
+    return "";  // the sanitizers trace their own process at its end
 #else
     if (!has_system_call_filter())
         return "seccomp: no filter of system calls for this processor: the daemon runs without its own sandbox";
-    sock_fprog program{std::uint16_t(kFilter.size()), const_cast<sock_filter*>(kFilter.data())};  // only read
+    sock_fprog program{std::uint16_t(kFilter.size()), const_cast<sock_filter*>(kFilter.data())};  // only read by the kernel
     long refused = ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
     if (refused == 0) refused = ::syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program);
     if (refused == 0) return "";

@@ -6,7 +6,7 @@
 namespace tactiled {
 namespace {
 
-// Method "auto" is timed in one sample of so many: reading the clock twice takes as long as a fast method.
+// Method "auto" is timed in one of this many samples, because reading the clock twice takes as long as a fast method.
 constexpr std::uint64_t kTimedEvery = 8;
 
 void put(const Estimate& e, tactiled_sample& s) noexcept {
@@ -41,7 +41,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     judge_age(frame.age, s);
     follow_tare(s);
     judge_zero(s);
-    // A value that was doubtful, because of saturation for instance, must not be part of a GOOD one.
+    // A value that was doubtful, because of saturation for instance, must not contribute to a GOOD one.
     if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && own_quality_ == TACTILED_UNCERTAIN)) low_pass_.reset();
     put_tared(s);
     judge_magnitude(s);
@@ -53,7 +53,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     return s;
 }
 
-// A value whose age is not proved may be of any time.
+// A value whose age is not proved may be from any time.
 inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept {
     if (age == Frame::Age::proved) return;
     if (age == Frame::Age::arrival_only) {
@@ -64,7 +64,7 @@ inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept
     if (s.quality == TACTILED_GOOD) s.quality = TACTILED_UNCERTAIN;
 }
 
-// A frame that is older than stale_ms has no value, as if it had not come.
+// A frame that is older than stale_ms has no value, as if it had not arrived.
 inline tactiled_sample Sensor::late_sample(const Frame& frame, std::uint64_t now_ns) noexcept {
     stream_.arrive_late(frame);
     tactiled_sample s = marker(now_ns);
@@ -105,15 +105,15 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     s.saturated = reading.saturated;
     if (setup_.automatic != nullptr) put_method(s);
     Estimate estimate = setup_.automatic == nullptr ? setup_.decoupler->decouple(reading) : decouple(reading);
-    // The reason of a dead channel is FROZEN or IDLE_BUS. MISSING_CHANNEL is a cause of its own.
+    // The reason of a dead channel is FROZEN or IDLE_BUS. MISSING_CHANNEL is a separate cause.
     if (dead != 0 && is_complete) estimate.reasons &= ~std::uint32_t(TACTILED_MISSING_CHANNEL);
     estimate.reasons |= of_stream;
-    const bool is_doubtful = (of_stream & ~std::uint32_t(TACTILED_WRONG_RATE)) != 0;  // a wrong rate does not touch a value
+    const bool is_doubtful = (of_stream & ~std::uint32_t(TACTILED_WRONG_RATE)) != 0;  // a wrong rate does not affect a value
     if (is_doubtful && estimate.quality == TACTILED_GOOD) estimate.quality = TACTILED_UNCERTAIN;
     return estimate;
 }
 
-// The channels of the model, in its order and unit. `raw` receives the same channels as numbers of the frame.
+// Returns the channels of the model, in its order and unit. `raw` receives the same channels as numbers of the frame.
 inline Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept {
     Reading reading;
     const std::size_t n = setup_.channel_of_frame.size();
@@ -135,17 +135,18 @@ inline Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>
 
 // ---- method "auto" -----------------------------------------------------------------------------------------------------
 
-// Timed now and then. Not while a tare is measured: its samples are of one method.
+// Times the method in some samples, but not while a tare is measured, because its samples must be of one method.
 Estimate Sensor::decouple(const Reading& reading) noexcept {
     if (sequence_ % kTimedEvery != 0 || zero_.tare() == Tare::running) return setup_.automatic->decouple(reading);
     const std::uint64_t begun_ns = setup_.clock_ns();
     const Estimate estimate = setup_.automatic->decouple(reading);
     const std::uint64_t ns = setup_.clock_ns() - begun_ns;
-    if (estimate.quality != TACTILED_BAD) setup_.automatic->took(ns, reading.t_ns);  // BAD returns early
+    // BAD returns early and would be timed too short
+    if (estimate.quality != TACTILED_BAD) setup_.automatic->took(ns, reading.t_ns);
     return estimate;
 }
 
-// Another method begins with this sample.
+// Changes to another method, from this sample on.
 void Sensor::take_over_method() noexcept {
     const std::size_t now = setup_.automatic->choice().now();
     if (now == method_) return;
@@ -162,7 +163,7 @@ void Sensor::put_method(tactiled_sample& s) const noexcept {
 
 // ---- tare, filter, magnitude -------------------------------------------------------------------------------------------
 
-// The sample that completes a tare is the first sample that the new zero applies to.
+// The sample that completes a tare is the first sample with the new zero.
 inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
     const std::size_t n_channels = setup_.channel_of_frame.size();
     if (zero_.has_more_to_find()) zero_.find_other(*setup_.automatic, method_, n_channels);
@@ -175,7 +176,7 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
     s.tare_count = zero_.tare_count();
 }
 
-// With a tare whose zero is lost, or which this method does not know, the error of the force is not known either.
+// If the zero of a tare is lost, or unknown for this method, the error of the force is unknown, too.
 void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     if (zero_.is_known(method_) || s.quality == TACTILED_BAD) return;
     if (zero_.is_lost()) s.reasons |= TACTILED_ZERO_UNKNOWN;
@@ -184,7 +185,7 @@ void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
 }
 
-// The raw wrench less the zero, low-passed.
+// Sets the raw wrench minus the zero, low-passed.
 void Sensor::put_tared(tactiled_sample& s) noexcept {
     const Wrench& zero = zero_S();
     Wrench tared;
@@ -197,8 +198,8 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
     std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
 }
 
-// Contact, overload and peak, from the components that the sensor sees. Without a value there is no contact, and the contact
-// of the last sample is not kept.
+// Sets contact, overload and peak, from the measured components. Without a value there is no contact; the contact of
+// the last sample is not kept.
 void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
     s.peak_N = peak_N_;
     if (s.quality == TACTILED_BAD) return;
@@ -216,7 +217,7 @@ void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
 
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
     const bool differed = agreement_.differs(), differs = agreement_.compare(last_, others);
-    if (differed && !differs) {  // here, too, no doubtful value may be part of a GOOD one
+    if (differed && !differs) {  // a doubtful value must not contribute to a GOOD one here, either
         low_pass_.reset();
         put_tared(last_);
     }
@@ -242,7 +243,7 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
 
 void Sensor::notice_suspension(std::uint64_t now_ns) noexcept {
     constexpr std::uint64_t kSuspended_ns = 5'000'000;
-    // The clock of a suspended machine first: a thread that is held up in between makes the difference smaller.
+    // The clock of a suspended machine is read first: an interruption in between makes the difference smaller.
     const std::uint64_t boot_ns = with_suspend_ns(), monotonic = tactiled::now_ns();
     const std::uint64_t suspended_ns = boot_ns > monotonic ? boot_ns - monotonic : 0;
     if (suspended_ns > suspended_ns_ + kSuspended_ns && is_started_) stream_.suspended(now_ns);

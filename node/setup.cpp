@@ -22,10 +22,10 @@ void put(char (&field)[N], const std::string& text) {
     text.copy(field, N - 1);
 }
 
-constexpr double kTareLimit = 0.2;  // of full scale
-constexpr int kFrozenAfter = 100;   // readings, where the driver knows that noise moves them
+constexpr double kTareLimit = 0.2;  // relative to full scale
+constexpr int kFrozenAfter = 100;   // readings, if the driver knows that noise changes them
 
-// Makes the driver of `link` and enters in the directory what readers are told about it.
+// Makes the driver of `link` and fills its entry in the directory.
 void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
     put(directory.name, settings.name);
     put(directory.driver, settings.driver);
@@ -45,12 +45,12 @@ void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
     link.driver = entry->make(settings.options);
 }
 
-// Where each of the calibration's channels stands in a frame.
+// Returns the index in a frame of each of the calibration's channels.
 std::vector<int> channel_map(SensorSettings& settings, const Calibration& calibration) {
     std::vector<int> map;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
         const auto& name = calibration.channels[k];
-        if (settings.channels.empty()) {  // the frame carries just what was calibrated, in that order
+        if (settings.channels.empty()) {  // the frame has exactly the calibrated channels, in that order
             map.push_back(int(k));
             continue;
         }
@@ -64,7 +64,7 @@ std::vector<int> channel_map(SensorSettings& settings, const Calibration& calibr
     return map;
 }
 
-// The front of method "auto".
+// Fills in the methods of method "auto".
 void put_front(tactiled_sensor& entry, const AutoMethod& automatic, double budget_us) {
     put(entry.method, "auto");
     entry.budget_us = float(budget_us);
@@ -98,7 +98,7 @@ tactiled_sensor directory_entry(const SensorSettings& settings, const Calibratio
     return entry;
 }
 
-// A zero of other channels, or of another calibration, is no zero of this sensor.
+// A zero of other channels, or of another calibration, does not belong to this sensor.
 ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibration, const Sensor::Setup& setup) {
     boost::crc_32_type id;
     const auto add = [&](const std::string& text) { id.process_bytes(text.c_str(), text.size() + 1); };
@@ -112,7 +112,7 @@ ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibrat
     return owner;
 }
 
-// A sensor whose files are wrong is left out: the problems say why, and the node will not run.
+// A sensor whose files are wrong is left out: the problems state the reason, and the node will not run.
 void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const std::string& costs_folder) {
     if (method_names(settings.model).empty()) {
         if (settings.model.empty()) return;  // reported already
@@ -182,7 +182,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     node.calibrations.push_back(calibration_text(calibration));
 }
 
-// Sensors that see no component of the force in common agree whatever they tell.
+// Sensors that have no force component in common would always agree.
 void check_pairs(Node& node) {
     constexpr std::uint32_t kForces = 7;
     for (std::size_t i = 0; i < node.config.sensors.size(); ++i) {
@@ -196,7 +196,7 @@ void check_pairs(Node& node) {
     }
 }
 
-// The estimator's view of [grasp]; index and full scale of each jaw's sensor are those of the directory.
+// Returns the estimator's setup from [grasp]; index and full scale of each jaw's sensor are those of the directory.
 std::optional<Grasping::Setup> grasp_setup(Config& config, const SegmentPlan& plan, Problems& problems) {
     if (!config.grasp) return std::nullopt;
     const GraspSettings& settings = *config.grasp;
@@ -221,7 +221,7 @@ std::optional<Grasping::Setup> grasp_setup(Config& config, const SegmentPlan& pl
                     fmt::format("contact_on_N = {:g} is not below the full scale of its calibration, a press "
                                 "of {:g} N: the jaw would never touch",
                                 entry.contact_on_N, entry.full_scale_N[2]));
-            const MethodEntry* const method = find_method(sensor.model, plan.sensors[i].method);  // not of "auto"
+            const MethodEntry* const method = find_method(sensor.model, plan.sensors[i].method);  // nullptr for "auto"
             entry.errs_by_gain = method != nullptr && method->errs_by_gain;
             setup.estimator.jaws.push_back(entry);
         }
@@ -260,9 +260,9 @@ std::optional<tool::Setup> tool_setup(const Config& config) {
     return setup;
 }
 
-// CAL_ID: one number that changes when the configuration or any calibration does.
+// Returns CAL_ID: one number that changes when the configuration or any calibration changes.
 std::uint16_t identity_of(const Config& config, Problems& problems) {
-    constexpr std::size_t kMaxBytes = std::size_t{16} << 20;  // as of a calibration
+    constexpr std::size_t kMaxBytes = std::size_t{16} << 20;  // the same limit as for a calibration
     boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
     const auto add_file = [&](const std::string& path) {
         const auto bytes = read_text_file(path, kMaxBytes, problems);

@@ -1,5 +1,5 @@
-// From a configuration file to links, sensors and a plan of the segment. Used by the daemon and by `tactilectl check`:
-// what check accepts, the daemon starts with.
+// Makes links, sensors and a plan of the segment from a configuration file. Used by the daemon and by `tactilectl
+// check`: the daemon starts with every configuration that check accepts.
 #pragma once
 #include <memory>
 #include <string>
@@ -14,8 +14,8 @@ namespace tactiled {
 
 struct Node {
     Config config;
-    std::vector<std::string> calibrations;  // the text of each sensor's
-    std::vector<ZeroOwner> zeros;           // of each sensor
+    std::vector<std::string> calibrations;  // the text of each sensor's calibration
+    std::vector<ZeroOwner> zeros;           // the owner of each sensor's zero
     std::vector<std::unique_ptr<Link>> links;
     std::vector<Sensor> sensors;  // in the order of the file, which is the order in segment and register map
     std::optional<Grasping::Setup> grasp;
@@ -24,8 +24,8 @@ struct Node {
     bool simulated = false;  // the data of a link are
 };
 
-// Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with any,
-// the result is not fit to run. `costs_folder`: see method_costs.hpp. setup: never throws for bad input
+// Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with
+// any error, the result must not be run. `costs_folder`: see method_costs.hpp. setup: never throws for bad input
 Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder = "");
 
 }  // namespace tactiled

@@ -33,7 +33,7 @@ bool SharedLinks::share(Link& link, Progress::Liveness& cycles, const std::atomi
     }
 }
 
-// True if the link has new frames.
+// Returns true if the link has new frames.
 bool SharedLinks::poll(Link& link) noexcept {
     if (!link.lending.begin()) return false;
     Status status;
@@ -64,16 +64,17 @@ void SharedLinks::run(Progress::Liveness& cycles, const std::atomic<bool>& stop)
             const Armed armed;
             bool any = false;
             for (auto& link : links_) any |= poll(*link);
-            if (any) pipeline_.serve();  // one cycle for all
+            if (any) pipeline_.serve();  // one cycle for all links
         }
         cycles.count();
         const std::uint64_t now_ns = monotonic_ns();
         const bool was_active = active_.load(std::memory_order_relaxed);
         judge(now_ns);
-        polls = was_active || active_.load(std::memory_order_relaxed);  // once more after the end: the links are given back
+        // once more after the end, so that the links are given back
+        polls = was_active || active_.load(std::memory_order_relaxed);
         const std::uint64_t period_ns = polls ? kPollNs : kLookForStopNs;
         next_ns += period_ns;
-        if (next_ns <= now_ns) next_ns = now_ns + period_ns;  // never a burst to catch up
+        if (next_ns <= now_ns) next_ns = now_ns + period_ns;  // skips missed polls
         sleep_until(next_ns);
     }
 }

@@ -1,6 +1,6 @@
-// One thread that reads several links. A thread for each link is woken for each frame, and with many links these wake-ups
-// cost more than all other work. Above kBeginReads_per_s, links whose driver can be polled are left to one thread, which
-// reads them all each kPollNs; below kEndReads_per_s each link is read by its own thread again.
+// One thread that reads several links. A thread for each link is woken for each frame, and with many links these
+// wake-ups cost more than all other work. Above kBeginReads_per_s, links whose driver can be polled are left to one
+// thread, which reads them all each kPollNs; below kEndReads_per_s each link is read by its own thread again.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -12,8 +12,9 @@
 
 namespace tactiled {
 
-// Reads at most one frame of the link into its ring. Status::frame, and the driver has no more: a burst is complete, and
-// serve() is to be called. Called by the thread that reads the link. rt: blocks on the link, for at most `timeout_ms`
+// Reads at most one frame of the link into its ring. If Status::frame is returned and the driver has no more, a burst
+// is complete, and serve() must be called. Called by the thread that reads the link. rt: blocks on the link, for at
+// most `timeout_ms`
 [[nodiscard]] Status read_link(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept;
 
 class SharedLinks {
@@ -24,15 +25,16 @@ public:
     SharedLinks(std::vector<std::unique_ptr<Link>>& links, SegmentWriter& segment, Pipeline& pipeline)
         : links_(links), segment_(segment), pipeline_(pipeline) {}
 
-    // The link, which delivered a frame just now, is to be left to the shared thread. rt: wait-free; the link's own thread
+    // Returns true if the link, which has just delivered a frame, should be left to the shared thread. rt: wait-free;
+    // the link's own thread
     [[nodiscard]] bool wants(const Link& link) const noexcept {
         return active_.load(std::memory_order_relaxed) && link.driver->can_poll() && link.read_interval_ns < kFastNs;
     }
-    // Leaves the link to the shared thread, until that thread gives it back or `stop` is set. False: the device has
-    // disconnected. Called by the link's own thread, which counts its liveness meanwhile. rt: blocks
+    // Leaves the link to the shared thread, until that thread gives it back or `stop` is set. Returns false if the
+    // device has disconnected. Called by the link's own thread, which counts its liveness meanwhile. rt: blocks
     [[nodiscard]] bool share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
 
-    // The shared thread: judges the rate, and reads the links that were left to it, until `stop` is set.
+    // Runs the shared thread: judges the rate, and reads the links that were left to it, until `stop` is set.
     void run(Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
 
 private:
@@ -45,7 +47,7 @@ private:
     SegmentWriter& segment_;
     Pipeline& pipeline_;
     std::atomic<bool> active_{false};
-    std::uint64_t judged_ns_ = 0, reads_ = 0;  // at the last judgement
+    std::uint64_t judged_ns_ = 0, reads_ = 0;  // at the last evaluation
 };
 
 }  // namespace tactiled

@@ -6,11 +6,12 @@
 namespace tactiled {
 namespace {
 
-// The zero is then off by half of that at most, which is little more than what each sample says of itself.
+// The error of the zero is then at most half of that, which is little more than the stated error of each sample.
 constexpr double kMaxSd = 3;
-// The range of four means of white noise reaches 6 of their deviations in one component of some 10^4: of six, once in 10^3.
+// The range of four means of white noise reaches 6 of their standard deviations once in 10^4 for one component, and
+// once in 10^3 for six.
 constexpr double kMaxNoise = 6;
-constexpr unsigned kMinForNoise = 8;  // fewer neighbours do not tell a ramp from noise: the model's sd alone counts
+constexpr unsigned kMinForNoise = 8;  // fewer neighbours do not distinguish a ramp from noise: only the model's sd counts
 
 }  // namespace
 
@@ -58,7 +59,7 @@ bool TareWindow::has_moved(const Wrench& sd) const noexcept {
         const double noise = std::max(0.0, steps_[i] - largest_[i] - second_[i]);
         const double variance = samples_ < kMinForNoise ? 0 : noise / (2.0 * (samples_ - 3));
         const double of_a_mean = std::sqrt(variance * kParts / samples_);
-        // A model that does not know its sd leaves the noise alone to judge by, where there is enough of it.
+        // If the model does not know its sd, only the noise is used, if there are enough samples.
         const double of_a_sample = std::isnan(sd[i]) && samples_ >= kMinForNoise ? 0 : sd[i];
         if (max - min > kMaxSd * of_a_sample + kMaxNoise * of_a_mean) return true;  // false with NaN
     }

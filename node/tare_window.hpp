@@ -1,4 +1,4 @@
-// The mean of a tare, and a check that the sensor was at rest meanwhile: a mean over a motion is not a zero.
+// The mean of a tare, and a check that the sensor was at rest: a mean over a motion is not a zero.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -13,26 +13,28 @@ public:
     void begin(std::uint64_t now_ns, std::uint64_t length_ns) noexcept;
     [[nodiscard]] std::uint64_t begin_ns() const noexcept { return begin_ns_; }
 
-    // Takes in a raw wrench that was measured at `t_ns`, not before begin_ns(); true: that was the last. rt: wait-free
+    // Takes a raw wrench that was measured at `t_ns`, not before begin_ns(). Returns true if it was the last. rt:
+    // wait-free
     bool add(const Wrench& raw_S, std::uint64_t t_ns) noexcept;
 
     [[nodiscard]] unsigned samples() const noexcept { return samples_; }
-    // NaN where the sensor does not see.
+    // NaN for components that the sensor does not measure.
     [[nodiscard]] Wrench mean_S() const noexcept;
-    // Whether the means of the quarters lie further apart than 3 standard deviations `sd` of a sample, as its model states
-    // them, and what the samples' own noise explains. A component whose sd is NaN is judged by its noise alone, from 8
-    // samples on; fewer than two quarters with samples, and nothing is seen of a motion. rt: wait-free
+    // Returns true if the means of the quarters differ by more than 3 standard deviations `sd` of a sample, as its
+    // model states them, and what the samples' own noise explains. A component whose sd is NaN is judged by its noise
+    // alone, from 8 samples on. With fewer than two quarters with samples, a motion cannot be detected. rt: wait-free
     [[nodiscard]] bool has_moved(const Wrench& sd) const noexcept;
 
 private:
-    static constexpr std::size_t kParts = 4;  // a push and its end within the window moves the middle against both ends
+    // a push and its end within the window change the middle relative to both ends
+    static constexpr std::size_t kParts = 4;
 
     std::uint64_t begin_ns_ = 0, length_ns_ = 0;
     unsigned samples_ = 0;
     std::array<unsigned, kParts> n_{};
     std::array<Wrench, kParts> sum_{};
     Wrench before_{};                        // the last one
-    Wrench steps_{}, largest_{}, second_{};  // squares of the differences of neighbours: their sum, the two largest
+    Wrench steps_{}, largest_{}, second_{};  // squared differences of neighbours: their sum and the two largest
 };
 
 }  // namespace tactiled

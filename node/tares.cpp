@@ -12,11 +12,12 @@ tactiled_command_result result_of(Sensor::Tare ended) noexcept {
     }
 }
 
-constexpr std::uint64_t kPatienceNs = 2'500'000'000;  // for the file: with the longest tare less than a commander waits
+// for the file: with the longest tare, shorter than a commander waits
+constexpr std::uint64_t kPatienceNs = 2'500'000'000;
 
 }  // namespace
 
-// All or nothing at the start. Afterwards each sensor that rests takes its zero, whatever the others do.
+// The start is all or nothing. Afterwards each sensor at rest takes its zero, whatever the others do.
 bool Tares::begin(std::uint32_t mask, std::uint64_t now_ns) noexcept {
     for (std::size_t i = 0; i < sensors_.size(); ++i)
         if ((mask >> i & 1u) != 0 && !sensors_[i].can_tare()) return false;
@@ -54,7 +55,7 @@ bool Tares::poll(std::uint64_t now_ns) noexcept {
     return running_ == 0 && (to_keep_ == 0 || follow_store(now_ns));
 }
 
-// True when the zeros are in the file, or cannot be.
+// Returns true if the zeros are in the file, or cannot be stored.
 bool Tares::follow_store(std::uint64_t now_ns) noexcept {
     const bool is_late = now_ns > ended_ns_ + kPatienceNs;
     if (order_ == 0 && !is_late) {

@@ -12,25 +12,24 @@ namespace tactiled {
 class Tares {
 public:
     explicit Tares(std::vector<Sensor>& sensors) : sensors_(sensors) {}
-    // Keeps the zeros in `store`, which must live as long as the loop. Before the loop. setup
+    // Stores the zeros in `store`, which must live as long as the loop. Before the loop. setup
     void keep_in(ZeroStore& store) noexcept { store_ = &store; }
 
-    // Begins a tare of the sensors in `mask`. If one of them cannot be tared now, the
-    // result is false and no tare begins.
-    // is_running() must be false. rt: bounded by the number of sensors
+    // Begins a tare of the sensors in `mask`. If one of them cannot be tared now, it returns false and no tare
+    // begins. is_running() must be false. rt: bounded by the number of sensors
     [[nodiscard]] bool begin(std::uint32_t mask, std::uint64_t now_ns) noexcept;
     // Begins to remove the tare of the sensors in `mask`. is_running() must be false. rt: bounded by the number of sensors
     void begin_removal(std::uint32_t mask) noexcept;
-    // Collects the results of the sensors. True when the last sensor has finished and its zero is kept.
+    // Collects the results of the sensors. Returns true if the last sensor has finished and its zero is stored.
     // rt: bounded by the number of sensors
     [[nodiscard]] bool poll(std::uint64_t now_ns) noexcept;
 
     [[nodiscard]] bool is_running() const noexcept { return running_ != 0 || to_keep_ != 0; }
-    // A zero can be kept over a restart.
+    // True if a zero can be stored for a restart.
     [[nodiscard]] bool can_keep() const noexcept { return store_ == nullptr || store_->is_usable(); }
-    // The first result of a sensor in the last command that is not OK, else OK.
+    // Returns the first result of a sensor in the last command that is not OK, else OK.
     [[nodiscard]] tactiled_command_result result() const noexcept { return result_; }
-    // The last command left every zero as it was, because the force moved or was too large.
+    // True if the last command left every zero unchanged, because the force moved or was too large.
     [[nodiscard]] bool was_refused() const noexcept {
         return !has_new_zero_ && (result_ == TACTILED_COMMAND_MOVING || result_ == TACTILED_COMMAND_UNDER_LOAD);
     }
@@ -42,9 +41,9 @@ private:
     std::vector<Sensor>& sensors_;
     ZeroStore* store_ = nullptr;
     std::uint32_t running_ = 0;   // bit n: sensor n has not finished
-    std::uint32_t to_keep_ = 0;   // bit n: the zero of sensor n has changed and is not kept yet
-    std::uint32_t order_ = 0;     // of the store; 0 = not given yet
-    std::uint64_t ended_ns_ = 0;  // when the last sensor finished
+    std::uint32_t to_keep_ = 0;   // bit n: the zero of sensor n has changed and is not stored yet
+    std::uint32_t order_ = 0;     // number of the order in the store; 0 = not given yet
+    std::uint64_t ended_ns_ = 0;  // time at which the last sensor finished
     tactiled_command_result result_ = TACTILED_COMMAND_OK;
     bool has_new_zero_ = false;  // a sensor of the last command has finished with success
 };

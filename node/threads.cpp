@@ -14,20 +14,21 @@ namespace {
 constexpr int kReadTimeoutMs = 50;  // longest time for which a silent device keeps its thread from noticing stop()
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
 constexpr std::uint64_t kPipelineNs = 50'000'000;  // a pipeline that finishes no cycle for this time, and its period, hangs
-constexpr std::uint64_t kRunnerNs = 100'000;       // in which another thread finishes a cycle
+constexpr std::uint64_t kRunnerNs = 100'000;       // time in which another thread finishes a cycle
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
-// An opening that gave a frame and lasted so long was a device: looked for at once when it is gone. Less is one that only
-// seems to be there, such as a server that accepts and hangs up.
+// An opening that delivered a frame and lasted this long was a real device, which is searched for at once after it
+// disconnects. A shorter one only seems to be a device, such as a server that accepts and hangs up.
 constexpr std::uint64_t kPresentNs = 100'000'000;
-constexpr std::uint64_t kWorkedNs = 1'000'000'000;  // and so long: its next trouble is a new one, worth its own lines
+// after this time its next fault is a new one, which gets its own log lines
+constexpr std::uint64_t kWorkedNs = 1'000'000'000;
 
-// "" when it is open, else why not. A driver throws for want of memory only.
+// Returns "" on success, else the fault. A driver throws only if there is no memory.
 std::string try_open(Driver& driver) noexcept try { return driver.open(); } catch (const std::exception&) {
     driver.close();
-    return "no memory";  // short enough to need none
+    return "no memory";  // short enough to need no allocation
 }
 
-// Says a thing once, then at most each 10 s while it stays the same.
+// Logs a text once, then at most each 10 s while it stays the same.
 class Complaint {
 public:
     void about(const std::string& link, std::string_view text) noexcept {
@@ -46,13 +47,13 @@ public:
     void settled() noexcept { said_ = 0; }
 
 private:
-    std::size_t said_ = 0;  // hash of the text; 0: nothing
+    std::size_t said_ = 0;  // hash of the text; 0: none
     std::uint64_t said_ns_ = 0;
     unsigned times_ = 0;
 };
 
-// A device that always has more would never let its thread wait: other links starve, and LimitRTTIME= takes the daemon for
-// one that is out of control. Such a thread waits here.
+// Pauses the thread of a device that always has more data: without a wait other links would starve, and LimitRTTIME=
+// would kill the daemon.
 class Breather {
 public:
     // rt: one system call each 3 ms, and 1 ms of sleep where the thread has not waited since the last one
@@ -93,7 +94,7 @@ std::vector<std::string> Threads::start() {
             refused.push_back(std::move(what));
     };
     const auto add = [&](const char* name, int priority, std::function<void()> body) {
-        auto& thread = *threads_.emplace_back(std::make_unique<RtThread>());  // first: stop() must find one that runs
+        auto& thread = *threads_.emplace_back(std::make_unique<RtThread>());  // first: stop() must find a running thread
         note(thread.start(name, priority, wanted.cpu, std::move(body)));
     };
     if (wanted.lock_memory) note(lock_memory());
@@ -103,7 +104,7 @@ std::vector<std::string> Threads::start() {
     const std::uint64_t link_ns =
         node_.config.node.stuck_link_ms == 0 ? UINT64_MAX : std::uint64_t(node_.config.node.stuck_link_ms) * 1'000'000u;
     try {
-        for (auto& link : node_.links)  // below the pipeline's thread: a flood on one link does not hold back time limits
+        for (auto& link : node_.links)  // below the pipeline's thread: a flood on one link does not delay time limits
             add("link", std::max(1, wanted.priority - 2),
                 [this, &link = *link, cycles = watched(fmt::format("link \"{}\"", link->name), link_ns)] {
                     run_link(link, *cycles);
@@ -141,9 +142,9 @@ void Threads::pause(int ms, Progress::Liveness& cycles) const noexcept {
 
 void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     Breather breather;
-    Complaint refused, disconnected;  // two: a device may be refused and gone by turns
+    Complaint refused, disconnected;  // two: a device may be refused and disconnected alternately
     int pause_ms = kMinPauseMs;
-    bool announce = true;  // false after an opening that came to nothing: then "open" is said of one that works
+    bool announce = true;  // false after an opening that failed: then "open" is logged for one that works
     LinkCounts& counts = link.driver->counts;
     while (!stop_.load(std::memory_order_acquire)) {
         const std::string wrong = try_open(*link.driver);
@@ -179,7 +180,8 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             refused.settled();
             disconnected.settled();
         }
-        // After the last commit: see Pipeline::deliver(). Not when the daemon ends, which is no discontinuity of the link.
+        // After the last commit: see Pipeline::deliver(). Not when the daemon ends, which is not a discontinuity of
+        // the link.
         if (!present) {
             link.connected.store(false, std::memory_order_release);
             pipeline_.serve();
@@ -191,7 +193,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         announce = worked;
         if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kMinPauseMs;
         disconnected.about(link.name, "the device is disconnected; waiting for it to return");
-        pause(pause_ms, cycles);
+        pause(std::max(pause_ms, int(link.age.closed_ns() / 1'000'000)), cycles);
         pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
     }
 }
@@ -222,7 +224,7 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) n
         if (now_ns < grid_ns) continue;
         const std::uint64_t missed = (now_ns - grid_ns) / period_ns;
         pipeline_.add_missed(missed);
-        grid_ns += (missed + 1) * period_ns;  // back on the grid, never a burst to catch up
+        grid_ns += (missed + 1) * period_ns;  // returns to the grid, without a burst
     }
 }
 

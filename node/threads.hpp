@@ -23,7 +23,7 @@ public:
         pipeline_.announce_to(nullptr, nullptr);
     }
 
-    // Starts all. Returns what was refused, one line a right; RT_DEGRADED is then set before the loop begins.
+    // Starts all threads. Returns the refused rights, one line each; RT_DEGRADED is then set before the loop begins.
     // setup: throws SetupError where a thread cannot be made, or a right is refused and [realtime] required is set
     std::vector<std::string> start();
     // Liveness counters of the real-time threads.

@@ -4,9 +4,10 @@
 
 namespace tactiled {
 
-extern const char* const kCommit;  // of the sources, with "-dirty" where files differ from it; written by node/commit.cmake
+// commit of the sources, with "-dirty" if files differ from it; written by node/commit.cmake
+extern const char* const kCommit;
 
-// "0.1.0", the commit and the versions of compiler and libraries, one fact a line.
+// Returns "0.1.0", the commit and the versions of compiler and libraries, one fact per line.
 std::string version_text();
 
 }  // namespace tactiled

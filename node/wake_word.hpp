@@ -13,7 +13,8 @@ namespace tactiled {
 
 class WakeWord {
 public:
-    // To be read before looking for work, and then passed to sleep(): a wake in between is not lost. rt: wait-free
+    // Returns the value to pass to sleep(). Read it before looking for work: a wake in between is then not lost. rt:
+    // wait-free
     [[nodiscard]] std::uint32_t value() const noexcept { return word_.load(std::memory_order_acquire); }
 
     // Wakes the sleeper, or keeps it from falling asleep. rt: one system call
@@ -22,8 +23,8 @@ public:
         ::syscall(SYS_futex, &word_, FUTEX_WAKE, 1, nullptr, nullptr, 0);
     }
 
-    // Sleeps until `until_ns` of CLOCK_MONOTONIC, or until wake() is called after value() returned `seen`. True: the time
-    // has come. rt: blocks, one system call
+    // Sleeps until `until_ns` of CLOCK_MONOTONIC, or until wake() is called after value() returned `seen`. Returns
+    // true if the time was reached. rt: blocks, one system call
     [[nodiscard]] bool sleep(std::uint32_t seen, std::uint64_t until_ns) noexcept {
         const timespec until{time_t(until_ns / 1'000'000'000u), long(until_ns % 1'000'000'000u)};
         while (word_.load(std::memory_order_relaxed) == seen) {  // the caller looks for work after value()

@@ -8,7 +8,8 @@
 
 namespace tactiled {
 namespace {
-constexpr std::uint64_t kLookNs = 20'000'000;  // short beside WatchdogSec: by so much the last feeding may follow the hang
+// short compared with WatchdogSec: the last feeding may follow the hang by this much
+constexpr std::uint64_t kLookNs = 20'000'000;
 constexpr std::uint64_t kFeedNs = 200'000'000;
 }  // namespace
 
@@ -43,7 +44,7 @@ void Watchdog::run() noexcept {
             said = stuck;
             stuck_ns = now_ns;
         }
-        // Systemd's own timer comes up to 250 ms late; it is for a daemon that cannot even say this.
+        // Systemd's own timer is up to 250 ms late; it serves daemons that cannot even do this.
         if (!stuck.empty() && timeout_us_ != 0 && now_ns - stuck_ns > timeout_us_ * 900) ::sd_notify(0, "WATCHDOG=trigger");
         sleep_until(now_ns + kLookNs);
     }

@@ -9,11 +9,12 @@ namespace {
 constexpr std::uint32_t kMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN |
                                    TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
                                    TACTILED_ZERO_UNKNOWN;
-// A zero that a method finds from one reading, without a past, must have a known uncertainty.
+// A zero that a method computes from one reading, without a past, must have a known uncertainty.
 constexpr std::uint32_t kOtherMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
-constexpr std::uint64_t kPatienceNs = 2'000'000'000;  // beyond the averaging time: a slow or halting sensor fails
+// beyond the averaging time: a tare of a slow or stopped sensor fails
+constexpr std::uint64_t kPatienceNs = 2'000'000'000;
 
-// Components that the sensor does not see have zero 0.
+// Components that the sensor does not measure have zero 0.
 Wrench seen_or_0(const Wrench& wrench) noexcept {
     Wrench zero;
     for (std::size_t i = 0; i < zero.size(); ++i) zero[i] = std::isfinite(wrench[i]) ? wrench[i] : 0;
@@ -74,7 +75,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
     return true;
 }
 
-// Judges whether the mean of the window is fit to be a zero; `last` is the last sample of the window.
+// Judges whether the mean of the window may be a zero; `last` is the last sample of the window.
 Tare Zero::verdict(const tactiled_sample& last) const noexcept {
     const double *f = last.sd_force_N, *m = last.sd_torque_Nm;
     if (window_.has_moved({f[0], f[1], f[2], m[0], m[1], m[2]})) return Tare::moved;
@@ -102,7 +103,7 @@ void Zero::restore(const TaredZero& zero) noexcept {
     of_method_ = zero.of_method;
 }
 
-// A method that has begun to run since the tare keeps its past, and is asked when it does not run any more.
+// A method that has begun to run since the tare keeps its past, and is evaluated when it does not run any more.
 void Zero::find_other(AutoMethod& automatic, std::size_t method, std::size_t n_channels) noexcept {
     const std::uint32_t idle = to_find_ & ~(1u << method);
     if (idle == 0) return;

@@ -17,62 +17,64 @@
 
 namespace tactiled {
 
-// The state of a sensor's tare. A tare has ended from `done` on: with success, or with the zero as it was because a sample
-// had no value, the force moved, or the new zero was further than the limit from the calibration's.
+// The state of a sensor's tare. A tare has ended from `done` on: with success, or with an unchanged zero because a
+// sample had no value, the force moved, or the new zero differed from the calibration's by more than the limit.
 enum class Tare { none, running, removing, done, failed, moved, loaded };
 
-// The result of the tares of a sensor, as it is kept over a restart (zero_store.hpp).
+// The result of the tares of a sensor, as it is stored for a restart (zero_store.hpp).
 struct TaredZero {
     std::uint32_t tare_count = 0;  // 0 = no tare is in force
-    std::uint32_t unknown = 0;     // bit i: the zero of method i is not known
+    std::uint32_t unknown = 0;     // bit i: the zero of method i is unknown
     std::array<Wrench, MethodChoice::kMax> of_method{};
 };
 
 class Zero {
 public:
     struct Limits {
-        std::uint64_t tare_ns = 100'000'000;         // averaging time
-        double max_N = 0;                            // magnitude of a new zero from the calibration's, 0 = no limit
-        std::array<double, 3> max_of_component_N{};  // of each component of the force, 0 = no limit
+        std::uint64_t tare_ns = 100'000'000;  // averaging time
+        // limit of a new zero relative to the calibration's, as a magnitude; 0 = no limit
+        double max_N = 0;
+        std::array<double, 3> max_of_component_N{};  // the same for each component of the force; 0 = no limit
     };
     explicit Zero(const Limits& limits) : limits_(limits) {}
-    // Judges by these limits from now on; the zeros stay. rt: wait-free
+    // Changes the limits; the zeros are unchanged. rt: wait-free
     void judge_by(const Limits& limits) noexcept { limits_ = limits; }
 
-    // The value can be a zero. A mounted sensor may rest outside the calibrated domain, but a saturated or incomplete
-    // reading has no known zero. rt: wait-free
+    // Returns true if the value can be a zero. A mounted sensor may rest outside the calibrated domain, but a
+    // saturated or incomplete reading has no known zero. rt: wait-free
     [[nodiscard]] static bool can_be_zero(const tactiled_sample& sample) noexcept;
 
     // rt: wait-free
     void begin_tare(std::uint64_t now_ns) noexcept;
-    // Goes back to the calibration's zero with the next sample, at once where none is coming. rt: wait-free
+    // Returns to the calibration's zero with the next sample, or at once if none arrives. rt: wait-free
     void begin_removal(bool is_delivering) noexcept;
     [[nodiscard]] Tare tare() const noexcept { return tare_; }
-    // The state as tare() returns it; a tare that has ended is reported once. rt: wait-free
+    // Returns the state; a tare that has ended is reported once. rt: wait-free
     [[nodiscard]] Tare poll(bool is_delivering, std::uint64_t now_ns) noexcept;
 
-    // Takes the sample that method `method` of `n_methods` made of `channel` into the running tare. True when the sample
-    // completed the tare: the new zero applies to this sample first. rt: wait-free
+    // Takes the sample that method `method` of `n_methods` made of `channel` into the running tare. Returns true if
+    // the sample completed the tare: the new zero applies to this sample first. rt: wait-free
     [[nodiscard]] bool advance(const tactiled_sample& sample, std::span<const double> channel, std::size_t method,
                                std::size_t n_methods) noexcept;
-    // A sample has shown that the tare was removed. rt: wait-free
+    // Notes that a sample has shown the removal of the tare. rt: wait-free
     void end_removal() noexcept { tare_ = Tare::done; }
-    // Finds the zero of one method that does not run, where there is one to find. rt: bounded by that method's decouple()
+    // Computes the zero of one method that does not run, if one is due. rt: bounded by that method's decouple()
     void find_other(AutoMethod& automatic, std::size_t method, std::size_t n_channels) noexcept;
 
-    // The zero of a method of the front; `method` is 0 without "auto".
+    // Returns the zero of a method; `method` is 0 without "auto".
     [[nodiscard]] const Wrench& of(std::size_t method) const noexcept { return of_method_[method]; }
-    // False where a tare is in force whose zero is not known for this method.
+    // Returns false if a tare is in force whose zero is unknown for this method.
     [[nodiscard]] bool is_known(std::size_t method) const noexcept { return (unknown_ >> method & 1u) == 0; }
     [[nodiscard]] bool has_more_to_find() const noexcept { return to_find_ != 0; }
-    // Finished tares since the last removal.
+    // Returns the number of finished tares since the last removal.
     [[nodiscard]] std::uint32_t tare_count() const noexcept { return tare_count_; }
 
-    // A tare was in force whose zero is lost: until the next tare or removal no method has a known zero.
+    // True if a tare was in force whose zero is lost: until the next tare or removal no method has a known zero.
     [[nodiscard]] bool is_lost() const noexcept { return is_lost_; }
     // rt: wait-free
     void lose() noexcept;
-    // The zeros that a tare left, to be kept over a restart; tare_count 0: no tare is in force. rt: wait-free
+    // Returns the zeros of the tare in force, to be stored for a restart; tare_count 0: no tare is in force. rt:
+    // wait-free
     [[nodiscard]] TaredZero tared() const noexcept { return {tare_count_, unknown_, of_method_}; }
     // Continues with a tare of an earlier run. Before the first sample. setup
     void restore(const TaredZero& zero) noexcept;
@@ -82,15 +84,15 @@ private:
 
     Limits limits_;
     std::array<Wrench, MethodChoice::kMax> of_method_{};
-    std::uint32_t unknown_ = 0;  // bit i: the zero of method i is not known
-    std::uint32_t to_find_ = 0;  // bit i: method i is to find its zero from the mean of the last tare
+    std::uint32_t unknown_ = 0;  // bit i: the zero of method i is unknown
+    std::uint32_t to_find_ = 0;  // bit i: method i needs its zero from the mean of the last tare
     std::uint32_t tare_count_ = 0;
     bool is_lost_ = false;
 
     Tare tare_ = Tare::none;
     TareWindow window_;
     std::array<double, kMaxChannels> channel_sum_{};  // over the window
-    std::uint64_t end_ns_ = 0;                        // when the last sample of the window was measured
+    std::uint64_t end_ns_ = 0;                        // time of the last sample of the window
     bool is_unsure_ = false;                          // the method did not know the uncertainty of a sample of the window
 };
 

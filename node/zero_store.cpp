@@ -22,7 +22,7 @@ namespace {
 
 constexpr std::int64_t kFormat = 1;
 constexpr std::size_t kMaxBytes = 1 << 20, kMaxKept = 256;
-constexpr std::uint64_t kLookNs = 10'000'000;      // between two looks for an order
+constexpr std::uint64_t kLookNs = 10'000'000;      // between two checks for an order
 constexpr std::uint64_t kRetryNs = 1'000'000'000;  // after a write that failed
 constexpr char kInstalled[] = "/var/lib/tactiled";
 
@@ -68,7 +68,7 @@ ZeroStore::~ZeroStore() {
     thread_.join();
 }
 
-// A file that cannot be read may hold any tare: then every sensor may have lost one.
+// A file that cannot be read may contain any tare, so every sensor may have lost one.
 void ZeroStore::load() {
     if (path_.empty() || (::access(path_.c_str(), F_OK) != 0 && errno == ENOENT)) return;
     Problems problems;
@@ -142,7 +142,7 @@ void ZeroStore::replace_owner(std::size_t index, ZeroOwner owner) {
 // ---- the pipeline's side -----------------------------------------------------------------------------------------------
 
 void ZeroStore::add(std::uint32_t sensor, const Sensor& of) noexcept {
-    if (of.has_lost_zero()) return;  // a reload has exchanged the sensor: the file goes on saying that it was tared
+    if (of.has_lost_zero()) return;  // a reload has exchanged the sensor: the file keeps the entry that it was tared
     Order* const order = orders_.claim();
     refused_ |= order == nullptr;
     if (order == nullptr) return;
@@ -171,7 +171,7 @@ void ZeroStore::serve() noexcept {
                 number = order->number;
                 take(*order);
             }
-        } catch (const std::exception& error) {  // no memory: the file is not what it should be
+        } catch (const std::exception& error) {  // no memory: the file is not up to date
             log_line(LogLevel::warning, "{}: {}", path_, error.what());
             usable_.store(false, std::memory_order_release);
         }
@@ -233,7 +233,7 @@ void ZeroStore::write() noexcept try {
         if (complaint_ != error.what())
             log_line(LogLevel::warning, "{}; tares are refused until it can be written", error.what());
         complaint_ = error.what();
-    } catch (const std::exception&) {}  // no memory for the words
+    } catch (const std::exception&) {}  // no memory for the message
 }
 
 }  // namespace tactiled

@@ -1,4 +1,4 @@
-// The zeros of tares, kept in a file over restarts of the daemon.
+// The zeros of tares, stored in a file for restarts of the daemon.
 //
 // A tare is acknowledged once its zero is in the file, so that a restart at any moment finds either the zero of an
 // acknowledged tare or the one before. While the file cannot be written, tares are refused. A zero is restored for the same
@@ -17,7 +17,7 @@
 
 namespace tactiled {
 
-// The owner of a zero. `id` covers the calibration and the keys that turn a frame into its channels.
+// The owner of a zero. `id` covers the calibration and the keys that convert a frame into its channels.
 struct ZeroOwner {
     std::string sensor, serial;
     std::uint32_t id = 0;
@@ -25,33 +25,34 @@ struct ZeroOwner {
     bool restore = true;               // tare_after_restart = "restore"
 };
 
-// The file of node `node_name` where none is configured: in $STATE_DIRECTORY (of systemd), else in /var/lib/tactiled where
-// that can be written, else in $XDG_STATE_HOME/tactiled, else in ~/.local/state/tactiled; "" = nowhere.
+// Returns the file of node `node_name` if none is configured: in $STATE_DIRECTORY (of systemd), else in
+// /var/lib/tactiled if that is writable, else in $XDG_STATE_HOME/tactiled, else in ~/.local/state/tactiled; "" =
+// nowhere.
 std::string zeros_path(const std::string& configured, const std::string& node_name);
 
 class ZeroStore {
 public:
-    // Reads the file, and writes it again to see that it can be written. `owners` are in the order of the sensors. What is
-    // wrong is reported in the log. setup: throws SetupError where no thread can be made
+    // Reads the file, and writes it again to check that it can be written. `owners` are in the order of the sensors.
+    // Errors are reported in the log. setup: throws SetupError where no thread can be made
     ZeroStore(std::string path, std::vector<ZeroOwner> owners);
     ~ZeroStore();
     ZeroStore(const ZeroStore&) = delete;
     ZeroStore& operator=(const ZeroStore&) = delete;
 
-    // Gives each sensor the zero of its last tare, or lets it know that the zero is lost. Before the loop. setup
+    // Gives each sensor the zero of its last tare, or marks the zero as lost. Before the loop. setup
     void restore(std::vector<Sensor>& sensors);
-    // The owner of sensor `index` changes: call it before the sensor does. setup
+    // Changes the owner of sensor `index`; call it before the sensor changes. setup
     void replace_owner(std::size_t index, ZeroOwner owner);
 
     // ---- by the pipeline's thread ----
 
-    // The file can be written. rt: wait-free
+    // True if the file can be written. rt: wait-free
     [[nodiscard]] bool is_usable() const noexcept { return usable_.load(std::memory_order_acquire); }
     // Adds the present zero of a sensor to the next file; at most kMaxSensors before commit(). rt: wait-free
     void add(std::uint32_t sensor, const Sensor& of) noexcept;
-    // Has what was added written. Returns the number of this order, 0 where it cannot be taken. rt: wait-free
+    // Orders the added zeros to be written. Returns the number of this order, 0 if it cannot be taken. rt: wait-free
     [[nodiscard]] std::uint32_t commit() noexcept;
-    // True when order `number` was written or has failed: is_usable() says which. rt: wait-free
+    // Returns true if order `number` was written or has failed; is_usable() says which. rt: wait-free
     [[nodiscard]] bool is_done(std::uint32_t number) const noexcept {
         return std::int32_t(done_.load(std::memory_order_acquire) - number) >= 0;
     }
@@ -64,7 +65,7 @@ private:
     struct Kept {  // a sensor with a tare in force
         std::string sensor, serial, time;
         std::uint32_t id = 0, tare_count = 0;
-        std::map<std::string, Wrench> of_method;  // those that are known
+        std::map<std::string, Wrench> of_method;  // the known zeros
     };
     void load();
     void serve() noexcept;
@@ -74,14 +75,14 @@ private:
     [[nodiscard]] Kept* find(const std::string& sensor);
 
     std::string path_;
-    std::mutex mutex_;               // of owners_, between the thread and replace_owner()
+    std::mutex mutex_;               // guards owners_, between the thread and replace_owner()
     std::vector<ZeroOwner> owners_;  // also of earlier configurations, until their orders are written
     std::vector<std::size_t> sensor_of_owner_;
     std::vector<Kept> kept_;
     std::string complaint_;
     Ring<Order> orders_{64};
-    std::uint32_t number_ = 0;  // the pipeline's own
-    bool refused_ = false;      // an order of the present number found no room
+    std::uint32_t number_ = 0;  // used by the pipeline only
+    bool refused_ = false;      // there was no room for an order of the present number
     std::atomic<std::uint32_t> done_{0};
     std::atomic<bool> usable_{false}, stop_{false};
     RtThread thread_;

@@ -60,7 +60,7 @@ def as_written(text, throws):
     for number, is_landing_pad, lines in blocks:
         mine = range(nth[number], nth[number] + sum(line.startswith("branch") for line in lines))
         nth[number] = mine.stop
-        flags = throws[source][number]  # of the same branches where both texts have as many; else none is left out
+        flags = throws[source][number]  # count of the same branches if both texts have as many; else all are kept
         throws_here = len(flags) == branches[number] and any(flags[n] for n in mine)
         leave_out = throws_here or (is_landing_pad and number not in catches)
         kept += [line for line in lines if not (leave_out and line.startswith("branch"))]

@@ -1,5 +1,4 @@
-// The electrodes of the piezo-capacitive sensor: where they are and what they are called, the one place for the loop and
-// for the fit.
+// The electrodes of the piezo-capacitive sensor, their places and names, for the loop and for the fit.
 #pragma once
 #include <array>
 #include <cmath>
@@ -13,7 +12,7 @@
 
 namespace tactiled {
 
-// A force along +x moves the upper electrode along +x, towards C1: C1 rises, C2 falls. Cn lies in the middle.
+// A force along +x moves the upper electrode along +x, towards C1: C1 rises, C2 falls. Cn is in the middle.
 struct Electrode {
     const char* name;
     int along_x, along_y;
@@ -22,7 +21,7 @@ inline constexpr std::size_t kElectrodes = 5, kCentre = 4;
 inline constexpr std::array<Electrode, kElectrodes> kElectrode{
     {{"C1", +1, 0}, {"C2", -1, 0}, {"C3", 0, +1}, {"C4", 0, -1}, {"Cn", 0, 0}}};
 
-// Index in kElectrode, kElectrodes where the name is none.
+// Returns the index in kElectrode, or kElectrodes for an unknown name.
 constexpr std::size_t electrode_index(std::string_view name) noexcept {
     for (std::size_t e = 0; e < kElectrodes; ++e)
         if (name == kElectrode[e].name) return e;
@@ -33,17 +32,17 @@ constexpr std::size_t electrode_index(std::string_view name) noexcept {
 using Wiring = std::array<int, kElectrodes>;
 
 struct ElectrodeGeometry {
-    double disc_radius_m;                                // of the upper electrode, which moves
-    double inner_radius_m, outer_radius_m, opening_rad;  // of the four sectors
+    double disc_radius_m;                                // radius of the upper electrode, which moves
+    double inner_radius_m, outer_radius_m, opening_rad;  // dimensions of the four sectors
     double centre_radius_m;
-    double gap_m;  // at rest
+    double gap_m;  // gap at rest
 
     [[nodiscard]] Sector sector(std::size_t electrode) const noexcept {
         if (electrode == kCentre) return {0, centre_radius_m, 0, std::numbers::pi};
         return {inner_radius_m, outer_radius_m, std::atan2(kElectrode[electrode].along_y, kElectrode[electrode].along_x),
                 opening_rad / 2};
     }
-    // Why there is no such sensor, "" where there is.
+    // Returns the reason why the geometry is impossible, "" if it is possible.
     [[nodiscard]] std::string fault() const {
         if (!(inner_radius_m < disc_radius_m && disc_radius_m < outer_radius_m))
             return "needed is inner_radius_m < disc_radius_m < outer_radius_m: else a small shift changes nothing";
@@ -52,7 +51,7 @@ struct ElectrodeGeometry {
     }
 };
 
-// A shift beyond this part of the disc's radius is none that the pad survives.
+// A shift beyond this part of the disc's radius would destroy the pad.
 inline constexpr double kLargestShift = 0.9;
 
 inline constexpr std::array<Parameter, 6> kGeometryParameters{
@@ -63,7 +62,7 @@ inline constexpr std::array<Parameter, 6> kGeometryParameters{
      {"centre_radius_m", "radius of the electrode Cn", 1e-6, 1},
      {"gap_m", "distance of the electrodes at rest", 1e-6, 1}}};
 
-// From kGeometryParameters. setup
+// Reads the geometry from kGeometryParameters. setup
 inline ElectrodeGeometry electrode_geometry(const CalibrationData& data) {
     return {data["disc_radius_m"], data["inner_radius_m"],  data["outer_radius_m"],
             data["opening_rad"],   data["centre_radius_m"], data["gap_m"]};

@@ -9,9 +9,10 @@
 
 namespace tactiled {
 
-// The channel of each electrode; other channels than C1 .. C4, Cn and Vp, and one twice, are a fault. setup
+// Returns the channel of each electrode. Channels other than C1 .. C4, Cn and Vp, and a repeated channel, are a
+// fault. setup
 Wiring electrode_wiring(const Calibration& calibration, std::string& fault);
-// The same for model "capacitive", where another component than fx fy fz is a fault as well. setup
+// Returns the same for model "capacitive", where components other than fx fy fz are a fault, too. setup
 Wiring pad_wiring(const Calibration& calibration, std::string& fault);
 
 inline std::uint32_t channels_of(const Wiring& wiring) noexcept {
@@ -21,8 +22,8 @@ inline std::uint32_t channels_of(const Wiring& wiring) noexcept {
     return mask;
 }
 
-// The capacitance at rest that answers the pad: zero less stray (kStrayParameters), of each electrode; all five must be
-// wired. setup
+// Returns the capacitance at rest that depends on the pad, zero minus stray (kStrayParameters), for each electrode.
+// All five must be wired. setup
 std::array<double, kElectrodes> active_at_rest(const CalibrationData& data, const Wiring& wiring, std::string& fault);
 
 inline constexpr std::array<Parameter, kElectrodes> kStrayParameters{
@@ -36,11 +37,11 @@ inline constexpr std::array<Parameter, 3> kPadParameters{
      {"stiffening", "exponent of the compression law, 0 = neo-Hookean", -2, 1, 0},
      {"shear_gap_exponent", "how shear stiffness rises as the gap closes, 1 = G A / gap", -5, 5, 0}}};
 
-// Behind the last checks of ratio and overlap: what of the pad's state is beyond any pad is cut and flagged.
+// Last step of ratio and overlap: a state beyond the limits of any pad is limited and flagged.
 // rt: wait-free
 inline double within(double value, double min, double max, bool& cut) noexcept {
     const double inside = value < min ? min : value > max ? max : value;
-    cut = cut || inside != value;  // a NaN stays one and ends BAD
+    cut = cut || inside != value;  // a NaN is kept and makes the estimate BAD
     return inside;
 }
 

@@ -1,6 +1,7 @@
-// Model "capacitive", method "overlap": gap and shift together (overlap_solver.hpp), five readings, three unknowns. Then
-// fz = -press(u, dx, dy), fx = k_s(u) dx, fy = k_s(u) dy (pad.hpp). It starts from the pairs' first order (errata 1.7) at
-// each sample and not from the last sample: the same reading gives the same bits, and nothing can be poisoned.
+// Model "capacitive", method "overlap": gap and shift together (overlap_solver.hpp), five readings, three unknowns.
+// Then fz = -press(u, dx, dy), fx = k_s(u) dx, fy = k_s(u) dy (pad.hpp). Each sample starts from the first-order
+// solution of the pairs (errata 1.7) and not from the last sample: the same reading gives the same bits, and no state
+// can be corrupted.
 #include <bit>
 
 #include "decoupling/capacitive/methods.hpp"
@@ -12,7 +13,8 @@
 namespace tactiled {
 namespace {
 
-// Limit for the derivatives by closeness and shift; beyond it a set of electrodes is not solved.
+// Limit of the condition number of the derivatives by closeness and shift; a set of electrodes beyond it is not
+// solved.
 constexpr double kWorstConditionOfPad = 1000;
 
 class OverlapMethod final : public CheckedModel {
@@ -20,7 +22,7 @@ public:
     OverlapMethod(const Calibration& calibration, const Wiring& wiring, const std::array<double, kElectrodes>& active,
                   const ElectrodeGeometry& geometry, PadLaw pad, double noise)
         : CheckedModel(calibration, channels_of(wiring), 0), solver_(active, geometry), pad_(pad), noise_(noise) {
-        // Lengths in disc radii, as the solver has them: the shear stiffness is per disc radius.
+        // Lengths are in disc radii, as in the solver: the shear stiffness is per disc radius.
         pad_.shear_stiffness *= geometry.disc_radius_m;
         pad_.gap = geometry.gap_m / geometry.disc_radius_m;
         for (std::size_t e = 0; e < kElectrodes; ++e) channel_[e] = std::size_t(wiring[e]);
@@ -34,7 +36,7 @@ public:
             const auto& s = svd.singularValues();
             subset_[set].solvable = std::popcount(set) >= 3 && s[2] * kWorstConditionOfPad > s[0];
             if (!subset_[set].solvable) continue;
-            // Rows of the pseudo-inverse: how noise reaches each unknown.
+            // Rows of the pseudo-inverse give the propagation of noise to each unknown.
             const Eigen::MatrixXd inverse = svd.solve(Eigen::MatrixXd::Identity(kElectrodes, kElectrodes));
             for (std::size_t i = 0; i < 3; ++i) {
                 const double noise_gain = inverse.row(Eigen::Index(i)).norm();
@@ -85,7 +87,7 @@ private:
     std::array<std::size_t, kElectrodes> channel_{};
     std::array<Subset, 1u << kElectrodes> subset_{};
     PadLaw pad_;
-    double noise_;  // one standard deviation of an electrode, channel_unit
+    double noise_;  // standard deviation of an electrode, channel_unit
 };
 
 constexpr auto kParameters =

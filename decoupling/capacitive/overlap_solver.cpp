@@ -9,7 +9,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kConverged = 1e-8;  // of a disc radius, of u; the next step is 1e-14
+constexpr double kConverged = 1e-8;  // change of u, or of the shift in disc radii; the next step is 1e-14
 
 OverlapSolver::State inside(OverlapSolver::State state, bool& cut) noexcept {
     state.v = within(state.v, kMinCloseness - 1, kMaxCloseness - 1, cut);
@@ -37,7 +37,7 @@ OverlapSolver::OverlapSolver(const std::array<double, kElectrodes>& active, cons
 }
 
 OverlapSolver::State OverlapSolver::start(const Electrodes& reading, unsigned set) const noexcept {
-    bool cut = false;  // the steps say whether it stays so
+    bool cut = false;  // the following steps determine it
     const auto has = [&](std::size_t e) { return (set >> e & 1u) != 0; };
     const auto relative = [&](std::size_t e) { return reading[Eigen::Index(e)] / active_[e]; };
     State state{0, 0, 0};

@@ -1,10 +1,11 @@
-// Gap and shift of the pad from what the electrodes read, by the exact overlap: with closeness u = 1 + v = d0 / d, the shift
-// (dx, dy) of the upper electrode and A_k the overlap (sector_overlap.hpp), each electrode reads, less its zero,
+// Computes gap and shift of the pad from the readings of the electrodes with the exact overlap. With closeness u = 1
+// + v = d0 / d, the shift (dx, dy) of the upper electrode and A_k the overlap (sector_overlap.hpp), each electrode
+// reads, minus its zero,
 //
 //     r_k = active_k ((1 + v) A_k(dx, dy) / A_k(0) - 1) = active_k (v + (1 + v) dA_k / A_k(0)),   k = C1 C2 C3 C4 Cn
 //
-// active = zero less stray. Gauss-Newton with the exact derivatives, by QR. Lengths in disc radii: the unknowns are of one
-// size then.
+// active = zero minus stray. Gauss-Newton with the exact derivatives, by QR. Lengths are in disc radii, so that the
+// unknowns have similar sizes.
 #pragma once
 #include <Eigen/Core>
 #include <array>
@@ -25,19 +26,20 @@ public:
         State state;
         Electrodes rest;         // reading - model; 0 for electrodes that are not used
         bool converged = false;  // the last step was below 1e-8
-        bool cut = false;        // of the state, what is beyond any pad
+        bool cut = false;        // a part of the state was beyond the limits of any pad
     };
 
     // setup
     OverlapSolver(const std::array<double, kElectrodes>& active, const ElectrodeGeometry& geometry);
 
-    // To first order: u from Cn (else from the sum of the sectors), the shift from each pair or from what is left of it.
-    // `set`: bit e = electrode e is used. rt: wait-free
+    // Returns the first-order solution: u from Cn (else from the sum of the sectors), the shift from each pair or
+    // from the rest of it. `set`: bit e = electrode e is used. rt: wait-free
     [[nodiscard]] State start(const Electrodes& reading, unsigned set) const noexcept;
     // rt: wait-free, at most `max_steps`, one or more
     [[nodiscard]] Solved solve(const Electrodes& reading, unsigned set, const State& from,
                                int max_steps = kMaxSteps) const noexcept;
-    // rest = reading - model, and the model's derivatives by v, x, y; rows of electrodes outside of `set` are 0.
+    // Computes rest = reading - model, and the model's derivatives by v, x, y; rows of electrodes outside of `set`
+    // are 0.
     // rt: wait-free
     void linearise(const State& state, const Electrodes& reading, unsigned set, Electrodes& rest,
                    Jacobian& j) const noexcept;

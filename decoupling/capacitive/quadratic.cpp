@@ -1,11 +1,13 @@
-// Model "capacitive", method "quadratic": the curves of the thesis, eq. XXXIII and XXXIV, C = C0 + b F + a F^2. They give
-// absolute capacitances (errata 1.4); C0 is the channel's zero. Press N = -fz from Cn alone; then of each pair
+// Model "capacitive", method "quadratic": the curves of the thesis, eq. XXXIII and XXXIV, C = C0 + b F + a F^2. They
+// give absolute capacitances (errata 1.4); C0 is the channel's zero. The press N = -fz comes from Cn alone; then for
+// each pair
 //
 //     C1 = C0 + b1 F + a1 F^2 + press1(N)        C2 = C0 - b2 F + a2 F^2 + press2(N)
 //     (C1 - C2) - (press1 - press2) = (b1 + b2) F + (a1 - a2) F^2
 //
-// The thesis takes one electrode's curve for both signs; the falling one comes near the vertex, where it says nothing
-// (errata 1.9), and the difference of the pair does not. One electrode alone is used while its partner is missing.
+// The thesis uses one electrode's curve for both signs. The falling curve approaches its vertex, where it gives no
+// information (errata 1.9); the difference of the pair does not. A single electrode is used only if its partner is
+// missing.
 #include "decoupling/capacitive/methods.hpp"
 #include "decoupling/solve/curve.hpp"
 
@@ -74,15 +76,15 @@ private:
             flag(force, single_[e], -shear_range_N_, shear_range_N_, estimate);
             estimate.wrench_S[axis] = has_plus ? force.F : 0.0 - force.F;
             if (!(force.slope > 0)) return;
-            // Noise of one electrode through its slope against that of two through the pair's; and what is wrong about
-            // the press no longer cancels.
+            // Noise of one electrode through its slope, relative to the noise of two through the pair's slope; an
+            // error of the press no longer cancels.
             const double noise = pair_[axis].b() / (std::sqrt(2.0) * force.slope);
             const double leak = press_[e].b() * sd_[2] / (force.slope * sd_[axis]);
             input.sd_factor[axis] *= std::hypot(std::max(1.0, noise), std::isfinite(leak) ? leak : 0.0);
-        }  // else NaN: BAD
+        }  // else NaN, which is BAD
     }
 
-    // Beyond the range a straight line goes on; beyond the vertex nothing is known about how far.
+    // Beyond the range the curve continues as a straight line; beyond the vertex the force is unknown.
     static void flag(const Curve::Force& force, const Curve& curve, double min, double max, Estimate& estimate) noexcept {
         const double margin = kDomainMargin * (max - min);
         const bool at_vertex = !(force.slope > 1e-6 * curve.b());
@@ -92,16 +94,16 @@ private:
 
     Wiring wiring_;
     Curve normal_;
-    std::array<Curve, kCentre> single_, press_;  // of each electrode: its own shear, and the press
+    std::array<Curve, kCentre> single_, press_;  // `single_` is for the electrode's own shear, `press_` for the press
     std::array<Curve, 2> pair_;
     double shear_range_N_;
     Wrench sd_ = kUnseen;
 };
 
-// side: a row for each of C1 .. C4, b a of the force towards it and b a of the press.
+// side: a row for each of C1 .. C4, with b and a for the force towards it and b and a for the press.
 constexpr std::array<KnownTable, 1> kTables{{{"side", 4, 4, false}}};
 
-// The fault of the parts that a shear needs, "" where there is none.
+// Returns the fault of the parts that a shear needs, "" if there is none.
 std::string fault_of_sides(const CalibrationData& data) {
     const NumberRows* side = data.table("side");
     if (side == nullptr) return "table side is missing: 4 rows C1 .. C4 of b a normal_b normal_a";

@@ -1,9 +1,9 @@
-// Model "capacitive", method "ratio": the gap cancels in (C1 - C2) / Cn. Cn less its stray part gives closeness u = d0 / d.
-// Each pair gives the shift, whatever the gap:
+// Model "capacitive", method "ratio": the gap cancels in (C1 - C2) / Cn. Cn minus its stray part gives the closeness
+// u = d0 / d. Each pair gives the shift, independent of the gap:
 //
 //     (C1 - C2) / Cn = (A1 - A2) / An,    A1 - A2 = 4 R dx sin(opening / 2) + O(dx^3)
 //
-// in units of the length over which one electrode would double. `active` are capacitances less stray ones.
+// in units of the length over which one electrode would double. `active` are capacitances minus stray capacitances.
 #include "decoupling/capacitive/methods.hpp"
 #include "decoupling/capacitive/pad.hpp"
 
@@ -24,7 +24,7 @@ private:
         bool cut = false;
         const double centre = active_[kCentre];
         const double v = within(input.r[channel_[kCentre]] / centre, kMinCloseness - 1, kMaxCloseness - 1, cut);
-        // The change of the ratio since rest, times what the ratio changes by at one unit of shift; differences first.
+        // The change of the ratio since rest, divided by its change per unit of shift; differences are taken first.
         const auto shift = [&](std::size_t plus, std::size_t minus) {
             const double change =
                 (input.r[channel_[plus]] - input.r[channel_[minus]]) - (active_[plus] - active_[minus]) * v;

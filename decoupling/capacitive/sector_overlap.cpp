@@ -1,14 +1,15 @@
 // Derived for this project; the thesis' eq. XXVI treats the shifted disc as concentric and errs by 9 % at first order
-// (decoupling/capacitive/README.md, "Errata"). Seen from the origin, the edge of the disc of radius R shifted by d lies at
+// (decoupling/capacitive/README.md, "Errata"). Seen from the origin, the edge of the disc of radius R shifted by d is
+// at
 //
 //     rho(t) = c + S,    c = d cos t,  u = d sin t,  S = sqrt((R - u)(R + u)),    t measured from the shift's direction.
 //
-// Where the edge is between inner and outer from t1 to t2, the area grows against no shift by
+// If the edge lies between inner and outer from t1 to t2, the area changes relative to no shift by
 //
 //     dA = 1/2 [u2 rho2 - u1 rho1 + R^2 (asin(u2/R) - asin(u1/R))]
 //
-// Each term is proportional to d, so a shift of 1 pm is as exact as one of 1 mm; the difference of two areas would lose
-// 10 digits there. Its derivative by the shift is the chord of the edge, turned by -90 degrees.
+// Each term is proportional to d, so a shift of 1 pm is as exact as one of 1 mm; the difference of two areas would
+// lose 10 digits. The derivative by the shift is the chord of the edge, rotated by -90 degrees.
 #include "decoupling/capacitive/sector_overlap.hpp"
 
 #include <algorithm>
@@ -21,10 +22,12 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-// The edge at one angle: the angle's cosine and sine in a fixed frame, and how the shift (dx, dy) looks from there.
+// The edge at one angle: the angle's cosine and sine in a fixed frame, and the components of the shift (dx, dy)
+// relative to that direction.
 struct EdgePoint {
-    double x, y;       // of the edge
-    double u, S, rho;  // as above, without the angle of the shift: d sin(theta - phi) = sin theta dx - cos theta dy
+    double x, y;  // the edge's cosine and sine
+    // the symbols above, without the angle of the shift: d sin(theta - phi) = sin theta dx - cos theta dy
+    double u, S, rho;
 
     EdgePoint(double cosine, double sine, double R, double dx, double dy) noexcept {
         u = sine * dx - cosine * dy;
@@ -35,15 +38,15 @@ struct EdgePoint {
     }
 };
 
-// Of the part from `from` to `to` where the edge is neither clipped by inner nor by outer.
+// Overlap of the part from `from` to `to` where the edge is clipped neither by inner nor by outer.
 Overlap free_edge(const EdgePoint& from, const EdgePoint& to, double R) noexcept {
     const double turned = std::atan2(to.u * from.S - from.u * to.S, from.S * to.S + from.u * to.u);
     return {
         .change = 0.5 * (to.u * to.rho - from.u * from.rho + R * R * turned), .d_dx = to.y - from.y, .d_dy = from.x - to.x};
 }
 
-// The angle from the shift's direction up to which the edge is beyond radius `a`: 0 .. pi. By half angles: the cosine
-// (a^2 + d^2 - R^2) / 2ad itself loses everything where a is near R and d small.
+// Returns the angle from the shift's direction up to which the edge is beyond radius `a`: 0 .. pi. Half angles are
+// used, because the cosine (a^2 + d^2 - R^2) / 2ad loses all digits if a is near R and d is small.
 double clip_angle(double a, double R, double d) noexcept {
     const double beyond = (R - a + d) * (R + a - d), within = (a + d - R) * (a + d + R);
     if (!(beyond > 0)) return 0;
@@ -75,7 +78,7 @@ Overlap overlap(const Sector& sector, double R, double dx, double dy) noexcept {
     if (R - d >= sector.inner && R + d <= sector.outer && sector.half_opening < kPi / 2)
         return free_edge({sector.cos_from, sector.sin_from, R, dx, dy}, {sector.cos_to, sector.sin_to, R, dx, dy}, R);
 
-    // Cut where the edge crosses inner or outer; two turns of the circle cover every sector.
+    // Cut where the edge crosses inner or outer; two revolutions cover every sector.
     const double towards = d > 0 ? std::atan2(dy, dx) : 0.0;
     const double full = clip_angle(sector.outer, R, d), some = clip_angle(sector.inner, R, d);
     std::array<double, 24> cut;
@@ -100,7 +103,7 @@ Overlap overlap(const Sector& sector, double R, double dx, double dy) noexcept {
         } else if (middle > some) {
             constant(sector.inner, width);
         } else {
-            // At most half a turn at once: the atan2 of free_edge() knows no more.
+            // At most half a revolution at once, because of the atan2 of free_edge().
             const double half = cut[i] + 0.5 * width;
             const EdgePoint a{std::cos(cut[i]), std::sin(cut[i]), R, dx, dy}, b{std::cos(half), std::sin(half), R, dx, dy},
                 c{std::cos(cut[i + 1]), std::sin(cut[i + 1]), R, dx, dy};

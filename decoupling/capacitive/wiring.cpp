@@ -1,4 +1,4 @@
-// The channel of each electrode, and the part of each capacitance that answers the pad.
+// The channel of each electrode, and the part of each capacitance that depends on the pad.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ Wiring pad_wiring(const Calibration& calibration, std::string& fault) {
     const Wiring wiring = electrode_wiring(calibration, fault);
     for (const auto& name : calibration.components)
         if (fault.empty() && name != "fx" && name != "fy" && name != "fz")
-            fault = fmt::format("component \"{}\"; a capacitive sensor sees fx fy fz", name);
+            fault = fmt::format("component \"{}\"; a capacitive sensor measures fx fy fz", name);
     return wiring;
 }
 

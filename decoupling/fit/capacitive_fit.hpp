@@ -1,5 +1,5 @@
-// The parts that the fits of model "capacitive" share. See decoupling/capacitive/README.md for what is fitted and what is
-// stated.
+// The common parts of the fits of model "capacitive". decoupling/capacitive/README.md lists the fitted and the stated
+// parameters.
 #pragma once
 #include <array>
 
@@ -15,9 +15,10 @@ struct FittedPad {
     std::array<double, kUnknowns> p;
     double noise, condition;
 };
-// Zero and active capacitance of each electrode, compression law, shear stiffness and its exponent: robust non-linear least
-// squares, readings from forces. `geometry`: nullptr = the overlap to first order; `pair_gain`: relative change of C1 by one
-// unit of shift. All but the shear stiffness is put into the calibration. setup: throws Undetermined
+// Fits zero and active capacitance of each electrode, compression law, shear stiffness and its exponent by robust
+// non-linear least squares, readings from forces. `geometry`: nullptr = the overlap to first order; `pair_gain`:
+// relative change of C1 per unit of shift. Everything except the shear stiffness is stored in the calibration. setup:
+// throws Undetermined
 FittedPad fit_pad(const Rows& rows, const ElectrodeGeometry* geometry, double pair_gain, Calibration& calibration,
                   std::vector<std::string>& warnings);
 

@@ -1,8 +1,8 @@
-// The readings of a pad's electrodes at a given force, for the fit: a function of its unknowns and their derivatives.
+// Computes the readings of a pad's electrodes at a given force, for the fit, with derivatives by its unknowns.
 //
 //     C_k = zero_k + active_k (v + (1 + v) dA_k(dx, dy)),    press(v, dx, dy) = N,    (dx, dy) = (fx, fy) / k_s(v)
 //
-// T is double, or a dual number as ceres::Jet with its value in `.a`.
+// T is double, or a dual number such as ceres::Jet with its value in `.a`.
 #pragma once
 #include <array>
 #include <cmath>
@@ -23,13 +23,14 @@ enum CapacitiveUnknown {
     kUnknowns = 14
 };
 
-// Press at v under a shear force.
+// Returns the press at v under a shear force.
 inline double press_at(const PadLaw& law, double v, double shear_N) {
     const double shift = shear_N / law.shear_stiffness_at(v);
     return law.press_N(v) + law.press_by_shift_N(v, shift * shift);
 }
 
-// v at which the pad of that law carries both: monotone where it matters, so bisection in log u; 60 halvings.
+// Returns the v at which the pad of that law carries press and shear. The law is monotone in the relevant range, so
+// bisection in log u is used; 60 halvings.
 inline double compression(double press_N, double shear_N, const PadLaw& law) {
     double low = std::log(kMinCloseness), high = std::log(kMaxCloseness);
     for (int i = 0; i < 60; ++i) {
@@ -46,9 +47,10 @@ double number(const Jet& x) {
 }
 
 struct CapacitiveModel {
-    const ElectrodeGeometry* geometry;  // nullptr: first order, shift in the length over which an electrode doubles
+    // nullptr: first order, shift in units of the length over which an electrode doubles
+    const ElectrodeGeometry* geometry;
 
-    // The five capacitances at fx fy fz.
+    // Returns the five capacitances at fx fy fz.
     template <typename T>
     void operator()(const T* p, const Wrench& force, T* reading) const {
         using std::exp;
@@ -59,7 +61,7 @@ struct CapacitiveModel {
                          number(p[kExponent]), gap};
         const double shear_N = std::hypot(force[0], force[1]);
         const double v0 = compression(-force[2], shear_N, law);
-        // v as a function of the unknowns: one Newton step from the solution has the right derivative.
+        // v as a function of the unknowns: one Newton step from the solution gives the right derivative.
         const double h = 1e-6 * (1 + v0);
         const double slope = (press_at(law, v0 + h, shear_N) - press_at(law, v0 - h, shear_N)) / (2 * h);
         const double u0 = 1 + v0;

@@ -1,5 +1,5 @@
-// Model "capacitive", method "overlap": the pad with the exact overlap. The geometry comes from `calibration.parameters`,
-// all six numbers or none; without them one is assumed, with a warning.
+// Model "capacitive", method "overlap": the pad with the exact overlap. The geometry comes from
+// `calibration.parameters`, all six numbers or none; without them a geometry is assumed, with a warning.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -10,11 +10,11 @@
 namespace tactiled {
 namespace {
 
-// The thesis gives 12 mm for the whole and about 80 degrees; the radii are assumed. Forces depend on them at the second
-// order of the shift only: at the first, the fitted shear stiffness takes up everything.
+// The thesis gives 12 mm for the whole and about 80 degrees; the radii are assumed. Forces depend on them only at the
+// second order of the shift: at first order, the fitted shear stiffness compensates for them.
 constexpr ElectrodeGeometry kAssumed{5e-3, 3e-3, 6e-3, 1.3962634015954636, 3e-3, 3e-3};
 
-// All of the geometry's parameters, or none: the assumed one.
+// Returns the stated geometry, or the assumed one if no parameter is stated.
 ElectrodeGeometry stated_geometry(const Calibration& calibration, std::vector<std::string>& warnings) {
     const CalibrationData known = known_beforehand(calibration, kGeometryParameters);
     std::string missing;

@@ -1,8 +1,8 @@
 // Model "capacitive", methods "ratio" and "overlap": the same unknowns, with the overlap to first order or exact.
-// capacitive_model.hpp has the equations. 14 unknowns: five zeros and active capacitances, K and q of the compression law,
-// shear stiffness and its exponent p. A press alone hardly tells the active part of a capacitance from the stiffness (the
-// two differ at the third order of v), so weak priors hold what data leave open: each weighs as much as
-// one reading.
+// capacitive_model.hpp has the equations. There are 14 unknowns: five zeros and active capacitances, K and q of the
+// compression law, shear stiffness and its exponent p. A press alone hardly separates the active part of a
+// capacitance from the stiffness (they differ at the third order of v), so weak priors fix the combinations that the
+// data leave open: each has the weight of one reading.
 #include "decoupling/fit/capacitive_fit.hpp"
 
 #include <ceres/ceres.h>
@@ -42,7 +42,7 @@ struct Prior {
     }
 };
 
-// Start values: slopes of the affine fit, half of Cn active.
+// Start values: slopes of the affine fit; half of Cn is active.
 std::array<double, kUnknowns> first_guess(const Rows& rows, const Wiring& wiring, double pair_gain, double& noise) {
     Eigen::MatrixXd loads(Eigen::Index(rows.size()), 3);
     for (Eigen::Index i = 0; i < loads.rows(); ++i) {
@@ -86,7 +86,8 @@ std::array<double, kUnknowns> first_guess(const Rows& rows, const Wiring& wiring
     return p;
 }
 
-// Of the data alone, columns scaled to length 1: what the priors had to hold is not hidden.
+// Condition number of the data alone, with columns scaled to length 1, so that the influence of the priors is
+// visible.
 double condition_of(ceres::Problem& problem, const std::vector<ceres::ResidualBlockId>& data) {
     ceres::Problem::EvaluateOptions options;
     options.residual_blocks = data;
@@ -109,7 +110,7 @@ double condition_of(ceres::Problem& problem, const std::vector<ceres::ResidualBl
     return s[s.size() - 1] > 0 ? s[0] / s[s.size() - 1] : std::numeric_limits<double>::infinity();
 }
 
-// Root mean square of the errors within three of their typical size: outliers do not make the noise.
+// Root mean square of the errors within three of their typical size, so that outliers do not increase the noise.
 double robust_rms(std::vector<double> errors) {
     for (auto& error : errors) error = std::abs(error);
     const auto middle = errors.begin() + std::ptrdiff_t(errors.size() / 2);
@@ -132,7 +133,7 @@ FittedPad solve(const Rows& rows, const Wiring& wiring, const CapacitiveModel& m
     double largest = 0;
     for (const auto* row : rows)
         for (const int k : wiring) largest = std::max(largest, std::abs(row->channel[std::size_t(k)]));
-    const double min_noise = 1e-7 * largest;  // made-up data without noise must not divide by 0
+    const double min_noise = 1e-7 * largest;  // simulated data without noise must not cause a division by 0
     for (int round = 0; round < 3; ++round) {
         fitted.noise = std::max(fitted.noise, min_noise);
         ceres::Problem problem;

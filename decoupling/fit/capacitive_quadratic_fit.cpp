@@ -1,5 +1,5 @@
-// Model "capacitive", method "quadratic": C = C0 + b F + a F^2 (thesis, eq. XXXIII and XXXIV), and how each side electrode
-// answers a press.
+// Model "capacitive", method "quadratic": C = C0 + b F + a F^2 (thesis, eq. XXXIII and XXXIV), and the response of
+// each side electrode to a press.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -25,7 +25,8 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
     calibration.tables.clear();
     calibration.condition = 0;
     double max_press = 0, max_shear = 0;
-    // Curve of electrode e over its own shear (axis 0, 1; 2 = none) and the press; returns its slopes without the constant.
+    // Fits the curve of electrode e over its own shear (axis 0, 1; 2 = none) and the press; returns its slopes
+    // without the constant.
     const auto fit_curve = [&](std::size_t e, std::size_t axis) {
         const auto channel = std::size_t(wiring[e]);
         std::vector<const LabelledRow*> whole;
@@ -68,7 +69,7 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
     calibration.parameters["normal_b"] = normal[0];
     calibration.parameters["normal_a"] = normal[1];
     if (sees("fx") || sees("fy")) {
-        std::vector<std::vector<double>> side(kCentre, {1, 0, 0, 0});  // b = 1: of an axis that is no component
+        std::vector<std::vector<double>> side(kCentre, {1, 0, 0, 0});  // b = 1 for an axis that is not a component
         for (std::size_t e = 0; e < kCentre; ++e) {
             if (!sees(e < 2 ? "fx" : "fy")) continue;
             if (wiring[e] < 0) throw Undetermined(fmt::format("channels lacks {}", kElectrode[e].name));

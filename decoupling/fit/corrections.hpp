@@ -1,5 +1,5 @@
-// The common part of the fits of model "generic" beyond its matrix: the matrix first, then a correction of what it leaves
-// over.
+// The common part of the fits of model "generic" beyond its matrix: they fit the matrix first, then a correction of
+// its residuals.
 #pragma once
 #include <vector>
 
@@ -7,30 +7,30 @@
 
 namespace tactiled {
 
-// Rows that have a label of one component, and what the matrix leaves over of it.
+// Rows that have a label of one component, and the residual of the matrix.
 struct Leftover {
-    std::vector<Eigen::Index> rows;  // of Scaled::u
+    std::vector<Eigen::Index> rows;  // row indices of Scaled::u
     Eigen::VectorXd y;               // N or Nm
 };
 
 struct Scaled {
     Eigen::MatrixXd u;                // rows x channels: (channel - zero) / width
-    std::vector<Leftover> component;  // as in the calibration
+    std::vector<Leftover> component;  // in the order of the calibration
 };
 
-// Fits the matrix, sets table `width` (the standard deviation of each channel) and gives what is left over.
+// Fits the matrix, sets table `width` (the standard deviation of each channel) and returns the residuals.
 // setup: throws Undetermined
 Scaled fit_matrix_and_scale(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
-// (1, u_1 .. u_n, u_1 u_1, u_1 u_2 .. u_n u_n) of each row.
+// Returns (1, u_1 .. u_n, u_1 u_1, u_1 u_2 .. u_n u_n) for each row.
 Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u);
 
-// (feature' feature + ridge rows I)^-1 feature' y: the ridge bounds the condition number of the features, which have a
-// mean square of about 1, at 1 / ridge, so that the normal equations lose no digit that noise would not.
+// Solves (feature' feature + ridge rows I)^-1 feature' y. The ridge bounds the condition number of the features,
+// whose mean square is about 1, by 1 / ridge, so that the normal equations lose no significant digit.
 class Ridge {
 public:
     explicit Ridge(const Eigen::MatrixXd& features);
-    // `feature_y` and the result have a column for each y; one factorisation serves them all.
+    // Solves for all columns of `feature_y` with one factorisation.
     [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& feature_y, double ridge) const;
 
 private:
@@ -38,7 +38,7 @@ private:
     double rows_;
 };
 
-// Rows of `matrix` that stand in `rows`.
+// Returns the given rows of `matrix`.
 Eigen::MatrixXd rows_of(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>& rows);
 
 }  // namespace tactiled

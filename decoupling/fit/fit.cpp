@@ -21,9 +21,9 @@
 namespace tactiled {
 namespace {
 
-constexpr double kTooGood = 1e-6;  // of full scale: six digits are what a reference may have
+constexpr double kTooGood = 1e-6;  // part of full scale: a reference may have six digits
 
-// The fits that were asked for, at least one.
+// Returns the requested fits, at least one.
 std::vector<const FitEntry*> fits_for(const FitRequest& request) {
     for (const std::string& fault : {fault_of_methods(), fault_of_fits()})
         if (!fault.empty()) throw SetupError(fault);
@@ -40,7 +40,7 @@ std::vector<const FitEntry*> fits_for(const FitRequest& request) {
                                  request.model, fmt::join(names, " "), or_did_you_mean(request.method, names)));
 }
 
-// Rows that have a label and every channel, none of them at its saturation limit; counts the others.
+// Keeps rows with a label, with every channel and without saturated channels; counts the others.
 Rows usable_rows(const Labelled& labelled, const FitRequest& request, FitReport& report) {
     Rows rows;
     std::array<bool, 6> labelled_at_all{};
@@ -111,7 +111,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     check_labels(rows, report);
     check_number(rows, report);
     const bool remembers = methods.front()->remembers;
-    Calibration raw;  // domain of the readings as they are
+    Calibration raw;  // domain of the readings without a tare
     raw.channels = labelled->channels;
     set_domain(rows, raw);
     if (!remembers) {
@@ -157,7 +157,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     if (std::none_of(trials.begin(), trials.end(), [](const Trial& trial) { return trial.about.refused.empty(); }))
         throw Undetermined(trials.front().about.refused);
     if (!remembers) {
-        // The labels are judged by the method that explains most of them best.
+        // The labels are checked with the method that fits most of them best.
         Trial* judge = &trials.front();
         double min = std::numeric_limits<double>::infinity();
         for (Trial& trial : trials) {
@@ -184,7 +184,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
                                [&](const Suspect& suspect) { return suspect.row == row && suspect.left_out; });
         });
         if (rows.size() < std::size_t(calibration.rows)) {
-            // A label that is left out sets no full scale, and is no reason to believe that an axis was loaded.
+            // A rejected label sets no full scale and does not show that an axis was loaded.
             set_size();
             if (methods.size() > 1) fit_all();
         }
@@ -199,7 +199,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         } catch (const Undetermined& error) { refuse(trial, error); }
         trial.about.seconds += since(begun);
         if (!report.zeros.own) continue;
-        // Readings as they are before a tare are no surprise.
+        // Readings before a tare must not count as outside the domain.
         for (std::size_t k = 0; k < raw.channels.size(); ++k) {
             trial.calibration.channel_least[k] = std::min(trial.calibration.channel_least[k], raw.channel_least[k]);
             trial.calibration.channel_most[k] = std::max(trial.calibration.channel_most[k], raw.channel_most[k]);
@@ -220,7 +220,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         if (trial.about.refused.empty()) all_fitted.push_back(&trial);
     }
     if (all_fitted.empty()) throw Undetermined(report.methods.front().refused);
-    // Each method looks at the same rows and says the same of them: once is enough.
+    // All methods report the same for the same rows: each text is printed once.
     std::vector<std::string> once;
     for (std::string& warning : report.warnings)
         if (std::find(once.begin(), once.end(), warning) == once.end()) once.push_back(std::move(warning));
@@ -234,9 +234,10 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     report.held_out = validation.rows;
     report.crosstalk = crosstalk(report.held_out, calibration);
     const Wrench fitted = rms_error(calibration, rows);
-    // The channels of a sensor that forgets a lasting load (piezo) depend on the past: any of their combinations may come.
+    // The channels of a sensor that does not measure a lasting load (piezo) depend on the past, so that any
+    // combination of them is possible.
     if (!remembers) set_joint_domain(rows, ways_to_hold_out(*labelled, rows, false).front().of_row, calibration);
-    // The zero of the next mounting is none of these, and it is in the readings until a tare.
+    // The zero of the next mounting is another one, and the readings contain it until a tare.
     if (report.zeros.own) calibration.joint_domain.limit *= 2;
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);
@@ -249,8 +250,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
                             component.name));
         if (component.held_out_rms >= component.spread)
             report.warnings.push_back(
-                fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these "
-                            "channels do not tell {}, or a part that was left out alone loads this axis",
+                fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these channels "
+                            "do not determine {}, or a part that was left out alone loads this axis",
                             component.name, component.held_out_rms, component.spread, component.name));
     }
     for (const auto& [name, value] : request.parameters)

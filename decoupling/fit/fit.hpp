@@ -1,4 +1,4 @@
-// Calibrations from labelled rows: fit, hold out, say how good. May allocate; never in the loop.
+// Makes calibrations from labelled rows: fit, hold out, report the accuracy. May allocate; never called in the loop.
 #pragma once
 #include <array>
 #include <limits>
@@ -20,30 +20,31 @@ namespace tactiled {
 
 struct FitRequest {
     std::string model;   // "generic", "table"
-    std::string method;  // "" = the model's first; "auto" = all, the most accurate on held-out rows first
+    std::string method;  // "" = the model's first; "auto" = all, sorted by their held-out error
     std::string serial, contact_model = "unknown", channel_unit = "unknown";
     std::string date;                               // YYYY-MM-DD
-    std::map<std::string, double> parameters = {};  // known beforehand, for the methods that look for them: area_m2, gap ...
-    std::map<std::string, Fit> start = {};          // by method: what it must be given, such as a map of influences
-    // Zero of the channels: found = one for each session where that is what the recording shows.
+    std::map<std::string, double> parameters = {};  // stated parameters, for the methods that read them: area_m2, gap ...
+    std::map<std::string, Fit> start = {};          // by method: the required input, such as an influence map
+    // Zeros of the channels: found = one per session if the recording shows that the sessions differ.
     enum class Zeros { found, per_session, common } zeros = Zeros::found;
-    std::optional<double> zero_drift = {};  // sd of each channel's zero in use, as a part of its width; none: the sessions'
-    bool keep_outliers = false;             // labels that look wrong are named, and stay
-    // A reading of a channel at or beyond these is at its saturation limit; its row stays out.
+    // sd of each channel's zero in use, relative to its width; none: from the sessions
+    std::optional<double> zero_drift = {};
+    bool keep_outliers = false;  // suspected labels are named and kept
+    // A reading of a channel at or beyond these is at its saturation limit; its row is not used.
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
 };
 
 struct ComponentReport {
-    std::string name;         // of kComponentNames
-    int rows = 0;             // with this label and all channels
-    double full_scale = 0;    // greatest |label|, N or Nm
+    std::string name;         // one of kComponentNames
+    int rows = 0;             // rows with this label and all channels
+    double full_scale = 0;    // largest |label|, N or Nm
     double spread = 0;        // standard deviation of the label
-    double fitted_rms = 0;    // of the rows that made the calibration
-    double held_out_rms = 0;  // of rows that a fit without their group had not seen; NaN = could not be validated
+    double fitted_rms = 0;    // root mean square on the fitted rows
+    double held_out_rms = 0;  // on rows that were held out with their group; NaN = validation was not possible
 };
 
-// A row that the fit had not seen, and what it made of it.
+// A row that was held out, and its estimate.
 struct HeldOut {
     const LabelledRow* row;
     Wrench estimated_S;
@@ -51,43 +52,45 @@ struct HeldOut {
 
 struct MethodReport {
     std::string method;
-    std::vector<double> held_out_rms;  // a component, as in ComponentReport
-    std::string refused;               // why it could not be fitted, "" = it was
+    std::vector<double> held_out_rms;  // one per component, as in ComponentReport
+    std::string refused;               // the reason why it could not be fitted, "" = it was
     double seconds = 0;                // for the fit and its validation
 };
 
 // A label that the method cannot explain although it explains the rows around it.
 struct Suspect {
     const LabelledRow* row;
-    std::size_t component;   // the one that disagrees most
-    double label, expected;  // N or Nm; `expected` is what the channels say without this row
-    bool left_out;           // false: it is part of the calibration, since its load cannot be told from a bend
+    std::size_t component;   // the component with the largest disagreement
+    double label, expected;  // N or Nm; `expected` is the estimate without this row
+    bool left_out;           // false: it is used, because its load cannot be distinguished from a nonlinearity
 };
 
 // sd of each channel's zero in use; empty: none.
 struct ZeroDrift {
     std::vector<double> sd;  // channel_unit
-    bool stated = false;     // by the user; else of the sessions, whose held-out errors have it already
+    bool stated = false;     // stated by the user; else from the sessions, whose held-out errors contain it already
 };
 
 // The zeros of the channels in each session, relative to their mean over the sessions.
 struct SessionZeros {
-    std::vector<std::vector<double>> offset;  // [session][channel], channel_unit; empty: not known
-    std::vector<double> sd;                   // a channel, over the sessions, without the scatter of the estimate
+    std::vector<std::vector<double>> offset;  // [session][channel], channel_unit; empty: unknown
+    std::vector<double> sd;                   // one per channel, over the sessions, without the scatter of the estimate
     bool own = false;                         // each session is read from its own zero, as after a tare
-    double error = 0, error_with_own = 0;     // 68 % quantiles for an affine map, leaving sessions out; parts of full scale
+    // 68 % quantiles for an affine map, leaving sessions out; relative to full scale
+    double error = 0, error_with_own = 0;
 };
 
 struct FitReport {
     Calibration calibration;
-    std::shared_ptr<const Labelled> labelled;  // what was used, which held_out refers to
+    std::shared_ptr<const Labelled> labelled;  // the rows used; held_out points to them
     std::vector<ComponentReport> components;
-    std::vector<MethodReport> methods;  // those that were tried
-    std::vector<HeldOut> held_out;      // of the calibration's own method
+    std::vector<MethodReport> methods;  // the methods tried
+    std::vector<HeldOut> held_out;      // from the calibration's own method
     std::vector<Suspect> suspects;      // in the order of the file
     SessionZeros zeros;
-    // Slope of the estimated component [i] over the applied one [j] on held-out rows, both in full scales, by least
-    // squares over all applied components: 1 on the diagonal and 0 elsewhere would be perfect. NaN where unknown.
+    // Slope of the estimated component [i] over the applied one [j] on held-out rows, both relative to full scale, by
+    // least squares over all applied components: perfect would be 1 on the diagonal and 0 elsewhere. NaN where
+    // unknown.
     std::array<std::array<double, 6>, 6> crosstalk{};
     int rows_read = 0;
     int rows_without_label = 0;
@@ -96,68 +99,71 @@ struct FitReport {
     std::vector<std::string> warnings;
 };
 
-// Fits, names labels that look wrong, and validates by leaving out each session; where there is only one, each pose or each
-// of five stretches of time: rows of one group resemble each other so much that rows drawn at random would praise
-// themselves. One load at a time is left out where the rest does not determine the model. Held-out rows go through the
-// Decoupler of the loop. Parts are fitted in parallel; the result does not depend on that.
+// Fits, names labels that seem wrong, and validates by leaving out each session. If there is only one session, each
+// pose or each of five stretches of time is left out, because rows of one group resemble each other so much that
+// random rows would give a too small error. Single loads are left out if the rest would not determine the model.
+// Held-out rows are estimated by the Decoupler of the loop. Parts are fitted in parallel, which does not change the
+// result.
 // setup: throws SetupError where the request is wrong, Undetermined where the data do not determine the model.
 FitReport fit(const Labelled& labelled, const FitRequest& request);
 
-// ---- one function a method: a calibration from `rows`, which have every channel and at least one label of `components`
-// each. Fills matrix, parameters, tables, zero and condition of `calibration`, whose model, method, channels, components and
-// domain are set; what is held out is not among `rows`, so nothing found with it may be kept. May say something in
-// `warnings`.
+// ---- One function per method: it makes a calibration from `rows`, which have every channel and at least one label
+// of `components` each. It fills matrix, parameters, tables, zero and condition of `calibration`, whose model,
+// method, channels, components and domain are set. Held-out rows are not among `rows`, so a result of another call
+// must not be kept. It may add texts to `warnings`.
 // setup: throws Undetermined
 using Rows = std::vector<const LabelledRow*>;
 using FitModel = void (*)(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
-// An option of `tactilectl calibrate` that gives a fit the numbers from which it starts.
+// An option of `tactilectl calibrate` that sets the start values of a fit.
 struct FitOption {
     const char *name = nullptr, *help = "";  // "influence" for --influence; nullptr: there is none
-    // Puts what `value` stands for into the fit. setup: throws SetupError
+    // Stores the meaning of `value` in the fit. setup: throws SetupError
     void (*put)(const std::string& value, Fit& start) = nullptr;
 };
 
-// One fit, at the end of its own file: the list is as that of the methods (decoupling/method.hpp).
+// One fit, at the end of its own file. The list works as that of the methods (decoupling/method.hpp).
 struct FitEntry {
     std::string_view model = {}, method = {};
     FitModel fit = nullptr;
     bool (*knows_channel)(std::string_view) = nullptr;  // nullptr: any channel
-    std::string_view channels = {};                     // said of the channels that it knows
-    const char* channel_unit = "unknown";               // that such channels usually have
-    // What it makes of a row depends on the rows before, as fit() must then respect: nothing is taken out of their midst,
-    // neither a row that looks odd nor a pose, and what is held out is read with its past.
+    std::string_view channels = {};                     // description of the channels that it knows, for messages
+    const char* channel_unit = "unknown";               // usual unit of these channels
+    // The estimate of a row depends on the rows before. fit() then removes nothing from their midst, neither a
+    // suspected row nor a pose, and estimates held-out rows with their past.
     bool remembers = false;
-    std::string_view adds_to = {};  // the method to which this one adds a correction: its error is the one to be lowered
-    bool must_gain = false;         // refused where the held-out error is not lower than that of `adds_to`
-    bool takes_zero_drift = false;  // a fit of rows that are repeated with random zeros is the best one for such zeros
+    std::string_view adds_to = {};  // the method to which this one adds a correction, and whose error it should lower
+    bool must_gain = false;         // refused if the held-out error is not lower than that of `adds_to`
+    bool takes_zero_drift = false;  // repeating rows with random zeros gives the best fit for such zeros
     FitOption option = {};
     Registry<FitEntry> in_list{this};
 };
 
-// nullptr where there is none of that name. setup
+// Returns the fit of that name, nullptr if there is none. setup
 const FitEntry* find_fit(std::string_view model, std::string_view method);
-// The fits of one model in the order of its methods: the first is taken where none is named. all_fits(): of all models,
+// Returns the fits of one model in the order of its methods; the first is the default. all_fits(): of all models,
 // these in alphabetical order. setup
 std::vector<const FitEntry*> fits_of(std::string_view model);
 std::vector<const FitEntry*> all_fits();
-// The fault of the list: two fits of one name, or a fit of no method; "" where there is none. fit() asks. setup
+// Returns the fault of the list: two fits of one name, or a fit of no method; "" if there is none. Checked by fit().
+// setup
 std::string fault_of_fits();
-// For each fit of the request's model that has an option of this name. setup: throws SetupError
+// Sets an option in each fit of the request's model that has an option of this name. setup: throws SetupError
 void put_fit_option(std::string_view name, const std::string& value, FitRequest& request);
 
-// The parameters that a fit may be told beforehand. setup: throws Undetermined where one is outside its range
+// Returns the stated parameters that a fit accepts. setup: throws Undetermined where one is outside its range
 CalibrationData known_beforehand(const Calibration& calibration, std::span<const Parameter> parameters);
 
-// Each component is an affine function of the channels: matrix and zero. `forget`: row i of N counts forget^(N - i).
+// Fits each component as an affine function of the channels: matrix and zero. `forget`: row i of N has the weight
+// forget^(N - i).
 // setup: throws Undetermined
 void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings,
                 std::optional<double> forget = {});
 
-inline constexpr std::size_t kRowsPerCoefficient = 3;  // fewer describe the noise
+inline constexpr std::size_t kRowsPerCoefficient = 3;  // with fewer rows the residual describes the noise
 
-// Rows that were recorded under the same load, one after the other, count as one: how many there are of those with a
-// label of component `c`.
+// Returns the number of independent rows with a label of component `c`: consecutive rows under the same load count as
+// one.
 std::size_t independent_rows(const Rows& rows, std::size_t c);
 
 }  // namespace tactiled

@@ -1,5 +1,5 @@
-// Model "generic", method "matrix": each component is an affine function of the channels, fitted for itself; with the
-// parameter `forget` row i of N counts forget^(N - i).
+// Model "generic", method "matrix": each component is an independent affine function of the channels. With the
+// parameter `forget`, row i of N has the weight forget^(N - i).
 #include <fmt/format.h>
 
 #include <cmath>
@@ -18,13 +18,14 @@ std::string names_of(const std::vector<std::size_t>& columns, const std::vector<
     return text;
 }
 
-// The file form is M (r - zero), the fit is M r + b, so M zero = -b. Of all such zeros the one nearest to `at_rest`, in
-// widths of the channels: with fewer forces than channels b alone does not say where the channels rest.
+// The calibration's form is M (r - zero), the fit is M r + b, so M zero = -b. Many zeros fulfil that; the one nearest
+// to `at_rest`, in widths of the channels, is taken: with fewer forces than channels b alone does not determine the
+// readings at rest.
 Eigen::VectorXd fold_constant(const Eigen::MatrixXd& m, const Eigen::VectorXd& b, const Eigen::VectorXd& at_rest,
                               const Eigen::VectorXd& width) {
     const Eigen::MatrixXd scaled = m * width.asDiagonal();
     const Eigen::VectorXd wanted = -b - m * at_rest;
-    // Rows scaled too: newton and newton metre differ by the arm, 1e-3.
+    // Rows are scaled, too: newton and newton metre differ by the arm, 1e-3.
     const Eigen::VectorXd length = scaled.rowwise().norm();
     const Eigen::MatrixXd unit_rows = scaled.array().colwise() / length.array();
     const Eigen::VectorXd unit_wanted = wanted.array() / length.array();
@@ -36,7 +37,7 @@ Eigen::VectorXd fold_constant(const Eigen::MatrixXd& m, const Eigen::VectorXd& b
     return at_rest + width.asDiagonal() * step;
 }
 
-// The same with the newest rows counting most, from the fit of all rows on.
+// Fits with the highest weight on the newest rows, starting from the fit of all rows.
 void forget_old_rows(const Eigen::MatrixXd& x, const Eigen::VectorXd& y, double forget, Affine& affine) {
     const Eigen::Index n = x.cols();
     const Eigen::MatrixXd centred = x.rowwise() - affine.centre;
@@ -91,7 +92,8 @@ void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::str
         calibration.condition = std::max(calibration.condition, affine.slope.condition);
     }
 
-    // At rest: where every label that the row has is within 2 % of its full scale; 0 where no row is.
+    // Returns the readings at rest: rows in which every present label is within 2 % of its full scale; 0 if there are
+    // none.
     Wrench full_scale{};
     for (const auto* row : rows)
         for (std::size_t c = 0; c < full_scale.size(); ++c)

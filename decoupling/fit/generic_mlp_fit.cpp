@@ -1,6 +1,6 @@
-// Model "generic", method "mlp": one hidden layer of tanh under Huber's loss. Several random starts; strength of the decay
-// and number of steps are those that do best on stretches of rows that are left out, and so is the choice of the
-// components that get a correction at all.
+// Model "generic", method "mlp": one hidden layer of tanh under Huber's loss, from several random starts. The
+// strength of the decay, the number of steps, and the components with a correction are those with the smallest error
+// on stretches of rows that are left out.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -25,9 +25,9 @@ constexpr int kStarts = 4, kStepsOfAStart = 15, kMaxSteps = 150, kPatience = 20;
 constexpr double kDecays[] = {1e-5, 1e-3};  // penalty on squared weights, per row
 constexpr Eigen::Index kStretches = 25, kParts = 5;
 constexpr double kWorth =
-    0.98;  // part of the matrix's error on the rows left out: a component that gains less keeps the matrix
+    0.98;  // error relative to the matrix's on the rows left out: a component that gains less keeps the matrix
 
-// Every `every`-th of the rows `of`.
+// Returns every `every`-th of the rows `of`.
 MlpRows some_of(const MlpRows& all, const std::vector<Eigen::Index>& of, std::size_t max) {
     const std::size_t every = std::max<std::size_t>(1, (of.size() + max - 1) / max);
     std::vector<Eigen::Index> chosen;
@@ -35,7 +35,7 @@ MlpRows some_of(const MlpRows& all, const std::vector<Eigen::Index>& of, std::si
     return {rows_of(all.u, chosen), rows_of(all.y, chosen)};
 }
 
-// Sum of squared errors over the known values, of each component; `network` nullptr: of zero.
+// Returns the sum of squared errors over the known values, for each component; `network` nullptr: for zero.
 Eigen::ArrayXd squares_of(const MlpNetwork* network, const MlpRows& rows) {
     const Eigen::MatrixXd value =
         network == nullptr ? Eigen::MatrixXd::Zero(rows.y.rows(), rows.y.cols()) : network->values(rows.u);
@@ -43,7 +43,7 @@ Eigen::ArrayXd squares_of(const MlpNetwork* network, const MlpRows& rows) {
     return error.colwise().squaredNorm().transpose();
 }
 
-// The start of which a few steps on some rows lower the cost most.
+// Returns the start whose cost decreases most within a few steps on some rows.
 MlpNetwork best_start(const MlpRows& rows, Eigen::Index neurons, std::uint64_t seed) {
     MlpNetwork best;
     double min = std::numeric_limits<double>::infinity();
@@ -59,11 +59,11 @@ MlpNetwork best_start(const MlpRows& rows, Eigen::Index neurons, std::uint64_t s
 
 struct Trained {
     MlpNetwork network;
-    double decay = 0, error = 0;  // on the rows left out, over that of the matrix; mean of squares over the components
+    double decay = 0, error = 0;  // on the rows left out, relative to the matrix; mean of squares over the components
     int steps = 0;
 };
 
-// Trains on `seen` until `unseen` has gained nothing for kPatience steps; keeps the best on the way.
+// Trains on `seen` until the error on `unseen` has not decreased for kPatience steps; returns the best state.
 Trained train(const MlpRows& seen, const MlpRows& unseen, const MlpNetwork& start, double decay) {
     const Eigen::ArrayXd of_matrix = squares_of(nullptr, unseen) + std::numeric_limits<double>::min();
     const auto error_of = [&](const MlpNetwork& network) { return (squares_of(&network, unseen) / of_matrix).mean(); };
@@ -75,7 +75,7 @@ Trained train(const MlpRows& seen, const MlpRows& unseen, const MlpNetwork& star
     return best;
 }
 
-// The number of neurons that the rows determine. setup: throws Undetermined where it is too small
+// Returns the number of neurons that the rows determine. setup: throws Undetermined where it is too small
 Eigen::Index neurons_for(std::size_t independent, std::size_t inputs, std::size_t components) {
     const std::size_t per_neuron = 1 + inputs + components;
     const std::size_t weights = std::min(kMaxWeights, independent / kRowsPerWeight);
@@ -103,7 +103,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
         independent = std::min(independent, independent_rows(rows, component_index(name)));
     const Eigen::Index neurons = neurons_for(independent, calibration.channels.size(), std::size_t(components));
 
-    // The rest that the matrix leaves, in units of its own standard deviation; NaN where there is no label.
+    // The residual of the matrix, in units of its own standard deviation; NaN where there is no label.
     MlpRows all{scaled.u, Eigen::MatrixXd::Constant(scaled.u.rows(), components, kNaN)};
     std::vector<double> unit;
     for (Eigen::Index c = 0; c < components; ++c) {
@@ -130,7 +130,7 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     if (Trained other = train(seen, unseen, start, kDecays[1]); other.error < best.error) best = std::move(other);
     const Eigen::ArrayXd gain = squares_of(&best.network, unseen) / squares_of(nullptr, unseen);
 
-    // The same number of steps on all rows, from the network that was best without the rows left out.
+    // Trains with the same number of steps on all rows, from the network that was best without the rows left out.
     const MlpRows used = some_of(all, all_rows, max_rows);
     MlpSolver solver(used, best.network, best.decay);
     for (int step = 0; step < kStepsOfAStart && solver.step();) ++step;

@@ -20,7 +20,7 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
                 fmt::format("{} independent rows with {} for {} coefficients of method quadratic; at least {} "
                             "are needed",
                             independent, calibration.components[i], features.cols(), needed));
-        // Products of channels that go together repeat each other: the shortest of the equally good solutions.
+        // Products of correlated channels are dependent: the shortest of the equally good solutions is taken.
         const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver(rows_of(features, leftover.rows));
         const Eigen::VectorXd q = solver.solve(leftover.y);
         calibration.tables["quadratic"].emplace_back(q.data(), q.data() + q.size());

@@ -1,5 +1,5 @@
-// Model "generic", method "rbf": centres by k-means, weights by ridge regression together with the quadratic; spread and
-// ridge are those that do best on a part that is left out.
+// Model "generic", method "rbf": centres by k-means, weights by ridge regression together with the quadratic. Spread
+// and ridge are those with the smallest error on a part that is left out.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,9 +16,10 @@ constexpr Eigen::Index kMaxCentres = 1000;
 constexpr Eigen::Index kRowsPerCentre = 20;
 constexpr double kSpreads[] = {1, 2, 4, 8};  // in standard deviations of a channel
 constexpr double kRidges[] = {1e-9, 1e-7, 1e-5, 1e-3};
-constexpr int kParts = 5;  // of which one is left out while spread and ridge are looked for
+constexpr int kParts = 5;  // one of these parts is left out for the search of spread and ridge
 
-// k-means++ and Lloyd's rounds, always with the same random numbers. A centre that loses all its rows keeps its place.
+// k-means++ and Lloyd's iterations, always with the same random numbers. A centre that loses all its rows keeps its
+// place.
 Eigen::MatrixXd k_means(const Eigen::MatrixXd& u, Eigen::Index n) {
     std::mt19937_64 random(1);
     Eigen::MatrixXd centres(n, u.cols());
@@ -57,8 +58,8 @@ Eigen::MatrixXd features_of(const Eigen::MatrixXd& u, const Eigen::MatrixXd& cen
     return features;
 }
 
-// The rest that the matrix leaves, a column a component, in units of its root mean square; a row without a label counts as
-// explained: a part of the search, not of the fit.
+// Returns the residual of the matrix, one column per component, in units of its root mean square. A row without a
+// label counts as explained, which affects only the search.
 Eigen::MatrixXd units_left(const Scaled& scaled) {
     Eigen::MatrixXd y = Eigen::MatrixXd::Zero(scaled.u.rows(), Eigen::Index(scaled.component.size()));
     for (std::size_t c = 0; c < scaled.component.size(); ++c) {
@@ -70,8 +71,8 @@ Eigen::MatrixXd units_left(const Scaled& scaled) {
     return y;
 }
 
-// Spread and ridge with the least error on every fifth stretch of rows. One Gram matrix and one right-hand side a spread,
-// one factorisation a ridge.
+// Searches for the spread and the ridge with the smallest error on every fifth stretch of rows. One Gram matrix and
+// one right-hand side per spread, one factorisation per ridge.
 void search(const Scaled& scaled, const Eigen::MatrixXd& centres, double& best_spread, double& best_ridge) {
     std::vector<Eigen::Index> seen, unseen;
     const Eigen::Index stretch = std::max<Eigen::Index>(1, scaled.u.rows() / (kParts * kParts));
@@ -112,7 +113,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
     weights.clear();
     quadratic.clear();
     const Eigen::MatrixXd features = features_of(scaled.u, centres, spread);
-    // Components that every row has a label of have the Gram matrix in common.
+    // Components with a label in every row share the Gram matrix.
     std::unique_ptr<Ridge> of_all;
     for (const Leftover& leftover : scaled.component) {
         Eigen::VectorXd w;

@@ -10,12 +10,12 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kStretches = 5;  // stretches of time, where there are no sessions to leave out
+constexpr std::size_t kStretches = 5;  // stretches of time, if there are no sessions to leave out
 constexpr std::size_t kMaxPoseGroups = 10, kMaxLoadGroups = 100;
-constexpr std::size_t kRowsPerPose = 5;  // on average, from where rows are said to repeat poses
-constexpr double kSameLoad = 0.01;       // part of full scale
-// Parts of the greatest load; less than that in the rest is extrapolation. A new session may well go further than the
-// others.
+constexpr std::size_t kRowsPerPose = 5;  // mean number from which on rows count as repeated poses
+constexpr double kSameLoad = 0.01;       // relative to full scale
+// Relative to the largest load; a smaller range in the rest would mean extrapolation. A new session may well exceed
+// the range of the others.
 constexpr double kSpanned = 0.3, kSpannedBySessions = 0.1;
 
 Wrench full_scales(const Rows& rows) {
@@ -39,7 +39,7 @@ Groups groups_of_sessions(const Labelled& labelled, const Rows& rows) {
     return groups;
 }
 
-// Poses in groups of neighbours; empty where the rows do not repeat poses.
+// Returns poses in groups of neighbours; empty if the rows do not repeat poses.
 Groups groups_of_poses(const Rows& rows) {
     Groups groups;
     std::map<Wrench, std::size_t> poses;
@@ -58,7 +58,7 @@ Groups groups_of_poses(const Rows& rows) {
     return groups;
 }
 
-// By their times, where the file has some: rows that were shuffled would be rows drawn at random.
+// Uses the times of the rows, if the file has them: rows that were shuffled would amount to random rows.
 Groups groups_of_stretches(const Rows& rows) {
     Groups groups;
     std::vector<std::size_t> by_time(rows.size());
@@ -73,7 +73,7 @@ Groups groups_of_stretches(const Rows& rows) {
     return groups;
 }
 
-// One load each; of many loads several, which lie far from each other in the recording.
+// Returns one load each; if there are many loads, groups of loads that are far apart in the recording.
 Groups groups_of_loads(const Rows& rows) {
     Groups groups;
     groups.of_row = loads_of(rows);

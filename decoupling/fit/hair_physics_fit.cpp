@@ -1,5 +1,5 @@
-// Model "hair", method "physics": how the measured sensitivities differ from those of the geometry, which is taken from
-// `calibration.parameters` where it is stated there, else from the documents (HairPhysics).
+// Model "hair", method "physics": the difference between the measured sensitivities and those of the geometry, which
+// comes from `calibration.parameters` if it is stated there, else from the documents (HairPhysics).
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -25,8 +25,8 @@ void fit_hair_physics(const Rows& rows, Calibration& calibration, std::vector<st
     const HairPhysics physics = hair_physics(known_beforehand(calibration, kBeforehand));
     for (const HairGeometry& each : kHairGeometry) parameters[each.parameter.name] = physics.*each.member;
     const auto hairs = fit_hairs(session, calibration, kLeakTerms, warnings);
-    // Only two numbers of the geometry can be told from readings, D_sigma and D_tau: each gets its correction, and each
-    // hair its own part of it.
+    // Readings determine only two numbers of the geometry, D_sigma and D_tau: each gets a correction, and each hair
+    // its own part of it.
     std::vector<double> normal, shear;
     for (std::size_t k = 0; k < hairs.size(); ++k) {
         const std::size_t i = session.hair[k], axis = i % 2 + 1;

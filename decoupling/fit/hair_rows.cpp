@@ -12,7 +12,7 @@ namespace tactiled {
 namespace {
 
 constexpr int kReweightings = 20;
-// A hair's noise is taken as at least this part of its rms reading: rows without noise are no reason for infinite weights.
+// Minimum noise of a hair, relative to its rms reading: rows without noise would otherwise get infinite weights.
 constexpr double kMinNoise = 1e-4;
 
 }  // namespace
@@ -26,7 +26,7 @@ RobustFit robust_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& 
         for (double& size : sizes) size = std::abs(size);
         std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
         result.sd = kRobustSd * sizes[sizes.size() / 2] * std::sqrt(double(a.rows()) / double(a.rows() - a.cols()));
-        if (!(result.sd > 1e-13 * y.cwiseAbs().maxCoeff())) break;  // rounding
+        if (!(result.sd > 1e-13 * y.cwiseAbs().maxCoeff())) break;  // only rounding is left
         const Eigen::VectorXd weight = (1 + (error / (kCauchyEfficient * result.sd)).array().square()).rsqrt();
         const LeastSquares next = least_squares(weight.asDiagonal() * a, weight.cwiseProduct(y));
         if (!next.dependent.empty()) break;
@@ -51,14 +51,14 @@ HairSession hair_session_of(const Rows& rows, const Calibration& calibration, do
     }
     for (const auto& name : calibration.components) {
         const std::size_t c = component_index(name);
-        if (c > 2) throw Undetermined(fmt::format("a hair sensor does not see {}: leave its column out", name));
+        if (c > 2) throw Undetermined(fmt::format("a hair sensor does not measure {}: leave its column out", name));
         session.asked[(c + 1) % 3] = true;
     }
     if (!session.asked[0] || !(session.asked[1] || session.asked[2]))
         throw Undetermined("model \"hair\" needs the labels fz_N and at least one of fx_N fy_N");
     for (std::size_t axis = 0; axis < 2; ++axis)
         if (session.asked[axis + 1] && !has_hair(session, axis) && !has_hair(session, axis + 2))
-            throw Undetermined(fmt::format("H{} and H{} are not there, so f{} cannot be seen: leave its column out",
+            throw Undetermined(fmt::format("H{} and H{} are missing, so f{} cannot be measured: leave its column out",
                                            axis + 1, axis + 3, axis == 0 ? 'x' : 'y'));
     HairLoad min{}, max{};
     for (const auto* row : rows) {
@@ -86,7 +86,7 @@ HairSession hair_session_of(const Rows& rows, const Calibration& calibration, do
 
 HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t first) {
     struct Term {
-        std::size_t axis, leak;  // one of the two; 3 and kLeakTerms where not
+        std::size_t axis, leak;  // one of the two; the other is 3 or kLeakTerms
         int order;
     };
     std::vector<Term> terms;
@@ -107,11 +107,11 @@ HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t fi
         fit.whole = false;
     }
     if (n < kRowsPerCoefficient * (terms.size() + 1))
-        throw Undetermined(fmt::format("{} rows with all labels for {} coefficients a hair; at least {} are needed", n,
+        throw Undetermined(fmt::format("{} rows with all labels for {} coefficients per hair; at least {} are needed", n,
                                        terms.size() + 1, kRowsPerCoefficient * (terms.size() + 1)));
     Eigen::VectorXd y(static_cast<Eigen::Index>(n));
     for (std::size_t r = 0; r < n; ++r) y[Eigen::Index(r)] = session.rows[r]->channel[channel];
-    const double centre = y.mean();  // a large zero costs no digits
+    const double centre = y.mean();  // prevents a large zero from costing digits
     y.array() -= centre;
     for (;;) {
         Eigen::MatrixXd a(Eigen::Index(n), Eigen::Index(terms.size() + 1));

@@ -1,4 +1,4 @@
-// Labelled rows of a hair sensor as stresses, and what one hair answers to them.
+// Labelled rows of a hair sensor as stresses, and the response of one hair to them.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 namespace tactiled {
 
-// Least squares in which rows far from the rest lose their weight. `sd`: robust, of a reading.
+// Least squares in which rows far from the rest lose their weight. `sd`: robust standard deviation of a reading.
 struct RobustFit {
     LeastSquares solved;
     double sd = 0;
@@ -19,8 +19,8 @@ RobustFit robust_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& 
 // The labels as stresses, the wiring, and the range.
 struct HairSession {
     Rows rows;
-    std::vector<std::size_t> hair;  // of a channel
-    std::vector<HairLoad> load;     // of a row; parts of full scale
+    std::vector<std::size_t> hair;  // hair of each channel
+    std::vector<HairLoad> load;     // load of each row, relative to full scale
     std::array<bool, 3> asked{};    // sigma, tau_x, tau_y
     HairLoad scale_Pa{};
     double pull_Pa = 0;
@@ -29,14 +29,14 @@ struct HairSession {
 HairSession hair_session_of(const Rows& rows, const Calibration& calibration, double area_m2);
 bool has_hair(const HairSession& session, std::size_t hair);
 
-// One hair: zero, gains (dR/R0 at full scale), leak; terms that the rows do not determine are 0.
+// One hair: zero, gains (dR/R0 at full scale), leak terms. Terms that the rows do not determine are 0.
 struct HairFit {
     double zero = 0, noise = 0, condition = 0;
     HairLoad gain{};
     LeakTerms leak{};
-    bool whole = true;  // all terms that were asked for are determined
+    bool whole = true;  // all requested terms are determined
 };
-// `first`: of the leak terms that may be used; kLeakTerms = none. setup: throws Undetermined
+// Fits one hair. `first`: the first leak term that may be used; kLeakTerms = none. setup: throws Undetermined
 HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t first);
 
 }  // namespace tactiled

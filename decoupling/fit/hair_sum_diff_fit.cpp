@@ -19,8 +19,8 @@ void fit_hair_sum_diff(const Rows& rows, Calibration& calibration, std::vector<s
     const auto hairs = fit_hairs(session, calibration, kFirst, warnings);
     store_scales(session, area_m2, calibration);
     store_response(session, hairs, kFirst, "intercept", calibration);
-    // S_d: the straight line of DIFF against its own shear, as Cao et al. draw it; slopes of the hairs at 0 would miss
-    // the bend.
+    // S_d: the straight line of DIFF against its own shear, as in Cao et al.; the slopes of the hairs at 0 would
+    // neglect the curvature.
     for (std::size_t axis = 0; axis < 2; ++axis) {
         if (!session.asked[axis + 1]) continue;
         const auto near = std::find(session.hair.begin(), session.hair.end(), axis) - session.hair.begin();

@@ -16,8 +16,8 @@ constexpr double kQuantile = 0.999, kMargin = 1.1;
 // range, which a recording of averaged loads does not show.
 constexpr double kFloor = 1e-4;
 
-// The change of each channel with each component that has labels, times the full scale of that component: a row a
-// component. By least squares over the rows that have all labels.
+// Returns the change of each channel with each labelled component, times the component's full scale, one row per
+// component. Least squares over the rows with all labels.
 Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, const Calibration& calibration) {
     std::vector<std::size_t> component;
     for (const auto& name : calibration.components) component.push_back(component_index(name));
@@ -38,14 +38,14 @@ Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, cons
     load = (load.array().rowwise() / full_scale.array()).matrix();
     load.rowwise() -= load.colwise().mean().eval();
     at.rowwise() -= at.colwise().mean().eval();
-    // Components that always came together share their response.
+    // Components that always occurred together share their response.
     const Eigen::MatrixXd squares = load.transpose() * load;
     const double ridge = 1e-6 * std::max(squares.diagonal().maxCoeff(), 1e-300);
     return (squares + ridge * Eigen::MatrixXd::Identity(m, m)).ldlt().solve(load.transpose() * at);
 }
 
-// The zeros that each channel may have, as a standard deviation in channel_unit: the drift that is allowed for, and what
-// the domain has beyond the rows, which are less their session's zero where each session has its own.
+// Returns the possible zeros of each channel, as a standard deviation in channel_unit: the permitted drift, and the
+// part of the domain beyond the rows, from which their session's zero was subtracted if each session has its own.
 std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration) {
     std::vector<double> sd(calibration.channels.size());
     for (std::size_t k = 0; k < sd.size(); ++k) {
@@ -58,7 +58,7 @@ std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration) {
     return sd;
 }
 
-// Everything but the limit.
+// Returns the domain without its limit.
 JointDomain domain_of(const Rows& rows, const std::vector<double>& zero_sd, const Calibration& calibration) {
     const auto n = Eigen::Index(calibration.channels.size());
     Eigen::MatrixXd channel(Eigen::Index(rows.size()), n);
@@ -70,8 +70,8 @@ JointDomain domain_of(const Rows& rows, const std::vector<double>& zero_sd, cons
     const Eigen::RowVectorXd mean = channel.colwise().mean();
     channel.rowwise() -= mean;
     Eigen::MatrixXd covariance = channel.transpose() * channel / double(channel.rows());
-    // Loads that the rows show one after the other may come together: they are part of the domain up to the full scale of
-    // each component.
+    // Loads that occur one after the other in the rows may occur together: they belong to the domain up to the full
+    // scale of each component.
     const Eigen::MatrixXd response = responses(rows, channel, calibration);
     covariance += double(std::max<Eigen::Index>(1, response.rows())) * response.transpose() * response;
     covariance.diagonal().array() += kFloor;
@@ -108,7 +108,7 @@ void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of
     std::sort(distances.begin(), distances.end());
     JointDomain domain = domain_of(rows, zero_sd, calibration);
     const auto at = std::size_t(std::ceil(kQuantile * double(distances.size()))) - 1;
-    // 99.9 % of normal noise of the size of kFloor in all channels: averaged loads have less of it than a sample in use.
+    // 99.9 % of normal noise with kFloor in all channels: averaged loads have less noise than a sample in use.
     const double noise = std::sqrt(double(n) + 3.1 * std::sqrt(2.0 * double(n)));
     domain.limit = std::hypot(1, std::max(noise, kMargin * distances[at]));  // 1: all components at full scale
     if (!std::isfinite(domain.limit) || domain.limit <= 0) return;

@@ -1,4 +1,4 @@
-// The joint domain of a calibration from its rows (decoupling/joint_domain.hpp).
+// Computes the joint domain of a calibration from its rows (decoupling/joint_domain.hpp).
 #pragma once
 #include <cstddef>
 #include <vector>
@@ -7,10 +7,10 @@
 
 namespace tactiled {
 
-// Sets `calibration.joint_domain`, or leaves it empty where there is one channel or fewer than
-// kRowsPerCoefficient rows for each coefficient. `group_of_row`: rows of one group resemble each other (a session, a stretch
-// of time); each group is held out in turn, and the limit is 1.1 times the distance that 99.9 % of the held-out rows do not
-// exceed, at least that of noise of 0.25 % of each range, with room for full scale in all components at once. setup
+// Sets `calibration.joint_domain`; it stays empty with one channel, or with fewer than kRowsPerCoefficient rows per
+// coefficient. `group_of_row`: rows of one group are similar (a session, a stretch of time). Each group is held out
+// in turn. The limit is 1.1 times the distance that 99.9 % of the held-out rows do not exceed, at least that of noise
+// of 0.25 % of each range, and leaves room for full scale in all components at once. setup
 void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration);
 
 }  // namespace tactiled

@@ -13,10 +13,10 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMaxSessions = 1000;
-constexpr double kLatest_s = 9e9;  // and that much before 0: in nanoseconds below 2^64
+constexpr double kLatest_s = 9e9;  // and as much before 0: in nanoseconds below 2^64
 
-// The component that a column seems to mean, 6 where none: "fz", "Fz_mN", "mx_Nmm". Taken for a channel, a label would
-// predict itself and the calibration would look perfect.
+// Returns the component that a column seems to contain, 6 if none: "fz", "Fz_mN", "mx_Nmm". A label that was used as
+// a channel would predict itself, and the calibration would seem perfect.
 std::size_t meant_component(std::string_view column) {
     std::string name(column.substr(0, 2));
     std::transform(name.begin(), name.end(), name.begin(),
@@ -42,7 +42,7 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
         any_label = any_label || label[c].has_value();
     }
     const auto session = csv.find("session"), time = csv.find("t_s");
-    std::vector<std::size_t> channel;  // columns
+    std::vector<std::size_t> channel;  // index of the column
     for (std::size_t k = 0; k < csv.columns().size(); ++k) {
         const std::string& name = csv.columns()[k];
         if (name == "t_s" || name == "session" || std::find(label.begin(), label.end(), k) != label.end()) continue;
@@ -71,7 +71,7 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
 
     std::vector<double> t_s;  // time of each row kept
     double earliest_s = 0;
-    std::vector<std::string> seen_sessions;  // chosen or not, for the error below
+    std::vector<std::string> seen_sessions;  // chosen or not, for the message below
     while (csv.next()) {
         LabelledRow row{.line = csv.line(), .channel = {}, .wrench_S = kUnseen, .session = 0, .t_ns = 0};
         if (session) {
@@ -95,7 +95,7 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
         t_s.push_back(time ? std::clamp(csv.number(*time), -kLatest_s, kLatest_s) : kNaN);
         if (t_s.back() < earliest_s) earliest_s = t_s.back();
     }
-    // Times before 0 are moved, all of them alike: 0 stands for an unknown one.
+    // Negative times are all moved by the same amount, because 0 means unknown.
     const double origin_s = earliest_s < 0 ? std::floor(earliest_s) - 1 : 0;
     for (std::size_t i = 0; i < labelled.rows.size(); ++i)
         if (t_s[i] - origin_s > 0) labelled.rows[i].t_ns = std::uint64_t((t_s[i] - origin_s) * 1e9);

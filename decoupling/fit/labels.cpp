@@ -12,11 +12,11 @@
 namespace tactiled {
 namespace {
 
-constexpr double kHardlyIndependent = 0.05;  // of the labels: correlated to more than 0.995
-constexpr double kNotIndependent = 1e-3;     // ... to more than 0.999998: computed from each other
-constexpr double kLargestChannel = 1e100;    // squares of sums of them are numbers; its inverse is the least width
-constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the least full scale
-constexpr double kNoPress = 0.02;            // part of the greatest pull
+constexpr double kHardlyIndependent = 0.05;  // independent part of a label: correlated to more than 0.995
+constexpr double kNotIndependent = 1e-3;     // the same: correlated to more than 0.999998, so computed from each other
+constexpr double kLargestChannel = 1e100;    // the squares of their sums must be finite; its inverse is the minimum width
+constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the minimum full scale
+constexpr double kNoPress = 0.02;            // relative to the largest pull
 
 // Keeps the columns `kept` of every row.
 Labelled with_channels(const Labelled& labelled, const std::vector<std::size_t>& kept) {
@@ -43,7 +43,7 @@ Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, 
         const std::string& name = labelled.channels[k];
         if (method.knows_channel != nullptr && !method.knows_channel(name)) {
             const std::string_view what = method.channels;
-            const std::size_t article = what.find(' ') + 1;  // "a ", "an "
+            const std::size_t article = what.find(' ') + 1;  // length of "a " or "an "
             warnings.push_back(fmt::format("channel {} is no {}: left out", name, what.substr(article)));
             continue;
         }
@@ -149,9 +149,11 @@ void check_labels(const Rows& rows, FitReport& report) {
     labels.rowwise() -= centre;
     for (Eigen::Index i = 0; i < n; ++i) {
         const double length = labels.col(i).norm();
-        if (length > 0) labels.col(i) /= length;  // 0: constant where all are known; the singular value below says so
+        // 0: constant where all labels are present; the singular value below detects that
+        if (length > 0) labels.col(i) /= length;
     }
-    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(labels.transpose() * labels, Eigen::ComputeFullV);  // squares: of length 1
+    // squares of them, for columns of length 1
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(labels.transpose() * labels, Eigen::ComputeFullV);
     const double ratio = std::sqrt(std::max(0.0, svd.singularValues()[n - 1]) / svd.singularValues()[0]);
     if (ratio > kHardlyIndependent) return;
     std::string together;
@@ -162,7 +164,7 @@ void check_labels(const Rows& rows, FitReport& report) {
         throw Undetermined(
             fmt::format("the labels of {} follow from each other: load the axes independently, or leave one out", together));
     const std::string warning =
-        fmt::format("the labels of {} hardly vary independently of each other: they are told apart badly", together);
+        fmt::format("the labels of {} hardly vary independently of each other: their parts are determined badly", together);
     if (std::find(report.warnings.begin(), report.warnings.end(), warning) == report.warnings.end())
         report.warnings.push_back(warning);
 }

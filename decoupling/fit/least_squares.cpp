@@ -6,12 +6,12 @@ namespace tactiled {
 namespace {
 
 // A combination of unit columns that is shorter than this is rounding or the last digit of a file (single-precision
-// recordings carry 1e-7 of each reading), not something that a force did.
+// recordings carry 1e-7 of each reading), not the effect of a force.
 constexpr double kNothing = 1e-7;
-// A column belongs to the dependence where it takes at least this part in it.
+// A column belongs to the dependence if its share in it is at least this.
 constexpr double kPart = 0.1;
 
-// Twice: the mean of a column of large numbers, corrected by the mean of what is left.
+// Computed twice: the mean of a column of large numbers is corrected by the mean of the rest.
 Eigen::RowVectorXd means(const Eigen::MatrixXd& x) {
     const Eigen::RowVectorXd first = x.colwise().mean();
     return first + (x.rowwise() - first).colwise().mean();

@@ -1,4 +1,4 @@
-// Least squares, scaled, and honest about what the data cannot determine.
+// Scaled least squares that reports unknowns that the data do not determine.
 #pragma once
 #include <cstddef>
 #include <stdexcept>
@@ -14,16 +14,16 @@ struct Undetermined : std::runtime_error {
 };
 
 struct LeastSquares {
-    Eigen::VectorXd coefficient;         // a column of `a` each; empty where `dependent` is not
-    double condition = 0;                // of `a` with its columns scaled to length 1
-    std::vector<std::size_t> dependent;  // columns that are a combination of each other
+    Eigen::VectorXd coefficient;         // one per column of `a`; empty if `dependent` is not
+    double condition = 0;                // condition number of `a` with its columns scaled to length 1
+    std::vector<std::size_t> dependent;  // columns that are linearly dependent
 };
 
-// The x that minimises |a x - y|. Each column is scaled to length 1, then QR with column pivoting: never the normal
-// equations, which square the condition number. A column of zeros counts as dependent.
+// Returns the x that minimises |a x - y|. Each column is scaled to length 1, then QR with column pivoting is used,
+// not the normal equations, which square the condition number. A column of zeros counts as dependent.
 LeastSquares least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y);
 
-// y = constant + x . coefficient, by least_squares() of the columns less their means. `centre` are those means.
+// y = constant + x . coefficient, by least_squares() of the columns minus their means. `centre` are those means.
 struct Affine {
     LeastSquares slope;
     Eigen::RowVectorXd centre;

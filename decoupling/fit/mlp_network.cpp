@@ -21,12 +21,12 @@ Eigen::MatrixXd hidden_values(const MlpNetwork& network, const Eigen::MatrixXd& 
         .tanh();
 }
 
-// values - y, 0 where y is not known.
+// Returns values - y, 0 where y is unknown.
 Eigen::MatrixXd errors_of(const Eigen::MatrixXd& values, const Eigen::MatrixXd& y) {
     return y.array().isNaN().select(0, values - y);
 }
 
-// Influence of Huber's loss: the error, cut off.
+// Influence function of Huber's loss: the error, limited.
 Eigen::MatrixXd influence_of(const Eigen::MatrixXd& error) { return error.cwiseMin(kMlpHuber).cwiseMax(-kMlpHuber); }
 
 }  // namespace
@@ -43,7 +43,7 @@ MlpNetwork mlp_start(const MlpRows& rows, Eigen::Index neurons, double decay, st
                        .output = Eigen::MatrixXd::Zero(rows.y.cols(), 1 + neurons)};
     for (Eigen::Index j = 0; j < neurons; ++j) {
         for (Eigen::Index k = 1; k <= inputs; ++k) network.hidden(j, k) = normal(random);
-        // Zero at one of the rows, where the tanh bends on both sides.
+        // The neuron's argument is zero at one of the rows, so that the tanh is curved within the rows.
         const auto row = Eigen::Index(random() % std::uint64_t(rows.u.rows()));
         network.hidden(j, 0) = -network.hidden.row(j).tail(inputs).dot(rows.u.row(row));
     }
@@ -91,7 +91,7 @@ bool MlpSolver::step() {
     for (Eigen::Index j = 0; j < m; ++j) gradient.segment(j * n1, n1) = derivative.hidden.row(j);
     for (Eigen::Index c = 0; c < components; ++c) gradient.segment(m * n1 + c * m1, m1) = derivative.output.row(c);
 
-    // Hessian of Gauss and Newton. The root of a row's weight is the mean, over its components, of Huber's weights.
+    // Gauss-Newton Hessian. The square root of a row's weight is the mean, over its components, of Huber's weights.
     Eigen::ArrayXd root = Eigen::ArrayXd::Zero(n);
     for (Eigen::Index i = 0; i < n; ++i) {
         for (Eigen::Index c = 0; c < components; ++c)

@@ -15,14 +15,15 @@
 namespace tactiled {
 namespace {
 
-constexpr double kMaxShareLeftOut = 0.05;  // of the loads, or kMaxLeftOut of them
+constexpr double kMaxShareLeftOut = 0.05;  // share of the loads; the limit is this or kMaxLeftOut loads
 constexpr std::size_t kMaxLeftOut = 3;
-constexpr std::size_t kSmallRecording = 2000;  // loads
+constexpr std::size_t kSmallRecording = 2000;  // number of loads
 constexpr int kRounds = 6, kRoundsOfMany = 3;
-// Left out of the first fit that judges: a load that bends the fit of all rows hides among the errors that it causes.
-constexpr double kTrimmed = 0.02;  // of the loads, or kMaxLeftOut of them
+// Left out of the first fit that judges: a load that distorts the fit of all rows would hide among the errors that it
+// causes.
+constexpr double kTrimmed = 0.02;  // share of the loads; the limit is this or kMaxLeftOut loads
 
-// The 99 % quantile of the labels' sizes: a label that lost its decimal point does not set it.
+// Returns the 99 % quantile of the labels' magnitudes, so that a label with a lost decimal point has no influence.
 Wrench robust_full_scale(const Rows& rows) {
     Wrench full_scale{};
     for (std::size_t c = 0; c < 6; ++c) {
@@ -34,7 +35,7 @@ Wrench robust_full_scale(const Rows& rows) {
     return full_scale;
 }
 
-// The rows of the loads with the greatest errors, each component in its full scale.
+// Returns the rows of the loads with the largest errors, each component relative to its full scale.
 std::set<const LabelledRow*> rows_of_greatest_errors(const std::vector<Load>& loads,
                                                      const std::vector<std::size_t>& components, const Wrench& full_scale) {
     std::vector<std::pair<double, std::size_t>> greatest;
@@ -71,8 +72,8 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
             if (out.count(row) == 0) kept.push_back(row);
         return kept;
     };
-    // Rounds without all that are suspected, whether they will be left out or not: none of them bends the fit that judges
-    // it.
+    // Each round fits without all suspected loads, whether or not they will be left out, so that none of them
+    // distorts the fit that judges it.
     std::set<const LabelledRow*> suspected, fitted_without;
     Found found;
     for (int round = 0; round < (loads.size() < kSmallRecording ? kRounds : kRoundsOfMany); ++round) {
@@ -82,7 +83,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
         estimate_loads(judged.calibration, loads);
         if (round == 0) try {
                 estimate_loads(refit(without(rows_of_greatest_errors(loads, components, full_scale))), loads);
-            } catch (const Undetermined&) {  // one of them is needed: judged with all
+            } catch (const Undetermined&) {  // one of them is needed: judge with all
             }
         found = suspects_of(loads, components, full_scale);
         suspected.clear();
@@ -151,14 +152,14 @@ void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitRe
                         unit_of(suspect.component), suspect.left_out || judged.too_many ? "" : ": apply this load again"));
     if (judged.too_many)
         report.warnings.push_back(fmt::format(
-            "more rows disagree than mistyped labels would explain, so all stay: is a session mounted otherwise, "
+            "more rows disagree than mistyped labels would explain, so none is left out: is a session mounted otherwise, "
             "was a channel damaged, or is method \"{}\" not the one for this sensor (--method auto)?",
             judged.calibration.method));
     if (judged.bent > judged.loads / 100)
-        report.warnings.push_back(fmt::format(
-            "{} of {} loads disagree with method \"{}\" as the loads around them do: the sensor bends there, and "
-            "they are part of the calibration; another method may describe it (--method auto)",
-            judged.bent, judged.loads, judged.calibration.method));
+        report.warnings.push_back(
+            fmt::format("{} of {} loads disagree with method \"{}\" as the loads around them do: the sensor is nonlinear "
+                        "there, and they are part of the calibration; another method may describe it (--method auto)",
+                        judged.bent, judged.loads, judged.calibration.method));
 }
 
 }  // namespace tactiled

@@ -1,4 +1,4 @@
-// Labels that cannot be right: two that were swapped, one that was mistyped, a load that moved.
+// Finds labels that cannot be right: two that were swapped, one that was mistyped, a load that moved.
 #pragma once
 #include <functional>
 
@@ -7,26 +7,28 @@
 namespace tactiled {
 
 struct LabelsJudged {
-    Calibration calibration;        // fitted without those left out
-    std::vector<Suspect> suspects;  // a row each
-    std::size_t bent = 0;           // loads that disagree with the fit as the loads around them do: no fault of a label
-    std::size_t loads = 0;          // that were judged
-    bool too_many = false;          // more disagree than kMaxShareLeftOut: all stay
+    Calibration calibration;        // fitted without the loads left out
+    std::vector<Suspect> suspects;  // one per row
+    // loads that disagree with the fit like the loads around them: not an error of a label
+    std::size_t bent = 0;
+    std::size_t loads = 0;  // number of loads judged
+    bool too_many = false;  // more loads disagree than kMaxShareLeftOut: all are kept
 };
 
-// Fits `rows` and names the labels that disagree with the fit. Rows of one load are judged together. A load is suspected
-// where its error is far beyond the tail of all errors, after errors that change slowly (hysteresis, drift) have been taken
-// off where the errors are of that kind, and where the loads nearest to it in the channels do not share its error: theirs
-// would be a bend of the sensor. It is left out unless its error stands out by little, or its load is at the end of the
-// range, where a bend looks the same.
-// `refit` fits rows. setup: throws what `refit` throws
+// Fits `rows` and names the labels that disagree with the fit. Rows of one load are judged together. A load is
+// suspected if its error is far beyond the tail of all errors and the loads nearest to it in the channels do not
+// share the error; a shared error would be a nonlinearity of the sensor. Errors that change slowly (hysteresis,
+// drift) are subtracted before, if there are such errors. The load is left out unless its error exceeds the limit
+// only slightly, or the load is at the end of the range, where a nonlinearity has the same effect. `refit` fits rows.
+// setup: throws what `refit` throws
 using Refit = std::function<Calibration(const Rows&)>;
 LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep);
 
-// Median over the rows of the error's size, mean over the components, of full scale: not moved by a few wrong labels.
+// Returns the median over the rows of the error's magnitude, as a mean over the components, relative to full scale. A
+// few wrong labels do not change it.
 double median_error(const Calibration& calibration, const Rows& rows);
 
-// Puts what was found into the report's suspects and warnings.
+// Adds the result to the report's suspects and warnings.
 void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitReport& report);
 
 }  // namespace tactiled

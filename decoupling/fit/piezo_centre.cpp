@@ -1,4 +1,5 @@
-// Fit of the centre electrode of model "piezo": Cn = zero + normal_b N + normal_a N^2, the mean over its converter's window.
+// Fits the centre electrode of model "piezo": Cn = zero + normal_b N + normal_a N^2, the mean over its converter's
+// window.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,11 +14,11 @@
 namespace tactiled {
 namespace {
 
-// A longer window than one row must leave this part of what that leaves: noise alone favours none.
+// A window longer than one row must reduce the residual to this share: noise alone favours none.
 constexpr double kSurelyLess = 0.95, kLongestWindow_s = 1;
-constexpr int kWindowSteps = 48;  // four an octave
+constexpr int kWindowSteps = 48;  // four per octave
 
-// rms of what the curve of Cn leaves with that window.
+// Returns the rms residual of the curve of Cn with that window.
 double left_with(const std::vector<PiezoRun>& runs, double window_s) {
     const std::vector<CentreReading> readings = centre_readings(runs, window_s);
     if (readings.size() < 3 * kRowsPerCoefficient) return std::numeric_limits<double>::infinity();
@@ -31,8 +32,8 @@ double left_with(const std::vector<PiezoRun>& runs, double window_s) {
     return (y - x * least_squares(x, y).coefficient).norm() / std::sqrt(double(x.rows()));
 }
 
-// The time between new values of Cn; but behind noise, or a running mean, each row has a new one, and then it is the window
-// with which the curve leaves least.
+// Returns the time between new values of Cn. With noise or a running mean each row has a new value; the window is
+// then the one with the smallest residual of the curve.
 double window_of(const std::vector<PiezoRun>& runs) {
     const double interval_s = std::clamp(conversion_interval_s(runs), kWindow.min, kWindow.max);
     if (interval_s > 1.5 * row_interval_s(runs)) return interval_s;

@@ -1,8 +1,9 @@
-// Model "piezo", method "fused". Of the film, for a given leak, everything else is linear:
+// Model "piezo", method "fused". For a given leak, all other unknowns of the film are linear:
 //
 //     Vp = zero + b v(N) + a v(N^2) + c_run exp(-t/tau),     v = film_response()
 //
-// c_run is what the film still held when a run began; it is projected out, run by run. tau is searched along one line.
+// c_run is the charge that the film still had when a run began; it is projected out for each run. tau is searched
+// along one line.
 #include "decoupling/fit/piezo_fit.hpp"
 
 #include <fmt/format.h>
@@ -18,14 +19,14 @@
 namespace tactiled {
 namespace {
 
-// Of the spread that a film without a leak would show. Below, what the model leaves out is as great as the film's signal,
-// however little noise there is: 2 % of full scale (the thesis' error of its film).
+// Relative to the spread that a film without a leak would show. Below this, the effects that the model neglects are
+// as large as the film's signal, for any noise: 2 % of full scale (the error of the thesis' film).
 constexpr double kMinPassed = 0.03;
-// Of a press in ranges: rms distance of its square from a straight line. All presses alike often: 0.075; a third level
-// half-way in one of a hundred rows: 0.025.
+// Rms distance of the square of a press from a straight line, for a press in ranges. All presses equally often:
+// 0.075; a third level half-way in one of a hundred rows: 0.025.
 constexpr double kMinBend = 0.03;
 
-// The film at one tau. Columns of x: 1, v(N), v(N^2) (only with a curvature) and, where asked for, dVp/dlog tau.
+// The film at one tau. Columns of x: 1, v(N), v(N^2) (only with a curvature) and, if requested, dVp/dlog tau.
 class Film {
 public:
     explicit Film(const std::vector<PiezoRun>& runs) : runs_(runs) {
@@ -52,9 +53,10 @@ public:
         return solved;
     }
 
-    // The tau with the least cost between two. Coarse first: there may be more than one valley.
+    // Returns the tau with the minimum cost in an interval. A coarse search comes first, because there may be several
+    // minima.
     [[nodiscard]] double search(double low_s, double high_s) const {
-        constexpr int kCoarse = 6;  // a decade
+        constexpr int kCoarse = 6;  // per decade
         const int n = 2 + int(std::ceil(kCoarse * std::log10(high_s / low_s)));
         const double step = std::log(high_s / low_s) / (n - 1);
         const auto cost = [&](double at) { return solve(low_s * std::exp(at)).cost; };
@@ -73,7 +75,8 @@ public:
         return low_s * std::exp((a + b) / 2);
     }
 
-    // One standard deviation of the gain's mean slope over 0 .. range and of tau, both as shares, and the condition.
+    // Standard deviations of the gain's mean slope over 0 .. range and of tau, both relative, and the condition
+    // number.
     struct Sureness {
         double gain, tau, condition;
     };
@@ -93,7 +96,7 @@ public:
 
     void weigh(const Eigen::VectorXd& errors) { weight_ = root_weights(errors); }
 
-    // Standard deviation of what the film shows, as a share of what it would show without a leak.
+    // Standard deviation of the film's signal, relative to that of a film without a leak.
     [[nodiscard]] double passed(double tau_s) const {
         double shown = 0, there = 0;
         for (const PiezoRun& run : runs_) {
@@ -114,7 +117,7 @@ public:
 private:
     struct Columns {
         Eigen::MatrixXd x;
-        Eigen::VectorXd y, decay;  // exp(-t/tau) since the run began
+        Eigen::VectorXd y, decay;  // decay: exp(-t/tau) since the run began
     };
     [[nodiscard]] Columns columns(double tau_s) const {
         Columns all{Eigen::MatrixXd(n_, has_curvature ? 3 : 2), Eigen::VectorXd(n_), Eigen::VectorXd(n_)};
@@ -135,7 +138,8 @@ private:
         return all;
     }
 
-    // `errors` still contain what the film held at first: c_run exp(-t/tau), with the derivative c_run exp(-t/tau) t/tau.
+    // `errors` still contain the initial charge of the film: c_run exp(-t/tau), with the derivative c_run exp(-t/tau)
+    // t/tau.
     [[nodiscard]] Eigen::VectorXd dVp_dlog_tau(double tau_s, const Eigen::VectorXd& coefficient,
                                                const Eigen::VectorXd& errors, const Eigen::VectorXd& decay) const {
         Eigen::VectorXd result(n_);
@@ -159,7 +163,8 @@ private:
         return values;
     }
 
-    // Weighted, and of each run the part along its weighted decay taken off: what is left knows no past.
+    // Returns the weighted columns without, for each run, their part along its weighted decay, so that the initial
+    // charge has no influence.
     [[nodiscard]] Eigen::MatrixXd without_past(const Eigen::MatrixXd& columns, const Eigen::VectorXd& decay) const {
         Eigen::MatrixXd rest = weight_.asDiagonal() * columns;
         Eigen::Index at = 0;
@@ -175,7 +180,7 @@ private:
 
     const std::vector<PiezoRun>& runs_;
     Eigen::Index n_ = 0;
-    Eigen::VectorXd weight_;  // square roots
+    Eigen::VectorXd weight_;  // square roots of the weights
 };
 
 void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp, Calibration& calibration,
@@ -194,7 +199,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
         solved = film.solve(tau_s);
     }
     if (solved.dependent.empty() && solved.coefficient[2] < 0) {
-        // The model knows none that flattens; where it is no more than noise, none is lost.
+        // The model allows no curvature of that sign; if it is only noise, neglecting it costs nothing.
         film.has_curvature = false;
         if (solved.coefficient[1] > 0 && -solved.coefficient[2] * range_N > kSureEnough * solved.coefficient[1])
             warnings.emplace_back("Vp rises less and less with the press; its curve is taken as a straight line");
@@ -202,7 +207,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
         solved = film.solve(tau_s);
     }
     if (!solved.dependent.empty())
-        throw Undetermined("Vp does not tell its gain: the press must take three levels or more, and change fast");
+        throw Undetermined("the gain of Vp cannot be determined: the press must take three levels or more, and change fast");
     const auto sure = film.sureness(tau_s, solved, range_N, tau_is_stated);
     const double passed = film.passed(tau_s);
     // "not below": NaN
@@ -228,7 +233,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
     calibration.condition = std::max(calibration.condition, sure.condition);
 }
 
-// A curve needs three levels. Of two, windows in which the press jumped would feign a third.
+// A curve needs three levels. With two, windows in which the press jumped would look like a third level.
 void check_levels(const std::vector<PiezoRun>& runs, double range_N) {
     std::vector<double> press_N;
     for (const PiezoRun& run : runs) press_N.insert(press_N.end(), run.press_N.begin(), run.press_N.end());
@@ -244,7 +249,7 @@ void check_levels(const std::vector<PiezoRun>& runs, double range_N) {
 
 void fit_piezo(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     if (calibration.components != std::vector<std::string>{"fz"})
-        throw Undetermined("model \"piezo\" sees fz and nothing else: leave the other labels' columns out");
+        throw Undetermined("model \"piezo\" measures only fz: leave the other labels' columns out");
     const auto channel = [&](const char* name) {
         const auto at = std::find(calibration.channels.begin(), calibration.channels.end(), name);
         if (at == calibration.channels.end()) throw Undetermined(fmt::format("channels lacks {}; needed are Vp Cn", name));

@@ -1,4 +1,4 @@
-// The contents of a recording of model "piezo": runs of rows in time, and what the converter of Cn saw of the press.
+// The contents of a recording of model "piezo": runs of rows in time, and the press in the windows of Cn's converter.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 namespace tactiled {
 namespace {
 
-// Steps longer than this many usual ones: between them the press was no straight line.
+// In units of the usual step: within a longer step the press cannot be assumed linear.
 constexpr double kLongestStep = 5;
-constexpr std::size_t kMinRun = 8;  // rows; fewer tell no more than the film's state at their start
+constexpr std::size_t kMinRun = 8;  // rows; fewer determine only the film's state at their start
 
 double median(std::vector<double> values) {
     std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
@@ -71,7 +71,7 @@ FilmResponse film_response(std::span<const double> t_s, std::span<const double> 
 double conversion_interval_s(const std::vector<PiezoRun>& runs) {
     std::vector<double> intervals_s;
     for (const PiezoRun& run : runs) {
-        std::size_t last = 0;  // row of the last new value; the first row's may be old
+        std::size_t last = 0;  // row of the last new value; the first row's value may be old
         for (std::size_t i = 1; i < run.Cn.size(); ++i) {
             if (run.Cn[i] == run.Cn[i - 1]) continue;
             if (last > 0 && run.t_s[i] > run.t_s[last]) intervals_s.push_back(run.t_s[i] - run.t_s[last]);
@@ -79,7 +79,7 @@ double conversion_interval_s(const std::vector<PiezoRun>& runs) {
         }
     }
     if (intervals_s.size() < kMinRun) throw Undetermined("Cn hardly changes: is it connected?");
-    // A new value may equal the last by chance, so long intervals mean little.
+    // A new value may equal the last one by chance, so long intervals carry little information.
     const auto quarter = intervals_s.begin() + std::ptrdiff_t(intervals_s.size() / 4);
     std::nth_element(intervals_s.begin(), quarter, intervals_s.end());
     const double limit_s = 1.5 * *quarter;
@@ -106,7 +106,7 @@ std::vector<CentreReading> centre_readings(const std::vector<PiezoRun>& runs, do
         for (std::size_t i = 1; i < run.t_s.size(); ++i) {
             const double begin_s = run.t_s[i] - window_s;
             if (run.Cn[i] == run.Cn[i - 1] || begin_s < run.t_s.front()) continue;
-            // The press is a straight line between rows; its square then has the mean (a^2 + a b + b^2) / 3.
+            // The press is linear between rows; its square then has the mean (a^2 + a b + b^2) / 3.
             double area = 0, square = 0, width_s = 0;
             for (std::size_t j = i; j > 0 && run.t_s[j] > begin_s; --j) {
                 const double T_s = run.t_s[j] - run.t_s[j - 1];

@@ -1,4 +1,5 @@
-// The common part of the fits of the film and of the centre electrode: weights against spikes, and how sure a fit is.
+// The common part of the fits of the film and of the centre electrode: weights against spikes, and the standard
+// deviations of a fit.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -9,8 +10,9 @@
 
 namespace tactiled {
 
-inline constexpr int kRounds = 3;  // of weights
-// Gain and leak must be known to this share, one standard deviation: a leak 20 % off is 9 % of gain at 0.1 Hz.
+inline constexpr int kRounds = 3;  // iterations of the weights
+// Gain and leak must be known to this share, one standard deviation: a leak that is 20 % off changes the gain at 0.1
+// Hz by 9 %.
 inline constexpr double kSureEnough = 0.05;
 
 inline double robust_sd(const Eigen::VectorXd& errors) {
@@ -21,14 +23,14 @@ inline double robust_sd(const Eigen::VectorXd& errors) {
     return kRobustSd * *middle;
 }
 
-// Square roots of the weights of Cauchy's loss.
+// Returns the square roots of the weights of Cauchy's loss.
 inline Eigen::VectorXd root_weights(const Eigen::VectorXd& errors) {
     const double sd = robust_sd(errors);
     if (!(sd > 0)) return Eigen::VectorXd::Ones(errors.size());
     return (1 + (errors.array() / (kCauchyOfSpikes * sd)).square()).rsqrt();
 }
 
-// By how much errors that resemble their neighbours make everything less sure than as many that do not.
+// Returns the factor by which correlated errors increase all standard deviations.
 inline double neighbours_factor(const Eigen::VectorXd& errors) {
     const Eigen::Index n = errors.size() - 1;
     const double rho = errors.head(n).dot(errors.tail(n)) / std::max(errors.squaredNorm(), 1e-300);
@@ -39,7 +41,7 @@ inline double sd_of_rows(const Eigen::VectorXd& errors, const Eigen::VectorXd& y
     return std::max(robust_sd(errors), 1e-9 * y.cwiseAbs().maxCoeff()) * neighbours_factor(errors);
 }
 
-// Standard deviations of what a fit with the columns of `x` found.
+// Standard deviations of the results of a fit with the columns of `x`.
 class Sds {
 public:
     Sds(const Eigen::MatrixXd& x, double sd_of_rows) : length_(x.colwise().norm()), sd_(sd_of_rows) {
@@ -48,13 +50,13 @@ public:
         const Eigen::MatrixXd r = qr.matrixQR().topRows(x.cols()).triangularView<Eigen::Upper>();
         svd_.compute(r, Eigen::ComputeFullV);
     }
-    // Of a linear function of the coefficients.
+    // Returns that of a linear function of the coefficients.
     [[nodiscard]] double of(const Eigen::RowVectorXd& function) const {
         const Eigen::RowVectorXd scaled = function.array() / length_.array();
         return sd_ * (scaled * svd_.matrixV()).cwiseQuotient(svd_.singularValues().transpose()).norm();
     }
-    // Of a curve with the coefficients 1 (b) and 2 (a): of its mean slope over 0 .. range, or of how far its middle hangs
-    // below the straight line, a range^2 / 4, over the range; the greater.
+    // Returns that of a curve with the coefficients 1 (b) and 2 (a): of its mean slope over 0 .. range, or of the
+    // distance of its middle from the straight line, a range^2 / 4, divided by the range; the larger one.
     [[nodiscard]] double of_curve(double range, bool has_curvature) const {
         Eigen::RowVectorXd slope = Eigen::RowVectorXd::Unit(length_.size(), 1);
         if (!has_curvature) return of(slope);

@@ -3,7 +3,7 @@
 
 namespace tactiled {
 
-inline constexpr double kRobustSd = 1.4826;  // from the median of |error| to a standard deviation, for normal errors
+inline constexpr double kRobustSd = 1.4826;  // median of |error| to standard deviation, for normal errors
 // Scale of Cauchy's loss in robust standard deviations. The first keeps 95 % of least squares' efficiency on normal errors;
 // with the second, little else than spikes loses weight.
 inline constexpr double kCauchyEfficient = 2.385, kCauchyOfSpikes = 4;

@@ -11,23 +11,23 @@
 namespace tactiled {
 namespace {
 
-constexpr double kRest = 0.02;      // of each component's full scale
-constexpr double kStraight = 0.02;  // of a channel's width: what the affine map of the labels may leave over
-constexpr double kLower = 0.7;      // the error with own zeros over that with one
-constexpr double kExplains = 0.3;   // of the labels' spread
-constexpr double kWorth = 1e-4;     // of full scale: a difference below that is no reason
-constexpr std::size_t kParts = 10;  // that sessions are left out in
+constexpr double kRest = 0.02;      // relative to each component's full scale
+constexpr double kStraight = 0.02;  // relative to a channel's width: allowed residual of the affine map of the labels
+constexpr double kLower = 0.7;      // error with own zeros over error with one zero
+constexpr double kExplains = 0.3;   // relative to the labels' spread
+constexpr double kWorth = 1e-4;     // relative to full scale: a smaller difference is no reason
+constexpr std::size_t kParts = 10;  // groups of sessions to leave out
 constexpr int kRounds = 3;
-constexpr double kFarOff = 10;  // times the median of what the zeros leave over
+constexpr double kFarOff = 10;  // relative to the median residual of the zeros
 
 struct Data {
     Eigen::MatrixXd channel, label;    // rows x channels, rows x components
-    std::vector<std::size_t> session;  // number among those that occur
-    std::vector<std::size_t> index;    // in Labelled::sessions, of each number
+    std::vector<std::size_t> session;  // number of the session among those that occur
+    std::vector<std::size_t> index;    // index in Labelled::sessions of each number
     Eigen::RowVectorXd full_scale, width;
 };
 
-// Rows that have every label that occurs at all.
+// Returns the rows that have every label that occurs at all.
 Data data_of(const Labelled& labelled, const Rows& rows) {
     Data data;
     std::vector<std::size_t> components;
@@ -59,7 +59,7 @@ Data data_of(const Labelled& labelled, const Rows& rows) {
     return data;
 }
 
-// Means over the rows of each session; NaN where none is `counted`.
+// Returns means over the rows of each session; NaN where no row is `counted`.
 Eigen::MatrixXd means_of_sessions(const Data& data, const Eigen::MatrixXd& of, const std::vector<bool>& counted) {
     Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(Eigen::Index(data.index.size()), of.cols());
     Eigen::VectorXd n = Eigen::VectorXd::Zero(mean.rows());
@@ -72,13 +72,13 @@ Eigen::MatrixXd means_of_sessions(const Data& data, const Eigen::MatrixXd& of, c
 }
 
 struct Zeros {
-    Eigen::MatrixXd of_session;  // a row a session
-    std::vector<bool> agrees;    // a row of the data: false where no zero explains it, as with a mistyped label
-    bool known = false;          // from rows at rest or straight channels, not from loads of a sensor that bends
+    Eigen::MatrixXd of_session;  // one row per session
+    std::vector<bool> agrees;    // for each row of the data: false if no zero explains it, as with a mistyped label
+    bool known = false;          // from rows at rest or linear channels, not from loads of a nonlinear sensor
 };
 
-// The zeros from rows at rest where each session has some and the channels are not straight, else from all rows. Rows that
-// leave over far more than the others count no more in the next round.
+// Determines the zeros from rows at rest, if each session has some and the channels are not linear, else from all
+// rows. Rows with a far larger residual than the others are ignored in the next iteration.
 Zeros zeros_of(const Data& data) {
     Zeros zeros{.of_session = {}, .agrees = std::vector<bool>(data.session.size(), true)};
     for (int round = 0; round < kRounds; ++round) {
@@ -122,8 +122,8 @@ Zeros zeros_of(const Data& data) {
     return zeros;
 }
 
-// Mean over the components of the 68 % quantile of the errors of an affine map on sessions left out, of full scale; infinite
-// where the others do not determine one.
+// Returns the mean over the components of the 68 % quantile of the errors of an affine map on left-out sessions,
+// relative to full scale; infinite if the others do not determine a map.
 double error_of_affine(const Data& data, const Eigen::MatrixXd& channel, const std::vector<bool>& agrees) {
     const std::size_t parts = std::min(kParts, data.index.size());
     std::vector<std::vector<double>> errors(std::size_t(data.label.cols()));
@@ -184,7 +184,7 @@ SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitReques
     for (Eigen::Index i = 0; i < tared.rows(); ++i) tared.row(i) -= zero.row(Eigen::Index(data.session[std::size_t(i)]));
     zeros.error = error_of_affine(data, data.channel, found.agrees);
     zeros.error_with_own = error_of_affine(data, tared, found.agrees);
-    // Zeros are no explanation where the channels do not tell the labels even with them.
+    // Zeros are not an explanation if the channels do not determine the labels even with them.
     const Eigen::RowVectorXd spread =
         ((data.label.rowwise() - data.label.colwise().mean()).colwise().squaredNorm() / double(data.label.rows()))
             .cwiseSqrt()

@@ -1,4 +1,4 @@
-// The zeros of the channels in each session: after mounting a sensor anew they are others.
+// The zeros of the channels in each session: they change when a sensor is mounted again.
 #pragma once
 #include <string>
 #include <vector>
@@ -7,19 +7,20 @@
 
 namespace tactiled {
 
-// The zero of each session from its rows at rest, or where not every session rests, from all of its rows by channels =
-// zero of the session + gains * labels; how much they scatter; and whether a zero for each session lowers the error of an
-// affine map on sessions that are left out to less than 0.7 of that with one zero. A session that is left out keeps its own
-// zero, as after a tare. setup
+// Determines the zero of each session from its rows at rest or, if not every session has some, from all of its rows
+// by channels = zero of the session + gains * labels; also their scatter, and whether a zero for each session lowers
+// the error of an affine map on left-out sessions to less than 0.7 of that with one zero. A left-out session keeps
+// its own zero, as after a tare. setup
 SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitRequest::Zeros requested);
 
-// Takes off each channel the offset of its session. Sessions without rows keep theirs.
+// Subtracts the offset of its session from each channel. Sessions without rows are unchanged.
 void take_zeros_off(const SessionZeros& zeros, Labelled& labelled);
 
-// sd of each channel's zero that the fits have to allow for: the stated one, else that of the sessions; empty: none.
+// Returns the sd of each channel's zero that the fits have to allow for: the stated one, else that of the sessions;
+// empty: none.
 ZeroDrift zero_drift_of(const FitRequest& request, const Rows& rows, const SessionZeros& zeros);
 
-// Says how far the zeros scatter, and what follows. `domain`: of the readings as they are.
+// Reports the scatter of the zeros and its consequence. `domain`: of the original readings.
 void say_zeros(const Labelled& labelled, const SessionZeros& zeros, const Calibration& domain,
                std::vector<std::string>& warnings);
 

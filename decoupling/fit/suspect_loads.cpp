@@ -11,22 +11,22 @@
 namespace tactiled {
 namespace {
 
-constexpr double kOfFullScale = 0.01;  // a label that is off by less is no mistake that matters
-// A load is suspected beyond the median size of the errors times (their 90 % quantile over their median)^kTail: 5.2 standard
-// deviations of normal errors, 10 of errors with the tails of Student's distribution of three degrees. It is left out
-// beyond kSurely times that: a row too many that stays does less harm than a good one that is lost.
+constexpr double kOfFullScale = 0.01;  // a label with a smaller error is not a relevant mistake
+// A load is suspected beyond the median magnitude of the errors times (their 90 % quantile over their median)^kTail:
+// 5.2 standard deviations of normal errors, 10 of errors with the tails of Student's distribution of three degrees.
+// It is left out beyond kSurely times that: keeping a wrong row does less harm than losing a good one.
 constexpr double kTail = 2.3, kSurely = 1.5;
-constexpr double kLeast = 2.2;  // times the median, where the tail is short
-constexpr double kInner = 0.9;  // of the loads, that say in which directions errors are large
+constexpr double kLeast = 2.2;  // times the median, for errors with a short tail
+constexpr double kInner = 0.9;  // share of the loads that define the directions of large errors
 constexpr Eigen::Index kLoadsPerAxis = 20;
-constexpr std::ptrdiff_t kBefore = 3;   // loads before and after, whose median error is what changes slowly
-constexpr double kSlow = 0.7;           // scatter without it over scatter with it, from which on it is taken off
-constexpr std::ptrdiff_t kAround = 15;  // loads before and after, that say how large errors are there
-constexpr std::size_t kNeighbours = 5;  // nearest in the channels
-constexpr double kShared = 0.5;         // of its error, that the neighbours have too
-constexpr double kBeyond = 0.02;        // of full scale
+constexpr std::ptrdiff_t kBefore = 3;   // number of loads before and after, whose median error is the slow part
+constexpr double kSlow = 0.7;           // scatter without over scatter with the slow part; below this it is subtracted
+constexpr std::ptrdiff_t kAround = 15;  // number of loads before and after that define the local size of errors
+constexpr std::size_t kNeighbours = 5;  // number of nearest loads in the channels
+constexpr double kShared = 0.5;         // share of its error that the neighbours have, too
+constexpr double kBeyond = 0.02;        // relative to full scale
 constexpr double kBends = 2, kNearEnd = 0.9;
-constexpr std::size_t kRunOfMany = 3;  // suspects one after the other are no mistyped labels, where errors are slow
+constexpr std::size_t kRunOfMany = 3;  // consecutive suspects are not mistyped labels if errors are slow
 
 std::vector<double> sizes_of(const std::vector<double>& values) {
     std::vector<double> sizes;
@@ -35,7 +35,7 @@ std::vector<double> sizes_of(const std::vector<double>& values) {
     return sizes;
 }
 
-// Errors less the median of those before and after, where that leaves clearly less.
+// Returns the errors minus the median of those before and after, if that reduces them clearly.
 std::vector<double> without_slow_part(const std::vector<Load>& loads, const std::vector<double>& error, bool& slow) {
     std::vector<double> fast(error.size());
     const auto n = std::ptrdiff_t(loads.size());
@@ -51,7 +51,7 @@ std::vector<double> without_slow_part(const std::vector<Load>& loads, const std:
     return slow ? fast : error;
 }
 
-// Robust standard deviation of the errors around each load: in time where they change slowly, else in load.
+// Returns the robust standard deviation of the errors around each load: in time if they change slowly, else in load.
 std::vector<double> scale_around(const std::vector<Load>& loads, const std::vector<double>& error, std::size_t c,
                                  bool slow) {
     const double of_all = kRobustSd * median(sizes_of(error));
@@ -76,7 +76,7 @@ std::vector<double> scale_around(const std::vector<Load>& loads, const std::vect
     return scale;
 }
 
-// The components' errors of each load in their own scales, with their signs; 0 where there is no label.
+// Returns the components' errors of each load in their own scales, with their signs; 0 where there is no label.
 std::vector<std::vector<double>> scaled_errors(const std::vector<Load>& loads, const std::vector<std::size_t>& components,
                                                const Wrench& full_scale, bool& slow) {
     std::vector<std::vector<double>> z(loads.size(), std::vector<double>(components.size()));
@@ -95,19 +95,20 @@ std::vector<std::vector<double>> scaled_errors(const std::vector<Load>& loads, c
     return z;
 }
 
-// A bend of the sensor at the end of its range cannot be told from a wrong label. `min`, `max`: of the labels that agree.
+// Returns true if the load is at the end of the range, where a nonlinearity of the sensor cannot be distinguished
+// from a wrong label. `min` and `max` are the limits of the labels that agree.
 bool at_the_end(double label, double estimate, double min, double max, double full_scale) {
     if (!std::isfinite(label) || !std::isfinite(estimate)) return false;
     const double beyond = std::max(estimate - max, min - estimate);
     const bool label_too = estimate > max ? label > max : label < min;
-    // A step beyond the range cannot bend by more than a few times itself, back into the range.
+    // A step beyond the range cannot be reduced by a nonlinearity to a value far inside the range.
     if (beyond > kBeyond * full_scale && (label_too || std::abs(label - estimate) <= kBends * beyond)) return true;
     // A saturated sensor reads the end of the range.
     return (label > max && max > 0 && estimate >= kNearEnd * max) || (label < min && min < 0 && estimate <= kNearEnd * min);
 }
 
-// The length of each row of `z` in the metric in which the inner nine tenths of them are round: errors of one cause go
-// together, those of a wrong label go their own way.
+// Returns the length of each row of `z` in the metric in which its inner nine tenths are isotropic: errors of one
+// cause are correlated, the error of a wrong label is not.
 std::vector<double> lengths_of(const std::vector<std::vector<double>>& z) {
     const auto n = Eigen::Index(z.size()), m = Eigen::Index(z.front().size());
     Eigen::MatrixXd all(n, m);
@@ -129,14 +130,15 @@ std::vector<double> lengths_of(const std::vector<std::vector<double>>& z) {
     return {length.data(), length.data() + n};
 }
 
-// The end of the tail of these numbers.
+// Returns the end of the tail of these numbers.
 double limit_of(const std::vector<double>& sizes) {
     const double half = quantile(sizes, 0.5), most = quantile(sizes, 0.9);
     if (!(half > 0)) return std::max(kLeast, most);
     return half * std::max(kLeast, std::pow(most / half, kTail));
 }
 
-// The median error of the loads that are nearest in the channels, without `suspected` ones and those of its own label.
+// Returns the median error of the loads that are nearest in the channels, without `suspected` ones and those with the
+// same label.
 Wrench error_nearby(const std::vector<Load>& loads, std::size_t of, const std::vector<bool>& suspected) {
     std::vector<std::pair<double, std::size_t>> near;
     for (std::size_t l = 0; l < loads.size(); ++l) {
@@ -245,7 +247,7 @@ Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>
         found.suspected[l] = matters && (greatest[l] > of_greatest || together[l] > of_all);
         found.stays[l] = std::max(greatest[l] / of_greatest, together[l] / of_all) < kSurely;
     }
-    // Some of them are where the sensor bends: the loads around share the error.
+    // Some of them are in a nonlinear range of the sensor: the loads around them share the error.
     const std::vector<bool> first = found.suspected;
     for (std::size_t l = 0; l < loads.size(); ++l) {
         if (!first[l]) continue;

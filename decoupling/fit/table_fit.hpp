@@ -8,13 +8,14 @@ bool is_gauge(std::string_view name);
 inline constexpr std::string_view kGauge = "a gauge of model \"table\" (R1 .. R8)";
 inline constexpr const char* kGaugeUnit = "dR/R0";
 
-// The fit of method "linear", which that of "nonlinear" starts from: gains, zeros and noise. setup: throws Undetermined
+// Fits gains, zeros and noise of method "linear", from which the fit of "nonlinear" starts. setup: throws
+// Undetermined
 void fit_table_linear(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
-// Those that have a label of every one of `components`.
+// Returns the rows that have a label of every one of `components`.
 Rows rows_with(const Rows& rows, const std::vector<std::string>& components);
 
-// The decoupler that the loop makes of the calibration. setup: throws Undetermined where there is none
+// Returns the decoupler that the loop makes of the calibration. setup: throws Undetermined where there is none
 std::unique_ptr<Decoupler> decoupler_of_fit(const Calibration& calibration, std::string_view method);
 
 // Puts the table `influence` and the gauge_factor of the calibration file `path` (the installed one is

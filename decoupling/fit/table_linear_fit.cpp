@@ -1,5 +1,5 @@
-// Model "table", method "linear": one normal and one tangential gain for the inner gauges, another pair for the outer ones,
-// a zero each. Fitted forwards, readings from forces: the noise is in the readings.
+// Model "table", method "linear": one normal and one tangential gain for the inner gauges, another pair for the outer
+// ones, and a zero each. Readings are fitted from forces, because the noise is in the readings.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@ struct Gauge {
     TableGauge sign;
 };
 
-// N and the tangential force with the gauge's sign, as the gauge answers them.
+// Returns N and the tangential force with the gauge's sign.
 Eigen::RowVector2d loads(const Gauge& gauge, const LabelledRow& row) {
     return {-row.wrench_S[2], gauge.sign.along_x * row.wrench_S[0] + gauge.sign.along_y * row.wrench_S[1]};
 }
@@ -85,13 +85,13 @@ void fit_table_linear(const Rows& rows, Calibration& calibration, std::vector<st
         if (const auto found = calibration.parameters.find(name);
             found != calibration.parameters.end() && !(found->second > 0))
             throw Undetermined(
-                fmt::format("{} comes out as {:.3g}: the signs of the gauges or of the labels are not those of the "
+                fmt::format("the fit of {} is {:.3g}: the signs of the gauges or of the labels are not those of the "
                             "sign table (a press has fz < 0), or gauges are swapped",
                             name, found->second));
     const double readings = double(whole.size() * calibration.channels.size());
     const double noise = std::sqrt(squares / readings);
     calibration.parameters["noise"] = noise;
-    // A common gain for four gauges is an assumption; say when it is a poor one.
+    // A common gain for four gauges is an assumption; report when it is a poor one.
     if (noise > 0.1 * inner_gains.normal)
         warnings.push_back(fmt::format(
             "the gauges leave {:.3g} rms of their readings unexplained, {:.0f} % of what 1 N makes: their gains "

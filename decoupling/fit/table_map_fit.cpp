@@ -1,5 +1,5 @@
-// Model "table", method "map": a scale and a zero for each gauge, for the table `influence` that the calibration brings
-// along. The labels fx fy fz mx my say where the point was.
+// Model "table", method "map": a scale and a zero for each gauge, for the table `influence` of the calibration. The
+// labels fx fy fz mx my determine the place of the point.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,11 +15,11 @@
 namespace tactiled {
 namespace {
 
-constexpr double kDefaultGaugeFactor = 2;  // of Ni-Cr
+constexpr double kDefaultGaugeFactor = 2;  // for Ni-Cr
 constexpr std::array<Parameter, 1> kBeforehand{
     {{"gauge_factor", "channel_unit per strain", kAboveZero, kLargest, kDefaultGaugeFactor}}};
 
-constexpr std::size_t kFewestAtRest = 5;  // rows without load: from here on they say where zero is
+constexpr std::size_t kFewestAtRest = 5;  // number of rows without load from which on they define the zero
 
 struct Loaded {
     InfluenceMap::At at;
@@ -27,15 +27,15 @@ struct Loaded {
     const LabelledRow* row;
 };
 
-// Variance of a gauge that neither a point, its force nor the gain error explains: what the search has to take for noise.
-// The median of the rows: the mean is that of the greatest loads, and small ones would not be found beneath it.
+// Returns the variance of a gauge that a point, its force and the gain error do not explain, which the search takes
+// for noise. It is the median of the rows: the mean would be dominated by the largest loads and hide small ones.
 double unexplained_variance(const std::vector<Loaded>& loaded, const std::vector<double>& scale,
                             const std::vector<double>& zero) {
     const auto n = Eigen::Index(scale.size());
     const Eigen::Map<const Eigen::VectorXd> gain(scale.data(), n), offset(zero.data(), n);
     std::vector<double> left;
     for (const Loaded& one : loaded) {
-        Eigen::MatrixXd a(n, 5);  // of Fx Fy Fz, then x and y
+        Eigen::MatrixXd a(n, 5);  // derivatives by Fx Fy Fz, then by x and y
         a << one.at.value.topRows(n), (one.at.dx * one.force_N).head(n), (one.at.dy * one.force_N).head(n);
         a = gain.asDiagonal() * a;
         const Eigen::VectorXd y = Eigen::Map<const Eigen::VectorXd>(one.row->channel.data(), n) - offset;
@@ -59,7 +59,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
         if (std::find(calibration.components.begin(), calibration.components.end(), name) == calibration.components.end())
             throw Undetermined(fmt::format("method \"map\" needs the labels of fx fy fz mx my: {} is not there", name));
     if (calibration.components.size() > all.size())
-        throw Undetermined("method \"map\" cannot see mz: leave the column mz_Nm out");
+        throw Undetermined("method \"map\" does not measure mz: leave the column mz_Nm out");
     calibration.tables.erase("gauge_scale");
     calibration.parameters["gauge_factor"] = known_beforehand(calibration, kBeforehand)["gauge_factor"];
     std::string fault;
@@ -76,7 +76,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
         const Eigen::Vector3d force(w[0], w[1], w[2]);
         Influence answer = Influence::Zero();
         if (force.norm() > 0) {
-            // A row with a press that is too small to determine its place has no information.
+            // A row whose press is too small to determine its place has no information.
             const double x = -w[4] / w[2], y = w[3] / w[2];
             if (!(std::abs(w[2]) > 0.02 * max) || !(std::hypot(x, y) <= map->radius_m())) {
                 ++beside;
@@ -105,15 +105,16 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
         const Eigen::Map<const Eigen::VectorXd> x(model[k].data(), m), y(measured[k].data(), m);
         const Affine fitted = affine_fit(x, y);
         if (!fitted.slope.dependent.empty())
-            throw Undetermined(fmt::format("gauge {}: no row makes it answer", calibration.channels[k]));
+            throw Undetermined(fmt::format("gauge {}: it responds in no row", calibration.channels[k]));
         scale.push_back(fitted.slope.coefficient[0]);
         if (!(scale.back() > 0))
             throw Undetermined(
-                fmt::format("gauge {} answers with the wrong sign (scale {:.3g}): swapped, or fz is not negative "
+                fmt::format("gauge {} responds with the wrong sign (scale {:.3g}): swapped, or fz is not negative "
                             "under a press",
                             calibration.channels[k], scale.back()));
-        // The search is not linear: what hysteresis adds to all loaded rows, taken for the zero, is another place in the
-        // loop's first touch. The zero is therefore that of the readings at rest, if there are any.
+        // The search is nonlinear: an effect of hysteresis on all loaded rows that is taken for the zero would change
+        // the place of the first touch in the loop. The zero is therefore the mean reading at rest, if there are rows
+        // at rest.
         const auto& still = resting[k];
         if (still.size() < kFewestAtRest) {
             calibration.zero.push_back(fitted.constant);
@@ -124,7 +125,7 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
             scatter2 += std::pow(reading - calibration.zero.back(), 2) / double(still.size() * n);
     }
     calibration.tables["gauge_scale"] = {scale};
-    // Never below what the loop takes by itself: readings in whole steps may not scatter at all.
+    // The minimum is the default of the loop: readings in whole steps may have no scatter at all.
     const double min = kDefaultNoise_per_reading * map->mean().cwiseAbs().maxCoeff();
     const double left2 = n > 5 ? unexplained_variance(loaded, scale, calibration.zero) : 0;
     calibration.parameters["noise"] = std::max({std::sqrt(scatter2), std::sqrt(left2), min});

@@ -1,5 +1,5 @@
 // Model "table", method "matrix": a forward gain for each gauge and component, a zero and a noise for each gauge.
-// Components: any of fx fy fz mx my that are labelled.
+// Components: any labelled ones of fx fy fz mx my.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -33,8 +33,7 @@ namespace {
 
 void fit_table_matrix(const Rows& rows, Calibration& calibration, std::vector<std::string>&) {
     for (const auto& name : calibration.components)
-        if (name == "mz")
-            throw Undetermined("mz cannot be seen by the gauges of a table sensor: leave the column mz_Nm out");
+        if (name == "mz") throw Undetermined("the gauges of a table sensor do not measure mz: leave the column mz_Nm out");
     const Rows whole = rows_with(rows, calibration.components);
     const auto n = Eigen::Index(whole.size()), loads = Eigen::Index(calibration.components.size());
     if (n < 3 * (loads + 1)) throw Undetermined(fmt::format("{} rows have all labels; {} are needed", n, 3 * (loads + 1)));
@@ -70,7 +69,8 @@ void fit_table_matrix(const Rows& rows, Calibration& calibration, std::vector<st
         greatest = std::max(greatest, noise.front().back());
         calibration.condition = std::max(calibration.condition, fitted.slope.condition);
     }
-    // A gauge is never trusted a hundred times more than the worst one: few rows may leave nothing over by chance.
+    // The weight of a gauge is limited to a hundred times that of the worst one, because few rows may have no
+    // residual by chance.
     for (double& sd : noise.front()) sd = std::max({sd, greatest / 100, 1e-300});
     (void)decoupler_of_fit(calibration, "matrix");
 }

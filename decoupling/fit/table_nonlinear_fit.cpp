@@ -1,5 +1,5 @@
-// Model "table", method "nonlinear": curve and plays together, on top of the fit of "linear". The rows of one
-// session are taken as one stretch of time that begins unloaded.
+// Model "table", method "nonlinear": curve and play operators together, in addition to the fit of "linear". The rows
+// of one session are taken as one stretch of time that begins unloaded.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -13,18 +13,18 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kPlayOperators = 16, kKnots = 8;
-constexpr int kRounds = 5;            // of curve and plays together
-constexpr double kSomething = 0.002;  // of the range: what a curve or a loop has to explain to be kept
+constexpr int kRounds = 5;            // for curve and play operators together
+constexpr double kSomething = 0.002;  // relative to the range: the minimum effect of a curve or a loop that is kept
 
-// One load and what the linear method makes of it, in the order of time; `starts[i]`: a session begins with row i.
+// One load and its estimate by the linear method, in the order of time; `starts[i]`: a session begins with row i.
 struct Track {
     std::vector<double> load, reading;
     std::vector<bool> starts;
 };
 
-// Play operators from `input` to `reading`, and beside them what is added as columns of `beside`, whose coefficients become
-// `more`. The constant is taken off the readings and added to `constant`: the zero of the straight line lies in the middle
-// of the loop, that of the plays where it was never loaded.
+// Fits play operators from `input` to `reading`, with additional columns `beside`, whose coefficients become `more`.
+// The constant is subtracted from the readings and added to `constant`: the zero of the straight line is in the
+// middle of the loop, that of the play operators at the state that was never loaded.
 PlayOperators fit_play_operators(const std::vector<double>& input, Track& track, const std::vector<double>& thresholds,
                                  const Eigen::MatrixXd& beside, Eigen::VectorXd& more, double& constant) {
     const auto n = Eigen::Index(input.size());
@@ -51,7 +51,7 @@ PlayOperators fit_play_operators(const std::vector<double>& input, Track& track,
         for (std::size_t i = 0; i < kept.size(); ++i) a.col(Eigen::Index(i)) = columns.col(Eigen::Index(kept[i]));
         a.middleCols(of_operators, beside.cols()) = beside;
         const LeastSquares solved = least_squares(a, y);
-        if (!solved.dependent.empty()) {  // plays that no row moved alone
+        if (!solved.dependent.empty()) {  // play operators that no row moved independently
             kept.erase(kept.begin() + std::ptrdiff_t(std::min(solved.dependent.back(), kept.size() - 1)));
             continue;
         }
@@ -83,7 +83,7 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     fit_table_linear(rows, calibration, warnings);
     calibration.tables.clear();
     const Rows whole = rows_with(rows, calibration.components);
-    const auto linear = decoupler_of_fit(calibration, "nonlinear");  // it has no curve and no plays yet
+    const auto linear = decoupler_of_fit(calibration, "nonlinear");  // it has no curve and no play operators yet
     std::array<Track, 3> track;                                      // Fx Fy N
     for (std::size_t i = 0; i < whole.size(); ++i) {
         const Estimate estimate = linear->decouple({.channel = whole[i]->channel});
@@ -100,13 +100,14 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     }
     std::array<PlayOperators, 3> operators;
     std::array<double, 3> constant{};
-    // A play of half the span of the loads never moves back; closer together where they are narrow.
+    // A play operator of half the span of the loads never moves back; thresholds are closer together for narrow
+    // spans.
     std::vector<double> thresholds;
     for (std::size_t i = 0; i < kPlayOperators; ++i)
         thresholds.push_back(span / 2 * std::pow(double(i) / double(kPlayOperators), 1.5));
-    // Curve and plays of the press together, the curve smooth: where the loads after the first touch stay above 0, a curve
-    // of free knots takes what the history adds to all of them for a jump between the rest and the least load, and every
-    // first load is read wrong (3 % of full scale, with a stated deviation of 0.6 %).
+    // Curve and play operators of the press together, with a smooth curve. If the loads stay above 0 after the first
+    // contact, a curve with free knots takes the effect of the history for a jump between rest and the smallest load,
+    // and every first load has an error (3 % of full scale, with a stated standard deviation of 0.6 %).
     Eigen::Vector3d bend(1, 0, 0);
     Eigen::VectorXd more;
     const double max = *std::max_element(track[2].load.begin(), track[2].load.end());
@@ -120,7 +121,8 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
             std::vector<double> input;
             for (const double load : track[2].load) input.push_back(bent(load, max, bend));
             const PlayOperators rough = fit_play_operators(input, track[2], thresholds, beside, more, constant[2]);
-            // A rising load moves all plays: what stands beside them is one more bend of their input.
+            // A rising load moves all play operators, so the additional columns are one more curvature of their
+            // input.
             bend *= std::accumulate(rough.weight.begin(), rough.weight.begin() + kPlayOperators, 0.0);
             bend.tail<2>() += more;
         }

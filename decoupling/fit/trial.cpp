@@ -44,14 +44,15 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
     if (calibration.condition > kIllConditioned)
         trial.warnings.push_back(fmt::format(
             "condition number {:.2g}: the channels nearly repeat each other, noise is amplified", calibration.condition));
-    // A search's result may serve the parts too, where it is a mere width; a time constant is to be found again.
+    // The result of a search may also serve the parts if it is only a width; a time constant must be determined
+    // again.
     Calibration start = method.remembers ? trial.start : calibration;
     if (method.remembers) set_domain(rows, start);
     trial.validation = hold_out(labelled, rows, method, start, drift, trial.warnings);
     calibration.validation = trial.validation.how;
     set_uncertainty(trial.validation, calibration);
-    // A search may end worse on all rows than it did on parts of them (mlp, by up to 1.6): what is held out then speaks of
-    // other calibrations than this one.
+    // A search may have a larger error on all rows than on parts of them (mlp, by up to 1.6): the held-out errors
+    // then describe other calibrations than this one.
     const Wrench own = rms_error(calibration, rows);
     for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);

@@ -1,4 +1,4 @@
-// The standard deviation that a calibration states, from the errors on rows that it had not seen.
+// Computes the standard deviation that a calibration states, from the errors on rows that it had not used.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -13,16 +13,16 @@
 namespace tactiled {
 namespace {
 
-constexpr double kWithinOne = 0.6827;  // of normal errors are within one standard deviation
-// Other shares of normal errors, within how many standard deviations, and the number of errors from which the quantile says
-// more than a single row.
+constexpr double kWithinOne = 0.6827;  // share of normal errors within one standard deviation
+// Other shares of normal errors, the corresponding number of standard deviations, and the number of errors from which
+// on the quantile does not depend on a single row.
 struct Tail {
     double share, sds;
     std::size_t errors;
 };
 constexpr Tail kTails[] = {{kWithinOne, 1, 8}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
-constexpr std::size_t kRowsOfAGroup = 10;  // from which on its root mean square counts
-// Of an error that grows with the load: its standard deviation is s hypot(1, slope |estimate| / full scale).
+constexpr std::size_t kRowsOfAGroup = 10;  // number of rows from which on the root mean square of a group counts
+// Slopes of an error that grows with the load: its standard deviation is s hypot(1, slope |estimate| / full scale).
 constexpr double kSlopes[] = {0, 0.5, 1, 2, 4, 8, 16, 32};
 
 struct Error {
@@ -33,7 +33,7 @@ struct Error {
 
 double shape(const Error& error, double slope) { return std::hypot(1, slope * error.share); }
 
-// For a slope, the value of s that has `tail.share` of the errors within `tail.sds` standard deviations.
+// Returns, for a slope, the value of s that has `tail.share` of the errors within `tail.sds` standard deviations.
 double scale_for(const std::vector<Error>& errors, double slope, const Tail& tail) {
     std::vector<double> ratio;
     for (const Error& error : errors) ratio.push_back(error.size / shape(error, slope));
@@ -42,7 +42,7 @@ double scale_for(const std::vector<Error>& errors, double slope, const Tail& tai
     return ratio[at] / tail.sds;
 }
 
-// Root mean square of the errors of the group in which it is greatest, in units of their shape.
+// Returns the root mean square of the errors of the group in which it is largest, in units of their shape.
 double worst_group(const std::vector<Error>& errors, double slope) {
     std::map<std::size_t, std::pair<double, std::size_t>> squares;
     for (const Error& error : errors) {
@@ -61,7 +61,7 @@ double student(double freedom) {
     return 1 + 1 / (2 * freedom) + 1 / (4 * freedom * freedom) + 1 / (16 * freedom * freedom * freedom);
 }
 
-// The number of loads beyond those that the coefficients take up, at least 2.
+// Returns the number of loads minus the number of coefficients, at least 2.
 double freedom_of(const Validation& validation, std::size_t c, const Calibration& calibration) {
     Rows rows;
     for (const auto& held_out : validation.rows)
@@ -88,7 +88,7 @@ void set_uncertainty(const Validation& validation, Calibration& calibration) {
             calibration.sd_slope.clear();
             return;
         }
-        // The slope with the smallest deviations, in the geometric mean over the rows, that hold.
+        // The slope with the smallest valid standard deviations, in the geometric mean over the rows.
         double slope = 0, scale = 0, min = std::numeric_limits<double>::infinity();
         for (const double other : kSlopes) {
             double needed = validation.by_sessions ? worst_group(errors, other) : 0, log_shape = 0;

@@ -18,7 +18,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kFewRows = 3000, kManyRows = 12000;  // how often a row is repeated with random zeros
+constexpr std::size_t kFewRows = 3000, kManyRows = 12000;  // repetitions of a row with random zeros
 
 Wrench rms_of(const std::vector<HeldOut>& rows) {
     Wrench squares{}, rms = kUnseen;
@@ -35,7 +35,8 @@ Wrench rms_of(const std::vector<HeldOut>& rows) {
     return rms;
 }
 
-// `seen_too`: rows that the loop reads as well, all of them in the order of the file; a session begins with no past.
+// Estimates the rows. `seen_too`: rows that the loop reads as well, all of them in the order of the file; a session
+// begins without a past.
 std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows, const std::vector<LabelledRow>& seen_too) {
     std::map<std::size_t, std::unique_ptr<Decoupler>> of_session;
     std::vector<HeldOut> result;
@@ -57,7 +58,8 @@ std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows)
     return result;
 }
 
-// Copies of the rows with random zeros of the channels, the copies of a row beside each other: they are one load.
+// Returns copies of the rows with random zeros of the channels. The copies of a row are consecutive, because they are
+// one load.
 std::vector<LabelledRow> with_random_zeros(const Rows& rows, const std::vector<double>& drift, std::size_t copies,
                                            std::uint64_t seed) {
     std::mt19937_64 random(seed);
@@ -78,7 +80,7 @@ Rows pointers_to(const std::vector<LabelledRow>& rows) {
     return result;
 }
 
-// The same with the rows that the copies were made of.
+// Estimates them together with the original rows.
 std::vector<HeldOut> estimates_with_random_zeros(const Calibration& calibration, const Rows& rows,
                                                  const std::vector<double>& drift, std::size_t group) {
     const auto copies = with_random_zeros(rows, drift, 1, 1000 + group);
@@ -105,7 +107,7 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
             return part;
         }
     Calibration calibration = whole;
-    std::vector<std::string> of_this_part;  // said about a part only: not worth repeating
+    std::vector<std::string> of_this_part;  // about this part only: not worth repeating
     try {
         set_domain(seen, calibration);
         fit_with_drift(method, seen, drift.sd, calibration, of_this_part);
@@ -120,7 +122,7 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
     return part;
 }
 
-// All of them, on all processors.
+// Holds out all groups, on all processors.
 std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, const Groups& groups, const FitEntry& method,
                                   const Calibration& whole, const ZeroDrift& drift) {
     std::vector<Part> parts(groups.names.size());
@@ -136,7 +138,7 @@ std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, co
                 failed = std::current_exception();
                 return;
             }
-            if (!parts[group].refused.empty()) next = parts.size();  // the others would be in vain
+            if (!parts[group].refused.empty()) next = parts.size();  // the others are not needed
         }
     };
     std::vector<std::thread> others;

@@ -3,11 +3,12 @@
 //     matrix:      wrench[c] = sum over k of M[c][k] * r[k],    r[k] = channel[k] - zero[k]
 //     quadratic, rbf, mlp:      the same + g(u),    u[k] = r[k] / width[k]
 //
-// The sum of `matrix` runs from k = 0 upwards into one double that starts at 0, every product and every sum rounded once (no
-// fused multiply-add, no reordering), so that anyone with the calibration file can recompute a force to its last bit.
+// The sum of `matrix` runs from k = 0 upwards into one double that starts at 0, with every product and every sum
+// rounded once (no fused multiply-add, no reordering), so that a user can recompute a force from the calibration file
+// to its last bit.
 //
-// The matrix of the corrected methods is the best affine map by itself and g what it leaves over. Outside of the domain g
-// stays at what it is at the nearest point inside: the force goes on as a straight line, whatever g would do there.
+// The matrix of the corrected methods is the best affine map by itself, and g corrects its residual. Outside of the
+// domain g keeps its value at the nearest point inside: the force continues linearly, whatever g would do there.
 #include "decoupling/generic/methods.hpp"
 
 namespace tactiled {
@@ -45,7 +46,7 @@ public:
 private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
-        // Each component has a sum of its own, from the first channel on.
+        // Each component has its own sum, from the first channel on.
         double value[6]{};
         const double* const r = input.r.data();
         for (std::size_t k = 0; k < n_channels(); ++k)
@@ -63,11 +64,11 @@ private:
     std::unique_ptr<Correction> correction_;
     std::size_t n_components_ = 0;
     std::array<std::size_t, 6> component_{};
-    double matrix_[kMaxChannels][6]{};  // a row a channel, 0 beyond the components
+    double matrix_[kMaxChannels][6]{};  // one row per channel, 0 beyond the components
     std::array<double, kMaxChannels> width_{}, zero_{};
 };
 
-// The fault of the matrix, "" where there is none. A calibration may come from code as well as from a file.
+// Returns the fault of the matrix, "" if there is none. A calibration may come from code as well as from a file.
 std::string fault_of_matrix(const Calibration& calibration) {
     const std::size_t n = calibration.channels.size(), rows = calibration.components.size();
     if (calibration.matrix.size() != rows)
@@ -77,7 +78,7 @@ std::string fault_of_matrix(const Calibration& calibration) {
     return "";
 }
 
-// A component for which the matrix has only zeros would be 0, and GOOD, under any load.
+// A component whose row of the matrix is zero would be 0, and GOOD, under any load.
 std::string fault_of_empty_row(const Calibration& calibration) {
     for (std::size_t i = 0; i < calibration.matrix.size(); ++i) {
         const auto& row = calibration.matrix[i];

@@ -1,4 +1,4 @@
-// The parts of model "generic" that its methods share. See matrix.cpp.
+// The common parts of the methods of model "generic". See matrix.cpp.
 #pragma once
 #include <memory>
 #include <string>
@@ -9,11 +9,12 @@
 
 namespace tactiled {
 
-// One of the corrections that model "generic" adds to its matrix: g(u) with u = r / width, in N and Nm.
+// A correction that model "generic" adds to its matrix: g(u) with u = r / width, in N and Nm.
 class Correction {
 public:
     virtual ~Correction() = default;
-    // `out` has a number a component of the calibration. rt: wait-free, no allocation
+    // Adds the correction to `out`, which has one number for each component of the calibration. rt: wait-free, no
+    // allocation
     virtual void add(const double* u, double* out) noexcept = 0;
 };
 
@@ -21,18 +22,18 @@ public:
 // it.
 inline constexpr KnownTable kWidth{"width", 1, kPerChannel};
 
-// The fit writes down by how much old rows counted less; the loop does not use it.
+// Recorded by the fit: the factor by which the weight of old rows decreases. The loop does not use it.
 inline constexpr Parameter kForget{"forget", "weight of a row over that of the next one", 0.5, 1, 1};
-// Likewise.
+// Recorded by the fit, too.
 inline constexpr Parameter kSeed{"seed", "of the random starts of the fit; reported, not used", 0, 4503599627370496, 1};
 
-// The decoupler of `method`: the matrix of the calibration and, where it is not nullptr, a correction. nullptr where the
-// calibration does not serve, and `fault` says why; a fault that is there already stays. setup
+// Returns the decoupler of `method`: the matrix of the calibration and, if it is not nullptr, a correction. Returns
+// nullptr with `fault` set if the calibration is not suitable; an existing fault is kept. setup
 std::unique_ptr<Decoupler> make_generic(const CalibrationData& data, std::string_view method,
                                         std::unique_ptr<Correction> correction, std::string& fault);
 
-// The correction of method "quadratic" from the table of that name, which "rbf" may add to as well. nullptr on a fault,
-// and `fault` says why. setup
+// Returns the correction of method "quadratic" from the table of that name, which "rbf" may use as well; nullptr with
+// `fault` set on a fault. setup
 std::unique_ptr<Correction> make_quadratic(const CalibrationData& data, std::string& fault);
 
 }  // namespace tactiled

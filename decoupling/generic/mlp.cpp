@@ -1,5 +1,5 @@
-// Model "generic", method "mlp": a network with hidden layers of tanh, g(u) = L_m(tanh(L_m-1( ... tanh(L_1(u))))). Table
-// layer1, layer2 ...: a row a neuron, its bias first; the last layer has a row a component.
+// Model "generic", method "mlp": a network with hidden layers of tanh, g(u) = L_m(tanh(L_m-1( ... tanh(L_1(u))))).
+// Table layer1, layer2 ...: one row per neuron, its bias first; the last layer has one row per component.
 #include <cmath>
 
 #include "decoupling/generic/methods.hpp"
@@ -7,7 +7,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMaxNeurons = 128;  // of a layer
+constexpr std::size_t kMaxNeurons = 128;  // in one layer
 constexpr std::size_t kMaxLayers = 8;     // the fit makes two
 
 struct Layer {

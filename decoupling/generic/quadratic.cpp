@@ -5,7 +5,8 @@
 namespace tactiled {
 namespace {
 
-// Components side by side, each summed as alone: `kPairs` pairs of them, as two fill a register of any x86-64 and AArch64.
+// Sums the components in parallel, each with the same result as alone: `kPairs` pairs of them, because two fill a
+// register of any x86-64 and AArch64.
 template <std::size_t kPairs>
 class Quadratic final : public Correction {
 public:
@@ -28,7 +29,7 @@ public:
 
 private:
     struct Components {
-        double of[2 * kPairs]{};  // a number a component, then 0
+        double of[2 * kPairs]{};  // one number per component, then 0
     };
     static void add_to(Components& sum, const Components& q, double u) noexcept {
         for (std::size_t i = 0; i < 2 * kPairs; ++i) sum.of[i] += q.of[i] * u;

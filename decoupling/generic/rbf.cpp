@@ -1,9 +1,9 @@
-// Model "generic", method "rbf": radial basis functions around m centres (k-means of the calibration's readings), on top of
-// the quadratic where there is one:
+// Model "generic", method "rbf": radial basis functions around m centres (k-means of the calibration's readings), in
+// addition to the quadratic if there is one:
 //
 //     g_c(u) = quadratic_c(u) + sum over j of W[c][j] / (1 + |u - centre_j|^2 / spread^2)
 //
-// The inverse quadratic is as smooth as a Gaussian, falls off more gently between centres, and needs no exponential.
+// The inverse quadratic is as smooth as a Gaussian, decreases more slowly between centres, and needs no exponential.
 #include "decoupling/generic/methods.hpp"
 
 namespace tactiled {
@@ -32,10 +32,10 @@ public:
     }
     void add(const double* u, double* out) noexcept override {
         if (quadratic_ != nullptr) quadratic_->add(u, out);
-        double sums[6][kLanes]{};  // a row a component; each lane by itself
+        double sums[6][kLanes]{};  // one row per component, summed per lane
         const double *centre = centres_.data(), *weight = weights_.data();
         for (std::size_t block = 0; block < blocks_; ++block) {
-            double near[kLanes]{};  // the squared distance, then what the centre answers
+            double near[kLanes]{};  // the squared distance, then the value of the basis function
             for (std::size_t k = 0; k < n_; ++k, centre += kLanes)
                 for (std::size_t i = 0; i < kLanes; ++i) {
                     const double d = centre[i] - u[k];

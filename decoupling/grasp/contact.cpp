@@ -7,24 +7,26 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kMax_N = 1e6;                   // no gripper: whatever says more is broken, and its square may overflow
-constexpr double kOnNoises = 6, kOffNoises = 4;  // 6 sd twice in a row: less than one false contact in 1e17 samples
-constexpr double kOnOverOff = 1.2;               // they stay apart, whatever is configured
-constexpr int kInARow = 2;                       // one wild sample is no contact
+constexpr double kMax_N = 1e6;  // a larger press is a fault, and its square may overflow
+// 6 sd in two samples in a row: less than one false contact in 1e17 samples
+constexpr double kOnNoises = 6, kOffNoises = 4;
+constexpr double kOnOverOff = 1.2;  // the least ratio of the two thresholds, whatever is configured
+constexpr int kInARow = 2;          // a single outlier is no contact
 constexpr std::uint64_t kBucket_ns = 20'000'000;
-constexpr std::uint64_t kSettles_ns = 60'000'000;  // after a contact: filters, and the fast part of what a skin gives back
-constexpr int kNewZero = 15;                       // buckets: 0.3 s
-constexpr double kDrift_1_s = 0.05;                // of the threshold a second
-constexpr double kZeroTime_s = 0.3;                // of the mean that is the zero
-constexpr std::uint64_t kLeaves_ns = 25'000'000;   // jaws that open take longer: 0.1 N at 1 N/s
-constexpr double kPressTime_s = 1;                 // over which the press of before is remembered
+// after a contact, for the filters and the quick part of a skin's relaxation
+constexpr std::uint64_t kSettles_ns = 60'000'000;
+constexpr int kNewZero = 15;                      // buckets: 0.3 s
+constexpr double kDrift_1_s = 0.05;               // part of the threshold, each second
+constexpr double kZeroTime_s = 0.3;               // the zero is a mean over this time
+constexpr std::uint64_t kLeaves_ns = 25'000'000;  // opening jaws take longer: 0.1 N at 1 N/s
+constexpr double kPressTime_s = 1;                // the time over which an earlier press is remembered
 
 }  // namespace
 
 bool Contact::take(const JawSample& sample) noexcept {
     const auto& f = sample.force_S_N;
     if (sample.quality == TACTILED_BAD || !(std::abs(f[2]) < kMax_N) || std::abs(f[0]) > kMax_N || std::abs(f[1]) > kMax_N) {
-        zero_known_ = false;  // the change of the zero meanwhile is unknown
+        zero_known_ = false;  // the zero may have changed meanwhile
         held_blind_ |= touching_;
         max_blind_N_ = -kMax_N;
         buckets_ = 0;
@@ -46,7 +48,7 @@ bool Contact::take(const JawSample& sample) noexcept {
     observation_.sd_N = {sample.sd_N[0], sample.sd_N[1], sample.sd_N[2]};
     observation_.press_N = -observation_.force_S_N.z();
     observation_.shear_N = std::hypot(observation_.force_S_N.x(), observation_.force_S_N.y());
-    // Outside of its domain a calibration's sd is not true any more: nothing may be weighed with it.
+    // Outside its domain a calibration's sd does not hold, so no weight is computed with it.
     observation_.overload = (sample.reasons & (TACTILED_SATURATED | TACTILED_OUTSIDE_DOMAIN)) != 0;
     for (int k = 0; k < 3; ++k)
         observation_.overload |= setup_.full_scale_N[k] > 0 && std::abs(raw[k]) > setup_.full_scale_N[k];
@@ -59,7 +61,7 @@ bool Contact::take(const JawSample& sample) noexcept {
         if (observation_.press_N >= held_press_N_ / 2) half_ns_ = sample.t_ns;
         return true;
     }
-    if (follows && observation_.press_N < setup_.contact_off_N) {  // differences of neighbours: drift does not count
+    if (follows && observation_.press_N < setup_.contact_off_N) {  // from differences of neighbours, which exclude drift
         const Eigen::Vector3d step_N = raw - was;
         const double newest = 1.0 / std::min(++differences_, 200);
         for (int k = 0; k < 3; ++k) {
@@ -87,7 +89,7 @@ void Contact::judge_touch() noexcept {
     } else {
         left_at_once_ = observation_.t_ns - half_ns_ < kLeaves_ns;
         free_since_ns_ = observation_.t_ns;
-        buckets_ = 0;  // hysteresis: another zero than before the contact
+        buckets_ = 0;  // hysteresis: the zero differs from the one before the contact
     }
 }
 
@@ -107,7 +109,8 @@ void Contact::close_bucket() noexcept {
     if (oldest.n == 0) return;
     const Eigen::Vector3d mean = oldest.sum_N / oldest.n;
     const double elapsed_s = double(observation_.t_ns - zero_ns_) * 1e-9;
-    const bool pulls = mean.z() - zero_N_.z() > setup_.contact_on_N;  // no jaw is pulled at: it was zeroed under a press
+    // a negative press, as no jaw pulls: its zero was taken under a press
+    const bool pulls = mean.z() - zero_N_.z() > setup_.contact_on_N;
     if (!zero_known_ || buckets_ == 0 || pulls) {
         zero_N_ = mean;
         buckets_ = 1;
@@ -115,11 +118,11 @@ void Contact::close_bucket() noexcept {
     } else {
         const double part = std::max(1.0 / ++buckets_, -std::expm1(-double(kBucket_ns) * 1e-9 / kZeroTime_s));
         const Eigen::Vector3d off = mean - zero_N_;
-        // A slow change is partly drift and partly a soft touch: drift is slower than this.
+        // A slow change is partly drift and partly a soft touch; drift is slower than this limit.
         const double max_N = buckets_ <= kNewZero ? kMax_N : kDrift_1_s * setup_.contact_off_N * double(kBucket_ns) * 1e-9;
         zero_N_ += (part * off).cwiseMax(-max_N).cwiseMin(max_N);
         buckets_ = std::min(buckets_, 1000);
-        if (elapsed_s < 1) {  // what differs from the mean of 0.3 s has walked for about so long
+        if (elapsed_s < 1) {  // a difference from the mean of 0.3 s arose in about that time
             const Eigen::Vector3d square = (off.array() * off.array() / kZeroTime_s).matrix();
             walk_N2_s_ += std::max(1.0 / buckets_, 0.02) * (square - walk_N2_s_);
         }

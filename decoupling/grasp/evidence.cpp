@@ -6,19 +6,20 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kDead = 0.25;        // of the load that the other jaws let expect
-constexpr double kSeen = 6;           // sd of a sensor: less load than this decides nothing
-constexpr double kNoises = 3;         // sd of a sensor that the tolerance of a share grows by
-constexpr double kFaces = -0.2;       // cosine between the normals of two jaws that hold an object between them
-constexpr double kPressLeaks = 0.01;  // sd of the shear that a press reads as; kLeak is its largest
+constexpr double kDead = 0.25;        // part of the load that follows from the other jaws
+constexpr double kSeen = 6;           // in sd of a sensor: a smaller load decides nothing
+constexpr double kNoises = 3;         // the tolerance of a share grows by this many sd of a sensor
+constexpr double kFaces = -0.2;       // largest cosine between the normals of two jaws that hold an object between them
+constexpr double kPressLeaks = 0.01;  // sd of the shear that a press causes in the reading; kLeak is its largest value
 constexpr double kUnseen_N2 = 1e12;   // variance of a component that the sensor cannot see
-constexpr double kExplains = 0.85;    // cosine between a jaw's normal and the force that its error would explain
+constexpr double kExplains = 0.85;    // least cosine between a jaw's normal and the force that its error would explain
 
-// The load on a jaw along its axis, since the rest before the lift where that was observed; NaN where it is not seen.
+// The load on a jaw along its axis, minus the rest before the lift where that was observed; NaN where the sensor does
+// not measure it.
 double load_N(const JawForces& jaw) noexcept {
     double load = 0;
     for (int k = 0; k < 2; ++k) {
-        if (std::abs(jaw.axis_S[k]) <= 1e-6) continue;  // rounding of a rotation; the component may be unseen
+        if (std::abs(jaw.axis_S[k]) <= 1e-6) continue;  // a rotation was rounded; the component may not be measured
         const double rest_N = std::isfinite(jaw.rest_S_N[k]) ? jaw.rest_S_N[k] : 0;
         load += jaw.axis_S[k] * (jaw.force_S_N[k] - rest_N);
     }
@@ -58,7 +59,7 @@ Shares shares_of(std::span<const JawForces> jaws, std::span<const double, kMaxJa
     if (n < 2 || !(size_N > 0)) return shares;
     shares.known = true;
     const double scale_N = size_N / double(n), middle = median(sorted, n);
-    const double allowed = rested ? tolerance : 2 * tolerance;  // the squeeze of the closing is in these loads, too
+    const double allowed = rested ? tolerance : 2 * tolerance;  // these loads contain the press of the closing, too
     bool contradicts = false;
     std::array<double, kMaxJaws> from_middle{};
     for (std::size_t j = 0; j < jaws.size(); ++j) {

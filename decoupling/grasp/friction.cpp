@@ -9,8 +9,8 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kOneSlip =
-    0.05;                      // relative sd of a coefficient from a single slip: forces of 3 % each, and speed of loading
-constexpr int kMaxSlips = 10;  // weight of the mean, in slips: surfaces change
+    0.05;                      // relative sd of a coefficient from one slip: 3 % for each force, and the speed of loading
+constexpr int kMaxSlips = 10;  // weight of the mean, in slips, as surfaces change
 
 }  // namespace
 
@@ -21,7 +21,7 @@ void Friction::begin() noexcept {
 }
 
 void Friction::held(double ratio) noexcept {
-    if (coefficient_ < ratio) coefficient_ = ratio;  // false while it is not known: a bound from below is no coefficient
+    if (coefficient_ < ratio) coefficient_ = ratio;  // false while it is unknown, as a lower bound is no coefficient
 }
 
 void Friction::slipped(double ratio) noexcept {

@@ -1,4 +1,4 @@
-// The coefficient of friction of one jaw's contact in this grasp, and what grip it asks for.
+// The coefficient of friction of one jaw's contact in this grasp, and the grip that follows from it.
 #pragma once
 
 namespace tactiled::grasp {
@@ -7,14 +7,15 @@ class Friction {
 public:
     explicit Friction(double configured) : configured_(configured) { begin(); }
 
-    void begin() noexcept;                // another grasp, perhaps another object
-    void held(double ratio) noexcept;     // shear over press that did not slip: friction is no less
-    void slipped(double ratio) noexcept;  // at which it gave way
-    // Shear over press at which it gives way; NaN = not known. One sd, NaN where it is as configured or only a bound.
+    void begin() noexcept;                // starts another grasp, perhaps of another object
+    void held(double ratio) noexcept;     // a ratio of shear to press without slip: a lower bound
+    void slipped(double ratio) noexcept;  // the ratio at which it slipped
+    // coefficient(): the ratio of shear to press at the slip limit; NaN = unknown. One sd, NaN for a configured value
+    // or a bound.
     [[nodiscard]] double coefficient() const noexcept { return coefficient_; }
     [[nodiscard]] double sd() const noexcept;
     [[nodiscard]] bool learnt() const noexcept { return slips_ > 0; }
-    // |shear| that so much press is used up by, 1 = about to slip; NaN = not known.
+    // Returns the part of the friction limit that this shear uses, 1 = about to slip; NaN = unknown.
     [[nodiscard]] double use(double shear_N, double press_N) const noexcept;
 
 private:

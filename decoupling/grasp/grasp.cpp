@@ -1,4 +1,4 @@
-// The order of things, once a sample: contact, slip, weight, phase.
+// Processes each sample in this order: contact, slip, weight, phase.
 #include "decoupling/grasp/grasp.hpp"
 
 #include <algorithm>
@@ -12,10 +12,10 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr double kNoises = 6;
-constexpr std::uint64_t kBeforeLift_ns = 100'000'000;  // a load may have begun this long before it is seen
-constexpr double kSteady = 0.05;                       // of the press, between its means of 10 and of 50 ms
-constexpr double kPeakTime_s = 1;                      // that a peak of the shear counts for the recommended grip
-constexpr std::uint64_t kAhead_ns = 500'000'000;  // a stamp that jumps by more is believed when the next one says so too
+constexpr std::uint64_t kBeforeLift_ns = 100'000'000;  // a load may begin this long before it is detected
+constexpr double kSteady = 0.05;                       // part of the press, between its means of 10 and 50 ms
+constexpr double kPeakTime_s = 1;                      // a peak of the shear raises the recommended grip for this long
+constexpr std::uint64_t kAhead_ns = 500'000'000;  // a larger jump of the time is accepted if the next sample confirms it
 
 }  // namespace
 
@@ -32,7 +32,7 @@ void Grasp::State::follow(std::size_t j) noexcept {
     jaw.peak_shear_N = std::max(observation.shear_N, jaw.peak_shear_N * std::exp(-elapsed_s / kPeakTime_s));
 }
 
-// With hysteresis: what came on must fall to half to be gone.
+// With hysteresis: the load ends when it has fallen to half of the threshold.
 bool Grasp::State::loaded(std::size_t j) const noexcept {
     const Jaw& jaw = jaws[j];
     const Contact& contact = contacts[j];
@@ -70,7 +70,7 @@ Rest Grasp::State::rest(std::size_t j) const noexcept {
     return {{seen(0, jaw.quick_x_N), seen(1, jaw.quick_y_N)}, jaw.quick_N.value};
 }
 
-// A grasp begins; with a slip, when that is over.
+// Begins a grasp; after a slip, when the slip has ended.
 void Grasp::State::begin_grasp() noexcept {
     begun = phase.now() != TACTILED_GRIP_SLIPPING;
     rest_ns = 0;
@@ -83,7 +83,8 @@ void Grasp::State::begin_grasp() noexcept {
     }
 }
 
-// The rest before a lift is what was read at least kBeforeLift_ns before a load was seen: not the lift's own beginning.
+// The rest before a lift is the reading at least kBeforeLift_ns before a load was detected, so that it contains
+// nothing of the lift.
 void Grasp::State::follow_rest() noexcept {
     if (phase.now() != TACTILED_GRIP_GRASPED || loaded_before || forced) {
         rest_ns = 0;
@@ -102,7 +103,7 @@ void Grasp::State::act_on() noexcept {
     if (!phase.holds())
         begun = false;
     else if (!begun && phase.kept() && !phase.resumed())
-        begun = true;  // it goes on
+        begun = true;  // the grasp continues
     else if (!begun)
         begin_grasp();
     follow_rest();
@@ -118,7 +119,7 @@ void Grasp::State::act_on() noexcept {
     if (weight.now().lift_off_ns > 0) lift_off_ns = weight.now().lift_off_ns;
 }
 
-// One wild stamp would stop all clocks until that time has come.
+// Rejects a single wrong time, which would stop all clocks until that time has come.
 bool Grasp::State::from_the_future(Jaw& jaw, std::uint64_t sample_ns) const noexcept {
     const std::uint64_t said_ns = std::exchange(jaw.ahead_ns, 0);
     if (t_ns == 0 || sample_ns <= t_ns || sample_ns - t_ns <= kAhead_ns) return false;
@@ -197,7 +198,7 @@ bool Grasp::stop_weighing() noexcept {
 
 bool Grasp::zero_weight() noexcept {
     const tactiled_grip_state now = state_->phase.now();
-    return now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST || state_->weight.zero();  // open: no tare is left
+    return now == TACTILED_GRIP_OPEN || now == TACTILED_GRIP_LOST || state_->weight.zero();  // open: the tare has ended
 }
 bool Grasp::known_weight(double mass_kg) noexcept { return state_->weight.known(mass_kg, state_->contacts); }
 void Grasp::clear_slips(std::uint32_t sensor_mask) noexcept { state_->latch &= ~sensor_mask; }

@@ -1,4 +1,4 @@
-// The state of the estimator; for grasp.cpp and record.cpp alone.
+// The state of the estimator. Only grasp.cpp and record.cpp include it.
 #pragma once
 #include <cmath>
 #include <vector>
@@ -12,7 +12,7 @@
 
 namespace tactiled::grasp {
 
-// A mean that forgets.
+// An exponentially weighted mean.
 struct Low {
     double value = 0;
     void take(double x, double elapsed_s, double time_s) noexcept {
@@ -24,13 +24,13 @@ struct Grasp::State {
     struct Jaw {
         Slip slip;
         std::uint32_t sensor;
-        Low quick_N{}, slow_N{};                  // press
-        Low quick_x_N{}, quick_y_N{};             // shear over 10 ms
-        double clamped_x_N = 0, clamped_y_N = 0;  // when it was grasped
+        Low quick_N{}, slow_N{};                  // mean press
+        Low quick_x_N{}, quick_y_N{};             // mean shear over 10 ms
+        double clamped_x_N = 0, clamped_y_N = 0;  // shear at the time of the grasp
         Rest rest{};                              // at rest_ns
         double peak_shear_N = 0;
         std::uint32_t seen_slips = 0;
-        std::uint64_t t_ns = 0, ahead_ns = 0;  // ahead: the last stamp that was not believed; 0 = none
+        std::uint64_t t_ns = 0, ahead_ns = 0;  // ahead: the last rejected time; 0 = none
     };
 
     explicit State(const Setup& s) : setup(s), weight(s) {
@@ -52,14 +52,14 @@ struct Grasp::State {
 
     Setup setup;
     std::vector<Jaw> jaws;
-    std::vector<Contact> contacts;  // by jaw, as `jaws`
+    std::vector<Contact> contacts;  // per jaw, as `jaws`
     Weight weight;
     Phase phase;
     Objects objects;
     Hint hint = Hint::none;
-    bool forced = false, stopped = false;  // weighing, or not, because a command said so
+    bool forced = false, stopped = false;  // weighing was begun or ended by a command
     bool loaded_before = false;
-    bool begun = false;         // this grasp
+    bool begun = false;         // in this grasp
     std::uint64_t rest_ns = 0;  // 0: not at rest
     std::uint64_t t_ns = 0, lift_off_ns = 0;
     std::uint32_t slips = 0, latch = 0;

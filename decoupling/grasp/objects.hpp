@@ -8,14 +8,14 @@
 namespace tactiled::grasp {
 
 struct Recognised {
-    std::uint32_t id = 0;    // 0 = unknown
-    double probability = 0;  // that it is this one: no other, none that was never taught
+    std::uint32_t id = 0;    // 0 = not known
+    double probability = 0;  // that it is this object, neither another taught one nor an unknown one
     std::array<char, TACTILED_NAME_SIZE> name{};
 };
 
 class Objects {
 public:
-    void teach(std::span<const Object> objects) noexcept;  // the first kMaxObjects that have a mass and an id
+    void teach(std::span<const Object> objects) noexcept;  // uses the first kMaxObjects with a mass and an id
     [[nodiscard]] Recognised recognise(double mass_kg, double sd_kg) const noexcept;
 
 private:

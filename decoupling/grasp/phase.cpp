@@ -4,10 +4,11 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kNeverSteady_ns = 500 * kMs;  // under vibration a press is never steady; it is a grasp all the same
-constexpr std::uint64_t kLoad_ns = 15 * kMs;          // that a load has come or gone: a shock is shorter
-constexpr std::uint64_t kLifted_ns = 600 * kMs;       // longest lift, where no stable weight says that it is over
-constexpr std::uint64_t kJustNow_ns = 300 * kMs;      // between losing the first jaw's contact and the last one's
+// under vibration a press is never steady, and a grasp begins after this time
+constexpr std::uint64_t kNeverSteady_ns = 500 * kMs;
+constexpr std::uint64_t kLoad_ns = 15 * kMs;      // a change of the load lasts longer than a shock
+constexpr std::uint64_t kLifted_ns = 600 * kMs;   // longest lift, if no stable weight ends it
+constexpr std::uint64_t kJustNow_ns = 300 * kMs;  // between the loss of the first and of the last jaw's contact
 
 }  // namespace
 
@@ -16,8 +17,8 @@ void Phase::enter(tactiled_grip_state state, std::uint64_t t_ns) noexcept {
     entered_ns_ = t_ns;
 }
 
-// No jaw touches any more. What was held and is gone is lost, unless somebody opened: the hint says so, or the press
-// went as slowly as jaws open.
+// Handles the end of the last contact. A held object counts as lost, unless the gripper was opened: by its hint, or
+// because the press fell as slowly as jaws open.
 void Phase::let_go(const Seen& seen, Hint hint) noexcept {
     const bool hung = hung_ns_ > 0 && seen.t_ns - hung_ns_ < kJustNow_ns;
     const bool slid = slid_ns_ > 0 && seen.t_ns - slid_ns_ < kJustNow_ns;
@@ -75,7 +76,7 @@ void Phase::step(const Seen& seen, Hint hint) noexcept {
             else if (state_ == TACTILED_GRIP_LIFTING && (seen.weighed || seen.t_ns - entered_ns_ > kLifted_ns))
                 enter(TACTILED_GRIP_HOLDING, seen.t_ns);
             break;
-        case TACTILED_GRIP_SLIPPING: break;  // only now() says so
+        case TACTILED_GRIP_SLIPPING: break;  // only now() returns it
     }
 }
 

@@ -1,4 +1,4 @@
-// The state of the grasp: which of open, contact, grasped, lifting, holding, slipping, lost.
+// The state of the grasp: open, contact, grasped, lifting, holding, slipping or lost.
 #pragma once
 #include <cstdint>
 
@@ -11,16 +11,16 @@ struct Seen {
     std::uint64_t t_ns = 0;
     bool unknown = false;           // a jaw has no value
     bool any = false, all = false;  // jaws with a sensor that touch
-    bool steady = false;            // the press of each
-    bool loaded = false;            // shear came onto the jaws since they were closed
-    bool weighed = false;           // and is a stable weight
+    bool steady = false;            // the press of each jaw
+    bool loaded = false;            // the shear has grown since the jaws closed
+    bool weighed = false;           // by a stable weight
     bool slipping = false;
     bool left_at_once = false;
 };
 
 class Phase {
 public:
-    // One step at most by each sample. rt: wait-free
+    // Changes the state by one step at most per sample. rt: wait-free
     void step(const Seen& seen, Hint hint) noexcept;
 
     [[nodiscard]] tactiled_grip_state now() const noexcept { return slipping_ && holds() ? TACTILED_GRIP_SLIPPING : state_; }
@@ -28,9 +28,9 @@ public:
         return state_ == TACTILED_GRIP_GRASPED || state_ == TACTILED_GRIP_LIFTING || state_ == TACTILED_GRIP_HOLDING;
     }
     [[nodiscard]] bool hangs() const noexcept { return state_ == TACTILED_GRIP_LIFTING || state_ == TACTILED_GRIP_HOLDING; }
-    // Continues a grasp after a discontinuity: its begin was not observed.
+    // True if the grasp continues after a discontinuity, so that its begin was not observed.
     [[nodiscard]] bool resumed() const noexcept { return resumed_; }
-    // It hung a moment ago, when a jaw lost touch: no other grasp, and what hung hangs.
+    // True if the object was held a moment ago, when a jaw lost contact: it is the same grasp with the same load.
     [[nodiscard]] bool kept() const noexcept { return kept_; }
     [[nodiscard]] std::uint32_t grasps() const noexcept { return grasps_; }
 

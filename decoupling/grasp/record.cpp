@@ -1,4 +1,4 @@
-// The record of shared memory, from the estimator's state.
+// Makes the record of shared memory from the estimator's state.
 #include <algorithm>
 #include <cmath>
 

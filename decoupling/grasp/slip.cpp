@@ -7,22 +7,23 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr std::uint64_t kLook_ns = 7'000'000;  // static to kinetic takes some 5 ms; vibration below 60 Hz longer
-constexpr std::uint64_t kStep_ns = 900'000;    // points are 1 ms apart or more: a fall between two is as large at any rate
-constexpr std::uint64_t kGoesOn_ns = 60'000'000;  // so long without another fall: it holds again
-constexpr std::uint64_t kFirm_ns = 20'000'000;    // a contact that just began rolls and settles
-constexpr double kOverUsual = 1.6;                // of the largest fall that transport made lately
+constexpr std::uint64_t kLook_ns = 7'000'000;  // the fall to kinetic friction takes 5 ms; vibration below 60 Hz is slower
+// least distance of points: the fall between two of them is at least as large
+constexpr std::uint64_t kStep_ns = 900'000;
+constexpr std::uint64_t kGoesOn_ns = 60'000'000;  // the slip has ended after this time without another fall
+constexpr std::uint64_t kFirm_ns = 20'000'000;    // a new contact rolls and settles
+constexpr double kOverUsual = 1.6;                // times the largest recent fall of a transport
 constexpr double kUsualTime_s = 10;
-// Of the friction known beforehand or learnt: lower cannot be slip, even where that is 30 % off; and a small fall is one
-// only right at the limit.
+// Parts of the configured or learnt friction. Below kNearCone there is no slip, even if the friction is wrong by 30
+// %; a small fall counts only from kAtCone on.
 constexpr double kNearCone = 0.7, kAtCone = 0.9, kSmallFall = 0.08;
-// A swing comes up as it goes down. From rest its first fall is at most twice its rise, and where it is slower than 25 Hz
-// and a rise takes longer than this, what falls by enough within 7 ms has been falling before.
+// A vibration rises as it falls. From rest its first fall is at most twice its rise; below 25 Hz a rise takes longer
+// than this time, so that a large enough fall within 7 ms has begun before.
 constexpr std::uint64_t kRise_ns = 10'000'000;
 constexpr double kSwing = 2.2, kFellBefore = 0.15;
-constexpr double kMinRatio = 0.1;  // nothing that a gripper holds slides at less, and a ratio of noise is none
+constexpr double kMinRatio = 0.1;  // a held object does not slide below this ratio, and a ratio of noise is smaller
 constexpr double kNoises = 4;
-constexpr double kMeanTime_s = 0.02;  // a peak of vibration is not near the limit; a pull that takes longer is
+constexpr double kMeanTime_s = 0.02;  // a peak of vibration is shorter, a pull longer
 
 }  // namespace
 
@@ -46,7 +47,7 @@ Slip::Fall Slip::fall(double noise_N) const noexcept {
     for (std::size_t back = 0; back < n_; ++back) {
         const Point& p = past_[(newest_ + kMax - back) % kMax];
         if (now.t_ns - p.t_ns > kLook_ns) break;
-        // Only a shear that itself falls, not a press that rises: a grip that is tightened is no slip.
+        // The shear itself must fall: a press that rises, as in a grip that is tightened, is no slip.
         const double before = p.shear_N / p.press_N, sure_N = p.shear_N - now.shear_N - kNoises * noise_N;
         if (sure_N <= 0 || before <= max.peak) continue;
         max = {std::min((before - ratio) / before, sure_N / p.shear_N), before, back};
@@ -87,7 +88,7 @@ void Slip::take(const Observation& observation, bool touching, bool settled, dou
     const Fall now = fall(noise_N);
     const double cone = friction_.coefficient() * (now.part < kSmallFall ? kAtCone : kNearCone);
     const bool slides = state_ == TACTILED_SLIP_GROSS;
-    const bool at_cone = now.peak >= kAtCone * friction_.coefficient();  // not known: false
+    const bool at_cone = now.peak >= kAtCone * friction_.coefficient();  // false if not known
     const bool possible = observation.t_ns - touched_ns_ > kFirm_ns && now.peak >= kMinRatio &&
                           (std::isnan(cone) ? now.part >= kSmallFall : now.peak >= cone);
     const double min = slides ? min_fall_ / 2 : std::max(min_fall_, kOverUsual * usual_);
@@ -102,17 +103,17 @@ void Slip::take(const Observation& observation, bool touching, bool settled, dou
         return;
     }
     if (slides && observation.t_ns - slid_ns_ < kGoesOn_ns) return;
-    // A vibration that grows is told from a slip by growing over several falls; but a fall counts when it is over: a slip in
-    // its first milliseconds is no transport.
+    // A growing vibration differs from a slip as it grows over several falls. A fall counts when it has ended, so
+    // that the first milliseconds of a slip do not count as transport.
     falling_ = std::max(falling_, now.part);
     const double over = now.part < falling_ / 2 ? std::exchange(falling_, now.part) : 0;
     if (settled) usual_ = std::max(over, usual_ * std::exp(-elapsed_s / kUsualTime_s));
     if (!slides) friction_.held((observation.shear_N - kNoises * noise_N) / observation.press_N);
-    // |shear| > part of the cone + k sd: never a ratio alone, which near no press is one of noise.
+    // |shear| > part of the limit + k sd; a ratio alone would be one of noise at a small press.
     mean_N_ += -std::expm1(-elapsed_s / kMeanTime_s) * (observation.shear_N - mean_N_);
     const double limit_N = near_ * friction_.coefficient() * observation.press_N + kNoises * noise_N;
-    state_ =
-        std::min(mean_N_, observation.shear_N) > limit_N ? TACTILED_SLIP_INCIPIENT : TACTILED_SLIP_NONE;  // not known: false
+    state_ = std::min(mean_N_, observation.shear_N) > limit_N ? TACTILED_SLIP_INCIPIENT
+                                                              : TACTILED_SLIP_NONE;  // false if not known
 }
 
 }  // namespace tactiled::grasp

@@ -8,11 +8,11 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
-constexpr double kMinG_m_s2 = 9.69,
-                 kMaxG_m_s2 = 9.91;  // on Earth, and rounding: another length is another unit, or no gravity
-constexpr double kObservable = 0.3;  // of the weight must be tangential: gravity 17 degrees out of the skin's normal
-constexpr double kKnownSure = 0.05;  // of a known weight: the scale cannot be set by noise
+constexpr std::uint64_t kFresh_ns = 100'000'000;  // age up to which a reported acceleration is used
+// accepted lengths of gravity: those on Earth, with rounding
+constexpr double kMinG_m_s2 = 9.69, kMaxG_m_s2 = 9.91;
+constexpr double kObservable = 0.3;  // least tangential part of the weight: gravity 17 degrees off the skin's normal
+constexpr double kKnownSure = 0.05;  // relative sd of a known weight: noise must not set the scale
 
 }  // namespace
 
@@ -47,7 +47,7 @@ void Weight::gravity(const Eigen::Vector3d& gravity_G_m_s2) noexcept {
     const bool known = size > kMinG_m_s2 && size < kMaxG_m_s2;  // false for NaN
     const Eigen::Vector3d to = known ? gravity_G_m_s2 : Eigen::Vector3d::Zero();
     if (known && gravity_G_.norm() > 0 && to.dot(gravity_G_) > 0.9999 * to.norm() * gravity_G_.norm()) {
-        gravity_G_ = to;  // a tenth of a degree or so: what was weighed stays
+        gravity_G_ = to;  // a change of about 0.1 degree keeps the weight
         return aim();
     }
     gravity_G_ = to;
@@ -63,8 +63,9 @@ void Weight::acceleration(const Eigen::Vector3d& acceleration_G_m_s2, std::uint6
     acceleration_ns_ = t_ns;
 }
 
-// The direction and the share of the load that each jaw carries. The sum over all jaws of what they exert on the object is m
-// (a - g), so what it exerts on them is m (g - a): along it, but tangential, for along the normal goes the squeeze.
+// Computes the direction and the share of the load of each jaw. The sum of what all jaws exert on the object is m (a
+// - g), so the object exerts m (g - a) on the jaws. Only the tangential part counts, as the normal direction contains
+// the squeeze.
 void Weight::aim() noexcept {
     const Eigen::Vector3d pull_G = central_ ? Eigen::Vector3d(0, 0, gravity_G_.z()) : gravity_G_;
     double along = 0, across = 0;
@@ -89,7 +90,8 @@ void Weight::take(std::size_t jaw, const Observation& observation) noexcept {
     j.overload |= observation.overload;
     double force_N = 0;
     for (int k = 0; k < 2; ++k)
-        if (std::abs(j.axis_S[k]) > kNoPart) force_N += j.axis_S[k] * observation.force_S_N[k];  // the other may be unseen
+        if (std::abs(j.axis_S[k]) > kNoPart)
+            force_N += j.axis_S[k] * observation.force_S_N[k];  // the other one may not be measured
     j.blind = !std::isfinite(force_N);
     if (j.blind) return;
     j.sum_N += force_N;
@@ -125,7 +127,7 @@ void Weight::close_block(std::uint64_t now_ns) noexcept {
         Jaw& jaw = jaws_[j];
         overloaded_ |= std::exchange(jaw.overload, false);
         if (jaw.carries_m_s2 > 0) carries_now += jaw.share * jaw.axis_S.dot(jaw.S_from_G * pull_G);
-        if (jaw.n > 0) {  // a slower sensor's stays
+        if (jaw.n > 0) {  // a slower sensor's value is kept
             jaw.last_N = jaw.sum_N / jaw.n;
             jaw.last_S_N = jaw.sum_S_N / jaw.n;
         }
@@ -152,17 +154,18 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     if (mass_kg == 0) {
         rescale(1 / scale_);
         check_ = {};
-        if (now_.state == TACTILED_WEIGHT_STABLE) now_.state = TACTILED_WEIGHT_ESTIMATING;  // its deviation was of the scale
+        if (now_.state == TACTILED_WEIGHT_STABLE)
+            now_.state = TACTILED_WEIGHT_ESTIMATING;  // its deviation came from the old scale
         return true;
     }
     if (now_.state != TACTILED_WEIGHT_STABLE || !held_known_ || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
-    if (tare_kg_ != 0) return false;  // what leaks would be in the tare and not in the scale
+    if (tare_kg_ != 0) return false;  // the tare would contain a leak of the press, and the scale would not
     const double factor = mass_kg / now_.mass_kg;
-    if (!(factor > 0.2 && factor < 5)) return false;  // a jaw that carries nothing, or everything: no share to correct
-    // The share's deviation is what it corrects; the rest goes into every weight from now on.
+    if (!(factor > 0.2 && factor < 5)) return false;  // a jaw with no load or with all of it has no share to correct
+    // The known weight corrects the share's deviation only; the rest of the deviation would be in every later weight.
     if (now_.sd_kg > std::hypot(kKnownSure * now_.mass_kg, held_kg_ * share_sd())) return false;
     if (!(std::abs(rest_kg(jaws)) <= kKnownSure * now_.mass_kg))
-        return false;  // a force that may still be there; NaN: not seen
+        return false;  // a force may still be present; NaN: not measured
     rescale(factor);
     const std::span<const JawForces> forces = forces_since(block_ns_ - std::min(block_ns_, window_ns_), jaws);
     const Balance balance = balance_of(forces, gravity_G_, Eigen::Vector3d::Zero(), 0, 0);

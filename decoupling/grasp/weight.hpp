@@ -11,20 +11,20 @@ namespace tactiled::grasp {
 
 struct Weighed {
     tactiled_weight_state state = TACTILED_WEIGHT_NONE;
-    double mass_kg, sd_kg;          // NaN where not known
-    std::uint64_t lift_off_ns = 0;  // when the load first came to nine tenths of this; 0 = not known
-    std::uint32_t doubts = 0;       // enum tactiled_weight_doubt: why it is not stable
-    std::uint32_t jaws = 0;         // bit n: of jaw n, by which the forces contradict each other
+    double mass_kg, sd_kg;          // NaN if not known
+    std::uint64_t lift_off_ns = 0;  // the load first reached nine tenths of this mass; 0 = not known
+    std::uint32_t doubts = 0;       // enum tactiled_weight_doubt: the reasons why it is not stable
+    std::uint32_t jaws = 0;         // bit n: jaw n contradicts the others
 };
 
-inline constexpr double kNoPart = 1e-6;    // of an axis: rounding of a rotation
-inline constexpr double kLeak = 0.03;      // of the press that may read as a shear
-inline constexpr double kDown_rad = 0.01;  // uncertainty of gravity's direction
+inline constexpr double kNoPart = 1e-6;    // a smaller part of an axis is a rounded rotation
+inline constexpr double kLeak = 0.03;      // largest part of the press that may appear as a shear
+inline constexpr double kDown_rad = 0.01;  // uncertainty of the direction of gravity
 
-// The reading of a jaw in the grip before the lift. A leak of the press, which the weight has in it, or a force that the
-// lift takes away: the deviation has it.
+// The reading of a jaw in the grip before the lift. It is a leak of the press, which the weight contains, or a force
+// that the lift removes; the deviation allows for both.
 struct Rest {
-    Eigen::Vector2d force_S_N{kNaN, kNaN};  // tangential; NaN: not seen
+    Eigen::Vector2d force_S_N{kNaN, kNaN};  // tangential; NaN: not measured
     double press_N = 0;
 };
 
@@ -36,27 +36,27 @@ public:
     void acceleration(const Eigen::Vector3d& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;
     void window(double ms) noexcept;
 
-    // One more sample of a jaw. rt: wait-free
+    // Adds one more sample of a jaw. rt: wait-free
     void take(std::size_t jaw, const Observation& observation) noexcept;
     // rt: wait-free
     void rest(std::size_t jaw, const Rest& rest) noexcept { jaws_[jaw].rest = rest; }
-    // A lift begins: weighs from now on. rt: wait-free
+    // Weighs from now on, as a lift begins. rt: wait-free
     void begin(std::uint64_t t_ns) noexcept;
     void end() noexcept;
-    // Judged anew when 5 ms have passed. rt: bounded by the blocks of 1.3 s
+    // Computes the weight again if 5 ms have passed. rt: bounded by the blocks of 1.3 s
     void judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept;
 
     [[nodiscard]] const Weighed& now() const noexcept { return now_; }
     [[nodiscard]] bool weighing() const noexcept { return weighing_; }
     [[nodiscard]] bool observable() const noexcept { return carries_ > 0; }
-    bool zero() noexcept;  // what hangs, stable, is tare
+    bool zero() noexcept;  // tares the stable load
     void no_tare() noexcept { tare_kg_ = 0; }
-    void slipped() noexcept { first_.known = false; }  // the jaws may share the load in another way from now on
+    void slipped() noexcept { first_.known = false; }  // the shares of the jaws may have changed
     // The same as Grasp::known_weight(). rt: wait-free
     bool known(double mass_kg, std::span<const Contact> jaws) noexcept;
 
 private:
-    // 5 ms of all jaws.
+    // The samples of all jaws in 5 ms.
     struct Block {
         std::uint64_t t_ns = 0;
         double mass_kg = 0;
@@ -64,11 +64,11 @@ private:
         double acceleration_m_s2 = 0;
     };
     struct Mean {
-        double mass_kg = 0, sd_kg = 0;  // of the mean, by the scatter of its parts
-        double blocks_sd_kg = 0;        // of a block
-        double trend_kg = 0;            // newer half less older half
-        double bend_kg = 0;             // outer quarters less inner ones
-        double jitter_kg = 0;           // sd of a block, by its difference from the next one
+        double mass_kg = 0, sd_kg = 0;  // sd of the mean, from the scatter of its parts
+        double blocks_sd_kg = 0;        // sd of a block
+        double trend_kg = 0;            // newer half minus older half
+        double bend_kg = 0;             // outer quarters minus inner ones
+        double jitter_kg = 0;           // sd of a block, from its difference to the next one
         std::size_t n = 0;
         bool accelerations_known = true;
         double max_acceleration_m_s2 = 0;
@@ -76,7 +76,7 @@ private:
     // The findings of the checks that compare the jaws with each other and the weight with itself.
     struct Findings {
         std::uint32_t doubts = 0, jaws = 0;
-        double sd_kg = 0;  // by disagreement that is no contradiction
+        double sd_kg = 0;  // from disagreement that is no contradiction
         std::array<double, kMaxJaws> off{};
     };
     void rescale(double factor) noexcept;
@@ -114,20 +114,20 @@ private:
     struct Jaw {
         Eigen::Matrix3d S_from_G;
         double share = 0;
-        Eigen::Vector3d axis_S;   // along which it carries, tangential; 0 = it carries nothing
-        double carries_m_s2 = 0;  // force along the axis a kg of the object
+        Eigen::Vector3d axis_S;   // tangential direction in which the jaw carries; 0 = it carries nothing
+        double carries_m_s2 = 0;  // force along the axis per kg of the object
         double sum_N = 0, last_N = 0;
         Eigen::Vector3d sum_S_N = Eigen::Vector3d::Zero(), last_S_N = Eigen::Vector3d::Zero();
         int n = 0;
         Rest rest;
         bool errs_by_gain = false;
-        std::uint64_t t_ns = 0;  // of the newest sample
-        bool overload = false;   // in a sample of this block
-        bool blind = false;      // the newest sample says nothing along the axis
+        std::uint64_t t_ns = 0;  // time of the newest sample
+        bool overload = false;   // a sample of this block is overloaded
+        bool blind = false;      // the newest sample has no value along the axis
     };
     std::array<Jaw, kMaxJaws> jaws_;
-    std::size_t n_jaws_, n_all_;  // with a sensor, and all of the gripper
-    bool central_;                // three jaws or more: what goes across the palm's axis is shared nobody knows how
+    std::size_t n_jaws_, n_all_;  // jaws with a sensor, and all jaws of the gripper
+    bool central_;                // three jaws or more: the shares perpendicular to the palm's axis are unknown
     double share_sd_;
     double max_acceleration_m_s2_;
     std::uint64_t accelerates_ns_, window_ns_;
@@ -135,15 +135,16 @@ private:
     Eigen::Vector3d gravity_G_{0, 0, 0}, acceleration_G_{0, 0, 0};
     std::uint64_t acceleration_ns_ = 0;
     bool acceleration_reported_ = false;
-    double contact_N_ = 0;  // least press that all jaws call a touch
-    double carries_ = 0;    // sum over jaws of carries_m_s2: N a kg
-    double tilt_ = 0;       // tangent of the angle between what pulls and the axis
+    double contact_N_ = 0;  // sum of the jaws' thresholds of contact
+    double carries_ = 0;    // sum of carries_m_s2 over the jaws: N per kg
+    double tilt_ = 0;       // tangent of the angle between the load and the axis
 
-    static constexpr std::uint64_t kBreak_ns = 500'000'000;  // without a sample: what was before says nothing
+    // after this time without a sample, earlier samples are not used
+    static constexpr std::uint64_t kBreak_ns = 500'000'000;
     static constexpr std::size_t kBlocks = 256;
     std::array<Block, kBlocks> blocks_{};
-    std::array<std::array<Eigen::Vector3f, kMaxJaws>, kBlocks> block_forces_S_N_{};  // by block and jaw
-    std::array<JawForces, kMaxJaws> forces_{};                                       // forces of the newest window
+    std::array<std::array<Eigen::Vector3f, kMaxJaws>, kBlocks> block_forces_S_N_{};  // per block and jaw
+    std::array<JawForces, kMaxJaws> forces_{};                                       // forces in the newest window
     std::size_t newest_ = 0, n_ = 0;
     std::uint64_t block_ns_ = 0;
 
@@ -152,25 +153,25 @@ private:
     struct {
         bool done = false;
         double mass_kg = 0, rest_kg = 0;
-        bool was_force = false;              // rest_kg: more than a leak can be
-        std::uint32_t carrying = 0;          // a bit a jaw
-        double sd = 0;                       // of the scale, as a part of it: scatter, zeros and gravity's direction
+        bool was_force = false;              // rest_kg was larger than a leak
+        std::uint32_t carrying = 0;          // one bit per jaw
+        double sd = 0;                       // relative sd of the scale: scatter, zeros and direction of gravity
         std::array<double, kMaxJaws> off{};  // Shares::off
         Eigen::Vector3d balance_off_G = Eigen::Vector3d::Zero();  // Balance::off_G
     } check_;
-    // The first stable weight of this grasp and how its jaws shared it: both stay, unless a sensor creeps.
+    // The first stable weight of this grasp and its shares: both are constant, unless a sensor creeps.
     struct {
-        bool known = false, weighed = false;  // off; mass_kg, until the load changes
+        bool known = false, weighed = false;  // off is known; mass_kg is, until the load changes
         double mass_kg = 0, sd_kg = 0;
         std::array<double, kMaxJaws> off{};
     } first_;
-    bool all_face_ = false;      // all jaws have sensors and face each other: their presses balance
-    double unexplained_kg_ = 0;  // small changes of the load in this grasp: of the object or of a sensor, forces cannot tell
-    double departed_kg_ = kNaN;  // the weight before the change that is going on
+    bool all_face_ = false;      // all jaws have sensors and face each other, so that their presses balance
+    double unexplained_kg_ = 0;  // sum of small changes in this grasp: the object or a sensor may have caused them
+    double departed_kg_ = kNaN;  // the weight before the present change
     bool changed_ = false;       // the load changed when the held weight was last left
     std::uint64_t block_before_ns_ = 0;
-    bool again_ = false;             // weighing began anew in this grasp, because the load changed
-    std::uint64_t balanced_ns_ = 0;  // when the presses last balanced without any acceleration
+    bool again_ = false;             // weighing began again in this grasp, as the load changed
+    std::uint64_t balanced_ns_ = 0;  // when the presses last balanced without an acceleration
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;
     Weighed now_;

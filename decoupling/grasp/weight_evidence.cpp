@@ -1,4 +1,4 @@
-// The evidence for a weight: do the jaws agree with each other, and does the weight agree with its own past?
+// Checks a weight: whether the jaws agree with each other, and the weight with its own past.
 #include <algorithm>
 #include <cmath>
 
@@ -8,30 +8,30 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr double kShare = 0.25;             // tolerance of a share, relative to a jaw's load, where share_sd is small
-constexpr double kShareSds = 6;             // the same in share_sd, where that is large
+constexpr double kShareSds = 6;             // tolerance in share_sd, where that is large
 constexpr double kShareInSd = 0.5;          // part of a departure beyond 3 share_sd that the weight's sd contains
 constexpr double kShareCreeps = 0.05;       // tolerance of a share within one grasp
 constexpr double kCreeps = 0.02;            // relative change since the first stable value
 constexpr double kAnother = 0.2;            // relative change at once from which it is another load
-constexpr double kPressGain_sd = 0.03;      // relative; calibrations of two jaws may differ by this
-constexpr double kPressRepeats_sd = 0.015;  // the same, once a known weight was shown
+constexpr double kPressGain_sd = 0.03;      // relative difference between the calibrations of two jaws
+constexpr double kPressRepeats_sd = 0.015;  // the same, after a known weight
 constexpr double kUnbalanced_sds = 3.5;
 constexpr double kBalanceInSd = 0.35;  // part of the unbalanced presses that the weight's sd contains
 constexpr double kNegative_sds = 3;
 constexpr double kMoves = 0.03;                      // relative change from window to window
-constexpr double kRamps = 0.002;                     // the same, once the load has changed while it was held
-constexpr double kNoisy = 0.0025;                    // relative noise that would hide a swing in a short window
-constexpr std::size_t kEnough = 48;                  // blocks of 5 ms: in so long a swing bends by more than the noise
-constexpr double kBends = 0.002, kTrends = 0.005;    // relative, in one window: more is a swing
-constexpr std::uint64_t kLook_ns = 100'000'000;      // that such a window takes
-constexpr std::uint64_t kTogether_ns = 100'000'000;  // within which the load comes onto all jaws
-constexpr double kSlopeBlocks = 60;                  // 0.3 s: in less, the noise is no slope's
+constexpr double kRamps = 0.002;                     // the same, after a change of the load while it was held
+constexpr double kNoisy = 0.0025;                    // larger relative noise would hide a swing in a short window
+constexpr std::size_t kEnough = 48;                  // blocks of 5 ms: a swing bends by more than the noise in this time
+constexpr double kBends = 0.002, kTrends = 0.005;    // relative changes within one window; larger ones are a swing
+constexpr std::uint64_t kLook_ns = 100'000'000;      // length of such a window
+constexpr std::uint64_t kTogether_ns = 100'000'000;  // the load reaches all jaws within this time
+constexpr double kSlopeBlocks = 60;                  // 0.3 s: noise hides a slope in a shorter time
 constexpr double kSlopeNoises = 1;                   // sd of a slope that noise explains
-constexpr double kSeen = 6;                          // sd of a sensor: less load than this is not timed
+constexpr double kSeen = 6;                          // in sd of a sensor: a smaller load has no time
 
 }  // namespace
 
-// The mean forces of the jaws over the blocks that are newer than `from_ns`.
+// Returns the mean forces of the jaws over the blocks newer than `from_ns`.
 std::span<const JawForces> Weight::forces_since(std::uint64_t from_ns, std::span<const Contact> jaws) noexcept {
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         JawForces& out = forces_[j];
@@ -49,7 +49,8 @@ std::span<const JawForces> Weight::forces_since(std::uint64_t from_ns, std::span
     return std::span(forces_).first(n_jaws_);
 }
 
-// `unknown_m_s2`: an acceleration of the hand that nothing reports, and that may explain presses which do not balance.
+// `unknown_m_s2`: a possible acceleration of the hand that is not reported, and that may explain presses which do not
+// balance.
 Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_kg, double sd_kg,
                                  double unknown_m_s2) const noexcept {
     Findings found;
@@ -75,7 +76,8 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
             found.jaws |= balance.jaws;
         }
         if (balance.presses_N > 0) {
-            // A wrong gain changes the weight as much as the presses; a tilt that is not reported changes it by 1 - cos.
+            // A wrong gain changes the weight as much as the presses; a tilt that is not reported changes it by 1 -
+            // cos.
             const double weight_N = std::max(1e-9, std::abs(mass_kg) * gravity_G_.norm());
             const double tilt = std::hypot(1, balance.across_N / weight_N) - 1;
             found.sd_kg = std::hypot(found.sd_kg, std::abs(mass_kg) * kBalanceInSd * balance.across_N / balance.presses_N,
@@ -96,7 +98,8 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
     return found;
 }
 
-// When the load came onto the last jaw: `first_ns`, that of their sum, unless a jaw was later than the others.
+// Returns when the load reached the last jaw: `first_ns`, the time of the sum, unless one jaw was later than the
+// others.
 std::uint64_t Weight::last_lift_off(std::span<const JawForces> forces, std::uint64_t first_ns,
                                     std::uint32_t& late) const noexcept {
     std::uint64_t last_ns = first_ns;
@@ -121,7 +124,7 @@ std::uint64_t Weight::last_lift_off(std::span<const JawForces> forces, std::uint
     return last_ns;
 }
 
-// True where the means of 100 ms since `from_ns` differ by more than a load does that rests.
+// Returns true if the means of 100 ms since `from_ns` differ by more than those of a load at rest.
 bool Weight::moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_ns) const noexcept {
     constexpr std::size_t kWindows = 8;
     std::array<double, kWindows> sum_kg{};
@@ -171,7 +174,8 @@ void Weight::take_first(const Findings& found) noexcept {
     first_.known = first_.weighed = true;
 }
 
-// A large change at once is another load. Small ones may be a sensor that creeps: they stay in the standard deviation.
+// A large change at once is another load. A small one may come from a sensor that creeps, and remains in the standard
+// deviation.
 double Weight::unexplained_kg(double mass_kg) const noexcept {
     const double change_kg = std::abs(mass_kg - departed_kg_);
     return unexplained_kg_ + (change_kg <= kAnother * std::abs(departed_kg_) ? change_kg : 0);  // false for NaN
@@ -183,7 +187,7 @@ void Weight::forget_first() noexcept {
     departed_kg_ = kNaN;
 }
 
-// False for a window that trends or bends by more than its noise: so does a part of a swing.
+// Returns false for a window with a trend or a bend above its noise, which may be a part of a swing.
 bool Weight::flat(const Mean& mean) const noexcept {
     const double noise_kg = 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4);
     const double weight_kg = std::max(std::abs(mean.mass_kg), contact_N_ / gravity_G_.norm());

@@ -11,21 +11,22 @@ namespace {
 
 constexpr std::uint64_t kBlock_ns = 5'000'000, kGlance_ns = 20'000'000;
 constexpr std::uint64_t kLongest_ns = 1'200'000'000;
-constexpr double kStill = 0.01;     // of the weight: what still moves in a stable value
-constexpr double kDeparts = 0.015;  // of the weight: more is acceleration, or another weight
-constexpr double kUnchecked = 0.1;  // of a share by symmetry, as long as no known weight confirmed it
-// How far the errors of sensors of one make, which bend, yield and soften alike, are the same; what a known weight leaves of
-// them at its own load, and how that grows off it, where they err by their gain. Chosen by grasp_bench weigh, seed 1, so
-// that the published deviation is what it says; judged by other seeds.
+constexpr double kStill = 0.01;     // relative change within a stable value
+constexpr double kDeparts = 0.015;  // a larger relative change is an acceleration or another weight
+constexpr double kUnchecked = 0.1;  // relative sd of a share by symmetry, before a known weight confirms it
+// The part of the errors that sensors of one kind have in common, as they bend, yield and soften alike; for errors by
+// gain, the part that remains after a known weight at its own load, and its growth at other loads. They were chosen
+// with grasp_bench weigh, seed 1, such that the published deviation is correct, and checked with other seeds.
 constexpr double kAlike = 0.6, kLeftByCheck = 0.1, kOffCheck = 0.88;
-constexpr double kLeftOfOthers = 0.5;   // of sensors that may err otherwise: nobody measured it
-constexpr double kReported = 0.05;      // of an acceleration that was told: its delay and scale
-constexpr double kTableFriction = 0.3;  // what is drawn over a table with a force of F presses on it with up to F / 0.3
-constexpr double kFollows_s = 1;        // a stable value follows what creeps
-constexpr double kShaken = 0.2;         // of the weight, rms of 5 ms: more is no vibration but another load every time
-constexpr double kSure = 0.2;           // of the weight: with a larger deviation none looks good
-constexpr std::uint64_t kSlowly_ns =
-    250'000'000;  // from half of the load to nine tenths of it; lifts that were looked at take 0.05 to 0.3 s in all
+constexpr double kLeftOfOthers = 0.5;  // the same for other sensors, for which no measurement exists
+constexpr double kReported = 0.05;     // relative error of a reported acceleration: delay and scale
+// an object that is drawn over a table with a force F presses on it with up to F / 0.3
+constexpr double kTableFriction = 0.3;
+constexpr double kFollows_s = 1;                  // a stable value follows creep with this time constant
+constexpr double kShaken = 0.2;                   // relative rms of 5 ms; above it the load itself changes
+constexpr double kSure = 0.2;                     // relative deviation above which no weight is good
+// From half of the load to nine tenths of it; lifts in the tests take 0.05 to 0.3 s in all.
+constexpr std::uint64_t kSlowly_ns = 250'000'000;
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
 
 double square(double x) noexcept { return x * x; }
@@ -39,7 +40,7 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     while (m.n < n_ && block(m.n).t_ns > from_ns) m.mass_kg += block(m.n++).mass_kg;
     if (m.n == 0) return m;
     m.mass_kg /= double(m.n);
-    // The scatter of a few long parts: neighbours resemble each other, as vibration and filters have it.
+    // The scatter of a few long parts, as vibration and filters make neighbours similar.
     const std::size_t parts = std::min<std::size_t>(m.n, 4);
     std::array<double, 4> part{};
     for (std::size_t p = 0; p < parts; ++p) {
@@ -66,6 +67,7 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     return m;
 }
 
+// Returns when the load first reached `mass_kg`. Vibration would delay the last time.
 std::uint64_t Weight::first_above(double mass_kg) const noexcept {
     std::uint64_t first_ns = begun_ns_;
     for (std::size_t b = 0; b < n_ && block(b).t_ns >= begun_ns_; ++b)
@@ -73,7 +75,7 @@ std::uint64_t Weight::first_above(double mass_kg) const noexcept {
     return first_ns;
 }
 
-// When the load first came to nine tenths of `mass_kg`. The last time would be missed under vibration.
+// Returns when the load first reached nine tenths of `mass_kg`.
 std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
     const std::uint64_t first_ns = first_above(0.9 * mass_kg);
     const bool forgotten = n_ == kBlocks && now_.lift_off_ns >= begun_ns_ && now_.lift_off_ns < block(n_ - 1).t_ns;
@@ -86,8 +88,8 @@ std::uint32_t Weight::carrying() const noexcept {
     return mask;
 }
 
-// Of n jaws that carry of all, each an equal share but for share_sd_: what their sum is off. The known weight's grasp was
-// no better, and of other jaws it said nothing.
+// Returns the relative error of the sum of n of all jaws, each with an equal share within share_sd_. The grasp of the
+// known weight had the same error, and it corrects no other jaws.
 double Weight::share_sd() const noexcept {
     const auto n = double(std::popcount(carrying())), all = double(n_all_);
     if (check_.done && carrying() != check_.carrying) return kUnchecked;
@@ -95,12 +97,14 @@ double Weight::share_sd() const noexcept {
     return check_.done ? share_sd_ * std::sqrt(2 * (all - n) / (all * n)) : kUnchecked;
 }
 
-// What is less than the touch of a contact is nothing, and may be said to be.
+// Returns true if the deviation is small enough. A load below the threshold of contact counts as none, which may be
+// reported.
 bool Weight::sure(double mass_kg, double sd_kg) const noexcept {
     return sd_kg <= kSure * std::max(std::abs(mass_kg), contact_N_ / gravity_G_.norm());  // false for NaN
 }
 
-// What read as a weight before the lift, as much more as the press has grown since; NaN where it was not seen.
+// Returns the weight that the reading before the lift corresponds to, scaled by the growth of the press since; NaN if
+// it was not measured.
 double Weight::rest_kg(std::span<const Contact> jaws) const noexcept {
     double force_N = 0;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
@@ -129,8 +133,8 @@ double Weight::zeros_kg(std::span<const Contact> jaws) const noexcept {
     return scale_ / carries_ * std::sqrt(squares_N2);
 }
 
-// The sensors' own standard deviation in the weight. A known weight holds their curve at two places, that and the zero
-// before each grasp; off them it bends, and beyond it an error grows with the load.
+// Returns the sensors' own standard deviation in the weight. A known weight fixes their curve at its load, and the
+// zero before each grasp at 0; between the two the curve bends, and above them the error grows with the load.
 double Weight::sensors_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
     double squares_N2 = 0, sum_N = 0;
     bool by_gain = true;
@@ -149,8 +153,8 @@ double Weight::sensors_kg(double mass_kg, std::span<const Contact> jaws) const n
     return std::hypot(kLeftByCheck, kOffCheck * (u < 1 ? u * (1 - u) : u - 1)) * all_kg;
 }
 
-// What was read before the lift may be a leak of the press: then the weight has it in it, but for what a known weight's
-// scale took of it. More than a leak can be is a force, and there may be a leak under it.
+// The reading before the lift may be a leak of the press. The weight then contains it, except for the part in the
+// scale of a known weight. A reading above the largest leak is a force, and a leak may be present in addition.
 double Weight::leaks_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
     const double now_kg = rest_kg(jaws), max_kg = max_leak_kg(jaws);
     const double then_kg = check_.done ? std::abs(mass_kg) / check_.mass_kg * check_.rest_kg : 0;
@@ -164,8 +168,8 @@ double Weight::systematic_kg(double mass_kg, std::span<const Contact> jaws) cons
     return std::hypot(sensors_kg(mass_kg, jaws), seen_kg, mass_kg * parts);
 }
 
-// Tangential force across the axis, beyond what a tilted weight and a leak of the press explain, as a mass that may lie on
-// what the object is drawn over.
+// Returns the tangential force perpendicular to the axis, beyond the part of a tilted weight and of a leak of the
+// press, as a mass that may rest on the surface below the object.
 double Weight::off_axis_kg(std::span<const Contact> jaws, double mass_kg, std::uint32_t& found) const noexcept {
     double max_kg = 0;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
@@ -204,7 +208,7 @@ void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept
     const std::uint64_t window_begin_ns = now_ns - std::min(now_ns, window_ns_);
     for (const Contact& jaw : jaws)
         if (!jaw.zero_sd_N().allFinite())
-            return fails(TACTILED_WEIGHT_ESTIMATING);  // after a break: wait for the next free phase
+            return fails(TACTILED_WEIGHT_ESTIMATING);  // after a discontinuity, until the next free phase
     const Mean window = mean_since(std::max(window_begin_ns, begun_ns_));
     if (window.n == 0) return;
     if (held_known_)
@@ -213,20 +217,21 @@ void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept
         publish_first(window, jaws, now_ns);
 }
 
-// From lift-off to the first stable value.
+// Publishes a weight between lift-off and the first stable value.
 void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
     const std::uint64_t lift_off_ns = lift_off(window.mass_kg);
     std::uint32_t late = 0;
     const std::uint64_t last_ns =
         last_lift_off(forces_since(now_ns - std::min(now_ns, window_ns_), jaws), lift_off_ns, late);
-    // If the acceleration is not reported, a value within its longest duration is no weight, however steady.
+    // If the acceleration is not reported, even a steady value within its longest duration is no weight.
     const std::uint64_t from_ns = window.accelerations_known ? last_ns : last_ns + accelerates_ns_;
     std::uint64_t since_ns = std::max(from_ns, now_ns - std::min(now_ns, window_ns_));
     Mean mean = mean_since(since_ns);
     if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_)
-        late = 0;  // without it there would be no weight yet, either
+        late = 0;  // without this step there would be no weight yet, either
     const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
-    if (after && (mean.sd_kg > kStill * std::abs(mean.mass_kg) || !flat(mean))) {  // vibration or noise: a longer mean
+    // with vibration or noise the mean is longer
+    if (after && (mean.sd_kg > kStill * std::abs(mean.mass_kg) || !flat(mean))) {
         since_ns = std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns));
         mean = mean_since(since_ns);
     }
@@ -273,7 +278,7 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     take_first(found);
 }
 
-// The block of the newest 20 ms that is farthest from the held value.
+// Returns the largest departure from the held value among the blocks of the newest 20 ms.
 double Weight::newest_departs_kg() const noexcept {
     double max_kg = 0;
     for (std::size_t b = 0; b < n_ && block(b).t_ns + kGlance_ns > block(0).t_ns; ++b)
@@ -281,7 +286,8 @@ double Weight::newest_departs_kg() const noexcept {
     return max_kg;
 }
 
-// Once it was stable: an arm that slows down is no other weight, unless it goes on for longer than arms do.
+// Publishes a weight after the first stable value. An arm that slows down is not another weight, unless it slows down
+// for longer than arms do.
 void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
     const double systematic = systematic_kg(held_kg_, jaws), off_kg = window.mass_kg - held_kg_;
     const std::span<const JawForces> forces = forces_since(now_ns - std::min(now_ns, window_ns_), jaws);
@@ -296,7 +302,7 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
         this->drifted_kg(jaws, std::max(now_ns - std::min(now_ns, 2 * kQuiet_ns), now_.lift_off_ns + excused_ns));
     const double fixed_kg = std::hypot(systematic, found.sd_kg, drifted_kg);
     const double departs_kg = kDeparts * std::abs(held_kg_);
-    // A change of the load within the window is scatter too: it may not excuse itself.
+    // A change of the load within the window is scatter as well, and must not excuse itself.
     const double window_sd_kg = std::min(window.sd_kg, departs_kg);
     const double fixed_sd_kg = std::hypot(fixed_kg, std::max(held_sd_kg_, window_sd_kg));
     const bool stays = std::abs(off_kg) <= std::hypot(departs_kg, 3 * held_sd_kg_, 3 * window_sd_kg) &&
@@ -304,7 +310,8 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
     std::uint32_t across = 0;
     const bool agrees =
         stays && off_axis_kg(jaws, held_kg_, across) <= 0 && sure(held_kg_, fixed_sd_kg) && found.doubts == 0;
-    if (agreed_ns_ == block_before_ns_) changed_ = !stays;  // the first disagreement tells another load from a creeping jaw
+    // the first disagreement separates another load from a creeping jaw
+    if (agreed_ns_ == block_before_ns_) changed_ = !stays;
     block_before_ns_ = now_ns;
     if (agrees) {
         take_first(found);
@@ -312,7 +319,7 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
         held_sd_kg_ = std::max(0.1 * kStill * std::abs(held_kg_), held_sd_kg_ * 0.999);
         agreed_ns_ = now_ns;
     } else if (now_ns > agreed_ns_ + accelerates_ns_ + 2 * window_ns_) {
-        held_known_ = false;  // it does weigh something else
+        held_known_ = false;  // another object is weighed
         again_ = true;
         if (changed_ && first_.weighed) {
             unexplained_kg_ += std::abs(held_kg_ - first_.mass_kg);

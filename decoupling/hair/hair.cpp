@@ -5,7 +5,7 @@
 //     matrix     weighted least squares of all hairs, with leak terms of second and third order
 //     physics    the same without leak terms, gains from the hair's geometry
 //
-// This file is the decoupler; each method has a file that says what it reads from a calibration.
+// This file is the decoupler; each method has a file that reads its parts of a calibration.
 //
 // Forces are stresses times the area of the cap: fx = tau_x A, fy = tau_y A, fz = -sigma A.
 #include <fmt/format.h>
@@ -20,7 +20,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::array<std::size_t, 3> kComponentOf{2, 0, 1};  // of sigma, tau_x, tau_y in a wrench
+constexpr std::array<std::size_t, 3> kComponentOf{2, 0, 1};  // index of sigma, tau_x, tau_y in a wrench
 
 class Hair final : public CheckedModel {
 public:
@@ -45,7 +45,7 @@ private:
         const HairLoad load = pairs != 0 ? two_steps(r, pairs) : solver_.solve(r, used);
         if (setup_.noise_known) {
             estimate.residual = residual(r, load, used);
-            // Four hairs do not determine which hair is wrong, so the error of the forces is unknown.
+            // Four hairs do not show which of them is wrong, so the error of the forces is unknown.
             if (estimate.residual > kDoubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         }
         for (std::size_t j = 0; j < 3; ++j) {
@@ -58,7 +58,7 @@ private:
             if (seen()[c] && !std::isfinite(estimate.wrench_S[c])) estimate.reasons |= TACTILED_NOT_FINITE;
     }
 
-    // The pairs of which both hairs are usable; 0 where a shear that is asked for has none: then the hairs that are left
+    // Returns the pairs of which both hairs are usable; 0 if a requested shear has none: then the remaining hairs
     // have to be solved together.
     std::uint32_t whole_pairs(std::uint32_t usable) const noexcept {
         const bool x = (usable & kPairX) == kPairX, y = (usable & kPairY) == kPairY;
@@ -66,14 +66,15 @@ private:
         return (x ? kPairX : 0) | (y ? kPairY : 0);
     }
 
-    // Cao et al.: DIFF -> shear -> intercept of SUM -> normal. With both pairs SUM is of all four hairs. rt: wait-free
+    // The two steps of Cao et al.: DIFF -> shear -> intercept of SUM -> normal. With both pairs SUM contains all four
+    // hairs. rt: wait-free
     HairLoad two_steps(const std::array<double, 4>& r, std::uint32_t pairs) const noexcept {
         const bool x = (setup_.unknowns & 2u) != 0, y = (setup_.unknowns & 4u) != 0;
         const double tau_x = x ? shear_from_diff_Pa(r[0], r[2], setup_.diff_per_Pa[0]) : 0;
         const double tau_y = y ? shear_from_diff_Pa(r[1], r[3], setup_.diff_per_Pa[1]) : 0;
         HairLoad load{0, tau_x / setup_.scale_Pa[1], tau_y / setup_.scale_Pa[2]};
         double sum = 0;
-        HairLoad gain{};  // of SUM, dR/R0 at full scale
+        HairLoad gain{};  // gain of SUM, dR/R0 at full scale
         LeakTerms coefficient{};
         for (std::size_t i = 0; i < 4; ++i) {
             if ((pairs >> i & 1u) == 0) continue;
@@ -87,8 +88,8 @@ private:
         return load;
     }
 
-    // Root mean square of what the load does not explain of the hairs used, a degree of freedom, in standard deviations of
-    // a hair. NaN where there is nothing to compare. rt: wait-free
+    // Returns the root mean square of the residual of the hairs used, per degree of freedom, in standard deviations
+    // of a hair; NaN without redundancy. rt: wait-free
     double residual(const std::array<double, 4>& r, const HairLoad& load, std::uint32_t used) const noexcept {
         const int hairs = std::popcount(used), free = hairs - std::popcount(setup_.unknowns);
         if (free <= 0) return kNaN;
@@ -121,7 +122,7 @@ std::unique_ptr<Decoupler> make_hair(const CalibrationData& data, std::string_vi
             "error, at most {} is solved; calibrate over a smaller range",
             solver.contraction(setup.wired), HairSolver::kSlowest);
     else if (!solver.solvable(setup.wired))
-        fault = "these hairs and gains cannot tell the stresses apart";
+        fault = "these hairs and gains do not determine the stresses";
     return fault.empty() ? std::make_unique<Hair>(data.calibration(), method, setup, solver) : nullptr;
 }
 

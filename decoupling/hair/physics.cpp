@@ -1,4 +1,5 @@
-// Model "hair", method "physics": as "matrix" without leak terms, with gains from the hair's geometry (physics.hpp).
+// Model "hair", method "physics": like "matrix" without leak terms, with gains from the hair's geometry
+// (physics.hpp).
 #include "decoupling/hair/physics.hpp"
 
 #include "decoupling/hair/setup.hpp"
@@ -11,7 +12,7 @@ constexpr auto kParameters =
                                      {"correction_normal", "measured over computed sensitivity", 0, kLargest, 1},
                                      {"correction_shear", "measured over computed sensitivity", 0, kLargest, 1}}},
            hair_geometry_parameters(false));
-// hair_gain: a row a hair, its normal and its shear sensitivity over those of the geometry.
+// hair_gain: one row per hair, its normal and its shear sensitivity relative to those of the geometry.
 constexpr std::array<KnownTable, 2> kTables{{{"hair_gain", kPerChannel, 2, false}, kHairNoise}};
 
 std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {

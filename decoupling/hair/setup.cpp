@@ -21,7 +21,7 @@ std::string read_wiring(const Calibration& calibration, HairSetup& setup) {
     }
     for (const auto& name : calibration.components) {
         const auto at = std::find(kNameOf.begin(), kNameOf.end(), name);
-        if (at == kNameOf.end()) return fmt::format("component \"{}\"; a hair sensor sees fx fy fz", name);
+        if (at == kNameOf.end()) return fmt::format("component \"{}\"; a hair sensor measures fx fy fz", name);
         setup.unknowns |= 1u << (at - kNameOf.begin());
     }
     const bool x = (setup.unknowns & 2u) != 0, y = (setup.unknowns & 4u) != 0;

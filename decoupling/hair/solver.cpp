@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr int kGrid = 8;  // the leak's slopes are looked at in 9 x 9 x 9 points
+constexpr int kGrid = 8;  // the leak's slopes are evaluated at 9 x 9 x 9 points
 
 }  // namespace
 
@@ -49,7 +49,7 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
     if (!(scale.minCoeff() > 0) || !scale.allFinite()) return subset;
     const Eigen::MatrixXd scaled = g.array().rowwise() / scale.array();
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled);
-    // Sound sensors are below 5 for any three hairs.
+    // Intact sensors are below 5 for any three hairs.
     if (!(svd.singularValues()[m - 1] * kWorstCondition > svd.singularValues()[0])) return subset;
     const Eigen::MatrixXd inverse = scaled.colPivHouseholderQr().solve(Eigen::MatrixXd::Identity(n, n));
     for (Eigen::Index j = 0; j < m; ++j) {
@@ -59,9 +59,9 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
             subset.inverse[at][rows[std::size_t(i)]] = inverse(j, i) / scale[j] / response_.noise[rows[std::size_t(i)]];
     }
     if (leaks_) {
-        // Greatest size, over the loads where the leak is evaluated, of each entry of inverse * slopes of the leak. The
-        // greatest eigenvalue of these sizes is the factor by which a step shrinks the error (in the maximum norm weighted
-        // by its eigenvector, in which cutting a load off to its range lengthens nothing).
+        // The largest magnitude, over the loads where the leak is evaluated, of each entry of inverse * slopes of the
+        // leak. The largest eigenvalue of these magnitudes is the factor by which a step reduces the error (in the
+        // maximum norm weighted by its eigenvector, in which limiting a load to its range lengthens nothing).
         Eigen::Matrix3d sizes = Eigen::Matrix3d::Zero();
         HairLoad load;
         for (int point = 0; point < (kGrid + 1) * (kGrid + 1) * (kGrid + 1); ++point) {
@@ -103,7 +103,8 @@ HairLoad HairSolver::solve_by_newton(const std::array<double, 4>& r, std::uint32
     HairLoad load{}, left = excess(r, hairs, load);
     for (int step = 0; step < kSteps && size(left) > 1e-14; ++step) {
         const HairLoad inside = response_.nearest(load);
-        Eigen::Matrix3d slope = Eigen::Matrix3d::Identity();  // of `left`; beyond the calibrated loads the leak has none
+        // derivative of `left`; beyond the calibrated loads the leak is constant
+        Eigen::Matrix3d slope = Eigen::Matrix3d::Identity();
         for (std::size_t axis = 0; axis < 3; ++axis) {
             if (inside[axis] != load[axis]) continue;
             const LeakTerms slopes = leak_slopes(load, axis);
@@ -116,7 +117,8 @@ HairLoad HairSolver::solve_by_newton(const std::array<double, 4>& r, std::uint32
         HairLoad next;
         for (std::size_t j = 0; j < 3; ++j) next[j] = load[j] - newton[Eigen::Index(j)];
         HairLoad next_left = excess(r, hairs, next);
-        if (!(size(next_left) < size(left) / 2)) {  // across the edge of the calibrated loads: a step of the fixed point
+        // across the edge of the calibrated loads: a step of the fixed-point iteration
+        if (!(size(next_left) < size(left) / 2)) {
             for (std::size_t j = 0; j < 3; ++j) next[j] = load[j] - left[j];
             next_left = excess(r, hairs, next);
         }
@@ -133,7 +135,7 @@ HairLoad HairSolver::solve(const std::array<double, 4>& r, std::uint32_t hairs) 
     HairLoad load{};
     std::array<double, 4> linear{};
     for (std::size_t i = 0; i < 4; ++i)
-        if ((hairs >> i & 1u) != 0) linear[i] = r[i];  // else 0 * NaN of an unusable one
+        if ((hairs >> i & 1u) != 0) linear[i] = r[i];  // prevents 0 * NaN of an unusable hair
     for (int step = 0; step < kSteps; ++step) {
         HairLoad next{};
         for (std::size_t j = 0; j < 3; ++j)
@@ -141,7 +143,7 @@ HairLoad HairSolver::solve(const std::array<double, 4>& r, std::uint32_t hairs) 
         const double change =
             std::max({std::abs(next[0] - load[0]), std::abs(next[1] - load[1]), std::abs(next[2] - load[2])});
         load = next;
-        if (!leaks_ || !(change > 1e-14)) break;  // of full scale; a NaN ends it too
+        if (!leaks_ || !(change > 1e-14)) break;  // relative to full scale; a NaN ends the loop, too
         const LeakTerms terms = leak_terms(response_.nearest(load));
         for (std::size_t i = 0; i < 4; ++i)
             if ((hairs >> i & 1u) != 0) linear[i] = r[i] - leak(response_.leak[i], terms);

@@ -1,9 +1,10 @@
-// The steps of the hair sensor of Cao et al., each a function of its own. Hair i stands at the azimuth of 0, 90, 180, 270
-// degrees (H1 .. H4), so a pair is H1 H3 along x, H2 H4 along y. r = dR/R0 of a hair less its zero.
+// The steps of the hair sensor of Cao et al., each a separate function. Hair i is at the azimuth of 0, 90, 180, 270
+// degrees (H1 .. H4), so a pair is H1 H3 along x, H2 H4 along y. r = dR/R0 of a hair minus its zero.
 //
 //     r_i = D_sigma sigma - D_tau tau cos(alpha - alpha_i)      (their eq. 14, with the signs of their text)
 //
-// sigma: normal stress, positive while pressing; tau_x, tau_y: shear stress that the world exerts, frame S; all in Pa.
+// sigma: normal stress, positive under a press; tau_x, tau_y: shear stress that the environment exerts, frame S; all
+// in Pa.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -12,12 +13,12 @@
 
 namespace tactiled {
 
-// 0 .. 3 for "H1" .. "H4", 4 where the name is none.
+// Returns 0 .. 3 for "H1" .. "H4", 4 for an unknown name.
 constexpr std::size_t hair_index(std::string_view name) noexcept {
     return name.size() == 2 && name[0] == 'H' && name[1] >= '1' && name[1] <= '4' ? std::size_t(name[1] - '1') : 4;
 }
 
-// cos and sin of the azimuth of hair i: what part of tau_x and tau_y lowers its resistance.
+// cos and sin of the azimuth of hair i: the shares of tau_x and tau_y that lower its resistance.
 inline constexpr std::array<double, 4> kHairCos{1, 0, -1, 0}, kHairSin{0, 1, 0, -1};
 
 // Step 1 of Cao et al.: DIFF = r_far - r_near = S_d tau, with H1 (H2) near and H3 (H4) far. S_d in 1/Pa is that of the pair,
@@ -26,7 +27,7 @@ constexpr double shear_from_diff_Pa(double r_near, double r_far, double diff_per
     return (r_far - r_near) / diff_per_Pa;
 }
 
-// sigma, tau_x, tau_y as parts of a full scale each.
+// sigma, tau_x, tau_y, each relative to its full scale.
 using HairLoad = std::array<double, 3>;
 
 // The terms of second and third order: exponents of sigma, tau_x, tau_y. The last seven have no sigma.
@@ -49,14 +50,14 @@ inline constexpr std::array<std::array<int, 3>, kLeakTerms> kLeakExponents{{{2, 
                                                                             {0, 0, 3}}};
 using LeakTerms = std::array<double, kLeakTerms>;
 
-// The products of kLeakExponents at a load. rt: wait-free
+// Returns the products of kLeakExponents at a load. rt: wait-free
 constexpr LeakTerms leak_terms(const HairLoad& load) noexcept {
     const auto [s, x, y] = load;
     const double ss = s * s, xx = x * x, xy = x * y, yy = y * y;
     return {ss, s * x, s * y, ss * s, ss * x, ss * y, s * xx, s * xy, s * yy, xx, xy, yy, xx * x, xx * y, x * yy, yy * y};
 }
 
-// Their derivatives by sigma, tau_x or tau_y (axis 0, 1, 2). rt: wait-free
+// Returns their derivatives by sigma, tau_x or tau_y (axis 0, 1, 2). rt: wait-free
 constexpr LeakTerms leak_slopes(const HairLoad& load, std::size_t axis) noexcept {
     LeakTerms slopes{};
     for (std::size_t i = 0; i < kLeakTerms; ++i) {
@@ -74,8 +75,9 @@ constexpr double leak(const LeakTerms& coefficient, const LeakTerms& terms) noex
     return sum;
 }
 
-// Step 2: g(tau), what shear alone adds to SUM (their "initial value of SUM"; they print no formula): linear where the
-// hairs differ, and the terms without sigma. `gain_x`, `gain_y`: of SUM in 1/Pa; `coefficient` in dR/R0 at full scale.
+// Step 2: g(tau), the contribution of shear alone to SUM (their "initial value of SUM"; they print no formula):
+// linear if the hairs differ, plus the terms without sigma. `gain_x`, `gain_y`: of SUM in 1/Pa; `coefficient` in
+// dR/R0 at full scale.
 constexpr double intercept_of_sum(double tau_x_Pa, double tau_y_Pa, double gain_x, double gain_y,
                                   const LeakTerms& coefficient, const LeakTerms& terms) noexcept {
     double sum = gain_x * tau_x_Pa + gain_y * tau_y_Pa;
@@ -83,7 +85,7 @@ constexpr double intercept_of_sum(double tau_x_Pa, double tau_y_Pa, double gain_
     return sum;
 }
 
-// Step 3: SUM = S_s sigma + g(tau). S_s in 1/Pa is that of all hairs in SUM.
+// Step 3: SUM = S_s sigma + g(tau). S_s in 1/Pa is the sum over all hairs in SUM.
 constexpr double normal_from_sum_Pa(double sum, double intercept, double sum_per_Pa) noexcept {
     return (sum - intercept) / sum_per_Pa;
 }

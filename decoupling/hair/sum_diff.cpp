@@ -1,5 +1,5 @@
-// Model "hair", method "sum_diff": the two steps of Cao et al. DIFF of a pair gives its shear, the shear gives the intercept
-// of SUM, and SUM gives the normal stress (two_steps() in hair.cpp).
+// Model "hair", method "sum_diff": the two steps of Cao et al. DIFF of a pair gives its shear, the shear gives the
+// intercept of SUM, and SUM gives the normal stress (two_steps() in hair.cpp).
 #include <fmt/format.h>
 
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kMinSum = 0.1;  // of the sum of sizes; 1 where both hairs of a pair answer alike
+constexpr double kMinSum = 0.1;  // relative to the sum of magnitudes; 1 if both hairs of a pair respond equally
 
 constexpr auto kParameters =
     joined(kFittedParameters,
@@ -30,7 +30,7 @@ std::string read_pairs(const CalibrationData& data, HairSetup& setup) {
     return "";
 }
 
-// The hairs of a pair must answer a press with the same sign.
+// The hairs of a pair must respond to a press with the same sign.
 std::string fault_of_sums(const HairSetup& setup) {
     for (const std::uint32_t pair : {kPairX, kPairY}) {
         double sum = 0, size = 0;
@@ -39,8 +39,9 @@ std::string fault_of_sums(const HairSetup& setup) {
             size += (pair >> i & 1u) != 0 ? std::abs(setup.response.gain[i][0]) : 0;
         }
         if ((setup.wired & pair) == pair && !(std::abs(sum) > kMinSum * size))
-            return fmt::format("table gains: the hairs {} answer a press with opposite signs, so their SUM says nothing",
-                               pair == kPairX ? "H1 H3" : "H2 H4");
+            return fmt::format(
+                "table gains: the hairs {} respond to a press with opposite signs, so their SUM has no meaning",
+                pair == kPairX ? "H1 H3" : "H2 H4");
     }
     return "";
 }

@@ -14,7 +14,8 @@ void ChargeFusion::start(double V, double slow) noexcept {
     keep(0, film_);
 }
 
-// Points closer than the ring can hold are passed over; a mean over 128 points loses nothing that a window passes.
+// Points that are closer than the ring can hold are skipped; a mean over 128 points loses nothing within the
+// bandwidth of a window.
 void ChargeFusion::keep(double t_s, double film) noexcept {
     if (held_ > 0 && t_s - ring_[newest_].t_s < window_s_ / (kMax / 2)) return;
     if (held_ > 0) newest_ = (newest_ + 1) % kMax;
@@ -22,7 +23,7 @@ void ChargeFusion::keep(double t_s, double film) noexcept {
     ring_[newest_] = {t_s, film};
 }
 
-// Of the film's drive over the last window (or since the start), trapezoids, from now backwards.
+// Returns the mean of the film's drive over the last window (or since the start), by trapezia, from now backwards.
 double ChargeFusion::mean_of_window() const noexcept {
     double area = 0, later_t = time_s_, later = film_;
     const double begin = std::max(0.0, time_s_ - window_s_);

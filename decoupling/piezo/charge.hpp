@@ -1,9 +1,9 @@
-// A piezoelectric film with a leak, and its fusion with a slow, absolute reading. The film's charge is proportional to a
-// drive q (here in V: what the film would show without a leak) and leaks with the time constant tau = R C:
+// A piezoelectric film with a leak, and its fusion with a slow, absolute reading. The film's charge is proportional
+// to a drive q (here in V: the signal without a leak) and leaks with the time constant tau = R C:
 //
 //     dV/dt = dq/dt - V / tau,     V/q = s tau / (1 + s tau)
 //
-// The thesis' eq. X and XI, V proportional to F, hold only far above 1 / (2 pi tau) (errata 1.11).
+// The thesis' eq. X and XI, V proportional to F, are valid only far above 1 / (2 pi tau) (errata 1.11).
 #pragma once
 #include <array>
 #include <cmath>
@@ -11,7 +11,7 @@
 
 namespace tactiled {
 
-// One step of T seconds, exact for a drive that is a straight line in between:
+// One step of T seconds, exact for a drive that is linear in between:
 //     V[n] = decay V[n-1] + gain (q[n] - q[n-1]),    decay = exp(-T/tau),  gain = -expm1(-T/tau) tau / T
 // The staircase form, gain = 1, errs by T / 2 tau on a ramp.
 struct LeakStep {
@@ -26,18 +26,19 @@ struct LeakStep {
     [[nodiscard]] double voltage(double last_V, double change_of_drive) const noexcept {
         return decay * last_V + gain * change_of_drive;
     }
-    // The inverse; summed up it has a pole at z = 1 and drifts with any offset (hard case H36).
+    // Returns the inverse of a step. Its sum has a pole at z = 1 and drifts with any offset (hard case H36).
     [[nodiscard]] double change_of_drive(double last_V, double V) const noexcept { return (V - decay * last_V) / gain; }
 };
 
-// The drive q from the film's V and a slow reading c of the same quantity that is its mean over the last `window_s`, new
-// once a window and held in between (the thesis: AD7746 at 10 Hz). With W the window's mean,
+// Estimates the drive q from the film's V and a slow reading c of the same quantity. c is the mean over the last
+// `window_s`, new once per window and constant in between (the thesis: AD7746 at 10 Hz). With W the window's mean,
 //
 //     q_est = q_film + L (c - W q_film),    L = 1 / (1 + s tau_c)
 //
-// q_film, the running sum of the film's changes, is right but for a slow drift. c - W q_film compares like with like, the
-// same window of both, so it contains nothing but that drift; gain and phase of q are 1 and 0 at every frequency, while a
-// complement of c by its filter alone would lack the window's delay. An offset e of V becomes e tau_c / tau, for ever.
+// q_film, the running sum of the film's changes, is right except for a slow drift. c - W q_film compares the same
+// window of both, so it contains only that drift; gain and phase of q are 1 and 0 at every frequency, while a
+// complement of c by its filter alone would lack the window's delay. An offset e of V becomes e tau_c / tau,
+// permanently.
 class ChargeFusion {
 public:
     ChargeFusion(double leak_s, double fusion_s, double window_s) noexcept
@@ -45,11 +46,11 @@ public:
 
     void forget() noexcept { started_ = false; }
 
-    // `slow` is c, `is_new`: it was measured since the last call. T_s >= 0 since the last call.
+    // `slow` is c; `is_new`: it was measured since the last call. T_s >= 0 since the last call.
     // rt: wait-free, at most kMax steps
     double update(double T_s, double V, double slow, bool is_new) noexcept;
 
-    // True from one window after the start on: before, the film's past is not known.
+    // True from one window after the start on: before, the film's past is unknown.
     [[nodiscard]] bool is_settled() const noexcept { return started_ && time_s_ >= window_s_; }
     [[nodiscard]] double window_s() const noexcept { return window_s_; }
 

@@ -1,5 +1,5 @@
-// Model "piezo", method "fused": press from the piezoelectric film Vp, fast and blind to what lasts, and from the
-// capacitance Cn, slow and absolute. See decoupling/piezo/README.md and charge.hpp. fz only.
+// Model "piezo", method "fused": press from the piezoelectric film Vp, fast but insensitive to constant forces, and
+// from the capacitance Cn, slow and absolute. See decoupling/piezo/README.md and charge.hpp. fz only.
 //
 //     Vp = leak of (gain_b N + gain_a N^2)      thesis, eq. XXXV (its constant is the channel's zero)
 //     Cn = normal_b N + normal_a N^2            thesis, eq. XXXIII, mean over the last window_s
@@ -11,7 +11,8 @@
 namespace tactiled {
 namespace {
 
-// Beyond this many times the range a reading is no force; cut there, so that the state recovers from it at once.
+// A reading beyond this many times the range cannot be a force; it is limited, so that the state recovers from it at
+// once.
 constexpr double kMaxRanges = 20;
 
 class Piezo final : public CheckedModel {
@@ -41,7 +42,7 @@ private:
         const double slow_N = within(slow.F, -kMaxRanges * range_N_, kMaxRanges * range_N_, cut);
         double press_N = slow_N;
         if ((input.usable >> Vp_ & 1u) == 0) {
-            // Cn alone lags; how wrong it is depends on how fast the force moves.
+            // Cn alone is delayed; its error depends on the rate of the force.
             forget();
             estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
         } else {
@@ -57,13 +58,13 @@ private:
     }
 
     double fused_drive(const Input& input, double V, double slow) noexcept {
-        // A clock that went back, or a gap in which the force may have done anything: begin anew, from Cn. Frames of one
+        // After a clock that went back, or a gap in which the force is unknown: restart from Cn. Frames of the same
         // time are a jump of the drive.
         const bool forward = has_last_ && input.t_ns >= last_t_ns_;
         const double T_s = forward ? double(input.t_ns - last_t_ns_) * 1e-9 : 0;
         if (!forward || T_s > longest_gap_s_) fusion_.forget();
-        // Cn repeats its last value until the converter has a new one. A force so constant that new ones equal the last
-        // must count as well: after two windows.
+        // Cn repeats its last value until the converter has a new one. A force so constant that new values equal the
+        // last must count as well: after two windows.
         const bool is_new =
             !has_last_ || input.r[Cn_] != last_Cn_ || double(input.t_ns - last_new_t_ns_) * 1e-9 >= 2 * fusion_.window_s();
         if (!forward || is_new) last_new_t_ns_ = input.t_ns;
@@ -90,7 +91,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     if (fault.empty() && (film == calibration.channels.end() || wiring[kCentre] < 0))
         fault = fmt::format("channels lacks {}; needed are Vp Cn", film == calibration.channels.end() ? "Vp" : "Cn");
     if (fault.empty() && calibration.components != std::vector<std::string>{"fz"})
-        fault = "model \"piezo\" sees fz and nothing else: components = [\"fz\"]";
+        fault = "model \"piezo\" measures only fz: components = [\"fz\"]";
     const double leak_s = data["leak_tau_s"], fusion_s = data.has("fusion_tau_s") ? data["fusion_tau_s"] : leak_s;
     if (fault.empty() && fusion_s > leak_s)
         fault = fmt::format("parameter fusion_tau_s = {} is above leak_tau_s = {}: it would amplify the film's offset",

@@ -1,4 +1,4 @@
-// The parameters of model "piezo": the one list for the loop and for the fit.
+// The parameters of model "piezo", for the loop and for the fit.
 #pragma once
 #include <array>
 
@@ -13,7 +13,7 @@ inline constexpr Parameter kFusion{
     "fusion_tau_s", "time constant of the fusion, s; at most leak_tau_s, which is the default", kMinTau_s, kMaxTau_s, 0};
 inline constexpr Parameter kWindow{"window_s", "time over which the converter of Cn takes its mean, s", 1e-4, 10, 0.1};
 
-// The fit takes these as known where they are stated.
+// The fit takes these as known if they are stated.
 inline constexpr std::array<Parameter, 3> kKnownOfPiezo{kLeak, kFusion, kWindow};
 
 inline constexpr std::array<Parameter, 8> kPiezoParameters{

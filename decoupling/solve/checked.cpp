@@ -68,9 +68,9 @@ Estimate CheckedModel::decouple(const Reading& reading) noexcept {
 inline bool CheckedModel::check_channels(const Reading& reading, double* r, Input& input,
                                          Estimate& estimate) const noexcept {
     const double* const channel = reading.channel.data();
-    // Both loops vectorise at any number of channels, two channels a step: with -O3, plain arrays, and -fno-trapping-math,
-    // without which a comparison may not be made where its result is not needed. r is stored in pairs, as GaugeSolver
-    // loads it: a load of two numbers from two single stores waits for both.
+    // Both loops vectorise at any number of channels, two channels per step: with -O3, plain arrays, and
+    // -fno-trapping-math, without which a comparison may not be made if its result is not needed. r is stored in
+    // pairs, as GaugeSolver loads it: a load of two numbers from two single stores waits for both.
     for (std::size_t k = 0; k < n_; ++k) r[k] = channel[k] - zero_[k];
     std::uint64_t broken = 0, beyond = 0;
     for (std::size_t k = 0; k < n_; ++k) {
@@ -83,13 +83,14 @@ inline bool CheckedModel::check_channels(const Reading& reading, double* r, Inpu
     if ((missing & needed_) != 0) return false;
     const std::uint32_t saturated = reading.saturated & used_ & ~missing;
     if (saturated != 0) estimate.reasons |= TACTILED_SATURATED;
-    // The true value of a saturated channel may be anything beyond the limit, so no standard deviation would be true.
+    // The true value of a saturated channel may be anything beyond the limit, so no standard deviation would be
+    // valid.
     if ((saturated & needed_) != 0) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     input.usable = used_ & ~missing & ~(saturated & ~needed_);
     input.outside = (beyond & input.usable) != 0;
     if (input.usable == all_) return true;
     for (std::size_t k = 0; k < n_; ++k)
-        if ((input.usable >> k & 1u) == 0) r[k] = 0;  // else 0 * NaN of a channel that is not needed
+        if ((input.usable >> k & 1u) == 0) r[k] = 0;  // prevents 0 * NaN of a channel that is not needed
     return true;
 }
 

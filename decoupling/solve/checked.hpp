@@ -1,5 +1,5 @@
-// The checks that every model makes around its formula: the number of channels, missing and saturated channels, the domain
-// and the full scale of the calibration, a finite result, and its standard deviation.
+// The checks of every model around its formula: number of channels, missing and saturated channels, domain and full
+// scale of the calibration, finite result, and standard deviation.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -22,55 +22,57 @@ public:
 protected:
     // Arguments of solve(), and the results that are not in the Estimate.
     struct Input {
-        // The channels less their zeros; 0 where not usable. The first 8 may be read whatever the size: they are 0 from
+        // The channels minus their zeros; 0 if not usable. The first 8 may be read for any size: they are 0 from
         // size() on.
         std::span<const double> r;
         std::uint32_t usable;  // bit k: channel k is present and not saturated
-        bool outside;          // of the domain of the calibration
-        std::uint64_t t_ns;    // of the frame
-        // sd of each component as a multiple of the calibration's: how much worse the usable channels determine it.
+        bool outside;          // outside the domain of the calibration
+        std::uint64_t t_ns;    // time of the frame
+        // sd of each component as a multiple of the calibration's: the loss of accuracy with the usable channels.
         std::array<double, 6> sd_factor{1, 1, 1, 1, 1, 1};
     };
 
-    // Bit k: the model uses channel k; it cannot do without channel k. One that is used but not needed, and is missing or
-    // saturated, is not usable, and the estimate says so. One that is not used may have any value.
+    // `used`, bit k: the model uses channel k. `needed`, bit k: it cannot do without channel k. A channel that is
+    // used but not needed, and is missing or saturated, is not usable, and the estimate reports it. A channel that is
+    // not used may have any value.
     CheckedModel(const Calibration& calibration, std::uint32_t used, std::uint32_t needed);
 
-    // Sets `estimate.wrench_S` of the components that can be seen; may set reasons, residual, direction. A component of the
-    // calibration that is not finite makes the estimate BAD, with NOT_FINITE where it has no other reason.
+    // Sets `estimate.wrench_S` of the measured components; may set reasons, residual, direction. A component of the
+    // calibration that is not finite makes the estimate BAD, with NOT_FINITE if it has no other reason.
     // rt: wait-free, no allocation
     virtual void solve(Input& input, Estimate& estimate) noexcept = 0;
 
     [[nodiscard]] std::size_t n_channels() const noexcept { return n_; }
     [[nodiscard]] const std::array<bool, 6>& seen() const noexcept { return seen_; }
     [[nodiscard]] const Domain& domain() const noexcept { return domain_; }
-    // One of the channels `mask` is outside of the domain. rt: wait-free
+    // Returns true if one of the channels `mask` is outside of the domain. rt: wait-free
     [[nodiscard]] bool is_outside(std::span<const double> r, std::uint32_t mask) const noexcept;
 
 private:
-    // Sets usable and outside of `input` and the reasons; false where a needed channel is missing. rt: wait-free
+    // Sets usable and outside of `input` and the reasons. Returns false if a needed channel is missing. rt: wait-free
     bool check_channels(const Reading& reading, double* r, Input& input, Estimate& estimate) const noexcept;
-    // Sets quality and sd, adds reasons; BAD where a component is not finite. rt: wait-free
+    // Sets quality and sd and adds reasons; BAD if a component is not finite. rt: wait-free
     void check_components(const Input& input, Estimate& estimate) const noexcept;
 
     std::size_t n_;
     std::uint32_t all_, used_, needed_;  // bit k: channel k
-    // Reasons of every sample: TACTILED_UNCALIBRATED of a nominal calibration, TACTILED_UNKNOWN_UNCERTAINTY of one without
-    // sd.
+    // Reasons of every sample: TACTILED_UNCALIBRATED for a nominal calibration, TACTILED_UNKNOWN_UNCERTAINTY for one
+    // without sd.
     std::uint32_t always_;
     // Plain arrays: an element of a std::array is checked against its size here, and a loop that may end so is not
     // vectorised.
     double zero_[kMaxChannels]{};
     double full_scale_[6], sd_[6]{}, sd_slope_[6]{};
-    // Up to this magnitude a component is finite, within the full scale, and the squares of sd and sd_slope x component
-    // neither underflow nor overflow: the root of their sum is as good as hypot(), which takes several times as long.
+    // A component up to this magnitude is finite and within the full scale, and the squares of sd and sd_slope x
+    // component neither underflow nor overflow: the square root of their sum is then as good as hypot(), which takes
+    // several times as long.
     double max_squared_[6]{};
     std::array<bool, 6> seen_{};
-    std::size_t n_seen_, order_[6];  // the components that are seen, n_seen_ of them, then the others
+    std::size_t n_seen_, order_[6];  // the measured components, n_seen_ of them, then the others
     Domain domain_;
 };
 
-// The fault of the parts that a CheckedModel uses, "" if there is none. setup
+// Returns the fault of the parts that a CheckedModel uses, "" if there is none. setup
 std::string fault_of_checked(const Calibration& calibration);
 
 }  // namespace tactiled

@@ -1,11 +1,11 @@
-// A quadratic curve y = b F + a F^2 and its inverse on the physical branch, the one through F = 0 with b > 0.
+// A quadratic curve y = b F + a F^2 and its inverse on the physical branch, which contains F = 0 with b > 0.
 #pragma once
 #include <algorithm>
 #include <cmath>
 
 namespace tactiled {
 
-// b^2 + 4 a y with one rounding error of the result, however nearly the two cancel (Kahan; hard case H05).
+// Returns b^2 + 4 a y with one rounding error of the result, for any cancellation (Kahan; hard case H05).
 // rt: wait-free
 inline double discriminant(double a, double b, double y) noexcept {
     const double square = b * b, product = -4 * a * y, difference = square - product;
@@ -13,24 +13,25 @@ inline double discriminant(double a, double b, double y) noexcept {
     return difference + (std::fma(b, b, -square) - std::fma(-4 * a, y, -product));
 }
 
-// The F nearest to 0 with b F + a F^2 = y: no difference of nearly equal numbers, a = 0 needs no branch (H02, H03).
+// Returns the F nearest to 0 with b F + a F^2 = y: no difference of nearly equal numbers, and a = 0 needs no branch
+// (H02, H03).
 // rt: wait-free
 inline double smaller_root(double a, double b, double y) noexcept {
     return 2 * y / (b + std::sqrt(std::max(0.0, discriminant(a, b, y))));
 }
 
-// The curve as measured for least .. most (N), b > 0; beyond, the straight line from its end. Where the vertex -b/2a lies in
-// the range, the branch ends there.
+// The curve as measured for min .. max (N), b > 0, with straight lines beyond its ends. If the vertex -b/2a is in the
+// range, the branch ends there.
 class Curve {
 public:
     struct Force {
         double F = 0;      // N
-        double slope = 0;  // dy/dF there; 0 = beyond the vertex, where any force within reach would read more
+        double slope = 0;  // dy/dF there; 0 = beyond the vertex, where any force within range would read more
     };
 
     Curve() = default;
     Curve(double b, double a, double min, double max) noexcept : b_(b), a_(a), min_(min), max_(max) {
-        if (2 * a * min + b < 0) min_ = -b / (2 * a);  // a > 0: least < 0 as b > 0
+        if (2 * a * min + b < 0) min_ = -b / (2 * a);  // a > 0: min < 0 because b > 0
         if (2 * a * max + b < 0) max_ = -b / (2 * a);
     }
     [[nodiscard]] double min() const noexcept { return min_; }
@@ -42,12 +43,12 @@ public:
         const double inside = std::clamp(F, min_, max_);
         return parabola(inside) + slope(inside) * (F - inside);
     }
-    // Monotone and continuous in y. rt: wait-free
+    // Returns the force at y. Monotone and continuous in y. rt: wait-free
     [[nodiscard]] Force inverse(double y) const noexcept {
         for (const double end : {min_, max_}) {
             const double beyond = y - parabola(end), slope_there = slope(end);
             if (end == min_ ? beyond >= 0 : beyond <= 0) continue;
-            // At a vertex rounding leaves a slope of some 1e-17 b.
+            // At a vertex rounding leaves a slope of about 1e-17 b.
             if (!(slope_there > 1e-12 * b_)) return {end, 0};
             return {end + beyond / slope_there, slope_there};
         }

@@ -1,5 +1,5 @@
-// The common part of the models about a calibration: the range of channels that it saw, and checks of the parts that every
-// model has.
+// The common part of all models about a calibration: its range of channels, and checks of the parts that every model
+// has.
 #pragma once
 #include <fmt/format.h>
 
@@ -15,12 +15,12 @@
 
 namespace tactiled {
 
-// 5 % of the width that the calibration saw, on each side: a calibration samples its extremes rarely, so a sensor used
-// over the very same range and at rest with noise leaves the bare range. A linear map changes by no more than 5 % of
-// what it was validated on there.
+// Margin on each side, relative to the calibrated width: a calibration samples its extremes rarely, so a sensor used
+// over the same range, and a noisy sensor at rest, leave the bare range. A linear map changes by no more than 5 % of
+// its validated range there.
 inline constexpr double kDomainMargin = 0.05;
 
-// Index of a component in a Wrench, 6 where the name is none.
+// Returns the index of a component in a Wrench, 6 for an unknown name.
 inline std::size_t component_index(std::string_view name) noexcept {
     return std::size_t(std::find(kComponentNames.begin(), kComponentNames.end(), name) - kComponentNames.begin());
 }
@@ -37,24 +37,24 @@ public:
         }
     }
 
-    // Never for a NaN. rt: wait-free
+    // False for a NaN. rt: wait-free
     [[nodiscard]] bool is_below(std::size_t k, double value) const noexcept { return value < min_[k]; }
     [[nodiscard]] bool is_above(std::size_t k, double value) const noexcept { return value > max_[k]; }
     [[nodiscard]] bool is_beyond(std::size_t k, double value) const noexcept {
         return is_below(k, value) || is_above(k, value);
     }
 
-    // The value of channel k in the domain (margin included) that is nearest to `value`. rt: wait-free
+    // Returns the value of channel k in the domain (including the margin) that is nearest to `value`. rt: wait-free
     [[nodiscard]] double nearest(std::size_t k, double value) const noexcept { return std::clamp(value, min_[k], max_[k]); }
 
     [[nodiscard]] double min(std::size_t k) const noexcept { return min_[k]; }
     [[nodiscard]] double max(std::size_t k) const noexcept { return max_[k]; }
 
 private:
-    double min_[32], max_[32];  // plain arrays: read a channel at a time in the loop
+    double min_[32], max_[32];  // plain arrays: the loop reads one channel at a time
 };
 
-// The fault of components, sd, full scale, domain or a number of the calibration; "" if there is none. setup
+// Returns the fault of components, sd, full scale, domain or a number of the calibration; "" if there is none. setup
 inline std::string fault_of_shared_parts(const Calibration& calibration) {
     const std::size_t n = calibration.channels.size(), rows = calibration.components.size();
     for (std::size_t i = 0; i < rows; ++i) {

@@ -1,4 +1,5 @@
-// A rising curve through points: piecewise cubic, as monotone as its points (Fritsch and Carlson 1980), straight beyond.
+// A rising curve through points: piecewise cubic, as monotone as its points (Fritsch and Carlson 1980), linear
+// beyond.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -10,7 +11,7 @@ namespace tactiled {
 
 class MonotoneCurve {
 public:
-    // The fault, "" if there is none: both coordinates rise from point to point. setup
+    // Returns the fault, "" if there is none: both coordinates must rise from point to point. setup
     static std::string fault_of(const std::vector<double>& x, const std::vector<double>& y) {
         if (x.size() < 2 || x.size() != y.size()) return "it needs two points or more";
         for (std::size_t i = 1; i < x.size(); ++i)
@@ -23,8 +24,8 @@ public:
         const std::size_t n = x_.size();
         std::vector<double> d(n - 1);
         for (std::size_t i = 0; i + 1 < n; ++i) d[i] = (y_[i + 1] - y_[i]) / (x_[i + 1] - x_[i]);
-        // Weighted harmonic mean inside (never above three times the smaller), and at the ends the parabola through the
-        // outermost three, held to the same limit.
+        // Weighted harmonic mean inside (never above three times the smaller), and at the ends the parabola through
+        // the outermost three points, with the same limit.
         for (std::size_t i = 1; i + 1 < n; ++i) {
             const double a = x_[i] - x_[i - 1], b = x_[i + 1] - x_[i];
             slope_[i] = (3 * (a + b)) / ((2 * b + a) / d[i - 1] + (b + 2 * a) / d[i]);

@@ -1,5 +1,5 @@
-// Prandtl-Ishlinskii hysteresis: a sum of play operators (Krejci; inverse by Kuhnen 2003, eq. 12 to 15). Rate-independent;
-// it remembers as many turning points as it has plays.
+// Prandtl-Ishlinskii hysteresis: a sum of play operators (Krejci; inverse by Kuhnen 2003, eq. 12 to 15). It is
+// rate-independent and stores as many turning points as it has play operators.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -11,14 +11,14 @@
 
 namespace tactiled {
 
-// y = sum over i of weight[i] * play of width threshold[i]; threshold[0] = 0 is the linear part.
+// y = sum over i of weight[i] * play operator of width threshold[i]; threshold[0] = 0 is the linear part.
 struct PlayOperators {
     static constexpr std::size_t kMax = 32;
     std::size_t n = 0;
     std::array<double, kMax> threshold{}, weight{};
 
-    // The fault, "" if there is none: thresholds rise from 0, and the loading curve rises everywhere, that is the sums
-    // of the first weights are above 0. setup
+    // Returns the fault, "" if there is none: thresholds rise from 0, and the loading curve rises everywhere, that
+    // is, the partial sums of the weights are above 0. setup
     static std::string fault_of(std::span<const double> thresholds, std::span<const double> weights) {
         if (thresholds.empty() || thresholds.size() != weights.size() || thresholds.size() > kMax)
             return "hysteresis has 1 .. 32 rows";
@@ -32,11 +32,11 @@ struct PlayOperators {
         return "";
     }
 
-    // The plays that undo these, exactly. setup
+    // Returns the play operators that invert these exactly. setup
     [[nodiscard]] PlayOperators inverse() const {
         PlayOperators other;
         other.n = n;
-        double slope = 0;  // of the loading curve beyond threshold i
+        double slope = 0;  // slope of the loading curve beyond threshold i
         for (std::size_t i = 0; i < n; ++i) {
             const double before = slope;
             slope += weight[i];
@@ -51,7 +51,7 @@ struct PlayOperators {
 // State of the play operators of one quantity.
 class PlayState {
 public:
-    // The next value through the plays; what is not finite is not remembered. rt: wait-free
+    // Passes the next value through the play operators; a value that is not finite is not stored. rt: wait-free
     double next(const PlayOperators& operators, double value) noexcept {
         if (!std::isfinite(value)) return value;
         double sum = 0;
@@ -66,13 +66,15 @@ public:
         }
         return sum;
     }
-    // The load meanwhile is not known: the state is that of a sensor that was never loaded, and not settled. rt: wait-free
+    // Resets the state to that of a sensor that was never loaded, and not settled, because the load meanwhile is
+    // unknown. rt: wait-free
     void forget() noexcept {
         *this = {};
         settled_ = false;
     }
-    // True if the values are those of the true past: always so from the start, of a sensor that was never loaded; after a
-    // forget() from where the input has swung by twice the widest play, for whatever the plays were, they are the same then.
+    // True if the state is that of the true past: always from the start, for a sensor that was never loaded; after a
+    // forget(), as soon as the input has swung by twice the widest play operator, because the state then no longer
+    // depends on the past.
     [[nodiscard]] bool is_settled() const noexcept { return settled_; }
 
 private:

@@ -10,7 +10,7 @@
 
 namespace tactiled {
 
-// The gauges of even and of odd index are added apart, two additions at a time.
+// The gauges of even and of odd index are summed separately, two additions at a time.
 inline double GaugeSolver::sum_of(const Gauges& a) noexcept {
     const double even = (a[0] + a[2]) + (a[4] + a[6]), odd = (a[1] + a[3]) + (a[5] + a[7]);
     return even + odd;
@@ -30,7 +30,7 @@ GaugeSolver::GaugeSolver(const std::vector<std::vector<double>>& gains, const st
     for (std::uint32_t usable = 0; usable + 1 < subsets_.size(); ++usable) {
         if (!subsets_.back().solvable || std::popcount(usable & inner) < inner_needed) continue;
         Subset subset = prepare(usable, nullptr);
-        // Nor is a subset solved that determines a load a hundred times worse than all gauges together.
+        // A subset that determines a load a hundred times worse than all gauges together is not solved, either.
         for (std::size_t j = 0; j < n_loads_; ++j)
             subset.solvable = subset.solvable && subset.sd[j] < kWorstCondition * subsets_.back().sd[j];
         subsets_[usable] = subset;
@@ -48,7 +48,7 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
         if ((usable >> k & 1u) != 0) rows.push_back(k);
     const auto m = Eigen::Index(rows.size()), n = Eigen::Index(n_loads_);
     if (m < n && confused == nullptr) return subset;
-    // Weighted: each row in units of its gauge's noise; then each column to length 1.
+    // Weighted: each row in units of its gauge's noise; then each column scaled to length 1.
     Eigen::MatrixXd g = Eigen::MatrixXd::Zero(std::max(m, n), n);
     for (Eigen::Index i = 0; i < m; ++i)
         for (Eigen::Index j = 0; j < n; ++j) g(i, j) = gains_[j][rows[std::size_t(i)]] / noise_of(rows[std::size_t(i)]);
@@ -77,7 +77,8 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
             subset.inverse[j][k] = inverse(j, i) / length[j] / noise_of(k);
             subset.gains[j][k] = gains_[j][k];
         }
-        // inverse * inverse' is the covariance of the scaled loads at 1 sd of noise; this is the root of its diagonal.
+        // inverse * inverse' is the covariance of the scaled loads at 1 sd of noise; this is the square root of its
+        // diagonal.
         subset.sd[j] = inverse.row(j).norm() / length[j];
     }
     for (const std::size_t k : rows) {
@@ -90,7 +91,7 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
     return subset;
 }
 
-// The loads and what they leave unexplained.
+// Computes the loads and their residual.
 inline void GaugeSolver::find(const Subset& subset, const Gauges& r, Solved& solved) const noexcept {
     solved.sd_factor = subset.sd_factor;
     for (std::size_t j = 0; j < n_loads_; ++j) solved.load[j] = sum_of(subset.inverse[j] * r);
@@ -105,12 +106,12 @@ inline void GaugeSolver::find(const Subset& subset, const Gauges& r, Solved& sol
     const double unexplained =
         same_noise_ ? sum_of(rest) / (noise2_[0] + gain_error2) : sum_of(rest / (noise2_ + gain_error2));
     solved.residual = std::sqrt(unexplained * subset.per_freedom);
-    // Readings of 1e154 and more overflow: doubtful, not undecided.
+    // Readings of 1e154 and more overflow: the result is doubtful.
     if (!(gain_error2 + unexplained <= std::numeric_limits<double>::max()))
         solved.residual = std::numeric_limits<double>::infinity();
 }
 
-// One variable is filled and returned on every way: a copy of it would wait for the stores before.
+// All paths fill and return one variable: a copy of it would wait for the stores before.
 GaugeSolver::Solved GaugeSolver::solve(const double* readings, std::uint32_t usable) const noexcept {
     Solved solved;
     if (!subsets_[usable].solvable) return solved;
@@ -119,24 +120,24 @@ GaugeSolver::Solved GaugeSolver::solve(const double* readings, std::uint32_t usa
     find(subsets_[usable], r, solved);
     solved.used = usable;
     if (solved.residual > kDoubtful) [[unlikely]] {
-        // The gauges disagree: one of them is dead, or it is not known which is wrong.
+        // The gauges disagree: one of them is dead, or the wrong one is unknown.
         Solved others = without_dead(r, usable, solved);
-        others.residual = solved.residual;  // the reason why one was left out
+        others.residual = solved.residual;  // explains why one was left out
         solved.doubtful = true;
         if (others.dead) solved = others;
     }
     return solved;
 }
 
-// Without the one gauge that delivers 0 as no live gauge would: the readings of the others are consistent and demand another
-// value there. `dead` is not set where there is none or more than one such.
-// A gauge that all together leave `rest` of, and whose reading makes the share h of its own prediction, is rest / (1 - h)
-// off what the others predict, and without it the squared residual is less by rest^2 / (1 - h). Only the two that take off
-// most are solved for, however many read 0: where a third left the others consistent, these would, and which is dead would
-// not be known.
+// Solves without the one gauge that delivers 0 without noise, if the readings of the others are consistent and
+// require another value there. `dead` is not set if there is no such gauge or more than one. A gauge with the
+// residual `rest`, whose reading makes the share h of its own prediction, differs from the prediction by the others
+// by rest / (1 - h), and without it the squared residual is smaller by rest^2 / (1 - h). Only the two with the
+// largest reduction are solved for, however many read 0: if a third one left the others consistent, these two would,
+// too, and the dead one would be unknown.
 GaugeSolver::Solved GaugeSolver::without_dead(const Gauges& r, std::uint32_t usable, const Solved& all) const noexcept {
     struct {
-        std::size_t gauge = kMaxGauges;  // none
+        std::size_t gauge = kMaxGauges;  // kMaxGauges: none
         double taken_off = 0;
     } max[2];
     for (std::size_t k = 0; k < n_gauges_; ++k) {
@@ -164,7 +165,7 @@ GaugeSolver::Solved GaugeSolver::without_dead(const Gauges& r, std::uint32_t usa
         solved.dead = true;
         find(subsets_[solved.used], live, solved);
         if (solved.residual > kDoubtful) continue;
-        if (found.dead) return {};  // two candidates: not known which
+        if (found.dead) return {};  // two candidates: the dead one is unknown
         found = solved;
     }
     return found;

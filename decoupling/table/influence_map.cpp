@@ -1,5 +1,5 @@
-// The spline runs along whole diameters, ring -i at an angle being ring +i across the centre, and around each ring with the
-// period of the circle: so the centre is a point like any other.
+// The spline runs along whole diameters, with ring -i at an angle being ring +i across the centre, and around each
+// ring with the period of the circle. The centre is therefore a point like any other.
 #include "decoupling/table/influence_map.hpp"
 
 #include <fmt/format.h>
@@ -18,7 +18,7 @@ constexpr double kTwoPi = 2 * std::numbers::pi;
 struct Grid {
     double spacing_m = 0;
     int rings = 0, angles = 0;
-    std::vector<std::size_t> row;  // of (ring - 1) * angles + angle
+    std::vector<std::size_t> row;  // index of the row for (ring - 1) * angles + angle
     std::size_t centre = 0;
     std::string fault;
 };
@@ -89,8 +89,8 @@ InfluenceMap::InfluenceMap(const std::vector<std::vector<double>>& rows, const s
     n_rings_ = grid.rings;
     n_angles_ = grid.angles;
     const int n = n_angles_, half = n / 2, along = 2 * n_rings_ + 1;
-    // Values at the nodes from coefficients: (1, 4, 1) / 6. Around the circle it is periodic; along a diameter the third
-    // derivative is continuous over the last but one node.
+    // Converts coefficients to values at the nodes: (1, 4, 1) / 6. Around the circle it is periodic; along a diameter
+    // the third derivative is continuous over the last but one node.
     Eigen::MatrixXd around = Eigen::MatrixXd::Zero(n, n);
     for (int j = 0; j < n; ++j) {
         around(j, j) += 4.0 / 6;
@@ -129,7 +129,7 @@ InfluenceMap::InfluenceMap(const std::vector<std::vector<double>>& rows, const s
 
 void InfluenceMap::at(double x_m, double y_m, At& out) const noexcept {
     using Values = Eigen::Array<double, kValues, 1>;
-    // At the centre itself the direction is unknown; 1e-4 of a ring beside it nothing differs.
+    // At the centre itself the direction is undefined; at 1e-4 of a ring beside it the value is the same.
     double r = std::hypot(x_m, y_m) / spacing_m_;
     const double angle = std::atan2(y_m, x_m);
     r = std::clamp(r, 1e-4, n_rings_ + 1.0);

@@ -1,5 +1,5 @@
-// Response of each gauge to 1 N at any point of the plate: finite-element strains on a polar grid, between them a bicubic
-// spline.
+// Response of each gauge to 1 N at any point of the plate: finite-element strains on a polar grid, with a bicubic
+// spline in between.
 #pragma once
 #include <Eigen/Core>
 #include <array>
@@ -16,26 +16,26 @@ using Influence = Eigen::Matrix<double, 8, 3>;
 
 class InfluenceMap {
 public:
-    // `rows`: x_m y_m, then for R1 .. R8 each the strain per N of Fx, Fy and Fz, on a polar grid: the centre and rings of
-    // even spacing with an even number of points at even angles, the first at 0 degrees, in any order. What is wrong with
-    // them, "" where nothing is. setup
+    // Returns the fault of `rows`, "" if there is none. `rows`: x_m y_m, then for R1 .. R8 the strain per N of Fx, Fy
+    // and Fz, on a polar grid: the centre and rings of equal spacing with an even number of points at equal angles,
+    // the first at 0 degrees, in any order. setup
     static std::string fault_of(const std::vector<std::vector<double>>& rows);
 
-    // `gain[i]`: reading per strain of row i of the result, and `gauge[i]` its gauge (0 = R1); -1 = no such row, zeros.
-    // setup
+    // `gain[i]`: reading per strain of row i of the result, and `gauge[i]` its gauge (0 = R1); -1 = no such row,
+    // zeros. setup
     InfluenceMap(const std::vector<std::vector<double>>& rows, const std::array<int, 8>& gauge,
                  const std::array<double, 8>& gain);
 
     struct At {
         Influence value, dx, dy;  // per N, per N and m
     };
-    // Beyond the outermost ring as the last cell goes on; the centre is continuous. Any finite point. rt: bounded, no
-    // allocation
+    // Evaluates the map at any finite point. Beyond the outermost ring the last cell continues; the centre is
+    // continuous. rt: bounded, no allocation
     void at(double x_m, double y_m, At& at) const noexcept;
 
     [[nodiscard]] double radius_m() const noexcept { return spacing_m_ * n_rings_; }
     [[nodiscard]] double spacing_m() const noexcept { return spacing_m_; }
-    // Mean over the plate: the answer to a load spread evenly over it, by superposition. setup
+    // Returns the mean over the plate: the response to a load that is uniform over it, by superposition. setup
     [[nodiscard]] Influence mean() const;
 
 private:
@@ -45,11 +45,11 @@ private:
     }
     double spacing_m_;
     int n_rings_, n_angles_;
-    std::vector<double> coefficients_;  // of the B-spline: ring -1 .. n_rings + 1, angle, (Fx, Fy, Fz) x gauge
+    std::vector<double> coefficients_;  // B-spline coefficients: ring -1 .. n_rings + 1, angle, (Fx, Fy, Fz) x gauge
 };
 
-// The map of a calibration of method "map", rows in the order of its channels and in its unit; nothing where it has none,
-// and `fault` says why. setup
+// Returns the map of a calibration of method "map", with rows in the order of its channels and in its unit; nothing
+// with `fault` set if it has none. setup
 std::optional<InfluenceMap> influence_of(const Calibration& calibration, std::string& fault);
 
 }  // namespace tactiled

@@ -1,14 +1,15 @@
-// Model "table", method "linear": the table-shaped sensor of Lee, Kim, Shikida and Sato, four inner gauges R1 R3 R5 R7
-// and, where they are wired, four outer gauges R2 R4 R6 R8. With N = -fz > 0 while pressing,
+// Model "table", method "linear": the table-shaped sensor of Lee, Kim, Shikida and Sato, four inner gauges R1 R3 R5
+// R7 and, if they are wired, four outer gauges R2 R4 R6 R8. With N = -fz > 0 under a press,
 //
 //     r = G (Fx, Fy, N),    rows of G by the sign table:    R1 (-ti  0  ni)   R5 (+ti  0  ni)
 //                                                           R3 ( 0 -ti ni)   R7 ( 0 +ti ni)
 //                                                           R2 (+to  0  no)   R6 (-to  0  no)
 //                                                           R4 ( 0 +to no)   R8 ( 0 -to no)
 //
-// For the inner four the least-squares solution is Lee et al., eq. 1-3, with the signs of their table and not of their
-// eq. 2 and 3 (decoupling/table/README.md, "Errata"): Fx = (r5 - r1) / 2 ti, Fy = (r7 - r3) / 2 ti, N = (r1 + r3 + r5 + r7)
-// / 4 ni. What four gauges say more than three forces is the parity r1 - r3 + r5 - r7 = 0; with eight, five such sums.
+// For the inner four the least-squares solution is Lee et al., eq. 1-3, with the signs of their table and not of
+// their eq. 2 and 3 (decoupling/table/README.md, "Errata"): Fx = (r5 - r1) / 2 ti, Fy = (r7 - r3) / 2 ti, N = (r1 +
+// r3 + r5 + r7) / 4 ni. The redundancy of four gauges and three forces is the parity r1 - r3 + r5 - r7 = 0; eight
+// gauges have five such sums.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -34,7 +35,7 @@ private:
         if (solved.used == 0) return;  // BAD
         estimate.residual = solved.residual;
         if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
-        // It is not known which gauge is wrong, and therefore not how wrong the forces are.
+        // It is unknown which gauge is wrong, and therefore also the error of the forces.
         if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         if (solved.dead) input.outside = is_outside(input.r, solved.used);
         for (std::size_t c = 0; c < 3; ++c) {
@@ -55,7 +56,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return std::make_unique<TableLinear>(data.calibration(), std::move(*solver));
 }
 
-// The fit of "nonlinear" is that of this method and more.
+// The fit of "nonlinear" contains that of this method.
 const MethodEntry entry{.model = "table",
                         .method = "linear",
                         .place = 10,

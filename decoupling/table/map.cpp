@@ -1,11 +1,11 @@
-// Model "table", method "map": where one point touches the plate and with what force, against finite-element strains of the
-// eight gauges per 1 N at every point of the plate. Eight readings, five unknowns (point_contact.hpp). The plate lies in z =
-// 0 of frame S, so the moments are those of the force at the point: mx = y fz, my = -x fz; the centre of pressure is
-// (-my / fz, mx / fz).
+// Model "table", method "map": place and force of one point of contact on the plate, from finite-element strains of
+// the eight gauges per 1 N at every point of the plate. Eight readings, five unknowns (point_contact.hpp). The plate
+// is in z = 0 of frame S, so the moments are those of the force at the point: mx = y fz, my = -x fz; the centre of
+// pressure is (-my / fz, mx / fz).
 //
-// A point is reported where the force is more than `locate` times the standard deviation that noise gives it (after Dargahi
-// and Najarian 2004: the variance of the position goes with 1 / F^2). Else, and where no point on the plate explains the
-// readings, the forces are those of a load spread evenly over the plate.
+// A point is reported if the force is more than `locate` times its standard deviation from noise (after Dargahi and
+// Najarian 2004: the variance of the position is proportional to 1 / F^2). Otherwise, and if no point on the plate
+// explains the readings, the forces are those of a load spread evenly over the plate.
 #include <fmt/format.h>
 
 #include <bit>
@@ -22,24 +22,25 @@
 namespace tactiled {
 namespace {
 
-constexpr double kRest = 3;  // there is no contact: the readings are within 3 sigma of noise, root mean square
-constexpr double kPoor = 3;  // from this residual on a point is not believed
+constexpr double kRest = 3;  // no contact: the readings are within 3 sigma of noise, root mean square
+constexpr double kPoor = 3;  // a point with a larger residual is rejected
 constexpr double kDefaultLocate = 5;
-// Shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has a small press or
-// a pull, and what cannot be pushed so is not believed.
+// Limit of shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has
+// a small press or a pull and exceeds this limit.
 constexpr double kDefaultFriction = 1.5;
-// A search that ends above this may have missed the right minimum, which is found above it once in 150 times.
+// A search with a larger residual may have missed the right minimum, which has a larger one once in 150 times.
 constexpr double kSurely = 2;
-constexpr int kFewestGauges = 6;  // five unknowns and something to compare
+constexpr int kFewestGauges = 6;  // five unknowns and one redundant reading
 constexpr int kWarmSteps = 6;
-// A point that moved farther than this between two samples has jumped: the minimum beside the last one may be another, and
-// explain the readings well enough with a pull instead of a press. A finger that slides at 100 mm/s moves as far in 1 ms.
+// A point that moved farther than this between two samples has jumped: the minimum beside the last one may be another
+// one, and explain the readings well enough with a pull instead of a press. A finger that slides at 100 mm/s moves as
+// far in 1 ms.
 constexpr double kJump_m = 1e-4;
-constexpr unsigned kSearchEvery = 256;  // samples: a minimum that was followed may no longer be the best
-constexpr double kSame = 0.1;           // of the readings: they are those that no point explained a moment ago
-constexpr unsigned kPoorEvery = 16;     // samples between searches while they are
-constexpr double kCommon = 0.1;         // of their mean: scatter of readings that are one and the same strain
-constexpr unsigned kDeadEvery = 16;     // samples with disagreement between looks for a dead gauge
+constexpr unsigned kSearchEvery = 256;  // samples: a tracked minimum may no longer be the best
+constexpr double kSame = 0.1;           // relative change of readings that a search failed to explain
+constexpr unsigned kPoorEvery = 16;     // samples between searches while they change less
+constexpr double kCommon = 0.1;         // scatter relative to the mean of readings with one common strain
+constexpr unsigned kDeadEvery = 16;     // samples with disagreement between searches for a dead gauge
 
 class TableMap final : public CheckedModel {
 public:
@@ -76,7 +77,7 @@ private:
         std::uint32_t usable = input.usable & ~dead_;
         if ((dead_ & input.usable) != 0) {
             const auto k = std::size_t(std::countr_zero(dead_));
-            if (!(std::abs(input.r[k] + zero_[k]) <= 3 * noise_)) usable = input.usable;  // it lives again
+            if (!(std::abs(input.r[k] + zero_[k]) <= 3 * noise_)) usable = input.usable;  // the gauge has recovered
         }
         if (usable == input.usable) dead_ = 0;
         if (!point_ || rests || std::popcount(usable) < kFewestGauges) {
@@ -84,8 +85,8 @@ private:
             return spread_evenly(input, estimate, !point_ || rests);
         }
 
-        // A strain that all gauges share is one of temperature or of the frame: no contact makes the inner and the outer
-        // ones equal.
+        // A strain that all gauges share is caused by temperature or the frame: no contact makes the inner and the
+        // outer ones equal.
         if (is_common(y, usable)) {
             lose_point();
             estimate.reasons |= TACTILED_DISAGREEMENT;
@@ -111,8 +112,7 @@ private:
         if (!(std::hypot(f.x(), f.y()) <= -friction_ * f.z()))
             estimate.reasons |= TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY;
         if (contact.at_rim) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-        // The readings that a wrong minimum explains, it explains poorly: 3 sigma is once in 100,000 samples of the right
-        // one.
+        // A wrong minimum has a large residual: the right one exceeds 3 sigma once in 100,000 samples.
         if (ambiguous_ || unexplained > kPoor) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         estimate.wrench_S = {f.x(), f.y(), f.z(), contact.point_m.y() * f.z(), -contact.point_m.x() * f.z(), kNaN};
         estimate.cop_S_m = {contact.point_m.x(), contact.point_m.y()};
@@ -128,7 +128,7 @@ private:
         dead_ = 0;
     }
 
-    // On from the last point where that still explains the readings, close by; else a search over the plate.
+    // Continues from the last point if it still explains the readings, close by; else searches the plate.
     PointContact locate(const Gauges& y, std::uint32_t usable, double variance) noexcept {
         PointContact near = unexplained_;
         near.squares *= y.squaredNorm() / poor_y_.squaredNorm();
@@ -139,7 +139,7 @@ private:
             jumped = explains && (near.point_m - point_m_).norm() > kJump_m;
             if (explains && !jumped && near.converged) return look_elsewhere(y, usable, variance, near);
         }
-        // Two fingers: no point explains these readings, nor those that are nearly the same.
+        // Two fingers: no point explains these readings, nor nearly equal ones.
         if (poor_ && !jumped && usable == poor_usable_ && (y - poor_y_).norm() <= kSame * y.norm() &&
             ++since_search_ < kPoorEvery)
             return near;
@@ -152,8 +152,8 @@ private:
         return found;
     }
 
-    // A minimum that was followed may no longer be the best one: a search of the whole plate goes on beside the samples, a
-    // piece each.
+    // A tracked minimum may no longer be the best one: a search of the whole plate runs beside the samples, one piece
+    // per sample.
     PointContact look_elsewhere(const Gauges& y, std::uint32_t usable, double variance, const PointContact& near) noexcept {
         poor_ = false;
         if (!search_.is_running()) {
@@ -171,7 +171,7 @@ private:
         return other.squares < near.squares ? other : near;
     }
 
-    // The readings differ from their mean by less than a tenth of it, inner and outer gauges alike.
+    // Returns true if the readings differ from their mean by less than a tenth of it, inner and outer gauges alike.
     [[nodiscard]] bool is_common(const Gauges& y, std::uint32_t usable) const noexcept {
         if ((usable & inner_) == 0 || (usable & ~inner_) == 0) return false;
         double sum = 0, squares = 0;
@@ -189,7 +189,7 @@ private:
         return freedom > 0 ? std::sqrt(std::max(0.0, contact.squares) / freedom / variance) : kNaN;
     }
 
-    // One gauge that delivers 0 although the rest, without it, agree on a point.
+    // Drops one gauge that delivers 0 if the rest, without it, agree on a point.
     void drop_dead_gauge(const Input& input, const Gauges& y, double variance, std::uint32_t& usable,
                          PointContact& contact) noexcept {
         std::uint32_t found = 0;
@@ -214,8 +214,8 @@ private:
         contact = best;
     }
 
-    // The forces of a load spread over the plate; moments 0, for its middle is the plate's. `true_here`: that is the
-    // contact, or nothing touches.
+    // Computes the forces of a load that is spread over the plate; moments are 0, because its centre is the plate's.
+    // `true_here`: the contact is of that kind, or there is none.
     void spread_evenly(Input& input, Estimate& estimate, bool true_here) noexcept {
         double r[kMaxGauges];
         for (std::size_t k = 0; k < kMaxGauges; ++k) r[k] = (dead_ >> k & 1u) != 0 ? 0 : input.r.data()[k];
@@ -238,7 +238,7 @@ private:
         estimate.wrench_S[3] = estimate.wrench_S[4] = 0;
     }
 
-    // The calibration's standard deviation and the one of the place together.
+    // Adds the standard deviation of the place to that of the calibration.
     void add_sd(Input& input, Estimate& estimate, std::size_t c, double local) noexcept {
         const double sd = std::hypot(sd_[c], sd_slope_[c] * estimate.wrench_S[c]);
         if (!seen()[c] || std::isnan(sd)) return;
@@ -261,7 +261,7 @@ private:
     bool has_point_ = false, ambiguous_ = false;
     Eigen::Vector2d point_m_ = Eigen::Vector2d::Zero();
     unsigned since_search_ = 0, disagreements_ = 0;
-    // The last search found nothing that explains the readings: what it found, of which readings.
+    // The last search found no point that explains the readings; these are its result and the readings.
     bool poor_ = false;
     PointContact unexplained_;
     Gauges poor_y_ = Gauges::Ones();
@@ -278,11 +278,11 @@ constexpr std::array<Parameter, 5> kParameters{
      {"contact", "0 (uniform), 1 (point) or 2 (rigid)", kUniform, kRigid, kPoint},
      {"locate", "force over its standard deviation, from which on a point is reported", 0, kLargest, kDefaultLocate},
      {"friction", "greatest shear over press", 0, kLargest, kDefaultFriction}}};
-// rigid: a row a channel, channel_unit per N of fx fy fz.
+// rigid: one row per channel, channel_unit per N of fx fy fz.
 constexpr std::array<KnownTable, 3> kTables{
     {{"influence", kAnyNumber, 26}, {"gauge_scale", 1, kPerChannel, false}, {"rigid", kPerChannel, 3, false}}};
 
-// The fault of the kind of contact, "" where there is none.
+// Returns the fault of the kind of contact, "" if there is none.
 std::string fault_of_contact(const CalibrationData& data) {
     const double contact = data["contact"];
     const std::size_t n = data.calibration().channels.size();
@@ -317,7 +317,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     }
     GaugeSolver spread(columns, std::vector<double>(n, noise), calibration.zero, inner_gauges(calibration), 3);
     if (!spread.confused().empty() || !spread.solvable((1u << n) - 1)) {
-        fault = "a load spread over the plate: these gauges cannot tell fx fy fz apart";
+        fault = "a load spread over the plate: these gauges do not determine fx fy fz";
         return nullptr;
     }
     return std::make_unique<TableMap>(data, *map, std::move(spread), noise, data["contact"] == kPoint);

@@ -1,6 +1,6 @@
 // Model "table", method "matrix": r = G load with a forward gain for each gauge and each of fx fy fz mx my, solved by
-// weighted least squares from whatever gauges are usable. The moments need the outer gauges: the inner four answer Fx and My
-// alike (finite elements, decoupling/table/README.md). Mz is invisible.
+// weighted least squares from the usable gauges. The moments need the outer gauges: the inner four respond to Fx and
+// My alike (finite elements, decoupling/table/README.md). Mz cannot be measured.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -25,7 +25,7 @@ private:
     // rt: wait-free
     void solve(Input& input, Estimate& estimate) noexcept override {
         const auto solved = solver_.solve(input.r.data(), input.usable);
-        if (solved.used == 0) return;  // BAD: the gauges that are left do not determine the loads
+        if (solved.used == 0) return;  // BAD: the remaining gauges do not determine the loads
         estimate.residual = solved.residual;
         if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
         if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
@@ -40,7 +40,7 @@ private:
 };
 
 constexpr std::array<Parameter, 1> kParameters{kGaugeNoise};
-// forward: a row a gauge, a column a component, channel_unit per N or Nm.
+// forward: one row per gauge, one column per component, channel_unit per N or Nm.
 constexpr std::array<KnownTable, 2> kTables{{{"forward", kPerChannel, kPerComponent}, {"noise", 1, kPerChannel, false}}};
 
 std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
@@ -63,7 +63,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     if (!solver.confused().empty() || !solver.solvable((1u << n) - 1)) {
         std::vector<std::string> names;
         for (const std::size_t j : solver.confused()) names.push_back(calibration.components[j]);
-        fault = fmt::format("the gauges {} cannot tell {} apart: wire the outer gauges, or leave the moments out",
+        fault = fmt::format("the gauges {} do not determine {}: wire the outer gauges, or leave the moments out",
                             fmt::join(calibration.channels, " "), fmt::join(names, " "));
         return nullptr;
     }

@@ -1,10 +1,12 @@
-// Model "table", method "nonlinear": method "linear", then what the sensor does beside it, undone in the reverse order:
+// Model "table", method "nonlinear": method "linear", followed by the inverse of the sensor's nonlinear effects in
+// the reverse order:
 //
 //     linear reading L of (Fx, Fy, N) = hysteresis of (Fx, Fy, curve(N))
 //
-// curve: the plate stiffens as it bends, so a press reads less the greater it is (finite elements: 4.6 % less at 1 N, 25 %
-// at 5 N). A table of points (N, L); the inverse is a monotone cubic through the points with their coordinates swapped, so
-// nothing is solved in the loop. hysteresis: play operators, whose inverse is play operators again (play_hysteresis.hpp).
+// curve: the plate becomes stiffer as it bends, so a larger press reads relatively less (finite elements: 4.6 % less
+// at 1 N, 25 % at 5 N). It is a table of points (N, L); the inverse is a monotone cubic through the points with their
+// coordinates swapped, so nothing is solved in the loop. hysteresis: play operators, whose inverse consists of play
+// operators again (play_hysteresis.hpp).
 #include <cmath>
 
 #include "decoupling/solve/checked.hpp"
@@ -54,12 +56,12 @@ private:
     GaugeSolver solver_;
     MonotoneCurve normal_of_reading_;
     bool has_curve_;
-    std::array<PlayOperators, 3> undo_;  // n = 0: no hysteresis is known
+    std::array<PlayOperators, 3> undo_;  // size 0: no hysteresis is known
     std::array<PlayState, 3> state_;
 };
 
-// normal_curve: rows (N, reading of the linear method), both in N, rising from (0, 0). hysteresis: rows of a threshold in N,
-// then the weights of Fx, Fy and N.
+// normal_curve: rows (N, reading of the linear method), both in N, rising from (0, 0). hysteresis: rows of a
+// threshold in N, then the weights of Fx, Fy and N.
 constexpr std::array<KnownTable, 2> kTables{{{"normal_curve", kAnyNumber, 2, false}, {"hysteresis", kAnyNumber, 4, false}}};
 
 std::string read_curve(const NumberRows& points, MonotoneCurve& curve) {
@@ -74,7 +76,7 @@ std::string read_curve(const NumberRows& points, MonotoneCurve& curve) {
     return fault.empty() ? "" : "table normal_curve: " + fault;
 }
 
-// The plays that undo those of component c.
+// Reads the play operators that invert those of component c.
 std::string read_hysteresis(const NumberRows& rows, std::size_t c, PlayOperators& undo) {
     std::vector<double> thresholds, weights;
     for (const auto& row : rows) {

@@ -8,13 +8,13 @@
 namespace tactiled {
 namespace {
 
-constexpr double kLinear_m = 1e-6;  // a step below this is the last, and the force goes along with it linearly
+constexpr double kLinear_m = 1e-6;  // a smaller step is the last, and the force changes linearly with it
 constexpr double kLargest_m = 1.5e-4;
-constexpr double kAlong_sd = 3;  // how far along the worst direction a contact is asked again
-constexpr double kRank = 1e-9;   // a column whose new part is shorter than this part of it is dependent
+constexpr double kAlong_sd = 3;  // distance along the worst direction at which the contact is evaluated again
+constexpr double kRank = 1e-9;   // a column whose orthogonal part is shorter than this share of it is dependent
 
-// Gram-Schmidt, twice is enough (Giraud, Langou and Rozloznik 2005): q orthonormal, r upper triangular, a = q r. A
-// dependent column becomes zero in q.
+// Gram-Schmidt; two passes are enough (Giraud, Langou and Rozloznik 2005): q orthonormal, r upper triangular, a = q
+// r. A dependent column becomes zero in q.
 template <int N>
 struct Orthogonal {
     Eigen::Matrix<double, 8, N> q;
@@ -38,7 +38,7 @@ struct Orthogonal {
             }
         }
     }
-    // x of a x = b in the least-squares sense; 0 for a dependent column.
+    // Returns x of a x = b in the least-squares sense; 0 for a dependent column.
     [[nodiscard]] Eigen::Matrix<double, N, 1> solve(const Gauges& b) const noexcept {
         Eigen::Matrix<double, N, 1> x;
         for (int j = N - 1; j >= 0; --j) {
@@ -72,7 +72,7 @@ PointContact PointSolver::refine(const Gauges& y, std::uint32_t usable, const Po
     best.squares = std::numeric_limits<double>::infinity();
     const double radius = map_.radius_m();
     Eigen::Vector2d p = start.point_m, step = Eigen::Vector2d::Zero();
-    Eigen::Matrix<double, 8, 2> slope;      // of the projected residual by the point, at `best`
+    Eigen::Matrix<double, 8, 2> slope;      // derivative of the projected residual by the point, at `best`
     Gauges rest;                            // at `best`
     Orthogonal<3> base{Influence::Zero()};  // at `best`
     double& damping = best.damping;
@@ -104,7 +104,7 @@ PointContact PointSolver::refine(const Gauges& y, std::uint32_t usable, const Po
         // Levenberg-Marquardt step: least squares of slope * step = rest, damped by the columns' lengths.
         const Eigen::Matrix<double, 8, 2> projected = slope - base.q * (base.q.transpose() * slope);
         const double sx = projected.col(0).norm(), sy = projected.col(1).norm(), scale = std::max({sx, sy, 1e-300});
-        // Two columns: by hand, with the damping as one more row each.
+        // Two columns are solved explicitly, with the damping as one more row each.
         const double d = std::sqrt(damping) * scale, xx = std::hypot(sx, d);
         const double xy = projected.col(0).dot(projected.col(1)) / xx, bx = projected.col(0).dot(rest) / xx;
         const Gauges across = projected.col(1) - projected.col(0) * (xy / xx);
@@ -133,11 +133,11 @@ PointContact PointSolver::refine(const Gauges& y, std::uint32_t usable, const Po
 void PointSolver::sds(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) const noexcept {
     InfluenceMap::At at;
     map_.at(contact.point_m.x(), contact.point_m.y(), at);
-    Eigen::Matrix<double, 8, 5> a;  // of Fx Fy Fz, then x and y
+    Eigen::Matrix<double, 8, 5> a;  // derivatives by Fx Fy Fz, then by x and y
     a << at.value, at.dx * contact.force_N, at.dy * contact.force_N;
     keep(a, usable);
     const Orthogonal<5> orthogonal(a);
-    // Row i of the inverse of r by back substitution: its length is the deviation of unknown i.
+    // Computes row i of the inverse of r by back substitution: its length is the standard deviation of unknown i.
     Eigen::Matrix<double, 5, 5> inverse = Eigen::Matrix<double, 5, 5>::Zero();
     for (int j = 0; j < 5; ++j)
         for (int i = j; i >= 0; --i) {

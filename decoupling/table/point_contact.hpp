@@ -1,5 +1,6 @@
-// One point of contact on the plate: where it is and its force, from the gauges and the influence map. Five unknowns; at
-// a given point the force is linear (variable projection: Golub and Pereyra 1973, in Kaufman's form of 1975).
+// Computes place and force of one point of contact on the plate from the gauges and the influence map. There are five
+// unknowns; at a given point the force is linear (variable projection: Golub and Pereyra 1973, in Kaufman's form of
+// 1975).
 #pragma once
 #include <Eigen/Core>
 #include <array>
@@ -14,14 +15,15 @@ using Gauges = Eigen::Matrix<double, 8, 1>;
 struct PointContact {
     Eigen::Vector2d point_m = Eigen::Vector2d::Zero();
     Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
-    double squares = 0;      // of what it leaves unexplained, reading units squared
-    bool at_rim = false;     // held there: the readings would have it further out
+    double squares = 0;      // squared residual, reading units squared
+    bool at_rim = false;     // limited to the rim: the readings indicate a point further out
     bool converged = false;  // the last step was below 1 um
-    double damping = 1e-4;   // of the next step
+    double damping = 1e-4;   // damping of the next step
     // One standard deviation: force (N), moments mx my (Nm). Filled by deviations().
     std::array<double, 5> sd{};
-    double force_sd_N = 0;                            // of the force's vector, from the slope alone
-    Eigen::Vector2d worst = Eigen::Vector2d::Zero();  // the direction in which the gauges tell the point worst, likewise
+    double force_sd_N = 0;  // one sd of the force's vector, from the slope alone
+    // the direction in which the gauges determine the point worst, from the slope alone
+    Eigen::Vector2d worst = Eigen::Vector2d::Zero();
 };
 
 inline PointContact contact_at(const Eigen::Vector2d& point_m) noexcept {
@@ -34,16 +36,17 @@ class PointSolver {
 public:
     explicit PointSolver(InfluenceMap map);  // setup
 
-    // From the point and the damping of `start` downhill, at most `steps` evaluations of the map. Rows of `y` outside of
-    // `usable` are ignored.
+    // Iterates from the point and the damping of `start`, with at most `steps` evaluations of the map. Rows of `y`
+    // outside of `usable` are ignored.
     // rt: bounded by steps
     [[nodiscard]] PointContact refine(const Gauges& y, std::uint32_t usable, const PointContact& start,
                                       int steps) const noexcept;
-    // Fills `contact.sd` for readings of this variance; infinite where the gauges do not tell. Where the force bends along
-    // the direction that the gauges tell worst, what it changes by over two standard deviations counts, not only its slope.
+    // Fills `contact.sd` for readings of this variance; infinite if the gauges do not determine it. If the force is
+    // curved along the direction that the gauges determine worst, its change over two standard deviations counts, not
+    // only its slope.
     // rt: wait-free
     void sds(const Gauges& y, std::uint32_t usable, double variance, PointContact& contact) const noexcept;
-    // Orthonormal basis of what forces at a point make the gauges read. setup
+    // Returns an orthonormal basis of the gauge readings for forces at a point. setup
     [[nodiscard]] Influence basis(const Eigen::Vector2d& point_m) const noexcept;
 
     [[nodiscard]] const InfluenceMap& map() const noexcept { return map_; }

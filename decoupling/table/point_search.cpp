@@ -10,16 +10,17 @@ namespace {
 
 constexpr std::size_t kAngles = 96;  // twice the map's own, and so are the rings: beside a column minima are 60 um apart
 constexpr std::size_t kBlocksAStep = 128, kRingsAStep = 10;
-// Number of points that continue downhill in each round, and their evaluations of the map.
+// Number of points that continue in each round, and their evaluations of the map.
 struct Round {
     std::size_t candidates;
     int steps;
 };
 constexpr Round kRounds[] = {{16, 5}, {8, 5}, {6, 5}, {4, 5}, {3, 5}, {3, 5}, {16, 5}, {16, 5}, {8, 5}};
-// After these rounds the search ends where the best explains the readings as the right one does 19 times of 20.
+// After these rounds the search ends if the best point explains the readings as well as the right point does in 19 of
+// 20 cases.
 constexpr std::size_t kUsualRounds = 6;
 constexpr double kExplained = 8;  // variances
-// Minima in one valley lie so far apart, along it: asked last, from the best.
+// Minima in one valley are this far apart along it: checked last, from the best one.
 constexpr double kAside_m = 6e-5;
 constexpr int kAsideSteps = 6;
 constexpr double kApart_m = 1e-5, kApart_sd = 2;
@@ -77,8 +78,8 @@ void PointSearch::run(const Gauges& y, std::uint32_t usable, double variance) no
     while (!step()) {}
 }
 
-// The residual of the best force at each point. A gauge that is not usable may read anything: with P = I - q q' and
-// rho = P y, leaving out the gauges m lowers the squares by rho_m' P_mm^-1 rho_m.
+// Computes the residual of the best force at each point. A gauge that is not usable may have any reading: with P = I
+// - q q' and rho = P y, leaving out the gauges m lowers the squares by rho_m' P_mm^-1 rho_m.
 void PointSearch::scan(std::size_t first, std::size_t last) noexcept {
     const double norm = y_.norm();
     float y[8];
@@ -113,7 +114,7 @@ void PointSearch::scan(std::size_t first, std::size_t last) noexcept {
     }
 }
 
-// The points of the grid that are no worse than their neighbours.
+// Selects the points of the grid that are no worse than their neighbours.
 void PointSearch::pick_minima(std::size_t first_ring, std::size_t last_ring) noexcept {
     const float* const all = squares_.data();
     if (first_ring == 0 && all[0] <= *std::min_element(all + 1, all + 1 + kAngles)) pick(0, 0);
@@ -144,7 +145,7 @@ void PointSearch::pick(std::size_t ring, std::size_t angle) noexcept {
     candidates_[place].contact.squares = std::numeric_limits<double>::infinity();
 }
 
-// One candidate of this round; after the last the better ones go on.
+// Refines one candidate of this round; after the last candidate the better ones continue.
 void PointSearch::downhill() noexcept {
     if (n_candidates_ == 0) {  // readings that are not finite
         candidates_[0] = {};
@@ -171,13 +172,13 @@ void PointSearch::downhill() noexcept {
     if (round_ == std::size(kRounds) || (round_ == kUsualRounds && explained)) stage_ = Stage::kAside;
 }
 
-// The neighbours of the best along the direction that the gauges tell worst, two on each side.
+// Evaluates the neighbours of the best point along the direction that the gauges determine worst, two on each side.
 void PointSearch::aside() noexcept {
     PointContact& best = candidates_[0].contact;
     if (at_ == 0) {
         solver_.sds(y_, usable_, variance_, best);
         aside_m_ = kAside_m * best.worst;
-        n_candidates_ = std::min(n_candidates_, kMaxCandidates - 4);  // the worst make room
+        n_candidates_ = std::min(n_candidates_, kMaxCandidates - 4);  // the worst candidates are replaced
     }
     constexpr double kTimes[] = {1, -1, 2, -2};
     candidates_[n_candidates_++].contact =

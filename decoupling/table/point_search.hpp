@@ -1,6 +1,6 @@
-// Where on the whole plate the one contact is that explains the gauges best, and whether another does as well: a grid, its
-// local minima, from each downhill, the worse ones left behind round by round. In pieces, so that a search can go on beside
-// the samples.
+// Searches the whole plate for the one contact that explains the gauges best, and checks whether another one explains
+// them as well: a grid, its local minima, and a descent from each, with the worse ones dropped round by round. The
+// search runs in pieces, so that it can continue beside the samples.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -12,35 +12,36 @@ namespace tactiled {
 
 class PointSearch {
 public:
-    // Two minima can be told apart where one explains the readings worse by so many variances: 4.5 sigma. At 3 sigma 4 of
-    // 10,000 first touches under 1 % of noise are GOOD and in the wrong one.
+    // Two minima can be distinguished if their squared residuals differ by this many variances: 4.5 sigma. With 3
+    // sigma, 4 of 10,000 first touches under 1 % of noise are GOOD and in the wrong minimum.
     static constexpr double kOther = 20;
 
-    explicit PointSearch(const PointSolver& solver);  // setup; the solver stays
+    explicit PointSearch(const PointSolver& solver);  // setup; the solver must outlive the search
 
-    // Of these readings; rows outside of `usable` are ignored, at most two may be. `variance`: of a reading. rt: wait-free
+    // Starts a search for these readings. Rows outside of `usable` are ignored, at most two may be. `variance`: of a
+    // reading. rt: wait-free
     void begin(const Gauges& y, std::uint32_t usable, double variance) noexcept;
-    // The next piece; true where it was the last. rt: wait-free, some 3 us
+    // Does the next piece. Returns true if it was the last. rt: wait-free, about 3 us
     bool step() noexcept;
-    // begin() and all steps. rt: wait-free, some 100 us
+    // Does begin() and all steps. rt: wait-free, about 100 us
     void run(const Gauges& y, std::uint32_t usable, double variance) noexcept;
 
     [[nodiscard]] bool is_running() const noexcept { return stage_ != Stage::kDone; }
     void stop() noexcept { stage_ = Stage::kDone; }
     [[nodiscard]] const PointContact& found() const noexcept { return candidates_[0].contact; }
-    // Another contact explains the readings as well, and its forces differ by more than 2 sd.
+    // True if another contact explains the readings as well, and its forces differ by more than 2 sd.
     [[nodiscard]] bool is_ambiguous() const noexcept { return ambiguous_; }
 
 private:
     static constexpr std::size_t kLanes = 8, kMaxCandidates = 16;
     enum class Stage { kScan, kMinima, kDownhill, kAside, kDone };
-    // Orthonormal bases of the influence at eight points: [Fx Fy Fz][gauge][point]. Single precision: it chooses where to
-    // start, no more.
+    // Orthonormal bases of the influence at eight points: [Fx Fy Fz][gauge][point]. Single precision is sufficient,
+    // because it only selects the start points.
     struct Block {
         float q[3][8][kLanes];
     };
     struct Candidate {
-        float squares = 0;  // at the grid's point, relative to the readings'
+        float squares = 0;  // at the grid's point, relative to the readings' squares
         PointContact contact;
     };
     [[nodiscard]] Eigen::Vector2d point_of(std::size_t ring, std::size_t angle) const noexcept;
@@ -54,7 +55,7 @@ private:
     const PointSolver& solver_;
     std::size_t rings_;
     std::vector<Block> blocks_;
-    std::vector<float> squares_;  // of each point: the centre, then ring by ring
+    std::vector<float> squares_;  // for each point: the centre, then ring by ring
     std::array<Candidate, kMaxCandidates> candidates_;
     std::size_t n_candidates_ = 0, at_ = 0, round_ = 0;
     Eigen::Vector2d aside_m_ = Eigen::Vector2d::Zero();

@@ -1,4 +1,4 @@
-// The checks and the gains that the methods of model "table" share.
+// The common checks and gains of the methods of model "table".
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -22,7 +22,7 @@ std::string fault_of_gauges(const Calibration& calibration, std::span<const std:
             return fmt::format("channels lacks R{}; needed are R1 R3 R5 R7", inner);
     for (const auto& name : calibration.components)
         if (std::find(seen.begin(), seen.end(), name) == seen.end())
-            return fmt::format("component \"{}\"; the method sees {}", name, fmt::join(seen, " "));
+            return fmt::format("component \"{}\"; the method measures {}", name, fmt::join(seen, " "));
     return "";
 }
 
@@ -58,12 +58,12 @@ std::optional<GaugeSolver> solver_of_signs(const CalibrationData& data, std::str
         fault = "parameter noise (one standard deviation of a gauge, channel_unit) is not above 0";
         return std::nullopt;
     }
-    // N comes from the inner gauges only (the outer ones read about 0 under a press), and with two of them left nothing
-    // would tell a press from a bent plate.
+    // N comes from the inner gauges only (the outer ones read about 0 under a press), and two of them could not
+    // distinguish a press from a bent plate.
     GaugeSolver solver(gains_of_signs(data), std::vector<double>(n, noise), data.calibration().zero,
                        inner_gauges(data.calibration()), 3);
     if (!solver.solvable((1u << n) - 1)) {
-        fault = "these gains cannot tell the three forces apart";
+        fault = "these gains do not determine the three forces";
         return std::nullopt;
     }
     return solver;

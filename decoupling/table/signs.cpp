@@ -1,5 +1,5 @@
-// Model "table", method "signs": the decision table of Lee et al. (their table 2), as a direction class 0 .. 17 and forces
-// in steps. A number of the table below is Estimate::direction:
+// Model "table", method "signs": the decision table of Lee et al. (their table 2), as a direction class 0 .. 17 and
+// forces in steps. The row of the table below is Estimate::direction:
 //
 //      row  load    R1 R3 R5 R7       row  load      R1 R3 R5 R7        row    load        R1 R3 R5 R7
 //       1   press    +  +  +  +        6   +x +y      -  -  +  +        10     press +x     -  +  +  +
@@ -8,10 +8,10 @@
 //       4   +y       0  -  0  +        9   +x -y      -  +  +  -        13     press -y     +  +  +  -
 //       5   -y       0  +  0  -                                         14..17 press and 6..9: the signs of 6..9
 //
-// The signs cannot tell 14..17 from 6..9; the sum of the gauges can: it is 0 but for a press. And rows 10..17 show these
-// signs only where the tangential force is 1.79 times the press or more, for normal outweighs tangential by that (the
-// authors' own sensitivities): a lesser one leaves ++++. The class therefore comes from the sums and differences, each
-// against its dead band, and where the signs say otherwise, or the sum is near its band, the sample is UNCERTAIN with
+// The signs cannot distinguish 14..17 from 6..9, but the sum of the gauges can: it is 0 except under a press. Rows
+// 10..17 show these signs only if the tangential force is at least 1.79 times the press (the ratio of the authors'
+// sensitivities); a smaller one gives ++++. The class is therefore computed from the sums and differences, each
+// against its dead band. If the signs contradict, or the sum is near its band, the sample is UNCERTAIN with
 // disagreement.
 #include <cmath>
 
@@ -23,7 +23,7 @@
 namespace tactiled {
 namespace {
 
-// R1 R3 R5 R7 by row; 14 .. 17 are as 6 .. 9.
+// R1 R3 R5 R7 by row; 14 .. 17 equal 6 .. 9.
 constexpr std::array<std::array<int, 4>, 14> kPattern{{{0, 0, 0, 0},
                                                        {1, 1, 1, 1},
                                                        {-1, 0, 1, 0},
@@ -38,7 +38,7 @@ constexpr std::array<std::array<int, 4>, 14> kPattern{{{0, 0, 0, 0},
                                                        {1, 1, -1, 1},
                                                        {1, -1, 1, 1},
                                                        {1, 1, 1, -1}}};
-// Row of (sign of Fx, sign of Fy) without a press, index 3 (x + 1) + y + 1; and with one.
+// Row for (sign of Fx, sign of Fy) without a press, index 3 (x + 1) + y + 1; and with one.
 constexpr std::array<std::uint32_t, 9> kTangential{8, 3, 7, 5, 0, 4, 9, 2, 6};
 constexpr std::array<std::uint32_t, 9> kPressed{16, 11, 15, 13, 1, 12, 17, 10, 14};
 
@@ -82,7 +82,7 @@ private:
         std::array<double, 4> r;  // R1 R3 R5 R7
         for (std::size_t i = 0; i < 4; ++i) r[i] = input.r[channel_[i]];
         const double x = r[2] - r[0], y = r[3] - r[1], sum = (r[0] + r[2]) + (r[1] + r[3]);
-        // Noise of a difference is sqrt 2 of a gauge's, of the sum twice.
+        // The noise of a difference is sqrt 2 of a gauge's, that of the sum is twice.
         const double sum_band = 2 * band_;
         const int sx = sign_of(x, std::sqrt(2.0) * band_), sy = sign_of(y, std::sqrt(2.0) * band_),
                   sn = sign_of(sum, sum_band);
@@ -99,7 +99,7 @@ private:
         if (diagonal && std::abs(sum) > sum_band / 2 && std::abs(sum) < 2 * sum_band)
             estimate.reasons |= TACTILED_DISAGREEMENT;
 
-        // Parity: 0 whatever the force.
+        // Parity: 0 for any force.
         const double reading = std::hypot(std::hypot(r[0], r[1]), std::hypot(r[2], r[3])) / 2;
         estimate.residual = std::abs((r[0] + r[2]) - (r[1] + r[3])) / 2 / std::hypot(noise_, kGainError * reading);
         if (!(estimate.residual <= kDoubtful)) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
@@ -109,7 +109,7 @@ private:
                                           sn == 0 ? 0 : -sum / (4 * normal_per_N_)};
         for (std::size_t c = 0; c < 3; ++c) {
             estimate.wrench_S[c] = level_N_[c] * std::round(force[c] / level_N_[c]) + 0.0;
-            // Rounding to a level is an error spread evenly over one level; a dead band hides as much again.
+            // Rounding to a level is an error uniform over one level; a dead band hides as much again.
             const double hidden_N = std::max(level_N_[c], 2 * band_N(c)) / std::sqrt(12.0);
             const double sd = std::hypot(sd_[c], sd_slope_[c] * estimate.wrench_S[c]);
             if (sd > 0) {
@@ -120,7 +120,7 @@ private:
         }
     }
 
-    // The greatest force that its dead band hides.
+    // Returns the largest force that the dead band hides.
     [[nodiscard]] double band_N(std::size_t c) const noexcept {
         return c < 2 ? std::sqrt(2.0) * band_ / (2 * tangential_per_N_) : 2 * band_ / (4 * normal_per_N_);
     }
@@ -136,7 +136,7 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return fault.empty() ? std::make_unique<TableSigns>(data, inner_gauges(data.calibration())) : nullptr;
 }
 
-// The forces are those of "linear" in steps, and the steps are added to its standard deviation.
+// The forces are those of "linear" in steps, and the step width is added to its standard deviation.
 const MethodEntry entry{
     .model = "table", .method = "signs", .place = 20, .parameters = kParameters, .make = make, .sd_of = "linear"};
 

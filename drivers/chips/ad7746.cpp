@@ -1,10 +1,12 @@
-// AD7746: capacitance, two inputs, 24 bits, and its own temperature. Frame: CIN1 in pF, CIN2 in pF where channels = 2, or
-// the electrodes that a switch leads to CIN1, one after the other; then the temperature in degC where it is asked for.
+// AD7746: capacitance, two inputs, 24 bits, and the chip's temperature. Frame: CIN1 in pF, and CIN2 in pF if channels
+// = 2; or the electrodes that a switch connects to CIN1, one after the other; then the temperature in degC if
+// requested.
 //
-// Registers, their bits, the conversion times and the active-low ready bits are those of Linux's drivers/iio/cdc/ad7746.c.
-// From knowledge of the data sheet, not checked on a chip: 200 us after a reset command; that RDY waits for both converters
-// when both are on, one after the other; degC = code / 2048 - 4096. A conversion that ends while the data registers are read
-// is lost (said of its sister AD7747), so that a question reads the status alone.
+// Registers, their bits, the conversion times and the active-low ready bits are those of Linux's
+// drivers/iio/cdc/ad7746.c. The following is from knowledge of the data sheet and was not checked on a chip: a reset
+// takes 200 us; RDY waits for both converters if both are on, one after the other; degC = code / 2048 - 4096. A
+// conversion that ends while the data registers are read is lost (documented for the similar AD7747), so a poll reads
+// only the status.
 #include <array>
 #include <cmath>
 #include <limits>
@@ -54,7 +56,7 @@ public:
         if (answer == Answer::ok) answer = port.read(kStatus, all);
         if (answer != Answer::ok) return {answer};
         const Settings found{all[7], all[8], all[9], all[10], all[11], all[12]};
-        const auto status = std::uint8_t(all[0] & kIdle);  // idle since the reset: nothing is ready
+        const auto status = std::uint8_t(all[0] & kIdle);  // the converter is idle since the reset, so nothing is ready
         if (found != set || status != kIdle) return {.kind = Progress::wrong, .found = packed(status, found)};
         return {port.write({kConfig, std::uint8_t(config() | mode())}), Progress::done};
     }
@@ -66,13 +68,13 @@ public:
         Answer answer = port.read(kStatus, {all.data(), 1});
         if (answer != Answer::ok || (all[0] & busy) != 0) return {answer};
         const std::uint64_t taken_ns = port.now_ns();
-        answer = port.read(kStatus, all);  // with all settings: a chip that was reset meanwhile has others
+        answer = port.read(kStatus, all);  // reads all settings, too: they show whether the chip was reset meanwhile
         if (answer != Answer::ok) return {answer};
         Settings found{all[7], all[8], all[9], all[10], all[11], all[12]}, set = settings();
         if (channels_ == 1)
             set[3] |= kContinuous;
         else
-            found[3] &= std::uint8_t(~kMode);  // idle again, or not yet
+            found[3] &= std::uint8_t(~kMode);  // the converter is idle again, or not yet
         if (found != set || (all[0] & busy) != 0) return {.kind = Reading::was_reset};
         take(big24(&all[1]), big24(&all[4]), (all[0] & kExcError) != 0);
         if (channels_ == 1) {
@@ -111,7 +113,7 @@ private:
     [[nodiscard]] std::uint8_t mode() const noexcept { return channels_ == 1 ? kContinuous : kSingle; }
     [[nodiscard]] bool converts_temperature() const noexcept { return temperature_ && at_ + 1 == channels_; }
 
-    // Of the channel that is converted now, with the mode left out.
+    // Settings for the channel that is being converted, without the mode.
     [[nodiscard]] Settings settings() const noexcept {
         const auto cap =
             std::uint8_t(kCapOn | (electrodes_ == 0 && at_ == 1 ? kCin2 : 0) | (differential_ ? kDifferential : 0));
@@ -123,7 +125,8 @@ private:
         return all;
     }
 
-    // All share one converter and its CAPDACs. A ready bit that stayed would give out another one's value.
+    // All electrodes share one converter and its CAPDACs. If the ready bit of the previous conversion stayed set, the
+    // value of another electrode would be read.
     Answer begin(Port& port) noexcept {
         const Settings set = settings();
         Answer answer = port.select(at_);
@@ -150,12 +153,12 @@ private:
         frame_.channel[frame_.n_channels++] = double(vt) / 2048 - 4096;
     }
 
-    unsigned rate_, electrodes_, channels_;  // channels_ is how many of either there are
+    unsigned rate_, electrodes_, channels_;  // channels_: number of inputs or of electrodes
     bool differential_, temperature_;
     std::uint8_t excitation_ = 0;
     std::array<std::uint8_t, kMaxElectrodes> dac_a_{}, dac_b_{};
-    unsigned at_ = 0;        // the channel that is converted now
-    bool is_stale_ = false;  // the one before still looks ready: not to be told from it
+    unsigned at_ = 0;        // index of the channel that is being converted
+    bool is_stale_ = false;  // the ready bit of the previous conversion is still set
     Frame frame_;
 };
 

@@ -1,9 +1,11 @@
-// ADS1115: voltages, 16 bits, one after the other. Frame: one channel for each of `inputs`, in their order, in counts.
+// ADS1115: voltages, 16 bits, converted one after the other. Frame: one channel for each of `inputs`, in their order,
+// in counts.
 //
-// Registers, multiplexer, ranges and rates are those of Linux's drivers/iio/adc/ti-ads1015.c; that the clock is off by up to
-// 10 % and that bit 15 of the configuration is 0 while a single conversion runs are from knowledge of the data sheet.
-// Running by itself it does not say on the bus when a conversion is new, so each one is triggered: one that is read was
-// begun after the one before was read, and with this very setting. That costs four transfers a conversion.
+// Registers, multiplexer, ranges and rates are those of Linux's drivers/iio/adc/ti-ads1015.c. From knowledge of the
+// data sheet: the clock is off by up to 10 %, and bit 15 of the configuration is 0 while a single conversion runs. In
+// continuous mode the bus does not show when a conversion is new, so each conversion is triggered. A conversion that
+// is read was therefore begun after the previous one was read, with the present settings. A conversion thus costs
+// four transfers.
 #include <algorithm>
 #include <array>
 
@@ -15,7 +17,8 @@ namespace {
 constexpr std::uint8_t kConversion = 0, kConfig = 1;
 constexpr std::uint16_t kStart = 0x8000, kIdle = 0x8000, kSingle = 0x0100, kNoComparator = 0x0003;
 constexpr unsigned kRates_Hz[] = {8, 16, 32, 64, 128, 250, 475, 860};
-constexpr std::uint64_t kWakeNs = 25'000;  // from power-down to the conversion's begin, from knowledge
+// from power-down to the begin of a conversion, from knowledge of the data sheet
+constexpr std::uint64_t kWakeNs = 25'000;
 const std::vector<std::string> kInputs{"AIN0-AIN1", "AIN0-AIN3", "AIN1-AIN3", "AIN2-AIN3", "AIN0", "AIN1", "AIN2", "AIN3"};
 
 class Ads1115 final : public Chip {
@@ -44,7 +47,8 @@ public:
             return {.kind = Progress::wrong, .found = big16(found.data()) & std::uint64_t{0x7FFF}};
         if (answer == Answer::ok) answer = begin(port);
         if (answer == Answer::ok) answer = port.read(kConfig, found);
-        if (answer == Answer::ok && (big16(found.data()) & kIdle) != 0) answer = Answer::failed;  // it did not begin
+        if (answer == Answer::ok && (big16(found.data()) & kIdle) != 0)
+            answer = Answer::failed;  // the conversion did not begin
         return {answer, Progress::done};
     }
 
@@ -55,7 +59,7 @@ public:
         if ((big16(before.data()) & ~kIdle) != config()) return {.kind = Reading::was_reset};
         if ((big16(before.data()) & kIdle) == 0) return {};
         answer = port.read(kConversion, data);
-        if (answer == Answer::ok) answer = port.read(kConfig, after);  // else it was 0, that of a chip just reset
+        if (answer == Answer::ok) answer = port.read(kConfig, after);  // else the value was the 0 of a chip after a reset
         if (answer != Answer::ok) return {answer};
         if (after != before) return {.kind = Reading::was_reset};
         if (at_ == 0) frame_ = Frame{};
@@ -86,7 +90,7 @@ private:
 
     unsigned rate_, range_;
     std::vector<unsigned> inputs_;
-    std::size_t at_ = 0;  // the input that is converted now
+    std::size_t at_ = 0;  // index of the input that is being converted
     Frame frame_;
 };
 

@@ -1,9 +1,9 @@
 // ADS122C04: one voltage, 24 bits, with a counter of conversions. Frame: one channel, in counts.
 //
-// Commands, registers and the order of the bytes that count, data and CRC come in are those of SparkFun's library and of
-// TI's own example. From knowledge of the data sheet, not checked on a chip: all registers are 0 after a reset, which takes
-// less than 1 ms; the counter steps with each conversion; the CRC is CCITT's (0x1021, from 0xFFFF) over counter and data;
-// RDATA gives counter and data of one conversion.
+// Commands, registers, and the order of counter, data and CRC are those of SparkFun's library and of TI's example.
+// The following is from knowledge of the data sheet and was not checked on a chip: all registers are 0 after a reset,
+// which takes less than 1 ms; the counter advances with each conversion; the CRC is CCITT's (0x1021, from 0xFFFF)
+// over counter and data; RDATA returns counter and data of one conversion.
 #include <algorithm>
 #include <array>
 
@@ -16,8 +16,8 @@ constexpr std::uint8_t kReset = 0x06, kStart = 0x08, kReadData = 0x10, kReadRegi
 constexpr std::uint8_t kTurbo = 0x10, kContinuous = 0x08, kNoPga = 0x01, kReady = 0x80, kCounter = 0x40, kCrc16 = 0x20;
 constexpr std::uint32_t kResetUs = 1000;
 constexpr unsigned kRates_Hz[] = {20, 45, 90, 175, 330, 600, 1000};
-constexpr unsigned kWithCounter = 2;  // the register that says whether counter and CRC are sent
-constexpr unsigned kSingleEnded = 8;  // the first of those inputs
+constexpr unsigned kWithCounter = 2;  // index of the register that enables counter and CRC
+constexpr unsigned kSingleEnded = 8;  // code of the first single-ended input
 const std::vector<std::string> kInputs{"AIN0-AIN1", "AIN0-AIN2", "AIN0-AIN3", "AIN1-AIN0", "AIN1-AIN2", "AIN1-AIN3",
                                        "AIN2-AIN3", "AIN3-AIN2", "AIN0",      "AIN1",      "AIN2",      "AIN3"};
 
@@ -102,7 +102,7 @@ public:
     Identity identity() const noexcept override { return {"its registers after a reset read", 0}; }
 
 private:
-    // Counter and data to data_; good where their CRC is.
+    // Reads counter and data into data_. `is_good` is true if their CRC is right.
     Answer read_data(Port& port, bool& is_good) noexcept {
         const Answer answer = port.read(kReadData, {data_.data(), std::size_t{crc_ ? 6u : 4u}});
         is_good = !crc_ || crc16({data_.data(), 4}) == big16(&data_[4]);
@@ -116,8 +116,9 @@ private:
         return answer;
     }
 
-    // A chip that was reset sends data without counter and CRC: what may be that has all registers read. Else one after the
-    // other, for the bus has no time for four a value: a setting that changed by itself is seen within four values.
+    // A chip after a reset sends data without counter and CRC. If an answer may be of that kind, all registers are
+    // read. Otherwise one register is read per value, because the bus has no time to read four: a setting that
+    // changed by itself is detected within four values.
     Answer check(Port& port, bool& is_good, bool& is_same) noexcept {
         const bool has_crc = is_good, may_be_reset = !is_good || data_[0] == 0;
         const unsigned next = (last_read_ + 1) % unsigned(set_.size());
@@ -129,7 +130,7 @@ private:
             answer = read_checked(port, at(kReadRegister, i), value, is_register_good);
             if (answer != Answer::ok) return answer;
             is_good = is_good && is_register_good;
-            const bool is_reported = is_register_good || !has_crc;  // else a bit was disturbed on the way
+            const bool is_reported = is_register_good || !has_crc;  // else a bit was disturbed during the transfer
             is_same = !is_reported || (i == kWithCounter ? value & ~kReady : value) == set_[i];
         }
         if (is_good) last_read_ = next;
@@ -138,10 +139,10 @@ private:
 
     unsigned rate_;
     bool turbo_, crc_;
-    std::array<std::uint8_t, 4> set_{};  // all registers; the last one, current sources, stays off
+    std::array<std::uint8_t, 4> set_{};  // all registers; the last one, the current sources, stays off
     unsigned last_read_ = 0;             // index into set_
     std::array<std::uint8_t, 6> data_{};
-    std::uint8_t count_ = 0;  // of the conversion that was taken last
+    std::uint8_t count_ = 0;  // counter of the conversion that was read last
 };
 
 std::unique_ptr<Chip> make(Options& options) { return std::make_unique<Ads122c04>(options); }

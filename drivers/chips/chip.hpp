@@ -1,5 +1,6 @@
-// A chip on an I2C bus: how it is set up and how a conversion is taken from it. It never waits and never looks at a clock:
-// Station calls it when something is due. To add one: a file with an entry at its foot, and a line in CMakeLists.txt.
+// The interface of a chip on an I2C bus: configuration and reading of a conversion. A chip object never waits and
+// never reads a clock; Station calls it when an action is due. To add a chip, write a file with an entry at its end
+// and add a line to CMakeLists.txt.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -14,12 +15,12 @@
 
 namespace tactiled {
 
-// Signals by which a chip reports a conversion.
+// Ways in which a chip signals a conversion.
 enum class Pace : std::uint8_t {
-    continuous,  // converts by itself and says when one is ready
-    triggered,   // converts when it is told to, and says when it is done
-    counted,     // converts by itself and numbers its conversions
-    timed        // converts by itself and says nothing
+    continuous,  // converts continuously and signals when a conversion is ready
+    triggered,   // converts on command and signals the end
+    counted,     // converts continuously and numbers its conversions
+    timed        // converts continuously and signals nothing
 };
 
 class Chip {
@@ -28,11 +29,12 @@ public:
 
     struct Progress {
         Answer answer = Answer::ok;
-        enum Kind : std::uint8_t { more, done, wrong } kind = more;  // wrong: this is another chip
-        std::uint32_t wait_us = 0;                                   // before the next step, or the first conversion
-        std::uint64_t found = 0;                                     // of a wrong one: what stands in place of expected()
+        enum Kind : std::uint8_t { more, done, wrong } kind = more;  // wrong: this is another chip than configured
+        std::uint32_t wait_us = 0;  // wait before the next step, or before the first conversion
+        std::uint64_t found = 0;    // if wrong: the value found in place of expected()
     };
-    // One step of bringing the chip from any state to converting; `step` counts from 0. At `done` a conversion has begun.
+    // Makes one step of the configuration that brings the chip from any state to converting; `step` counts from 0. At
+    // `done` a conversion has begun.
     // rt: blocks on the bus, for a few transfers
     [[nodiscard]] virtual Progress set_up(Port& port, unsigned step) noexcept = 0;
 
@@ -40,30 +42,30 @@ public:
         Answer answer = Answer::ok;
         enum Kind : std::uint8_t {
             nothing,   // no conversion is ready
-            part,      // one was taken; the frame wants more
+            part,      // one conversion was read; the frame needs more
             frame,     // the frame is complete
-            bad,       // what came is not what the chip sent: a wrong checksum
-            was_reset  // the chip has forgotten its settings
+            bad,       // the answer is damaged: wrong checksum
+            was_reset  // the chip has lost its settings
         } kind = nothing;
-        bool began = false;      // this call has told the chip to begin the next conversion
-        std::uint32_t lost = 0;  // Pace::counted: conversions that nobody took
+        bool began = false;      // this call has begun the next conversion
+        std::uint32_t lost = 0;  // Pace::counted: conversions that were not read
         std::uint64_t taken_ns =
-            0;  // Pace::continuous: when the value was, which may be another than the one said to be ready
+            0;  // Pace::continuous: read time of the value, which can be newer than the one that was signalled
     };
-    // Takes a conversion if there is one. rt: blocks on the bus, for a few transfers
+    // Reads a conversion if one is ready. rt: blocks on the bus, for a few transfers
     [[nodiscard]] virtual Reading read(Port& port, Frame& frame) noexcept = 0;
 
     [[nodiscard]] virtual Pace pace() const noexcept = 0;
-    // Level by which the chip's data-ready line shows that a conversion has ended; `none` where it has no such line.
+    // Edge of the chip's data-ready line at the end of a conversion; `none` if it has no such line.
     enum class ReadyEdge : std::uint8_t { none, rising, falling };
     [[nodiscard]] virtual ReadyEdge ready_edge() const noexcept { return ReadyEdge::none; }
-    // True if its noise is more than a count with every setting, by the data sheet. setup
+    // True if the noise is more than a count in every setting, by the data sheet. setup
     [[nodiscard]] virtual bool is_noisy() const noexcept { return false; }
-    // Number of electrodes that an analog switch leads to its input, one after the other; 0: there is no such switch.
+    // Number of electrodes that an analog switch connects to its input, one after the other; 0: there is no switch.
     [[nodiscard]] virtual unsigned electrodes() const noexcept { return 0; }
-    // From the beginning of the conversion that runs to its end, or between two of them, by the data sheet.
+    // Duration of the present conversion, or the interval between two of them, by the data sheet.
     [[nodiscard]] virtual std::uint64_t conversion_ns() const noexcept = 0;
-    // Identification of this chip: "its registers 0xFE and 0xFF read", 0x54491004. setup
+    // Identification of this chip, such as "its registers 0xFE and 0xFF read", 0x54491004. setup
     struct Identity {
         std::string_view what;
         std::uint64_t expected;
@@ -72,7 +74,7 @@ public:
 };
 
 struct ChipEntry {
-    std::string_view name;  // as in `chip = "ad7746"`
+    std::string_view name;  // name in `chip = "ad7746"`
     std::uint8_t min_address, max_address;
     std::unique_ptr<Chip> (*make)(Options& options);  // reads the chip's own keys; errors go to the options' Problems
     Registry<ChipEntry> in_list{this};
@@ -80,7 +82,8 @@ struct ChipEntry {
 
 using Chips = Registry<ChipEntry>;
 
-// The place in `allowed` of the number at `key`; that of `fallback` where the key is missing or has an error. setup
+// Returns the index in `allowed` of the number at `key`; the index of `fallback` if the key is missing or has an
+// error. setup
 unsigned choice(Options& options, std::string_view key, std::initializer_list<double> allowed, double fallback);
 
 }  // namespace tactiled

@@ -1,10 +1,12 @@
-// FDC1004: four capacitances, 24 bits. Frame: one channel for each of `inputs`, in their order, in pF, the CAPDAC included.
+// FDC1004: four capacitances, 24 bits. Frame: one channel for each of `inputs`, in their order, in pF, including the
+// CAPDAC.
 //
-// Registers, identity, LSB and CAPDAC step are those of open drivers (such as vincent290587/FDC1004); a CAPDAC step is
-// 3.125 pF only about, a jump of 1.4 pF was reported from 7 to 8, so it is set once and never stepped. DONE was reported
-// never to come: then the chip is reset. From knowledge: a reset takes less than 1 ms; telling the chip to begin clears
-// DONE, which is verified each time, for else the measurement before would be taken again. Each round is triggered, so that
-// no half of a value, which takes two registers, is overwritten between the two.
+// Registers, identity, LSB and CAPDAC step are those of open drivers (such as vincent290587/FDC1004). A CAPDAC step
+// is only about 3.125 pF, and a jump of 1.4 pF was reported from 7 to 8, so the CAPDAC is set once and not changed.
+// DONE was reported to be missing at times: then the chip is reset. From knowledge of the data sheet: a reset takes
+// less than 1 ms; the command to begin clears DONE. Each round verifies that, because the previous measurement would
+// otherwise be read again. Each round is triggered, so that a value is not overwritten between the reads of its two
+// registers.
 #include <algorithm>
 #include <array>
 
@@ -77,7 +79,8 @@ public:
             taken.channel[n] = signed24(code) / kCountsPerPf + offset_pF_[n];
             if (code == 0x7FFFFF || code == 0x800000) taken.saturated |= 1u << n;
         }
-        // Else some were 0, those of a chip just reset; or of another input, if that was just before it was told to begin.
+        // Otherwise some values were the 0 of a chip after a reset, or of another input, if the reset was just before
+        // the command to begin.
         answer = read_word(port, kControl, control);
         bool is_same = (control & kRateBits) == rate();
         for (std::size_t n = 0; n < inputs_ && answer == Answer::ok && is_same; ++n) {
@@ -124,7 +127,7 @@ private:
     std::size_t inputs_ = 0;
     std::array<std::uint16_t, 4> set_{};
     std::array<double, 4> offset_pF_{};
-    bool is_stale_ = false;  // the round before still looks done: not to be told from it
+    bool is_stale_ = false;  // the DONE bit of the previous round is still set
 };
 
 std::unique_ptr<Chip> make(Options& options) { return std::make_unique<Fdc1004>(options); }

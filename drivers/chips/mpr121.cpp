@@ -1,11 +1,11 @@
-// MPR121: 13 capacitive electrodes, 10 bits. Frame: the filtered data of ELE0 .. ELE11 and of the proximity electrode, in
-// counts; as many as `electrodes` says.
+// MPR121: 13 capacitive electrodes, 10 bits. Frame: the filtered data of ELE0 .. ELE11 and of the proximity
+// electrode, in counts; `electrodes` sets their number.
 //
-// Registers, soft reset and that they can be written in stop mode alone are those of Adafruit's library. From knowledge of
-// the data sheet, not checked on a chip: 0x24 in register 0x5D after a reset; OVCF, bit 15 of the touch status, when the
-// chip stopped itself; one transfer gives both bytes of an electrode from one conversion. There is no sign of a new
-// conversion, so that it is read at 1 / 1.1 of its rate: each frame is a new one even with the slowest clock, and is up to
-// one interval old.
+// Registers, soft reset and the rule that registers can be written only in stop mode are those of Adafruit's library.
+// The following is from knowledge of the data sheet and was not checked on a chip: register 0x5D reads 0x24 after a
+// reset; OVCF, bit 15 of the touch status, is set if the chip stopped itself; one transfer gives both bytes of an
+// electrode from one conversion. The chip does not signal a new conversion. It is read at 1 / 1.1 of its rate, so
+// that each frame is a new one even with the slowest clock, and is up to one interval old.
 #include <array>
 
 #include "drivers/chips/chip.hpp"
@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::uint8_t kTouch = 0x00, kConfig = 0x5C, kElectrodes = 0x5E, kSoftReset = 0x80;
 constexpr std::uint8_t kOverCurrent = 0x80;  // in register 1
-constexpr std::uint8_t kNoBaseline = 0x40;   // baselines are not followed: the force is what we look for
+constexpr std::uint8_t kNoBaseline = 0x40;   // baseline tracking off, because it would remove a constant force
 constexpr std::uint8_t kResetConfig2 = 0x24;
 constexpr std::size_t kData = 4, kMax = 13;  // the first electrode's register
 constexpr std::uint16_t kSaturationLimit = 0x3FF;
@@ -42,7 +42,7 @@ public:
         if (answer == Answer::ok) answer = port.write({kElectrodes, 0});  // stop mode
         if (answer == Answer::ok) answer = port.write({kConfig, set_[0], set_[1]});
         if (answer == Answer::ok) answer = port.write({kElectrodes, set_[2]});
-        // The conversion after the first whole one: its filter began with what it had.
+        // Waits for the conversion after the first whole one, because the filter begins with an old value.
         return {answer, Progress::done, std::uint32_t(conversion_ns() / 1000)};
     }
 

@@ -1,8 +1,9 @@
-// NAU7802: a bridge, two inputs, 24 bits. Frame: input 1 in counts, input 2 in counts where channels = 2.
+// NAU7802: a bridge, two inputs, 24 bits. Frame: input 1 in counts, and input 2 in counts if channels = 2.
 //
 // Registers, rates, the 200 us until PUR and the six conversions after a change of input are those of Linux's
-// drivers/iio/adc/nau7802.c. From knowledge, as widely used libraries do it, not checked on a chip: register 0x1F ends in
-// 0xF; CALS starts a calibration of the offset and goes back to 0 when done, CAL_ERR says that it failed.
+// drivers/iio/adc/nau7802.c. The following is done by widely used libraries and was not checked on a chip: register
+// 0x1F ends in 0xF; CALS starts a calibration of the offset and returns to 0 at its end, and CAL_ERR reports a
+// failure.
 #include <array>
 
 #include "drivers/chips/chip.hpp"
@@ -16,9 +17,10 @@ constexpr std::uint8_t kReset = 0x01, kDigital = 0x02, kAnalog = 0x04, kPowered 
 constexpr std::uint8_t kCalibrate = 0x04, kCalibrationFailed = 0x08, kInput2 = 0x80;
 constexpr unsigned kRates_Hz[] = {10, 20, 40, 80, 320};
 constexpr std::uint8_t kRateCodes[] = {0, 1, 2, 3, 7};
-constexpr unsigned kSettling = 6;                                  // conversions that still carry what was before
-constexpr unsigned kMaxAsked = 200;                                // times 10 ms, whether a calibration is done
-constexpr std::uint32_t kPowerUpUs = 1000, kAvddSettlesUs = 5000;  // the second from knowledge
+// conversions that are still affected by the previous input
+constexpr unsigned kSettling = 6;
+constexpr unsigned kMaxAsked = 200;                                // polls for the end of a calibration, 10 ms apart
+constexpr std::uint32_t kPowerUpUs = 1000, kAvddSettlesUs = 5000;  // the second from knowledge of the data sheet
 
 class Nau7802 final : public Chip {
 public:
@@ -63,7 +65,8 @@ public:
         std::array<std::uint8_t, 3> data{};
         const std::uint64_t taken_ns = port.now_ns();
         answer = port.read(kData, data);
-        if (answer == Answer::ok) answer = check(port, is_ready, is_same);  // else it was 0, that of a chip just reset
+        // else the value was the 0 of a chip after a reset
+        if (answer == Answer::ok) answer = check(port, is_ready, is_same);
         if (answer != Answer::ok) return {answer};
         if (!is_same) return {.kind = Reading::was_reset};
         if (settling_ > 0) {
@@ -84,9 +87,10 @@ public:
         return {complete ? Answer::ok : answer, complete ? Reading::frame : Reading::part};
     }
 
-    // With two inputs most conversions are thrown away, and it is no loss to miss one of these.
+    // With two inputs most conversions are discarded anyway, so a missed conversion is no loss.
     Pace pace() const noexcept override { return channels_ == 1 ? Pace::continuous : Pace::triggered; }
-    ReadyEdge ready_edge() const noexcept override { return ReadyEdge::rising; }  // DRDY, as after a reset: CRP = 0
+    // DRDY with CRP = 0, the value after a reset
+    ReadyEdge ready_edge() const noexcept override { return ReadyEdge::rising; }
     bool is_noisy() const noexcept override { return true; }
     std::uint64_t conversion_ns() const noexcept override { return 1'000'000'000u / kRates_Hz[rate_]; }
     Identity identity() const noexcept override { return {"its register 0x1f reads", 0x0F}; }
@@ -96,7 +100,7 @@ private:
         return std::uint8_t(kRateCodes[rate_] << 4 | (at_ == 1 ? kInput2 : 0));
     }
 
-    // Offsets of all inputs, the first one last, so that it stays selected. Called until it is done.
+    // Calibrates the offsets of all inputs, the first input last, so that it stays selected. Called until it is done.
     Progress calibrate(Port& port) noexcept {
         std::uint8_t value = 0;
         Answer answer = Answer::ok;
@@ -120,7 +124,7 @@ private:
         return {answer, Progress::done};
     }
 
-    // A reset powers it down, and takes gain, rate and supply with it.
+    // A reset powers the chip down and clears gain, rate and supply.
     Answer check(Port& port, bool& is_ready, bool& is_same) const noexcept {
         std::array<std::uint8_t, 3> found{};
         const Answer answer = port.read(kPower, found);

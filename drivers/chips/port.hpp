@@ -1,4 +1,4 @@
-// Access of a chip to its registers: its address, the switch that it sits behind, and the counters of its link.
+// Access of a chip to its registers: its address, the bus switch in front of it, and the counters of its link.
 #pragma once
 #include <array>
 #include <cassert>
@@ -13,7 +13,7 @@ namespace tactiled {
 
 struct Place {
     std::uint8_t address = 0;
-    std::uint8_t mux = 0;  // 0: on the bus itself
+    std::uint8_t mux = 0;  // address of the switch; 0: directly on the bus
     std::uint8_t channel = 0;
 };
 
@@ -22,14 +22,14 @@ public:
     Port(I2cBus& bus, Muxes& muxes, Place place, LinkCounts& counts, Selector* selector = nullptr) noexcept
         : bus_(bus), muxes_(muxes), place_(place), counts_(counts), selector_(selector) {}
 
-    // A register, or a command, and what follows it. rt: blocks on the bus
+    // Writes a register address or a command and the bytes that follow it. rt: blocks on the bus
     [[nodiscard]] Answer write(std::initializer_list<std::uint8_t> bytes) noexcept {
         return transfer({bytes.begin(), bytes.size()}, {});
     }
-    // The registers from `first` on, in one transfer. rt: blocks on the bus
+    // Reads the registers from `first` on, in one transfer. rt: blocks on the bus
     [[nodiscard]] Answer read(std::uint8_t first, std::span<std::uint8_t> in) noexcept { return transfer({&first, 1}, in); }
 
-    // Turns the chip's own switch to that electrode. rt: as Selector::select
+    // Connects the chip's analog switch to that electrode. rt: as Selector::select
     [[nodiscard]] Answer select(unsigned electrode) noexcept {
         return selector_ == nullptr || selector_->select(electrode) ? Answer::ok : Answer::disconnected;
     }
@@ -58,7 +58,7 @@ private:
     Selector* selector_;  // nullptr: none
 };
 
-// Two bytes, three bytes, big endian, as all these chips send them. rt: wait-free
+// Convert two or three bytes, big endian, which all these chips send. rt: wait-free
 constexpr std::uint16_t big16(const std::uint8_t* at) noexcept { return std::uint16_t(at[0] << 8 | at[1]); }
 constexpr std::uint32_t big24(const std::uint8_t* at) noexcept {
     return std::uint32_t(at[0]) << 16 | std::uint32_t(at[1]) << 8 | at[2];

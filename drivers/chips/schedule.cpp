@@ -7,7 +7,7 @@
 namespace tactiled {
 namespace {
 constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kMaxOpenNs = 500 * kMs;  // a driver may block for a second, and one transfer more may hang
+constexpr std::uint64_t kMaxOpenNs = 500 * kMs;  // a driver may block for a second, and one further transfer may hang
 }  // namespace
 
 void Schedule::add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts,

@@ -1,5 +1,5 @@
-// Schedule of the chips: all chips of one bus, the one that is due first first. What a chip does wrong costs the others the
-// time of its transfers, no more; what the bus does wrong is everybody's.
+// Schedules the chips of one bus: the chip that is due first is served first. A faulty chip costs the others only the
+// time of its transfers; a fault of the bus affects all of them.
 #pragma once
 #include <string>
 #include <vector>
@@ -16,8 +16,8 @@ public:
     void add(std::string name, std::unique_ptr<Chip> chip, Place place, std::uint16_t device, LinkCounts& counts,
              ReadyLine* ready = nullptr, Selector* selector = nullptr);
 
-    // Sets up what can be within half a second; the rest goes on in read(). "", or what is wrong: another chip than
-    // configured, no chip at all, or the bus itself. setup
+    // Configures the chips within half a second; read() continues with the rest. Returns "" or the fault: another
+    // chip than configured, no chip at all, or the bus itself. setup
     [[nodiscard]] std::string open();
 
     // The same as Driver::read(). rt: blocks on the bus
@@ -25,7 +25,7 @@ public:
 
 private:
     Station& first_due() noexcept;
-    // Or until an edge, after which another station may be due first. rt: blocks until then
+    // Waits until `t_ns`, or until an edge, after which another station may be due first. rt: blocks until then
     void wait_until(std::uint64_t t_ns) noexcept;
 
     I2cBus& bus_;

@@ -10,17 +10,19 @@ namespace {
 
 constexpr std::uint64_t kUs = 1000, kMs = 1'000'000;
 constexpr unsigned kMinPauseMs = 10, kMaxPauseMs = 1000;
-// A chip that says for so long and so often that no conversion is ready has stopped. Often: it may be us who stood still.
+// A chip that reports for this long and this often that no conversion is ready has stopped. Both limits are needed,
+// because the process itself may have been stopped.
 constexpr std::uint64_t kPatience = 3;  // conversions, and
 constexpr std::uint64_t kMinPatienceNs = 20 * kMs;
 constexpr unsigned kMinAsked = 10;
-// Of a conversion: a value that was taken so soon after an edge is of that edge, though the chip's clock be 12 % fast.
+// Share of a conversion: a value that was read so soon after an edge belongs to that edge, even if the chip's clock
+// is 12 % fast.
 constexpr double kOfThisEdge = 0.8;
-// Where the line has edges the clock's own question waits for so much of a conversion longer, so that it does not come
-// before the edge: the age that a missed edge costs.
+// If the line delivers edges, the poll by the clock waits for this share of a conversion longer, so that it does not
+// precede the edge. A missed edge costs this age.
 constexpr std::uint64_t kWaitForEdge = 8;
-// After so many questions in vain since the last conversion edges hasten nothing more: a noisy line costs no more than
-// these.
+// After this many polls without a result since the last conversion, edges no longer cause polls, so that a noisy line
+// costs a limited number of transfers.
 constexpr unsigned kMaxHastened = 4;
 
 }  // namespace
@@ -50,13 +52,13 @@ Station::Outcome Station::fail(Answer answer) noexcept {
     return Outcome::nothing;
 }
 
-// It answers, but not as this chip should.
+// The chip answers, but not as this chip should.
 Station::Outcome Station::give_up() noexcept {
     ++counts_[TACTILED_LINK_BUS_ERROR];
     return fail(Answer::failed);
 }
 
-// At once, unless it had just been set up: then it does not keep what it is told.
+// Configures the chip again at once, unless it had just been configured: then it does not keep its settings.
 Station::Outcome Station::restart() noexcept {
     if (!has_converted_) return give_up();
     set_up_again();
@@ -70,7 +72,7 @@ void Station::look() noexcept {
     if (ready_ == nullptr || !ready_->take(t_ns)) return;
     has_edges_ = true;
     if (state_ != State::converting || !has_converted_) return;
-    if (t_ns != 0 && t_ns <= taken_ns_) {  // of what was taken; the next one is waited for
+    if (t_ns != 0 && t_ns <= taken_ns_) {  // the edge belongs to the value read last; wait for the next one
         due_ns_ = std::max(due_ns_, predicted_ns());
         return;
     }
@@ -84,7 +86,8 @@ std::uint64_t Station::predicted_ns() const noexcept {
     return clock_.next_poll_ns() + (has_edges_ ? chip_->conversion_ns() / kWaitForEdge : 0);
 }
 
-// The stamp of the edge that the value which was taken from `before_ns` to `now_ns` belongs to; 0 where that is not certain.
+// Returns the timestamp of the edge of the value that was read from `before_ns` to `now_ns`; 0 if that edge is not
+// certain.
 std::uint64_t Station::ended_ns(std::uint64_t before_ns, std::uint64_t now_ns) noexcept {
     const std::uint64_t edge_ns = std::exchange(edge_ns_, 0);
     const bool is_this = edge_ns > taken_ns_ && edge_ns <= before_ns &&
@@ -106,7 +109,7 @@ Station::Outcome Station::set_up() noexcept {
     if (progress.kind == Chip::Progress::more) return Outcome::nothing;
     if (std::exchange(was_set_up_, true)) ++counts_[TACTILED_LINK_RESTARTED];
     state_ = State::converting;
-    has_converted_ = false;  // until then edges may be of conversions that are still settling
+    has_converted_ = false;  // edges before may belong to conversions that are still settling
     begin_conversion();
     due_ns_ += progress.wait_us * kUs;
     return Outcome::nothing;
@@ -123,8 +126,8 @@ Station::Outcome Station::convert(Frame& frame) noexcept {
     const std::uint64_t before_ns = port_.now_ns();
     const Chip::Reading reading = chip_->read(port_, frame);
     if (reading.answer != Answer::ok) {
-        // Once may be a disturbance: asked again at once. A chip that was reset meanwhile is told by what is read with the
-        // value.
+        // A single failure may be a disturbance, so the chip is read again at once. The data that are read with the
+        // value show whether the chip was reset meanwhile.
         const bool hard = reading.answer == Answer::disconnected || reading.answer == Answer::timeout;
         if (hard || is_retry_) return fail(reading.answer);
         is_retry_ = true;
@@ -138,7 +141,7 @@ Station::Outcome Station::convert(Frame& frame) noexcept {
             const std::uint64_t now_ns = port_.now_ns();
             edge_ns_ = 0;
             if (std::exchange(is_hastened_, false) && now_ns < clock_.next_poll_ns()) {
-                due_ns_ = predicted_ns();  // the edge was noise, or late: as if it had not been
+                due_ns_ = predicted_ns();  // the edge was noise or late: continue as without it
             } else {
                 clock_.not_ready(before_ns, now_ns);
                 due_ns_ = clock_.next_poll_ns();
@@ -166,7 +169,7 @@ Station::Outcome Station::take(const Chip::Reading& reading, std::uint64_t befor
     } else {
         const bool is_counted = chip_->pace() == Pace::counted;
         const std::uint32_t known = is_counted ? 1 + lost : 0;
-        if (edge_ns != 0) clock_.not_ready(edge_ns - 1, edge_ns);  // the edge says when it became ready
+        if (edge_ns != 0) clock_.not_ready(edge_ns - 1, edge_ns);  // the edge shows when the conversion became ready
         const std::uint32_t passed = edge_ns != 0 ? clock_.ready(edge_ns, edge_ns, known)
                                                   : clock_.ready(before_ns, std::max(before_ns, reading.taken_ns), known);
         if (chip_->pace() == Pace::continuous) lost = passed - 1;
@@ -177,7 +180,7 @@ Station::Outcome Station::take(const Chip::Reading& reading, std::uint64_t befor
     began_ns_ = taken_ns_ = now_ns;
     is_hastened_ = false;
     asked_ = 0;
-    if (is_first) lost = 0;  // others were set up meanwhile: no frame was there to follow
+    if (is_first) lost = 0;  // other chips were configured meanwhile; there was no previous frame
     lost_ += lost;
     counts_[TACTILED_LINK_LOST] += lost;
     if (reading.kind == Chip::Reading::part) return Outcome::nothing;

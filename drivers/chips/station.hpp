@@ -1,5 +1,5 @@
-// One chip at work: set up, asked when a conversion is due, left alone for a while when it does not answer, and set up anew
-// when it was reset. Everything of it in the time of the bus, so that tests need not wait.
+// One chip in operation: it is configured, read when a conversion is due, paused when it does not answer, and
+// configured again after a reset. All times are those of the bus, so that tests need not wait.
 #pragma once
 #include <memory>
 #include <string>
@@ -15,20 +15,21 @@ public:
             ReadyLine* ready)
         : name_(std::move(name)), chip_(std::move(chip)), port_(port), device_(device), counts_(counts), ready_(ready) {}
 
-    // The link was opened anew. setup
+    // Starts again after the link was opened. setup
     void start() noexcept;
 
-    enum class Outcome : std::uint8_t { nothing, frame, hangs, disconnected };  // the last two: of the whole bus
-    // Does what is due. rt: blocks on the bus, for a few transfers
+    enum class Outcome : std::uint8_t { nothing, frame, hangs, disconnected };  // the last two concern the whole bus
+    // Does the action that is due. rt: blocks on the bus, for a few transfers
     [[nodiscard]] Outcome step(Frame& frame) noexcept;
 
-    // Looks at the chip's data-ready line, if it has one: an edge makes it due. A missed edge costs nothing but age, for the
-    // clock's prediction stays. rt: as ReadyLine::take
+    // Checks the chip's data-ready line, if it has one: an edge makes the chip due. A missed edge costs only age,
+    // because the prediction of the clock remains. rt: as ReadyLine::take
     void look() noexcept;
 
     [[nodiscard]] std::uint64_t due_ns() const noexcept { return due_ns_; }
 
-    // For open(): whether the chip is converting, or has failed to; and what is wrong with it, "" if nothing. setup
+    // For open(): is_settled() is true if the chip is converting or has failed; complaint() describes the fault, ""
+    // if there is none. setup
     [[nodiscard]] bool is_settled() const noexcept { return state_ == State::converting || pause_ms_ != 0; }
     [[nodiscard]] bool is_wrong() const noexcept { return is_wrong_; }
     [[nodiscard]] bool answers() const noexcept { return pause_ms_ == 0 || is_wrong_; }
@@ -59,14 +60,14 @@ private:
     State state_ = State::setting_up;
     ConversionClock clock_;
     std::uint64_t due_ns_ = 0, began_ns_ = 0;
-    std::uint64_t edge_ns_ = 0;   // stamp of an edge that no reading has followed yet; 0: none
-    std::uint64_t taken_ns_ = 0;  // when the last conversion had been taken: an older edge was of that one
+    std::uint64_t edge_ns_ = 0;   // timestamp of an edge without a reading after it; 0: none
+    std::uint64_t taken_ns_ = 0;  // time of the last reading: an older edge belongs to that reading
     unsigned step_ = 0, pause_ms_ = 0;
-    unsigned asked_ = 0;  // in vain, since the last conversion
+    unsigned asked_ = 0;  // polls without a result since the last conversion
     std::uint32_t lost_ = 0;
     std::uint64_t found_ = 0;
-    bool is_hastened_ = false;  // an edge made it due
-    bool has_edges_ = false;    // the line has told of the last conversion
+    bool is_hastened_ = false;  // the chip is due because of an edge
+    bool has_edges_ = false;    // the line had an edge for the last conversion
     bool was_set_up_ = false, has_converted_ = false, is_retry_ = false, is_wrong_ = false;
 };
 

@@ -1,5 +1,6 @@
-// TCA9548A: a switch of eight buses, at 0x70 .. 0x77. It has one register, the mask of channels that are connected, which
-// takes effect at the STOP, so that selecting is a transfer of its own. (Register and rule: data sheet, from knowledge.)
+// TCA9548A: a switch of eight buses, at 0x70 .. 0x77. Its single register is the mask of connected channels, which
+// takes effect at the STOP, so selecting a channel takes a transfer of its own. (Register and rule are from knowledge
+// of the data sheet.)
 #pragma once
 #include <cstdint>
 
@@ -9,15 +10,15 @@ namespace tactiled {
 
 inline constexpr unsigned kMuxMin = 0x70, kMuxMax = 0x77, kMuxChannels = 8;
 
-// All switches of one bus. They belong to this driver alone: what is selected is remembered, not read.
+// All switches of one bus. They belong to this driver alone: their state is remembered and not read.
 class Muxes {
 public:
     explicit Muxes(I2cBus& bus) noexcept : bus_(bus) {}
 
     void add(std::uint8_t address) noexcept { muxes_[address - kMuxMin].present = true; }
 
-    // Connects one channel of one switch and none of the others, where two chips of one address might answer at once.
-    // Writes only what is not so already. rt: blocks on the bus
+    // Connects one channel of one switch and disconnects the others, where two chips of one address could answer at
+    // once. Writes only registers that change. rt: blocks on the bus
     [[nodiscard]] Answer select(std::uint8_t address, unsigned channel) noexcept {
         for (unsigned i = 0; i < kMuxChannels; ++i)
             if (kMuxMin + i != address)
@@ -25,7 +26,8 @@ public:
         return set(address - kMuxMin, std::uint8_t(1u << channel));
     }
 
-    // After an error nobody knows what is connected: a switch that lost its supply for a moment has nothing selected.
+    // After an error the state of the switches is unknown: a switch that lost its supply for a moment has no channel
+    // selected.
     void forget() noexcept {
         for (Mux& mux : muxes_) mux.known = false;
     }

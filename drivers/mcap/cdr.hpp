@@ -1,5 +1,5 @@
-// Common Data Representation, little-endian, as ROS 2 encodes messages: each number aligned to its own size, counted from
-// behind the four bytes that name the encoding.
+// Common Data Representation, little-endian, as ROS 2 encodes messages. Each number is aligned to its own size,
+// counted from the end of the four bytes that name the encoding.
 #pragma once
 #include <bit>
 #include <cstddef>
@@ -17,7 +17,7 @@ inline constexpr std::size_t kCdrHead = 4;
 
 class CdrWriter {
 public:
-    // Begins a message in `out`, which keeps its memory from one message to the next.
+    // Begins a message in `out`, which reuses its memory from one message to the next.
     explicit CdrWriter(std::string& out) : out_(out) { out_.assign("\0\1\0\0", kCdrHead); }
 
     template <class T>
@@ -42,7 +42,7 @@ public:
         failed_ = bytes.size() < kCdrHead || std::memcmp(bytes.data(), "\0\1\0\0", kCdrHead) != 0;
     }
 
-    // The next number; 0 where the message ends before it: then failed().
+    // Returns the next number; 0 if the message ends before it, and failed() is then true.
     template <class T>
     requires std::is_arithmetic_v<T> T get() {
         const std::size_t at = at_ + (sizeof(T) - (at_ - kCdrHead) % sizeof(T)) % sizeof(T);

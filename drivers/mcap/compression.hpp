@@ -1,5 +1,5 @@
-// Compression of chunks, as MCAP names it: "" (none), "lz4" (frames), "zstd". Built without a library, its kind is not
-// known.
+// Compression of chunks by the names of MCAP: "" (none), "lz4" (frames), "zstd". A kind whose library was absent at
+// build time is unknown.
 #pragma once
 #include <cstddef>
 #include <memory>
@@ -9,7 +9,7 @@
 namespace tactiled::mcap {
 
 [[nodiscard]] bool is_known_compression(std::string_view kind);
-// `bytes` compressed. setup: throws std::runtime_error where the library fails
+// Returns `bytes` compressed. setup: throws std::runtime_error where the library fails
 [[nodiscard]] std::string compress(std::string_view kind, std::string_view bytes);
 
 class Decompressor {
@@ -19,7 +19,7 @@ public:
     Decompressor(const Decompressor&) = delete;
     Decompressor& operator=(const Decompressor&) = delete;
 
-    // Writes just `size` bytes to `out`; false where `bytes` are not that.
+    // Writes exactly `size` bytes to `out`. Returns false if `bytes` do not contain that many.
     // rt: with "zstd" no allocation; bounded by `size`
     [[nodiscard]] bool run(std::string_view kind, std::string_view bytes, char* out, std::size_t size) noexcept;
 

@@ -1,4 +1,4 @@
-// MCAP, https://mcap.dev/spec: what writer and reader share.
+// MCAP, https://mcap.dev/spec: the part that writer and reader share.
 #pragma once
 #include <boost/crc.hpp>
 #include <cstdint>

@@ -16,7 +16,7 @@
 namespace tactiled::mcap {
 namespace {
 
-// Others (attachments, indices, the summary) are read over.
+// Skips other records (attachments, indices, the summary).
 bool is_wanted(char op) {
     return Op(op) == Op::schema || Op(op) == Op::channel || Op(op) == Op::chunk || Op(op) == Op::data_end;
 }
@@ -25,7 +25,8 @@ bool is_wanted(char op) {
 
 std::string MessageFile::open(const std::string& path) {
     close();
-    fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // no waiting for who writes, should it be a pipe
+    // O_NONBLOCK: does not wait for a writer if the path is a pipe
+    fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     struct stat about {};
     if (fd_ < 0 || ::fstat(fd_, &about) != 0) return fmt::format("{}: {}", path, std::strerror(errno));
     if (!S_ISREG(about.st_mode)) return fmt::format("{}: is no file", path);
@@ -42,7 +43,7 @@ std::string MessageFile::open(const std::string& path) {
 
 void MessageFile::declare_all() {
     constexpr std::uint64_t kFooter = kRecordHead + 8 + 8 + 4, kEnd = kFooter + kMagic.size();
-    constexpr std::uint64_t kMaxDeclared = 1u << 20;  // they stand at the summary's front
+    constexpr std::uint64_t kMaxDeclared = 1u << 20;  // bytes of the summary in which declarations are expected
     std::array<char, kEnd> end{};
     std::uint64_t summary_at = 0;
     if (size_ > kEnd && ::pread(fd_, end.data(), kEnd, off_t(size_ - kEnd)) == ssize_t(kEnd) && Op(end[0]) == Op::footer &&
@@ -75,7 +76,7 @@ bool MessageFile::read_piece() noexcept {
     if (at_end_) return false;
     const bool wanted = is_wanted(record_[0]), fits = want_ <= record_.size();
     if (have_ < want_) {
-        // Skipped bytes overwrite each other, behind the head, which says what it is.
+        // Skipped bytes overwrite each other behind the record's head.
         const std::uint64_t room =
             fits ? want_ - have_ : std::min<std::uint64_t>(want_ - have_, record_.size() - kRecordHead);
         const std::size_t got = read(record_.data() + (fits ? have_ : kRecordHead), room);
@@ -97,7 +98,7 @@ void MessageFile::read_head() noexcept {
     at_end_ = read(record_.data(), kRecordHead) != kRecordHead;
     if (at_end_) return;
     std::memcpy(&content, record_.data() + 1, sizeof content);
-    at_end_ = content > size_ || at_ > size_ - content;  // cut
+    at_end_ = content > size_ || at_ > size_ - content;  // the file is truncated
     have_ = kRecordHead;
     want_ = kRecordHead + content;
 }
@@ -120,7 +121,7 @@ std::string MessageFile::why() const {
 }
 
 std::vector<std::pair<std::string, std::string>> attached_files(const std::string& path) {
-    constexpr std::uint64_t kMaxAttachment = 32u << 20;  // of a calibration: 16 MiB
+    constexpr std::uint64_t kMaxAttachment = 32u << 20;  // the limit of a calibration is 16 MiB
     std::vector<std::pair<std::string, std::string>> files;
     const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     std::string record(kRecordHead, 0);

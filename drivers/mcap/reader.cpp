@@ -9,7 +9,7 @@
 namespace tactiled::mcap {
 namespace {
 
-// Numbers and texts one after the other; failed() once one of them ended too early.
+// Reads numbers and texts in sequence; failed() is true once one of them ended too early.
 class Fields {
 public:
     explicit Fields(std::string_view bytes) : bytes_(bytes) {}
@@ -68,7 +68,7 @@ std::optional<Message> Reader::next() {
     for (;;) {
         while (chunk_at_ < chunk_.size()) {
             const auto record = take_record(chunk_, chunk_at_);
-            if (!record) {  // the CRC was right: so it was written
+            if (!record) {  // the CRC was right, so the record was written like this
                 ++damaged_;
                 chunk_at_ = chunk_.size();
                 break;
@@ -102,7 +102,7 @@ std::optional<Message> Reader::next() {
             return std::nullopt;
         }
         switch (Op(record->op)) {
-            case Op::data_end: ended_ = true; break;  // the summary behind it repeats what was said
+            case Op::data_end: ended_ = true; break;  // the summary that follows repeats known records
             case Op::chunk: enter_chunk(record->content); break;
             case Op::attachment: take_attachment(record->content); break;
             default: take_named(*record);
@@ -119,7 +119,7 @@ void Reader::take_named(const Record& record) {
         if (!fields.failed()) schemas_[id] = name;
     } else if (Op(record.op) == Op::channel) {
         const auto id = fields.number<std::uint16_t>();
-        if (channels_.contains(id)) return;  // the first of a number stays: messages point to it
+        if (channels_.contains(id)) return;  // the first channel of a number stays, because messages point to it
         const auto schema = schemas_.find(fields.number<std::uint16_t>());
         Channel channel;
         channel.topic = fields.text();
@@ -150,7 +150,7 @@ void Reader::enter_chunk(std::string_view content) {
         if (!plain) return;
         records = *plain;
     }
-    if (crc != 0 && crc32(records) != crc) {  // 0: none was computed
+    if (crc != 0 && crc32(records) != crc) {  // 0: the writer computed none
         ++bad_crc_;
     } else {
         chunk_ = records;

@@ -1,6 +1,6 @@
-// Reads the messages of an MCAP file in the order of the file. Pure: bytes in, no I/O; message_file.hpp reads from the disk.
-// It needs no index, so that a file that was cut is read up to its last whole chunk. Chunks of an unknown compression are
-// counted.
+// Reads the messages of an MCAP file in the order of the file. Pure: it has bytes as input and no I/O;
+// message_file.hpp reads from the disk. It needs no index, so that a truncated file is read up to its last whole
+// chunk. Chunks of an unknown compression are counted.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -21,38 +21,40 @@ struct Channel {
 };
 
 struct Message {
-    const Channel* channel = nullptr;  // valid as long as the Reader
+    const Channel* channel = nullptr;  // valid as long as the Reader exists
     std::uint32_t sequence = 0;
     std::uint64_t time_ns = 0;
-    std::span<const char> data;  // in the bytes that were given
+    std::span<const char> data;  // points into the input
 };
 
 class Reader {
 public:
-    static constexpr std::uint64_t kMaxPlain = 10u << 20;  // of a chunk, decompressed; writers make them of 0.8 to 8 MiB
+    // size of a decompressed chunk; writers make chunks of 0.8 to 8 MiB
+    static constexpr std::uint64_t kMaxPlain = 10u << 20;
 
-    // The whole file; must outlive the Reader. A file that is no MCAP gives no message: why().
+    // `bytes` are the whole file and must outlive the Reader. A file that is not MCAP gives no message: see why().
     explicit Reader(std::string_view bytes);
 
-    // For a file that comes in pieces, to a Reader of the magic alone: whole records that follow those which next() has used
-    // up. They must outlive the messages in them. attachments() has no meaning then.
+    // Adds the next part of a file that is read in pieces, for a Reader that was constructed with the magic alone.
+    // `records` are whole records that follow the ones that next() has read. They must outlive the messages in them.
+    // attachments() is then undefined.
     // rt: a channel that is new allocates; see freeze()
     void feed(std::string_view records);
-    // Schemas and channels that records elsewhere declare, such as the summary's; those that are known stay. setup
+    // Adds schemas and channels that are declared elsewhere, such as in the summary; known ones stay. setup
     void declare(std::string_view records);
-    // From now on no channel is new: messages of such a one are records that do not fit. Compressed chunks are read only
-    // where one has come before.
+    // Declares that no channel is new from now on: messages of a new channel count as records that do not fit.
+    // Compressed chunks are read only if one was read before.
     void freeze() { frozen_ = true; }
 
-    // The next message, nullopt at the end: of the file, or of what can be read of it: why().
+    // Returns the next message; nullopt at the end of the file, or of its readable part: see why().
     std::optional<Message> next();
 
-    // "" or what is wrong with the file: no MCAP, cut, compressed chunks, chunks with a wrong CRC.
+    // Returns "" or the fault of the file: no MCAP, truncated, compressed chunks, chunks with a wrong CRC.
     [[nodiscard]] std::string why() const;
-    // Parts that were left out so far, by kind.
+    // Numbers of parts skipped so far, by kind.
     [[nodiscard]] unsigned bad_crc() const { return bad_crc_; }
     [[nodiscard]] unsigned unreadable() const { return compressed_ + damaged_; }
-    // Those that were declared so far, by their number.
+    // The channels declared so far, by number.
     [[nodiscard]] const std::map<std::uint16_t, Channel>& channels() const { return channels_; }
     struct Attachment {
         std::string name;
@@ -68,7 +70,7 @@ private:
     static std::optional<Record> take_record(std::string_view bytes, std::size_t& at);
     void take_named(const Record& record);
     void enter_chunk(std::string_view content);
-    // The records of a compressed chunk; nullopt where they cannot be had.
+    // Returns the records of a compressed chunk; nullopt if that is not possible.
     std::optional<std::string_view> decompressed(std::string_view kind, std::string_view records, std::uint64_t size);
     void take_attachment(std::string_view content);
 
@@ -77,7 +79,7 @@ private:
     std::size_t at_ = 0;
     std::string_view chunk_;
     std::size_t chunk_at_ = 0;
-    std::unique_ptr<Decompressor> decompressor_;  // from the first compressed chunk on
+    std::unique_ptr<Decompressor> decompressor_;  // created with the first compressed chunk
     std::unique_ptr<char[]> plain_;               // the chunk, decompressed
     std::map<std::uint16_t, std::string> schemas_;
     std::map<std::uint16_t, Channel> channels_;

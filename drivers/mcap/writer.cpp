@@ -24,7 +24,7 @@ void put_text(std::string& out, std::string_view text) {
     put(out, std::uint32_t(text.size()));
     out += text;
 }
-// A list of any entries, behind its length in bytes.
+// Writes a list of entries after its length in bytes.
 void put_list(std::string& out, const std::string& entries) { put_text(out, entries); }
 
 std::string record(Op op, std::string_view content) {
@@ -39,13 +39,13 @@ Writer::Writer(const std::string& path, bool overwrite, const std::string& compr
     : path_(path), compression_(compression == "none" ? "" : compression) {
     if (!is_known_compression(compression_))
         throw SetupError(fmt::format("compression \"{}\": this program was built without its library", compression));
-    if (overwrite) ::unlink(path.c_str());  // not O_TRUNC: who reads the old file goes on reading it
+    if (overwrite) ::unlink(path.c_str());  // not O_TRUNC: a reader of the old file can continue
     fd_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_EXCL, 0644);
     if (fd_ < 0)
         throw SetupError(fmt::format("{}: {}{}", path, std::strerror(errno),
                                      errno == EEXIST ? " (--overwrite replaces it, another name keeps it)" : ""));
     std::string header;
-    put_text(header, "ros2");  // so that readers know what "cdr" is
+    put_text(header, "ros2");  // the profile that defines "cdr"
     put_text(header, "tactiled " TACTILED_VERSION);
     write(std::string(kMagic) + record(Op::header, header));
 }
@@ -134,7 +134,7 @@ void Writer::flush() {
     content += packed;
     const std::string chunk = record(Op::chunk, content);
 
-    std::string indices, offsets;  // of the messages in it
+    std::string indices, offsets;  // for the messages in the chunk
     for (std::size_t c = 0; c < channels_.size(); ++c) {
         auto& index = channels_[c].index;
         if (index.empty()) continue;
@@ -181,7 +181,7 @@ std::string Writer::summary_group(const std::vector<std::string>& records, std::
 void Writer::close() {
     flush();
     std::string end;
-    put(end, std::uint32_t(0));  // a CRC over all chunks would be one over their CRCs
+    put(end, std::uint32_t(0));  // 0: no CRC, because each chunk has its own
     write(record(Op::data_end, end));
 
     std::string statistics, counts;
@@ -233,7 +233,7 @@ void Writer::write(std::string_view bytes) {
         if (size < 0 && errno == EINTR) continue;
         if (size <= 0) {
             const int error = size < 0 ? errno : ENOSPC;
-            [[maybe_unused]] const int cut = ::ftruncate(fd_, off_t(offset_));  // no half record
+            [[maybe_unused]] const int cut = ::ftruncate(fd_, off_t(offset_));  // leaves no partial record
             throw std::runtime_error(fmt::format("{}: {}; recorded so far: {} bytes", path_, std::strerror(error), offset_));
         }
         done += std::size_t(size);

@@ -1,5 +1,4 @@
-// Writes an MCAP file: chunks with a CRC and an index. A file that is cut anywhere loses the last chunk
-// only.
+// Writes an MCAP file: chunks with a CRC and an index. A file that is truncated loses only its last chunk.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -13,25 +12,28 @@ namespace tactiled::mcap {
 
 class Writer {
 public:
-    // A new file; one that is there is replaced only with `overwrite`. `compression` of the chunks: none, lz4 or zstd.
+    // Creates a file; an existing one is replaced only with `overwrite`. `compression` of the chunks: none, lz4 or
+    // zstd.
     // setup: throws SetupError where it cannot be made, or this program was built without the compression
     Writer(const std::string& path, bool overwrite, const std::string& compression = "none");
-    // Without close(): the file stays as after a cut.
+    // Does not call close(): the file stays as after a truncation.
     ~Writer();
     Writer(const Writer&) = delete;
     Writer& operator=(const Writer&) = delete;
 
-    // `data`: in `encoding` "ros2msg", the definition and those that it names. Before the first message.
+    // Adds a schema; call it before the first message. `data` in `encoding` "ros2msg" is the definition and the
+    // definitions that it uses.
     std::uint16_t add_schema(const std::string& name, const std::string& encoding, const std::string& data);
     std::uint16_t add_channel(std::uint16_t schema, const std::string& topic, const std::string& message_encoding,
                               const std::map<std::string, std::string>& metadata = {});
-    // A whole file beside the messages.
+    // Writes a whole file beside the messages.
     void attach(const std::string& name, const std::string& media_type, std::string_view data, std::uint64_t now_ns);
 
-    // `time_ns` since 1970. Kept until flush(), which is also done once kMaxPending bytes wait.
+    // Adds a message; `time_ns` is since 1970. Messages are kept until flush(), which is called automatically at
+    // kMaxPending bytes.
     void message(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, std::string_view data);
     void flush();
-    // Flushes, and writes the index. Messages that were not written by then are lost.
+    // Flushes and writes the index. Messages that were not written by then are lost.
     void close();
 
     [[nodiscard]] std::uint64_t bytes() const { return offset_ + chunk_.size(); }
@@ -41,17 +43,17 @@ public:
 
 private:
     struct Named {
-        std::string record;  // as in the data section, to be repeated in the summary
+        std::string record;  // the record in the data section, repeated in the summary
         std::uint64_t messages = 0;
-        std::vector<std::pair<std::uint64_t, std::uint64_t>> index;  // of the chunk: time, offset
+        std::vector<std::pair<std::uint64_t, std::uint64_t>> index;  // time and offset of each message in the chunk
     };
-    void write(std::string_view bytes);  // throws std::runtime_error; the file ends with the last whole record
+    void write(std::string_view bytes);  // throws std::runtime_error; the file then ends with the last whole record
     std::string summary_group(const std::vector<std::string>& records, std::uint8_t op, std::string& offsets);
 
     std::string path_, compression_;  // "": none
     int fd_ = -1;
     std::uint64_t offset_ = 0, messages_ = 0;
-    std::uint64_t begin_ns_ = 0, end_ns_ = 0;  // of all messages
+    std::uint64_t begin_ns_ = 0, end_ns_ = 0;  // times of the first and the last message
     std::vector<Named> schemas_, channels_;
     std::string chunk_;
     std::uint64_t chunk_begin_ns_ = 0, chunk_end_ns_ = 0;

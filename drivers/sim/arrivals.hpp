@@ -1,5 +1,5 @@
-// The frames of one sensor in the order in which its link delivers them: late, twice or overtaken, where effects of the link
-// say so.
+// The frames of one sensor in the order in which its link delivers them: delayed, twice or overtaken if effects of
+// the link cause that.
 #pragma once
 #include <span>
 #include <vector>
@@ -12,7 +12,7 @@ namespace tactiled::sim {
 inline constexpr std::size_t kLatestFrame = 250;  // frames ago
 
 struct SentFrame {
-    std::uint64_t sample = 0;  // its number; the sensor's frame number is sample / every
+    std::uint64_t sample = 0;  // number of the sample; the sensor's frame number is sample / every
     double t_s = 0;
     std::uint32_t missing = 0;
     bool dropped = true;
@@ -24,7 +24,8 @@ public:
     // setup
     explicit Arrivals(const Sensor& sensor) : channels_(sensor.n()), every_(sensor.every), past_(kLatestFrame + 6) {}
 
-    // Frames that arrive with sample `n` of the block; valid until the next call. Samples come in order. rt: wait-free
+    // Returns the frames that arrive with sample `n` of the block, valid until the next call. Samples are passed in
+    // order. rt: wait-free
     std::span<const SentFrame> take(const Block& block, std::size_t n) noexcept {
         const std::uint64_t sample = block.first + n;
         if (sample % every_ != 0) return {};

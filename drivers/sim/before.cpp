@@ -1,4 +1,4 @@
-// Changes of an effect's input by the effects before it: passed along the chain, from bound to bound.
+// Propagates the changes of an effect's input by the effects before it along the chain, from bound to bound.
 #include <algorithm>
 
 #include "drivers/sim/effect.hpp"
@@ -6,7 +6,7 @@
 namespace tactiled::sim {
 namespace {
 
-// Changes of the load by an effect of the contact or the material.
+// Adds the change of the load by an effect of the contact or the material.
 void widen(Extent& extent, const Bound& bound) {
     const Extent was = extent;
     for (std::size_t axis = 0; axis < kAxes; ++axis) {
@@ -29,7 +29,7 @@ void widen(Extent& extent, const Bound& bound) {
 
 void add(Before& before, const Bound& bound) {
     before.max_N += bound.change_N;
-    // What moves by itself as far as it changes anything at all is counted so; the rest moves with its input.
+    // A change that varies by itself over its whole size is counted as such; any other change varies with the input.
     const double gain = bound.own_N < bound.change_N ? bound.gain : 1;
     before.gain *= gain;
     for (auto& own : before.own) own = {own.max_N * gain, own.rate_N_s * gain};

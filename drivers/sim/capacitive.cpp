@@ -1,5 +1,6 @@
 // The piezo-capacitive sensor: four sectors and a centre electrode over a soft pad, and a piezo film (the thesis on
-// minimally invasive surgery). C1 lies towards +x, C2 -x, C3 +y, C4 -y: a shear towards an electrode raises it.
+// minimally invasive surgery). C1 is towards +x, C2 -x, C3 +y, C4 -y: a shear towards an electrode raises its
+// capacitance.
 #include <cmath>
 #include <numbers>
 
@@ -17,14 +18,15 @@ void read_capacitive(Options& options, Sensor& sensor) {
     c.gap_m = options.number("gap_m", {1e-5, 0.05}, 3e-3);
     c.young_Pa = options.number("young_Pa", {1e3, 1e9}, 0.1e6);
     c.poisson = options.number("poisson", {0, 0.49999}, 0.49);
-    // 0.096 mm at 1 N of a bonded pad of 12 mm by 3 mm: own finite elements. The shift: G A / d of the same pad.
+    // 0.096 mm at 1 N for a bonded pad of 12 mm by 3 mm, from our own finite elements. Shift: G A / d of the same
+    // pad.
     c.strain_per_N = options.number("strain_per_N", {1e-6, 1}, 0.0326);
     c.shift_per_N_m = options.number("shift_per_N_m", {1e-8, 0.01}, 0.79e-3);
     if (!(c.inner_radius_m < c.disc_radius_m && c.disc_radius_m < c.outer_radius_m))
         options.problem("disc_radius_m", "needed is inner_radius_m < disc_radius_m < outer_radius_m");
 
-    // The thesis' curves at rest: 1.3039 pF and 0.0405 pF/N under a press, 1.2285 pF and 0.038 pF/N under a shear. What the
-    // moving part explains of the slopes is the pad, the rest of the capacitance is stray.
+    // From the thesis' curves at rest: 1.3039 pF and 0.0405 pF/N under a press, 1.2285 pF and 0.038 pF/N under a
+    // shear. The slopes give the capacitance of the pad; the rest of the capacitance is stray.
     const double press_slope = options.number("press_pF_per_N", {1e-6, 10}, 0.0405);
     const double shear_slope = options.number("shear_pF_per_N", {1e-6, 10}, 0.038);
     const double sector_m2 = (c.disc_radius_m * c.disc_radius_m - c.inner_radius_m * c.inner_radius_m) * c.opening_rad / 2;
@@ -56,7 +58,7 @@ void read_capacitive(Options& options, Sensor& sensor) {
         sensor.zero[5] = options.number("piezo_zero_V", {-10, 10}, 0.0768);
     }
     sensor.full_scale_N = 10;
-    sensor.resolution_N = 0.08;  // the AD7746's 4 fF of accuracy over 0.0485 pF/N
+    sensor.resolution_N = 0.08;  // accuracy of the AD7746, 4 fF, over 0.0485 pF/N
 }
 
 }  // namespace tactiled::sim

@@ -1,13 +1,13 @@
-// The effects in the order in which they work: from the instant of a sample to its frame. This list is the data path of
-// the simulator on one page; between contact and material stands the world, between material and transducer the linear
-// model.
+// The effects in their order of computation: from the instant of a sample to its frame. This list is the data path of
+// the simulator on one page. The environment is between time and contact, the linear model between material and
+// transducer.
 #include <array>
 
 #include "drivers/sim/effect.hpp"
 
 namespace tactiled::sim {
 
-// One file each in effects/, here by stage.
+// Each effect has its own file in effects/; listed here by stage.
 extern const EffectEntry adhesion;
 extern const EffectEntry anti_alias;
 extern const EffectEntry array_spread;
@@ -118,7 +118,7 @@ constexpr std::array kChain{
     &anti_alias,
     &converter_window,
     &channel_skew,
-    // A disturbance is stated as it is read, so it stands behind the filters.
+    // A disturbance is specified in units of the reading, so it is added after the filters.
     &johnson_noise,
     &flicker_noise,
     &noise,

@@ -38,7 +38,7 @@ void require_known(const std::vector<Named>& names) {
         }
 }
 
-// The level that a list asks for.
+// Returns the level that a list requests.
 std::size_t level_of(const Decision& d, const std::string& name) {
     if (name.empty()) return Decision::kItself;
     std::vector<std::string_view> there;
@@ -50,10 +50,10 @@ std::size_t level_of(const Decision& d, const std::string& name) {
                                  there.empty() ? "it has none" : fmt::format("it has {}", fmt::join(there, ", "))));
 }
 
-// One way to have decided about the effects up to a place in the chain.
+// One combination of decisions on the effects up to a place in the chain.
 struct Way {
     double error_N = 0, cost_ns = 0;
-    int before = -1;  // number of the way that it goes on from, in the place before
+    int before = -1;  // index of its predecessor in the previous place
     bool on = false;
     std::size_t level = Decision::kItself;
 };
@@ -72,7 +72,8 @@ void set(Decision& d, bool on, std::size_t level) {
     d.why = on ? "needed" : d.bound.change_N == 0 ? "cannot occur here" : "within the wanted accuracy";
 }
 
-// Off, then each level, then itself: the first cheaper state of d with which the whole keeps the guarantee.
+// Switches d to the first cheaper state with which the whole keeps the guarantee: off, then each level, then the
+// effect itself.
 bool lower(std::vector<Decision>& decisions, Decision& d, double wanted_N) {
     const bool on = d.on;
     const std::size_t level = d.level;
@@ -88,7 +89,7 @@ bool lower(std::vector<Decision>& decisions, Decision& d, double wanted_N) {
     return false;
 }
 
-// Another time finds all that follows elsewhere, so effects of time are asked when the bounds of all are known.
+// A change of time affects all later effects, so the effects of time are bounded after all others.
 void bound_time(const Scene& scene, const Sensor& sensor, const Extent& extent, Choice& choice) {
     std::vector<double> stated_N(chain().size(), 0);
     const auto number = [](const Decision& d) {
@@ -133,20 +134,20 @@ void leave_out(std::vector<Decision>& decisions, double wanted_N) {
             };
             const double on_N = handed_on(d.bound, ways[i].error_N);
             go(false, Decision::kItself, ways[i].error_N + d.bound.change_N, 0);
-            if (d.bound.change_N == 0) continue;  // it cannot occur here
+            if (d.bound.change_N == 0) continue;  // the effect cannot occur here
             for (std::size_t k = 0; k < d.levels.size(); ++k) go(true, k, on_N + d.levels[k].error_N, d.level_cost_ns[k]);
             go(true, Decision::kItself, on_N, d.cost_ns);
         }
         places.push_back(std::move(ways));
         ways = std::move(next);
     }
-    // With all on the error is 0, so there is a way.
+    // With all effects on the error is 0, so there is a solution.
     Way way = *std::min_element(ways.begin(), ways.end(), [](const Way& a, const Way& b) { return a.cost_ns < b.cost_ns; });
     for (std::size_t i = decisions.size(); i-- > 0;) {
         set(decisions[i], way.on, way.level);
         if (i > 0) way = places[i][std::size_t(way.before)];
     }
-    // The cells may have merged better ways: the dearest effect first.
+    // The merging of cells may have dropped better combinations: try the most expensive effect first.
     std::vector<std::size_t> order(decisions.size());
     std::iota(order.begin(), order.end(), 0u);
     std::stable_sort(order.begin(), order.end(),
@@ -186,6 +187,7 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
     bound_time(scene, sensor, extent, choice);
     if (request == "auto") leave_out(choice.decisions, choice.wanted_N);
     choice.guaranteed_N = guaranteed_error_N(choice.decisions);
+    if (request == "auto") let_rest(scene, sensor, choice);
     return choice;
 }
 

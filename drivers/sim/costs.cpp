@@ -1,4 +1,4 @@
-// Cost of each effect and of each of its levels, as measured in one run: what the choice counts.
+// Cost of each effect and of each of its levels, as measured in one run, for the choice of effects.
 #include <algorithm>
 #include <array>
 
@@ -9,7 +9,7 @@ namespace {
 
 struct Cost {
     std::string_view effect, level;
-    std::array<double, 3> ns;  // by Model: table, hair, capacitive; 0 = it concerns no such sensor
+    std::array<double, 3> ns;  // by Model: table, hair, capacitive; 0 = it does not concern such a sensor
 };
 
 constexpr std::array kCosts{

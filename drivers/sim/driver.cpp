@@ -1,5 +1,5 @@
-// Driver "sim": a scene instead of hardware. Each sensor of the scene is a device of the link, in the scene's order; a
-// frame's channels are in the sensor's own unit (counts_per_unit = 1).
+// Driver "sim": a scene in place of hardware. Each sensor of the scene is a device of the link, in the scene's order.
+// The channels of a frame are in the sensor's own unit (counts_per_unit = 1).
 #include <fmt/format.h>
 #include <time.h>
 
@@ -20,7 +20,7 @@ class SimDriver final : public Driver {
 public:
     explicit SimDriver(Options& options) {
         const std::string file = options.text("scene");
-        path_ = (std::filesystem::path(options.file()).parent_path() / file).string();  // an absolute path stays itself
+        path_ = (std::filesystem::path(options.file()).parent_path() / file).string();  // an absolute path is unchanged
         effects_ = options.text("effects", "auto");
         speed_ = options.number("speed", {0.001, 1000}, 1);
         again_ = options.one_of("at_end", {"stop", "again"}, "stop") == "again";
@@ -64,10 +64,10 @@ public:
 private:
     struct Line {
         sim::Arrivals arrivals;
-        std::uint64_t next;  // number of the frame that comes in order
+        std::uint64_t next;  // number of the next frame in order
     };
 
-    // The next frame of the sensor whose turn it is; false where this sample has none of it.
+    // Fills the next frame of the present sensor. Returns false if this sample has no further frame of it.
     bool fill(Frame& frame) noexcept {
         const std::size_t i = sensor_;
         if (arrived_.empty()) {
@@ -84,7 +84,8 @@ private:
         return in_order;
     }
 
-    // False where a frame comes again or after a later one: it is counted and dropped, as the stream drivers do.
+    // Returns false if a frame was sent again or is older than the last one: it is counted and dropped, as in the
+    // stream drivers.
     bool take(const sim::SentFrame& sent, const sim::Sensor& sensor, std::uint64_t& next, Frame& frame) noexcept {
         const std::uint64_t number = sent.sample / sensor.every;
         if (number < next) {
@@ -115,7 +116,7 @@ private:
     std::unique_ptr<sim::Simulation> simulation_;
     std::vector<const sim::Block*> block_;
     std::vector<Line> lines_;
-    std::span<const sim::SentFrame> arrived_;  // frames of the sensor whose turn it is, not yet taken
+    std::span<const sim::SentFrame> arrived_;  // frames of the present sensor that were not read yet
     std::uint64_t sample_ = 0, began_ns_ = 0;
     std::size_t sensor_ = 0;
 };

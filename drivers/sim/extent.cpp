@@ -1,8 +1,9 @@
-// The range of a motion, from its segments alone, without a run.
+// Computes the range of a motion from its segments alone, without a run.
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
 
 #include "drivers/sim/motion.hpp"
 
@@ -18,10 +19,10 @@ struct Span {
     [[nodiscard]] double size() const { return std::max(std::abs(min), std::abs(max)); }
 };
 
-// One quantity of a segment: where it lies, how fast it goes, how far it jumps.
+// One quantity of a segment: its range, its rate and its jumps.
 struct Reach {
     Span span;
-    double rate = 0, jump = 0, end_jump = 0;  // at its begin or within it; at its end
+    double rate = 0, jump = 0, end_jump = 0;  // jump at its begin or within it; jump at its end
 };
 
 Reach operator*(double factor, Reach r) {
@@ -44,7 +45,7 @@ Reach reach_of(const Segment& s, double State::*quantity, double amplitude = 0) 
         case Wave::none: break;
         case Wave::sine:
             r.rate += 2 * std::numbers::pi * hz * a;
-            r.end_jump = a;  // it may end anywhere in its course
+            r.end_jump = a;  // a square wave may end at any phase
             r.span = {r.span.min - a, r.span.max + a};
             break;
         case Wave::square:
@@ -60,10 +61,10 @@ Reach reach_of(const Segment& s, double State::*quantity, double amplitude = 0) 
     return r;
 }
 
-// The contact's centre, seen from the sensor.
+// The contact's centre, relative to the sensor.
 struct Place {
     double arm_m[2] = {0, 0};          // |x|, |y|
-    double moves_m_s = 0, hops_m = 0;  // of the centre, on the sensor
+    double moves_m_s = 0, hops_m = 0;  // rate and jump of the centre on the sensor
 };
 
 Place place_of(const Segment& s, const Sensor& sensor, bool covers) {
@@ -83,16 +84,16 @@ Place place_of(const Segment& s, const Sensor& sensor, bool covers) {
     return p;
 }
 
-// Motion of an array's taxel's share, as a factor of the whole load: its own rate and jump, and, under a sphere, what the
-// growth of the contact adds to those of the press.
+// Variation of a taxel's share, as a factor of the whole load: its own rate and jump, and under a sphere the addition
+// to those of the press by the growth of the contact.
 struct Sharing {
     double rate_1_s = 0, jump = 0, growth = 0;
 };
 
-// A share o of overlaps in x and y. An even pressure loses at most 1 / 2a a metre at each side, Hertz's 3 / 4a: together at
-// most 1.07 / a along a path. A sphere's a goes with the cube root of the press N: |N do/dN| <= 2/3 max u p(u) = 0.385, and
-// N / a grows with N. So a press moves as under its largest radius, and a shear, which may be there without a press, as
-// under its smallest, which may be a point.
+// A share o of overlaps in x and y. A uniform pressure loses at most 1 / 2a per metre at each side, Hertz's 3 / 4a:
+// together at most 1.07 / a along a path. A sphere's a is proportional to the cube root of the press N: |N do/dN| <=
+// 2/3 max u p(u) = 0.385, and N / a grows with N. A press therefore changes at most as under its largest radius, and
+// a shear, which may exist without a press, as under its smallest radius, which may be 0.
 Sharing sharing_of(const Place& place, double radius_m, bool grows) {
     return {1.07 * place.moves_m_s / radius_m, std::min(1.0, 1.07 * place.hops_m / radius_m), grows ? 0.385 : 0};
 }
@@ -138,7 +139,7 @@ std::array<Reach, kAxes> loads_of(const Segment& s, const Body& body, const Sens
     return load;
 }
 
-// Shear and press follow the same course, so that their difference is largest at an end, waves aside.
+// Shear and press follow the same course, so that their difference is largest at an end, except for waves.
 void take_friction(Extent& e, const Segment& s, const Body& body, double share, bool& known) {
     const double wave = s.wave == Wave::none ? 0 : std::abs(s.amplitude_N);
     for (const State* q : {&s.from, &s.to}) {
@@ -152,7 +153,7 @@ void take_friction(Extent& e, const Segment& s, const Body& body, double share, 
     }
 }
 
-// True if a component of the load ever comes back. `went`: -1, 0 or 1, in which direction each went last.
+// Returns true if a component of the load ever decreases. `went`: -1, 0 or 1, the last direction of each.
 bool reverses(const Segment& s, const Place& place, std::array<int, 3>& went) {
     const auto of = [](const State& q) {
         return std::array{q.shear_N * std::cos(q.direction_rad), q.shear_N * std::sin(q.direction_rad), -q.press_N};
@@ -196,19 +197,24 @@ std::array<double, kAxes> Extent::changes(double seconds) const {
     return all;
 }
 
-Extent Motion::extent(const Sensor& sensor, std::size_t upto) const {
+Extent Motion::extent(const Sensor& sensor, std::size_t first, std::size_t last) const {
     Extent e;
     std::array<Span, kAxes> span;
     std::array<int, 3> went{};
-    std::array<double, kAxes> end_jump{};  // of the segment before
+    std::array<double, kAxes> end_jump{};  // jump at the end of the previous segment
     double jumped_s = -std::numeric_limits<double>::infinity();
     bool friction_known = false;
     const bool covers = covers_array(body_, sensor);
     const double share = sensor.share / (covers ? double(sensor.rows * sensor.columns) : 1);
-    for (std::size_t i = 0; i < segments_.size() && i <= upto; ++i) {
+    for (std::size_t i = 0; i < segments_.size() && i <= last; ++i) {
         const Segment& s = segments_[i];
         const Place place = place_of(s, sensor, covers);
         const auto load = loads_of(s, body_, sensor, place, share);
+        if (i < first) {  // only what the next segment must know of it
+            for (std::size_t axis = 0; axis < kAxes; ++axis) end_jump[axis] = load[axis].end_jump;
+            std::ignore = reverses(s, place, went);
+            continue;
+        }
         for (std::size_t axis = 0; axis < kAxes; ++axis) {
             span[axis].take(load[axis].span.min);
             span[axis].take(load[axis].span.max);

@@ -9,14 +9,15 @@
 namespace tactiled::sim {
 namespace {
 
-// Cao et al., per hair at 750 kPa. What they print as the sensor's are SUM and DIFF of two hairs, twice as much.
+// Cao et al., per hair at 750 kPa. The values that they state for the sensor are SUM and DIFF of two hairs, twice as
+// much.
 constexpr double kNormal_per_Pa = 3.74e-7, kShear_per_Pa = 7.91e-7, kReference_Pa = 750e3;
 constexpr double kArc_m = 0.7162e-3;         // radius of a hair of 1.5 mm over 120 degrees
-constexpr double kReferenceRoot_m = 1.2e-3;  // not in the paper; between those of the finite elements
+constexpr double kReferenceRoot_m = 1.2e-3;  // not in the paper; between the radii of the finite elements
 
-// The part of a press's gain that hangs on the distance L of the root from the middle: the elastomer is pushed outwards
-// by mu (sigma / E) (L + 3^(1/2) / 2 R) (Cao et al., eq. 8; the first coefficient as derived from eqs. 9 to 12, not as
-// printed in eq. 13).
+// The part of a press's gain that depends on the distance L of the root from the middle: the elastomer is displaced
+// outwards by mu (sigma / E) (L + 3^(1/2) / 2 R) (Cao et al., eq. 8; the first coefficient as derived from eqs. 9 to
+// 12, not as printed in eq. 13).
 double normal_shape(double root_m) {
     const double first = 27 * (3 * std::numbers::sqrt3 - 4) / 16;
     return first * kArc_m + 19.0 / 8 * 0.49 * (root_m + std::numbers::sqrt3 / 2 * kArc_m);
@@ -31,7 +32,8 @@ void read_hair(Options& options, Sensor& sensor) {
     h.young_Pa = options.number("young_Pa", {1e3, 1e9}, kReference_Pa);
     h.reference_young_Pa = kReference_Pa;
     h.root_distance_m = options.number("root_distance_m", {0, 0.01}, kReferenceRoot_m);
-    // Twice as soft, twice the strain: exact while the hairs do not hold the elastomer.
+    // A cap that is twice as soft has twice the strain. This is exact as long as the hairs do not support the
+    // elastomer.
     const double softer = h.reference_young_Pa / h.young_Pa;
     const double normal = options.number("normal_per_Pa", {0, 1}, kNormal_per_Pa) * softer *
                           normal_shape(h.root_distance_m) / normal_shape(kReferenceRoot_m);
@@ -45,7 +47,7 @@ void read_hair(Options& options, Sensor& sensor) {
         sensor.gain[k][kFz] = -normal / h.area_m2;
     }
     sensor.full_scale_N = 2000 * h.area_m2;  // 2 kPa
-    sensor.resolution_N = 7.2 * h.area_m2;   // 7.2 Pa, their threshold for a press
+    sensor.resolution_N = 7.2 * h.area_m2;   // 7.2 Pa, the paper's threshold for a press
 }
 
 }  // namespace tactiled::sim

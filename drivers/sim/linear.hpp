@@ -1,4 +1,4 @@
-// The steps between the effects: when, what the world does, what the material and the transducer make of it to first order.
+// The steps between the effects: sample times, motion, and the first-order response of material and transducer.
 #pragma once
 #include <memory>
 
@@ -9,7 +9,7 @@ namespace tactiled::sim {
 
 // Before Stage::time: the instants of the samples. setup
 std::unique_ptr<Effect> make_clock(double rate_Hz);
-// Before Stage::contact: the world. setup
+// Before Stage::contact: the motion. setup
 std::unique_ptr<Effect> make_world(const Motion& motion, const Sensor& sensor);
 // Before Stage::material: drive = load. setup
 std::unique_ptr<Effect> make_drive();

@@ -11,14 +11,14 @@ namespace tactiled::sim {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double kPoint_m = 1e-6;  // no contact is smaller
+constexpr double kPoint_m = 1e-6;  // the smallest contact
 
 double course_of(const Segment& s, double u) noexcept {
     if (s.course == Course::at_once) return 1;
     return s.course == Course::smooth ? u * u * (3 - 2 * u) : u;
 }
 
-// The integral of course_of from 0 to u.
+// Integral of course_of from 0 to u.
 double path_of(const Segment& s, double u) noexcept {
     if (s.course == Course::at_once) return u;
     return s.course == Course::smooth ? u * u * u * (1 - u / 2) : u * u / 2;
@@ -35,8 +35,9 @@ double wave_of(const Segment& s, double since_s, double u) noexcept {
     return 0;
 }
 
-// The share of a contact of half width a about x that lies on a cell of that half width: of a flat body's even pressure, or
-// of Hertz's, whose sum across the contact goes with 1 - u^2. Over all cells of a row the shares add up to 1.
+// The share of a contact of half width a about x that is on a cell of the given half width: of a flat body's uniform
+// pressure, or of Hertz's, whose sum across the contact is proportional to 1 - u^2. The shares of all cells of a row
+// add up to 1.
 double overlap(double x, double a, double half, bool round) noexcept {
     const auto below = [&](double edge) {
         const double u = std::clamp((edge - x) / a, -1.0, 1.0);
@@ -45,7 +46,7 @@ double overlap(double x, double a, double half, bool round) noexcept {
     return below(half) - below(-half);
 }
 
-// Sample n is as the one before.
+// Copies the previous sample to sample n.
 void stay(Block& block, std::size_t n) noexcept {
     for (Block::Row& row : block.load) row[n] = row[n - 1];
     for (Block::Row* row : {&block.x_m, &block.y_m, &block.radius_m, &block.speed_m_s, &block.slide_m, &block.ambient_K,
@@ -89,13 +90,13 @@ void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
     double radius = contact_radius(body_, sensor);
     const double fair = sensor.share / (covers ? double(sensor.rows * sensor.columns) : 1);
     const double turn_cos = std::cos(sensor.turn_rad), turn_sin = std::sin(sensor.turn_rad);
-    std::size_t at = 0;  // the segment, found anew in each block: times may go back a little
+    std::size_t at = 0;  // the segment, searched again in each block, because times may decrease slightly
     if (!segments_.empty()) {
         const auto later = std::upper_bound(segments_.begin(), segments_.end(), block.t_s[0],
                                             [](double t, const Segment& s) { return t < s.end_s; });
         at = std::min(std::size_t(later - segments_.begin()), segments_.size() - 1);
     }
-    const Segment* last = nullptr;  // segment of the sample before
+    const Segment* last = nullptr;  // segment of the previous sample
     double last_direction = std::numeric_limits<double>::quiet_NaN(), cosine = 1, sine = 0;
     for (std::size_t n = 0; n < block.n; ++n) {
         const double t = block.t_s[n];
@@ -116,7 +117,7 @@ void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
         const double shear = between(&State::shear_N) + (s.wave_on_press ? 0 : wave);
         const double direction = between(&State::direction_rad) - sensor.turn_rad;
 
-        // The contact's centre, seen from the sensor.
+        // The contact's centre, relative to the sensor.
         const double x0 = between(&State::x_m) - sensor.x_m, y0 = between(&State::y_m) - sensor.y_m;
         double x = turn_cos * x0 + turn_sin * y0, y = turn_cos * y0 - turn_sin * x0, share = fair;
         if (covers) {

@@ -1,4 +1,4 @@
-// The [[motion]] tables of a scene: what happens, one after the other. README.md has the list.
+// Reads the [[motion]] tables of a scene, which follow each other in time. README.md has the list.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180, kGravity_m_s2 = 9.80665;
 constexpr std::size_t kMaxSegments = 200'000;
 
-// Builds the list: each motion begins where the last one ended.
+// Builds the list of segments: each motion begins at the end of the previous one.
 struct Builder {
     Options& scene;
     const Body& body;
@@ -48,7 +48,7 @@ void press(Builder& b, Options& m) {
     b.add("press", m.number("in_s", kSeconds, 0.1), to, read_course(m));
 }
 
-// Where a shear goes. It counts at once where there was none: a shear begins in it.
+// Reads the direction of a shear. It changes at once if there was no shear, because the shear then begins in it.
 void take_direction(Builder& b, Options& m, State& to) {
     to.direction_rad = m.number("direction_deg", kDegrees, b.state.direction_rad / kDegree) * kDegree;
     if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
@@ -67,7 +67,7 @@ void rotate(Builder& b, Options& m) {
     b.add("rotate", m.number("in_s", kSeconds, 0.1), to, read_course(m));
 }
 
-// In `count` equal steps, each reached in `in_s` and held for `hold_s`.
+// Adds `count` equal steps, each reached in `in_s` and held for `hold_s`.
 void steps(Builder& b, Options& m) {
     const std::string on = m.one_of("on", {"press", "shear", "direction"}, "press");
     const auto count = std::size_t(m.integer("count", {1, 1000}));
@@ -91,10 +91,10 @@ void steps(Builder& b, Options& m) {
     }
 }
 
-// From one random load to the next, each held: what a calibration needs. Evenly distributed: the press, the shear in any
-// direction up to a part of its most, the place on a disc. Mirrored: all of them again in the same order, with shear and
-// place turned by half a turn. What a skin remembers of a shear is then the other way round beside the same press, and a
-// fit does not take it for what the press does.
+// Moves from one random load to the next and holds each, as a calibration needs it. The loads are uniformly
+// distributed: the press, the shear in any direction up to a share of its maximum, the place on a disc. Mirrored: all
+// of them again in the same order, with shear and place rotated by 180 degrees. The memory of the skin for a shear is
+// then the opposite at the same press, so that a fit does not attribute it to the press.
 void wander(Builder& b, Options& m) {
     const auto count = std::size_t(m.integer("count", {1, 10'000}));
     const Stream random(std::uint64_t(m.integer("seed", {0, 9e15}, 1)), "wander");
@@ -175,8 +175,8 @@ void warm(Builder& b, Options& m) {
     b.add("warm", m.number("in_s", kSeconds), to, read_course(m));
 }
 
-// The sensors take the body's weight, then it goes up: faster, on, slower, still. Where the weight leans into the skin, its
-// sine presses.
+// The sensors take the body's weight, then the body is lifted: accelerated, moved, decelerated, at rest. If the
+// weight has a component into the skin, its sine presses.
 void lift(Builder& b, Options& m) {
     const double mass_kg = m.number("mass_kg", {0, 1000}, b.body.mass_kg);
     if (mass_kg <= 0) m.problem("do", "lift needs [body] mass_kg or its own");
@@ -217,7 +217,7 @@ void drop(Builder& b, Options& m) {
     b.add("drop", m.number("for_s", kSeconds, 0.1), to, Course::at_once);
 }
 
-// The last motions once more, and again.
+// Repeats the last motions.
 void repeat(Builder& b, Options& m) {
     const auto last = std::size_t(m.integer("last", {1, 1000}, 1)), times = std::size_t(m.integer("times", {2, 1'000'000}));
     if (last > b.begins.size())
@@ -226,7 +226,7 @@ void repeat(Builder& b, Options& m) {
     if (count * times > kMaxSegments)
         return m.problem("times", fmt::format("{} steps in all, at most {} are possible", count * times, kMaxSegments));
     const State& from = b.segments[begin].from;
-    // Whole turns are no difference; nor is any where nothing is sheared.
+    // Whole rotations make no difference; neither does a rotation without shear.
     const double turns = (b.state.direction_rad - from.direction_rad) / (2 * std::numbers::pi);
     const bool same_direction = (from.shear_N == 0 && b.state.shear_N == 0) || std::abs(turns - std::round(turns)) < 1e-9;
     if (from.press_N != b.state.press_N || from.shear_N != b.state.shear_N || from.x_m != b.state.x_m ||

@@ -1,5 +1,5 @@
-// Random numbers that hang on their place alone: stream, sample, channel. An effect that is left out, another size of
-// blocks or another order of sensors changes none of the others' numbers.
+// Random numbers that depend only on their place: stream, sample, channel. Leaving out an effect, another block size
+// or another order of sensors does not change any other number.
 #pragma once
 #include <cmath>
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace tactiled::sim {
 
-// Steele, Lea, Flood 2014, the finaliser of SplitMix64: a bijection of 64 bits without visible pattern.
+// Steele, Lea, Flood 2014, the finaliser of SplitMix64: a bijection of 64 bits without a visible pattern.
 constexpr std::uint64_t mixed(std::uint64_t x) noexcept {
     x += 0x9e3779b97f4a7c15u;
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -27,8 +27,8 @@ public:
     [[nodiscard]] constexpr double uniform(std::uint64_t sample, std::uint64_t lane = 0) const noexcept {
         return double(bits(sample, lane) >> 11) * 0x1p-53;
     }
-    // Mean 0, standard deviation 1: the sum of four uniform numbers of 16 bits (Irwin-Hall). Its distribution is within 0.7
-    // % of the normal one, and it is bounded, so that a bound on what noise can do is one: |value| <= kMaxNoise.
+    // Mean 0, standard deviation 1: the sum of four uniform numbers of 16 bits (Irwin-Hall). Its distribution is
+    // within 0.7 % of the normal one, and it is bounded, so that noise has a strict bound: |value| <= kMaxNoise.
     [[nodiscard]] constexpr double noise(std::uint64_t sample, std::uint64_t lane = 0) const noexcept {
         const std::uint64_t b = bits(sample, lane);
         const auto sum = std::int64_t((b & 0xffff) + (b >> 16 & 0xffff) + (b >> 32 & 0xffff) + (b >> 48));

@@ -30,7 +30,7 @@ Body read_body(Options table, double ambient_C) {
     return body;
 }
 
-// [effects.NAME]: each parameter that the scene sets; the rest as usual.
+// [effects.NAME]: each parameter that the scene sets; the others keep their defaults.
 std::vector<std::vector<double>> read_parameters(Options table) {
     std::vector<std::vector<double>> all;
     std::vector<std::string> names;
@@ -43,7 +43,8 @@ std::vector<std::vector<double>> read_parameters(Options table) {
     return all;
 }
 
-// What tests/scenes checks and calibrates, and who reads a scene ought to know; the simulator does nothing with it.
+// Reads the expectations that tests/scenes checks and that describe the scene to a reader; the simulator does not use
+// them.
 void read_expectations(Options& scene) {
     for (Options& e : scene.tables("expect", 64)) {
         e.text("sensor");

@@ -1,4 +1,5 @@
-// A scene: what touches, where, when, how hard, and what the sensors shall read of it. It names no physics: choose.hpp does.
+// A scene: the body, the motions, and the accuracy wanted of the sensors. It names no physical effects; choose.hpp
+// selects them.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -21,13 +22,13 @@ struct Scene {
     Body body;
     Motion motion;
     std::uint64_t samples = 0;
-    // Of each effect, in the order of chain(): its parameters, and whether the scene itself sets one.
+    // For each effect, in the order of chain(): its parameters, and whether the scene sets one.
     std::vector<std::vector<double>> parameters;
 
     [[nodiscard]] double wanted_N(const Sensor& sensor) const {
         return wanted_accuracy_N > 0 ? wanted_accuracy_N : sensor.resolution_N / 2;
     }
-    // Input of an effect. `effect` is its number in chain(). Scene, sensor and extent must outlive it.
+    // Returns the input of an effect. `effect` is its index in chain(). Scene, sensor and extent must outlive it.
     [[nodiscard]] Setting setting(std::size_t effect, const Sensor& sensor, const Extent& extent) const;
 };
 

@@ -27,7 +27,7 @@ double per_newton(const std::array<double, kAxes>& gain) {
     return min;
 }
 
-// One sensor a taxel, row by row from the corner of least x and y.
+// Makes one sensor per taxel, row by row from the corner with the smallest x and y.
 std::vector<Sensor> as_array(const Sensor& one, std::size_t rows, std::size_t columns, double pitch_m) {
     std::vector<Sensor> taxels;
     for (std::size_t row = 0; row < rows; ++row)

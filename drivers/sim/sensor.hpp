@@ -1,4 +1,4 @@
-// A sensor of a scene: what it is, where it sits, and its linear model. The finer models are effects.
+// A sensor of a scene: its kind, its pose and its linear model. The finer models are effects.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -16,28 +16,29 @@ enum class Model { table, hair, capacitive };
 
 // Strain gauges under a plate on four columns: Lee, Kim, Shikida, Sato.
 struct TableSample {
-    double gauge_factor_normal, gauge_factor_tangential;  // dR/R0 a strain, to a press and to the rest
+    double gauge_factor_normal, gauge_factor_tangential;  // dR/R0 per strain, for a press and for the rest
     double plate_radius_m = 935e-6;
-    // Strain per N of Fx, Fy, +Fz for R1 .. R8 at points of the plate, each row x_m, y_m, 24 strains; empty = not given.
+    // Strain per N of Fx, Fy, +Fz for R1 .. R8 at points of the plate, each row x_m, y_m, 24 strains; empty = not
+    // given.
     std::vector<std::array<double, 26>> influence;
 };
 
 // Hairs in an elastomer: Cao et al. H1 .. H4 stand at 0, 90, 180, 270 degrees; a shear towards a hair lowers it.
 struct HairSample {
     double area_m2, height_m;
-    double young_Pa, reference_young_Pa;  // gains hold at the reference and go with its inverse
-    double root_distance_m;               // of a hair from the centre
+    double young_Pa, reference_young_Pa;  // gains are valid at the reference and inversely proportional to the modulus
+    double root_distance_m;               // distance of a hair from the centre
 };
 
 // Four sectors C1 (+x) C2 (-x) C3 (+y) C4 (-y), a disc Cn in the middle, and a film Vp, over a soft pad.
 struct CapacitiveSample {
     double disc_radius_m, inner_radius_m, outer_radius_m, opening_rad, centre_radius_m, gap_m;
     double young_Pa, poisson;
-    double sector_pF, centre_pF;  // of the overlap at rest, without what is stray
+    double sector_pF, centre_pF;  // capacitance of the overlap at rest, without stray capacitance
     double stray_sector_pF, stray_centre_pF;
-    double strain_per_N;   // of the gap, at rest
-    double shift_per_N_m;  // of the upper electrode, at rest
-    double piezo_V_per_N;  // above the leak's corner; 0 = no film
+    double strain_per_N;   // relative change of the gap, at rest
+    double shift_per_N_m;  // shift of the upper electrode, at rest
+    double piezo_V_per_N;  // above the corner frequency of the leak; 0 = no film
 };
 
 struct Sensor {
@@ -45,37 +46,39 @@ struct Sensor {
     Model model{};
     std::vector<std::string> channels;              // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"
     std::string unit;                               // "dR/R0" or "pF" ("Vp": V)
-    std::array<double, kMaxSensorChannels> zero{};  // at no load
+    std::array<double, kMaxSensorChannels> zero{};  // readings without load
     std::array<std::array<double, kAxes>, kMaxSensorChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
-    // Change of the channel for 1 N, in its unit: its response to the axis that it responds to least, of those that it
-    // responds to at all (a tenth of its best). An error in N is thus rather too large than too small.
+    // Change of the channel per 1 N, in its unit: its response to the axis with the smallest response above a tenth
+    // of the largest. An error in N is thus rather overestimated than underestimated.
     std::array<double, kMaxSensorChannels> per_N{};
     double resolution_N{}, full_scale_N{};
-    std::uint64_t serial = 1;  // which sample it is: what differs from one to the next is drawn from it
+    std::uint64_t serial = 1;  // identifies the individual sensor: its random differences are drawn from it
     TableSample table{};
     HairSample hair{};
     CapacitiveSample capacitive{};
 
-    // Where it sits, how it is turned about z against the scene's directions, and which share of the forces it takes.
+    // Its position, its rotation about z against the scene's directions, and its share of the forces.
     double x_m = 0, y_m = 0, turn_rad = 0, share = 1;
-    double half_width_m = 0;  // of its cell in an array, 0 = alone: then `share` goes with the contact's overlap
+    // half width of its cell in an array, 0 = alone: else `share` follows the overlap with the contact
+    double half_width_m = 0;
     std::size_t array_row = 0, array_column = 0, rows = 1, columns = 1;
-    std::size_t every = 1;     // delivers each such sample of the scene
-    std::uint16_t device = 0;  // number of its frames
+    std::size_t every = 1;     // delivers each n-th sample of the scene
+    std::uint16_t device = 0;  // device number of its frames
 
     [[nodiscard]] std::size_t n() const { return channels.size(); }
-    [[nodiscard]] std::size_t find(std::string_view channel) const;  // n() where it has none
+    [[nodiscard]] std::size_t find(std::string_view channel) const;  // n() if there is none
 
-    // The largest change of any channel, in N, when each component of the load changes by at most that much (N, Nm).
+    // Returns the largest change of any channel, in N, if each component of the load changes by at most that much (N,
+    // Nm).
     [[nodiscard]] double channel_N(const std::array<double, kAxes>& change) const;
-    // The largest of these changes of channels (unit), in N.
+    // Returns the largest of these changes of channels (in their units), in N.
     [[nodiscard]] double largest_N(const std::array<double, kMaxSensorChannels>& change) const;
 };
 
-// Reads a [[sensor]] table of a scene; an array gives one sensor a taxel. Errors go to the options' Problems. setup
+// Reads a [[sensor]] table of a scene; an array gives one sensor per taxel. Errors go to the options' Problems. setup
 std::vector<Sensor> read_sensor(Options& options);
 
-// One file a model: sets channels, unit, zero, gain and the sample from the keys of the table. setup
+// Each model has its own file: it sets channels, unit, zero, gain and sample from the keys of the table. setup
 void read_table(Options& options, Sensor& sensor);
 void read_hair(Options& options, Sensor& sensor);
 void read_capacitive(Options& options, Sensor& sensor);

@@ -10,7 +10,7 @@
 namespace tactiled::sim {
 namespace {
 
-// The stages before each stage.
+// Returns the linear steps before each stage.
 std::unique_ptr<Effect> before(Stage stage, const Scene& scene, const Sensor& sensor) {
     switch (stage) {
         case Stage::time: return make_clock(scene.rate_Hz);
@@ -21,6 +21,14 @@ std::unique_ptr<Effect> before(Stage stage, const Scene& scene, const Sensor& se
         case Stage::link: break;
     }
     return nullptr;
+}
+
+// The samples in which the effect of a decision rests.
+std::vector<std::pair<std::uint64_t, std::uint64_t>> rests_of(const Choice& choice, const Decision& decision) {
+    std::vector<std::pair<std::uint64_t, std::uint64_t>> rests;
+    for (std::size_t k = 0; k < choice.parts.size(); ++k)
+        if (decision.rests[k]) rests.emplace_back(choice.parts[k].first_sample, choice.parts[k].end_sample);
+    return rests;
 }
 
 }  // namespace
@@ -49,7 +57,7 @@ Simulation::Simulation(const Scene& scene, const std::string& effects, std::size
                 const Setting setting = scene.setting(number, sensor, line.extent);
                 auto effect = decision.level == Decision::kItself ? decision.effect->make(setting)
                                                                   : decision.levels[decision.level].make(setting);
-                line.steps.push_back({std::move(effect), stage, d});
+                line.steps.push_back({std::move(effect), stage, d, rests_of(line.choice, decision)});
             }
         }
     }
@@ -60,6 +68,8 @@ const Block& Simulation::advance(std::size_t sensor) noexcept {
     Block& block = *line.block;
     block.first = line.next;
     block.n = std::size_t(std::min<std::uint64_t>(block_size_, scene_.samples - line.next));
+    // A rest begins and ends at a multiple of kSize, so no block holds the begin or the end of one.
+    if (!line.choice.parts.empty()) block.n = std::min<std::size_t>(block.n, Block::kSize - line.next % Block::kSize);
     line.next += block.n;
     if (block.n == 0) return block;
     if (measures_shares_)
@@ -67,15 +77,23 @@ const Block& Simulation::advance(std::size_t sensor) noexcept {
     else if (measures_times_)
         apply_and_time(line);
     else
-        for (const Step& step : line.steps) step.effect->apply(block);
+        for (Step& step : line.steps)
+            if (!rests(step, block.first)) step.effect->apply(block);
     return block;
 }
 
-// The change that an effect of stages contact .. converter makes to what it works on, as a change of channels.
+// True while the effect rests. Blocks come in order.
+bool Simulation::rests(Step& step, std::uint64_t first) noexcept {
+    while (step.next_rest < step.rests.size() && step.rests[step.next_rest].second <= first) ++step.next_rest;
+    return step.next_rest < step.rests.size() && step.rests[step.next_rest].first <= first;
+}
+
+// Measures the change by an effect of stages contact .. converter, as a change of channels.
 void Simulation::apply_and_measure(Line& line) noexcept {
     Block& block = *line.block;
     const Sensor& sensor = *line.sensor;
-    for (const Step& step : line.steps) {
+    for (Step& step : line.steps) {
+        if (rests(step, block.first)) continue;
         if (step.decision == line.shares_N.size()) {
             step.effect->apply(block);
             continue;
@@ -100,7 +118,8 @@ void Simulation::apply_and_measure(Line& line) noexcept {
 
 void Simulation::apply_and_time(Line& line) noexcept {
     std::uint64_t before_ns = now_ns();
-    for (const Step& step : line.steps) {
+    for (Step& step : line.steps) {
+        if (rests(step, line.block->first)) continue;
         step.effect->apply(*line.block);
         const std::uint64_t after_ns = now_ns();
         line.times_ns[step.decision] += after_ns - before_ns;

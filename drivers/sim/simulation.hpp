@@ -1,8 +1,9 @@
-// A scene at work: for each sensor a line of steps, the chosen effects and the linear model between them, and nothing else.
+// A running scene: for each sensor a line of steps, which are the chosen effects and the linear model between them.
 #pragma once
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "drivers/sim/choose.hpp"
@@ -15,23 +16,25 @@ public:
     // `effects`: as in choose(). `scene` must outlive it. setup: throws SetupError
     Simulation(const Scene& scene, const std::string& effects, std::size_t block_size = Block::kSize);
 
-    // The next samples of a sensor; n = 0 at the scene's end. Same scene, effects and seed: the same bits, whatever the
-    // block size, the order of the sensors or the machine (IEEE 754 and the same libm). rt: wait-free; no allocation
+    // Returns the next samples of a sensor; n = 0 at the scene's end. The same scene, effects and seed give the same
+    // bits, for any block size, order of the sensors and machine (IEEE 754 and the same libm). rt: wait-free; no
+    // allocation
     const Block& advance(std::size_t sensor) noexcept;
 
     [[nodiscard]] const Choice& choice(std::size_t sensor) const { return lines_[sensor].choice; }
     [[nodiscard]] const Scene& scene() const { return scene_; }
-    // The largest change of a channel that each chosen effect made so far, N, in the order of choice().decisions; costs
-    // as much as the effects do, so it is off by default.
+    // Enables shares_N(): the largest change of a channel by each chosen effect so far, N, in the order of
+    // choice().decisions. It costs as much as the effects themselves, so it is off by default.
     void measure_shares(bool on) { measures_shares_ = on; }
     [[nodiscard]] const std::vector<double>& shares_N(std::size_t sensor) const { return lines_[sensor].shares_N; }
-    // From now on. rt: wait-free
+    // Restarts the measurement. rt: wait-free
     void reset_shares(std::size_t sensor) noexcept {
         std::fill(lines_[sensor].shares_N.begin(), lines_[sensor].shares_N.end(), 0.0);
     }
 
-    // ns that each chosen effect has taken so far, in the order of choice().decisions, and last what the linear model took.
-    // One reading of the clock lies within each step of a block; off by default, and shares_N are not measured with it.
+    // Enables times_ns(): ns that each chosen effect has taken so far, in the order of choice().decisions, and last
+    // the linear model. The clock is read once in each step of a block. Off by default; shares_N are not measured
+    // with it.
     void measure_times(bool on) { measures_times_ = on; }
     [[nodiscard]] const std::vector<std::uint64_t>& times_ns(std::size_t sensor) const { return lines_[sensor].times_ns; }
 
@@ -39,7 +42,9 @@ private:
     struct Step {
         std::unique_ptr<Effect> effect;
         Stage stage;
-        std::size_t decision;  // one beyond the last: of the linear model
+        std::size_t decision;                                          // one beyond the last: the linear model
+        std::vector<std::pair<std::uint64_t, std::uint64_t>> rests{};  // samples, first and one beyond the last, in order
+        std::size_t next_rest = 0;
     };
     struct Line {
         const Sensor* sensor;
@@ -51,6 +56,7 @@ private:
         std::unique_ptr<Block> block;
         std::uint64_t next = 0;
     };
+    static bool rests(Step& step, std::uint64_t first) noexcept;
     void apply_and_measure(Line& line) noexcept;
     void apply_and_time(Line& line) noexcept;
 

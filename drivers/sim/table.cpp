@@ -9,8 +9,8 @@
 namespace tactiled::sim {
 namespace {
 
-// Microstrain per N of Fx, Fy, +Fz and per N mm of Mx, My, loads spread over the plate: own finite elements of the
-// documents' drawing (second-order tetrahedra, base fixed), tests/data/fem/table_compliance.csv.
+// Microstrain per N of Fx, Fy, +Fz and per N mm of Mx, My, with loads spread over the plate, from our own finite
+// elements of the documents' drawing (second-order tetrahedra, base fixed): tests/data/fem/table_compliance.csv.
 constexpr double kMicrostrain[8][kAxes] = {{-725.01343, -0.094902425, -422.07116, -0.061826573, -531.00136},  // R1
                                            {573.23704, 0.055165574, -0.40151468, 0.022944936, 35.833833},     // R2
                                            {0.051518854, -723.21061, -422.07423, 530.23887, 0.031153372},     // R3
@@ -20,8 +20,8 @@ constexpr double kMicrostrain[8][kAxes] = {{-725.01343, -0.094902425, -422.07116
                                            {0.11084696, 724.46451, -421.86958, -530.77391, -0.083920972},     // R7
                                            {-0.28510846, -572.28609, -0.36195474, 35.432073, -0.28255423}};   // R8
 
-// 19,366e-6 and 10,847e-6 per N and gauge as Lee printed them, over the strains above. No gauge factor of a metal film:
-// those of Ni-Cr are about 2. The sample's calibration, nothing more.
+// 19,366e-6 and 10,847e-6 per N and gauge as Lee printed them, divided by the strains above. These are not gauge
+// factors of a metal film (about 2 for Ni-Cr); they only represent the sample's calibration.
 constexpr double kPrintedNormal = 19366 / 422.2, kPrintedTangential = 10847 / 724.0;
 
 }  // namespace
@@ -39,7 +39,7 @@ void read_table(Options& options, Sensor& sensor) {
                                                             : axis < kFz ? 1e-6 * t.gauge_factor_tangential
                                                                          : 1e-3 * t.gauge_factor_tangential);
     }
-    sensor.resolution_N = 0.05;  // Lee's aim, and a step of 12 bits without an amplifier
+    sensor.resolution_N = 0.05;  // Lee's target, and a step of 12 bits without an amplifier
     sensor.full_scale_N = 1;
 
     const std::string influence = options.text("influence", "");

@@ -1,5 +1,6 @@
-// How much later than the fastest one a frame arrived, from two clocks: the host's, and one that advances with the frames
-// (the device's own, or its counter). Pure: time comes from outside. The page freshness.md explains the method.
+// Computes how much later than the fastest frame a frame arrived, from two clocks: the host's clock and a clock that
+// advances with the frames (the device's clock or its counter). Pure: times are arguments. The page freshness.md
+// explains the method.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -27,8 +28,8 @@ public:
     AgeBound() : AgeBound(Limits()) {}
     explicit AgeBound(const Limits& limits) : limits_(limits), uncertainty_(limits.max_drift) {}
 
-    // The lateness in ns of a frame that was measured at `device_ns` and had arrived by `host_ns`. Host times must not go
-    // back. rt: bounded by the number of windows, 90, once in each window; else wait-free
+    // Returns the lateness in ns of a frame that was measured at `device_ns` and had arrived by `host_ns`. Host times
+    // must not decrease. rt: bounded by the number of windows, 90, once in each window; else wait-free
     [[nodiscard]] double late_ns(std::uint64_t host_ns, std::uint64_t device_ns) noexcept {
         if (!started_) {
             started_ = true;
@@ -41,18 +42,36 @@ public:
         auto ahead = double(std::int64_t(device_ns - device_ns_));
         if (limits_.wrap_ns > 0)  // the number of wraps that is closest to the host's time
             ahead += limits_.wrap_ns * std::nearbyint((step - ahead) / limits_.wrap_ns);
+        if (limits_.wrap_ns > 0 && is_early_wrap(device_ns_, device_ns)) {
+            ahead += kEarlyWrap_ns;
+            wraps_early_ = true;
+        } else if (limits_.wrap_ns > 0 && wraps_early_ && is_early_wrap(device_ns, device_ns_)) {
+            ahead -= kEarlyWrap_ns;  // a frame of before
+        } else if (limits_.wrap_ns > 0 && ahead < 0 && std::abs(step - ahead - other_wrap_ns_) < kWrapError_ns) {
+            ahead += other_wrap_ns_;
+        }
         host_ns_ = host_ns;
         device_ns_ = device_ns;
         if (ahead < 0 && back_ns_ <= 0) {
-            back_ns_ = -ahead;
+            back_ns_ = step - ahead;
             before_back_ = x_;
+            late_before_back_ = x_ - reference_;
             back_since_ = t_;
+            min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
         x_ += step - ahead;
+        min_since_back_ = std::min(min_since_back_, x_ - slope_ * t_);
         if (back_ns_ > 0 && x_ - before_back_ < back_ns_ / 2) back_ns_ = 0;  // a frame that was overtaken comes alone
-        if (back_ns_ > 0 && t_ - back_since_ > kSetBack_ns) restart();
         advance(step);
+        if (back_ns_ > 0 && t_ - back_since_ > kSetBack_ns) accept_set_back();
         return x_ - reference_;
+    }
+
+    // A clock of 30 bits of microseconds, as the ticks of MicroPython, has begun again from 0. The times are those of a
+    // decoder, which knows 32 bits. rt: wait-free
+    [[nodiscard]] static bool is_early_wrap(std::uint64_t before_ns, std::uint64_t after_ns) noexcept {
+        constexpr auto kEnd_ns = std::uint64_t(kEarlyWrap_ns);
+        return before_ns < kEnd_ns && before_ns > kEnd_ns - 5'000'000'000 && after_ns < 20'000'000'000;
     }
 
     // The next frames are known to be on time: the reference is learned anew. The slope is kept. rt: wait-free
@@ -64,34 +83,50 @@ public:
         open_window();
     }
 
+    // How often the device's clock was set back, and has stayed so.
+    [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
     // The smallest lateness of the last window shows a lag.
     [[nodiscard]] bool is_held() const noexcept { return is_held_; }
-    // By how much the drift of the clocks is not known, as a fraction.
+    // Uncertainty of the drift between the clocks, as a fraction.
     [[nodiscard]] double uncertainty() const noexcept { return uncertainty_; }
 
 private:
     static constexpr std::size_t kWindows = 90;
-    static constexpr double kMinWindow_ns = 0.5e9, kMaxWindow_ns = 10e9;  // one eighth of what the fit spans, within these
-    static constexpr unsigned kMinFrames = 8, kMinPoints = 6;             // the least number for a window, and for a fit
-    // Delays that come and go within minutes move a slope by this over the span of the fit: USB polls of 16 ms, and half.
+    // one eighth of the span of the fit, within these limits
+    static constexpr double kMinWindow_ns = 0.5e9, kMaxWindow_ns = 10e9;
+    static constexpr unsigned kMinFrames = 8, kMinPoints = 6;  // minimum number for a window, and for a fit
+    // Delays that vary within minutes change the slope by this over the span of the fit: USB polls of 16 ms, and half
+    // as much again.
     static constexpr double kPerturbation_ns = 30e6;
-    static constexpr double kFall_ns = 20e6;     // a larger fall of the smallest delay would bend the fit: it begins again
-    static constexpr double kLag_ns = 10e6;      // the smallest delay of a window does not grow by so much without a lag
-    static constexpr double kSetBack_ns = 2e9;   // a clock that has gone back and stays so for this time was set back
+    static constexpr double kFall_ns = 20e6;    // a larger fall of the smallest delay would bend the fit: it begins again
+    static constexpr double kLag_ns = 10e6;     // the smallest delay of a window does not grow by so much without a lag
+    static constexpr double kSetBack_ns = 2e9;  // a clock that has gone back and stays so for this time was set back
+    static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
+    static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
     static constexpr double kHeldShare = 0.125;  // share of the uncertainty by which the reference rises during a lag
 
     struct Point {
         double t_ns, x_ns;
     };
 
+    // The clock was set back. A lag that there was before is there still: the first frame after it was measured later than
+    // the one before it, and so came at most that much late.
+    void accept_set_back() noexcept {
+        const double lag = late_before_back_ > kWrapError_ns ? late_before_back_ : 0;
+        const double reference = std::min(first_since_back_ - lag, min_since_back_) + slope_ * t_;
+        other_wrap_ns_ = back_ns_;
+        ++set_back_;
+        restart();
+        reference_ = std::min(x_, reference);
+    }
+
     void advance(double step) noexcept {
         t_ += step;
         reference_ += slope_ * step;
-        // During a silence nothing is seen of the drift.
+        // A silence gives no information on the drift.
         if (step > kMaxWindow_ns) reference_ += uncertainty_ * (is_held_ ? kHeldShare : 1.0) * step;
         if (x_ < reference_) {
-            if (x_ < reference_ - kFall_ns)
-                restart();  // a lag has ended that was there at the start, or the clock was set on
+            if (x_ < reference_ - kFall_ns) restart();  // a lag since the start has ended, or the clock was set forward
             reference_ = x_;
         }
         if (const double above = x_ - reference_; above < window_min_) {
@@ -125,8 +160,8 @@ private:
         window_ns_ = std::clamp(span / 8, kMinWindow_ns, kMaxWindow_ns);
     }
 
-    // Least squares. A new fit replaces the slope where it is at least as certain: after restart() the old one stays until
-    // then.
+    // Fits by least squares. A new fit replaces the slope if it is at least as certain; after restart() the old slope
+    // stays until then.
     void fit() noexcept {
         if (points_ < kMinPoints) return;
         const double span = point_[points_ - 1].t_ns - point_[0].t_ns;
@@ -153,7 +188,12 @@ private:
     std::uint64_t host_ns_ = 0, device_ns_ = 0;
     double t_ = 0, x_ = 0, reference_ = 0;  // since the first frame
     double slope_ = 0, uncertainty_;
-    double back_ns_ = 0, before_back_ = 0, back_since_ = 0;  // the device's clock went back by this; x and t_ before; 0: not
+    double back_ns_ = 0;  // x rose by this because the device's clock went back; 0: it did not
+    double before_back_ = 0, late_before_back_ = 0, back_since_ = 0;  // x, the lateness and t_ before
+    double first_since_back_ = 0, min_since_back_ = 0;                // x since then, without the drift
+    double other_wrap_ns_ = 0;                                        // back_ns_ of the last time; 0: none
+    bool wraps_early_ = false;
+    unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;
     Point window_point_{};
     unsigned window_frames_ = 0;

@@ -21,7 +21,7 @@ std::string_view trimmed(std::string_view text) noexcept {
     return text;
 }
 
-// The text up to the next separator; `line` keeps what follows, `more` whether there was a separator.
+// Returns the text up to the next separator; `line` keeps the rest, `more` is true if there was a separator.
 std::string_view cut_cell(std::string_view& line, char separator, bool& more) noexcept {
     std::size_t end = line.find(separator);
     more = end != std::string_view::npos;
@@ -32,7 +32,7 @@ std::string_view cut_cell(std::string_view& line, char separator, bool& more) no
     return cell;
 }
 
-// Commas, else semicolons, else tabs, else blanks.
+// Chooses commas, else semicolons, else tabs, else blanks.
 char separator_of(std::string_view line) noexcept {
     for (const char c : {',', ';', '\t'})
         if (line.find(c) != std::string_view::npos) return c;
@@ -55,10 +55,10 @@ int hex_digit(char c) noexcept {
 
 constexpr std::size_t kXorDigits = 2, kCrcDigits = 4;
 
-// The checksum of so many digits.
+// Computes the checksum with that number of digits.
 unsigned checksum_of(std::string_view text, std::size_t digits) noexcept {
     if (digits == kCrcDigits) {
-        boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;  // CRC-16/CCITT-FALSE, as of the binary frames
+        boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;  // CRC-16/CCITT-FALSE, as in the binary frames
         crc.process_bytes(text.data(), text.size());
         return crc.checksum();
     }
@@ -67,7 +67,7 @@ unsigned checksum_of(std::string_view text, std::size_t digits) noexcept {
     return sum;
 }
 
-// `text` ends with "*" and the checksum of what stands before.
+// Returns true if `text` ends with "*" and the checksum of the text before it.
 bool has_checksum(std::string_view text, std::size_t star) noexcept {
     const std::size_t digits = text.size() - star - 1;
     if (digits != kXorDigits && digits != kCrcDigits) return false;
@@ -90,13 +90,13 @@ void AsciiDecoder::reset() noexcept {
 
 std::string AsciiDecoder::freshness() const {
     if (format_.time_us) return "clock (time_us)";
-    if (format_.sequence) return "sequence (a pause of the device looks like a delay; time_us = true would tell them apart)";
+    if (format_.sequence) return "sequence (a pause of the device looks like a delay, unless time_us = true)";
     return LineDecoder::freshness();
 }
 
 std::string AsciiDecoder::advice() const {
     const std::string no_sequence =
-        format_.sequence ? "" : "no sequence: a lost line goes unseen; send a counter (sequence = true)";
+        format_.sequence ? "" : "no sequence: a lost line is not detected; send a counter (sequence = true)";
     if (format_.crc16) return no_sequence;
     const std::string weak =
         format_.checksum
@@ -121,7 +121,7 @@ bool AsciiDecoder::read_line(std::string_view line, Frame& frame) noexcept {
             return reject(TACTILED_LINK_BAD_CHECKSUM);
         line = line.substr(0, star);
     }
-    // An unchecked first line may have lost its beginning and still look whole.
+    // A first line without a checksum may have lost its beginning and still look complete.
     if (!is_synchronised() && star == std::string_view::npos) return reject(TACTILED_LINK_BAD_LENGTH);
     return read_cells(line, frame);
 }
@@ -130,11 +130,13 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     const auto content = std::uint32_t(std::hash<std::string_view>{}(line));
     const char separator = separator_of(line);
     if (separator == ' ') line = trimmed(line);  // else a blank or a tab at an end may bound an empty cell
-    std::uint32_t sequence = 0, time_us = 0;
+    std::uint32_t sequence = 0;
+    std::uint64_t clock_us = 0;  // modulo 2^32, and devices that print more do not begin again there
     bool more = true;
     if (format_.sequence && !read_number(cut_cell(line, separator, more), sequence)) return reject(TACTILED_LINK_BAD_VALUE);
-    if (format_.time_us && (!more || !read_number(cut_cell(line, separator, more), time_us)))
+    if (format_.time_us && (!more || !read_number(cut_cell(line, separator, more), clock_us)))
         return reject(TACTILED_LINK_BAD_VALUE);
+    const auto time_us = std::uint32_t(clock_us);
     frame = Frame{};
     for (; more; ++frame.n_channels) {
         if (frame.n_channels == format_.channels) return reject(TACTILED_LINK_BAD_LENGTH);
@@ -149,14 +151,15 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     const auto elapsed_us = std::int32_t(time_us - std::uint32_t(time_us_));
     const bool clock_went_back = format_.time_us && time_seen_ && elapsed_us < 0;
     if (format_.sequence) {
-        const auto verdict = sequence_.next(sequence, 32, content, clock_went_back);
+        const unsigned bits = width_.of(sequence);
+        const auto verdict = sequence_.next(sequence, bits, content, clock_went_back);
         if (!verdict.accept) {
             ++counts_[TACTILED_LINK_REPEATED];
             return false;
         }
         counts_[TACTILED_LINK_LOST] += verdict.lost;
         frame.lost = verdict.lost;
-        put_number(frame, sequence, verdict);
+        put_number(frame, sequence, bits, verdict);
     }
     if (format_.time_us) {
         time_us_ = time_seen_ && !clock_went_back ? time_us_ + std::uint32_t(elapsed_us) : time_us;
@@ -215,7 +218,7 @@ std::vector<std::uint8_t> encode(const Frame& frame, const StreamSettings& setti
     return {line.begin(), line.begin() + std::ptrdiff_t(n)};
 }
 
-// The whole lines of a stream, without those that a decoder skips.
+// Returns the whole lines of a stream, without those that a decoder skips.
 std::vector<std::string_view> whole_lines(std::string_view text) {
     std::vector<std::string_view> lines;
     std::size_t at = text.find('\n');
@@ -228,7 +231,7 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
     return lines;
 }
 
-// The cells of a line as numbers, NaN where one is empty; empty where a cell is no number.
+// Returns the cells of a line as numbers, NaN if a cell is empty; empty if a cell is not a number.
 std::vector<double> cells_of(std::string_view line) {
     std::vector<double> cells;
     const char separator = separator_of(line);
@@ -241,15 +244,15 @@ std::vector<double> cells_of(std::string_view line) {
     return cells;
 }
 
-// True if column `k` is a whole number that grows by one from line to line, but for a tenth of the lines.
+// Returns true if column `k` is an integer that increases by one from line to line, except in a tenth of the lines.
 bool is_counter(const std::vector<std::vector<double>>& rows, std::size_t k) {
     std::size_t right = 1;
     for (std::size_t i = 1; i < rows.size(); ++i) right += rows[i][k] == rows[i - 1][k] + 1 ? 1 : 0;
     return rows.size() >= 5 && right * 10 >= rows.size() * 9;
 }
 
-// True if column `k` is a whole number that grows by `units` within all lines, to a factor of two, and goes back at most
-// once (it may wrap). Single steps say little, because a busy device prints in bursts.
+// Returns true if column `k` is an integer that grows by `units` over all lines, within a factor of two, and
+// decreases at most once (it may wrap). Single steps are not evaluated, because a busy device prints in bursts.
 bool is_clock(const std::vector<std::vector<double>>& rows, std::size_t k, double units) {
     double grown = 0;
     std::size_t back = 0;
@@ -312,12 +315,12 @@ std::optional<StreamGuess> recognise(std::span<const std::uint8_t> bytes, double
     if (sequence) guess.keys += "sequence = true\n";
     if (time_us) guess.keys += "time_us = true\n";
     if (digits != 0) guess.keys += digits == kCrcDigits ? "checksum = \"crc16\"\n" : "checksum = \"xor\"\n";
-    if (!sequence) guess.notes.emplace_back("it sends no counter: a lost line goes unseen");
+    if (!sequence) guess.notes.emplace_back("it sends no counter: a lost line is not detected");
     if (const std::size_t k = sequence ? 1 : 0; !time_us && left > 1 && is_clock(rows, k, 1e3 * seconds))
         guess.notes.emplace_back("column " + std::to_string(k + 1) +
                                  " looks like a clock in milliseconds and would count as a channel: send micros(), or write "
                                  "\"-\" for it in `channels` of the [[sensor]]");
-    if (!time_us) guess.notes.emplace_back("it sends no time in microseconds: a delay goes unseen");
+    if (!time_us) guess.notes.emplace_back("it sends no time in microseconds: a delay is not detected");
     if (digits != kCrcDigits) guess.notes.emplace_back("it sends no CRC: a lost byte gives a wrong number");
     return guess;
 }

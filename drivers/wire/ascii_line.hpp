@@ -1,4 +1,4 @@
-// The text wire format: a line of numbers, as an Arduino prints it. Its definition: ascii_line.md.
+// The text wire format: a line of numbers, as an Arduino prints it. ascii_line.md defines it.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -10,11 +10,11 @@
 
 namespace tactiled {
 
-inline constexpr std::size_t kAsciiMaxBytes = 512;  // of a line
+inline constexpr std::size_t kAsciiMaxBytes = 512;  // limit of a line
 
 struct AsciiFormat {
     unsigned channels = 1;
-    bool checksum = false;  // required, by exclusive or where it is not crc16; a line that has one is checked in any case
+    bool checksum = false;  // required, by exclusive or if it is not crc16; a checksum that is present is always checked
     bool sequence = false;  // the first column is a counter, modulo 2^32
     bool time_us = false;   // the next column is the device's clock, microseconds modulo 2^32
     bool crc16 = false;     // the checksum is the CRC of the binary frames, which is required then
@@ -33,12 +33,14 @@ private:
 
     AsciiFormat format_;
     SequenceTracker sequence_;
+    CounterWidth width_;
     std::uint64_t time_us_ = 0;
     bool time_seen_ = false;
 };
 
-// The line that a device prints for `frame`, each channel as the shortest decimal that reads back to the same double.
-// Returns the number of bytes, "\n" included. For tests and for `tactilectl play`.
+// Writes the line that a device prints for `frame`, with each channel as the shortest decimal that reads back to the
+// same double. Returns the number of bytes, including "
+// ". For tests and for `tactilectl play`.
 std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMaxBytes * 2> out) noexcept;
 
 }  // namespace tactiled

@@ -58,7 +58,7 @@ void CanSamples::lost(std::uint32_t id, std::uint32_t samples) noexcept {
         if (route.id == id && samples != 0) {
             pending_[route.device].lost += samples;
             counts_[TACTILED_LINK_LOST] += samples;
-            return;  // one device's
+            return;  // an id of one device
         }
 }
 
@@ -72,7 +72,7 @@ void CanSamples::reset() noexcept {
 }
 
 bool CanSamples::reject(tactiled_link_count kind) noexcept {
-    if (!std::exchange(rejected_, true)) ++counts_[kind];  // once a message, however many signals it should have had
+    if (!std::exchange(rejected_, true)) ++counts_[kind];  // counted once per message, whatever the number of its signals
     return false;
 }
 
@@ -109,7 +109,7 @@ bool CanSamples::give(const Route& route) noexcept {
     return pending.parts == all && finish(device, pending);
 }
 
-// The message of a part that is in the sample already says nothing else: it was sent twice.
+// A message of a part that the sample already has, with the same content, was sent twice.
 bool CanSamples::is_again(const CanPart& part, const Pending& pending, std::span<const double> values) noexcept {
     bool same = true;
     for (std::size_t k = 0; k < part.channels.size(); ++k) {
@@ -119,7 +119,7 @@ bool CanSamples::is_again(const CanPart& part, const Pending& pending, std::span
     return same;
 }
 
-// A sample is what has one count. Its parts may come in any order.
+// The parts of a sample have the same count. They may come in any order.
 bool CanSamples::belongs_by_counter(const CanDevice& device, Pending& pending, unsigned part, std::uint32_t count,
                                     std::span<const double> values) noexcept {
     if (pending.parts != 0 && (pending.count != count || !is_within(1, device, pending.frame.t_ns))) lose(pending);
@@ -130,14 +130,14 @@ bool CanSamples::belongs_by_counter(const CanDevice& device, Pending& pending, u
     return false;
 }
 
-// A sample begins with the first part; the others follow, in any order, each once. Whatever does not fit costs the sample
-// that it would have fitted.
+// A sample begins with the first part; the others follow in any order, each once. A message that does not fit
+// discards the sample that it would belong to.
 bool CanSamples::belongs_by_order(const CanDevice& device, Pending& pending, unsigned part,
                                   std::span<const double> values) noexcept {
     const std::uint32_t bit = 1u << part;
     if (part == 0) {
         if (pending.parts != 0) {
-            // A second device may have begun its sample within this one, and the parts of both would be taken for one.
+            // A second device may have begun its sample within this one, so that the parts of both would be combined.
             if (is_within(1, device, pending.frame.t_ns) && !is_again(device.parts[0], pending, values))
                 pending.sequence.suspect();
             lose(pending);
@@ -154,8 +154,8 @@ bool CanSamples::belongs_by_order(const CanDevice& device, Pending& pending, uns
         pending.orphans_ns = pending.frame.t_ns;
         if (is_late) return false;
     }
-    // The next sample begins two windows after the last one at the soonest. A sample whose first part was lost is counted
-    // with the first part that comes of it.
+    // The next sample begins at least two windows after the last one. A sample whose first part was lost is counted
+    // when its first other part arrives.
     const bool counted = pending.orphans != 0 && (pending.orphans & bit) == 0 && is_within(2, device, pending.orphans_ns);
     if (!counted) {
         if (pending.begun) lose(pending);
@@ -200,10 +200,11 @@ bool CanSamples::finish(const CanDevice& device, Pending& pending) noexcept {
             ++counts_[TACTILED_LINK_REPEATED];
             return false;
         }
-        const std::uint32_t unseen = verdict.lost - std::min(verdict.lost, pending.lost);  // those not counted as incomplete
+        // losses that were not counted as incomplete samples
+        const std::uint32_t unseen = verdict.lost - std::min(verdict.lost, pending.lost);
         counts_[TACTILED_LINK_LOST] += unseen;
         pending.lost += unseen;
-        put_number(frame, pending.count, verdict);
+        put_number(frame, pending.count, part->sequence->length, verdict);
     }
     frame.lost = std::exchange(pending.lost, 0);
     ++counts_[TACTILED_LINK_FRAMES];

@@ -1,6 +1,6 @@
-// CAN messages -> frames of devices, pure. A frame is whole or is none: where a device spreads a sample over several
-// messages, they are put together by a counter that each of them carries, or else by order and time. The rule:
-// drivers/README.md, "can".
+// Converts CAN messages to frames of devices, pure. A frame is complete or is not delivered: if a device spreads a
+// sample over several messages, they are combined by a counter in each of them, or else by order and time.
+// drivers/README.md, "can", has the rule.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -15,8 +15,9 @@
 
 namespace tactiled {
 
-inline constexpr std::uint32_t kCanExtended = 0x8000'0000u;  // in an id: 29 bits; as the kernel and DBC files write it
-inline constexpr std::size_t kCanMaxParts = 32;              // messages of a sample: each brings a channel or more
+// marks an id of 29 bits, as the kernel and DBC files write it
+inline constexpr std::uint32_t kCanExtended = 0x8000'0000u;
+inline constexpr std::size_t kCanMaxParts = 32;  // messages of a sample: each has at least one channel
 
 // One message's share of a device's sample.
 struct CanPart {
@@ -26,21 +27,21 @@ struct CanPart {
     };
     std::uint32_t id = 0;  // with kCanExtended
     bool multiplexed = false;
-    CanSignal selector;  // multiplexed: this part is there when the selector's raw value is `selected`
+    CanSignal selector;  // multiplexed: this part is present if the selector's raw value is `selected`
     std::uint64_t selected = 0;
     std::vector<Channel> channels;
     std::optional<CanSignal> sequence;
-    std::size_t bytes = 0;  // that all of its signals need
+    std::size_t bytes = 0;  // length that all of its signals need
 };
 
 struct CanDevice {
     std::uint16_t device = 0;
     std::uint8_t n_channels = 0;
-    std::vector<CanPart> parts;   // the first begins a sample where no counter says so
-    std::uint64_t window_ns = 0;  // several parts: all of them come within this time
+    std::vector<CanPart> parts;   // the first part begins a sample if there is no counter
+    std::uint64_t window_ns = 0;  // several parts: all of them arrive within this time
 
     [[nodiscard]] bool has_sequence() const noexcept;
-    [[nodiscard]] bool is_assembled_by_counter() const noexcept;  // every part carries it
+    [[nodiscard]] bool is_assembled_by_counter() const noexcept;  // every part has the counter
 };
 
 struct CanArrival {
@@ -54,35 +55,35 @@ public:
     // setup
     CanSamples(std::vector<CanDevice> devices, LinkCounts& counts);
 
-    // Takes a message. Before the next one, next() must have returned false. rt: wait-free
+    // Takes a message. Call next() until it returns false before the next take(). rt: wait-free
     void take(const CanArrival& arrival) noexcept;
-    // The next frame that the message completed: one for each device that it ends a sample of. rt: wait-free
+    // Returns the next frame that the message completed: one for each device whose sample it ends. rt: wait-free
     [[nodiscard]] bool next(Frame& frame) noexcept;
 
-    // Counts `samples` that began with message `id` and never became whole; the number is reported with the next whole
-    // sample. rt: wait-free
+    // Counts `samples` that began with message `id` and were not completed; the number is reported with the next
+    // complete sample. rt: wait-free
     void lost(std::uint32_t id, std::uint32_t samples) noexcept;
 
-    // Forgets what is incomplete and where counters stood: the bus was opened anew.
+    // Forgets incomplete samples and the counters, after the bus was opened again.
     void reset() noexcept;
 
 private:
-    struct Pending {                // a device's sample in the making
-        Frame frame;                // t_ns is that of its first part: a force is never younger than the oldest number in it
-        std::uint32_t parts = 0;    // bit n: part n is in it; 0: there is none
-        std::uint32_t count = 0;    // of the counter
-        std::uint32_t orphans = 0;  // bit n: part n came of the sample that is lost already
-        std::uint64_t orphans_ns = 0;  // since when
-        std::uint32_t lost = 0;        // to be told with the next whole one
-        bool begun = false;            // since reset(); before, a part without its first is nobody's fault
+    struct Pending {                   // an incomplete sample of a device
+        Frame frame;                   // t_ns is that of its first part, which has the oldest numbers
+        std::uint32_t parts = 0;       // bit n: the sample has part n; 0: no sample has begun
+        std::uint32_t count = 0;       // value of the counter
+        std::uint32_t orphans = 0;     // bit n: part n arrived of a sample that is lost already
+        std::uint64_t orphans_ns = 0;  // time of the first orphan
+        std::uint32_t lost = 0;        // a first part has come since reset(); before, a missing one does not count
+        bool begun = false;            // a first part has come since reset(); before, a missing one does not count
         SequenceTracker sequence;
     };
-    struct Route {  // where a message goes
+    struct Route {  // destination of a message
         std::uint32_t id;
         std::uint16_t device, part;  // indices
     };
 
-    // True when the message completed the device's sample. rt: bounded by kMaxChannels
+    // Adds the message. Returns true if it completed the device's sample. rt: bounded by kMaxChannels
     bool give(const Route& route) noexcept;
     bool reject(tactiled_link_count kind) noexcept;
     bool belongs_by_counter(const CanDevice& device, Pending& pending, unsigned part, std::uint32_t count,
@@ -100,7 +101,7 @@ private:
     std::vector<Route> routes_;  // sorted by id
     CanArrival arrival_;
     std::size_t route_ = 0, routes_end_ = 0;
-    bool used_ = true, rejected_ = false;  // the message, so far
+    bool used_ = true, rejected_ = false;  // about the present message
 };
 
 }  // namespace tactiled

@@ -10,7 +10,8 @@
 namespace tactiled {
 namespace {
 
-// First bit of a Motorola signal in the message seen as one row of bits, the first byte's most significant first.
+// Returns the first bit of a Motorola signal in the message as one row of bits, with the most significant bit of the
+// first byte first.
 constexpr std::size_t row_of(unsigned start) noexcept { return start / 8 * 8 + (7 - start % 8); }
 
 }  // namespace
@@ -51,7 +52,8 @@ std::uint64_t raw_of(const CanSignal& signal, std::span<const std::uint8_t> byte
         const std::size_t last = (end - 1) / 8;
         const auto below = unsigned(8 * (last + 1) - end);  // bits of the last byte that are not the signal's
         for (std::size_t byte = first / 8; byte < last; ++byte) raw = raw << 8 | bytes[byte];
-        raw = raw << (8 - below) | std::uint64_t(bytes[last]) >> below;  // bits before the first leave at the top or below
+        // bits before the first are shifted out at the top or below
+        raw = raw << (8 - below) | std::uint64_t(bytes[last]) >> below;
     }
     return signal.length == 64 ? raw : raw & ((std::uint64_t{1} << signal.length) - 1);
 }

@@ -28,7 +28,7 @@ void put(std::uint8_t*& at, std::uint32_t value, int n) noexcept {
 
 std::int32_t saturation_limit(int bits) noexcept { return std::int32_t((1u << (bits - 1)) - 1); }
 
-// Length of the plain bytes, or 0 where `encoded` is no COBS.
+// Returns the length of the plain bytes, or 0 if `encoded` is not valid COBS.
 std::size_t uncobs(std::span<const std::uint8_t> encoded, std::uint8_t* plain) noexcept {
     std::size_t n = 0;
     for (std::size_t i = 0; i < encoded.size();) {
@@ -48,7 +48,7 @@ void CobsDecoder::reset() noexcept {
 }
 
 bool CobsDecoder::finish(std::span<const std::uint8_t> encoded, Frame& frame) noexcept {
-    if (encoded.empty()) return false;  // zeros in a row are idle line
+    if (encoded.empty()) return false;  // zeros in a row are an idle line
     std::array<std::uint8_t, kCobsMaxEncoded> plain;
     const std::size_t n = uncobs(encoded, plain.data());
     if (n < kHeader + 3 + 2) return reject(TACTILED_LINK_BAD_LENGTH);
@@ -86,7 +86,7 @@ bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t 
     frame.device = device;
     frame.n_channels = channels;
     frame.lost = verdict.lost;
-    put_number(frame, sequence, verdict);
+    put_number(frame, sequence, 16, verdict);
     if (mask_bytes != 0) frame.missing = get(&plain[kHeader], 4);
     const std::int32_t top = bytes == 3 ? saturation_limit(24) : std::numeric_limits<std::int32_t>::max();
     for (unsigned k = 0; k < channels; ++k) {
@@ -154,9 +154,10 @@ std::optional<StreamGuess> recognise(std::span<const std::uint8_t> bytes, double
         while (decoder.next(frame)) ++guess.good;
     }
     guess.bad = counts[TACTILED_LINK_BAD_CHECKSUM] + counts[TACTILED_LINK_BAD_LENGTH] + counts[TACTILED_LINK_BAD_VALUE];
-    if (guess.good < 3 || guess.good <= guess.bad) return std::nullopt;  // a CRC of 16 bits passes by chance, but not thrice
+    // a CRC of 16 bits matches by chance, but not three times
+    if (guess.good < 3 || guess.good <= guess.bad) return std::nullopt;
     guess.keys = "format = \"cobs\"\n";
-    if (frame.device_time_us == 0) guess.notes.emplace_back("its frames have no time: a delay goes unseen");
+    if (frame.device_time_us == 0) guess.notes.emplace_back("its frames have no time: a delay is not detected");
     return guess;
 }
 

@@ -1,4 +1,4 @@
-// The binary wire format: COBS, CRC-16, sequence, device time, 24- or 32-bit channels. Its definition: cobs_frame.md.
+// The binary wire format: COBS, CRC-16, sequence, device time, 24- or 32-bit channels. cobs_frame.md defines it.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -11,7 +11,7 @@ namespace tactiled {
 
 inline constexpr std::size_t kCobsMaxDevices = 16;
 inline constexpr std::size_t kCobsMaxPlain = 10 + 4 + 4 * kMaxChannels + 2;  // bytes before COBS
-inline constexpr std::size_t kCobsMaxEncoded = kCobsMaxPlain + 1 + 1;        // with COBS' byte and the delimiter
+inline constexpr std::size_t kCobsMaxEncoded = kCobsMaxPlain + 1 + 1;        // including the COBS byte and the delimiter
 
 class CobsDecoder final : public DelimitedDecoder<0, kCobsMaxEncoded - 1> {
 public:
@@ -33,8 +33,8 @@ private:
     std::array<Device, kCobsMaxDevices> devices_{};
 };
 
-// The bytes that a device sends for `frame`: channels rounded to integers and held at the saturation limits. Returns the
-// number of bytes, the delimiter included. For tests and for `tactilectl play`.
+// Writes the bytes that a device sends for `frame`, with channels rounded to integers and limited to the saturation
+// limits. Returns the number of bytes, including the delimiter. For tests and for `tactilectl play`.
 std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kCobsMaxEncoded> out) noexcept;
 
 }  // namespace tactiled

@@ -10,16 +10,17 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMaxMessages = 10'000, kMaxSignals = 2'000 /* a message */, kMaxProblems = 20;
-constexpr std::size_t kLongestName = 128;    // the format's own limit is 32; writers of today exceed it
-constexpr unsigned kMaxMessageBytes = 4095;  // transport protocols describe theirs so; a signal that is used needs <= 64
+constexpr std::size_t kLongestName = 128;  // the format's own limit is 32; present writers exceed it
+// limit of a transport protocol's message; for a signal that is used it is 64
+constexpr unsigned kMaxMessageBytes = 4095;
 constexpr std::uint32_t kExtended = 0x8000'0000u;
-constexpr std::uint32_t kNoMessage = 0xC000'0000u;  // VECTOR__INDEPENDENT_SIG_MSG: signals of no message
+constexpr std::uint32_t kNoMessage = 0xC000'0000u;  // VECTOR__INDEPENDENT_SIG_MSG: signals without a message
 constexpr std::string_view kBlanks = " \t\r";
 
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-// A line, read from its left.
+// A line that is read from the left.
 class Cursor {
 public:
     explicit Cursor(std::string_view rest) : rest_(rest) {}
@@ -34,7 +35,7 @@ public:
         rest_.remove_prefix(1);
         return true;
     }
-    // A C identifier, "" where there is none.
+    // Returns a C identifier, "" if there is none.
     std::string_view word() {
         skip_blanks();
         std::size_t n = 0;
@@ -93,7 +94,8 @@ private:
     }
     void problem(const std::string& text) { problem(text, line_); }
 
-    // A line, and those that a quoted text of it runs over. `line_` is the first one's.
+    // Returns a line, and the following lines if a quoted text continues on them. `line_` is the number of the first
+    // one.
     std::string_view next_statement() {
         const std::size_t begin = at_;
         line_ = next_line_;
@@ -154,7 +156,7 @@ private:
         if (skip_signals_) return;
         if (!in_message_) {
             if (reported_ == 0) problem("a signal that belongs to no message; SG_ stands below its BO_");
-            return;  // else its message has an error of its own
+            return;  // an error of its message is reported already
         }
         DbcMessage& message = dbc_.messages.back();
         DbcSignal found;
@@ -181,7 +183,7 @@ private:
             !cursor.take(')'))
             return problem(fmt::format("{}: then comes (FACTOR,OFFSET), two numbers", what));
         if (const std::string why = why_no_signal(s, std::min<std::size_t>(message.bytes, kMaxMessageBytes)); !why.empty())
-            // A transport protocol's message is longer than a frame: its signals beyond 64 bytes are nothing to us.
+            // The message of a transport protocol is longer than a frame. Its signals beyond 64 bytes are ignored.
             if (message.bytes <= kCanMaxBytes) return problem(fmt::format("{}: {}", what, why));
         if (message.signals.size() == kMaxSignals)
             return problem(fmt::format("more than {} signals in a message", kMaxSignals));
@@ -190,7 +192,7 @@ private:
         message.signals.push_back(std::move(found));
     }
 
-    // "M", "m7", "m7M"; false where it is none of them.
+    // Parses "M", "m7" or "m7M". Returns false for any other word.
     bool multiplexer(std::string_view word, DbcSignal& found, DbcMessage& message) {
         if (word == "M") return found.selects = true;
         if (word.front() != 'm') return false;
@@ -210,7 +212,7 @@ private:
         std::string_view name;
         if (!cursor.number(id) || (name = cursor.word()).empty())
             return problem("should be: SIG_VALTYPE_ ID SIGNAL : TYPE;");
-        (void)cursor.take(':');  // some writers leave it out
+        (void)cursor.take(':');  // some writers omit it
         if (!cursor.number(type) || type > 2)
             return problem("the type of SIG_VALTYPE_ should be 0 (integer), 1 (float) or 2 (double)");
         DbcSignal* const signal = look_up(id, name);
@@ -229,7 +231,7 @@ private:
         if (const auto at = by_id_.find(id); at != by_id_.end()) dbc_.messages[at->second].nested_mux_line = line_;
     }
 
-    // nullptr, with an error, where there is no such signal.
+    // Returns nullptr and reports an error if there is no such signal.
     DbcSignal* look_up(std::uint32_t id, std::string_view name) {
         if (id == kNoMessage) return nullptr;
         const auto at = by_id_.find(id);
@@ -247,7 +249,7 @@ private:
         for (const auto& message : dbc_.messages) {
             const DbcSignal* const selector = message.selector();
             for (const auto& signal : message.signals) {
-                if (message.nested_mux_line != 0) break;  // refused where it is used
+                if (message.nested_mux_line != 0) break;  // refused if the signal is used
                 const std::string what = fmt::format("signal {}", in_quotes(signal.name));
                 if (signal.selects && &signal != selector)
                     problem(fmt::format("{} selects (M), but so does {}", what, in_quotes(selector->name)), signal.line);

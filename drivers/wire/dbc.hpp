@@ -1,7 +1,7 @@
-// DBC files, as far as a sensor needs them: messages and signals. Pure.
+// Reads the messages and signals of DBC files. Pure.
 //
-// Read are BO_, SG_ with its multiplexer (M, m0), SIG_VALTYPE_ and, to refuse what it changes, SG_MUL_VAL_. All else is
-// skipped, comments over several lines too.
+// BO_, SG_ with its multiplexer (M, m0) and SIG_VALTYPE_ are read. SG_MUL_VAL_ is read in order to refuse the
+// messages that it changes. Everything else is skipped, including comments over several lines.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -18,10 +18,10 @@ struct DbcSignal {
     std::string name;
     CanSignal signal;
     bool selects = false;              // "M": its value says which multiplexed signals are in the message
-    std::optional<std::uint32_t> mux;  // "m7": is there when the one that selects has this value
+    std::optional<std::uint32_t> mux;  // "m7": present if the selecting signal has this value
     std::uint32_t line = 0;
 
-    bool operator==(const DbcSignal& other) const {  // wherever it stood
+    bool operator==(const DbcSignal& other) const {  // regardless of the line
         return name == other.name && signal == other.signal && selects == other.selects && mux == other.mux;
     }
 };
@@ -32,7 +32,8 @@ struct DbcMessage {
     bool extended = false;  // 29 bits
     unsigned bytes = 0;
     std::vector<DbcSignal> signals;
-    std::uint32_t nested_mux_line = 0;  // extended multiplexing ("m1M", SG_MUL_VAL_) is not understood; 0: has none
+    // line of an extended multiplexing ("m1M", SG_MUL_VAL_), which is not supported; 0: none
+    std::uint32_t nested_mux_line = 0;
     std::uint32_t line = 0;
 
     [[nodiscard]] const DbcSignal* find(std::string_view signal) const;
@@ -50,9 +51,10 @@ struct Dbc {
     [[nodiscard]] const DbcMessage* find(std::string_view message) const;
 };
 
-inline constexpr std::size_t kDbcMaxBytes = 8u << 20;  // of a file; a car's has some MB
+inline constexpr std::size_t kDbcMaxBytes = 8u << 20;  // limit of a file; the file of a car has some MB
 
-// Errors go to `problems` as file:line, at most 20. The result is then incomplete. setup: never throws for bad input
+// Parses a file. Errors go to `problems` as file:line, at most 20; the result is then incomplete. setup: never throws
+// for bad input
 Dbc parse_dbc(std::string_view text, const std::string& file, Problems& problems);
 
 }  // namespace tactiled

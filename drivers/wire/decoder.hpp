@@ -1,4 +1,4 @@
-// Bytes -> Frame, whatever the wire format: pure, no I/O, bounded, so that it can be fuzzed and replayed.
+// Converts bytes to frames, for any wire format. Pure: no I/O and bounded, so that it can be fuzzed and replayed.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -14,17 +14,17 @@
 
 namespace tactiled {
 
-// A stream of bytes in which frames stand one after the other. What comes out does not depend on how the bytes were cut
-// into chunks. A format derives from it and says, byte by byte, when a frame is complete.
+// A stream of bytes with consecutive frames. The result does not depend on how the bytes were cut into chunks. A
+// format derives from this class and decides for each byte whether a frame is complete.
 class StreamDecoder {
 public:
-    static constexpr std::size_t kMaxBytes = 4096;  // of one push; a kernel's tty buffer
+    static constexpr std::size_t kMaxBytes = 4096;  // bytes of one push; size of a kernel's tty buffer
 
     explicit StreamDecoder(LinkCounts& counts) : counts_(counts) {}
     virtual ~StreamDecoder() = default;
 
-    // Takes bytes of which the last one arrived at `t_ns`, and none before `since_ns`; every earlier one must have been
-    // used: next() has returned false. rt: wait-free
+    // Takes bytes; the last one arrived at `t_ns`, and none before `since_ns`. All earlier bytes must have been used:
+    // next() has returned false. rt: wait-free
     void push(std::span<const std::uint8_t> bytes, std::uint64_t t_ns, std::uint64_t since_ns) noexcept {
         assert(at_ == size_ && bytes.size() <= kMaxBytes);
         std::memcpy(bytes_.data(), bytes.data(), bytes.size());
@@ -37,9 +37,9 @@ public:
 
     void push(std::span<const std::uint8_t> bytes, std::uint64_t t_ns) noexcept { push(bytes, t_ns, t_ns); }
 
-    // The next complete frame. Its stamp is when its last byte arrived, as if those of a push had come evenly: several
-    // frames that waited together are as far apart as they were sent, and the newest one has the time of the push. rt:
-    // wait-free
+    // Returns the next complete frame. Its timestamp is the arrival of its last byte, with the bytes of a push spread
+    // evenly: several frames that waited together keep their distances, and the newest one has the time of the push.
+    // rt: wait-free
     [[nodiscard]] bool next(Frame& frame) noexcept {
         if (!is_ready()) return false;
         frame = ahead_;
@@ -47,7 +47,7 @@ public:
         return true;
     }
 
-    // True when next() will give a frame. rt: wait-free
+    // True if next() will return a frame. rt: wait-free
     [[nodiscard]] bool is_ready() noexcept {
         while (!ready_ && at_ < size_) ready_ = take(bytes_[at_++], ahead_);
         if (ready_ && ahead_.t_ns == 0) {
@@ -58,23 +58,27 @@ public:
         return ready_;
     }
 
-    // Forgets the stream: the device was opened anew. The first frame may be a partial one and is then dropped quietly.
+    // Forgets the stream, after the device was opened again. The first frame may be a partial one, which is dropped
+    // without being counted.
     virtual void reset() noexcept {
         at_ = size_ = 0;
         ready_ = false;
     }
 
-    // Text for the user: the proof of age that the frames carry on a path that may delay them, and a change that the user
-    // should make ("" = none). setup
-    [[nodiscard]] virtual std::string freshness() const { return "arrival (no clock and no counter: a delay is not seen)"; }
+    // Text for the user: the proof of age that the frames carry on a path that may delay them, and a recommended
+    // change of the format ("" = none). setup
+    [[nodiscard]] virtual std::string freshness() const {
+        return "arrival (no clock and no counter: a delay is not detected)";
+    }
     [[nodiscard]] virtual std::string advice() const { return ""; }
 
-    // Bytes that a device must be sent to begin and to end its stream; empty for one that sends by itself. rt: wait-free
+    // Bytes that start and stop the stream of a device; empty if the device sends by itself. rt: wait-free
     [[nodiscard]] virtual std::span<const std::uint8_t> start_bytes() const noexcept { return {}; }
     [[nodiscard]] virtual std::span<const std::uint8_t> stop_bytes() const noexcept { return {}; }
 
 protected:
-    // Uses one byte; true when it completed `frame` (stamp and counting are the base's). rt: wait-free
+    // Uses one byte. Returns true if it completed `frame`; the base class sets the timestamp and counts. rt:
+    // wait-free
     [[nodiscard]] virtual bool take(std::uint8_t byte, Frame& frame) noexcept = 0;
 
     LinkCounts& counts_;

@@ -1,4 +1,4 @@
-// The common part of COBS frames and lines of text: each ends with a byte that is nowhere else in it.
+// The common part of COBS frames and lines of text: each ends with a byte that does not occur elsewhere in it.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -21,20 +21,20 @@ public:
     }
 
 protected:
-    // The bytes between two ends, at most kMax; true when they are `frame`. rt: wait-free
+    // Decodes the bytes between two ends, at most kMax. Returns true if they are `frame`. rt: wait-free
     [[nodiscard]] virtual bool finish(std::span<const std::uint8_t> bytes, Frame& frame) noexcept = 0;
 
-    // Bytes that give no frame, the end included. Each returns false. rt: wait-free
+    // Count bytes that give no frame, including the end. Each returns false. rt: wait-free
     bool skip() noexcept {
         counts_[TACTILED_LINK_SKIPPED] += std::uint32_t(length_ + 1);
         return false;
     }
     bool reject(tactiled_link_count kind) noexcept {
-        if (synchronised_) ++counts_[kind];  // else we came in the middle of it, which is nobody's fault
+        if (synchronised_) ++counts_[kind];  // else the decoder began in the middle of a frame, which is no error
         return skip();
     }
 
-    // An end was seen since reset(): what is finished now began at its beginning. rt: wait-free
+    // True if an end was seen since reset(), so that the present frame is whole. rt: wait-free
     [[nodiscard]] bool is_synchronised() const noexcept { return synchronised_; }
 
 private:
@@ -51,7 +51,7 @@ private:
     }
 
     std::array<std::uint8_t, kMax> bytes_{};
-    std::size_t length_ = 0;  // bytes since the last end, also those that did not fit
+    std::size_t length_ = 0;  // bytes since the last end, including those that did not fit
     bool synchronised_ = false;
 };
 
@@ -62,7 +62,7 @@ public:
     using DelimitedDecoder<'\n', kMax>::DelimitedDecoder;
 
 protected:
-    // A line without its end; true when it is `frame`. rt: wait-free
+    // Decodes a line without its end. Returns true if it is `frame`. rt: wait-free
     [[nodiscard]] virtual bool read_line(std::string_view line, Frame& frame) noexcept = 0;
 
 private:

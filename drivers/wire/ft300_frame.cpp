@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint8_t kHead[] = {0x20, 0x4E};
 constexpr std::size_t kChecked = kFt300Bytes - 2;
-constexpr double kPerUnit[] = {100, 100, 100, 1000, 1000, 1000};  // of N, of Nm
+constexpr double kPerUnit[] = {100, 100, 100, 1000, 1000, 1000};  // per N, per Nm
 
 }  // namespace
 

@@ -1,9 +1,10 @@
-// The stream of Robotiq's FT 150, FT 300 and FT 300-S: 16 bytes a frame, 100 a second, after a Modbus write that asks for
-// it.
+// The stream of Robotiq's FT 150, FT 300 and FT 300-S: 16 bytes a frame, 100 frames a second, after a Modbus write
+// that requests it.
 //
 //     0x20 0x4E, Fx Fy Fz in 0.01 N, Mx My Mz in 0.001 Nm, each 16 bits low byte first, Modbus' CRC of these 14 bytes
 //
-// From the manuals' stream section; tried against a simulated device only. It has no counter: a lost frame goes unseen.
+// From the stream section of the manuals; tested against a simulated device only. The stream has no counter, so a
+// lost frame is not detected.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -32,7 +33,7 @@ private:
     std::size_t size_ = 0;
 };
 
-// The bytes that the device sends for forces in N and torques in Nm. For tests.
+// Writes the bytes that the device sends for forces in N and torques in Nm. For tests.
 void encode_ft300(const Frame& frame, std::span<std::uint8_t, kFt300Bytes> out) noexcept;
 
 }  // namespace tactiled

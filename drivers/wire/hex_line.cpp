@@ -7,7 +7,7 @@
 namespace tactiled {
 namespace {
 
-// All of the text as a number; a sign is none of it.
+// Reads all of the text as an unsigned number.
 bool read_digits(std::string_view text, int base, std::uint32_t& value) noexcept {
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
     return error == std::errc{} && end == text.data() + text.size();
@@ -40,7 +40,7 @@ bool HexDecoder::read_line(std::string_view line, Frame& frame) noexcept {
     return format_.first != HexFormat::Digit::counter || count_on(digit, frame);
 }
 
-// Ten in a row that are lost are not seen by one digit.
+// A loss of ten frames in a row cannot be detected from one digit.
 bool HexDecoder::count_on(unsigned digit, Frame& frame) noexcept {
     const std::uint32_t step = counted_ ? (digit + 10 - digit_) % 10 : 1;
     if (step == 0) {

@@ -1,9 +1,9 @@
-// A line of hexadecimal numbers of fixed width without anything between them, as Wacoh's DynPick prints it:
+// A line of hexadecimal numbers of fixed width without separators, as Wacoh's DynPick prints it:
 //
 //     3 2013 1FFA 2100 2000 2001 1FFF    written together: a decimal digit, six unsigned numbers of 4 digits, end of line
 //
-// From public drivers of the product; tried against a simulated device only. Damage is only seen by the line's length, a
-// letter that is no digit, or a number above the converter's last code: it has no checksum.
+// From public drivers of the product; tested against a simulated device only. The format has no checksum. Damage
+// shows only in the line's length, in a letter that is not a digit, or in a number above the converter's last code.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -16,17 +16,17 @@
 namespace tactiled {
 
 struct HexFormat {
-    unsigned channels = 6, digits = 4;  // of each number, 1 .. 8
+    unsigned channels = 6, digits = 4;  // number of channels; digits of each, 1 .. 8
     enum class Digit {
         none,
         ignored,
         counter
-    } first = Digit::none;       // a decimal digit before them; a counter runs from 0 to 9
-    std::uint32_t max = 0xFFFF;  // the converter's last code; it and 0 are rails
-    std::string start, stop;     // what the device is sent to begin and to end its stream
+    } first = Digit::none;       // a decimal digit before the numbers; a counter runs from 0 to 9
+    std::uint32_t max = 0xFFFF;  // the converter's last code; 0 and this code are saturation limits
+    std::string start, stop;     // bytes that start and stop the stream of the device
 };
 
-inline constexpr std::size_t kHexMaxLine = 1 + kMaxChannels * 8 + 1;  // with the return before its end
+inline constexpr std::size_t kHexMaxLine = 1 + kMaxChannels * 8 + 1;  // including the carriage return
 
 class HexDecoder final : public LineDecoder<kHexMaxLine> {
 public:
@@ -45,7 +45,7 @@ private:
     HexFormat format_;
     bool counted_ = false;  // `counter_` is of a line since reset()
     std::uint32_t counter_ = 0;
-    unsigned digit_ = 0;  // of that line: 10 does not divide 2^32
+    unsigned digit_ = 0;  // digit of that line: 10 does not divide 2^32
 };
 
 }  // namespace tactiled

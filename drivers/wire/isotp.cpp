@@ -18,13 +18,13 @@ IsoTp::Found IsoTp::take(std::span<const std::uint8_t> frame, std::uint64_t t_ns
         case kSingle: return single(frame, t_ns);
         case kFirst: return begin(frame, t_ns);
         case kConsecutive: return go_on(frame, t_ns);
-        case kFlowControl: return Found::nothing;  // of somebody to whom the device speaks
+        case kFlowControl: return Found::nothing;  // sent by another node that the device talks to
         default: return Found::bad;
     }
 }
 
 IsoTp::Found IsoTp::single(std::span<const std::uint8_t> frame, std::uint64_t t_ns) noexcept {
-    // Above 8 bytes the length has a byte of its own: 9.6.2.
+    // Messages above 8 bytes have a separate length byte: 9.6.2.
     const bool is_long = frame.size() > kClassic;
     const std::size_t head = is_long ? 2 : 1, length = is_long ? frame[1] : frame[0] & 0x0F;
     if (length == 0 || head + length > frame.size() || (is_long && (frame[0] & 0x0F) != 0)) return Found::bad;
@@ -55,7 +55,7 @@ IsoTp::Found IsoTp::begin(std::span<const std::uint8_t> frame, std::uint64_t t_n
 
 IsoTp::Found IsoTp::go_on(std::span<const std::uint8_t> frame, std::uint64_t t_ns) noexcept {
     if (under_way_ && t_ns > last_ns_ + kPatience_ns) drop();
-    if (!under_way_) return Found::nothing;  // of a message that is lost already, or whose beginning nobody saw
+    if (!under_way_) return Found::nothing;  // a part of a message that is lost already, or that began earlier
     const std::size_t taken = std::min(frame.size() - 1, wanted_ - size_);
     const bool is_last = size_ + taken == wanted_;
     if ((frame[0] & 0x0F) != next_ || taken == 0 || (!is_last && frame.size() < kClassic)) {

@@ -1,5 +1,5 @@
-// Messages longer than a CAN frame, ISO 15765-2 (ISO-TP), as their receiver: frames -> messages, pure. A message is whole or
-// is none.
+// The receiver of messages longer than a CAN frame, ISO 15765-2 (ISO-TP). Converts frames to messages, pure. A
+// message is complete or is not delivered.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -9,28 +9,31 @@ namespace tactiled {
 
 class IsoTp {
 public:
-    static constexpr std::size_t kMaxBytes = 512;                 // of a message here; the standard's field holds 4095
+    // limit of a message here; the standard's field allows 4095
+    static constexpr std::size_t kMaxBytes = 512;
     static constexpr std::uint64_t kPatience_ns = 1'000'000'000;  // N_Cr: between two frames of a message
 
     enum class Found : std::uint8_t {
         nothing,
-        message,  // message() is whole
-        first,    // of several frames: answer() is to be sent, else the others do not come
-        bad       // no frame of the protocol
+        message,  // message() is complete
+        first,    // first of several frames: send answer(), or the others do not come
+        bad       // not a frame of the protocol
     };
-    // Takes a frame that came at `t_ns`. rt: bounded by 64 bytes
+    // Takes a frame that arrived at `t_ns`. rt: bounded by 64 bytes
     Found take(std::span<const std::uint8_t> frame, std::uint64_t t_ns) noexcept;
 
-    // Valid until the next take(). rt: wait-free
+    // The message, valid until the next take(). rt: wait-free
     [[nodiscard]] std::span<const std::uint8_t> message() const noexcept { return {bytes_.data(), wanted_}; }
-    // When its first frame came: a number in it is never older. rt: wait-free
+    // Arrival of the message's first frame, so a number in it is never older. rt: wait-free
     [[nodiscard]] std::uint64_t t_ns() const noexcept { return began_ns_; }
-    // A flow control frame: send all, without pauses; or, for a message that has no room here, send none. rt: wait-free
+    // A flow control frame: send all frames without pauses; or, for a message that does not fit here, send none. rt:
+    // wait-free
     [[nodiscard]] std::array<std::uint8_t, 8> answer() const noexcept;
 
-    // Messages that began and did not end, since the last call; never one whose beginning nobody saw. rt: wait-free
+    // Returns the number of messages since the last call that began and did not end. A message whose beginning was
+    // missed is not counted. rt: wait-free
     [[nodiscard]] std::uint32_t take_lost() noexcept;
-    // The bus was opened anew. rt: wait-free
+    // Resets the state after the bus was opened again. rt: wait-free
     void reset() noexcept;
 
 private:

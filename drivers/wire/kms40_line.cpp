@@ -11,7 +11,7 @@ namespace {
 constexpr std::uint8_t kStart[] = {'L', '1', '(', ')', '\n'}, kStop[] = {'L', '0', '(', ')', '\n'};
 constexpr std::string_view kHead = "F={";
 
-// "fx,fy,fz,mx,my,mz},time" and nothing after it.
+// Reads "fx,fy,fz,mx,my,mz},time" and nothing after it.
 bool read_forces(std::string_view text, Frame& frame) noexcept {
     const char* at = text.data();
     const char* const end = text.data() + text.size();
@@ -37,7 +37,7 @@ std::span<const std::uint8_t> Kms40Decoder::stop_bytes() const noexcept { return
 bool Kms40Decoder::read_line(std::string_view line, Frame& frame) noexcept {
     if (!line.starts_with(kHead)) return skip();  // the answer to a command
     if (read_forces(line.substr(kHead.size()), frame)) return true;
-    ++counts_[TACTILED_LINK_BAD_VALUE];  // also of a first line: one with this head has come from its beginning
+    ++counts_[TACTILED_LINK_BAD_VALUE];  // also for the first line: a line with this head is complete
     return skip();
 }
 

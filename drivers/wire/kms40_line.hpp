@@ -1,6 +1,6 @@
-// The text stream of Weiss' KMS 40 (TCP, port 1000): "F={fx,fy,fz,mx,my,mz},time", N and Nm, after "L1()". The time's unit
-// is not in the sources (public drivers), so it is checked to be a number and not used; there is no counter and no checksum:
-// TCP has one. Tried against a simulated device only.
+// The text stream of Weiss' KMS 40 (TCP, port 1000): "F={fx,fy,fz,mx,my,mz},time", N and Nm, after "L1()". The
+// sources (public drivers) do not state the unit of the time, so it is checked to be a number and not used. The
+// stream has no counter and no checksum; TCP has a checksum. Tested against a simulated device only.
 #pragma once
 #include <array>
 #include <cstdint>

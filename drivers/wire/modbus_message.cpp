@@ -22,7 +22,7 @@ void put16(std::uint8_t*& at, std::uint16_t value) noexcept {
     *at++ = std::uint8_t(value);
 }
 
-// Unit and PDU of the good answer.
+// Returns the length of unit and PDU of a good answer.
 std::size_t answer_body(const ModbusRequest& request) noexcept { return reads(request) ? 3 + 2u * request.count : 6; }
 
 }  // namespace
@@ -79,13 +79,13 @@ ModbusAnswers::Found ModbusAnswers::next() noexcept {
     return found;
 }
 
-// A line has no boundaries but silences, which USB adapters do not keep: whatever has our unit, function and length and a
-// right CRC is the answer, wherever it begins. Noise before it therefore does no harm.
+// RTU messages are separated only by silences, which USB adapters do not preserve. Bytes with the right unit,
+// function, length and CRC are therefore the answer, at any position, and noise before them does no harm.
 //
-// An adapter may hear its own request. Where one register is read, the beginning of that echo can be a whole answer (0x0200
-// .. 0x02FF, where the CRC happens to fit), so the first exact copy of the request is passed over before anything is judged.
-// Its 8 bytes are no answer's length. The confirmation of a write with function 6 is such a copy itself: there the first is
-// passed over only on a line that has echoed the last read.
+// An adapter may echo its own request. If one register is read, the beginning of that echo can be a whole answer
+// (0x0200 .. 0x02FF, if the CRC happens to fit), so the first exact copy of the request is skipped before anything is
+// judged. Its 8 bytes are not the length of an answer. The confirmation of a write with function 6 is such a copy
+// itself: the first copy is then skipped only on a line that has echoed the last read.
 ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
     std::size_t at = 0;
     Found found = Found::nothing;
@@ -169,7 +169,7 @@ ModbusAnswers::Found ModbusAnswers::judge(const std::uint8_t* message, std::size
 
 tactiled_link_count ModbusAnswers::missing() const noexcept {
     if (checksum_failed_) return TACTILED_LINK_BAD_CHECKSUM;
-    // RTU keeps only what may be the beginning of our answer, TCP the beginning of a message.
+    // RTU keeps only bytes that may begin the expected answer, TCP the beginning of a message.
     if (other_length_ || size_ != 0) return TACTILED_LINK_BAD_LENGTH;
     return TACTILED_LINK_BUS_ERROR;
 }

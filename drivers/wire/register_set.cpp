@@ -60,12 +60,12 @@ bool read_registers(const RegisterSet& set, std::span<const std::uint16_t> words
     }
     for (const auto& counter : set.sequence) {  // last: a frame that is dropped must not count as seen
         const std::uint32_t count = bits_of(counter, words, set.at);
-        // Registers may change while their counter stands: that is no second device.
+        // Registers may change while their counter does not; that does not indicate a second device.
         const auto verdict = sequence.next(count, 16 * words_of(counter.type), 0, false);
         if (!verdict.accept) return refuse(TACTILED_LINK_REPEATED);
         counts[TACTILED_LINK_LOST] += verdict.lost;
         frame.lost = verdict.lost;
-        put_number(frame, count, verdict);
+        put_number(frame, count, 16 * words_of(counter.type), verdict);
     }
     return true;
 }

@@ -1,5 +1,5 @@
-// Proves the age of the frames of one device, or says that it is not proved. Pure: time comes from outside. The page
-// freshness.md explains the rules.
+// Proves the age of the frames of one device, or reports that it is not proved. Time comes only from the caller. The
+// page freshness.md explains the rules.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -10,16 +10,16 @@
 
 namespace tactiled {
 
-// The way from a device to this machine.
+// The path from a device to this machine.
 struct Route {
     enum class Path : std::uint8_t {
-        polled,  // each frame answers a request, whose time bounds the age
-        direct,  // a cable: its buffers and its rate bound the delay, and the driver dates the bytes
-        network  // may hold frames back for any time
+        polled,  // each frame answers a request, whose time limits the age
+        direct,  // a cable: its buffers and its rate limit the delay, and the driver sets the time of the bytes
+        network  // may delay frames for any time
     } path = Path::direct;
     bool device_clock = false;        // device_time_us is the time of the measurement
-    bool reopening_discards = false;  // the path drops the frames that it holds when the link is closed
-    double clock_ppm = 200;           // by which the device's clock, or its rate, may differ or wander
+    bool reopening_discards = false;  // the path drops its waiting frames when the link is closed
+    double clock_ppm = 200;           // largest error or change of the device's clock, or of its rate
 };
 
 class StreamAge {
@@ -27,26 +27,31 @@ public:
     // How the age is proved. The values are those of tactiled_sensor.freshness.
     enum class Proof : std::uint8_t { unknown, polled, direct, clock, sequence, arrival };
 
-    // `rate_Hz`: of the frames as declared, 0 = not; `stale_ns`: the age at which a value is of no use.
+    // `rate_Hz`: the declared rate of frames, 0 = none; `stale_ns`: the age at which a value cannot be used.
     StreamAge(double rate_Hz, double rate_tolerance, std::uint64_t stale_ns)
         : declared_ns_(rate_Hz > 0 ? 1e9 / rate_Hz : 0), tolerance_(rate_tolerance), stale_ns_(double(stale_ns)) {}
 
-    // The link was opened, by this way. rt: wait-free
+    // Begins again for an opened link with this path. rt: wait-free
     void open(const Route& route) noexcept;
 
-    // Dates `frame`, which was taken from the kernel at `frame.taken_ns`; `host_ns` is the same instant on a clock that
-    // nothing corrects and that goes on while the machine is suspended. Sets t_ns, late_ns and age. Every frame of the
-    // device must come here, in order. rt: as AgeBound::late_ns()
+    // Sets t_ns, late_ns and age of `frame`, which was read from the kernel at `frame.taken_ns`. `host_ns` is the
+    // same time on a clock without corrections that also runs while the machine is suspended. Every frame of the
+    // device must pass here, in order. rt: as AgeBound::late_ns()
     void judge(Frame& frame, std::uint64_t host_ns) noexcept;
 
     [[nodiscard]] Proof proof() const noexcept { return proof_; }
-    // judge() looks at the host's time for this frame. rt: wait-free
+    // Returns true if judge() uses the host's time for this frame. rt: wait-free
     [[nodiscard]] bool uses_host_time(const Frame& frame) const noexcept {
         return route_.path == Route::Path::network ||
                (route_.path == Route::Path::direct && route_.device_clock && frame.device_time_us != 0);
     }
     // The age is not proved, or too large. rt: wait-free
     [[nodiscard]] bool is_in_trouble() const noexcept { return trouble_ns_ != 0 && route_.reopening_discards; }
+    // How long the link should stay closed when it is opened again: the frames that a path discards meanwhile must be seen
+    // to be missing. rt: wait-free
+    [[nodiscard]] std::uint64_t closed_ns() const noexcept {
+        return std::uint64_t(std::clamp(kMissingFrames * period_ns_, kMinClosed_ns, kMaxClosed_ns));
+    }
     // Opening the link again may prove what is not proved now, or end a lag that lasts. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns) const noexcept {
         return is_in_trouble() && std::int64_t(host_ns - trouble_ns_) > kPatience_ns;
@@ -57,12 +62,14 @@ private:
     static constexpr double kCaughtUp_ns = 25e6;
     static constexpr std::int64_t kPatience_ns = 500'000'000;  // in which a backlog may come in
     static constexpr double kWrap_ns = 4294967296e3;           // formats send 32 bits of microseconds
-    static constexpr std::uint64_t kBooted_us =
-        30'000'000;  // a clock that begins again below this is of a device that restarted
+    // A clock that begins again below this is of a device that restarted.
+    static constexpr std::uint64_t kBooted_us = 30'000'000;
+    static constexpr double kBooted_ns = double(kBooted_us) * 1e3;
     static constexpr double kFits_ns = 20e9;
-    static constexpr double kLeap = 8;             // intervals from one frame to the next
-    static constexpr double kMaxRateError = 0.04;  // of the rate measured at first: delays of 36 ms in 2 s, and more
+    static constexpr double kLeap = 8, kCountedLeap = 2;  // intervals from one frame to the next
+    static constexpr double kMaxRateError = 0.04;         // of the rate measured at first: delays of 36 ms in 2 s, and more
     static constexpr double kLearn_ns = 2e9;
+    static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
     static constexpr unsigned kLearnFrames = 10;
 
     void by_clock(Frame& frame, std::uint64_t host_ns) noexcept;
@@ -71,7 +78,12 @@ private:
     void by_cable(Frame& frame) noexcept;
     void backdate(Frame& frame, double late_ns) noexcept;
     void learn_rate(double advance, std::uint64_t host_ns) noexcept;
-    [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) noexcept;
+    [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
+    // The path has discarded what it held when it was closed: the device's time, or its counter, has gone on meanwhile.
+    // `late_ns` of a path that keeps its frames has grown by the time for which it was closed.
+    [[nodiscard]] bool has_discarded(double late_ns) const noexcept {
+        return is_reopened_ && route_.reopening_discards && late_ns < late_ns_ + kLate_ns;
+    }
     void put_trouble(bool is_trouble, std::uint64_t host_ns) noexcept {
         trouble_ns_ = !is_trouble ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
     }
@@ -81,15 +93,14 @@ private:
     Proof proof_ = Proof::unknown;
     AgeBound bound_;
     bool has_clock_ = false, is_unproved_ = false, is_reopened_ = false, has_frame_ = false;
-    std::uint64_t t_ns_ = 0, host_ns_ = 0;  // of the frame before
-    std::uint64_t trouble_ns_ = 0;          // host time since which the age is not proved, or too large; 0 = it is proved
+    std::uint64_t t_ns_ = 0, host_ns_ = 0;  // of the previous frame
+    std::uint64_t trouble_ns_ = 0;          // host time since which the age is not proved or too large; 0 = it is proved
 
     std::uint64_t device_time_us_ = 0;      // the latest one
     double late_ns_ = 0, interval_us_ = 0;  // lateness of the frame before; mean interval of the device's times
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
-    bool is_wide_ = false;        // the counter has more than 16 bits
     double period_ns_ = 0;        // 0: not known yet
     double counted_ = 0;          // frames since the first one
     std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
@@ -110,7 +121,7 @@ inline void StreamAge::open(const Route& route) noexcept {
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     if (frame.taken_ns < frame.t_ns) frame.taken_ns = frame.t_ns;
-    // Two frames of one read have the same time, and each conversion to the host's clock differs by the time that it takes.
+    // Two frames of one read have the same time, and each conversion to the host's clock has an error.
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     if (route_.path == Route::Path::polled) {
         proof_ = Proof::polled;
@@ -132,7 +143,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     t_ns_ = frame.t_ns;
 }
 
-// The frame was measured `late_ns` before it was taken, or later.
+// Sets the age of a frame that was measured `late_ns` or longer before it was read.
 inline void StreamAge::backdate(Frame& frame, double late_ns) noexcept {
     const auto late = std::uint64_t(std::max(late_ns, 0.0));
     const std::uint64_t measured_ns = frame.taken_ns > late ? frame.taken_ns - late : 0;
@@ -150,19 +161,25 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
         is_unproved_ = false;
     }
     proof_ = Proof::clock;
-    const bool counter_began = has_frame_ && frame.has_sequence && frames_since(frame, double(host_ns - host_ns_)) == 0;
+    const bool ended = AgeBound::is_early_wrap(device_time_us_ * 1000, frame.device_time_us * 1000);
+    const bool counter_began =
+        has_frame_ && !ended && frame.has_sequence && frames_since(frame, double(host_ns - host_ns_)) == 0;
     const auto silence_us = double(host_ns - host_ns_) * 1e-3;
-    const bool clock_began = has_frame_ && frame.device_time_us < kBooted_us && frame.device_time_us < device_time_us_ / 2 &&
-                             silence_us > kLate_ns * 1e-3;
+    const bool clock_began = has_frame_ && !ended && frame.device_time_us < kBooted_us &&
+                             frame.device_time_us < device_time_us_ / 2 && silence_us > kLate_ns * 1e-3;
     // Either the clock was set on, or the device had paused while the path held its frames.
     const bool leapt = late_ns_ > kLate_ns && !is_reopened_ && frame.device_time_us > device_time_us_ &&
                        double(frame.device_time_us - device_time_us_) > silence_us + kLate_ns * 1e-3 &&
-                       double(frame.device_time_us - device_time_us_) > kLeap * interval_us_ * (1.0 + frame.lost);
+                       double(frame.device_time_us - device_time_us_) >
+                           (frame.has_sequence ? kCountedLeap : kLeap) * interval_us_ * (1.0 + frame.lost);
     if (frame.device_time_us > device_time_us_ && !is_reopened_ && has_frame_)
         interval_us_ += (std::min(double(frame.device_time_us - device_time_us_), 2e6) - interval_us_) * 0.05;
     sequence_ = frame.sequence;
-    device_time_us_ = is_reopened_ || clock_began ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
+    device_time_us_ =
+        is_reopened_ || clock_began || ended ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
+    const unsigned set_back = bound_.set_back();
     double late = bound_.late_ns(host_ns, frame.device_time_us * 1000);
+    if (bound_.set_back() != set_back) device_time_us_ = frame.device_time_us;
     // After a new opening the clock may as well have passed the end of its 32 bits: then it fits the reference.
     const bool fits = is_reopened_ && late < kFits_ns;
     if ((counter_began || (clock_began && !fits)) &&
@@ -172,7 +189,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
         late = 0;
     }
     is_unproved_ = is_unproved_ || leapt;
-    if (is_reopened_ && route_.reopening_discards) is_unproved_ = false;
+    if (has_discarded(late)) is_unproved_ = false;
     late_ns_ = late;
     backdate(frame, late);
     if (is_unproved_) frame.age = Frame::Age::unproved;
@@ -185,16 +202,21 @@ inline void StreamAge::by_cable(Frame& frame) noexcept {
     if (frame.since_ns != 0 && frame.since_ns < frame.t_ns) backdate(frame, double(frame.taken_ns - frame.since_ns));
 }
 
-// Frames that the device has counted since the one before; 0: it has restarted.
-inline double StreamAge::frames_since(const Frame& frame, double silence_ns) noexcept {
+// Frames that the device has counted since the one before; 0: it has restarted. The device's rate tells how often the
+// counter has passed its end meanwhile. A counter that the decoder takes for one that has restarted, and that has not just
+// begun, has passed its end, too.
+inline double StreamAge::frames_since(const Frame& frame, double silence_ns) const noexcept {
+    const double range = std::ldexp(1.0, frame.sequence_bits);
+    const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
     const std::uint32_t expected = sequence_ + 1 + frame.lost;
-    is_wide_ = is_wide_ || frame.sequence > 0xFFFF;
-    const std::uint32_t mask = is_wide_ ? ~0u : 0xFFFFu;
-    if (!is_reopened_) return ((frame.sequence ^ expected) & mask) == 0 ? 1.0 + frame.lost : 0.0;
+    if (!is_reopened_ && ((frame.sequence ^ expected) & mask) == 0) return 1.0 + frame.lost;
+    const double period_ns = period_ns_ > 0 ? period_ns_ : interval_us_ * 1e3;
+    if (!is_reopened_ && (period_ns <= 0 || frame.sequence < std::min(kBooted_ns / period_ns, range / 8))) return 0;
     const double steps = double((frame.sequence - sequence_) & mask);
-    const double range = double(mask) + 1;
-    if (period_ns_ <= 0 || is_wide_) return steps < range / 2 ? steps : 0;
-    const double wraps = std::nearbyint((silence_ns / period_ns_ - steps) / range);
+    if (period_ns <= 0) return steps < range / 2 ? steps : 0;
+    const double expected_steps = silence_ns / period_ns;
+    if (expected_steps > range / 2 && range * period_ns > kMaxClosed_ns) return std::max(steps, 1.0);  // or more: not known
+    const double wraps = std::nearbyint((expected_steps - steps) / range);
     return wraps >= 0 ? steps + wraps * range : 0;
 }
 
@@ -205,7 +227,7 @@ inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcep
     period_ns_ = elapsed_ns / learn_frames_;
     if (declared_ns_ > 0)
         period_ns_ = std::clamp(period_ns_, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
-    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 1e-6});
+    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6});
     counted_ = 0;
 }
 
@@ -225,6 +247,7 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
             const double mean_ns = learn_frames_ > 0 ? double(host_ns_ - learn_ns_) / learn_frames_ : declared_ns_;
             if (silence_ns > advance * std::max(3 * mean_ns, kLate_ns)) is_unproved_ = true;
             if (!is_unproved_) learn_rate(advance, host_ns);  // a rate over a silence, or a backlog, is not the device's
+            if (is_reopened_ && advance * mean_ns < silence_ns / 2) late = silence_ns + kLate_ns;  // nothing was discarded
         }
     } else {
         counted_ += std::max(advance, 1.0);
@@ -236,13 +259,14 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         }
     }
     if (late_is_known) is_unproved_ = is_unproved_ ? late > kCaughtUp_ns : late > kLate_ns;
-    if (is_unproved_ && is_reopened_ && route_.reopening_discards) {  // the device had paused, or the lag is gone
+    if (is_unproved_ && has_discarded(late)) {  // the device had paused, or the lag is gone
         bound_.restart();
         late = 0;
         is_unproved_ = false;
         learn_ns_ = host_ns;
         learn_frames_ = 0;
     }
+    late_ns_ = late;
     frame.age = is_unproved_ ? Frame::Age::unproved : Frame::Age::proved;
     if (!is_unproved_) backdate(frame, late);
     put_trouble(is_unproved_, host_ns);

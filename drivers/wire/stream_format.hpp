@@ -18,7 +18,7 @@ namespace tactiled {
 // The properties of a device that is played (`tactilectl play`, `simulate --pty`). A format ignores those that it does not
 // have.
 struct StreamSettings {
-    int bits = 24;          // of a channel, 24 or 32: binary formats
+    int bits = 24;          // bits of a channel, 24 or 32: binary formats
     bool checksum = false;  // each frame has one, by exclusive or: text formats
     bool sequence = false;  // each frame has a counter: text formats
     bool time_us = false;   // each frame has the device's time
@@ -31,11 +31,11 @@ struct StreamGuess {
     std::size_t good = 0;            // frames that these keys accept
     std::size_t bad = 0;             // frames or lines that they refuse
     std::string last_bad;            // the last of these, printable
-    std::vector<std::string> notes;  // what the device should send as well
+    std::vector<std::string> notes;  // data that the device should send in addition
 };
 
 struct StreamFormat {
-    std::string_view name;  // as in `format = "cobs"`
+    std::string_view name;  // name in `format = "lines"`
     // The links on which devices with this format exist.
     bool on_tty = true, on_tcp = true;
     // Number of devices that one stream can tell apart: Frame::device is 0 .. max_devices - 1.

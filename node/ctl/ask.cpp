@@ -12,7 +12,7 @@ namespace tactiled::ctl {
 std::string ask_plain(const Segment& segment, const std::string& words, double timeout_s, std::string& why) {
     const std::string control = segment.header().control;
     if (control.empty()) {
-        why = "the daemon runs without a control socket; its log says why";
+        why = "the daemon runs without a control socket; its log has the reason";
         return "";
     }
     return ask_daemon(control, fmt::format("{} {}", segment.header().name, words), int(timeout_s * 1000), why);

@@ -15,8 +15,8 @@ nlohmann::json json_number(float value) {
 }
 
 struct Front {
-    std::vector<std::string> methods;  // most accurate first; none where the sensor is not "auto"
-    int now = -1;                      // -1: not known, the sample is BAD
+    std::vector<std::string> methods;  // most accurate first; none if the sensor's method is not "auto"
+    int now = -1;                      // -1: unknown, the sample is BAD
     unsigned down = 0, up = 0;
     std::string why, state;
 };

@@ -1,4 +1,4 @@
-// Method "auto" of a sensor in words and numbers: its front, what runs and why.
+// Method "auto" of a sensor as text and numbers: its methods, the present one and the reason.
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
@@ -7,7 +7,7 @@
 
 namespace tactiled::ctl {
 
-// "" and null where the sensor's method is not "auto".
+// Return "" and null if the sensor's method is not "auto".
 std::string auto_lines(const Segment& segment, std::uint32_t sensor, const tactiled_sample& newest);
 nlohmann::json auto_json(const Segment& segment, std::uint32_t sensor, const tactiled_sample& newest);
 

@@ -1,5 +1,5 @@
-// tactilectl check FILE: a configuration with all that it refers to; every error at once. check --keys: the keys that it may
-// have.
+// tactilectl check FILE: checks a configuration and the files that it names, and reports every error at once. check
+// --keys lists the possible keys.
 #include <fmt/format.h>
 
 #include <memory>

@@ -1,4 +1,4 @@
-// tactilectl doctor: what on this machine stands between the daemon and its deadlines.
+// tactilectl doctor: reports what prevents the daemon from meeting its deadlines on this machine.
 #include <fmt/format.h>
 #include <pwd.h>
 #include <sys/stat.h>
@@ -31,7 +31,7 @@ struct Args {
     bool json = false;
 };
 
-// The daemon of this configuration: its number, or "" where none runs.
+// Returns the process number of the daemon of this configuration, or "" if none runs.
 std::string running_daemon(const std::string& node_name) {
     std::string unused;
     const Segment segment = Segment::try_open(node_name, unused);
@@ -50,7 +50,7 @@ std::string user_of(const Machine& machine, const std::string& pid) {
     return self != nullptr ? self->pw_name : "root";
 }
 
-// A daemon that was killed, and one that takes no commands.
+// Reports a daemon that was killed, or that accepts no commands.
 void look_at_daemon(const std::string& node_name, Findings& found) {
     std::string unused;
     const Segment segment = Segment::try_open(node_name, unused);
@@ -111,14 +111,13 @@ nlohmann::json as_json(const Findings& found, bool good) {
 
 void add_doctor(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb =
-        add_verb(app, "doctor",
-                 "What on this machine stands between the daemon and its deadlines: rights, kernel, "
-                 "processors, clock, devices; and what in its configuration is unsafe; exit status 1 when something "
-                 "is wrong",
-                 "  tactilectl doctor --config my.toml\n");
+    auto* verb = add_verb(app, "doctor",
+                          "Checks what on this machine can delay the daemon (rights, kernel, processors, clock, devices) "
+                          "and what in its configuration is unsafe; exit status 1 when something is wrong",
+                          "  tactilectl doctor --config my.toml\n");
     verb->add_option("--config", args->config, "the daemon's configuration")->capture_default_str();
-    verb->add_option("--user", args->user, "the daemon's user; default: the running daemon's, else tactiled, else who asks");
+    verb->add_option("--user", args->user,
+                     "the daemon's user; default: the running daemon's, else tactiled, else the caller");
     verb->add_option("--pid", args->pid, "the daemon; default: the one that runs under the configuration's name");
     verb->add_option("--root", args->root, "the folder of another machine's /proc, /sys, /dev and /etc");
     verb->add_flag("--json", args->json, "one JSON object");

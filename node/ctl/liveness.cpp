@@ -27,10 +27,9 @@ Liveness liveness_of(const SegmentView& segment) {
     if (tactiled_is_fresh(node.t_ns, now_ns, h.watchdog_ms) != 0) return {};
     const double silent_s = now_ns > node.t_ns ? double(now_ns - node.t_ns) / 1e9 : 0;
     if (is_a_daemon(std::uint32_t(h.pid)))
-        return {"hangs",
-                fmt::format("the daemon of node \"{}\" (pid {}) has published nothing for {:.1f} s: it hangs or was "
-                            "stopped; its log may say why",
-                            h.name, h.pid, silent_s)};
+        return {"hangs", fmt::format("the daemon of node \"{}\" (pid {}) has published nothing for {:.1f} s: it hangs or "
+                                     "was stopped; its log may have the reason",
+                                     h.name, h.pid, silent_s)};
     return {"dead",
             fmt::format("the daemon of node \"{}\" is dead: it published its last data {:.1f} s ago, and there is no "
                         "process {}; start it again",

@@ -1,4 +1,4 @@
-// tactilectl: everything that a person runs. Each verb is one file.
+// tactilectl: the program for users. Each verb is one file.
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/laboratory.hpp"
 #include "node/ctl/verb.hpp"

@@ -1,4 +1,4 @@
-// The function block of the PLC code that commands: the handshake of CMD_SEQ, and the PLC's heartbeat.
+// The PLC function block for commands: the handshake of CMD_SEQ, and the PLC's heartbeat.
 #include <fmt/format.h>
 
 #include "node/ctl/map_text.hpp"

@@ -1,8 +1,9 @@
-// The register map for a PLC: IEC 61131-3 structured text that declares the blocks, unpacks them and judges their liveness.
-// The command block is in map_structured_commands.cpp.
+// The register map for a PLC: IEC 61131-3 structured text that declares the blocks, unpacks them and checks their
+// liveness. The command block is in map_structured_commands.cpp.
 //
-// Kept to what CODESYS, TwinCAT, TIA and matiec all take: one field a line, named array types, explicit conversions, no bit
-// access, no pointers, no enumerations, names of at most 40 characters. tests/system/map_test.py runs it against the daemon.
+// The text uses only features that CODESYS, TwinCAT, TIA and matiec all accept: one field a line, named array types,
+// explicit conversions, no bit access, no pointers, no enumerations, names of at most 40 characters.
+// tests/system/map_test.py runs it against the daemon.
 #include <fmt/format.h>
 
 #include <array>
@@ -22,7 +23,7 @@ const Area& area_with(Block block) {
 }
 
 bool is_flag(const Register& r) { return r.type == Type::bits || r.type == Type::mask; }
-// Forces and torques become REAL in SI, with a bit that says whether there is a value.
+// Forces and torques become REAL in SI units, with a bit that is set if there is a value.
 bool is_force(const Register& r) { return r.type == Type::i16 && (r.unit == "0.01 N" || r.unit == "0.001 Nm"); }
 bool is_wire_only(const Register& r) {
     return r.name == "SEQ_END" || r.name == "MAGIC0" || r.name == "MAGIC1" || r.name == "SCALE";
@@ -142,7 +143,8 @@ void unpack(std::string& out, const Area& area, std::string_view array, std::str
     }
 }
 
-// STILL counts the calls since `cell` has changed. A first call proves nothing: whatever stands in the array may be old.
+// STILL counts the calls since `cell` has changed. The first call proves nothing, because the array may contain old
+// data.
 void count_still(std::string& out, std::string_view cell, std::string_view last, std::string_view still,
                  std::string_view indent) {
     out += fmt::format(
@@ -151,7 +153,7 @@ void count_still(std::string& out, std::string_view cell, std::string_view last,
         indent, cell, last, still);
 }
 
-// The subset of IEC 61131-3 that the text is written in; tests/system/structured_text_test.py holds it to this list.
+// The subset of IEC 61131-3 that the text uses; tests/system/structured_text_test.py enforces this list.
 constexpr char kSubset[] =
     "   It is written in this subset of IEC 61131-3: TYPE, ARRAY, OF, STRUCT, FUNCTION_BLOCK, VAR, VAR_INPUT, VAR_OUTPUT,\n"
     "   initial values, IF, THEN, ELSIF, ELSE, FOR, TO, DO, AND, OR, NOT, := = <> < >= + * /, BOOL, WORD, INT, UINT, DINT, "

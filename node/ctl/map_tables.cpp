@@ -1,4 +1,4 @@
-// The register map for people and for spreadsheets: Markdown, CSV, JSON, manual page.
+// The register map for users and spreadsheets: Markdown, CSV, JSON, manual page.
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
@@ -36,7 +36,7 @@ std::string access_of(const Register& r) {
     return r.limits.locked ? "rw, locked" : "rw";
 }
 
-// The words that make mbpoll show the register at `address` as what it is.
+// Returns the arguments with which mbpoll shows the register at `address` in its type.
 std::string mbpoll_of(const Area& area, const Register& r) {
     const char* const type = r.type == Type::f32                            ? "-t 4:float"
                              : r.type == Type::i32                          ? "-t 4:int"
@@ -62,19 +62,21 @@ std::string meaning_of(const Area& area, const Register& r, const char* separato
 
 std::string range_of(const Register& r) {
     if (r.limits.max < r.limits.min || (r.limits.min == 0 && r.limits.max == 65535)) return "";
-    return fmt::format("{} .. {}{}", r.limits.min, r.limits.max, r.limits.locked ? ", 65535 = as configured" : "");
+    return fmt::format("{} .. {}{}", r.limits.min, r.limits.max,
+                       r.limits.locked ? ", or 65535 for the configured value" : "");
 }
 
 constexpr const char* kRules[] = {
     "Addresses are those on the wire, from 0. The manuals of many PLCs add 30001 (FC 4) or 40001 (FC 3): both are given.",
-    "All is readable with FC 3 and FC 4, 5000 .. 5227 with FC 3 alone. Outside the areas, and across the end of one: "
-    "exception 2. "
+    "All registers can be read with FC 3 and FC 4, 5000 .. 5227 with FC 3 only. A request outside the areas, or across the "
+    "end of one, returns exception 2. "
     "Cells without a name inside them read 0.",
-    "i16 is two's complement. Not available: i16 0x8000, u16 and enum 0xFFFF, i32 0x80000000, f32 a quiet NaN. What leaves "
-    "the "
-    "range saturates at +-32767 or 65534 and sets a status bit.",
-    "i32 and f32 stand high word first; 3000 .. holds the floats low word first. No setting changes that.",
-    "A request is answered from one frame: SEQ = SEQ_END. Who needs two requests compares the SEQ of one with the other's.",
+    "i16 is two's complement. Not available: i16 0x8000, u16 and enum 0xFFFF, i32 0x80000000, f32 a quiet NaN. Values "
+    "outside the range saturate at +-32767 or 65534 and set a status bit.",
+    "i32 and f32 have the high word first; the copies of the floats from 3000 on have the low word first. No setting "
+    "changes that.",
+    "A request is answered from one frame: SEQ = SEQ_END. A client that needs two requests compares the SEQ of the first "
+    "with that of the second.",
     "Any unit identifier is answered over TCP and repeated. RTU: the configured address; 0 writes without an answer.",
     "Writing needs commands = true in [modbus], and only 5000 .. and the coils can be written (FC 5, 6, 15, 16, 22, 23). "
     "Exceptions: "
@@ -93,7 +95,7 @@ std::string title_of(const Area& area) {
     return title;
 }
 
-// Calls with (title, run, whether it may be written) for coils and inputs.
+// Calls `each` with (title, run, whether it may be written) for coils and inputs.
 template <class Each>
 void each_bits(Each&& each) {
     for (const Bits& run : coils()) each("coil", run, true);
@@ -109,12 +111,13 @@ std::string map_markdown() {
     for (const char* rule : kRules) out += fmt::format("* {}\n", rule);
     for (const Area& area : areas()) {
         out += fmt::format("\n## {}\n\n", title_of(area));
-        if (area.low_word_first) {  // the same cells once more
-            out += fmt::format("As {} .., each f32 with its low word first.\n", area.at - kSwapped);
+        if (area.low_word_first) {  // the same cells with the other word order
+            out +=
+                fmt::format("The registers are those from {} on, each f32 with its low word first.\n", area.at - kSwapped);
             continue;
         }
         if (area.registers.empty()) {
-            out += "Where `scratch = true`. Start at 0, keep what is written.\n";
+            out += "These registers exist with `scratch = true`. They start at 0 and keep the written values.\n";
             continue;
         }
         const bool writable = area.block == Block::controls;
@@ -216,14 +219,17 @@ std::string map_manual_page() {
         ".TH TACTILED-REGISTERS 7 \"\" \"tactiled {}\" \"Register map {}.{}\"\n.SH NAME\ntactiled-registers \\- the "
         "Modbus register map of tactiled\n.SH DESCRIPTION\n",
         TACTILED_VERSION, kMapMajor, kMapMinor);
-    const auto safe = [](std::string text) {  // a backslash, and a dot or an apostrophe at the start of a line, are roff's
+    // roff interprets a backslash, and a dot or an apostrophe at the start of a line
+    const auto safe = [](std::string text) {
         for (std::size_t i = 0; (i = text.find('\\', i)) != std::string::npos; i += 2) text.insert(i, "\\");
         return text.empty() || (text[0] != '.' && text[0] != '\'') ? text : "\\&" + text;
     };
     for (const char* rule : kRules) out += fmt::format(".IP \\(bu 2\n{}\n", safe(rule));
     for (const Area& area : areas()) {
         out += fmt::format(".SH \"{}\"\n", safe(title_of(area)));
-        if (area.low_word_first) out += fmt::format("As {} .., each f32 with its low word first.\n", area.at - kSwapped);
+        if (area.low_word_first)
+            out +=
+                fmt::format("The registers are those from {} on, each f32 with its low word first.\n", area.at - kSwapped);
         for (const Register& r : area.registers) {
             if (area.low_word_first) break;
             out += fmt::format(".TP 8\n{}{}\n.B {}\n{}", is_block(area) ? "+" : "", r.at, safe(std::string(r.name)),

@@ -59,7 +59,7 @@ std::string text_row(const tactiled_sample& s, bool raw) {
     return row + "  " + quality_text(s.quality, s.reasons);
 }
 
-// Prints the state of a daemon that does not run; true where it is dead.
+// Prints the state of a daemon that does not run. Returns true if it is dead.
 bool report_daemon(const Reader& reader) {
     if (!reader.is_attached()) return false;
     const Liveness liveness = liveness_of(reader.segment());

@@ -1,6 +1,6 @@
-// tactilectl record FILE: all frames of all links, all samples of all sensors and the wrench on the gripper, from shared
-// memory into an MCAP file. It
-// costs the daemon nothing: what goes wrong here, a full disk too, ends the recording and nothing else.
+// tactilectl record FILE: records all frames of all links, all samples of all sensors and the wrench on the gripper
+// from shared memory into an MCAP file. It costs the daemon nothing: an error here, such as a full disk, ends only the
+// recording.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -43,13 +43,14 @@ std::uint64_t wall_ns() {
     return std::uint64_t(t.tv_sec) * 1'000'000'000u + std::uint64_t(t.tv_nsec);
 }
 
-// Takes every record of one ring in turn, from the newest on; counts those that were overwritten before it came.
+// Reads every record of one ring in order, from the newest on, and counts records that were overwritten before it
+// read them.
 class Tail {
 public:
     Tail(const SegmentView& segment, const tactiled_ring& ring)
         : base_(segment.base()), ring_(&ring), next_(tactiled_ring_head(base_, &ring)) {}
 
-    // False when there is none now.
+    // Returns false if there is no further record now.
     template <class Record>
     bool next(Record& record) {
         for (;;) {
@@ -72,8 +73,8 @@ private:
     std::uint64_t lost_ = 0;
 };
 
-// The configuration and every file that it names, as they are on the disk; first the configuration as "tactiled.toml", then
-// all under their own paths.
+// Returns the configuration and every file that it names, as they are on the disk: first the configuration as
+// "tactiled.toml", then all of them under their own paths.
 TextFiles::List configuration_files(const Segment& segment, const Args& args) {
     std::string path = args.config, why;
     if (path.empty()) path = ask_plain(segment, "config-file", 5, why);
@@ -149,7 +150,7 @@ public:
         wall_from_monotonic_ns_ = wall_ns() - monotonic_ns();
     }
 
-    // All that has come since the last turn.
+    // Records everything that has arrived since the last cycle.
     void cycle() {
         tactiled_frame shown;
         Frame frame;
@@ -165,7 +166,7 @@ public:
                 const auto number = std::uint32_t(sample.sequence);
                 encode_sample(sample, wall(sample.t_ns), message_);
                 file_.message(sensor.samples, number, wall(sample.t_ns), message_);
-                // Every sample has a wrench, so that a plot is whole; one that is BAD has no numbers.
+                // Every sample has a wrench, so that a plot has no gaps; a BAD one has no numbers.
                 encode_wrench(sample, sensor.frame_id, wall(sample.t_ns), message_);
                 file_.message(sensor.wrenches, number, wall(sample.t_ns), message_);
                 encode_quality(sample, wall(sample.t_ns), message_);
@@ -204,7 +205,7 @@ public:
 
 private:
     [[nodiscard]] std::uint64_t wall(std::uint64_t t_ns) const { return t_ns + wall_from_monotonic_ns_; }
-    // pick.mcap and sensor "left": pick.left.csv
+    // Returns the path of the CSV file: pick.mcap and sensor "left" give pick.left.csv.
     static std::string csv_path(const std::string& file, const std::string& sensor) {
         const std::string stem = file.ends_with(".mcap") ? file.substr(0, file.size() - 5) : file;
         return fmt::format("{}.{}.csv", stem, sensor);
@@ -226,7 +227,7 @@ private:
         std::uint16_t whole, wrenches;
         std::tuple<std::uint64_t, std::uint32_t, std::uint32_t> last{};
     };
-    TextFiles::List files_;  // read first: where a configuration that was named cannot be, there is no recording
+    TextFiles::List files_;  // read first: without a configuration that was named there is no recording
     mcap::Writer file_;
     std::vector<LinkTail> links_;
     std::vector<SensorTail> sensors_;
@@ -253,8 +254,8 @@ int record(const Args& args) {
     Recording recording(segment, args);
     const std::uint64_t begun_ns = monotonic_ns();
     std::uint64_t flushed_ns = begun_ns;
-    bool ended = false;  // the daemon
-    std::string died;    // why it publishes nothing any more
+    bool ended = false;  // true: the daemon has ended
+    std::string died;    // reason why the daemon has stopped publishing
     while (interrupted == 0 && !ended && died.empty() &&
            (args.seconds <= 0 || double(monotonic_ns() - begun_ns) < args.seconds * 1e9)) {
         ended = !segment.is_current();
@@ -310,7 +311,8 @@ void add_record(CLI::App& app, Run& run) {
         ->capture_default_str();
     verb->add_flag("--csv", args->csv, "beside FILE.mcap the forces of each sensor, as FILE.SENSOR.csv");
     verb->add_option("--flush-ms", args->flush_ms,
-                     "a chunk is written at least this often: what a kill loses; a power cut, what the kernel held")
+                     "a chunk is written at least this often; the last one is lost if the program is killed, and more after "
+                     "a power cut")
         ->check(CLI::Range(100, 1000))
         ->capture_default_str();
     verb->add_flag("--overwrite", args->overwrite, "replace a file that is there");

@@ -1,5 +1,5 @@
-// tactilectl replay FILE: the recorded frames through the very sensors of the daemon, as fast as they go, and whether the
-// samples come out as they were published. For a recording in real time: driver "replay".
+// tactilectl replay FILE: passes the recorded frames through the daemon's sensor code as fast as possible and reports
+// whether the samples equal the published ones. Driver "replay" plays a recording in real time.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -31,20 +31,21 @@ struct Args {
 // Result of the comparison of one sensor's samples.
 struct Outcome {
     std::uint64_t frames = 0, compared = 0, equal = 0;
-    std::uint64_t raw_only = 0;  // of the equal ones: compared before tare and filter
+    std::uint64_t raw_only = 0;  // equal samples that were compared before tare and filter
     std::string first_difference;
 };
 
 bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(a, b, n * sizeof *a) == 0; }
 
-// "" or the first part that differs. `raw_only`: what a tare or a filter had seen is not in the file.
+// Returns "" or the first part that differs. `raw_only`: the input of a tare or a filter is not in the file.
 std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only) {
-    const bool zero_lost = (was.reasons & TACTILED_ZERO_UNKNOWN) != 0;  // by a restart, which is not repeated here
+    const bool zero_lost = (was.reasons & TACTILED_ZERO_UNKNOWN) != 0;  // caused by a restart, which is not repeated here
     const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
                                         TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY | TACTILED_ZERO_UNKNOWN |
                                         (zero_lost ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u);
-    if ((was.reasons & TACTILED_STALE) != 0) return "";  // it came too late; a recording does not say so of a frame
-    // With another sensor, or with the time of other frames: not here.
+    // the frame was too late; a recording does not contain that of a frame
+    if ((was.reasons & TACTILED_STALE) != 0) return "";
+    // Comparisons with another sensor, or with the time of other frames, are not repeated here.
     const bool compared = (was.reasons & (TACTILED_SENSORS_DIFFER | TACTILED_UNPROVED_AGE)) != 0;
     if (was.quality != is.quality && !compared && !zero_lost) return "quality";
     if ((was.reasons & ~of_the_moment) != (is.reasons & ~of_the_moment)) return "reasons";
@@ -70,19 +71,19 @@ void open_file(mcap::MessageFile& file, const std::string& path) {
     if (const std::string wrong = file.open(path); !wrong.empty()) throw SetupError(wrong);
 }
 
-// The samples as they were published, read from the file beside its frames.
+// The published samples, read from the file together with its frames.
 class Published {
 public:
-    // Bytes of the file that may lie between a frame and its sample. The recorder writes both in one turn, or in two that
-    // follow each other.
+    // Bytes of the file that may be between a frame and its sample. The recorder writes both in one cycle or in two
+    // successive ones.
     static constexpr std::uint64_t kMaxBetween = 32u << 20;
 
     Published(const std::string& path, const Node& node) : node_(node), sensors_(node.plan.sensors.size()) {
         open_file(file_, path);
     }
 
-    // What a frame became that lies about at byte `frame_at`; nullopt where the file does not say. Frames may have
-    // one stamp: by their order.
+    // Returns the sample of a frame at about byte `frame_at`; nullopt if the file has none. Frames with the same
+    // timestamp are assigned by their order.
     std::optional<tactiled_sample> of_frame(std::size_t i, std::uint64_t t_ns, std::uint64_t frame_at) {
         auto& waiting = sensors_[i].waiting;
         for (;;) {
@@ -95,11 +96,11 @@ public:
         waiting.pop_front();
         return sample;
     }
-    // True if no frame came to the sensor before the file began.
+    // True if no frame of the sensor arrived before the file began.
     [[nodiscard]] bool from_the_start(std::size_t i) const { return sensors_[i].from_the_start; }
 
 private:
-    // Takes the file's next message; false at its end. Forgets what no frame has claimed for long.
+    // Reads the file's next message. Returns false at its end. Drops samples that no frame has matched for long.
     bool read_on(std::uint64_t frame_at) {
         const auto message = file_.next();
         if (!message) return false;
@@ -109,7 +110,7 @@ private:
         for (std::size_t i = 0; i < sensors_.size(); ++i) {
             if (name != node_.plan.sensors[i].name) continue;
             OfSensor& of = sensors_[i];
-            // Before the first frame there are three markers at most: no data yet, and why.
+            // Before the first frame there are at most three markers: no data yet, and the reason.
             if (!std::exchange(of.any, true)) of.from_the_start = sample.sequence <= 2;
             while (!of.waiting.empty() && of.waiting.front().at + kMaxBetween < frame_at) of.waiting.pop_front();
             of.waiting.push_back({file_.bytes_read(), sample});
@@ -118,7 +119,7 @@ private:
     }
 
     struct Waiting {
-        std::uint64_t at;  // byte in the file, about
+        std::uint64_t at;  // approximate byte in the file
         tactiled_sample sample;
     };
     struct OfSensor {
@@ -142,7 +143,7 @@ public:
         forces_ = std::make_unique<ForcesWriter>(args.out);
     }
 
-    // A frame of a link that lies about at byte `at` of the file; `published` says what it became then.
+    // Processes a frame of a link at about byte `at` of the file; `published` has the sample of that time.
     void frame(const std::string& link, const Frame& frame, std::uint64_t at, Published& published) {
         for (const auto& each : node_.links) {
             if (each->name != link) continue;
@@ -160,7 +161,7 @@ private:
         Outcome& outcome = outcome_[i];
         ++outcome.frames;
         const std::optional<tactiled_sample> was = published.of_frame(i, frame.t_ns, at);
-        // A break between two frames, seen by the pipeline alone, makes a filter begin anew.
+        // A discontinuity between two frames that only the pipeline saw restarts the filter.
         if (was && last_epoch_[i] != 0 && was->epoch != last_epoch_[i]) {
             (void)node_.sensors[i].has_discontinuity(false, frame.t_ns);
             (void)node_.sensors[i].marker(frame.t_ns);
@@ -187,7 +188,7 @@ private:
     std::unique_ptr<ForcesWriter> forces_;
 };
 
-// With the configuration that stands in the recording, or the one of --config.
+// Loads the configuration in the recording, or the one of --config.
 Node load(const Args& args) {
     Problems problems;
     if (!args.config.empty()) {
@@ -199,7 +200,7 @@ Node load(const Args& args) {
     const auto named = std::find_if(attached.begin(), attached.end(), [](const auto& a) { return a.first == kConfigName; });
     if (named == attached.end() || named + 1 == attached.end())
         throw SetupError(fmt::format("{}: has no configuration inside: --config FILE", args.file));
-    const std::string config_path = (named + 1)->first;  // its own path follows
+    const std::string config_path = (named + 1)->first;  // the next attachment has its own path
     attached.erase(named);
     const TextFiles files(std::move(attached));
     Node node = load_node(config_path, problems, "");
@@ -250,7 +251,7 @@ int replay(const Args& args) {
 
 void add_replay(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "replay", "A recording through the daemon's own sensors: do the same samples come out?",
+    auto* verb = add_verb(app, "replay", "Processes a recording with the daemon's own code, and compares the samples",
                           "  tactilectl replay pick.mcap --config my.toml\n  tactilectl replay pick.mcap --config my.toml "
                           "--sensor left --out forces.csv\n");
     verb->add_option("file", args->file, "made by tactilectl record")->required();

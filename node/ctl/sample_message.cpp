@@ -105,7 +105,7 @@ void put_time(CdrWriter& cdr, std::uint64_t wall_ns) {
     cdr.put(std::uint32_t(wall_ns % 1'000'000'000u));
 }
 
-// The fields in the order of the definition, for writing and for reading.
+// Calls `each` for the fields in the order of the definition, for writing and for reading.
 template <class Sample, class Each>
 void each_field(Sample& s, Each&& each) {
     each(s.sequence), each(s.t_ns), each(s.t_published_ns);

@@ -1,4 +1,5 @@
-// A sample as messages of a recording: whole, as the WrenchStamped that Foxglove and PlotJuggler show, and its quality.
+// A sample as messages of a recording: the complete sample, the WrenchStamped that Foxglove and PlotJuggler show, and
+// its quality.
 #pragma once
 #include <span>
 #include <string>
@@ -14,24 +15,25 @@ inline constexpr std::string_view kWrenchSchema = "geometry_msgs/msg/WrenchStamp
 inline constexpr std::string_view kQualitySchema = "tactiled_msgs/msg/Quality";
 inline constexpr std::string_view kToolSchema = "tactiled_msgs/msg/Tool";
 extern const std::string_view kSampleDefinition, kWrenchDefinition, kQualityDefinition,
-    kToolDefinition;                                      // as ROS 2 writes message definitions
-inline constexpr std::string_view kSensorKey = "sensor";  // in the channel's metadata: the sensor's name
+    kToolDefinition;                                      // in the format of ROS 2 message definitions
+inline constexpr std::string_view kSensorKey = "sensor";  // key of the sensor's name in the channel's metadata
 
-// The attachment that is the daemon's configuration; the one behind it is the same under its own path.
+// The attachment with the daemon's configuration; the next attachment is the same file under its own path.
 inline constexpr const char* kConfigName = "tactiled.toml";
 
 void encode_sample(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out);
-// False where the bytes are no such message.
+// Returns false if the bytes are not such a message.
 [[nodiscard]] bool decode_sample(std::span<const char> bytes, tactiled_sample& sample);
 
-// Force and torque as readers see them: NaN where the sample is BAD or the sensor sees none. `frame_id`: the sensor.
+// Encodes force and torque as readers see them: NaN if the sample is BAD or the sensor does not measure the
+// component. `frame_id`: the sensor.
 void encode_wrench(const tactiled_sample& sample, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
-// Quality and reasons of a sample as numbers and words, to be shown beside its wrench.
+// Encodes quality and reasons of a sample as numbers and words, to be shown beside its wrench.
 void encode_quality(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out);
 // The wrench on the gripper: whole, and as a WrenchStamped of frame `frame_id`.
 void encode_tool(const tactiled_tool& tool, std::uint64_t wall_ns, std::string& out);
 void encode_wrench(const tactiled_tool& tool, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
-// A sample as a row of forces.csv.
+// Converts a sample to a row of forces.csv.
 [[nodiscard]] Estimate estimate_of(const tactiled_sample& sample);
 
 }  // namespace tactiled::ctl

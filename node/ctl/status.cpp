@@ -1,4 +1,4 @@
-// tactilectl status: every sensor once, with the counters of the links and the grasp.
+// tactilectl status: prints every sensor once, with the counters of the links and the grasp.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -39,7 +39,7 @@ const char* freshness_of(const Segment& segment, std::uint32_t i) {
     return freshness < std::size(kFreshness) ? kFreshness[freshness] : "unknown";
 }
 
-// Number of samples with each reason since the start.
+// Returns the number of samples with each reason since the start.
 std::string reason_line(const Segment& segment, std::uint32_t i) {
     std::string counts;
     for (unsigned bit = 0; bit < kReasonWords.size(); ++bit)
@@ -48,8 +48,8 @@ std::string reason_line(const Segment& segment, std::uint32_t i) {
     return counts.empty() ? "" : fmt::format("samples of {}:{}\n", segment.sensor(i).name, counts);
 }
 
-// The set bits of a register of faults or warnings, in the words of the register map up to a colon, or as the names of
-// constants in PLC code.
+// Returns the set bits of a register of faults or warnings, as the text of the register map up to a colon, or as the
+// names of constants in PLC code.
 std::vector<std::string> bit_names(const char* cell, std::uint32_t bits, bool constants) {
     std::vector<std::string> names;
     for (const modbus::Name& bit : modbus::names_of(cell))

@@ -13,12 +13,12 @@ inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
     "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};
 
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
-// "open", "closed", or "not read" where no daemon runs.
+// Returns "open", "closed", or "not read" if no daemon runs.
 const char* link_word(const tactiled_link& link, const Liveness& liveness);
-// The latched faults and the warnings of a node in words, a line each; "" where there are none.
+// Returns the latched faults and the warnings of a node as text, one line each; "" if there are none.
 std::string fault_lines(const tactiled_node& node);
 nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot);
-// The daemon lives, and every sensor has a value.
+// Returns true if the daemon runs and every sensor has a value.
 bool is_healthy(const Segment& segment, const Snapshot& snapshot);
 
 }  // namespace tactiled::ctl

@@ -1,4 +1,4 @@
-// tactilectl tare SENSOR|all: as the PLC's command, acknowledged by the daemon.
+// tactilectl tare SENSOR|all: the same as the PLC's command, acknowledged by the daemon.
 #include <fmt/format.h>
 
 #include <memory>
@@ -29,7 +29,8 @@ const char* result_text(int result) {
             return "refused: a sensor is under load, beyond its tare_limit_N; unload it, or calibrate it where its zero has "
                    "moved";
         case TACTILED_COMMAND_NOT_STORED:
-            return "refused, or lost with the next restart: the file of zeros cannot be written; the daemon's log says why";
+            return "refused, or lost with the next restart: the file of zeros cannot be written; the daemon's log has the "
+                   "reason";
         case TACTILED_COMMAND_TIMED_OUT: return "timed out";
         default: return "refused";
     }
@@ -67,12 +68,12 @@ int tare(const Args& args) {
 
 void add_tare(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "tare", "Makes what a sensor reads now its zero; the raw force stays readable",
+    auto* verb = add_verb(app, "tare", "Sets the zero of a sensor to its present reading; the raw force stays readable",
                           "  tactilectl tare left\n  tactilectl tare all --remove\n");
     verb->add_option("sensor", args->sensor, "name of the sensor, or all")->required();
     add_node_option(verb, args->node);
     verb->add_flag("--remove", args->remove, "back to the calibration's zero");
-    verb->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's word")
+    verb->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
         ->check(number_in(0.1, 60.0))
         ->capture_default_str();
     verb->callback([args, &run] { run = [args] { return tare(*args); }; });

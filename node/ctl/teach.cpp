@@ -1,4 +1,5 @@
-// tactilectl teach NAME: what an object weighs, from real grasps of it; the daemon then tells it by its weight.
+// tactilectl teach NAME: measures the weight of an object in real grasps; the daemon then recognises the object by
+// its weight.
 #include <fmt/format.h>
 
 #include <chrono>
@@ -32,7 +33,8 @@ int fail(int exit_status, const std::string& why) {
     return exit_status;
 }
 
-// The next grasps of the node, each once its weight is stable. Fewer than asked for where it gave up: says why.
+// Returns the next grasps of the node, each as soon as its weight is stable. Returns fewer than requested if it gives
+// up, and prints the reason.
 std::vector<Weighing> weigh_grasps(Segment& segment, const Args& args) {
     std::vector<Weighing> weighings;
     tactiled_node node{};
@@ -100,7 +102,8 @@ std::vector<TaughtObject> taught_in(const std::string& path) {
     return taught;
 }
 
-// Standard deviation of the weights from grasp to grasp, and the largest that a grasp states of itself.
+// Returns the standard deviation of the weights from grasp to grasp, or the largest one that a grasp states, if
+// larger.
 double scatter_kg(const std::vector<Weighing>& weighings) {
     if (weighings.size() < 2) return 0;
     const double n = double(weighings.size());
@@ -130,7 +133,7 @@ int teach(Segment& segment, const std::string& path, const Args& args) {
             return fail(kUnhealthy,
                         "the scale was set in between (tactilectl weigh known or forget, or a restart): nothing stored");
     const ObjectsLock lock(path);
-    before = taught_in(path);  // others may have been taught meanwhile
+    before = taught_in(path);  // another program may have changed the file meanwhile
     known = find_object(before, args.name);
     if (known == nullptr && before.size() >= grasp::Grasp::kMaxObjects)
         return fail(kUnhealthy, fmt::format("{} objects are taught by now, no more fit", before.size()));
@@ -188,13 +191,13 @@ int run_teach(const Args& args) {
 
 void add_teach(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "teach", "Learns what an object weighs, from real grasps, so that the daemon can tell it",
+    auto* verb = add_verb(app, "teach", "Learns the mass of an object from real grasps, so that the daemon recognises it",
                           "  tactilectl teach bolt\n  tactilectl teach --list\n");
     auto* what = verb->add_option_group("what");
     what->add_option("name", args->name, "the object's name")->check([](const std::string& name) {
         return valid_name(name) ? std::string() : std::string(kValidName);
     });
-    what->add_flag("--list", args->list, "what is taught");
+    what->add_flag("--list", args->list, "list the taught objects");
     what->add_option("--forget", args->forget, "removes an object");
     what->add_flag("--reload", args->reload, "the daemon reads the file again, after it was edited by hand");
     what->require_option(1);

@@ -1,4 +1,5 @@
-// tactilectl top: sensors, links and grasp live, in a terminal of 80 x 24; elsewhere one snapshot after the other.
+// tactilectl top: shows sensors, links and grasp live in a terminal of 80 x 24; in a pipe it prints one snapshot
+// after the other.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -62,7 +63,7 @@ std::string table(const Segment& segment, const Snapshot& snapshot) {
     return out + grasp_lines(segment, node.grasp) + tool_lines(node.tool);
 }
 
-// Each line overwrites what stood there: no flicker, nothing left of a longer one.
+// Each line overwrites the old one: no flicker, and no rest of a longer line.
 void draw(const std::string& text) {
     std::string screen = kHome;
     for (const char c : text)
@@ -88,7 +89,8 @@ int top(const Args& args) {
     int exit_status = kGood;
     for (long n = 0; interrupted == 0; ++n) {
         std::string why;
-        const Segment segment = Segment::try_open(args.node, why);  // anew each time: the daemon may have been restarted
+        // opened each time: the daemon may have been restarted
+        const Segment segment = Segment::try_open(args.node, why);
         Snapshot snapshot;
         if (segment.is_open() && segment.snapshot(snapshot)) {
             if (args.json)
@@ -103,7 +105,7 @@ int top(const Args& args) {
         } else {
             const std::string text = fmt::format("tactilectl: {}\n", why.empty() ? "the daemon is starting" : why);
             if (redraw)
-                draw(text);  // not the last values
+                draw(text);  // replaces the last values
             else
                 fmt::print(stderr, "{}", text);
             exit_status = kNotReachable;

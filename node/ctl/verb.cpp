@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>
-#include <CLI/CLI.hpp>  // all of it, once: command_line.hpp
+#include <CLI/CLI.hpp>  // all of CLI11, once: see command_line.hpp
 
 #include <cerrno>
 #include <cstdio>
@@ -32,7 +32,7 @@ void catch_interrupt() {
 
 namespace {
 constexpr char kExitStatuses[] =
-    "Exit status: 0 good, 1 unhealthy or failed, 2 wrong words or files, 3 no daemon of that name, or it is dead.";
+    "Exit status: 0 good, 1 unhealthy or failed, 2 wrong arguments or files, 3 no daemon of that name, or it is dead.";
 }
 
 CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help, const std::string& examples) {
@@ -68,13 +68,13 @@ CLI::Validator number_in(double min, double max) {
 }
 
 void add_node_option(CLI::App* verb, std::string& node_name) {
-    verb->add_option("--node", node_name, "name of the daemon, as [node] name says")
+    verb->add_option("--node", node_name, "name of the daemon, [node] name")
         ->check([](const std::string& name) {
             tactiled_segment unused{};
             return std::string(tactiled_check_name(&unused, "node", name.c_str()) != 0 ? "" : unused.why);
         })
         ->capture_default_str();
-    // A variable and not a parameter: each reader of this process, and the laboratory's program, follows it.
+    // A variable and not a parameter: each reader of this process, and the laboratory's program, uses it.
     verb->add_option_function<std::string>(
         "--runtime-dir", [](const std::string& folder) { ::setenv(TACTILED_FOLDER_VARIABLE, folder.c_str(), 1); },
         "folder of the daemon's segment; default: TACTILED_RUNTIME_DIR, /run/tactiled, $XDG_RUNTIME_DIR/tactiled");
@@ -82,7 +82,7 @@ void add_node_option(CLI::App* verb, std::string& node_name) {
 
 namespace {
 
-// For a verb that reads a segment.
+// Warns if a verb reads a segment in a shared folder.
 void warn_of_shared_folder(const CLI::App& app) {
     const char* const given = tactiled_variable(TACTILED_FOLDER_VARIABLE);
     if (given == nullptr || std::strcmp(given, TACTILED_SHARED_FOLDER) != 0) return;
@@ -91,8 +91,8 @@ void warn_of_shared_folder(const CLI::App& app) {
             fmt::print(stderr, "{}: warning: {}\n", app.get_name(), TACTILED_SHARED_WARNING);
 }
 
-// A failed write to the standard output makes a verb fail. A pipe without a reader, as after `head`, needs no message.
-// `known_error`: of the write that failed, 0 where none is known to have failed.
+// Makes a verb fail if a write to the standard output failed. A pipe without a reader, as after `head`, needs no
+// message. `known_error`: errno of the failed write, 0 if none is known.
 int flush_output(const std::string& program, int status, int known_error = 0) {
     errno = 0;
     const bool written = std::cout.flush().good() && std::fflush(stdout) == 0 && std::ferror(stdout) == 0;
@@ -149,11 +149,12 @@ int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
 
 namespace {
 
-// Text of the error where the first word is no verb of `app`, or no second word is one of a verb that has some; else "".
+// Returns the text of the error if the first word is not a verb of `app`, or if no second word is a verb of one that
+// needs it; else "".
 std::string why_no_verb(const CLI::App& app, char** words) {
     std::vector<std::string> known;
     for (const CLI::App* verb : app.get_subcommands({}))
-        if (!verb->get_name().empty()) known.push_back(verb->get_name());  // a group of options has none
+        if (!verb->get_name().empty()) known.push_back(verb->get_name());  // a group of options has no name
     if (known.empty()) return "";
     const std::string word = words != nullptr && *words != nullptr ? *words : "";
     if (word.starts_with('-')) return "";

@@ -1,5 +1,5 @@
-// tactilectl's verbs, one file each: NAME.cpp defines add_NAME(), main.cpp calls them all. verb.cpp is the part of this
-// header that the laboratory's program (node/lab) links, too.
+// The verbs of tactilectl, one file each: NAME.cpp defines add_NAME(), and main.cpp calls them all. verb.cpp is the
+// part of this header that the laboratory's program (node/lab) links, too.
 #pragma once
 #include <array>
 #include <csignal>
@@ -18,11 +18,12 @@ namespace tactiled::ctl {
 // Exit status of every verb.
 inline constexpr int kGood = 0;
 inline constexpr int kUnhealthy = 1;     // unhealthy, or the check failed
-inline constexpr int kUsage = 2;         // the words or the files given are wrong
+inline constexpr int kUsage = 2;         // the arguments or the files are wrong
 inline constexpr int kNotReachable = 3;  // no daemon of that name
 
-// A verb adds its subcommand and, from the subcommand's callback, sets `run` to what it does; run_program() runs it after
-// parsing. What `run` throws (std::exception) is printed as an error, exit status kUsage for SetupError, else kUnhealthy.
+// A verb adds its subcommand and, in the subcommand's callback, sets `run` to its action; run_program() calls it
+// after parsing. An exception of `run` (std::exception) is printed as an error, with exit status kUsage for
+// SetupError, else kUnhealthy.
 using Run = std::function<int()>;
 using AddVerb = void (*)(CLI::App& app, Run& run);
 
@@ -44,41 +45,43 @@ void add_check(CLI::App& app, Run& run);
 
 // ---- shared by several verbs ----
 
-// Parses the words into `app`, calls `run`, prints what it throws after the program's name; returns the exit status.
+// Parses the arguments into `app`, calls `run`, prints its exceptions after the program's name, and returns the exit
+// status.
 int run_program(CLI::App& app, int argc, char** argv, const Run& run);
-// The same for a program of several verbs, of which users know one name, tactilectl. The first word is the verb
-// (verb_first.hpp). A word that is no verb is an error that names the nearest one.
+// Does the same for a program of several verbs that users call tactilectl. The first word is the verb
+// (verb_first.hpp). For an unknown verb the error names the most similar one.
 int run_verb(int argc, char** argv, std::span<const AddVerb> verbs);
 
-// add_subcommand(), compiled once, in verb.cpp: with it comes most of CLI11. `examples` are command lines, one a line, that
-// --help shows before the exit statuses.
+// add_subcommand(), compiled only in verb.cpp, because it needs most of CLI11. `examples` are command lines, one per
+// line, that --help shows before the exit statuses.
 CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help, const std::string& examples = "");
 
-// A number from `min` to `max`. CLI::Range accepts nan.
+// Accepts a number from `min` to `max`. CLI::Range accepts nan.
 CLI::Validator number_in(double min, double max);
 
-// Adds --node NAME, the daemon to talk to.
+// Adds --node NAME, which selects the daemon.
 void add_node_option(CLI::App* verb, std::string& node_name);
 
-// Of the reasons, bit 0 first.
+// Words of the reasons, from bit 0 on.
 inline constexpr std::array<const char*, 23> kReasonWords{
     "no-data-yet",    "stale",          "disconnected", "missing-channel", "saturated",   "disagreement",
     "outside-domain", "uncalibrated",   "not-finite",   "stopped",         "taring",      "reader-overrun",
     "wrong-device",   "sd-unknown",     "frozen",       "stepped",         "idle-bus",    "wrong-rate",
     "drifted",        "sensors-differ", "unproved-age", "arrival-only",    "zero-unknown"};
-// "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated". As in forces.csv.
+// Returns "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated", as in
+// forces.csv.
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
 
 // True if the standard output is a terminal that shows colours, and NO_COLOR is not set.
 bool wants_colour();
-// `text` in green, yellow or red for GOOD, UNCERTAIN and BAD, where wants_colour().
+// Returns `text` in green, yellow or red for GOOD, UNCERTAIN and BAD, if wants_colour().
 std::string coloured(std::uint32_t quality, const std::string& text);
 
-// Ends a verb that follows something: set by SIGINT and SIGTERM.
+// Ends a verb that runs continuously: set by SIGINT and SIGTERM.
 extern volatile std::sig_atomic_t interrupted;
 
-// From now on the first SIGINT or SIGTERM sets `interrupted` and ends the system call that it meets, a write into a full
-// pipe too; the second kills.
+// After this call the first SIGINT or SIGTERM sets `interrupted` and ends the present system call, also a write into
+// a full pipe; the second one kills the process.
 void catch_interrupt();
 
 }  // namespace tactiled::ctl

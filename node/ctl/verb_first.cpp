@@ -6,7 +6,7 @@
 namespace tactiled::ctl {
 namespace {
 
-// Options that verbs share and that take the next word, so that a node with the name of a verb is not taken for one.
+// Shared options that take the next word, so that a node with the name of a verb is not taken for the verb.
 constexpr std::string_view kTakesAWord[] = {"--node",     "--runtime-dir", "--config", "--timeout", "--count",
                                             "--interval", "--in",          "--out",    "--model",   "--method"};
 char kHelp[] = "--help";

@@ -1,4 +1,4 @@
-// tactilectl weigh start|stop|zero|known|forget: what a PLC can command of the weight, acknowledged by the daemon.
+// tactilectl weigh start|stop|zero|known|forget: the weight commands of a PLC, acknowledged by the daemon.
 #include <fmt/format.h>
 
 #include <memory>
@@ -24,7 +24,7 @@ std::string result_text(int result) {
     }
 }
 
-// Reason for which the grasp does not allow `what` now, as far as the node record shows it.
+// Returns the reason why the grasp does not allow `what` now, as far as the node record shows it.
 std::string why_not_now(const tactiled_grasp& g, const std::string& what) {
     if (g.t_ns == 0) return "refused: there is no [grasp] in the daemon's configuration, or its sensors sent nothing yet";
     if (what == "known" && g.weight_state != TACTILED_WEIGHT_STABLE)
@@ -36,7 +36,7 @@ std::string why_not_now(const tactiled_grasp& g, const std::string& what) {
                        grip_state_text(g.state), weight_state_text(g.weight_state));
 }
 
-// True if `mass_kg` is near the weight that hangs only when it is read as grams.
+// Returns true if `mass_kg` is near the present weight only when it is read as grams.
 bool is_in_grams(double mass_kg, double hangs_kg) {
     constexpr double kGramsInAKg = 1000, kNear = 3;
     const double ratio = mass_kg / kGramsInAKg / hangs_kg;
@@ -78,23 +78,23 @@ void add_weigh(CLI::App& app, Run& run) {
     auto* verb = add_verb(app, "weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds",
                           "  tactilectl weigh known 0.250     250 g hang now\n  tactilectl weigh zero\n");
     verb->require_subcommand(1);
-    add_node_option(verb, args->node);  // before the second word, too
+    add_node_option(verb, args->node);  // accepted before the second word, too
     const auto add = [&](const char* name, const char* help) {
         auto* sub = add_verb(*verb, name, help);
         add_node_option(sub, args->node);
-        sub->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's word")
+        sub->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
             ->check(number_in(0.1, 60.0))
             ->capture_default_str();
         sub->callback([args, name, &run] { run = [args, name] { return weigh(*args, name); }; });
         return sub;
     };
-    add("start", "Weighs from now on, whatever the grasp thinks of a lift");
+    add("start", "Weighs from now on, in any state of the grasp");
     add("stop", "Stops weighing");
-    add("zero", "What hangs now is no object: tare");
-    add("forget", "Forgets the scale that a known weight has set");
+    add("zero", "Tares the stable weight, until this grasp ends");
+    add("forget", "Removes the scale of a known weight");
     add("known",
-        "What hangs now, stable and without a tare, weighs MASS and read as no more than 5 % of it in the grip "
-        "before its lift: sets the scale")
+        "Sets the scale: the stable load weighs MASS, has no tare, and read as at most 5 % of it in the grip before its "
+        "lift")
         ->add_option("mass", args->mass_kg, "its mass in kg")
         ->required()
         ->check(number_in(1e-6, 1000.0));

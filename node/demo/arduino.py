@@ -65,11 +65,11 @@ def run(port):
                 gain = mounted.gauss(1, 0.005)
                 channels.append(zero + mounted.gauss(0, 0.5) + gain * sum(g * f for g, f in zip(gains, load)) + noise.gauss(0, NOISE))
             text = f"{number},{int((time.monotonic() - began) * 1e6)}," + ",".join(f"{c:.2f}" for c in channels)
-            fcntl.ioctl(slave, termios.TIOCNXCL)  # a real port forgets with its last close that it was opened exclusively
+            fcntl.ioctl(slave, termios.TIOCNXCL)  # a real port drops the exclusive flag at its last close
             try:
                 os.write(master, f"{text}*{crc16(text.encode()):04X}\r\n".encode())
             except BlockingIOError:
-                pass  # no program reads: a serial port loses these bytes as well
+                pass  # no program reads: a serial port would lose these bytes, too
             number += 1
     finally:
         port.unlink(missing_ok=True)

@@ -30,14 +30,14 @@ COLOUR = "PICTURE" in os.environ or sys.stdout.isatty() and not os.environ.get("
 
 
 class Task(threading.Thread):
-    """Picks until it is ended; what it did last is in `done`, the count in `right` and `wrong`."""
+    """Picks until it is ended. `done` has the last action, `right` and `wrong` count the results."""
 
     def __init__(self, gripper, plc, picks, say):
         super().__init__(daemon=True)
         self.gripper, self.plc, self.picks, self.say = gripper, plc, picks, say
         self.random, self.number, self.right, self.wrong, self.failed = random.Random(11), 0, 0, 0, 0
         self.true_kg, self.done, self.failure = 0.0, "", None
-        self.held = lambda: None  # called while an object hangs, weighed
+        self.held = lambda: None  # called while a weighed object is held
 
     def run(self):
         try:
@@ -103,7 +103,7 @@ def screen(node, task, fault):
 
 
 def picture(lines):
-    """The lines as a drawing of a terminal; colours become those of the words."""
+    """Draws the lines as a terminal; colours become those of the words."""
     colours = {"31": "#f66", "32": "#6d6", "33": "#fc6"}
     rows = []
     for i, line in enumerate(lines):
@@ -117,7 +117,7 @@ def picture(lines):
 
 
 def watch(node, gripper, task):
-    """The live view, until q, Ctrl-C or the end of the task."""
+    """Shows the live view until q, Ctrl-C or the end of the task."""
     fault, before = "", termios.tcgetattr(sys.stdin)
     try:
         tty.setcbreak(sys.stdin)

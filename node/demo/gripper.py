@@ -1,4 +1,5 @@
-"""The simulated gripper of the demo: the physics of the tests' one (tests/system/pick_bench.py), whose faults keys can switch on."""
+"""The simulated gripper of the demo: the physics of the gripper in the tests (tests/system/pick_bench.py), with
+faults that keys switch on."""
 import collections
 import pathlib
 import struct
@@ -22,7 +23,7 @@ FAULTS = {  # key: name, effect
 
 
 class DemoSkin:
-    """The tests' skin, with a clock in its frames and faults."""
+    """The skin of the tests, with a clock in its frames and with faults."""
 
     def __init__(self, skin):
         self.skin, self.fault, self.held, self.began = skin, "", None, time.monotonic()

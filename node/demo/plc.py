@@ -1,6 +1,6 @@
 """A PLC in 90 lines: Modbus TCP with sockets alone, a scan of the global block, and the cycle of a pick.
 
-It knows of gripper and object what registers say. node/modbus/MAP.md has every address.
+Its only knowledge of gripper and object comes from the registers. node/modbus/MAP.md has every address.
 """
 import socket
 import struct
@@ -55,7 +55,7 @@ class Plc:
         self.modbus.write(PLC_WATCHDOG, 2000)
 
     def scan(self):
-        """One scan: heartbeat out, global block in; every word of one frame, since SEQ equals SEQ_END."""
+        """Does one scan: heartbeat out, global block in. All words are of one frame if SEQ equals SEQ_END."""
         self.beat = self.beat + 1 & 0xFFFF
         self.modbus.write(PLC_HEARTBEAT, self.beat)
         r = self.modbus.read(0, 32)
@@ -73,7 +73,7 @@ class Plc:
         raise NotSeen(step)
 
     def pick(self, robot, grip_N=8.0):
-        """Closes, waits until it is grasped, lifts, waits for a stable weight. Returns the scan with the weight."""
+        """Closes, waits for the grasp, lifts, waits for a stable weight. Returns the scan with the weight."""
         self.wait("open", lambda s: s["grip"] == OPEN)
         self.modbus.write(GRIPPER_STATE, CLOSING)
         robot.close(grip_N)

@@ -1,4 +1,4 @@
-// tactilectl calibrate: from labelled rows to a calibration file, and how far to trust it.
+// tactilectl calibrate: makes a calibration file from labelled rows and reports its accuracy.
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -155,7 +155,7 @@ void print_json(const FitReport& report, const Settings& settings) {
     fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
-// A mistyped --out or --report must not cost the recording or the calibration.
+// A wrong --out or --report must not cost the recording or the calibration.
 void check_outputs(const Settings& settings) {
     namespace fs = std::filesystem;
     const auto check = [](const char* option, const std::string& path, const std::string& other) {
@@ -189,7 +189,7 @@ int calibrate(Settings settings) {
     }
     if (settings.own_zeros) request.zeros = FitRequest::Zeros::per_session;
     if (settings.one_zero) request.zeros = FitRequest::Zeros::common;
-    // The name under which a calibration file has it.
+    // The name under which a calibration file has this parameter.
     if (const auto drift = request.parameters.find("zero_drift"); drift != request.parameters.end()) {
         if (!(drift->second >= 0 && drift->second <= 1))
             throw SetupError("--set zero_drift: a part of each channel's width, 0 to 1");
@@ -240,11 +240,11 @@ void add_calibrate(CLI::App& app, Run& run) {
     auto* own = verb->add_flag("--zero-per-session", settings->own_zeros,
                                "each session has its own zero, as after mounting; else found from the recording");
     verb->add_flag("--one-zero", settings->one_zero, "all sessions have the same zero")->excludes(own);
-    verb->add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are named, and stay");
+    verb->add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are reported and used");
     verb->add_option("--saturates-below", settings->request.saturates_below,
-                     "a row with a channel at or below stays out (unit of the channels)");
+                     "rows with a channel at or below this are left out (unit of the channels)");
     verb->add_option("--saturates-above", settings->request.saturates_above,
-                     "a row with a channel at or above stays out (unit of the channels)");
+                     "rows with a channel at or above this are left out (unit of the channels)");
     verb->add_option("--report", settings->report, "also write a report with plots: one HTML file");
     verb->add_option("--session", settings->selection.sessions, "use only these sessions")->take_all();
     verb->add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")

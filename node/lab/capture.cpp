@@ -1,4 +1,5 @@
-// tactilectl capture LINK|DEVICE: channels under known loads into a labelled.csv, before there is a sensor or a calibration.
+// tactilectl capture LINK|DEVICE: records channels under known loads into a labelled.csv, before there is a sensor or
+// a calibration.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <unistd.h>
@@ -22,7 +23,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kGiveUp_s = 5;  // without a frame
+constexpr double kGiveUp_s = 5;  // time without a frame
 constexpr int kReadMs = 20;
 
 struct Args {
@@ -48,7 +49,7 @@ std::unique_ptr<Source> open_source(const Args& args) {
     if (is_device(args.what)) {
         const Heard heard = listen(args.what, args.baud, 1);
         if (!heard.guess)
-            throw SetupError(fmt::format("{}: {}; tactilectl identify {} says more", args.what,
+            throw SetupError(fmt::format("{}: {}; see tactilectl identify {}", args.what,
                                          heard.bytes.empty() ? "nothing arrives" : "no known format", args.what));
         source->options = Options::parse_text(heard.keys(), args.what, source->problems);
     } else {
@@ -117,14 +118,15 @@ std::vector<CapturedRow> read_rows(Driver& driver, int& device, double settle_s,
     }
     driver.close();
     if (rows.empty() && interrupted == 0)
-        throw std::runtime_error(fmt::format("no frame in {:g} s: tactilectl identify says what the port sends", kGiveUp_s));
+        throw std::runtime_error(
+            fmt::format("no frame in {:g} s: tactilectl identify shows what the port sends", kGiveUp_s));
     return rows;
 }
 
 // Noise and drift of a channel under one load.
 struct Steadiness {
     std::string name;
-    double mean = 0, sd = 0, min = 0, max = 0, drift = 0;  // drift: last quarter less first quarter
+    double mean = 0, sd = 0, min = 0, max = 0, drift = 0;  // drift: mean of the last quarter minus mean of the first one
     std::size_t missing = 0;
 };
 
@@ -184,10 +186,11 @@ nlohmann::json load_json(const std::vector<CapturedRow>& rows, const std::vector
     return {{"label", load_text(rows.front().load)}, {"rows", rows.size()}, {"channels", channels}};
 }
 
-// The next load that the person types; nullopt at the end. A word that is no load is asked for again.
+// Returns the next load that the user types; nullopt at the end. Repeats the question after a word that is not a
+// load.
 std::optional<Load> ask_load() {
     for (std::string line; interrupted == 0;) {
-        fmt::print(stderr, "Put a load on, then type it, such as fz_N=-5 (press: fz < 0); an empty line ends: ");
+        fmt::print(stderr, "Apply a load, then type it, such as fz_N=-5 (press: fz < 0); an empty line ends: ");
         if (!std::getline(std::cin, line) || line.find_first_not_of(" \t\r") == line.npos) return std::nullopt;
         try {
             return parse_load({line});

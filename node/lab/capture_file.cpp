@@ -18,8 +18,8 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr std::size_t kMinLevels = 3;  // with two loads nothing shows whether a sensor is linear
-constexpr double kPauseBetween_s = 1;  // pause in t_s between two captures, also where the clock began anew
+constexpr std::size_t kMinLevels = 3;  // two loads do not show whether a sensor is linear
+constexpr double kPauseBetween_s = 1;  // pause in t_s between two captures, also if the clock restarted
 
 std::string cell(double value) { return std::isfinite(value) ? fmt::format("{}", value) : std::string(); }
 
@@ -29,9 +29,9 @@ std::size_t component_of(const std::string& column) {
     return c;
 }
 
-constexpr double kSameLoad = 0.02;  // share of the largest load: a reference never measures one load alike
+constexpr double kSameLoad = 0.02;  // relative to the largest load: a reference never measures the same load twice
 
-// Levels that differ by less than kSameLoad are one load.
+// Merges levels that differ by less than kSameLoad.
 std::vector<double> distinct(const std::map<double, std::size_t>& levels) {
     std::vector<double> out;
     if (levels.empty()) return out;
@@ -71,7 +71,8 @@ CaptureFile::CaptureFile(std::string path, std::vector<std::string> channels)
         csv.refuse(fmt::format("has {} channels ({}), the link sends {}: name another file with --append", there.size(),
                                fmt::join(there, " "), channels_.size()));
     if (!channels_.empty() && !channels_[0].empty() && there != channels_)
-        csv.refuse(fmt::format("has the channels {}, --channels says {}", fmt::join(there, " "), fmt::join(channels_, " ")));
+        csv.refuse(
+            fmt::format("has the channels {}, --channels names {}", fmt::join(there, " "), fmt::join(channels_, " ")));
     channels_ = there;
     while (csv.next()) {
         Load load;
@@ -113,7 +114,7 @@ void CaptureFile::append(const std::vector<CapturedRow>& rows, const std::string
         columns_.emplace_back("session");
         text = fmt::format("{}\n", fmt::join(columns_, ","));
     }
-    if (!is_new && !ends_with_a_line_) text = "\n";  // an editor has left out the last one
+    if (!is_new && !ends_with_a_line_) text = "\n";  // an editor has removed the last line feed
     ends_with_a_line_ = true;
     const double begin_s = double(rows.front().t_ns) / 1e9;
     const double shift_s = begin_s > last_t_s_ ? 0 : last_t_s_ + kPauseBetween_s - begin_s;

@@ -1,4 +1,4 @@
-// A labelled.csv that grows by one load after the other, and the loads that it still lacks for a calibration.
+// A labelled.csv that grows load by load, and the loads that it still lacks for a calibration.
 #pragma once
 #include <cstdint>
 #include <map>
@@ -17,7 +17,7 @@ struct CapturedRow {
 
 class CaptureFile {
 public:
-    // Reads what is there. `channels` are the names for a new file; "" names keep those of an existing one.
+    // Reads an existing file. `channels` are the names for a new file; "" names keep those of an existing one.
     // setup: throws SetupError where the file has other channels, no session, or is no labelled.csv
     CaptureFile(std::string path, std::vector<std::string> channels);
 
@@ -26,13 +26,13 @@ public:
     // The last row's session, "1" for a new file.
     [[nodiscard]] const std::string& last_session() const { return last_session_; }
 
-    // Appends the rows, each with every component that the file has; the first rows decide which it has.
+    // Appends the rows, each with every component of the file; the first rows determine the components.
     // setup: throws SetupError where the file has a label that a row lacks, or the reverse; SaveError where it cannot be written
     void append(const std::vector<CapturedRow>& rows, const std::string& session);
 
-    // The loads that a calibration would still need, a sentence each; empty where nothing obvious is missing.
+    // Returns the loads that a calibration still needs, one sentence each; empty if nothing obvious is missing.
     [[nodiscard]] std::vector<std::string> missing() const;
-    // "fz_N: -9.8 .. 0 in 3 loads", a line a label.
+    // Returns "fz_N: -9.8 .. 0 in 3 loads", one line per label.
     [[nodiscard]] std::vector<std::string> coverage() const;
 
 private:
@@ -46,7 +46,7 @@ private:
     double last_t_s_ = 0;
     bool ends_with_a_line_ = true;
     std::map<std::string, std::size_t> rows_of_session_;
-    std::array<std::map<double, std::size_t>, 6> levels_;  // rows at each value, by component
+    std::array<std::map<double, std::size_t>, 6> levels_;  // number of rows at each value, by component
 };
 
 }  // namespace tactiled::ctl

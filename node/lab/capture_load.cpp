@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kG_m_s2 = 9.80665;                 // CGPM 1901
-constexpr std::uint64_t kMaxApart_ns = 50'000'000;  // between frame and reference: a hand changes a load in 0.1 s
+constexpr std::uint64_t kMaxApart_ns = 50'000'000;  // between frame and reference: a load by hand changes within 0.1 s
 constexpr std::uint64_t kScaleHolds_ns = 1'000'000'000;
 constexpr std::size_t kLongestLine = 200;
 
@@ -144,14 +144,14 @@ std::string load_text(const Load& load) {
 }
 
 std::optional<double> scale_line_N(const std::string& line) {
-    // The last number of the line that is followed by a unit.
+    // Finds the last number of the line that is followed by a unit.
     for (std::size_t at = line.size(); at-- > 0;) {
         if (std::isdigit(static_cast<unsigned char>(line[at])) == 0) continue;
         std::size_t begin = at + 1;
         while (begin > 0 && (std::isdigit(static_cast<unsigned char>(line[begin - 1])) != 0 || line[begin - 1] == '.'))
             --begin;
         std::size_t sign = begin;
-        while (sign > 0 && line[sign - 1] == ' ') --sign;  // scales print the sign apart from the digits
+        while (sign > 0 && line[sign - 1] == ' ') --sign;  // scales print a blank between the sign and the digits
         const bool negative = sign > 0 && line[sign - 1] == '-';
         const auto value = number_of(std::string_view(line).substr(begin, at + 1 - begin));
         std::size_t unit = at + 1;

@@ -1,4 +1,4 @@
-// The load on a sensor while its channels are captured: typed by a person, or measured by a reference.
+// The load on a sensor while its channels are captured: typed by a user, or measured by a reference.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -11,10 +11,11 @@
 
 namespace tactiled::ctl {
 
-// fx fy fz in N, mx my mz in Nm, frame S: exerted on the sensor, so a press has fz < 0. NaN: not known.
+// fx fy fz in N, mx my mz in Nm, frame S: exerted on the sensor, so a press has fz < 0. NaN: unknown.
 using Load = std::array<double, 6>;
 
-// "fz_N=-5" or several of them, separated by blanks or commas. setup: throws SetupError where a word is none
+// Parses "fz_N=-5" or several of these, separated by blanks or commas. setup: throws SetupError where a word is not
+// of that form
 Load parse_load(const std::vector<std::string>& words);
 std::string load_text(const Load& load);
 
@@ -22,20 +23,20 @@ std::string load_text(const Load& load);
 class Reference {
 public:
     virtual ~Reference() = default;
-    // Takes what has come; called between frames. Never blocks.
+    // Takes the data that have arrived; called between frames. Never blocks.
     virtual void poll() = 0;
-    // The load at `t_ns`; nullopt where the reference was BAD then, or measured nothing within 50 ms of it.
+    // Returns the load at `t_ns`; nullopt if the reference was BAD then, or measured nothing within 50 ms of it.
     [[nodiscard]] virtual std::optional<Load> at(std::uint64_t t_ns) const = 0;
 };
 
-// Forces of a sensor of a running daemon, interpolated between two of its samples.
+// Returns forces of a sensor of a running daemon, interpolated between two of its samples.
 // setup: throws SetupError where the daemon or the sensor is not there
 std::unique_ptr<Reference> reference_sensor(const std::string& node, const std::string& sensor);
-// A scale that sends lines such as "ST,+  123.4 g" in g, kg or N; a load of m gives fz = -m * 9.80665 m/s^2.
+// Returns a scale that sends lines such as "ST,+ 123.4 g" in g, kg or N; a load of m gives fz = -m * 9.80665 m/s^2.
 // setup: throws SetupError where the port cannot be opened
 std::unique_ptr<Reference> reference_scale(const std::string& device, unsigned baud);
 
-// The number and its unit in a line of a scale, in N; nullopt where there is none.
+// Returns the number with its unit in a line of a scale, in N; nullopt if there is none.
 std::optional<double> scale_line_N(const std::string& line);
 
 }  // namespace tactiled::ctl

@@ -1,4 +1,4 @@
-// tactilectl decouple: a file of readings through the very Decoupler of the loop, row by row.
+// tactilectl decouple: passes a file of readings through the Decoupler of the loop, row by row.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -18,17 +18,17 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kLatest_s = 9e9;  // 2^64 ns less what a first row before 0 and kPast_s take up
-constexpr double kPast_s = 1000;   // by which rows may lie before a first one that is before 0
+constexpr double kLatest_s = 9e9;  // 2^64 ns minus the time that a first row before 0 and kPast_s need
+constexpr double kPast_s = 1000;   // time by which rows may precede a first row that is before 0
 
 struct Settings {
     std::string calibration, method, in = "-", out = "-";
-    double budget_us = 10;  // of method auto
+    double budget_us = 10;  // for method auto
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
 };
 
-// The column of each channel, by name.
+// Returns the column of each channel, by name.
 std::vector<std::size_t> channel_columns(const CsvReader& csv, const Calibration& calibration) {
     std::vector<std::size_t> columns;
     std::vector<std::string> lacking;
@@ -59,7 +59,7 @@ int decouple(const Settings& settings) {
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
     ForcesWriter forces(settings.out);
     std::vector<double> channel(columns.size());
-    std::optional<double> origin_s;  // subtracted from the times that models see, which are not negative
+    std::optional<double> origin_s;  // subtracted from the times for the models, which must not be negative
     while (csv.next()) {
         const double t_s = csv.number(*time);
         if (std::isnan(t_s)) csv.refuse("column t_s is empty; when was this row read?");
@@ -90,7 +90,8 @@ void add_decouple(CLI::App& app, Run& run) {
     auto* verb = add_verb(app, "decouple", laboratory_help("decouple"));
     verb->add_option("--calibration", settings->calibration, "the calibration file")->required();
     verb->add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
-    verb->add_option("--budget-us", settings->budget_us, "what a sample may cost with --method auto")->capture_default_str();
+    verb->add_option("--budget-us", settings->budget_us, "time that a sample may take with --method auto")
+        ->capture_default_str();
     verb->add_option("--in", settings->in, "signals.csv: t_s and a column a channel; - is standard input")
         ->capture_default_str();
     verb->add_option("--out", settings->out, "forces.csv; - is standard output")->capture_default_str();

@@ -1,4 +1,4 @@
-// tactilectl identify LINK|DEVICE: the format of what a port sends, and the [[link]] that reads it.
+// tactilectl identify LINK|DEVICE: recognises the format that a port sends, and prints the [[link]] that reads it.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ struct Args {
     bool json = false;
 };
 
-// Mean, extremes and scatter of a channel as the daemon's own decoder reads it.
+// Mean, extremes and scatter of a channel in the daemon's own decoder.
 struct ChannelSeen {
     double sum = 0, squares = 0, min = 0, max = 0;
     std::size_t n = 0;
@@ -29,7 +29,7 @@ struct ChannelSeen {
         min = n == 0 ? value : std::min(min, value);
         max = n == 0 ? value : std::max(max, value);
         if (n++ == 0) first = value;
-        sum += value - first;  // from the first value, so that a small scatter on a large number survives
+        sum += value - first;  // relative to the first value, to keep a small scatter on a large number
         squares += (value - first) * (value - first);
     }
     [[nodiscard]] double mean() const { return first + sum / double(n); }
@@ -39,7 +39,7 @@ struct ChannelSeen {
     double first = 0;
 };
 
-// The bytes once more, through the decoder that the guessed keys make: what it gives is what the daemon would read.
+// Decodes the bytes again with the recognised keys: the result is what the daemon would read.
 std::vector<ChannelSeen> decode(const Heard& heard, std::size_t& frames) {
     Problems problems;
     Options options = Options::parse_text(heard.guess->keys, "the guessed keys", problems);

@@ -17,7 +17,7 @@
 namespace tactiled::ctl {
 namespace {
 
-// The usual rates of devices, the most frequent ones first.
+// The usual baud rates of devices, the most frequent ones first.
 constexpr unsigned kRates[] = {115'200, 921'600, 9600, 57'600, 1'000'000, 460'800, 230'400, 38'400, 19'200};
 constexpr unsigned kTcpPort = 1000;
 constexpr int kConnectMs = 800;
@@ -32,7 +32,7 @@ std::vector<std::uint8_t> read_for(int fd, double seconds) {
         if (::poll(&waiting, 1, int((until_ns - now_ns) / 1'000'000 + 1)) <= 0) continue;
         const ssize_t n = ::read(fd, piece.data(), piece.size());
         if (n < 0 && (errno == EAGAIN || errno == EINTR)) continue;
-        if (n <= 0) break;  // a hang-up: what came until then is judged
+        if (n <= 0) break;  // a hang-up: the bytes so far are evaluated
         bytes.insert(bytes.end(), piece.begin(), piece.begin() + n);
     }
     return bytes;
@@ -78,7 +78,7 @@ Heard listen(const std::string& device, unsigned baud, double seconds) {
         hear(fd);
         return heard;
     }
-    const bool has_a_rate = is_local_tty(device);  // a pseudo terminal passes bytes at any
+    const bool has_a_rate = is_local_tty(device);  // a pseudo terminal accepts any rate
     for (const unsigned rate : kRates) {
         heard.baud = baud != 0 ? baud : rate;
         const int fd = open_tty(device, {.baud = heard.baud}, why);

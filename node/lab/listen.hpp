@@ -1,4 +1,4 @@
-// Listening to a device that no configuration describes yet. Shared by `identify` and `capture`.
+// Receives from a device without a configuration. Shared by `identify` and `capture`.
 #pragma once
 #include <cstddef>
 #include <optional>
@@ -13,26 +13,26 @@ namespace tactiled::ctl {
 struct Heard {
     std::string device;                // path of a tty, or ADDRESS:PORT
     bool network = false;              // ADDRESS:PORT
-    unsigned baud = 0;                 // rate at which a tty was understood, or the last one that was tried
+    unsigned baud = 0;                 // rate at which a tty was recognised, or the last one tried
     double seconds = 0;                // spent at that rate
     std::vector<std::uint8_t> bytes;   // received in that time
     std::optional<StreamGuess> guess;  // by the format that accepts most of them
 
-    // The keys of a [[link]] but its name; "" where nothing was recognised.
+    // Returns the keys of a [[link]] except its name; "" if no format was recognised.
     [[nodiscard]] std::string keys() const;
 };
 
-// True for a word that names a device and not a [[link]]: it has a slash or a colon.
+// Returns true for a word that names a device and not a [[link]]: it contains a slash or a colon.
 bool is_device(const std::string& word);
 
-// Reads for `seconds` at `baud`, or with 0 at each usual rate until a format recognises the bytes.
+// Receives for `seconds` at `baud`, or with 0 at each usual rate until a format recognises the bytes.
 // setup: throws SetupError where the device cannot be opened
 Heard listen(const std::string& device, unsigned baud, double seconds);
 
-// Text of a [[link]] table with these keys.
+// Returns the text of a [[link]] table with these keys.
 std::string link_text(const std::string& name, const std::string& keys);
 
-// "device = " or "address = " and "baud = " of a [[link]] of `config`, to be listened to.
+// Returns the device or address, and the baud rate, of a [[link]] of `config`.
 // setup: throws SetupError where there is no such link, or where it is no serial port and no TCP device
 struct NamedDevice {
     std::string device;
@@ -40,7 +40,7 @@ struct NamedDevice {
 };
 NamedDevice device_of_link(const std::string& config, const std::string& link);
 
-// Up to `max` of the bytes, control characters as '.'.
+// Returns up to `max` of the bytes, control characters as '.'.
 std::string printable(const std::vector<std::uint8_t>& bytes, std::size_t max);
 
 }  // namespace tactiled::ctl

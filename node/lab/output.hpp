@@ -4,7 +4,7 @@
 
 namespace tactiled::ctl {
 
-// Called before minutes of measuring. setup: throws SetupError where `path` cannot be written then
+// Checks that `path` can be written, before minutes of measuring. setup: throws SetupError where it cannot
 void check_output(const std::string& path);
 
 }  // namespace tactiled::ctl

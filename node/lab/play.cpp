@@ -1,4 +1,4 @@
-// tactilectl play: a recording as a device behind a pty, so that the daemon opens it as it opens a serial port.
+// tactilectl play: plays a recording as a device behind a pty, so that the daemon opens it as it opens a serial port.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -99,9 +99,7 @@ void add_play(CLI::App& app, Run& run) {
     verb->add_option("--in", args->in, "signals.csv: t_s and channels; label columns are left out")->required();
     verb->add_option("--pty", args->pty, "the name under which the daemon opens it (a symbolic link)")->required();
     args->wire.add_options(verb);
-    verb->add_option("--speed", args->speed, "times faster than t_s says")
-        ->check(CLI::PositiveNumber)
-        ->capture_default_str();
+    verb->add_option("--speed", args->speed, "times faster than t_s")->check(CLI::PositiveNumber)->capture_default_str();
     verb->add_option("--rate", args->rate_Hz, "rows a second, instead of t_s")->check(CLI::PositiveNumber);
     verb->add_option("--columns", args->columns, "which columns, in which order")->delimiter(',');
     verb->add_flag("--loop", args->loop, "from the start again, until interrupted");

@@ -21,8 +21,8 @@
 namespace tactiled::ctl {
 namespace {
 
-// A tty's bytes go through a worker of the kernel that runs with ordinary priority, and a reader waits for it: beside eight
-// busy programs on two CPUs for 0.23 s (2026-11-22).
+// The bytes of a tty pass through a worker of the kernel that runs with ordinary priority, so a reader waits for it:
+// 0.23 s beside eight busy programs on two CPUs (2026-11-22).
 constexpr std::uint64_t kPatienceNs = 1'000'000'000;
 
 }  // namespace
@@ -40,7 +40,7 @@ Port::Port(const std::string& link) : link_(link) {
     ::fcntl(master_, F_SETFL, O_NONBLOCK);
     std::error_code error;
     const auto kind = std::filesystem::symlink_status(link, error).type();
-    if (kind == std::filesystem::file_type::symlink) std::filesystem::remove(link, error);  // an earlier run's
+    if (kind == std::filesystem::file_type::symlink) std::filesystem::remove(link, error);  // left by an earlier run
     std::filesystem::create_symlink(name, link, error);
     if (error) {
         ::close(master_);
@@ -80,7 +80,7 @@ void Wire::add_options(CLI::App* verb) {
     verb->add_option("--bits", settings.bits, "binary formats: width of a channel")
         ->check(CLI::IsMember({24, 32}))
         ->capture_default_str();
-    verb->add_option("--counts-per-unit", counts_per_unit, "what is sent = value x this")->capture_default_str();
+    verb->add_option("--counts-per-unit", counts_per_unit, "factor of the values that are sent")->capture_default_str();
     verb->add_flag("--checksum", settings.checksum, "text formats: with a checksum by exclusive or");
     verb->add_flag("--crc16", settings.crc16, "text formats: with a CRC-16");
     verb->add_flag("--sequence", settings.sequence, "text formats: with a leading counter (binary ones always have one)");
@@ -101,7 +101,7 @@ bool Wire::send(Port& port, Frame frame) const {
 
 void wait_for_reader(const Port& port) {
     while (interrupted == 0 && !port.has_reader()) ::usleep(2'000);
-    ::usleep(20'000);  // the opener sets its tty up and flushes it
+    ::usleep(20'000);  // lets the opener set its tty up and flush it
 }
 
 void sleep_until(std::uint64_t due_ns) {

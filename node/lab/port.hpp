@@ -1,4 +1,4 @@
-// A device's end of a pty, so that the daemon opens it as it opens a serial port. Shared by `play` and `simulate --pty`.
+// A device's end of a pty, which the daemon opens like a serial port. Shared by `play` and `simulate --pty`.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -12,7 +12,7 @@ class App;
 
 namespace tactiled::ctl {
 
-// Reachable as `link`, a symbolic link that goes with it.
+// The pty is reachable as `link`, a symbolic link that is removed with the Port.
 class Port {
 public:
     // setup: throws SetupError where there is no pty, or `link` is in the way
@@ -23,8 +23,9 @@ public:
 
     // True while a process has the other end open.
     [[nodiscard]] bool has_reader() const;
-    // Waits for a limited time if the pty is full, because a real device does not depend on its capacity. False if the
-    // bytes were dropped; later calls then do not wait until the reader takes bytes again.
+    // Sends bytes. Waits for a limited time if the pty is full, because a real device does not depend on its
+    // capacity. Returns false if the bytes were dropped; later calls then do not wait until the reader takes bytes
+    // again.
     [[nodiscard]] bool send(const void* bytes, std::size_t size);
 
 private:
@@ -42,15 +43,16 @@ struct Wire {
     void add_options(CLI::App* verb);
     // setup: the options are parsed
     [[nodiscard]] const StreamFormat& format() const;
-    // Writes a frame whose channels are in their units; without a value: NaN. False if the frame was not taken completely.
+    // Sends a frame whose channels are in their units; NaN: without a value. Returns false if the frame was not taken
+    // completely.
     [[nodiscard]] bool send(Port& port, Frame frame) const;
 };
 
-// Blocks until the port was opened and its opener has set it up, or until interrupted.
+// Waits until the port was opened and its opener has set it up, or until interrupted.
 void wait_for_reader(const Port& port);
-// Blocks until that moment of CLOCK_MONOTONIC, or until interrupted.
+// Sleeps until that time of CLOCK_MONOTONIC, or until interrupted.
 void sleep_until(std::uint64_t due_ns);
-// Gives the reader time for the remaining bytes, which are lost when the port closes.
+// Waits so that the reader can read the remaining bytes, which are lost when the port closes.
 void let_reader_finish();
 
 }  // namespace tactiled::ctl

@@ -5,14 +5,14 @@
 
 namespace tactiled::ctl {
 
-// A bar on standard error, when it takes over 2 s and a person is watching.
+// Shows a bar on standard error if the work takes over 2 s and standard error is a terminal.
 class Progress {
 public:
     explicit Progress(std::string what);
     ~Progress();
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
-    void show(double share);  // done, 0 .. 1
+    void show(double share);  // share done, 0 .. 1
 
 private:
     std::string what_;

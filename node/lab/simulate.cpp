@@ -1,4 +1,5 @@
-// tactilectl simulate: a scene as signals and truth, without the daemon; or as devices behind ptys, for it.
+// tactilectl simulate: writes a scene as signals and truth without the daemon, or plays it as devices behind ptys for
+// the daemon.
 #include "node/lab/simulate.hpp"
 
 #include <fmt/format.h>
@@ -29,7 +30,7 @@ void print(const nlohmann::json& json) {
     fmt::print("{}\n", json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace));
 }
 
-// No file that is written may be another that is written or the scene itself.
+// Checks that no output file is another output file or the scene itself.
 void check_files(const Args& args) {
     namespace fs = std::filesystem;
     const std::pair<const char*, const std::string*> files[] = {{"--scene", &args.scene},
@@ -39,7 +40,7 @@ void check_files(const Args& args) {
                                                                 {"--figure", &args.figure}};
     for (const auto& [name, path] : files)
         for (const auto& [other_name, other] : files) {
-            if (other == path) break;  // those before it
+            if (other == path) break;  // compares with those before it only
             std::error_code ignored;
             if (path->empty() || other->empty()) continue;
             if (fs::path(*path).lexically_normal() == fs::path(*other).lexically_normal() ||
@@ -101,7 +102,7 @@ void add_simulate(CLI::App& app, Run& run) {
     auto* verb = add_verb(app, "simulate", laboratory_help("simulate"));
     verb->add_option("--scene", args->scene, "the scene, config/scenes/*.toml");
     verb->add_option("--effects", args->effects,
-                     "auto: those that the scene calls for; all; none; or names with commas, NAME or NAME:LEVEL, see --list")
+                     "auto: those that the scene needs; all; none; or names with commas, NAME or NAME:LEVEL, see --list")
         ->capture_default_str();
     verb->add_option("--seed", args->seed, "of noise and chance, instead of the scene's own")
         ->check(CLI::Range(std::uint64_t(0), std::uint64_t(9'000'000'000'000'000)));
@@ -109,7 +110,7 @@ void add_simulate(CLI::App& app, Run& run) {
     verb->add_option("--truth", args->truth, "truth.csv: the loads and the centre of contact; - is standard output");
     verb->add_option("--report", args->report,
                      "a page on each effect: the force without it, level, cost, on or off and why, and the figure");
-    verb->add_option("--figure", args->figure, "the figure alone, SVG: what the effects did when; of the first sensor");
+    verb->add_option("--figure", args->figure, "only the figure, SVG: the effects of the first sensor over time");
     verb->add_option("--sensor", args->sensor, "report, figure and JSON of this sensor alone");
     verb->add_option("--pty", args->ptys,
                      "be the sensors' device behind this name; one for each sensor, or one for all with --format cobs")
@@ -118,7 +119,7 @@ void add_simulate(CLI::App& app, Run& run) {
     verb->add_option("--speed", args->speed, "with --pty: times faster than the scene")
         ->check(CLI::PositiveNumber)
         ->capture_default_str();
-    verb->add_flag("--json", args->json, "print what --report says as JSON; with --list the effects");
+    verb->add_flag("--json", args->json, "print the content of --report as JSON; with --list the effects");
     verb->add_flag("--list", args->list, "print all effects: equation, source, parameters");
     verb->callback([args, &run] { run = [args] { return simulate(*args); }; });
 }

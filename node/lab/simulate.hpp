@@ -14,39 +14,39 @@ namespace tactiled::ctl {
 
 // ---- simulate_csv.cpp: signals.csv and truth.csv ----
 
-// Either path may be empty, or "-" for standard output. One sensor: plain columns and a row for each frame that arrives.
-// Several: NAME.COLUMN and a row where any arrives. Both files have the same rows. setup: throws SetupError where a file
-// cannot be created, std::runtime_error where it cannot be written
+// Writes the files. Either path may be empty, or "-" for standard output. One sensor: plain columns and a row for
+// each frame that arrives. Several: NAME.COLUMN and a row if any arrives. Both files have the same rows. setup:
+// throws SetupError where a file cannot be created, std::runtime_error where it cannot be written
 void write_csv(const sim::Scene& scene, const std::string& effects, const std::string& signals, const std::string& truth);
 
 // ---- simulate_pty.cpp: the scene as a device ----
 
-// One pty a sensor, in the scene's order, or one for all of them in format cobs, which names the device of each frame.
-// Returns the exit status. setup: throws SetupError
+// Plays the scene on one pty per sensor, in the scene's order, or on one for all of them in format cobs, which names
+// the device of each frame. Returns the exit status. setup: throws SetupError
 int play_scene(const sim::Scene& scene, const std::string& effects, const std::vector<std::string>& ptys, const Wire& wire,
                double speed);
 
-// ---- simulate_measure.cpp: what the effects do and cost, measured in this run ----
+// ---- simulate_measure.cpp: effect and cost of the effects, measured in this run ----
 
 struct Measured {
     // One entry for each effect that concerns the sensor, in the order of Choice::decisions, with all of them active:
     std::vector<double> share_N;  // largest change that it made to a channel
-    // For each, in a run of the scene's first samples with the chosen effects: by how much the force that the sensor's gains
-    // make of the channels differs without it, or with it where it was not chosen; fx fy fz, the largest. NaN where the
-    // gains do not determine a force.
+    // For each effect, in a run of the scene's first samples with the chosen effects: the change of the force (by the
+    // sensor's gains) if the effect is removed, or added if it was not chosen; fx fy fz, the largest value. NaN if
+    // the gains do not determine a force.
     std::vector<std::array<double, 3>> force_N;
     std::uint64_t force_samples = 0;
-    std::vector<double> time_ns;     // it took a sample
-    double linear_ns = 0;            // the linear model's time a sample, in the same run
-    double none_ns = 0, all_ns = 0;  // a sample without effects, with all
-    double chosen_ns = 0;            // with those chosen
-    double difference_N = 0;         // largest, chosen - all, over all channels and samples that both have
+    std::vector<double> time_ns;     // time per sample
+    double linear_ns = 0;            // the linear model's time per sample, in the same run
+    double none_ns = 0, all_ns = 0;  // time per sample without effects, with all
+    double chosen_ns = 0;            // time per sample with the chosen ones
+    double difference_N = 0;         // largest |chosen - all| over all channels and samples of both
     std::uint64_t samples = 0;       // number of compared samples of the scene
 };
-// setup; runs the whole scene twice, and parts of it again against the clock
+// setup; runs the whole scene twice, and parts of it again for the times
 Measured measure(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
 
-// ---- simulate_timeline.cpp: what the chosen effects did when, from a run of the whole scene ----
+// ---- simulate_timeline.cpp: the chosen effects over time, from a run of the whole scene ----
 
 struct Timeline {
     struct Named {
@@ -55,45 +55,46 @@ struct Timeline {
     };
     struct Row {
         const sim::Decision* decision;
-        // Begin and end of what it changed a channel by more than a hundredth of the wanted accuracy in; where it is on, it
-        // ran all the time. An effect on the time of samples: always.
+        std::vector<std::pair<double, double>> active_s;  // intervals in which it is on: the scene without its rests
+        // Begin and end of each interval in which it changed a channel by more than a hundredth of the wanted
+        // accuracy. An effect on the time of samples: always.
         std::vector<std::pair<double, double>> changed_s;
-        double largest_N;  // change of a channel
+        double largest_N;  // largest change of a channel
     };
     struct Lane {  // motion of the body
         std::string name, unit;
         std::vector<double> value;  // evenly spaced over the scene
     };
     double length_s = 0;
-    std::vector<Named> motions;  // neighbours of one kind are one
+    std::vector<Named> motions;  // consecutive motions of one kind are merged
     std::vector<Lane> lanes;     // only lanes that change
     sim::Choice choice;
-    std::vector<Row> rows;  // in the order of their first change; those that are off, last
+    std::vector<Row> rows;  // in the order of their first change; effects that are off are last
     Timeline() = default;
     Timeline(const Timeline&) = delete;  // rows point into the choice
     Timeline(Timeline&&) = default;
 };
 Timeline timeline(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
 
-// simulate_figure.cpp. An SVG that stands alone and in a page.
+// simulate_figure.cpp: returns an SVG for standalone use and for a page.
 std::string timeline_svg(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
 
 // ---- simulate_report.cpp, simulate_text.cpp ----
 
 struct Report {
-    const sim::Simulation& simulation;  // with the chosen effects
+    const sim::Simulation& simulation;  // runs with the chosen effects
     std::string effects;                // the option
-    std::vector<std::size_t> sensors;   // their indices
+    std::vector<std::size_t> sensors;   // indices of the sensors
     std::vector<Measured> measured;     // for each sensor
 };
 std::string scene_html(const Report& report);
 nlohmann::json scene_json(const Report& report);
-// The active effects with the reasons. The scene is not run.
+// Returns the active effects with the reasons. The scene is not run.
 std::string choice_text(const sim::Simulation& simulation, const std::vector<std::size_t>& sensors);
 std::string effects_text();
 nlohmann::json effects_json();
 
-// Name in `--effects`: the effect, and its level where it has one. NAME or NAME:LEVEL.
+// Returns the name in `--effects`: NAME or NAME:LEVEL.
 std::string name_of(const sim::Decision& decision);
 const char* name_of(sim::Stage stage);
 const char* name_of(sim::Model model);

@@ -1,5 +1,5 @@
-// A scene as signals.csv and truth.csv. Numbers are the shortest that read back to the same double; nothing of the
-// machine, the date or the block size gets into a file, so the same scene gives the same bytes.
+// A scene as signals.csv and truth.csv. Numbers are the shortest that read back to the same double. The files do not
+// depend on the machine, the date or the block size, so the same scene gives the same bytes.
 #include <fmt/format.h>
 
 #include <cerrno>
@@ -54,11 +54,11 @@ void add_signals(std::string& row, const sim::Sensor& sensor, const Block& block
         add(row, here && (block.missing[n] >> k & 1u) == 0 ? block.channel[k][n] : kNaN);
 }
 
-// + 0.0: no "-0" where nothing acts.
+// + 0.0 avoids "-0" without a load.
 void add_truth(std::string& row, const sim::Sensor& sensor, const Block& block, std::size_t n) {
     const bool here = arrives(sensor, block, n), touches = here && block.load[sim::kFz][n] < 0;
     for (std::size_t axis = 0; axis < sim::kAxes; ++axis) add(row, here ? block.load[axis][n] + 0.0 : kNaN);
-    add(row, kNaN);  // mz: no motion exerts a moment that a sensor here could measure
+    add(row, kNaN);  // mz: no motion exerts a moment that these sensors could measure
     add(row, touches ? block.x_m[n] + 0.0 : kNaN);
     add(row, touches ? block.y_m[n] + 0.0 : kNaN);
 }
@@ -87,14 +87,14 @@ void write_csv(const sim::Scene& scene, const std::string& effects, const std::s
     row += '\n';
     true_row += '\n';
     std::vector<const Block*> block(scene.sensors.size());
-    bool first = true;  // row: it alone names the effects
+    bool first = true;  // the header row, which also names the effects
     for (std::uint64_t done = 0; done < scene.samples; done += block[0]->n) {
         for (std::size_t i = 0; i < block.size(); ++i) block[i] = &simulation.advance(i);
         for (std::size_t n = 0; n < block[0]->n; ++n) {
             bool any = false;
             for (std::size_t i = 0; i < block.size(); ++i) any = any || arrives(scene.sensors[i], *block[i], n);
             if (!any) continue;
-            // When the sample was due: what a recorder knows. A device's own clock is not in the file.
+            // The nominal time of the sample, which a recorder would know. A device's own clock is not in the file.
             const std::string t_s = fmt::format("{}", double(block[0]->first + n) / scene.rate_Hz);
             row += t_s;
             true_row += t_s;

@@ -1,5 +1,5 @@
-// The timeline as an SVG. Colours stand in the elements, so that it can be shown alone and printed; in a page the classes
-// of its style sheet win.
+// The timeline as an SVG. Colours are in the elements, so that it can be shown alone and printed; in a page the
+// classes of its style sheet override them.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ namespace {
 
 // In units of the viewBox.
 constexpr double kWidth = 900, kLeft = 215, kRight = 95, kTitle = 22, kMotion = 54, kLane = 30, kRow = 14, kAxis = 40;
-constexpr double kLetter = 5.6;  // of a small label, about
+constexpr double kLetter = 5.6;  // approximate width of a small letter
 
 class Drawing {
 public:
@@ -54,7 +54,8 @@ private:
                  kWidth - kRight + 8, rows_ - 20, kWidth - kRight + 8, rows_ - 7);
     }
 
-    // The begin of a motion, down through all bars; its name if there is room, upright if that is enough.
+    // Draws the begin of each motion as a line through all bars, with its name if there is room, upright if that is
+    // enough.
     void motions() {
         std::string borders;
         const double y = kTitle + kMotion;
@@ -95,8 +96,8 @@ private:
         if (!ever)
             svg_.put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11,
                      html_text(row.decision->why));
-        if (ever)
-            svg_.put(svg_line(fmt::format("M{:.1f} {:.1f}H{:.1f}", x(0), top + kRow / 2, x(t_.length_s)),
+        for (const auto& [begin_s, end_s] : row.active_s)
+            svg_.put(svg_line(fmt::format("M{:.1f} {:.1f}H{:.1f}", x(begin_s), top + kRow / 2, x(end_s)),
                               {.css_class = "frame", .colour = "#8c959f"}));
         for (const auto& [begin_s, end_s] : row.changed_s)
             svg_.put("<path class=\"bar\" fill=\"#1f5fa8\" d=\"M{:.1f} {:.1f}H{:.1f}v{}H{:.1f}Z\"/>\n", x(begin_s), top + 2,

@@ -1,4 +1,4 @@
-// The change that each effect makes to the channels and its time, on this machine, in this run.
+// Measures the change that each effect makes to the channels, and its time, on this machine, in this run.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ using sim::Block;
 using sim::Scene;
 using sim::Simulation;
 
-// Times are medians over pieces of a run: somebody else's turn on the processor falls out.
+// Times are medians over pieces of a run, so that interruptions by other programs have no influence.
 constexpr std::size_t kPiece_blocks = 16, kMaxPieces = 400, kMinPieces = 9;
 constexpr std::uint64_t kTiming_ns = 400'000'000;
 
@@ -27,7 +27,7 @@ double median(std::vector<double>& values) {
     return *middle;
 }
 
-// Reading the clock once.
+// Time of one reading of the clock.
 double clock_ns() {
     std::vector<double> pieces;
     for (int i = 0; i < 101; ++i) {
@@ -38,14 +38,14 @@ double clock_ns() {
     return median(pieces);
 }
 
-// A scene that begins again when it ends, so that short ones can be timed too.
+// A scene that restarts at its end, so that short ones can be timed, too.
 class Endless {
 public:
     Endless(const Scene& scene, std::string effects, std::size_t sensor, bool times)
         : scene_(scene), effects_(std::move(effects)), sensor_(sensor), times_(times) {
         begin();
     }
-    // ns a sample of the next piece.
+    // Returns ns per sample of the next piece.
     double piece() {
         if (left_ == 0) begin();
         std::size_t samples = 0;
@@ -59,7 +59,7 @@ public:
         samples_ = samples;
         return ns / double(samples);
     }
-    [[nodiscard]] std::size_t samples() const { return samples_; }  // belongs to the last piece
+    [[nodiscard]] std::size_t samples() const { return samples_; }  // number in the last piece
     [[nodiscard]] std::vector<std::uint64_t> times_ns() {
         if (left_ == 0) begin();
         return simulation_->times_ns(sensor_);
@@ -89,13 +89,13 @@ void measure_times(const Scene& scene, const std::string& effects, std::size_t s
     std::vector<double> none_ns, chosen_ns, all_ns;
     std::vector<std::vector<double>> step_ns(n + 1);
     const double reading_ns = clock_ns();
-    constexpr double kLinearSteps = 4;  // clock, world, drive, gauges
+    constexpr double kLinearSteps = 4;  // clock, motion, drive, gauges
     const std::uint64_t began_ns = monotonic_ns();
     for (std::size_t i = 0; i < kMaxPieces && (i < kMinPieces || monotonic_ns() - began_ns < kTiming_ns); ++i) {
         const double a = none.piece(), b = chosen.piece(), c = all.piece();
         const auto before = steps.times_ns();
         steps.piece();
-        if (i == 0) continue;  // cold
+        if (i == 0) continue;  // skips the cold first piece
         none_ns.push_back(a);
         chosen_ns.push_back(b);
         all_ns.push_back(c);
@@ -112,7 +112,8 @@ void measure_times(const Scene& scene, const std::string& effects, std::size_t s
     result.linear_ns = median(step_ns[n]);
 }
 
-// 3 x n: the force, fx fy fz, that the gains make of a change of the channels by least squares, each channel in its newtons.
+// 3 x n: the force, fx fy fz, that the gains assign to a change of the channels by least squares, each channel in its
+// newtons.
 struct ForceOfChange {
     std::array<std::array<double, sim::kMaxSensorChannels>, 3> row{};
 
@@ -141,11 +142,14 @@ struct ForceOfChange {
     }
 };
 
-// The chosen effects but for number `d`, or with it too where it was not chosen.
-std::string other_choice(const sim::Choice& choice, std::size_t d) {
+constexpr std::size_t kNone = SIZE_MAX;
+
+// Returns the chosen effects without number `other`, or with it if it was not chosen. None of the effects in such a
+// list rests.
+std::string names_of(const sim::Choice& choice, std::size_t other) {
     std::string list;
     for (std::size_t i = 0; i < choice.decisions.size(); ++i)
-        if (choice.decisions[i].on != (i == d)) list += (list.empty() ? "" : ",") + name_of(choice.decisions[i]);
+        if (choice.decisions[i].on != (i == other)) list += (list.empty() ? "" : ",") + name_of(choice.decisions[i]);
     return list.empty() ? "none" : list;
 }
 
@@ -154,7 +158,7 @@ constexpr std::uint64_t kForceSamples = 60'000;
 void measure_forces(const Scene& scene, const std::string& effects, std::size_t sensor_number, Measured& result) {
     const sim::Sensor& sensor = scene.sensors[sensor_number];
     const ForceOfChange force(sensor);
-    Scene one = scene;  // the others would only take time
+    Scene one = scene;  // the other sensors would only take time
     one.sensors = {sensor};
     using Row = std::array<double, sim::kMaxSensorChannels>;
     const auto channels = [&](const std::string& list) {
@@ -168,14 +172,14 @@ void measure_forces(const Scene& scene, const std::string& effects, std::size_t 
             }
         return rows;
     };
-    const std::vector<Row> base = channels(effects);
-    result.force_samples = base.size();
     const sim::Choice choice = Simulation(scene, effects).choice(sensor_number);
+    const std::vector<Row> base = channels(names_of(choice, kNone));
+    result.force_samples = base.size();
     Progress progress(fmt::format("forces without each effect, {}", sensor.name));
     for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
         std::array<double, 3> largest{};
         if (choice.decisions[d].bound.change_N > 0) {
-            const std::vector<Row> other = channels(other_choice(choice, d));
+            const std::vector<Row> other = channels(names_of(choice, d));
             for (std::size_t n = 0; n < base.size(); ++n)
                 for (std::size_t i = 0; i < 3; ++i) {
                     double sum = 0;

@@ -1,4 +1,5 @@
-// A scene as devices behind ptys, at the scene's pace: what the simulator's sensors would send, in either wire format.
+// A scene as devices behind ptys, at the scene's pace: the data that the simulator's sensors would send, in either
+// wire format.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -14,7 +15,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kClockOffset_us = 1e6;  // 0 would say that the device has no clock
+constexpr double kClockOffset_us = 1e6;  // 0 would mean that the device has no clock
 
 void check(const sim::Scene& scene, const std::vector<std::string>& ptys, const Wire& wire) {
     const std::size_t sensors = scene.sensors.size();
@@ -40,12 +41,12 @@ void check(const sim::Scene& scene, const std::vector<std::string>& ptys, const 
     }
 }
 
-// One sensor's frames as they come: what was dropped shows as a gap in the counter, which goes with the samples.
+// The frames of one sensor as they arrive: a dropped frame is a gap in the counter, which follows the samples.
 struct Device {
     Port* port;
     sim::Arrivals arrivals;
 
-    // The device's clock runs with the host's, not with the scene's.
+    // The device's clock follows the host's clock and not the scene's.
     static Frame frame(const sim::Sensor& sensor, const sim::SentFrame& sent, bool shares_port, double speed) {
         Frame frame;
         frame.sequence = std::uint32_t(sent.sample / sensor.every);

@@ -1,5 +1,5 @@
-// The page of `simulate --report`: for each sensor what the scene states, which effects it calls for and why, and what
-// that costs and keeps of its promise.
+// The page of `simulate --report`: for each sensor the scene's settings, the required effects with reasons, their
+// cost, and the actual error.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -61,7 +61,7 @@ std::string stated(const sim::Sensor& sensor, const sim::Extent& e) {
     facts += html_fact("centre of contact", fmt::format("|x| {}, |y| {}", in("m", e.x_m), in("m", e.y_m)));
     facts += html_fact("surroundings, body against them", fmt::format("{}, {}", in("K", e.ambient_K), in("K", e.body_K)));
     facts += html_fact("acceleration", in("m/s²", e.acceleration_m_s2));
-    return "<h3>What the scene states</h3>\n<p>Largest values at this sensor, by the scene's text alone: nothing was run "
+    return "<h3>Content of the scene</h3>\n<p>Largest values at this sensor, by the scene's text alone: nothing was run "
            "for "
            "them. The bounds are made of these.</p>\n" +
            html_table(rows, "load-" + sensor.name) + html_facts(facts, "extent-" + sensor.name);
@@ -90,7 +90,7 @@ std::string effects_table(const sim::Sensor& sensor, const sim::Choice& choice, 
 
 std::string timeline_figure(const sim::Scene& scene, const std::string& effects, std::size_t number) {
     return "<h3>What they did when</h3>\n<figure>\n" + timeline_svg(scene, effects, number) +
-           "<figcaption>What the body does, and below it a line for each effect that ran, all the time, with a bar where it "
+           "<figcaption>What the body does, and below it a line where each effect ran, with a bar where it "
            "changed a channel by more than a hundredth of the wanted accuracy; its largest change in N. Effects that were "
            "left out stand below with the reason.</figcaption>\n</figure>\n";
 }

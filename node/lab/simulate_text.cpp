@@ -1,4 +1,4 @@
-// What `tactilectl simulate` says without a browser: the choice as text, all of the report as JSON, the list of effects.
+// The text output of `tactilectl simulate`: the choice as text, the whole report as JSON, the list of effects.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -48,6 +48,18 @@ nlohmann::json forces_json(const std::array<double, 3>& force) {
     return {{"fx_N", number(force[0])}, {"fy_N", number(force[1])}, {"fz_N", number(force[2])}};
 }
 
+// The reason, and when an effect is active that rests in a part of the scene.
+std::string why(const sim::Scene& scene, const sim::Choice& choice, const sim::Decision& d) {
+    std::string text(d.why);
+    if (!d.on || d.active_share == 1) return text;
+    const char* separator = ": ";
+    for (const auto& [begin_s, end_s] : active_s(scene, choice, d)) {
+        text += fmt::format("{}{:.3g} .. {:.3g} s", separator, begin_s, end_s);
+        separator = ", ";
+    }
+    return text;
+}
+
 }  // namespace
 
 std::string name_of(const sim::Decision& decision) {
@@ -80,7 +92,7 @@ std::string choice_text(const sim::Simulation& simulation, const std::vector<std
                             "error now, N", "cost, ns", "why");
         for (const auto& d : choice.decisions)
             text += fmt::format("{:28} {:>10} {:>13.3g} {:>13.3g} {:>8.3g}  {}: {}\n", name_of(d), name_of(d.effect->stage),
-                                d.bound.change_N, d.error_N(), d.spent_ns(), d.on ? "on" : "off", d.why);
+                                d.bound.change_N, d.error_N(), d.spent_ns(), d.on ? "on" : "off", why(scene, choice, d));
     }
     return text;
 }
@@ -109,7 +121,7 @@ nlohmann::json effects_json() {
         for (const auto& p : e->parameters)
             effect["parameters"].push_back({{"name", p.name},
                                             {"meaning", p.meaning},
-                                            {"default", number(p.usual)},  // null: by the sensor's model
+                                            {"default", number(p.usual)},  // null: depends on the sensor's model
                                             {"least", number(p.min)},
                                             {"most", number(p.max)}});
         json["effects"].push_back(effect);
@@ -146,25 +158,27 @@ nlohmann::json scene_json(const Report& report) {
         for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
             const sim::Decision& decision = choice.decisions[d];
             const bool time = decision.effect->stage == sim::Stage::time;
-            one["effects"].push_back({{"name", decision.effect->name},
-                                      {"stage", name_of(decision.effect->stage)},
-                                      {"cost_class", decision.effect->cost_class},
-                                      {"instructions", number(decision.effect->instructions)},
-                                      {"bound_N", number(decision.bound.change_N)},
-                                      {"gain", number(decision.bound.gain)},
-                                      {"jump_N", number(decision.bound.jump_N)},
-                                      {"on", decision.on},
-                                      {"level", decision.on && decision.level != sim::Decision::kItself
-                                                    ? nlohmann::json(decision.levels[decision.level].name)
-                                                    : nlohmann::json(nullptr)},
-                                      {"levels", levels_json(decision)},
-                                      {"error_N", number(decision.error_N())},
-                                      {"cost_ns", number(decision.cost_ns)},
-                                      {"spent_ns", number(decision.spent_ns())},
-                                      {"without_N", forces_json(m.force_N[d])},
-                                      {"why", decision.why},
-                                      {"share_N", time ? nlohmann::json(nullptr) : number(m.share_N[d])},
-                                      {"time_ns", d < m.time_ns.size() ? number(m.time_ns[d]) : nullptr}});
+            one["effects"].push_back(
+                {{"name", decision.effect->name},
+                 {"stage", name_of(decision.effect->stage)},
+                 {"cost_class", decision.effect->cost_class},
+                 {"instructions", number(decision.effect->instructions)},
+                 {"bound_N", number(decision.bound.change_N)},
+                 {"gain", number(decision.bound.gain)},
+                 {"jump_N", number(decision.bound.jump_N)},
+                 {"on", decision.on},
+                 {"level", decision.on && decision.level != sim::Decision::kItself
+                               ? nlohmann::json(decision.levels[decision.level].name)
+                               : nlohmann::json(nullptr)},
+                 {"levels", levels_json(decision)},
+                 {"error_N", number(decision.error_N())},
+                 {"cost_ns", number(decision.cost_ns)},
+                 {"spent_ns", number(decision.spent_ns())},
+                 {"without_N", forces_json(m.force_N[d])},
+                 {"why", decision.why},
+                 {"active_s", decision.on ? nlohmann::json(active_s(scene, choice, decision)) : nlohmann::json::array()},
+                 {"share_N", time ? nlohmann::json(nullptr) : number(m.share_N[d])},
+                 {"time_ns", d < m.time_ns.size() ? number(m.time_ns[d]) : nullptr}});
         }
         json["sensors"].push_back(one);
     }

@@ -1,4 +1,5 @@
-// The chosen effects over the time of a scene: when each changed a channel, from a run of the whole scene.
+// The chosen effects over the time of a scene: the intervals in which each changed a channel, from a run of the whole
+// scene.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -10,8 +11,8 @@ namespace {
 
 using sim::Block;
 
-constexpr std::size_t kMaxParts = 400;    // parts of the scene, in which a change is looked for
-constexpr double kSeen = 0.01;            // share of the wanted accuracy: a change that counts
+constexpr std::size_t kMaxParts = 400;    // parts of the scene that are checked for a change
+constexpr double kSeen = 0.01;            // share of the wanted accuracy that counts as a change
 constexpr std::size_t kLaneValues = 361;  // points of a curve over the scene
 
 std::vector<Timeline::Named> name_motions(const std::vector<sim::Segment>& segments, double length_s) {
@@ -63,7 +64,8 @@ Timeline timeline(const sim::Scene& scene, const std::string& effects, std::size
     sim::Simulation simulation(scene, effects);
     simulation.measure_shares(true);
     const sim::Choice& choice = simulation.choice(number);
-    for (const sim::Decision& d : choice.decisions) result.rows.push_back({&d, {}, 0});
+    for (const sim::Decision& d : choice.decisions)
+        result.rows.push_back({&d, d.on ? active_s(scene, choice, d) : decltype(Timeline::Row::active_s){}, {}, 0});
     const std::uint64_t blocks = (scene.samples + Block::kSize - 1) / Block::kSize;
     const std::uint64_t per_part = std::max<std::uint64_t>(1, (blocks + kMaxParts - 1) / kMaxParts);
     for (std::uint64_t done = 0; done < scene.samples;) {

@@ -1,4 +1,4 @@
-// tactilectl tradeoff: what accuracy costs in time, measured on the machine that it runs on.
+// tactilectl tradeoff: measures time and accuracy of the methods on this machine.
 #include "node/lab/tradeoff.hpp"
 
 #include <algorithm>
@@ -16,11 +16,11 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr std::size_t kSamples = 16'384;  // of each method in each scene: 16 beyond p99.9
+constexpr std::size_t kSamples = 16'384;  // for each method in each scene: 16 beyond p99.9
 
 struct Args {
     std::string calibration, scene, in, scenes, csv, svg;
-    bool json = false;  // on standard output, instead of the table
+    bool json = false;  // JSON on standard output, instead of the table
     std::size_t samples = kSamples;
 };
 
@@ -94,7 +94,7 @@ int tradeoff(const Args& args) {
     if (!args.in.empty() && args.calibration.empty())
         throw SetupError("--in: which methods? Name a calibration with --calibration");
     Progress progress("tradeoff");
-    // Calibrating takes most of the time.
+    // Calibrating takes the largest part of the time.
     const std::vector<Contest> contests = contests_of(args, [&](double share) { progress.show(0.7 * share); });
     std::vector<Result> results;
     for (const Contest& contest : contests) {

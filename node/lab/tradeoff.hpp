@@ -13,12 +13,12 @@
 
 namespace tactiled::ctl {
 
-// ---- tradeoff_rows.cpp: what sensors read in a scene, and what was applied ----
+// ---- tradeoff_rows.cpp: readings of the sensors in a scene, and the applied loads ----
 
-inline constexpr std::size_t kMaxOfScene = 30'000;  // samples that are judged
+inline constexpr std::size_t kMaxOfScene = 30'000;  // number of samples that are judged
 
-// The scene's first sensor with all effects, at most `most` of its samples; a frame that is lost is no row, a channel
-// without a value NaN. The labels are the load that the world exerts. setup: throws SetupError
+// Returns the scene's first sensor with all effects, at most `max` of its samples. A lost frame gives no row, a
+// channel without a value is NaN. The labels are the applied load. setup: throws SetupError
 Labelled rows_of(const sim::Scene& scene, std::size_t max);
 
 // The [calibrate] table of a scene, as config/scenes/README.md has it.
@@ -31,76 +31,81 @@ struct CalibrationScene {
 };
 CalibrationScene read_calibration_scene(const std::string& path);  // setup: throws SetupError
 
-// Its rows as a calibration bench records them: settled, of the chosen channels and labels, evenly thinned to `most`.
+// Returns its rows as a calibration bench records them: settled, with the chosen channels and labels, evenly thinned
+// to `max`.
 Labelled calibration_rows(const CalibrationScene& scene, std::size_t max);
 
-// ---- tradeoff_plan.cpp: which methods, how calibrated, in which scenes ----
+// ---- tradeoff_plan.cpp: the methods, their calibrations and the scenes ----
 
 struct Candidate {
     std::string model, method;
-    std::string name;  // the method, and where it occurs twice how it was calibrated
+    std::string name;  // the method, and if it occurs twice, its calibration
     Calibration calibration;
     [[nodiscard]] std::unique_ptr<Decoupler> make() const;  // setup: throws SetupError
 };
-inline constexpr const char* kDamaged = "damaged";  // the trial that does not count among "all": its errors have no end
+inline constexpr const char* kDamaged = "damaged";  // the trial that is not part of "all": its errors are unbounded
 struct Trial {
     std::string kind;  // "easy", "combined", "eccentric", "dynamic", kDamaged, or the name of a file
     Labelled rows;
 };
-struct Contest {  // the methods of one model, and what they are asked
+struct Contest {  // the methods of one model, and their trials
     std::string model;
     std::vector<Candidate> candidates;
     std::vector<Trial> trials;
-    std::vector<std::string> refused;  // methods that could not be calibrated, and why
+    std::vector<std::string> refused;  // methods that could not be calibrated, with the reason
 };
 
-// All models, calibrated in process on scenes of `folder` and asked there. Calls `show` with the share that is done.
+// Returns all models, calibrated in process on scenes of `folder` and tested there. Calls `show` with the share that
+// is done.
 // setup: throws SetupError
 std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show);
-// The methods of the model of a scene's first sensor, calibrated as in all_contests() but on that sensor.
+// Returns the methods of the model of a scene's first sensor, calibrated as in all_contests() but on that sensor.
 Contest contest_of_scene(const std::string& folder, const std::string& scene);
-// All methods that a calibration has a fit of.
+// Returns all methods for which a calibration has a fit.
 Contest contest_of_calibration(const std::string& calibration);
 
-// The folder config/scenes of this program: beside it, or the installed one. setup: throws SetupError if it is missing
+// Returns the folder config/scenes of this program: beside it, or the installed one. setup: throws SetupError if it
+// is missing
 std::string scenes_folder();
 
 // ---- tradeoff_judge.cpp: errors ----
 
 struct Judged {
-    // Errors of samples that are not BAD, after a tare before the first load, % of full scale; NaN = not seen or no sample.
+    // Errors of samples that are not BAD, after a tare before the first load, % of full scale; NaN = not measured or
+    // no sample.
     Wrench rms_percent = kUnseen, p99_percent = kUnseen;
-    double force_rms_percent = kNaN;  // over the axes of force that the method sees
-    double good_rms_percent = kNaN;   // the same of GOOD samples alone
+    double force_rms_percent = kNaN;  // over the force axes that the method measures
+    double good_rms_percent = kNaN;   // over GOOD samples only
     std::size_t samples = 0, good = 0, uncertain = 0, bad = 0;
-    std::size_t undetected = 0;  // GOOD, and off by more than 5 of its own standard deviations in some component
+    // GOOD, but with an error of more than 5 of its own standard deviations in some component
+    std::size_t undetected = 0;
 };
-// The number of the first row under load; that of rows where none is.
+// Returns the index of the first row under load, or the number of rows if there is none.
 std::size_t first_load(const Labelled& rows);
 Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows);
-// One row over the trials of a whole sensor. Errors: the geometric mean, so that no trial drowns the others, and NaN where a
-// trial had no value at all: to say BAD throughout is no way to be accurate. p99: the worst trial's; shares: all samples
-// together.
+// Returns one row over the trials of a whole sensor. Errors are geometric means, so that no trial dominates, and NaN
+// if a trial had no value at all, because a method that is always BAD is not accurate. p99 is the worst trial's;
+// shares are over all samples together.
 Judged over_all(const std::vector<Judged>& trials);
 
 // ---- tradeoff_time.cpp: times ----
 
-// Each channel of a trial's rows where the candidate wants it. setup: throws SetupError where one is missing
+// Returns each channel of a trial's rows in the candidate's order. setup: throws SetupError where one is missing
 std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& rows, std::vector<double>& storage);
 
 struct Timing {
-    std::vector<float> ns;       // time of each timed sample, less the clock's own share
-    double instructions = kNaN;  // a sample, in user space; NaN = the kernel does not count them
+    std::vector<float> ns;       // time of each timed sample, without the time of the clock
+    double instructions = kNaN;  // per sample, in user space; NaN = the kernel does not count them
 };
-// The candidates take turns, so that what disturbs one disturbs all.
+// Times the candidates alternately, so that a disturbance affects all of them.
 std::vector<Timing> time_all(const std::vector<Candidate>& candidates, const Labelled& rows, std::size_t samples);
 double clock_ns();                  // time of two readings of the clock, median of this run
-std::string why_no_instructions();  // "" where they are counted
+std::string why_no_instructions();  // "" if they are counted
 double quantile(std::vector<float>& values, double share);
 
 // ---- tradeoff_text.cpp, tradeoff_figure.cpp ----
 
-struct Measure {  // one candidate in one trial; the last of a candidate is over all but kDamaged
+struct Measure {  // one candidate in one trial; its last one is over all but kDamaged
     std::string trial;
     Judged judged;
     double p50_ns, p99_ns, p99_9_ns, instructions;

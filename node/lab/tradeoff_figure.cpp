@@ -1,4 +1,5 @@
-// The methods as points of error over time: a symbol and colour a model, the front of each model filled and joined.
+// The methods as points of error over time, with a symbol and colour for each model; the front of each model is
+// filled and joined.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -25,7 +26,7 @@ std::string tradeoff_svg(const std::vector<Result>& results) {
         Figure::Series others{.name = "", .symbol = best.symbol, .points = {}, .colour = best.colour, .hollow = true};
         for (std::size_t i = 0; i < result.measures.size(); ++i) {
             const Measure& all = result.measures[i].back();
-            // A method that the clock cannot tell from nothing stands at its resolution.
+            // A method that is too fast for the clock is drawn at its resolution.
             const Figure::Point point{std::max(all.p50_ns, 1.0) / 1e3, all.judged.force_rms_percent,
                                       result.contest->candidates[i].name};
             (all.on_front ? best : others).points.push_back(point);

@@ -10,7 +10,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kWorth = 0.95;  // a method whose error is less by under 5 % is not worth a word
+constexpr double kWorth = 0.95;  // a method that improves the error by less than 5 % is not listed
 
 }  // namespace
 

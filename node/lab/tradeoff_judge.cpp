@@ -18,7 +18,7 @@ double rms(const std::vector<double>& values) {
     return values.empty() ? kNaN : std::sqrt(sum / double(values.size()));
 }
 
-// Over components, each the mean square of its own.
+// Returns, for the components together, the root mean square from the mean squares of each.
 double rms_of(const std::array<std::vector<double>, 6>& errors) {
     std::vector<double> of_axis;
     for (std::size_t c = 0; c < 3; ++c)
@@ -73,7 +73,7 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
     std::array<std::vector<double>, 6> errors, good_errors;
     for (std::size_t i = 0; i < readings.size(); ++i) {
         const Estimate e = decoupler.decouple(readings[i]);
-        if (i < begin) {  // the second half of the rest makes the tare, as a user's would
+        if (i < begin) {  // the second half of the time at rest is the tare
             if (i < begin / 2 || e.quality == TACTILED_BAD) continue;
             ++at_rest;
             for (std::size_t c = 0; c < sum.size(); ++c) sum[c] += std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;

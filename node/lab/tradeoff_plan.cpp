@@ -1,4 +1,4 @@
-// The methods that compete, with their calibrations and scenes. One table; a model that is not in it has no contest.
+// The competing methods with their calibrations and scenes. One table; a model that is not in it has no contest.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -15,13 +15,14 @@
 namespace tactiled::ctl {
 namespace {
 
-// A calibration of more rows takes longer and is hardly better: the loads are what counts. Memory needs the time course.
+// A calibration with more rows takes longer and is hardly better, because the loads matter. A method with memory
+// needs the course of time.
 constexpr std::size_t kMaxRows = 600, kMaxRowsOfMemory = 40'000;
 
 struct Source {
-    std::string model, scene;          // without .toml
-    std::vector<std::string> methods;  // a method without a fit of its own runs on the first one's
-    std::string how;                   // beside the method's name where the model has it from another scene too
+    std::string model, scene;          // file without .toml
+    std::vector<std::string> methods;  // a method without a fit of its own uses the first one's
+    std::string how;                   // added to the method's name if the model has it from another scene, too
 };
 const std::vector<Source>& sources() {
     static const std::vector<Source> all{
@@ -40,7 +41,8 @@ struct Asked {
     const char* model;
     std::array<const char*, kKinds.size()> scene;
 };
-// A generic sensor is the pad with five electrodes, of which the methods know nothing: beside them stand those that do.
+// The generic sensor is the pad with five electrodes, whose geometry the methods do not know; methods that know it
+// are listed beside them.
 constexpr std::array<const char*, kKinds.size()> kPad{"tradeoff_capacitive_easy", "tradeoff_capacitive_combined",
                                                       "tradeoff_capacitive_eccentric", "tradeoff_capacitive_dynamic",
                                                       "tradeoff_capacitive_damaged"};
@@ -67,7 +69,7 @@ struct Made {
     std::vector<std::string> refused;
 };
 
-// `sensor`: another than the scene's own.
+// `sensor`: replaces the scene's own sensor.
 Made calibrate(const std::string& folder, const Source& source, const sim::Sensor* sensor) {
     CalibrationScene scene = read_calibration_scene(path_of(folder, source.scene));
     if (sensor != nullptr) scene.scene.sensors = {*sensor};

@@ -1,4 +1,4 @@
-// Scenes as rows, in process: what `tactilectl simulate` writes into two files, and what a calibration bench would record.
+// Scenes as rows, in process: the two files of `tactilectl simulate`, and the recording of a calibration bench.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,8 +11,8 @@
 namespace tactiled::ctl {
 namespace {
 
-// The effects of the world alone: friction, ridges, glue. They are part of the truth, all others are the sensor's, but
-// for when it takes its samples: that is their time.
+// Effects on the load itself: friction, ridges, adhesion. They are part of the truth; all others belong to the
+// sensor. The effects of time are included because they define the time of the samples.
 constexpr const char* kWorld = "clock_drift,sampling_jitter,friction_limit,partial_slip,stick_slip,texture,adhesion";
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The results as a table for a person, as CSV and as JSON. Empty or null is what is not known.
+// The results as a table, as CSV and as JSON. An unknown value is empty or null.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -14,12 +14,12 @@ std::string cell(double value, int digits = 4) { return std::isfinite(value) ? f
 
 double percent(std::size_t part, std::size_t whole) { return whole == 0 ? kNaN : 100 * double(part) / double(whole); }
 
-// The columns of one row, once: CSV and JSON have the same names.
+// Returns the columns of one row, defined once: CSV and JSON have the same names.
 std::vector<std::pair<std::string, double>> numbers(const Measure& m) {
     const Judged& j = m.judged;
     std::vector<std::pair<std::string, double>> columns{
         {"samples", double(j.samples)}, {"rms_percent", j.force_rms_percent}, {"rms_of_good_percent", j.good_rms_percent}};
-    for (std::size_t c = 0; c < 5; ++c) {  // no sensor sees mz
+    for (std::size_t c = 0; c < 5; ++c) {  // no sensor measures mz
         columns.emplace_back(fmt::format("{}_rms_percent", kComponentNames[c]), j.rms_percent[c]);
         columns.emplace_back(fmt::format("{}_99_percent", kComponentNames[c]), j.p99_percent[c]);
     }

@@ -1,4 +1,4 @@
-// Time of a sample of each method: each sample alone between two readings of the clock, and where the kernel counts
+// Time per sample of each method: each sample separately between two readings of the clock, and if the kernel counts
 // instructions, a run of them. Caches are warm.
 #include <fmt/format.h>
 #include <linux/perf_event.h>
@@ -17,7 +17,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr std::size_t kTurn = 256;  // samples of one candidate before it is the next one's turn
+constexpr std::size_t kTurn = 256;  // samples of one candidate before the next candidate runs
 
 class Instructions {
 public:
@@ -36,7 +36,7 @@ public:
     }
     Instructions(const Instructions&) = delete;
     Instructions& operator=(const Instructions&) = delete;
-    [[nodiscard]] double count() const {  // so far; NaN where the kernel does not say
+    [[nodiscard]] double count() const {  // number so far; NaN if the kernel does not count
         std::uint64_t value = 0;
         return fd_ >= 0 && ::read(fd_, &value, sizeof value) == sizeof value ? double(value) : kNaN;
     }
@@ -48,8 +48,8 @@ private:
 
 double sink = 0;  // prevents the optimiser from removing the loop
 
-// One candidate over the rows under load, again and again: at rest some methods have nothing to do. Time goes on at the
-// end, so that memory does not run backwards.
+// Repeats one candidate over the rows under load, because some methods have nothing to do at rest. Time continues at
+// the end of the rows, so that it never goes back for a method with memory.
 class Course {
 public:
     Course(const Candidate& candidate, const Labelled& rows) : decoupler_(candidate.make()) {

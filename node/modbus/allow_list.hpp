@@ -15,7 +15,7 @@ using HostAddress = std::array<std::uint8_t, 16>;  // IPv4 is stored as ::ffff:a
 
 class AllowList {
 public:
-    // CIDR texts that the configuration has checked; an empty list allows the loopback alone.
+    // CIDR texts that the configuration has checked; an empty list allows only the loopback.
     explicit AllowList(const std::vector<std::string>& networks);
     [[nodiscard]] bool allows(const sockaddr_storage& peer) const noexcept;
 
@@ -27,10 +27,10 @@ private:
     std::vector<Network> networks_;
 };
 
-// True if two peers are the same host, independent of their ports.
+// Returns true if two peers are the same host, independent of their ports.
 bool same_host(const sockaddr_storage& a, const sockaddr_storage& b) noexcept;
 
-// "ADDRESS:PORT" or "[IPv6]:PORT", checked by the configuration.
+// Parses "ADDRESS:PORT" or "[IPv6]:PORT", which the configuration has checked.
 sockaddr_storage listen_address(const std::string& text, socklen_t& size);
 
 }  // namespace tactiled::modbus

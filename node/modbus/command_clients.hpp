@@ -1,6 +1,6 @@
 // The commands of each client: the command block with its CMD_SEQ, and the outcome of commands of one register or coil.
 //
-// A client is an address, so that its state survives a reconnection, and two PLCs do not answer for each other. The RTU line
+// A client is an address, so that its state survives a reconnection, and two PLCs have separate states. The RTU line
 // is one client. If there are more addresses than places, the one that has written least recently is forgotten.
 #pragma once
 #include <array>
@@ -29,7 +29,7 @@ struct CommandClient {
     bool has_number = false;               // a number was taken since the start: taken[4], CMD_SEQ_ACK
     bool outcome_was_read = false;
     std::uint16_t repeats = 0;
-    Outcome outcome;           // the block's
+    Outcome outcome;           // outcome of the block
     std::uint32_t number = 0;  // the number of the block's command in the pipeline
 
     std::uint16_t direct_code = 0, direct_count = 0;  // command by one register or coil
@@ -37,10 +37,10 @@ struct CommandClient {
     std::uint32_t direct_number = 0;
     std::uint64_t direct_ns = 0;
 
-    // True when writing `cmd_seq` runs the block. The first number after a start does not: a PLC that writes its block in
-    // every cycle writes its last command again, and that must not run a second time.
+    // True if writing `cmd_seq` runs the block. The first number after a start does not: a PLC that writes its block
+    // in every cycle writes its last command again, which must not run a second time.
     [[nodiscard]] bool runs(std::uint16_t cmd_seq) const noexcept { return has_number && cmd_seq != taken[4]; }
-    // Takes the number in the block. True: run the block; else the outcome is settled. rt: wait-free
+    // Takes the number in the block. Returns true if the block must run; else the outcome is settled. rt: wait-free
     [[nodiscard]] bool take_number() noexcept;
     void settle(Outcome now) noexcept {
         outcome = now;
@@ -50,11 +50,11 @@ struct CommandClient {
 
 class CommandClients {
 public:
-    // The state of the client at `host`; nothing has been commanded from an address that is not known. rt: wait-free
+    // Returns the state of the client at `host`; the empty state if the address is unknown. rt: wait-free
     [[nodiscard]] const CommandClient& at(const HostAddress& host) const noexcept;
-    // The same, to be written; an unknown address gets a place. rt: wait-free
+    // Returns the same for writing; an unknown address gets a place. rt: wait-free
     [[nodiscard]] CommandClient& of_writer(const HostAddress& host, std::uint64_t now_ns) noexcept;
-    // The client at `host` has read its outcome. rt: wait-free
+    // Notes that the client at `host` has read its outcome. rt: wait-free
     void note_read(const HostAddress& host) noexcept;
 
     [[nodiscard]] auto begin() noexcept { return clients_.begin(); }

@@ -20,7 +20,7 @@ const char* Connection::serve(const Answer& answer, std::uint64_t now_ns) {
     return said_all_ && !request_waits_ ? "closed by the client" : "";
 }
 
-// For kMaxAtOnce more answers. A client that waits for each answer never comes here.
+// Makes room for kMaxAtOnce more answers. A client that waits for each answer never needs this.
 bool Connection::has_room(std::uint64_t now_ns) noexcept {
     pollfd room{fd_, POLLOUT, 0};
     if (::poll(&room, 1, 0) == 1)
@@ -34,7 +34,8 @@ const char* Connection::receive(std::uint64_t now_ns) {
     if (said_all_ || received_ == in_.size()) return "";
     const ssize_t size = ::recv(fd_, in_.data() + received_, in_.size() - received_, MSG_DONTWAIT);
     if (size < 0) return errno == EAGAIN || errno == EINTR ? "" : "connection broken";
-    said_all_ = size == 0;  // it may have shut down its own direction only, and still gets what it has asked for
+    // the client may have shut down only its own direction, and still gets the answers to its requests
+    said_all_ = size == 0;
     received_ += std::size_t(size);
     if (size > 0) heard_ns_ = now_ns;
     return "";
@@ -67,7 +68,7 @@ const char* Connection::answer_all(const Answer& answer, std::uint64_t now_ns) {
 }
 
 std::uint32_t Connection::interest() const noexcept {
-    if (stuck_since_ns_ != 0) return EPOLLOUT;  // a client that takes no answers is not read from either
+    if (stuck_since_ns_ != 0) return EPOLLOUT;  // a client that takes no answers is not read from, either
     return received_ < in_.size() && !said_all_ ? std::uint32_t(EPOLLIN) : 0u;
 }
 

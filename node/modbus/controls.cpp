@@ -8,7 +8,7 @@ namespace {
 
 bool is_command_cell(unsigned at) { return at >= kTareCell && at <= kKnownWeightCell; }
 
-// A tare that is known to be impossible now is refused at once.
+// Refuses a tare at once if it is known to be impossible now.
 bool have_values(const View& view, std::uint32_t mask) {
     for (unsigned i = 0; i < kSensorBlocks; ++i)
         if ((mask >> i & 1) != 0 && view.snapshot.sensor[i].quality == TACTILED_BAD) return false;
@@ -58,8 +58,8 @@ void Controls::settle_block(tactiled_command_state state, tactiled_command_resul
     if (client.outcome.is_running()) client.settle({state, result});  // else its number was repeated for another command
 }
 
-// Commands of one register or coil. The pipeline's record holds the last acknowledgement alone: where a later command has
-// taken its place, the outcome is not known.
+// Follows commands of one register or coil. The pipeline's record holds only the last acknowledgement: if a later
+// command has replaced it, the outcome is unknown.
 void Controls::follow_direct(const tactiled_command& answer, std::uint64_t now_ns) noexcept {
     for (CommandClient& client : clients_) {
         if (!client.direct.is_running() || &client == teacher_) continue;
@@ -71,7 +71,7 @@ void Controls::follow_direct(const tactiled_command& answer, std::uint64_t now_n
     }
 }
 
-// The objects that TEACH has stored go to the pipeline; the list is kept until the pipeline has copied it.
+// Passes the objects that TEACH has stored to the pipeline; the list is kept until the pipeline has copied it.
 void Controls::hand_over_objects(std::uint64_t now_ns) noexcept {
     if (teaching_.state() != Teaching::stored || objects_number_ != 0) return;
     Command command;
@@ -104,15 +104,16 @@ void Controls::follow_teaching(const tactiled_command& answer) noexcept {
     }
 }
 
-// Also before the pipeline has taken the command: two tares in one segment of TCP are two.
+// True also before the pipeline has taken the command: two tares in one TCP segment are two.
 bool Controls::is_busy(const View& view) const noexcept {
     return (view.snapshot.node.status & TACTILED_ANY_TARING) != 0 || running_ != nullptr ||
            std::int32_t(acknowledged_by_pipeline_ - tare_number_) < 0 || teaching_.state() != Teaching::idle;
 }
 
-// ---- may it be written? ----------------------------------------------------------------------------------------------
+// ---- checks of a write
+// -----------------------------------------------------------------------------------------------
 
-// The value that the request would give register number i of its run.
+// Returns the value that the request would write to register number i of its run.
 std::uint16_t Controls::requested(const Request& request, unsigned i, const Session& session) const noexcept {
     const auto word = [&](std::size_t at) { return std::uint16_t(request.written[at] << 8 | request.written[at + 1]); };
     if (request.function != kMaskWrite) return word(2 * std::size_t(i));
@@ -123,9 +124,9 @@ std::uint16_t Controls::requested(const Request& request, unsigned i, const Sess
 
 Exception Controls::check(const Request& request, const View& view, const Session& session,
                           std::uint64_t now_ns) const noexcept {
-    if (!enabled_ || !session.may_write) return kIllegalAddress;  // to this client they are read-only
+    if (!enabled_ || !session.may_write) return kIllegalAddress;  // read-only for this client
     const bool coils = request.function == kWriteCoil || request.function == kWriteCoils;
-    Exception first = kNone;  // of the run; a wrong address comes before a wrong value
+    Exception first = kNone;  // in the order of the run; a wrong address comes before a wrong value
     for (unsigned i = 0; i < request.write.count; ++i) {
         const auto at = std::uint16_t(request.write.at + i);
         const Exception found = !coils ? check_register(at, requested(request, i, session), view, session, now_ns)
@@ -139,7 +140,7 @@ Exception Controls::check(const Request& request, const View& view, const Sessio
     return first;
 }
 
-// A write is carried out whole or not at all; of two commands the pipeline might refuse the second.
+// A write is carried out completely or not at all; of two commands, the pipeline might refuse the second.
 bool Controls::takes_more_than_one_command(const Request& request, const Session& session) const noexcept {
     int commands = 0;
     const CommandClient& client = clients_.at(session.host);
@@ -162,7 +163,7 @@ bool Controls::takes_more_than_one_command(const Request& request, const Session
     return commands > 1;
 }
 
-// If both ends of the hysteresis are set here, contact must not end above its begin.
+// Checks the hysteresis if both limits are written here: contact must not end above its begin.
 bool Controls::contact_is_upside_down(const Request& request, const Session& session) const noexcept {
     if (request.function == kWriteCoil || request.function == kWriteCoils) return false;
     std::uint16_t on = settings_[kContactOn - kFilterHz], off = settings_[kContactOff - kFilterHz];
@@ -176,7 +177,7 @@ bool Controls::contact_is_upside_down(const Request& request, const Session& ses
     return touched && on != kAsConfigured && off != kAsConfigured && off > on;
 }
 
-// Gravity as it would be once its Z is written.
+// Returns true if the gravity after the write of Z would be zero.
 bool Controls::gravity_is_none(const Request& request, const Session& session) const noexcept {
     if (request.function == kWriteCoil || request.function == kWriteCoils) return false;
     std::array<std::uint16_t, 3> raw{};
@@ -201,13 +202,13 @@ Exception Controls::check_register(std::uint16_t at, std::uint16_t value, const 
     if (at == kUnlock && value != kUnlockWord && value != 0) return kIllegalValue;
     if (is_command_cell(at) && value != 0) return check_command_cell(at, value, view);
     const bool command = at == kCmdSeq && clients_.at(session.host).runs(value);
-    if (command && is_busy(view)) return kBusy;  // one at a time, so that CMD_STATE tells of the one that was asked for
+    if (command && is_busy(view)) return kBusy;  // one at a time, so that CMD_STATE refers to the right command
     if (command && !view.alive) return kDeviceFailure;
     if (at == kSave && saving_.load() == storing) return kBusy;
     return kNone;
 }
 
-// A command of one register, other than 0. A value that is known to be impossible is refused at once.
+// Checks a command of one register, other than 0. A value that is known to be impossible is refused at once.
 Exception Controls::check_command_cell(std::uint16_t at, std::uint16_t value, const View& view) const noexcept {
     if (at <= kResetPeakCell && (value & ~sensor_mask_of(view)) != 0) return kIllegalValue;
     const bool weighs = at == kWeighCell || at > kResetPeakCell;
@@ -219,7 +220,7 @@ Exception Controls::check_command_cell(std::uint16_t at, std::uint16_t value, co
     return kNone;
 }
 
-// A 0 asks for nothing, but stops weighing where it is written to that coil alone.
+// A 0 is no command, except that it stops weighing if it is written to that coil alone.
 Exception Controls::check_coil(const Request& request, unsigned i, const View& view) const noexcept {
     const unsigned at = request.write.at + i;
     if (!is_set(request, i) && (at != kWeighCoil || request.write.count != 1)) return kNone;

@@ -1,4 +1,5 @@
-// Writes of a PLC: commands, hints, settings, scratch. A write is checked whole before any of it is carried out.
+// Writes of a PLC: commands, hints, settings, scratch. A write is checked completely before any part of it is carried
+// out.
 #pragma once
 #include <array>
 #include <atomic>
@@ -17,40 +18,41 @@
 
 namespace tactiled::modbus {
 
-// One connection, as far as writing is concerned.
+// The state of one connection that matters for writing.
 struct Session {
-    HostAddress host{};  // the client whose commands these are; all 0 on the RTU line
+    HostAddress host{};  // the client that owns the commands; all 0 on the RTU line
     bool may_write = false;
     std::uint64_t unlocked_until_ns = 0;  // end of the time in which settings may be written
 };
 
 class Controls {
 public:
-    // `commands` goes to the pipeline: the ring of TACTILED_FROM_MODBUS. Reads the settings that SAVE has stored. setup
+    // `commands` leads to the pipeline: the ring of TACTILED_FROM_MODBUS. Reads the settings that SAVE has stored.
+    // setup
     Controls(const ModbusSettings& settings, CommandRing& commands);
     Controls(const Controls&) = delete;
     Controls& operator=(const Controls&) = delete;
 
-    // Follows the running command, if there is one. Before check(), write() and add_to_global().
+    // Follows the running command, if there is one. Called before check(), write() and add_to_global().
     void follow(const View& view, std::uint64_t now_ns) noexcept;
 
-    // True if all of a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
+    // Checks whether a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
     [[nodiscard]] Exception check(const Request& request, const View& view, const Session& session,
                                   std::uint64_t now_ns) const noexcept;
-    // Sends what the pipeline had no room for, and forgets what a silent PLC told. Now and then.
+    // Sends commands for which the pipeline had no room, and forgets the data of a silent PLC. Called regularly.
     void tick(std::uint64_t now_ns) noexcept;
-    // Carries out a write that check() found good.
+    // Carries out a write that check() has accepted.
     void write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept;
 
-    // The registers of `run`, which lies in the controls or in scratch, as they are read.
+    // Reads the registers of `run`, which is in the controls or in scratch.
     void read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept;
     void read_coils(const View& view, std::span<std::uint8_t, kCoils> out) const noexcept;
-    // Acknowledgement of this client's command, echo, and the bits of STATUS and FAULT that are known here.
+    // Adds acknowledgement of this client's command, echo, and the bits of STATUS and FAULT that are known here.
     void add_to_global(const Session& session, std::uint64_t now_ns,
                        std::span<std::uint16_t, kGlobalSize> global) const noexcept;
-    // The outcome of this client's commands.
+    // Fills in the outcome of this client's commands.
     void read_commands(const Session& session, std::span<std::uint16_t, kCommandsSize> out) const noexcept;
-    // This client has been sent its CMD_RESULT.
+    // Notes that this client has been sent its CMD_RESULT.
     void note_read(const Session& session) noexcept { clients_.note_read(session.host); }
 
 private:
@@ -76,7 +78,7 @@ private:
     [[nodiscard]] bool gravity_is_none(const Request& request, const Session& session) const noexcept;
     [[nodiscard]] bool plc_is_silent(std::uint64_t now_ns) const noexcept;
     void write_coils(const Request& request, const Session& session, std::uint64_t now_ns) noexcept;
-    // Returns the number by which the pipeline acknowledges it, 0 when it takes none.
+    // Sends a command. Returns the number by which the pipeline acknowledges it, 0 if the pipeline does not take it.
     std::uint32_t send(Command command, std::uint64_t now_ns) noexcept;
     std::uint32_t send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept;
     std::uint32_t send_known_weight(double mass_kg, std::uint64_t now_ns) noexcept;
@@ -100,16 +102,16 @@ private:
 
     std::uint32_t number_ = 0;  // number of the last command sent to the pipeline
     std::uint32_t acknowledged_by_pipeline_ = 0;
-    std::uint32_t tare_number_ = 0;     // number of the last tare or untare sent
-    std::uint32_t tare_mask_ = 0;       // sensors of the last one, 0 if that was an untare
+    std::uint32_t tare_number_ = 0;     // number of the last tare or untare that was sent
+    std::uint32_t tare_mask_ = 0;       // sensors of the last tare, 0 if it was an untare
     CommandClient* running_ = nullptr;  // the client whose block runs; nullptr = none
     std::uint64_t sent_ns_ = 0;         // the time of that command
 
     Teaching teaching_;
-    bool teaching_for_block_ = false;   // the CMD_STATE of running_ tells of it
-    CommandClient* teacher_ = nullptr;  // the client that asked by the cell
-    bool teach_failed_ = false;         // the last one by the cell, which has no CMD_STATE
-    std::uint32_t objects_number_ = 0;  // of the command that hands over what was taught; 0 = not sent yet
+    bool teaching_for_block_ = false;   // the CMD_STATE of running_ reports it
+    CommandClient* teacher_ = nullptr;  // the client that requested it by the register
+    bool teach_failed_ = false;         // the last one by the register, which has no CMD_STATE
+    std::uint32_t objects_number_ = 0;  // number of the command that hands over the taught objects; 0 = not sent yet
 
     std::atomic<Saving> saving_{idle};
     bool settings_unsent_ = false;

@@ -59,7 +59,7 @@ void Controls::write_coils(const Request& request, const Session& session, std::
     if (request.write.at == kWeighCoil && !weigh) run(kStopWeighing, Command::Kind::stop_weighing, 0);
 }
 
-// DIRECT_STATE and DIRECT_RESULT tell what becomes of a command of one register or coil.
+// DIRECT_STATE and DIRECT_RESULT report the outcome of a command of one register or coil.
 void Controls::begin_direct(const Session& session, std::uint16_t code, std::uint32_t number,
                             std::uint64_t now_ns) noexcept {
     CommandClient& client = clients_.of_writer(session.host, now_ns);
@@ -111,7 +111,7 @@ void Controls::write_register(std::uint16_t at, std::uint16_t value, const View&
             return;
         case kPlcWatchdog:
             if (value != watchdog_ms_)
-                heartbeat_ns_ = now_ns;  // a block that is written again and again keeps nothing alive
+                heartbeat_ns_ = now_ns;  // a block that is written repeatedly does not count as a heartbeat
             watchdog_ms_ = value;
             return;
         case kUnlock:
@@ -127,7 +127,7 @@ void Controls::write_register(std::uint16_t at, std::uint16_t value, const View&
     if (at == kCmdSeq && client.take_number()) run_command(client, view, now_ns);
 }
 
-// CMD_SEQ has changed: the block is a command. What is wrong with it is told in CMD_RESULT, not by an exception.
+// CMD_SEQ has changed: the block is a command. Its errors are reported in CMD_RESULT, not by an exception.
 void Controls::run_command(CommandClient& client, const View& view, std::uint64_t now_ns) noexcept {
     const std::array<std::uint16_t, 5>& block = client.taken;
     const auto settle = [&](tactiled_command_state state, tactiled_command_result result) {
@@ -245,7 +245,7 @@ void Controls::read(Run run, const Session& session, std::uint64_t now_ns, std::
 
 void Controls::read_coils(const View& view, std::span<std::uint8_t, kCoils> out) const noexcept {
     std::fill(out.begin(), out.end(), std::uint8_t(0));
-    // Until the tare is acknowledged: after the last sample its zero has to be stored.
+    // True until the tare is acknowledged: after the last sample its zero has to be stored.
     const tactiled_command& answer = view.snapshot.node.command[TACTILED_FROM_MODBUS];
     const bool tares = answer.acknowledged == tare_number_ && answer.state == TACTILED_COMMAND_RUNNING;
     for (unsigned i = 0; i < kSensorBlocks; ++i) {
@@ -307,7 +307,7 @@ void Controls::load() {
 }
 
 void Controls::save() noexcept {
-    saver_.join();  // it has ended: check() has seen that nothing is being stored
+    saver_.join();  // it has ended: check() has verified that nothing is being stored
     to_save_ = settings_;
     saving_.store(storing);
     try {

@@ -13,21 +13,22 @@ constexpr std::uint16_t kMaxU16 = 65534;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
-// The part of the node's state that remains true when its loop has stopped; what its sensors do now is no longer known.
+// The part of the node's state that remains valid when its loop has stopped; the present state of its sensors is then
+// unknown.
 constexpr std::uint32_t kOutlivesLoop = TACTILED_SIMULATED | TACTILED_ANY_UNCALIBRATED | TACTILED_WARNING | TACTILED_FAULT;
 
 bool has_value(const tactiled_sample& s) noexcept { return s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN; }
 
 std::uint16_t age_ms(const tactiled_sample& s, std::uint64_t now_ns) noexcept {
     if (s.t_ns == 0 || (s.reasons & TACTILED_NO_DATA_YET) != 0)
-        return kMaxU16;  // no frame ever: not as young as the machine
+        return kMaxU16;  // no frame so far: must not seem as young as the machine
     const std::uint64_t age = now_ns > s.t_ns ? (now_ns - s.t_ns) / 1'000'000u : 0;
     return std::uint16_t(std::min<std::uint64_t>(age, kMaxU16));
 }
 
 std::uint16_t clamped(std::uint32_t value) noexcept { return std::uint16_t(std::min<std::uint32_t>(value, kMaxU16)); }
 
-// The forces of a sensor block, and whether one of them left the range of its register.
+// Encodes the forces of a sensor block; returns whether one of them exceeded the range of its register.
 bool encode_wrench(const tactiled_sample& s, std::span<std::uint16_t, kSensorSize> out) noexcept {
     bool beyond = false;
     for (unsigned i = 0; i < 3; ++i) {
@@ -47,7 +48,7 @@ bool overloads(const tactiled_sample& s) noexcept {
     return (s.reasons & TACTILED_SATURATED) != 0 || (s.state & TACTILED_OVERLOAD) != 0 || encode_wrench(s, unused);
 }
 
-// Bits 2 .. 6 of the node's STATUS.
+// Returns bits 2 .. 6 of the node's STATUS.
 std::uint32_t grasp_status(const tactiled_grasp& g) noexcept {
     return (is_grasped(g) ? 1u << 2 : 0u) | (g.slip_mask != 0 ? 1u << 3 : 0u) | (g.slip_latch != 0 ? 1u << 4 : 0u) |
            (has_weight(g) ? 1u << 5 : 0u) | (is_stable(g) ? 1u << 6 : 0u);
@@ -166,7 +167,7 @@ View view_of(const Segment& segment) noexcept {
                  tactiled_is_fresh(view.snapshot.node.t_ns, view.snapshot.taken_ns, segment.header().watchdog_ms) != 0;
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
         tactiled_sample& s = view.snapshot.sensor[i];
-        if (!view.alive) s.reasons = 0;  // they were true once
+        if (!view.alive) s.reasons = 0;  // they are no longer valid
         if (!view.alive || !has_value(s)) tactiled_invalidate(&s, view.alive ? 0u : unsigned(TACTILED_DAEMON_STOPPED));
     }
     return view;
@@ -291,7 +292,7 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
     std::fill(out.begin(), out.end(), std::uint16_t(0));
     tactiled_sample s = view.snapshot.sensor[index];
     const bool exists = index < sensors_of(view);
-    if (!exists) tactiled_invalidate(&s, 0);  // a block of no sensor: sentinels, and no bit of STATUS but fault
+    if (!exists) tactiled_invalidate(&s, 0);  // block of a missing sensor: sentinels, and only the fault bit of STATUS
     const bool beyond = encode_wrench(s, out);
     out[kSensorSeq] = out[kSensorSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
     const tactiled_grasp& grasp = view.snapshot.node.grasp;
@@ -299,7 +300,7 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
     const std::uint16_t slip = valued ? grasp.slip_state[index] : std::uint16_t(TACTILED_SLIP_UNKNOWN);
     out[kSensorStatus] = sensor_status(s, beyond, slip);
     const std::uint16_t why = fault_of(s.reasons);
-    const std::uint16_t none = exists ? kFaultUnknown : kFaultNoSensor;  // never 0 where the value is not GOOD
+    const std::uint16_t none = exists ? kFaultUnknown : kFaultNoSensor;  // never 0 if the value is not GOOD
     out[kSensorFault] = s.quality == TACTILED_GOOD ? std::uint16_t(0) : why != 0 ? why : none;
     out[kSensorAgeMs] = exists ? age_ms(s, view.snapshot.taken_ns) : kNoU16;
     bool unused = false;

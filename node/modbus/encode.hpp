@@ -1,4 +1,4 @@
-// Snapshot -> registers. Pure: what the PLC reads follows from what shared memory says, and from the time of the request.
+// Converts a snapshot to registers. Pure: the registers depend only on shared memory and on the time of the request.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -8,38 +8,38 @@
 
 namespace tactiled::modbus {
 
-// A double in units of `scale` as i16: nearest, halves to even; beyond +-32767 it saturates and sets `saturated`; NaN is
-// kNoI16. Never wraps.
+// Converts a double in units of `scale` to i16: nearest, halves to even; beyond +-32767 it saturates and sets
+// `saturated`; NaN is kNoI16. Never wraps.
 std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept;
-// The same as i16_of for 0 .. 65534 and kNoU16; negative values saturate at 0.
+// Does the same as i16_of for 0 .. 65534 and kNoU16; negative values saturate at 0.
 std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept;
-// The same as i16_of for two registers, high word first; saturates at +-2147483647. NaN is kNoI32.
+// Does the same as i16_of for two registers, high word first; saturates at +-2147483647. NaN is kNoI32.
 std::uint32_t i32_of(double value, double scale) noexcept;
 
-// The jaws hold something, if only just; the grasp has a value of its weight.
+// True if the jaws hold something; the grasp may have a value of its weight.
 bool is_grasped(const tactiled_grasp& grasp) noexcept;
 bool has_weight(const tactiled_grasp& grasp) noexcept;
 bool is_stable(const tactiled_grasp& grasp) noexcept;
 
-// Unit of a force in a sensor block, and the largest number that an i16 shows.
+// Unit of a force in a sensor block, and the largest number of an i16.
 inline constexpr double kForceUnit_N = 0.01;
 inline constexpr int kMaxI16 = 32767;
 
-// A float32 of two registers. A number that is not finite, in double or as float32, becomes the quiet NaN.
+// Writes a float32 to two registers. A number that is not finite, as double or as float32, becomes the quiet NaN.
 void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept;
 
-// Everything that one request may need, from one frame of the pipeline.
+// All data that one request may need, from one frame of the pipeline.
 struct View {
     const Segment* segment = nullptr;  // nullptr: no daemon's segment could be read
     Snapshot snapshot;
     bool alive = false;  // the pipeline has published within watchdog_ms
 };
 
-// Takes a snapshot now. Samples are already judged by their age; where the pipeline is not alive all are BAD.
+// Takes a snapshot now. Samples are already judged by their age; if the pipeline is not alive, all are BAD.
 View view_of(const Segment& segment) noexcept;
-// Bit n = sensor n, of those that there are.
+// Returns a mask of the existing sensors, bit n = sensor n.
 std::uint32_t sensor_mask_of(const View& view) noexcept;
-// The registers when there is nothing to read: every sensor value is a sentinel.
+// Returns the view if there is nothing to read: every sensor value is a sentinel.
 View view_of_nothing(std::uint32_t reason = TACTILED_DAEMON_STOPPED) noexcept;
 
 void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept;
@@ -54,7 +54,7 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
 void encode_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kFloatSize> out) noexcept;
 void encode_sensor_floats(const View& view, unsigned index, bool low_word_first,
                           std::span<std::uint16_t, kSensorFloatSize> out) noexcept;
-// The discrete inputs, 0 or 1 each, from the global block that is shown at the same time.
+// Encodes the discrete inputs, 0 or 1 each, from the global block of the same time.
 void encode_inputs(std::span<const std::uint16_t, kGlobalSize> global, std::span<std::uint8_t, kInputs> out) noexcept;
 
 }  // namespace tactiled::modbus

@@ -7,8 +7,8 @@
 namespace tactiled::modbus {
 namespace {
 constexpr std::size_t kBasicObjects = 3;
-constexpr std::uint8_t kConformity = 0x82;  // regular, by stream and by individual access
-// The project has no public address; this one leads to the manual that its package installs.
+constexpr std::uint8_t kConformity = 0x82;  // regular objects, by stream and by individual access
+// The project has no public address; this one is the manual that its package installs.
 constexpr const char* kVendorUrl = "file:///usr/share/doc/tactiled";
 constexpr std::uint8_t kServerId = 'T', kOn = 0xFF, kOff = 0;  // in the answer to function 17
 constexpr std::string_view kServerText = "tactiled " TACTILED_VERSION;
@@ -28,7 +28,7 @@ std::size_t Identity::answer(std::span<const std::uint8_t> pdu, bool is_running,
     }
     const std::uint8_t code = pdu[2];
     std::size_t first = pdu[3];
-    // There is no extended object: a device of a lower conformity answers with what it has.
+    // There is no extended object: a device of a lower conformity answers with its own objects.
     const std::size_t end = code == kIndividual ? first + 1 : code == kBasic ? kBasicObjects : objects_.size();
     if (first >= end) first = 0;  // "if the object id does not match any known object, the server restarts at the beginning"
     const std::uint8_t head[] = {kEncapsulated, kReadIdentity, code, kConformity, 0, 0, std::uint8_t(end - first)};

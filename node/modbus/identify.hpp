@@ -14,13 +14,13 @@ class Identity {
 public:
     // `node_name` is reported as UserApplicationName.
     explicit Identity(const std::string& node_name);
-    // The PDU that answers a request of one of these functions that check_pdu() found good. `is_running` is the run
-    // indicator of function 17. Returns its length in `out`. rt: wait-free
+    // Writes the PDU that answers a request of one of these functions that check_pdu() has accepted. `is_running` is
+    // the run indicator of function 17. Returns its length in `out`. rt: wait-free
     std::size_t answer(std::span<const std::uint8_t> pdu, bool is_running,
                        std::span<std::uint8_t, kMaxPdu> out) const noexcept;
 
 private:
-    std::array<std::string, kIdentityObjects> objects_;  // by object id
+    std::array<std::string, kIdentityObjects> objects_;  // indexed by object id
 };
 
 }  // namespace tactiled::modbus

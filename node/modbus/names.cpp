@@ -1,4 +1,4 @@
-// Names of bits and of values, and the order in which faults are told.
+// Names of bits and of values, and the order in which faults are reported.
 #include <array>
 
 #include "node/modbus/table.hpp"
@@ -19,7 +19,7 @@ constexpr Name kStatusBits[] = {{0, "ready", "READY"},
                                 {9, "simulated or replayed data", "SIMULATED"},
                                 {10, "stale", "STALE"},
                                 {11, "uncalibrated", "UNCALIBRATED"},
-                                {12, "the PLC's watchdog has expired: PLC_HEARTBEAT stands", "PLC_EXPIRED"},
+                                {12, "the PLC's watchdog has expired: PLC_HEARTBEAT does not change", "PLC_EXPIRED"},
                                 {13, "settings are unlocked", "UNLOCKED"},
                                 {14, "warning: see WARN", "WARNING"},
                                 {15, "fault: see FAULT", "FAULT"}};
@@ -33,18 +33,18 @@ constexpr Name kFaultBits[] = {{0, "sensor lost", "SENSOR_LOST"},
                                {8, "internal", "INTERNAL"}};
 constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved", "DRIFT"},
                               {2, "lost samples", "LOST_SAMPLES"},
-                              {4, "the last tare was refused or failed: the zero before is in force", "TARE"},
+                              {4, "the last tare was refused or failed: the previous zero is in force", "TARE"},
                               {5, "a sensor's method auto has stepped down or misses its budget", "BUDGET"},
                               {6, "a sensor's rate is not the declared one", "RATE"},
-                              {7, "the last reload was refused: the configuration before is in force", "RELOAD"},
+                              {7, "the last reload was refused: the previous configuration is in force", "RELOAD"},
                               {8, "the jaws contradict the weight: see WEIGHT_WHY", "JAWS"}};
 constexpr Name kDoubtBits[] = {
     {0, "the presses do not balance: a wrong gain, or a tilt or an acceleration that is not reported", "BALANCE"},
     {1, "the jaws do not share the load as they should: a wrong gain or direction", "SHARES"},
     {2, "the load came onto the other jaws and not onto this one", "DEAD_SHEAR"},
-    {3, "the mass is less than nothing: the direction of gravity or of a jaw is wrong", "NEGATIVE"},
-    {4, "gain or zero of a jaw has moved since the weight was first stable", "CREEPS"},
-    {5, "the load is not still", "MOVES"},
+    {3, "the mass is negative: the direction of gravity or of a jaw is wrong", "NEGATIVE"},
+    {4, "gain or zero of a jaw has changed since the weight was first stable", "CREEPS"},
+    {5, "the load moves", "MOVES"},
     {6, "a force across gravity: a tilt that is not reported, a table, a turned jaw", "ACROSS"},
     {7, "the load came onto this jaw later than onto the others", "LATE"}};
 constexpr Name kSensorStatusBits[] = {{0, "ok: the value is GOOD", "GOOD"},
@@ -118,7 +118,7 @@ constexpr Name kWeightStates[] = {{0, "none", "NONE"},
                                   {3, "overload", "OVERLOAD"},
                                   {4, "not observable", "NOT_OBSERVABLE"}};
 
-// Gravest first. The numbers are the map's and do not follow the order of enum tactiled_reason.
+// Most severe first. The numbers are those of the register map and do not follow the order of enum tactiled_reason.
 struct Fault {
     std::uint32_t reason;
     Name name;

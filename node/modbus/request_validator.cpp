@@ -15,7 +15,7 @@ bool is_readable(Run run, std::uint8_t function, bool scratch) noexcept {
     const Area* const area = area_of(run.at, run.count);
     if (area == nullptr || (area->block == Block::scratch && !scratch)) return false;
     const bool writable = area->block == Block::controls || area->block == Block::scratch;
-    return !(writable && function == kReadInputRegisters);  // a register that can be written is no input register
+    return !(writable && function == kReadInputRegisters);  // a writable register is not an input register
 }
 
 bool is_writable(Run run, bool scratch) noexcept {
@@ -30,7 +30,8 @@ bool is_writable(Run run, bool scratch) noexcept {
 }  // namespace
 
 Cut cut_adu(std::span<const std::uint8_t> bytes, std::size_t& size) noexcept {
-    // Each field is judged as soon as it is there: a hopeless stream is closed without waiting for the rest of it.
+    // Each field is checked as soon as it is received, so that an invalid stream is closed without waiting for the
+    // rest.
     if (bytes.size() >= 4 && word(bytes, 2) != 0) return Cut::close;
     if (bytes.size() < 6) return Cut::more;
     const std::size_t length = word(bytes, 4);  // unit identifier and PDU: 1 + 1 .. 253 bytes
@@ -48,7 +49,8 @@ Request check_pdu(std::span<const std::uint8_t> pdu, bool scratch) noexcept {
         return request;
     };
     const auto run = [&](std::size_t at) { return Run{word(pdu, at), word(pdu, at + 2)}; };
-    // `size` bytes of a write with a byte count at `at`: as long as it says, and that is what the quantity wants.
+    // Checks that the write has `bytes` data bytes after the byte count at `at`, as the byte count and the quantity
+    // require.
     const auto holds = [&](std::size_t at, std::size_t bytes) { return pdu[at] == bytes && size == at + 1 + bytes; };
     switch (pdu[0]) {
         case kReadCoils:

@@ -14,19 +14,19 @@ namespace {
 
 constexpr std::size_t kAddressInRtu = 1;
 
-// Neither address is opened: the context gets the descriptor of a connection that exists.
+// The addresses are not opened: the context gets the descriptor of an existing connection.
 modbus_t* new_context(ModbusWire wire) {
     return wire == ModbusWire::tcp ? modbus_new_tcp("127.0.0.1", 1502) : modbus_new_rtu("tty", 19200, 'E', 8, 1);
 }
 
-// The result of send() and write(): -1, also where they took only a part.
+// Converts the result of send() and write(), which is -1 also for a partial write.
 std::size_t bytes_of(int sent) noexcept { return sent > 0 ? std::size_t(sent) : 0; }
 
 }  // namespace
 
 Responder::Responder(ModbusWire wire) : wire_(wire), context_(new_context(wire)) {
     if (context_ == nullptr) throw SetupError(fmt::format("Modbus: {}", std::strerror(errno)));
-    // libmodbus sleeps this long before the exceptions that check_pdu() leaves it no reason for.
+    // libmodbus sleeps this long before some exceptions, which requests that passed check_pdu() do not cause.
     modbus_set_response_timeout(context_.get(), 0, 1);
 }
 
@@ -46,8 +46,8 @@ std::size_t Responder::reply(std::span<const std::uint8_t> request, Tables& tabl
     std::array<std::uint8_t, kMaxAdu> aside;
     const auto pdu = pdu_of(request);
     if (pdu[0] == kReadWrite) {
-        // Function 23 writes before it reads. Controls has carried out the write and decides what its registers read as, so
-        // libmodbus writes to cells beyond the map. The answer does not contain the address of the write.
+        // Function 23 writes before it reads. Controls has carried out the write and determines what its registers
+        // read as, so libmodbus writes to cells beyond the map. The answer does not contain the address of the write.
         std::copy(request.begin(), request.end(), aside.begin());
         std::uint8_t* const write_at = aside.data() + (pdu.data() - request.data()) + 5;
         write_at[0] = kMapEnd >> 8;
@@ -61,8 +61,7 @@ std::size_t Responder::refuse(std::span<const std::uint8_t> request, Exception e
     if (is_broadcast(request)) return 0;
     const std::uint8_t function = pdu_of(request)[0];
     if ((function & kExceptionBit) == 0) return bytes_of(modbus_reply_exception(context_.get(), request.data(), exception));
-    const std::uint8_t pdu[] = {function,
-                                exception};  // libmodbus adds the bit, and the sum would be a good answer's function
+    const std::uint8_t pdu[] = {function, exception};  // libmodbus adds the exception bit
     return send(request, pdu);
 }
 
@@ -74,7 +73,7 @@ std::size_t Responder::send(std::span<const std::uint8_t> request, std::span<con
         std::copy(pdu.begin(), pdu.end(), out.begin() + kAddressInRtu);
         return bytes_of(modbus_send_raw_request(context_.get(), out.data(), int(kAddressInRtu + pdu.size())));
     }
-    // modbus_send_raw_request() would choose a transaction of its own.
+    // modbus_send_raw_request() would choose its own transaction number.
     std::copy_n(request.begin(), kMbapSize, out.begin());
     out[4] = 0;
     out[5] = std::uint8_t(pdu.size() + 1);

@@ -1,5 +1,5 @@
-// Every answer leaves here. libmodbus composes those to the functions that it knows, and all exceptions, and writes them to
-// the client's own socket or to the tty, in one call. It never reads from them.
+// Sends all answers. libmodbus composes the answers to the functions that it knows, and all exceptions, and writes
+// them to the client's socket or to the tty in one call. It never reads from them.
 #pragma once
 #include <modbus.h>
 
@@ -14,14 +14,15 @@
 
 namespace tactiled::modbus {
 
-// The whole map by address, in the layout of libmodbus. Only the cells that a request reads need to be filled in.
+// The whole map by address, in the layout of libmodbus. Only the cells that a request reads must be filled in.
 struct Tables {
-    std::array<std::uint16_t, kMapEnd + kMaxWriteBeside> registers{};  // the last ones: see Responder::reply()
+    std::array<std::uint16_t, kMapEnd + kMaxWriteBeside> registers{};  // the last cells: see Responder::reply()
     std::array<std::uint8_t, kCoils> coils{};
     std::array<std::uint8_t, kInputs> inputs{};
 };
 
-// Answers a whole request. Returns the number of bytes sent, or 0 if the answer was not sent in full or none is due.
+// Answers a whole request. Returns the number of bytes sent, or 0 if the answer was not sent completely or none is
+// due.
 using Answer = std::function<std::size_t(std::span<const std::uint8_t> request)>;
 
 // One framing. A request is passed in this framing: with its MBAP header, or as an RTU frame with its checksum.
@@ -30,21 +31,21 @@ public:
     // setup: throws SetupError where libmodbus gives no context
     explicit Responder(ModbusWire wire);
 
-    // The non-blocking socket or tty of the requests to come; stays the caller's. rt: wait-free
+    // Sets the non-blocking socket or tty of the following requests; the caller keeps ownership. rt: wait-free
     void set_descriptor(int fd) noexcept { modbus_set_socket(context_.get(), fd); }
     // rt: wait-free
     [[nodiscard]] std::span<const std::uint8_t> pdu_of(std::span<const std::uint8_t> request) const noexcept;
 
-    // Each sends one answer and returns the number of its bytes, or 0 if the kernel did not take all of them, or if the
-    // request was a broadcast.
+    // Each function sends one answer and returns the number of its bytes, or 0 if the kernel did not take all of
+    // them, or if the request was a broadcast.
 
-    // The answer of libmodbus, from `tables`, to a request of functions 1 .. 6, 15, 16, 22 and 23 that check_pdu() found
-    // good.
+    // Sends the answer of libmodbus, from `tables`, to a request of functions 1 .. 6, 15, 16, 22 and 23 that
+    // check_pdu() has accepted.
     // rt: one system call, does not block
     std::size_t reply(std::span<const std::uint8_t> request, Tables& tables) noexcept;
     // rt: one system call, does not block
     std::size_t refuse(std::span<const std::uint8_t> request, Exception exception) noexcept;
-    // An answer that the project composed. rt: one system call, does not block
+    // Sends an answer that the project composed. rt: one system call, does not block
     std::size_t send(std::span<const std::uint8_t> request, std::span<const std::uint8_t> pdu) noexcept;
 
 private:

@@ -1,5 +1,5 @@
-// A PLC's data about the robot: the gripper's state, gravity and acceleration at the hand. Registers 5022, 5023
-// and 5040 .. 5046. Nobody waits for an answer, so the registers themselves say what was told.
+// A PLC's data about the robot: the gripper's state, gravity and acceleration at the hand. Registers 5022, 5023 and
+// 5040 .. 5046. These writes have no acknowledgement; the registers read back the last values.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -15,16 +15,17 @@ public:
         return at == kGripperState || at == kGripperForce || (at >= kGravityX && at <= kAccelCount);
     }
     [[nodiscard]] std::uint16_t read(unsigned at) const noexcept;
-    // Gravity waits for its Z, acceleration for another ACCEL_COUNT: a client that writes one register at a time never shows
-    // a direction that is half the old one.
+    // Gravity takes effect with its Z, acceleration with a new ACCEL_COUNT: a client that writes one register at a
+    // time never causes a mixture of an old and a new direction.
     void write(unsigned at, std::uint16_t value, std::uint64_t now_ns) noexcept;
 
-    // True if three registers are the gravity on Earth, or not available: a wrong scale gives no weight.
+    // Returns true if three registers are the gravity on Earth, or not available: a wrong scale would give no weight.
     static bool is_gravity(const std::array<std::uint16_t, 3>& raw) noexcept;
 
-    // The PLC is silent: what it told may not be true any more. The registers keep what was written.
+    // Forgets the data because the PLC is silent, so that they may be outdated. The registers keep the written
+    // values.
     void forget() noexcept;
-    // Hands over what is new, as far as there is room.
+    // Sends new data to the pipeline, as far as there is room.
     void send(CommandRing& commands) noexcept;
 
 private:
@@ -32,7 +33,7 @@ private:
     std::array<std::uint16_t, 3> gravity_{kNoI16, kNoI16, kNoI16}, acceleration_{kNoI16, kNoI16, kNoI16};
     Command hint_{}, down_{}, motion_{};
     bool hint_unsent_ = false, down_unsent_ = false, motion_unsent_ = false;
-    bool reported_ = false;  // anything, since the last forget()
+    bool reported_ = false;  // data were written since the last forget()
 };
 
 }  // namespace tactiled::modbus

@@ -16,10 +16,10 @@ namespace tactiled::modbus {
 namespace {
 
 constexpr std::uint64_t kRetryNs = 1'000'000'000;
-constexpr std::uint64_t kEchoLateNs = 2'000'000;  // beyond the line's own time
+constexpr std::uint64_t kEchoLateNs = 2'000'000;  // in addition to the time on the line
 
-// 1.75 ms is what the standard recommends above 19200 baud for t3.5 (2.5.1.1). A UART's receive buffer delivers what it
-// holds after four characters of silence at the latest, so that the pieces of a frame are closer together.
+// 1.75 ms is the standard's recommendation for t3.5 above 19200 baud (2.5.1.1). A UART's receive buffer delivers its
+// bytes after at most four characters of silence, so that the pieces of a frame are closer together.
 constexpr std::uint64_t kPiecesNs = 1'750'000;
 
 std::uint64_t silence_ns(int baud) { return std::uint64_t(3.5 * 11 * 1e9 / baud); }  // a character has 11 bits
@@ -61,7 +61,7 @@ bool is_whole_request(std::span<const std::uint8_t> bytes) noexcept {
         case kMaskWrite: return bytes.size() == 10;
         case kReadWrite: return bytes.size() == with_data(10);
         case kEncapsulated: return bytes.size() == 7;
-        default: return false;  // the length is not known, or any: silence ends it
+        default: return false;  // the length is unknown or free: silence ends it
     }
 }
 
@@ -74,7 +74,8 @@ bool is_answer_to(std::span<const std::uint8_t> request, std::span<const std::ui
         return size >= n && request.size() >= n && std::equal(frame.begin(), frame.begin() + long(n), request.begin());
     };
     switch (frame[1]) {
-        case kReadWrite:  // a request, too, may have the byte count of an answer in this place: the high byte of its address
+        // a request may have the byte count of an answer in this place, too: the high byte of its address
+        case kReadWrite:
             if (size >= 15 && frame[10] == size - 13 && frame[9] * 2u == frame[10]) return false;
             [[fallthrough]];
         case kReadCoils:
@@ -119,7 +120,7 @@ void RtuLine::close() noexcept {
 }
 
 bool RtuLine::receive(std::uint64_t now_ns) {
-    // Bytes that come after the silence that ends a frame begin a new one, even if tick() was not called in between.
+    // Bytes after the silence that ends a frame begin a new one, even if tick() was not called in between.
     if (silent_since_ns_ != 0 && now_ns > frame_ends_ns()) {
         received_ = 0;
         too_long_ = is_whole_ = false;
@@ -155,7 +156,7 @@ void RtuLine::tick(const Answer& answer, std::uint64_t now_ns) {
     silent_since_ns_ = 0;
 }
 
-// A frame that is not for us, or is none, is answered by silence (2.2: the other units on the line do the same).
+// A frame for another unit, or an invalid one, is not answered (2.2: the other units on the line do the same).
 void RtuLine::take_frame(const Answer& answer, std::uint64_t now_ns) {
     const auto frame = std::span(std::as_const(frame_)).first(received_);
     const bool may_be_echo = std::exchange(sent_size_, 0) == received_ && now_ns <= echo_until_ns_;
@@ -174,7 +175,8 @@ void RtuLine::take_frame(const Answer& answer, std::uint64_t now_ns) {
         return;
     }
     ++counts_.frames;
-    // If the kernel does not take the answer, which has at most 256 bytes, the master misses it and asks again.
+    // If the kernel does not take the answer, which has at most 256 bytes, the master misses it and repeats the
+    // request.
     sent_size_ = answer(frame);
     if (address == 0) {
         ++counts_.broadcasts;

@@ -17,12 +17,13 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kTickNs = 50'000'000;  // longest delay of stop() and of deadlines
+constexpr std::uint64_t kTickNs = 50'000'000;  // longest delay of stop() and of time limits
 constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
 constexpr std::uint64_t kRetryNs = 1'000'000'000;  // for the port, and after running out of descriptors
-// A client keeps its place for so long after a complete request, or after it has connected. PLCs poll every 2 s or faster.
+// A client keeps its place for this time after a complete request, or after it has connected. PLCs poll every 2 s or
+// faster.
 constexpr std::uint64_t kKeepsPlaceNs = 5'000'000'000;
-constexpr int kWaitingAtTheDoor = 128;   // whom the kernel finds no room for tries again after a second
+constexpr int kWaitingAtTheDoor = 128;   // a client for which the kernel has no room tries again after a second
 constexpr std::size_t kPlacesOfPlc = 4;  // connections of each listed address
 
 void watch(int epoll, int operation, int fd, std::uint32_t events) {
@@ -66,7 +67,7 @@ ModbusServer::~ModbusServer() {
 void ModbusServer::serve() noexcept {
     while (!stop_.load()) try {
             cycle();
-        } catch (const std::exception& error) {  // no memory: what is still due comes again with the next turn
+        } catch (const std::exception& error) {  // no memory: unfinished work is repeated in the next cycle
             if (monotonic_ns() >= complain_again_ns_) log_line(LogLevel::warning, "Modbus: {}", error.what());
             complain_again_ns_ = monotonic_ns() + kRetryNs;
             sleep_until(monotonic_ns() + kTickNs);
@@ -85,7 +86,7 @@ void ModbusServer::cycle() {
         else if (event.data.fd == watched_line_)
             line_readable = true;
         else if (event.data.fd == listener_)
-            somebody_knocks = true;  // after the batch: a new client must not get an event of the old one of its number
+            somebody_knocks = true;  // after the batch, which may have events of a closed descriptor
         else
             serve_client(event.data.fd, event.events, now_ns);
     }
@@ -95,14 +96,14 @@ void ModbusServer::cycle() {
     if (ticked) tick(now_ns);
 }
 
-// Without a limit as a rule: to set one makes each wait cost several microseconds more on a virtual machine.
+// Normally waits without a time limit: a limit makes each wait cost several microseconds more on a virtual machine.
 int ModbusServer::wait_for(std::span<epoll_event> events) const noexcept {
     const std::uint64_t now_ns = monotonic_ns(), due_ns = next_due_ns();
     if (due_ns == kAnyTime) return ::epoll_wait(epoll_, events.data(), int(events.size()), -1);
     const std::uint64_t wait_ns = due_ns > now_ns ? std::min(due_ns - now_ns, kTickNs) : 0;
     const timespec wait{0, long(wait_ns)};
     const int n = ::epoll_pwait2(epoll_, events.data(), int(events.size()), &wait, nullptr);
-    if (n >= 0 || errno == EINTR) return n;  // else a kernel before 5.11, or a filter that does not know it
+    if (n >= 0 || errno == EINTR) return n;  // else a kernel before 5.11, or a filter that does not know the call
     return ::epoll_wait(epoll_, events.data(), int(events.size()), int((wait_ns + 999'999) / 1'000'000));
 }
 
@@ -126,7 +127,7 @@ std::uint64_t ModbusServer::next_due_ns() const noexcept {
     return due_ns;
 }
 
-// Clients whose requests wait for their turn or, above their rate, for time to pass.
+// Serves clients whose requests wait because of the limit per call or because of their rate.
 void ModbusServer::serve_held_back(std::uint64_t now_ns) {
     std::array<int, 256> due;
     std::size_t n = 0;
@@ -136,7 +137,7 @@ void ModbusServer::serve_held_back(std::uint64_t now_ns) {
 }
 
 void ModbusServer::serve_line(std::uint64_t now_ns, bool readable) {
-    if (readable && !line_.receive(now_ns)) watched_line_ = -1;  // closed: epoll has forgotten it
+    if (readable && !line_.receive(now_ns)) watched_line_ = -1;  // closed: epoll has removed it
     line_.tick([this](auto frame) { return service_.answer(frame, line_.session, line_.responder); }, now_ns);
     if (line_.fd() >= 0 && watched_line_ < 0) watch(epoll_, EPOLL_CTL_ADD, watched_line_ = line_.fd(), EPOLLIN);
 }
@@ -175,7 +176,7 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
         const int fd = ::accept4(listener_, reinterpret_cast<sockaddr*>(&peer), &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
         if (fd < 0) {
             if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
-                watch(epoll_, EPOLL_CTL_DEL, listener_, 0);  // the waiting client would wake us for ever
+                watch(epoll_, EPOLL_CTL_DEL, listener_, 0);  // the waiting client would wake the thread again and again
                 listen_again_ns_ = now_ns + kRetryNs;
                 looks_away_ = true;
             }
@@ -192,7 +193,8 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
         const int send_buffer = modbus::Connection::kSendBuffer;
         ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &send_buffer, sizeof send_buffer);
         ::setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
-        ::setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &one, sizeof one);  // a pulled cable frees its place after about 11 s
+        // the place of a disconnected cable is freed after about 11 s
+        ::setsockopt(fd, SOL_SOCKET, SO_KEEPALIVE, &one, sizeof one);
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &keep_idle_s, sizeof keep_idle_s);
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &keep_interval_s, sizeof keep_interval_s);
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &keep_count, sizeof keep_count);
@@ -206,7 +208,7 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
     }
 }
 
-// Takes the descriptor last of what may fail.
+// Takes over the descriptor after everything that may fail.
 void ModbusServer::admit(int fd, const sockaddr_storage& peer, bool plc, std::uint64_t now_ns) {
     auto& client = clients_[fd];
     client = std::make_unique<Client>(fd, now_ns, settings_.max_requests_per_s, peer, plc);
@@ -216,8 +218,9 @@ void ModbusServer::admit(int fd, const sockaddr_storage& peer, bool plc, std::ui
     ++counts_.accepted;
 }
 
-// The client without a complete request for the longest time makes room, if that is long enough. A listed PLC has places of
-// its own, for which only its own oldest one makes room, and at once: a PLC that was switched off leaves connections behind.
+// The client without a complete request for the longest time is removed, if that time is long enough. A listed PLC
+// has reserved places, for which its own oldest connection is removed at once, because a PLC that was switched off
+// leaves connections behind.
 bool ModbusServer::make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns) {
     const auto competes = [&](const Client& c) { return plc ? c.plc && modbus::same_host(c.peer, peer) : !c.plc; };
     std::size_t n = 0;
@@ -244,8 +247,8 @@ void ModbusServer::serve_client(int fd, std::uint32_t events, std::uint64_t now_
     const char* why = "no memory";
     try {
         why = client.serve(answer, now_ns);
-    } catch (const std::bad_alloc&) {}  // the number of answered requests is not known
-    if (*why != 0 || (events & (EPOLLERR | EPOLLHUP)) != 0) return close(fd);  // hung up: nobody would hear the rest
+    } catch (const std::bad_alloc&) {}                                         // the number of answered requests is unknown
+    if (*why != 0 || (events & (EPOLLERR | EPOLLHUP)) != 0) return close(fd);  // hung up: further answers would be lost
     if (client.interest() != client.watched) watch(epoll_, EPOLL_CTL_MOD, fd, client.watched = client.interest());
 }
 
@@ -258,7 +261,7 @@ void ModbusServer::close_overdue(std::uint64_t now_ns) {
 }
 
 void ModbusServer::close(int fd) {
-    clients_.erase(fd);  // closes; epoll forgets it
+    clients_.erase(fd);  // closes the descriptor, which removes it from epoll
     ++counts_.closed;
 }
 

@@ -21,7 +21,7 @@ namespace tactiled {
 
 class ModbusServer {
 public:
-    // Starts to serve the segment of `node_name`. A port or tty that is not to be had is asked for again each second.
+    // Starts to serve the segment of `node_name`. A port or tty that is not available is tried again each second.
     // setup: throws SetupError where libmodbus or epoll cannot be had
     ModbusServer(std::string node_name, const ModbusSettings& settings, CommandRing& commands);
     ~ModbusServer();
@@ -32,7 +32,7 @@ public:
         std::atomic<std::uint64_t> accepted{0}, refused{0}, closed{0};
     };
     const Counts& counts() const noexcept { return counts_; }
-    // False where [modbus] listen names a port that was not to be had when this object was made.
+    // Returns false if the port of [modbus] listen was not available when this object was constructed.
     [[nodiscard]] bool listens_from_the_start() const noexcept { return listens_from_the_start_; }
 
 private:
@@ -46,7 +46,7 @@ private:
     void serve() noexcept;
     void cycle();
     int wait_for(std::span<epoll_event> events) const noexcept;
-    void tick(std::uint64_t now_ns);  // some times a second
+    void tick(std::uint64_t now_ns);  // called some times per second
     [[nodiscard]] std::uint64_t next_due_ns() const noexcept;
     void serve_held_back(std::uint64_t now_ns);
     void serve_line(std::uint64_t now_ns, bool readable);
@@ -69,9 +69,9 @@ private:
     int epoll_ = -1, ticks_ = -1, listener_ = -1;
     std::uint64_t listen_again_ns_ = 0, complain_again_ns_ = 0;
     bool listens_from_the_start_ = true;
-    bool looks_away_ = false;  // out of descriptors: the port stays ours, who waits there waits a second
+    bool looks_away_ = false;  // out of descriptors: the port stays open, and waiting clients wait a second
     std::string complaint_;
-    std::map<int, std::unique_ptr<Client>> clients_;  // by descriptor
+    std::map<int, std::unique_ptr<Client>> clients_;  // key: descriptor
     Counts counts_;
     std::atomic<bool> stop_{false};
     RtThread thread_;

@@ -5,11 +5,11 @@
 namespace tactiled::modbus {
 namespace {
 
-constexpr std::uint64_t kLookAgainNs = 100'000'000;  // for a segment that is not there
+constexpr std::uint64_t kLookAgainNs = 100'000'000;  // retry interval if there is no segment
 
 bool writes(const Request& request) { return request.write.count != 0; }
 bool reads_bits(const Request& request) { return request.function == kReadCoils || request.function == kReadInputs; }
-// True if the answer depends on the sensors.
+// Returns true if the answer depends on the sensors.
 bool needs_view(const Request& request) {
     if (writes(request) || reads_bits(request) || request.function == kReportServerId) return true;
     if (request.read.count == 0) return false;
@@ -34,7 +34,7 @@ std::size_t Service::answer(std::span<const std::uint8_t> bytes, Session& sessio
     if (request.function == kDiagnostics) return responder.send(bytes, pdu);  // "return query data"
 
     const std::uint64_t now_ns = monotonic_ns();
-    const View view = needs_view(request) ? look() : View{};  // one frame a request
+    const View view = needs_view(request) ? look() : View{};  // one frame for the whole request
     if (needs_view(request)) controls_.follow(view, now_ns);
     if (request.function == kEncapsulated || request.function == kReportServerId) {
         std::array<std::uint8_t, kMaxPdu> answer;
@@ -73,7 +73,7 @@ void Service::fill_global(const View& view, const Session& session, std::uint64_
 void Service::fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns) {
     const Area& area = *area_of(run.at, run.count);
     const auto cells = std::span(tables_.registers).subspan(area.at, area.size);
-    // Only the blocks that the request touches.
+    // Fills only the blocks that the request touches.
     const unsigned size = area.repeats != 0 ? area.repeats : area.size;
     const unsigned first = (run.at - area.at) / size, last = (run.at + run.count - 1u - area.at) / size;
     for (unsigned n = first; n <= last; ++n) {

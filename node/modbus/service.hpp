@@ -1,5 +1,5 @@
-// A whole request -> its answer, whichever way it came: what TCP and RTU share. A reader of shared memory like any other,
-// and one ring of commands: it could be a process of its own. From one thread.
+// Answers whole requests of TCP and RTU. It reads shared memory like any reader and has one ring of commands, so it
+// could be a process of its own. Used from one thread.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -18,8 +18,8 @@ public:
     // setup
     Service(std::string node_name, const ModbusSettings& settings, CommandRing& commands);
 
-    // Answers a whole request, in the framing of `responder`, through it. Returns the number of bytes sent, or 0 if the
-    // answer was not sent in full or none is due.
+    // Answers a whole request, in the framing of `responder`, through it. Returns the number of bytes sent, or 0 if
+    // the answer was not sent completely or none is due.
     std::size_t answer(std::span<const std::uint8_t> request, Session& session, Responder& responder);
 
     struct Counts {
@@ -27,7 +27,7 @@ public:
     };
     [[nodiscard]] const Counts& counts() const noexcept { return counts_; }
 
-    // Now and then: sends what the pipeline had no room for.
+    // Sends commands for which the pipeline had no room. Called regularly.
     void tick(std::uint64_t now_ns) noexcept { controls_.tick(now_ns); }
 
 private:

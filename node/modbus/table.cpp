@@ -6,9 +6,9 @@ namespace tactiled::modbus {
 namespace {
 
 constexpr Register kGlobal[] = {
-    {kMagic0, "MAGIC0", Type::text, "", "0x5441 \"TA\"; reading 0x4354 here: the client is off by one"},
+    {kMagic0, "MAGIC0", Type::text, "", "0x5441 \"TA\"; a client that reads 0x4354 here is off by one address"},
     {kMagic1, "MAGIC1", Type::text, "", "0x4354 \"CT\""},
-    {kMapVersion, "MAP_VER", Type::text, "", "256 * major + minor; a minor version only adds"},
+    {kMapVersion, "MAP_VER", Type::text, "", "256 * major + minor; a minor version only adds registers"},
     {kSensors, "N_SENSORS", Type::u16, "", "1 .. 16"},
     {kSeq, "SEQ", Type::count, "", "number of the published frame, wraps"},
     {kHeartbeat, "HEARTBEAT", Type::count, "1 / 100 ms", "stops when acquisition, the loop or every sensor stops"},
@@ -26,8 +26,8 @@ constexpr Register kGlobal[] = {
     {kGripForce, "GRIP_FORCE", Type::u16, "0.01 N", "normal force of a jaw, mean of those with a sensor"},
     {kGripState, "GRIP_STATE", Type::enumeration, "",
      "0xFFFF: not known; no [grasp] is configured, or a jaw's sensor has no value"},
-    {kWeightG, "WEIGHT_G", Type::u16, "1 g", "WEIGHT, for clients of one register; less than nothing reads 0"},
-    {kWeightState, "WEIGHT_STATE", Type::enumeration, "", "how far WEIGHT may be trusted"},
+    {kWeightG, "WEIGHT_G", Type::u16, "1 g", "WEIGHT, for clients of one register; a negative weight reads 0"},
+    {kWeightState, "WEIGHT_STATE", Type::enumeration, "", "state of WEIGHT"},
     {kWeight, "WEIGHT", Type::i32, "0.1 g", "net, of the object alone"},
     {kWeightSd, "WEIGHT_SD", Type::u16, "0.1 g", "its standard deviation"},
     {kRecGrip, "REC_GRIP", Type::u16, "0.01 N", "recommended GRIP_FORCE: the minimum that holds, with a margin"},
@@ -35,8 +35,8 @@ constexpr Register kGlobal[] = {
      "gross slips of all jaws: counted in the loop, so that none is missed between two scans"},
     {kCmdSeqAck, "CMD_SEQ_ACK", Type::count, "",
      "the CMD_SEQ last taken from this client's address; 0 = none since the daemon's start. Write this + 1 for a command"},
-    {kCmdState, "CMD_STATE", Type::enumeration, "", "of this client's last command in the block 5000 .. 5004"},
-    {kCmdResult, "CMD_RESULT", Type::enumeration, "", "of that command"},
+    {kCmdState, "CMD_STATE", Type::enumeration, "", "state of this client's last command in the block 5000 .. 5004"},
+    {kCmdResult, "CMD_RESULT", Type::enumeration, "", "result of that command"},
     {kCalId, "CAL_ID", Type::text, "", "CRC-16 of configuration and calibrations: changes when either does"},
     {kPlcHbEcho, "PLC_HB_ECHO", Type::count, "", "echo of PLC_HEARTBEAT"},
     {kCycleWorst, "CYCLE_WORST", Type::u16, "us", "worst cycle of the pipeline within the last second"},
@@ -45,22 +45,22 @@ constexpr Register kGlobal[] = {
 
 constexpr Register kGraspBlock[] = {
     {kGraspSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
-    {kObjectId, "OBJECT_ID", Type::u16, "", "of the taught object that WEIGHT is; 0 = unknown, or no weight"},
-    {kObjectProbability, "OBJECT_PROB", Type::u16, "0.1 %", "that it is OBJECT_ID, and no other nor an unknown one"},
+    {kObjectId, "OBJECT_ID", Type::u16, "", "id of the taught object with this WEIGHT; 0 = unknown, or no weight"},
+    {kObjectProbability, "OBJECT_PROB", Type::u16, "0.1 %",
+     "probability of OBJECT_ID, against the other objects and an unknown one"},
     {kFriction, "FRICTION", Type::u16, "0.001", "coefficient: learnt in this grasp, or as configured"},
     {kFrictionSd, "FRICTION_SD", Type::u16, "0.001", "its standard deviation; 0xFFFF where it is as configured"},
     {kGrasps, "GRASPS", Type::count, "", "one more each time that GRIP_STATE becomes grasped"},
-    {kSinceLiftOff, "SINCE_LIFT", Type::u16, "ms", "since lift-off while an object is held; 65534 = that or more"},
+    {kSinceLiftOff, "SINCE_LIFT", Type::u16, "ms", "time since lift-off while an object is held; 65534 = that or more"},
     {kGraspSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
 
 constexpr Register kCommandsBlock[] = {
-    {kCmdRepeats, "CMD_REPEATS", Type::count, "",
-     "writes of CMD_SEQ since that ran nothing, because it was the same number"},
+    {kCmdRepeats, "CMD_REPEATS", Type::count, "", "later writes of the same CMD_SEQ, which ran nothing"},
     {kDirectCmd, "DIRECT_CMD", Type::enumeration, "",
      "last command of this client by one register (5010 .. 5017) or by coils; 0 = none"},
-    {kDirectState, "DIRECT_STATE", Type::enumeration, "", "of that command"},
-    {kDirectResult, "DIRECT_RESULT", Type::enumeration, "", "of that command, as CMD_RESULT"},
+    {kDirectState, "DIRECT_STATE", Type::enumeration, "", "state of that command"},
+    {kDirectResult, "DIRECT_RESULT", Type::enumeration, "", "result of that command, as CMD_RESULT"},
     {kDirectCount, "DIRECT_COUNT", Type::count, "", "one more with each of these commands"},
 };
 
@@ -89,15 +89,15 @@ constexpr Register kToolBlock[] = {
 constexpr Register kDoubtsBlock[] = {
     {kDoubtsSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
     {kWeightWhy, "WEIGHT_WHY", Type::bits, "", "why WEIGHT is not stable while an object is held; 0 where it is stable"},
-    {kWeightJaws, "WEIGHT_JAWS", Type::mask, "", "the jaws that WEIGHT_WHY is about, as far as the forces tell them"},
+    {kWeightJaws, "WEIGHT_JAWS", Type::mask, "", "the jaws that cause WEIGHT_WHY, as far as the forces show them"},
     {kDoubtsSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
 
 constexpr Register kSensor[] = {
     {kSensorSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
     {kSensorStatus, "STATUS", Type::bits, "", "state of this sensor"},
-    {kSensorFault, "FAULT", Type::enumeration, "", "why the value is not GOOD: the gravest reason"},
-    {kSensorAgeMs, "AGE_MS", Type::u16, "ms", "since the last byte of its frame; 65534 = that or more"},
+    {kSensorFault, "FAULT", Type::enumeration, "", "the most serious reason why the value is not GOOD"},
+    {kSensorAgeMs, "AGE_MS", Type::u16, "ms", "time since the last byte of its frame; 65534 = that or more"},
     {kFx, "FX", Type::i16, "0.01 N", "force on the sensor, frame S: x along the connector"},
     {kFy, "FY", Type::i16, "0.01 N", ""},
     {kFz, "FZ", Type::i16, "0.01 N", "z out of the skin: a press is negative"},
@@ -137,9 +137,9 @@ constexpr Register kFloat[] = {
     {kFloatGrip, "GRIP_FORCE", Type::f32, "N", "normal force of a jaw, mean"},
     {kFloatRecGrip, "REC_GRIP", Type::f32, "N", "the minimum that holds, with a margin"},
     {kFloatFriction, "FRICTION", Type::f32, "", "coefficient"},
-    {kFloatTime, "TIME", Type::f32, "s", "of the frame, on the daemon's clock, modulo 4096"},
+    {kFloatTime, "TIME", Type::f32, "s", "time of the frame on the daemon's clock, modulo 4096"},
     {kFloatFrictionSd, "FRICTION_SD", Type::f32, "", "NaN where FRICTION is as configured"},
-    {kFloatObjectProbability, "OBJECT_PROB", Type::f32, "", "0 .. 1, as in the grasp block"},
+    {kFloatObjectProbability, "OBJECT_PROB", Type::f32, "", "probability 0 .. 1, as in the grasp block"},
     {kFloatSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
 
@@ -163,7 +163,7 @@ constexpr Register kToolFloat[] = {
 
 constexpr Register kSensorFloat[] = {
     {kFloatSensorSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
-    {kFloatStatus, "STATUS", Type::bits, "", "as in the sensor block"},
+    {kFloatStatus, "STATUS", Type::bits, "", "STATUS of the sensor block"},
     {kFloatForce, "FX", Type::f32, "N", "force on the sensor, frame S"},
     {kFloatForce + 2, "FY", Type::f32, "N", ""},
     {kFloatForce + 4, "FZ", Type::f32, "N", "a press is negative"},
@@ -185,44 +185,43 @@ constexpr Register kControl[] = {
     {kCmdParamHigh, "PARAM_H", Type::u16, "", "parameter, high word; known weight: in 0.1 g, teach: the object's id", kAny},
     {kCmdParamLow, "PARAM_L", Type::u16, "", "parameter, low word", kAny},
     {kCmdSeq, "CMD_SEQ", Type::count, "",
-     "any value but the last of this client: CMD_SEQ_ACK repeats it, CMD_STATE and CMD_RESULT tell. The first one after a "
+     "any value but the last of this client: CMD_SEQ_ACK repeats it, and CMD_STATE and CMD_RESULT report the command. The "
+     "first one after a "
      "start of the daemon is adopted and not run (CMD_RESULT 11): write another one. The block may be written in every "
      "cycle",
      kAny},
     {kTareCell, "TARE", Type::mask, "",
      "tares these sensors at once; reads 0. Every write of 5010 .. 5017 runs: never write these registers cyclically; "
-     "DIRECT_RESULT tells",
+     "DIRECT_RESULT reports the command",
      kAny},
     {kUntareCell, "UNTARE", Type::mask, "", "goes back to the calibration's zero; reads 0", kAny},
     {kClearLatchCell, "CLEAR_LATCH", Type::mask, "", "clears latched faults, and the slip latches of these sensors; reads 0",
      kAny},
     {kWeighCell, "WEIGH", Type::mask, "",
-     "any sensor: weighs from now on, whatever the grasp thinks of a lift; coil WEIGH and CMD 5 stop; reads 0", kAny},
+     "any sensor: weighs from now on, in any state of the grasp; coil WEIGH and CMD 5 stop; reads 0", kAny},
     {kResetPeakCell, "RESET_PEAK", Type::mask, "", "PEAK starts again; reads 0", kAny},
     {kTeachCell,
      "TEACH",
      Type::u16,
      "",
-     "an object's id: the stable WEIGHT is one more grasp of it, a new id a new object; kept in the file of [grasp]. A "
-     "WEIGHT that is not more than 3 WEIGHT_SD is refused; what fails later is FAULT bit 6 until a TEACH succeeds. Reads 0",
+     "an object's id: counts the stable WEIGHT as one more grasp of it, and a new id adds an object; kept in the file of "
+     "[grasp]. A WEIGHT of at most 3 WEIGHT_SD is refused; a later failure sets FAULT bit 6 until a TEACH succeeds. Reads 0",
      {0, 65534}},
-    {kZeroWeightCell, "ZERO_WEIGHT", Type::u16, "", "1: what hangs now is no object: tare; reads 0", {0, 1}},
+    {kZeroWeightCell, "ZERO_WEIGHT", Type::u16, "", "1: tares the stable weight, until this grasp ends; reads 0", {0, 1}},
     {kKnownWeightCell,
      "KNOWN_WEIGHT",
      Type::u16,
      "1 g",
-     "what hangs now, stable and without a tare, weighs this, and read as no more than 5 % of it in the grip before its "
-     "lift: sets the scale of WEIGHT until the daemon ends, [grasp] is reloaded, or `tactilectl weigh forget`; 0 does "
-     "nothing. Only objects that were taught with a scale that was set are recognised then, and without one only the "
-     "others; "
-     "reads 0",
+     "mass of the stable load, which has no tare and read as at most 5 % of it in the grip before its lift: sets the scale "
+     "of WEIGHT until the daemon ends, [grasp] is reloaded, or `tactilectl weigh forget`; 0 does nothing. With a scale, "
+     "only the objects that were taught with one are recognised, and without it only the others; reads 0",
      {0, 65534}},
     {kPlcHeartbeat, "PLC_HEARTBEAT", Type::count, "", "any changing value", kAny},
     {kPlcWatchdog,
      "PLC_WATCHDOG",
      Type::u16,
      "ms",
-     "0 = off, else 10 .. 60000: STATUS bit 12 when the heartbeat stands longer",
+     "0 = off, else 10 .. 60000: STATUS bit 12 when PLC_HEARTBEAT does not change for longer",
      {0, 60000}},
     {kGripperState,
      "GRIPPER_STATE",
@@ -236,43 +235,58 @@ constexpr Register kControl[] = {
      "CONTACT_ON",
      Type::u16,
      "0.01 N",
-     "magnitude at which the sensor's contact begins; that of the grasp stays as configured",
+     "magnitude at which the sensor's contact begins; the grasp keeps the configured one",
      {1, 30000, true}},
-    {kContactOff, "CONTACT_OFF", Type::u16, "0.01 N", "magnitude below which it ends; likewise", {0, 30000, true}},
+    {kContactOff,
+     "CONTACT_OFF",
+     Type::u16,
+     "0.01 N",
+     "magnitude below which the sensor's contact ends; the grasp keeps the configured one",
+     {0, 30000, true}},
     {kOverloadAt,
      "OVERLOAD_AT",
      Type::u16,
      "0.01 N",
      "magnitude above which the sensor is overloaded, 0 = never",
      {0, 65534, true}},
-    {kSlipSensitivity, "SLIP_SENSITIVITY", Type::u16, "", "100 sees the smallest slips, and others", {0, 100, true}},
+    {kSlipSensitivity,
+     "SLIP_SENSITIVITY",
+     Type::u16,
+     "",
+     "100 detects the smallest slips, and false ones as well",
+     {0, 100, true}},
     {kWeighWindow,
      "WEIGH_WINDOW",
      Type::u16,
      "ms",
-     "WEIGHT is a mean over so long; more than 1000 is 1000",
+     "WEIGHT is a mean over this time; values above 1000 count as 1000",
      {10, 10000, true}},
     {kGravityX, "GRAVITY_X", Type::i16, "0.001 m/s2",
      "gravity in the gripper's frame G; all three count when Z is written, and must be 9.7 .. 9.9 m/s2 together", kAny},
     {kGravityX + 1, "GRAVITY_Y", Type::i16, "0.001 m/s2", "", kAny},
     {kGravityX + 2, "GRAVITY_Z", Type::i16, "0.001 m/s2",
-     "until then, and after a start, as configured; not known, too, once PLC_WATCHDOG expires", kAny},
+     "the configured gravity until it is written after a start; not known after PLC_WATCHDOG has expired", kAny},
     {kAccelX, "ACCEL_X", Type::i16, "0.001 m/s2", "acceleration of the hand, frame G, without gravity", kAny},
     {kAccelX + 1, "ACCEL_Y", Type::i16, "0.001 m/s2", "", kAny},
     {kAccelX + 2, "ACCEL_Z", Type::i16, "0.001 m/s2", "", kAny},
     {kAccelCount, "ACCEL_COUNT", Type::count, "",
-     "any other value: ACCEL_X .. ACCEL_Z are true now; without a change they are not known any more after 100 ms", kAny},
+     "a new value confirms ACCEL_X .. ACCEL_Z; 100 ms without a new value make them unknown", kAny},
     {kUnlock, "UNLOCK", Type::u16, "",
      "0x5AFE opens the settings 5030 .. 5035 for 30 s on this connection, 0 closes; reads 1 while open", kAny},
-    {kSave, "SAVE", Type::enumeration, "", "0x7361 stores the settings; exception 6 while it does", {kSaveWord, kSaveWord}},
+    {kSave,
+     "SAVE",
+     Type::enumeration,
+     "",
+     "0x7361 stores the settings; exception 6 until it has finished",
+     {kSaveWord, kSaveWord}},
 };
 
 constexpr std::uint16_t kToolSensorsEnd = kToolFloatSize * kSensorBlocks;
 constexpr std::uint16_t kFloatsEnd = kSensorFloatSize * kSensorBlocks;
 constexpr Area kAreas[] = {
     {kGlobalAt, kGlobalSize, Block::global, 0, false, "Global block", "global", kGlobal},
-    {kGraspAt, kGraspSize, Block::grasp, 0, false, "Grasp: more of it", "grasp", kGraspBlock},
-    {kCommandsAt, kCommandsSize, Block::commands, 0, false, "Commands of this client: more of them", "command",
+    {kGraspAt, kGraspSize, Block::grasp, 0, false, "Grasp, further registers", "grasp", kGraspBlock},
+    {kCommandsAt, kCommandsSize, Block::commands, 0, false, "Commands of this client, further registers", "command",
      kCommandsBlock},
     {kToolAt, kToolSize, Block::tool, 0, false, "Wrench on the gripper", "tool", kToolBlock},
     {kDoubtsAt, kDoubtsSize, Block::doubts, 0, false, "Doubts of the weight", "doubt", kDoubtsBlock},
@@ -299,16 +313,16 @@ constexpr Area kAreas[] = {
 
 constexpr Bits kCoilRuns[] = {
     {kTareCoils, 16, "TARE",
-     "1 tares sensor n; reads 1 while it does. Every write of a 1 runs: never write these coils cyclically"},
+     "1 tares sensor n; reads 1 during the tare. Every write of a 1 runs: never write these coils cyclically"},
     {kSlipCoils, 16, "CLEAR_SLIP", "1 clears the slip latch of sensor n"},
     {kClearAllCoil, 1, "CLEAR_ALL", "1 clears all latches"},
     {kWeighCoil, 1, "WEIGH", "1 starts weighing; 0, written alone, stops; reads 1 while there is a weight"},
 };
 constexpr Bits kInputRuns[] = {
-    {kContactInputs, 16, "CONTACT", "of sensor n"},
-    {kSlipInputs, 16, "SLIP_LATCH", "of sensor n"},
+    {kContactInputs, 16, "CONTACT", "contact of sensor n"},
+    {kSlipInputs, 16, "SLIP_LATCH", "slip latch of sensor n"},
     {kOkInputs, 16, "OK", "the value of sensor n is GOOD"},
-    {kOverloadInputs, 16, "OVERLOAD", "of sensor n"},
+    {kOverloadInputs, 16, "OVERLOAD", "overload of sensor n"},
     {kGraspedInput, 1, "GRASPED", "STATUS bit 2"},
     {kStableInput, 1, "WEIGHT_STABLE", "STATUS bit 6"},
     {kBlinkInput, 1, "BLINK", "1 s on, 1 s off, from the heartbeat: constant while the heartbeat is constant"},

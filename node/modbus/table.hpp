@@ -1,5 +1,5 @@
-// The register map, once: the server, `tactilectl map`, the manual, the PLC code and the tests are all made from these
-// tables.
+// The register map, defined once: the server, `tactilectl map`, the manual, the PLC code and the tests are all made
+// from these tables.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -9,7 +9,7 @@ namespace tactiled::modbus {
 
 inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 6;
 
-// Not available, as SunSpec has it; a measured value saturates one step before.
+// "Not available" as in SunSpec; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
 inline constexpr std::uint32_t kNoI32 = 0x80000000;
 
@@ -25,7 +25,7 @@ enum class Type {
     text,   // a constant
 };
 
-// Cells of a block, by address or by their offset in it. The encoders fill them by these names.
+// Offsets of the cells in a block, or their addresses. The encoders use these names.
 // clang-format off
 enum Global : std::uint16_t {
     kMagic0 = 0, kMagic1 = 1, kMapVersion = 2, kSensors = 3, kSeq = 4, kHeartbeat = 5, kAgeMs = 6, kStatus = 7, kFault = 8, kWarn = 9,
@@ -33,21 +33,21 @@ enum Global : std::uint16_t {
     kWeightState = 19, kWeight = 20, kWeightSd = 22, kRecGrip = 23, kSlipCount = 24, kCmdSeqAck = 25, kCmdState = 26, kCmdResult = 27,
     kCalId = 28, kPlcHbEcho = 29, kCycleWorst = 30, kSeqEnd = 31
 };
-enum Grasp : std::uint16_t {  // offsets in 40
+enum Grasp : std::uint16_t {  // offsets from 40
     kGraspSeq = 0, kObjectId = 1, kObjectProbability = 2, kFriction = 3, kFrictionSd = 4, kGrasps = 5, kSinceLiftOff = 6, kGraspSeqEnd = 7
 };
-enum Commands : std::uint16_t {  // offsets in 50
+enum Commands : std::uint16_t {  // offsets from 50
     kCmdRepeats = 0, kDirectCmd = 1, kDirectState = 2, kDirectResult = 3, kDirectCount = 4
 };
-enum Tool : std::uint16_t {  // offsets in 60
+enum Tool : std::uint16_t {  // offsets from 60
     kToolSeq = 0, kToolStatus = 1, kToolForce = 2, kToolTorque = 5, kToolSdForce = 8, kToolSdTorque = 11, kToolSensors = 14, kToolNoValue = 15,
     kToolAgeMs = 16, kToolMass = 17, kToolSeqEnd = 19
 };
-enum ToolFloat : std::uint16_t {  // offsets in 2030 and 2500
+enum ToolFloat : std::uint16_t {  // offsets from 2030 and 2500
     kToolFloatSeq = 0, kToolFloatStatus = 1, kToolFloatForce = 2, kToolFloatTorque = 8, kToolFloatSdForce = 14, kToolFloatSdTorque = 20,
     kToolFloatSeqEnd = 26
 };
-enum Doubts : std::uint16_t {  // offsets in 80
+enum Doubts : std::uint16_t {  // offsets from 80
     kDoubtsSeq = 0, kWeightWhy = 1, kWeightJaws = 2, kDoubtsSeqEnd = 7
 };
 enum PerSensor : std::uint16_t {
@@ -55,7 +55,7 @@ enum PerSensor : std::uint16_t {
     kFTang = 10, kFMag = 11, kCopX = 12, kCopY = 13, kFrictionUse = 14, kSlipState = 15, kSensorSlipCount = 16, kPeak = 17, kTemp = 18,
     kScale = 19, kTareCount = 20, kRate = 21, kLost = 22, kRawState = 23, kSensorSeqEnd = 24
 };
-enum Float : std::uint16_t {  // offsets in 2000 and 3000
+enum Float : std::uint16_t {  // offsets from 2000 and 3000
     kFloatSeq = 0, kFloatWeight = 2, kFloatWeightSd = 4, kFloatGrip = 6, kFloatRecGrip = 8, kFloatFriction = 10, kFloatTime = 12,
     kFloatFrictionSd = 14, kFloatObjectProbability = 16, kFloatSeqEnd = 24
 };
@@ -71,7 +71,7 @@ enum Control : std::uint16_t {
 };
 enum CommandCode : std::uint16_t {
     kTare = 1, kUntare = 2, kClearLatches = 3, kStartWeighing = 4, kStopWeighing = 5, kResetPeaks = 6, kZeroWeight = 7, kSelfTest = 8,
-    kKnownWeight = 9, kTeach = 10, kClearSlips = 11  // the last by coils alone
+    kKnownWeight = 9, kTeach = 10, kClearSlips = 11  // the last one by coils only
 };
 // clang-format on
 
@@ -89,9 +89,9 @@ inline constexpr std::uint16_t kConstantsAt = 9000, kConstantsSize = 12;
 inline constexpr std::uint16_t kMapEnd = kConstantsAt + kConstantsSize;
 
 inline constexpr std::uint16_t kUnlockWord = 0x5AFE, kSaveWord = 0x7361;
-inline constexpr std::uint16_t kAsConfigured = 0xFFFF;  // of a setting: the configuration decides
+inline constexpr std::uint16_t kAsConfigured = 0xFFFF;  // a setting with this value uses the configuration
 
-// What may be written into a register; `most` < `least`: nothing.
+// Values that may be written into a register; `max` < `min`: none.
 struct Limits {
     std::uint16_t min = 1, max = 0;
     bool locked = false;  // needs UNLOCK; kAsConfigured is allowed, too
@@ -132,21 +132,21 @@ enum class Block {
 struct Area {
     std::uint16_t at, size;
     Block block;
-    std::uint16_t repeats;  // every so many registers, 0 = not: one block a sensor
+    std::uint16_t repeats;  // number of registers per sensor, 0 = not repeated
     bool low_word_first;
     std::string_view title;
-    std::string_view prefix;  // of names_of()
+    std::string_view prefix;  // for names_of()
     std::span<const Register> registers;
 };
 
-// In the order of addresses. Sensor blocks are one area: they follow each other without a hole.
+// Returns the areas in the order of addresses. Sensor blocks are one area, because they are contiguous.
 std::span<const Area> areas();
-// The area that holds all of [at, at + count), or nullptr: exception 2.
+// Returns the area that contains all of [at, at + count), or nullptr: exception 2.
 const Area* area_of(std::uint32_t at, std::uint32_t count);
-// The register that may be written at an address, or nullptr. Scratch registers have no entry.
+// Returns the register that may be written at an address, or nullptr. Scratch registers have no entry.
 const Register* writable_at(std::uint32_t at);
 
-// Bit and value names of a register, by "global.NAME" or "sensor.NAME"; empty where it has none.
+// Returns bit and value names of a register, by "global.NAME" or "sensor.NAME"; empty if it has none.
 std::span<const Name> names_of(std::string_view register_name);
 
 // Coils (may be written) and discrete inputs: runs of bits.
@@ -161,10 +161,11 @@ inline constexpr std::uint16_t kContactInputs = 0, kSlipInputs = 16, kOkInputs =
 std::span<const Bits> coils();
 std::span<const Bits> discrete_inputs();
 
-// The constants of 9000, as they stand on the wire.
+// Returns the constants of 9000, as they are on the wire.
 std::span<const std::uint16_t> constants();
 
-// Why a sensor block has no trustworthy value: SensorFault by the first reason that is set (enum tactiled_reason).
+// Returns the reason why a sensor block has no valid value: SensorFault for the first reason that is set (enum
+// tactiled_reason).
 std::uint16_t fault_of(std::uint32_t reasons);
 inline constexpr std::uint16_t kFaultNoSensor = 15, kFaultUnknown = 16;
 

@@ -1,5 +1,5 @@
-// The register TEACH: the weight that hangs now becomes one more grasp of an object. The file is read and written by a
-// thread of its own, as slow as a disk; the result is handed to the pipeline by who asked.
+// The register TEACH: adds the present weight to an object as one more grasp. A separate thread reads and writes the
+// file, which may be slow; the requesting thread passes the result to the pipeline.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -23,9 +23,9 @@ public:
 
     // Begins to store. Only while idle. An id that is not in the file is a new object, named objectID.
     void begin(std::uint32_t id, const Weighing& weighing) noexcept;
-    // The stored objects, while `stored`; stays until settle().
+    // Returns the stored objects while `stored`, valid until settle().
     [[nodiscard]] std::span<const TaughtObject> objects() const noexcept { return objects_; }
-    // Back to idle, from `stored` and `failed`.
+    // Returns to idle from `stored` and `failed`.
     void settle() noexcept { state_.store(idle, std::memory_order_release); }
 
 private:

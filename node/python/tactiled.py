@@ -1,5 +1,5 @@
-"""Reads the segment of a tactiled daemon. Python 3.9 or later on Linux, standard library alone; copy this file or put
-it on PYTHONPATH.
+"""Reads the segment of a tactiled daemon. It needs Python 3.9 or later on Linux and only the standard library. Copy
+this file or put it on PYTHONPATH.
 
     import tactiled
 
@@ -12,18 +12,19 @@ it on PYTHONPATH.
                 print(sample.sequence, *sample.force_S_N)
     print("nothing new for a second")
 
-Fields, units, frames and signs are those of layout.h; what happens at the end of a daemon is what reader.h does. A
-reader costs the daemon nothing, cannot delay it, and survives its death. One object a thread.
+Fields, units, frames and signs are those of layout.h. At the end of a daemon this module behaves like reader.h. A
+reader costs the daemon nothing, cannot delay it, and survives its death. Each thread needs its own object.
 
 The folder of the segment is found and checked by the rule of folder.h, with the same environment variables.
 
-The file is read with pread() and is not mapped: a program that has mapped a file is killed when the file is truncated,
-and Python cannot prevent that. A truncated file reads as a daemon that has stopped.
+The file is read with pread() and is not mapped: a program that has mapped a file is killed when the file is
+truncated, and Python cannot prevent that. A truncated file reads as a daemon that has stopped.
 
-Memory order. A sample is copied by one system call between two others, of which the first one shows that it is published
-and the second one that it was not overwritten meanwhile. That needs the three reads to happen in this order. On x86 this holds, because
-loads are not reordered with loads. On other processors (ARM, RISC-V) the hardware may reorder them across the entry into
-the kernel, which is unlikely and not excluded. Use C or C++ if correctness there must be guaranteed.
+Memory order. A sample is copied by one system call between two others, of which the first one shows that it is
+published and the second one that it was not overwritten meanwhile. The three reads must happen in this order. On x86
+this holds, because loads are not reordered with loads. On other processors (ARM, RISC-V) the hardware may reorder
+them across the entry into the kernel, which is unlikely and not excluded. Use C or C++ if correctness there must be
+guaranteed.
 """
 import collections
 import errno
@@ -40,14 +41,14 @@ import warnings
 
 MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 7
 MAX_SENSORS = MAX_LINKS = 16
-NAME_SIZE = 32  # with the terminating zero
+NAME_SIZE = 32  # including the terminating zero
 
 NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 
 (NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
  DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY, FROZEN, STEPPED, IDLE_BUS, WRONG_RATE,
  DRIFTED, SENSORS_DIFFER, UNPROVED_AGE, ARRIVAL_ONLY, ZERO_UNKNOWN) = (1 << bit for bit in range(23))
-REASON_WORDS = (  # bit 0 first, as tactilectl prints them
+REASON_WORDS = (  # from bit 0 on, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
     "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown",
     "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ", "unproved-age", "arrival-only",
@@ -71,19 +72,19 @@ _WORD = 0xFFFFFFFF
 _RECORD_OFFSET = 8
 _LINK_SIZE = 256
 _TRIES = 16
-_MIN_GRASP_MS = 20  # a daemon without news publishes each 10 ms
-_ATTACH_NS = 10_000_000  # between two looks for a successor
-_LOOK_S = 0.02           # the longest sleep: a daemon that dies wakes nobody
+_MIN_GRASP_MS = 20  # the daemon publishes at least each 10 ms
+_ATTACH_NS = 10_000_000  # between two searches for a successor
+_LOOK_S = 0.02           # the longest sleep, because a daemon that dies wakes no reader
 _NAP_S = 0.001
-_ASK_NS = 1_000_000_000  # between two requests for events that were refused or not answered
+_ASK_NS = 1_000_000_000  # between two requests for events if the daemon refuses or does not answer
 
 
 class Error(Exception):
-    """Why a segment cannot be read."""
+    """A segment cannot be read; the text has the reason."""
 
 
 class _Struct:
-    """A struct of layout.h: `fields` is "name:format ...", in the letters of the module struct; "-" is padding."""
+    """A struct of layout.h. `fields` is "name:format ..." in the letters of the module struct; "-" is padding."""
 
     def __init__(self, fields):
         self.fields = [tuple(field.split(":")) for field in fields.split()]
@@ -106,7 +107,7 @@ class _Struct:
         return self._pick(self.struct.unpack_from(data, offset))
 
     def texts(self, data, offset):
-        """The same as values(), with char arrays as str."""
+        """Returns the same as values(), with char arrays as str."""
         return [v.split(b"\0")[0].decode("utf-8", "surrogateescape") if isinstance(v, bytes) else v
                 for v in self.values(data, offset)]
 
@@ -147,17 +148,17 @@ Command = collections.namedtuple("Command", "acknowledged state result")
 
 
 class Sample(collections.namedtuple("Sample", _SAMPLE.names)):
-    """One sample of one sensor: the fields of struct tactiled_sample, arrays as tuples. Immutable."""
+    """One sample of one sensor: the fields of struct tactiled_sample, with arrays as tuples. Immutable."""
     __slots__ = ()
 
     @property
     def reasons_text(self):
-        """Why it is not GOOD: a list of words."""
+        """The reasons for which the sample is not GOOD: a list of words."""
         return [word for bit, word in enumerate(REASON_WORDS) if self.reasons >> bit & 1]
 
     @property
     def age_ms(self):
-        """Since the frame's last byte was taken from the kernel, now."""
+        """The time since the frame's last byte was read from the kernel."""
         return (time.monotonic_ns() - self.t_ns) / 1e6
 
 
@@ -172,7 +173,8 @@ def _invalidated(sample, reason):
 
 
 def _forgotten(grasp):
-    """Not known, so that an old one cannot pass for a new one; what was counted and latched stays."""
+    """The same grasp as "not known", so that an old one is not used as a new one. Counters and latched values are
+    kept."""
     return grasp._replace(
         state=GRIP_UNKNOWN, weight_state=WEIGHT_NONE, slip_mask=0, object_id=0, object="", weight_doubts=0, doubtful=0, weight_kg=math.nan,
         weight_sd_kg=math.nan, grip_N=math.nan, recommended_grip_N=math.nan, friction=math.nan, friction_sd=math.nan,
@@ -194,7 +196,8 @@ def _forgotten_tool(tool):
 
 
 def _is_fresh(t_ns, now_ns, limit_ms):
-    """Later than the limit is as bad as older: then this clock is not the daemon's."""
+    """True if `t_ns` is within the limit. A time in the future is as bad as an old one: this clock then differs from
+    the daemon's."""
     return abs(now_ns - t_ns) <= limit_ms * 1_000_000
 
 
@@ -223,8 +226,9 @@ class _Ring:
         return self._word(self.offset + (number & (self.slots - 1)) * self.slot_size)
 
     def read(self, number):
-        """The bytes of a record, or None when the slot holds another one or changed meanwhile. The caller has read before that
-        it is published: the head, its lock word, or the node record that counts it."""
+        """Returns the bytes of a record, or None if the slot has another record or changed during the read. The
+        caller has checked before that the record is published: from the head, its lock word, or the node record that
+        counts it."""
         slot = self.offset + (number & (self.slots - 1)) * self.slot_size
         whole = (2 * number + 2 & _WORD).to_bytes(4, sys.byteorder)
         data = self._read(slot, _RECORD_OFFSET + self._known)
@@ -243,7 +247,7 @@ class _Ring:
         return max(self.head() - 1, 0)
 
     def oldest_number(self):
-        """Of the oldest record that will surely stay for a while."""
+        """Number of the oldest record that will not be overwritten soon."""
         return max(self.head() - (self.slots - 1 - self.slots // 8), 0)
 
 
@@ -253,7 +257,7 @@ _WRITABLE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def _folders():
-    """Those in which a segment is looked for, if no folder is given."""
+    """The folders that are searched for a segment if no folder is given."""
     given, users = os.environ.get("TACTILED_RUNTIME_DIR"), os.environ.get("XDG_RUNTIME_DIR")
     if given:
         return [given]
@@ -261,8 +265,8 @@ def _folders():
 
 
 def _open_folder(path):
-    """The descriptor and the owner of a folder that only its owner and root can write to, and so each folder above it:
-    tactiled_open_folder() in folder.h says why."""
+    """Returns the descriptor and the owner of a folder that only its owner and root can write to, and for which the
+    same holds for each folder above it. tactiled_open_folder() in folder.h has the reasons."""
     names = [name for name in path.split("/") if name]
     if not path.startswith("/") or "." in names or ".." in names:
         raise Error(f'folder "{path:.100}": is not a full path, or has "." or ".." in it')
@@ -295,14 +299,14 @@ def _open_folder(path):
 
 
 def _open_file(folder, name):
-    """A segment's file, opened and checked. FileNotFoundError where there is none."""
+    """Opens and checks the file of a segment. Raises FileNotFoundError if there is none."""
     shared = folder == SHARED_FOLDER
     path = f"{folder}/{name}"
     if shared:
         place, owner = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC), None
     else:
         place, owner = _open_folder(folder)
-    try:  # a FIFO there must not stop the reader
+    try:  # O_NONBLOCK: opening a FIFO must not block the reader
         fd = os.open(name, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=place)
     except FileNotFoundError:
         raise
@@ -355,7 +359,8 @@ class _Segment:
             raise
 
     def read(self, at, size):
-        """Bytes of the file; zeros, which are no finished record, where it was truncated."""
+        """Returns bytes of the file. Bytes beyond the end of a truncated file read as zeros, which are never a
+        finished record."""
         data = os.pread(self._fd, size, at)
         return data if len(data) == size else data.ljust(size, b"\0")
 
@@ -399,11 +404,12 @@ class _Segment:
     def _entry(self, i):
         h = self.header
         at = h.sensor_offset + i * h.sensor_size
-        entry = self.read(at, min(h.sensor_size, _SENSOR.size)).ljust(_SENSOR.size, b"\0")  # an older daemon has less
+        entry = self.read(at, min(h.sensor_size, _SENSOR.size)).ljust(_SENSOR.size, b"\0")  # the entry of an older
+                                                                                            # daemon is shorter
         return SensorInfo._make(_SENSOR.texts(entry, 0))
 
     def info(self, sensor):
-        """The directory's entry as it is now: the daemon may have reloaded its configuration."""
+        """Returns the directory's entry as it is now: the daemon may have reloaded its configuration."""
         i = list(self.sensors).index(sensor)
         for _ in range(_TRIES):
             reloads = self.word(_RELOADS_OFFSET)
@@ -413,8 +419,8 @@ class _Segment:
         return entry
 
     def grasp_and_tool(self, grasp, tool, t_ns, now_ns):
-        """The Grasp and the Tool of a node record's bytes, judged: not known where the daemon has ended, where it writes
-        none (before 1.1, 1.7), or where the record is older than a sensor's stale_ms."""
+        """Returns the Grasp and the Tool in a node record's bytes, judged. They are "not known" if the daemon has ended, if the
+        daemon publishes none (before 1.1, 1.7), or if the record is older than a sensor's stale_ms."""
         grasp, tool = Grasp._make(_GRASP.texts(grasp, 0)), _tool(tool)
         limit_ms = min([self.header.watchdog_ms, *(info.stale_ms for info, _ in self.sensors.values())])
         fresh = _is_fresh(t_ns, now_ns, max(limit_ms, _MIN_GRASP_MS))
@@ -423,19 +429,19 @@ class _Segment:
         return _forgotten(grasp), _forgotten_tool(tool)
 
     def is_current(self):
-        """False once the daemon has ended cleanly, a successor has taken over, or the file was truncated."""
+        """False if the daemon has ended cleanly, a successor has taken over, or the file was truncated."""
         return STARTING <= self.word(_STATE_OFFSET) <= RUNNING and os.lseek(self._fd, 0, os.SEEK_END) >= self._size
 
     def is_alive(self, t_published_ns, now_ns):
-        """True if the daemon published within its watchdog_ms. The time is that of any of its records: where it is that
-        recent, the node record need not be read."""
+        """Returns True if the daemon published within its watchdog_ms. The time is that of any of its records; if it
+        is recent enough, the node record is not read."""
         if _is_fresh(t_published_ns, now_ns, self.header.watchdog_ms):
             return True
         record = self.node.latest()
         return record is not None and _is_fresh(_NODE.values(record)[1], now_ns, self.header.watchdog_ms)
 
     def judged(self, sample, stale_ms, now_ns):
-        """BAD where it is too old, or where the daemon has ended, hangs or is dead."""
+        """Returns the sample, or a BAD one if it is too old, or if the daemon has ended, hangs or is dead."""
         sample = _judged(sample, stale_ms, now_ns)
         if self.is_current() and self.is_alive(sample.t_published_ns, now_ns):
             return sample
@@ -448,10 +454,10 @@ class _Segment:
 
 
 class _Attached:
-    """What has a segment and finds the successor of its daemon. A context manager."""
+    """Attaches to a segment and finds the successor of its daemon. A context manager."""
 
     _segment = None
-    _folder = None  # where the first daemon was found: its successors are looked for nowhere else
+    _folder = None  # The folder of the first daemon; successors are searched for only there.
     _tried_ns = 0
 
     def close(self):
@@ -469,7 +475,7 @@ class _Attached:
         self.close()
 
     def _attach(self, sensor=None):
-        """Takes a successor that has the sensor, if there is one; at most each 10 ms. Returns whether it did."""
+        """Attaches to a successor that has the sensor, if there is one; at most each 10 ms. Returns True if it did."""
         now_ns = time.monotonic_ns()
         if now_ns - self._tried_ns < _ATTACH_NS:
             return False
@@ -489,7 +495,8 @@ class _Attached:
 
 
 class Node(_Attached):
-    """The values of a node as they are now. Attaches by itself to the daemon that follows the one it was opened on."""
+    """The values of a node as they are now. A Node attaches automatically to the daemon that follows the one it was
+    opened on."""
 
     def __init__(self, name, folder=None):
         self.name = name
@@ -499,7 +506,7 @@ class Node(_Attached):
             warnings.warn(f"any local user can create a segment in {SHARED_FOLDER} while its daemon does not run: nothing "
                           "proves that these values are measured", RuntimeWarning, stacklevel=3)
         self._known = set(self._segment.sensors)
-        self._stale = False  # so was the last thing given: the daemon may be dead and its file removed
+        self._stale = False  # the last sample was stale: the daemon may be dead and its file removed
 
     def _now(self):
         if self._segment is None:
@@ -514,7 +521,7 @@ class Node(_Attached):
 
     @property
     def sensors(self):
-        """Their names, in the daemon's order."""
+        """The names of the sensors, in the daemon's order."""
         return tuple(self._now().sensors)
 
     @property
@@ -529,10 +536,11 @@ class Node(_Attached):
         return self._segment.info(sensor)
 
     def reason_counts(self, sensor):
-        """Samples with each reason since the daemon started, as {word: count}; those that never were are left out."""
+        """Returns the number of samples with each reason since the daemon started, as {word: count}, without reasons
+        that never occurred."""
         self.info(sensor)
         h, index = self._segment.header, list(self._segment.sensors).index(sensor)
-        if h.sensor_size < _SENSOR_SIZE_1_3:  # it counts none
+        if h.sensor_size < _SENSOR_SIZE_1_3:  # an older daemon does not count reasons
             return {}
         size = min(h.sensor_size, _SENSOR.size)
         entry = self._segment.read(h.sensor_offset + index * h.sensor_size, size).ljust(_SENSOR.size, b"\0")
@@ -540,7 +548,7 @@ class Node(_Attached):
         return {word: count for word, count in zip(REASON_WORDS, counts) if count}
 
     def latest(self, sensor):
-        """The newest sample; BAD with a reason when there is no good one. Never blocks."""
+        """Returns the newest sample, which is BAD with a reason if there is no valid one. Never blocks."""
         segment = self._now()
         if sensor not in segment.sensors:
             self._require(sensor)
@@ -555,7 +563,7 @@ class Node(_Attached):
         return sample
 
     def snapshot(self):
-        """(node record, {name: sample}): what belongs together at one instant; the record's `grasp` is a Grasp, its `tool` a Tool. Error when
+        """Returns (node record, {name: sample}) of one instant; the record's `grasp` is a Grasp, its `tool` a Tool. Raises Error if
         there is none yet."""
         segment = self._now()
         for tries in range(_TRIES):
@@ -574,7 +582,8 @@ class Node(_Attached):
                     break
                 samples[name] = Sample._make(_SAMPLE.values(record))
             taken_ns = time.monotonic_ns()
-            # Held up between reading and judging: what was read may be old, what is there now need not be.
+            # The process was interrupted between reading and judging: the copy may be old, so it is read
+            # again.
             if len(samples) < len(segment.sensors) or taken_ns - begun_ns > 10_000_000 and tries < _TRIES - 1:
                 continue
             current = segment.is_current() and _is_fresh(values[1], taken_ns, segment.header.watchdog_ms)
@@ -589,7 +598,7 @@ class Node(_Attached):
 
     @property
     def grasp(self):
-        """The present state of the gripper and its object: struct tactiled_grasp. Error when there is none yet."""
+        """The present state of the gripper and its object: struct tactiled_grasp. Raises Error if there is none yet."""
         return self.snapshot()[0].grasp
 
     @property
@@ -599,11 +608,12 @@ class Node(_Attached):
         return self.snapshot()[0].tool
 
     def follow(self, sensor, timeout=None, wait="events", from_oldest=False):
-        """An iterator of the samples of a sensor, in order: see Follower.
+        """Returns an iterator of the samples of a sensor, in order: see Follower.
 
-        timeout: seconds without a sample after which it ends, None = never. wait: "events" sleeps until the daemon says
-        that there is something, or as "sleep" where there is no control socket or no answer; "sleep" naps 1 ms;
-        "poll" uses a whole CPU. from_oldest: begin with the oldest sample that is kept, not with the newest.
+        timeout: seconds without a sample after which the iterator ends, None = never. wait: "events" sleeps until the
+        daemon reports new records, or behaves as "sleep" if there is no control socket or no answer; "sleep" sleeps
+        for 1 ms at a time; "poll" uses a whole CPU. from_oldest: begin with the oldest sample that is kept, not with
+        the newest.
         """
         self._now()
         self._require(sensor)
@@ -611,14 +621,14 @@ class Node(_Attached):
 
 
 class _Events:
-    """What the control socket gives to poll: 8 bytes a read, how many node records, for as long as the connection is open.
-    OSError when there is none to be had within `seconds`."""
+    """A descriptor from the control socket, for poll(). Each read of 8 bytes gives the number of node records, as
+    long as the connection is open. Raises OSError if there is no descriptor within `seconds`."""
 
     def __init__(self, header, seconds):
         until = time.monotonic() + seconds
         self._connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            self._connection.settimeout(seconds)  # does not wait for room in the queue of a hung daemon
+            self._connection.settimeout(seconds)  # connect() does not wait for room in the queue of a hung daemon
             self._connection.connect(os.fsencode(header.control))
             self._connection.send(f"{header.name} events".encode("utf-8", "surrogateescape"))
             self._connection.settimeout(max(until - time.monotonic(), 1e-6))
@@ -634,11 +644,11 @@ class _Events:
         self._poll.register(self._connection, select.POLLIN)
 
     def wait(self, seconds):
-        """Sleeps until the daemon has published. Returns False when it has closed the connection."""
+        """Sleeps until the daemon has published. Returns False if the daemon has closed the connection."""
         for fd, _ in self._poll.poll(seconds * 1000):
             if fd == self._connection.fileno():
                 return False
-            while (told := self._event.read(8)) is not None:  # all that it says: the ring is looked at afterwards
+            while (told := self._event.read(8)) is not None:  # reads all events: the ring is read afterwards
                 if not told:
                     return False
         return True
@@ -649,9 +659,10 @@ class _Events:
 
 
 class Follower(_Attached):
-    """Each sample of one sensor once, in order. When the daemon ends, hangs or dies: what is left in the ring, then one
-    BAD sample, then its successor's. `lost` counts samples that were overwritten before this reader came to them.
-    After a timeout the next loop goes on where this one ended."""
+    """Iterates over each sample of one sensor once, in order. When the daemon ends, hangs or dies, the samples that
+    are left in the ring come first, then one BAD sample, then the samples of the successor. The count of samples that
+    were overwritten before this reader read them is `lost`. After a timeout, the next loop continues where this one
+    ended."""
 
     _events = None
 
@@ -661,12 +672,12 @@ class Follower(_Attached):
         self.name, self.sensor, self._folder = name, sensor, folder
         self.lost = 0
         self._timeout, self._how = timeout, wait
-        self._last = None           # what was given last
-        self._next = None           # number of the record that comes next, None = not known yet
-        self._oldest = from_oldest  # where to begin
+        self._last = None           # the last sample returned
+        self._next = None           # number of the next record, None = not known yet
+        self._oldest = from_oldest  # begin with the oldest sample
         self._broken = False        # the daemon has ended, hangs or is dead
-        self._empty = 0             # looks that found nothing, since a sample
-        self._asked_ns = None       # when it asked for events
+        self._empty = 0             # attempts without a new sample
+        self._asked_ns = None       # time of the last request for events
         self._closed = False
         self._attach(sensor)
 
@@ -709,7 +720,8 @@ class Follower(_Attached):
                 self._last = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
                 self._broken = False
                 if not self._segment.is_alive(self._last.t_published_ns, now_ns):
-                    self._last = _invalidated(self._last, STALE)  # one sample says "stopped", after what is left
+                    self._last = _invalidated(self._last, STALE)  # one sample reports the stop, after the samples
+                                                                  # that are left
                 return self._last
             self._empty += 1
             if self._how == "poll" and self._empty % 16 and self._segment.is_current():
@@ -735,12 +747,14 @@ class Follower(_Attached):
         return None
 
     def _look(self):
-        """Nothing new: has the daemon ended, is it dead? Then gives one BAD sample that says so."""
+        """Checks, when there is no new sample, whether the daemon has ended or died. If so, returns one BAD sample
+        with the reason."""
         segment = self._segment
         gone = segment is None
         if not gone:
             ring = segment.sensors[self.sensor][1]
-            if ring.slots < (ring.head() - self._next & _WORD) < 2**31:  # asleep for 2^30 records; one ahead is none
+            if ring.slots < (ring.head() - self._next & _WORD) < 2**31:  # the reader slept for 2^30 records; next can
+                                                                         # be one ahead of the head
                 number, self._next = self._next, ring.oldest_number()
                 self.lost += self._next - number & _WORD
             record = segment.node.latest()
@@ -763,7 +777,7 @@ class Follower(_Attached):
                 self._events = _Events(self._segment.header, min(left_s, _LOOK_S))
             except OSError:
                 pass
-            return  # it took its time
+            return  # the request took long
         if self._events is None or self._broken:
             time.sleep(min(left_s, _NAP_S))
         elif not self._events.wait(min(left_s, _LOOK_S)):
@@ -776,6 +790,6 @@ class Follower(_Attached):
 
 
 def open(name, folder=None):
-    """The node of that name, in `folder` or, where that is None, in the folders of folder.h. Raises Error with the reason
-    when it cannot be read."""
+    """Returns the node with that name, in `folder` or, if that is None, in the folders of folder.h. Raises Error with
+    the reason if the node cannot be read."""
     return Node(name, folder)

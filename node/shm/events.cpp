@@ -32,7 +32,7 @@ int EventFanOut::subscribe(int connection) {
         ::close(ends[1]);
         return -1;
     }
-    const int min = 1;  // the kernel's least: who does not read finds a few packets of the sum, not hundreds
+    const int min = 1;  // the kernel's minimum: a subscriber that does not read finds a few packets, not hundreds
     ::setsockopt(ends[0], SOL_SOCKET, SO_SNDBUF, &min, sizeof min);
     subscribers_.push_back({ours, ends[0], 0});
     if (!started_) {
@@ -43,7 +43,7 @@ int EventFanOut::subscribe(int connection) {
 }
 
 void EventFanOut::run() noexcept {
-    while (!stop_.load()) {  // out of descriptors or memory: that passes
+    while (!stop_.load()) {  // out of descriptors or memory: temporary
         std::string why;
         const Segment segment = Segment::try_open(node_name_, why);
         void* const wake = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, wake_page_, 0);
@@ -53,11 +53,11 @@ void EventFanOut::run() noexcept {
     }
 }
 
-// Until the end.
+// Runs until the segment ends.
 void EventFanOut::follow(const Segment& segment, std::uint32_t* wake) noexcept {
     std::uint64_t looked_ns = 0;
     std::uint32_t reported = tactiled_ring_head(segment.base(), &segment.header().node);
-    tell(1);  // a record may have come after the subscriber's look and before ours
+    tell(1);  // a record may have been published between the subscriber's read and this one
     while (!stop_.load()) {
         const std::uint64_t now_ns = monotonic_ns();
         if (now_ns - looked_ns >= kLookNs) {
@@ -83,12 +83,12 @@ void EventFanOut::tell(std::uint32_t news) noexcept {
     }
 }
 
-// False when nobody is left.
+// Returns false if there is no subscriber left.
 bool EventFanOut::drop_disconnected() noexcept {
     const std::lock_guard lock(mutex_);
     const auto disconnected = [](const Subscriber& s) {
         pollfd p{s.connection, POLLIN, 0};
-        if (::poll(&p, 1, 0) != 1) return false;  // a subscriber sends nothing: an event is its end
+        if (::poll(&p, 1, 0) != 1) return false;  // a subscriber sends nothing: an event means that it has ended
         ::close(s.connection);
         ::close(s.event);
         return true;

@@ -1,9 +1,10 @@
-// Tells programs that live on epoll when the daemon has published. A thread of its own sleeps on the segment as any reader
-// does and tells them, so the pipeline pays for one wake at most.
+// Notifies programs that use epoll when the daemon has published. A separate thread sleeps on the segment like any
+// reader and notifies them, so the pipeline has the cost of at most one wake-up.
 //
-// Each gets one end of a socket pair and reads it as it would an eventfd: 8 bytes, how many node records. Not an eventfd:
-// whoever has one shares its file description with us and can make our next write() wait for ever (clear O_NONBLOCK, fill
-// the counter). The ends of a pair are two descriptions, and send() with MSG_DONTWAIT heeds no flag of either.
+// Each subscriber gets one end of a socket pair and reads it like an eventfd: 8 bytes, the number of node records. It
+// is not an eventfd, because the owner of an eventfd shares its file description with the daemon and could block the
+// daemon's next write() (clear O_NONBLOCK, fill the counter). The ends of a pair are two descriptions, and send()
+// with MSG_DONTWAIT does not depend on the flags of either.
 #pragma once
 #include <atomic>
 #include <mutex>
@@ -18,21 +19,21 @@ class EventFanOut {
 public:
     static constexpr std::size_t kMax = 32;
 
-    // `wake_page` as SegmentWriter has it. The thread starts with the first subscriber.
+    // `wake_page` is that of SegmentWriter. The thread starts with the first subscriber.
     EventFanOut(std::string node_name, int wake_page) : node_name_(std::move(node_name)), wake_page_(wake_page) {}
     ~EventFanOut();
     EventFanOut(const EventFanOut&) = delete;
     EventFanOut& operator=(const EventFanOut&) = delete;
 
-    // The end to hand out, which the caller closes; -1 when there are too many or none is to be had. The subscription lasts
-    // until the other end of `connection` is closed; the caller keeps `connection`, this a duplicate of its own, so that
-    // neither closes a number under the other.
+    // Returns the end to hand out, which the caller closes; -1 if there are too many subscribers or none is
+    // available. The subscription lasts until the other end of `connection` is closed; the caller keeps `connection`
+    // and this object a duplicate, so that neither closes a descriptor of the other.
     int subscribe(int connection);
 
 private:
     struct Subscriber {
         int connection, event;
-        std::uint64_t news;  // node records that it was not told of yet
+        std::uint64_t news;  // node records that were not reported to it yet
     };
     void run() noexcept;
     void follow(const Segment& segment, std::uint32_t* wake) noexcept;
@@ -41,7 +42,7 @@ private:
 
     std::string node_name_;
     int wake_page_;
-    std::mutex mutex_;  // of the list
+    std::mutex mutex_;  // guards the list
     std::vector<Subscriber> subscribers_;
     std::atomic<bool> stop_{false};
     bool started_ = false;

@@ -34,7 +34,7 @@ std::string runtime_folder() {
     const std::string folder = choose();
     if (folder == TACTILED_SHARED_FOLDER) return folder;
     if (::mkdir(folder.c_str(), 0755) == 0)
-        ::chmod(folder.c_str(), 0755);  // whatever the umask: group and mode of the segment decide who reads
+        ::chmod(folder.c_str(), 0755);  // independent of the umask: group and mode of the segment decide who may read
     else if (errno != EEXIST)
         throw SetupError(fmt::format("{}: {}; {}", folder, std::strerror(errno), kAdvice));
     char why[256];

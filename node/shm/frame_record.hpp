@@ -1,4 +1,4 @@
-// A link's frame in shared memory is the published part of Frame, as it stands.
+// A link's frame in shared memory is the published part of Frame.
 #pragma once
 #include <algorithm>
 #include <cstddef>
@@ -22,7 +22,7 @@ static_assert(offsetof(Frame, has_sequence) - kPublishedFrom == offsetof(tactile
 static_assert(offsetof(Frame, channel) - kPublishedFrom == offsetof(tactiled_frame, channel));
 static_assert(sizeof(bool) == 1 && kMaxChannels == TACTILED_MAX_CHANNELS);
 
-// The record and its size: a multiple of 8, without the channels that the frame does not have. rt: wait-free
+// Returns the record and its size: a multiple of 8, without the channels that the frame does not have. rt: wait-free
 inline const void* published_part(const Frame& frame) noexcept {
     return reinterpret_cast<const char*>(&frame) + kPublishedFrom;
 }
@@ -30,7 +30,8 @@ inline std::size_t published_size(const Frame& frame) noexcept {
     return offsetof(tactiled_frame, channel) + sizeof(double) * frame.n_channels;
 }
 
-// Into `frame`, whose channels beyond n_channels stay. A hostile number of channels is cut. rt: wait-free
+// Copies into `frame`, whose channels beyond n_channels are unchanged. An invalid number of channels is limited. rt:
+// wait-free
 inline void read_published(const tactiled_frame& published, Frame& frame) noexcept {
     frame.t_ns = published.t_ns;
     frame.device_time_us = published.device_time_us;

@@ -42,7 +42,8 @@ LockFile::State LockFile::take(int patience_ms) {
 
 LockFile::~LockFile() {
     if (fd_ < 0) return;
-    ::unlink(path_.c_str());  // while the lock is held: a process that waits for it finds it nameless, and opens it anew
+    // while the lock is held: a waiting process finds the file without a name and opens it again
+    ::unlink(path_.c_str());
     ::close(fd_);
 }
 

@@ -4,18 +4,18 @@
 
 namespace tactiled {
 
-// An open-file-description lock for writing on the whole file; the kernel drops it with the last descriptor.
+// Takes an open-file-description lock for writing on the whole file; the kernel releases it with the last descriptor.
 bool lock(int fd);
-// True if the path still names the open file.
+// Returns true if the path still names the open file.
 bool is_still_named(int fd, const std::string& path);
 
-// Holds `path` until its end and then removes it. A file that a killed process left is taken over.
+// Holds the lock `path` until its end and then removes the file. A file that a killed process left is taken over.
 class LockFile {
 public:
     enum class State {
         held,
         busy,    // another process holds it
-        foreign  // another user's file, or no file: it says nothing, and nothing is held
+        foreign  // another user's file, or no file: without information, and no lock is held
     };
     explicit LockFile(std::string path) : path_(std::move(path)) {}
     ~LockFile();

@@ -13,7 +13,7 @@ namespace tactiled {
 // rt: wait-free
 inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t number, const void* record,
                            std::size_t size) noexcept {
-#if defined(__SANITIZE_THREAD__)  // thread sanitizer models no fences: order by the stores themselves
+#if defined(__SANITIZE_THREAD__)  // thread sanitizer does not model fences: the stores order themselves
     constexpr int kStore = __ATOMIC_RELEASE;
 #else
     constexpr int kStore = __ATOMIC_RELAXED;
@@ -25,8 +25,9 @@ inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t 
     auto* words = reinterpret_cast<std::uint64_t*>(slot(number) + TACTILED_RECORD_OFFSET);
     const auto whole = std::uint32_t(2 * number + 2);
     __atomic_store_n(lock_word, whole - 1, __ATOMIC_RELAXED);
-    __atomic_thread_fence(__ATOMIC_RELEASE);    // the odd lock before any word: pairs with the reader's acquire fence
-    for (std::size_t i = size / 8; i-- > 0;) {  // the line of the lock last: readers wait on that one
+    // sets the lock odd before any word is written: pairs with the reader's acquire fence
+    __atomic_thread_fence(__ATOMIC_RELEASE);
+    for (std::size_t i = size / 8; i-- > 0;) {  // writes the line of the lock last, because readers wait on it
         std::uint64_t word;
         std::memcpy(&word, static_cast<const char*>(record) + 8 * i, 8);
         __atomic_store_n(words + i, word, kStore);
@@ -34,7 +35,7 @@ inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t 
     __atomic_store_n(lock_word, whole, __ATOMIC_RELEASE);  // pairs with the reader's acquire of the lock
     auto* head = reinterpret_cast<std::uint32_t*>(base + ring.head_offset);
     __atomic_store_n(head, std::uint32_t(number + 1), __ATOMIC_RELEASE);
-    // Open the next slot now: its line is fetched for writing while there is time, not at the next publish.
+    // Opens the next slot now: its line is fetched for writing before it is needed at the next publish.
     __atomic_store_n(reinterpret_cast<std::uint32_t*>(slot(number + 1)), std::uint32_t(2 * number + 3), __ATOMIC_RELAXED);
 }
 

@@ -1,4 +1,5 @@
-// Wakes the readers that sleep until the next node record, without charging a real-time thread for their number.
+// Wakes the readers that sleep until the next node record, with a cost for the real-time thread that does not depend
+// on their number.
 #pragma once
 #include <atomic>
 
@@ -11,8 +12,9 @@ class Waker {
 public:
     explicit Waker(SegmentWriter& segment) : segment_(segment) {}
 
-    // A node record was published. Wakes up to kDirect readers; if more may sleep, their wakes are left to the thread of
-    // run(). Called by the runner of the pipeline. rt: at most two system calls, which wake at most kDirect readers
+    // Announces a published node record. Wakes up to kDirect readers; if more may sleep, they are left to the thread
+    // of run(). Called by the runner of the pipeline. rt: at most two system calls, which wake at most kDirect
+    // readers
     void published() noexcept {
         if (!many_.load(std::memory_order_relaxed)) {
             if (segment_.wake_readers(kDirect) < kDirect) return;
@@ -21,13 +23,13 @@ public:
         word_.wake();
     }
 
-    // Wakes the others, in the thread that calls it, until `stop` is set; it notices `stop` after 0.1 s at most.
+    // Wakes the others, in the thread that calls it, until `stop` is set; it notices `stop` after at most 0.1 s.
     void run(const std::atomic<bool>& stop) noexcept;
 
 private:
     static constexpr int kDirect = 2;      // the usual reader, and the thread that serves epoll (events.hpp)
-    static constexpr int kAtOnce = 8;      // readers a system call: the kernel may not be preempted in it
-    static constexpr int kPerPass = 4096;  // readers that a pass wakes at most: those that sleep again are met once more
+    static constexpr int kAtOnce = 8;      // readers per system call, in which the kernel may not be preempted
+    static constexpr int kPerPass = 4096;  // limit of readers per pass: those that sleep again are woken again
 
     SegmentWriter& segment_;
     std::atomic<bool> many_{false};  // more than kDirect readers slept when they were last counted

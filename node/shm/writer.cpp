@@ -49,7 +49,8 @@ constexpr std::uint32_t kNodeRecords = 64;  // only the newest are read: 16 ms o
 constexpr std::size_t kPreferredSize = 1'000'000;
 constexpr std::uint32_t kMaxHistory = 1024, kMinHistory = 64;
 
-// So many that they fit into another MB: a recorder may stand still for 1 s at 1 kHz of one or two links, 0.13 s of sixteen.
+// Returns the number of frames that fit into another MB: a recorder may stop for 1 s at 1 kHz of one or two links,
+// 0.13 s of sixteen.
 std::uint32_t frames_of(const SegmentPlan& plan) {
     std::uint32_t frames = kMaxHistory;
     while (frames > kMinHistory &&
@@ -64,7 +65,7 @@ std::size_t node_size_of(const SegmentPlan& plan) { return plan.tool ? sizeof(ta
 // A recording takes each of those that have a tool: 64 ms of a 4 kHz loop.
 std::uint32_t node_records_of(const SegmentPlan& plan) { return plan.tool ? 4 * kNodeRecords : kNodeRecords; }
 
-// Without the rings of frames.
+// Returns the size without the rings of frames.
 std::size_t size_of(const SegmentPlan& plan, std::uint32_t history) {
     const std::size_t sensors = plan.sensors.size();
     const std::size_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_sample));
@@ -90,8 +91,9 @@ int make_wake_page() {
     return fd;
 }
 
-// True if a process holds the lock of a writer. A reader can lock too, but only for reading: that says nothing, and stops
-// nobody. Asked, not tried: our own trial would look to another starter as if the dead writer lived.
+// Returns true if a process holds a writer's lock. A reader can lock, too, but only for reading, which shows nothing
+// and blocks nothing. The lock is queried and not tried: a trial would make the dead writer seem alive to another
+// starting process.
 bool is_write_locked(int fd) {
     struct flock whole {};
     whole.l_type = F_RDLCK;
@@ -101,14 +103,14 @@ bool is_write_locked(int fd) {
 
 constexpr int kPatienceMs = 2'000;  // a start takes milliseconds
 
-// Tells the readers of a dead daemon's file that it will not change again, takes its name away, and returns its epoch.
-// nullopt when there is no file of that name.
+// Marks the file of a dead daemon as final for its readers, removes its name, and returns its epoch. nullopt if there
+// is no file of that name.
 std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
     const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     if (fd < 0 && errno == ENOENT) return std::nullopt;
     if (fd < 0)
-        throw SetupError(
-            fmt::format("{}: {}: not ours; remove it, or choose another [node] name", path, std::strerror(errno)));
+        throw SetupError(fmt::format("{}: {}: another user owns it; remove it, or choose another [node] name", path,
+                                     std::strerror(errno)));
     struct stat status {};
     ::fstat(fd, &status);
     if (status.st_uid != ::geteuid()) {
@@ -119,7 +121,7 @@ std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
     tactiled_header old{};
     const bool whole = ::pread(fd, &old, sizeof old, 0) == ssize_t(sizeof old) &&
                        std::memcmp(old.magic, TACTILED_MAGIC, sizeof old.magic) == 0;
-    if (is_write_locked(fd)) {  // by the writer that `old` names: it locks before it names the file
+    if (is_write_locked(fd)) {  // by the writer that `old` names: it locks the file before it names it
         ::close(fd);
         throw SetupError(fmt::format("{}: another daemon of this name runs, pid {}", path, whole ? old.pid : 0));
     }
@@ -127,7 +129,7 @@ std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
         const std::uint32_t replaced = TACTILED_REPLACED;
         [[maybe_unused]] const auto written = ::pwrite(fd, &replaced, sizeof replaced, offsetof(tactiled_header, state));
     }
-    ::unlink(path.c_str());  // its writer is dead and it is our turn: nobody else can have replaced it
+    ::unlink(path.c_str());  // the writer is dead and this process holds the lock: no other process can have replaced it
     ::close(fd);
     return whole ? old.epoch : 0;
 }
@@ -148,16 +150,19 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     void* const page = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ, MAP_SHARED | MAP_POPULATE, wake_fd_, 0);
     if (wake_fd_ < 0 || page == MAP_FAILED) throw fail("the page of sleeping readers");
     wake_ = static_cast<const tactiled_wake*>(page);
-    // Lets a reader order its wish to be woken against our publishing without a fence of ours; refused: see reader.h.
+    // Lets a reader order its request for a wake-up against publishing without a fence in the daemon; if refused: see
+    // reader.h.
     ::syscall(SYS_membarrier, MEMBARRIER_CMD_REGISTER_GLOBAL_EXPEDITED, 0, 0);
 
-    // Differs from every earlier start's, also where a clean end left no file to count on from: units of 17 ms since boot.
+    // Differs from every earlier start's epoch, also if a clean end left no file to count on from: units of 17 ms
+    // since boot.
     timespec now{};
     ::clock_gettime(CLOCK_BOOTTIME, &now);
     auto epoch = std::uint32_t((std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec)) >> 24);
-    // Held from the look at the old file until the new one has its name: several starters take turns. The lock of the
-    // segment cannot do that, because a reader may hold a lock on it. Only in /dev/shm can another user have put a file of
-    // that name there; then two daemons of one name that start at the same time are not kept apart.
+    // Held from reading the old file until the new one has its name, so that several starting daemons do this one
+    // after the other. The lock of the segment cannot do that, because a reader may hold a lock on it. Only in
+    // /dev/shm can another user have put a file of that name there; then two daemons of one name that start at the
+    // same time are not excluded.
     LockFile start(fmt::format("{}/.tactiled.{}", folder, plan.name));
     if (start.take(kPatienceMs) == LockFile::State::busy) {
         give_back();
@@ -167,7 +172,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
         if (const auto old = retire_predecessor(path_)) epoch = std::max(epoch, *old);
         if (fd_ < 0) {
             fd_ = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-            if (fd_ < 0) throw fail("cannot create");  // EOPNOTSUPP: a file system without nameless files
+            if (fd_ < 0) throw fail("cannot create");  // EOPNOTSUPP: a file system without unnamed files
             // Not ftruncate: that succeeds on a full file system and the first write is a SIGBUS.
             if (const int error = ::posix_fallocate(fd_, 0, off_t(size_))) {
                 errno = error;
@@ -179,8 +184,8 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
             lay_out(plan, epoch + 1);
             if (!plan.group.empty()) {
                 const group* found = ::getgrnam(plan.group.c_str());
-                struct stat made {};  // a sandbox may forbid fchown: not asked for where the group is ours already
-                if (found == nullptr) errno = ENOENT;  // getgrnam() leaves it as it was
+                struct stat made {};  // a sandbox may forbid fchown: not called if the group is right already
+                if (found == nullptr) errno = ENOENT;  // getgrnam() leaves errno unchanged
                 if (found == nullptr || ::fstat(fd_, &made) != 0 ||
                     (made.st_gid != found->gr_gid && ::fchown(fd_, uid_t(-1), found->gr_gid) != 0))
                     throw fail(fmt::format("group {}", plan.group).c_str());
@@ -191,7 +196,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
         header().epoch = epoch + 1;
         const std::string nameless = fmt::format("/proc/self/fd/{}", fd_);
         if (::linkat(AT_FDCWD, nameless.c_str(), AT_FDCWD, path_.c_str(), AT_SYMLINK_FOLLOW) == 0) return;
-        if (errno != EEXIST) throw fail("cannot name");  // EEXIST: somebody put up something else meanwhile
+        if (errno != EEXIST) throw fail("cannot name");  // EEXIST: another process has created the name meanwhile
     }
 }
 
@@ -242,7 +247,7 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
         r.slots = slots;
         r.head_offset = take(4);
         r.offset = take(std::uint64_t(r.slot_size) * r.slots);
-        for (std::uint32_t i = 0; i < r.slots; ++i)  // odd: never written, readable by nobody
+        for (std::uint32_t i = 0; i < r.slots; ++i)  // odd: never written, not readable
             *reinterpret_cast<std::uint32_t*>(base_ + r.offset + std::size_t(i) * r.slot_size) = 1;
         return r;
     };
@@ -314,7 +319,7 @@ int SegmentWriter::wake_readers(int max) noexcept {
     const auto* head = reinterpret_cast<const std::uint32_t*>(base_ + header().node.head_offset);
     const std::uint32_t until = __atomic_load_n(&wake_->wanted_until, __ATOMIC_RELAXED);
     const std::uint32_t ahead = until - __atomic_load_n(head, __ATOMIC_RELAXED);
-    if (ahead == 0 || ahead > TACTILED_WAKE_RECORDS) return 0;  // over, or nonsense
+    if (ahead == 0 || ahead > TACTILED_WAKE_RECORDS) return 0;  // expired, or invalid
     return int(::syscall(SYS_futex, head, FUTEX_WAKE, max, nullptr, nullptr, 0));
 }
 

@@ -1,4 +1,5 @@
-// Creates and fills the segment that tactiled/layout.h describes. One writer; any number of readers, who cannot touch it.
+// Creates and fills the segment that tactiled/layout.h describes. There is one writer and any number of readers,
+// which cannot modify it.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -18,22 +19,24 @@ struct SegmentPlan {
     std::string control;  // path of the control socket, "" = none
     std::string group;    // "" = the daemon's own
     std::uint32_t watchdog_ms = 250;
-    std::uint32_t history = 0;  // slots a sensor, a power of two; 0: as many, up to 1024, as keep the segment within 1 MB
+    // slots per sensor, a power of two; 0: as many, up to 1024, as keep the segment within 1 MB
+    std::uint32_t history = 0;
     std::uint32_t calibration_id = 0;
     bool tool = false;  // the node records have a tool
     std::vector<tactiled_sensor> sensors;
     std::vector<tactiled_link> links;
 };
 
-// The file tactiled.NAME in runtime_folder(). Only this daemon's name, user and boot: what an earlier one left is taken over
-// when its lock is free.
+// The file tactiled.NAME in runtime_folder(), which belongs to this daemon's name, user and boot. The file of an
+// earlier daemon is taken over if its lock is free.
 class SegmentWriter {
 public:
-    // Makes the file nameless (O_TMPFILE), fills it, locks it, and only then gives it its name: no reader sees half a
-    // segment and a kill at any moment leaves nothing to clean up. setup: throws SetupError where another daemon of that
-    // name runs (with its pid) or is starting, the name belongs to another user, or there is no room or no folder
+    // Creates the file without a name (O_TMPFILE), fills it, locks it, and only then gives it its name: no reader
+    // sees an incomplete segment, and a kill at any moment needs no cleanup. setup: throws SetupError where another
+    // daemon of that name runs (with its pid) or is starting, the name belongs to another user, or there is no room
+    // or no folder
     explicit SegmentWriter(const SegmentPlan& plan);
-    // Says "stopped" to the readers and removes the name.
+    // Marks the segment as stopped for the readers and removes the name.
     ~SegmentWriter();
     SegmentWriter(const SegmentWriter&) = delete;
     SegmentWriter& operator=(const SegmentWriter&) = delete;
@@ -45,14 +48,14 @@ public:
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
     // Publishes the next frame of link `index`, number `number` from 0. rt: wait-free
     void publish(std::uint32_t index, std::uint64_t number, const Frame& frame) noexcept;
-    // Publishes the next node record: call it after the samples that it names. rt: wait-free
+    // Publishes the next node record; call it after publishing the samples that it counts. rt: wait-free
     void publish(const tactiled_node& node) noexcept;
 
-    // The loop woke so long after its deadline. rt: wait-free
+    // Counts the lateness of a wake-up of the loop. rt: wait-free
     void count_lateness(std::uint64_t late_ns) noexcept;
 
-    // Another directory entry for sensor `index`: name, model, link, stale_ms and ring stay. Between begin and end, which
-    // also takes the new CAL_ID. rt: wait-free
+    // Replaces the directory entry of sensor `index`; name, model, link, stale_ms and ring are kept. Between begin
+    // and end, which also takes the new CAL_ID. rt: wait-free
     void begin_reload() noexcept;
     void set_sensor(std::uint32_t index, const tactiled_sensor& entry) noexcept;
     void end_reload(std::uint32_t calibration_id) noexcept;
@@ -60,17 +63,19 @@ public:
     // Wakes at most `max` of the readers that sleep until the next node record, and returns their number.
     // rt: no system call where no reader has asked to be woken, else one, whose time grows with `max`
     int wake_readers(int max) noexcept;
-    // The page in which they say so (struct tactiled_wake), to be handed to them: sealed, it cannot shrink under us.
+    // Returns the page in which readers request their wake-up (struct tactiled_wake), to be handed to them; it is
+    // sealed and cannot shrink.
     [[nodiscard]] int wake_page() const noexcept { return wake_fd_; }
 
-    // One sample of sensor `index` has these reasons. From the thread that publishes it. rt: bounded by the reasons
+    // Counts the reasons of one sample of sensor `index`. From the thread that publishes it. rt: bounded by the
+    // reasons
     void count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept;
-    // How the age of the sensor's samples is proved. From the thread that publishes them. rt: wait-free
+    // Sets how the age of the sensor's samples is proved. From the thread that publishes them. rt: wait-free
     void set_freshness(std::uint32_t index, std::uint32_t freshness) noexcept;
-    // A link's own line, shown as it is. Each word has one writer. rt: wait-free
+    // Set a link's state and counters. Each word has one writer. rt: wait-free
     void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
     void set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept;
-    // All counters of the link's thread, which are all but UNBOUND. rt: wait-free
+    // Sets all counters of the link's thread, which are all except UNBOUND. rt: wait-free
     void set_link_counts(std::uint32_t index, const std::uint32_t (&count)[TACTILED_LINK_COUNTS]) noexcept;
 
 private:

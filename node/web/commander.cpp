@@ -52,7 +52,7 @@ void Commander::work() {
         running_ = true;
         lock.unlock();
         if (command.socket.empty())
-            command.why = "the daemon runs without a control socket; its log says why";
+            command.why = "the daemon runs without a control socket; its log has the reason";
         else
             command.answer = ask_daemon(command.socket, command.request, kAnswerMs, command.why);
         lock.lock();

@@ -14,7 +14,7 @@ namespace tactiled::web {
 struct Command {
     std::uint64_t id = 0;
     std::string socket, request;  // path of the control socket; "NODE tare 1"
-    std::string answer;           // of the daemon: "STATE RESULT"; "" with `why`
+    std::string answer;           // answer of the daemon: "STATE RESULT"; "" with `why`
     std::string why;
 };
 
@@ -31,7 +31,7 @@ public:
 
     // False where too many wait already.
     bool begin(Command command);
-    // Those that have ended since the last call.
+    // Returns the commands that have ended since the last call.
     std::vector<Command> take_done();
     [[nodiscard]] bool is_busy();
 

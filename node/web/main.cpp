@@ -200,7 +200,7 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.add_option("--host-name", args.host_names, "name under which browsers may call, beside localhost and addresses");
     app.add_option("--token-file", args.token_file,
-                   "turns on tare, clear, weigh and teach for those who know the token in this file");
+                   "accepts tare, clear, weigh and teach from clients with the token in this file");
     app.add_option("--max-pages", args.streams, "pages that may be open at once")
         ->check(CLI::Range(1, 64))
         ->capture_default_str();

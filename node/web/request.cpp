@@ -74,7 +74,7 @@ Refusal judge_read(const Access& access, const Fields& fields) {
 
 Refusal judge_change(const Access& access, const Fields& fields) {
     if (Refusal refusal = judge_read(access, fields); refusal.status != 0) return refusal;
-    if (access.token.empty()) return {403, "commands are off: tactiled-web --token-file FILE turns them on"};
+    if (access.token.empty()) return {403, "commands are off: start tactiled-web with --token-file FILE"};
     if (fields.origin.empty()) return {403, "the field Origin is missing; a program sends -H 'Origin: http://HOST:PORT'"};
     if (!fields.fetch_site.empty() && fields.fetch_site != "same-origin")
         return {403, "a page of another origin may not ask this server"};

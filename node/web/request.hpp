@@ -9,7 +9,7 @@
 namespace tactiled::web {
 
 struct Access {
-    std::vector<std::string> host_names;  // that a browser may call this server, beside localhost and addresses
+    std::vector<std::string> host_names;  // names by which a browser may call this server, beside localhost and addresses
     std::string token;                    // "": no commands
 };
 

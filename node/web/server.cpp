@@ -23,7 +23,7 @@ namespace {
 
 constexpr std::size_t kMaxBody = 4096;
 constexpr std::size_t kConnectionMemory = 16 * 1024;  // request line and header fields
-constexpr int kSendBuffer = 128 * 1024;               // of the kernel: what a slow page gets is at most so much behind
+constexpr int kSendBuffer = 128 * 1024;               // buffer of the kernel: the limit of unread data for a slow page
 constexpr std::uint64_t kAnswerNs = 30'000'000'000;   // longer than the longest command
 constexpr const char* kPolicy =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; base-uri 'none'; "
@@ -90,7 +90,7 @@ MHD_Result refuse(MHD_Connection* connection, unsigned status, const std::string
 
 struct Server::Connection {
     int fd = -1;
-    std::uint64_t since_ns = 0;  // of the request that is not complete
+    std::uint64_t since_ns = 0;  // begin of the incomplete request
     bool is_busy = false;        // the request is complete and being answered
     bool is_stream = false;
 };

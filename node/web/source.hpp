@@ -11,10 +11,10 @@ namespace tactiled::web {
 
 // One sensor over one tick. Components fx fy fz mx my mz in N and Nm, frame S; NaN: no value.
 struct Interval {
-    std::array<float, 6> value;      // of the newest sample, judged at the tick
+    std::array<float, 6> value;      // value of the newest sample, judged at the tick
     std::array<float, 6> low, high;  // extremes of value -/+ one standard uncertainty; NaN where the uncertainty is unknown
     std::uint32_t quality;           // the worst of all samples: enum tactiled_quality
-    std::uint32_t reasons;           // of all samples together
+    std::uint32_t reasons;           // reasons of all samples together
 };
 
 struct View {

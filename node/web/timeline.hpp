@@ -16,7 +16,7 @@ extern const std::array<const char*, 8> kWarningWords;
 
 struct Event {
     std::uint64_t id = 0;
-    std::uint64_t revision = 0;    // of the last change of this event
+    std::uint64_t revision = 0;    // revision of the last change of this event
     std::int64_t wall_ms = 0;      // since 1970, first time
     double t_s = 0, last_t_s = 0;  // CLOCK_MONOTONIC, first and last time
     std::uint32_t times = 1;

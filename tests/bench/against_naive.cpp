@@ -1,15 +1,15 @@
-// Our methods against what a user would write from the paper or a textbook (naive/*.hpp): the same calibrations and the same
-// readings in one process, in turns. Prints a Markdown table: largest difference of the force, and how many times the naive
-// code's median we need.
+// Compares the product's methods with the code that a user would write from the paper or a textbook (naive/*.hpp):
+// the same calibrations and the same readings in one process, alternating. Prints a Markdown table: largest
+// difference of the force, and the product's median time relative to the naive code's.
 //
 //   against_naive [samples]
 //   against_naive --save FOLDER                               the calibrations and readings, for:
 //   against_naive --count FOLDER MODEL/METHOD ours|naive N    N samples of one, to be counted: naive_instructions.py
 //
-// Compared are readings inside the calibrated domain that ours calls GOOD: there both solve the same equations. Ours does
-// more: quality, deviation, missing, saturated and dead channels, the domain; `map` also looks whether another point
-// explains the readings as well. Differences are of full scale. Methods that are a formula of a line or two (hair, ratio,
-// curves) have no naive rival here.
+// Only readings inside the calibrated domain that the product calls GOOD are compared: there both solve the same
+// equations. The product does more: quality, standard deviation, missing, saturated and dead channels, the domain;
+// `map` also checks whether another point explains the readings as well. Differences are relative to full scale.
+// Methods that are a formula of a line or two (hair, ratio, curves) have no naive counterpart here.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -30,7 +30,7 @@ using namespace tactiled::ctl;
 using Naive = std::function<Wrench(const std::vector<double>&)>;
 
 struct Rival {
-    std::string model, method, trial, naive;  // what the naive code does
+    std::string model, method, trial, naive;  // naive: description of the naive code
     Naive (*make)(const Calibration&);
 };
 template <class T>
@@ -81,7 +81,7 @@ Match match_of(const Rival& rival, const Candidate& candidate, const Labelled& r
     return match;
 }
 
-// Calls `use` with each rival, our candidate and the rows of its trial.
+// Calls `use` with each counterpart, the product's candidate and the rows of its trial.
 template <class Use>
 void each(const std::vector<Contest>& contests, Use use) {
     for (const Rival& rival : rivals())
@@ -106,7 +106,7 @@ void save(const std::string& folder, const Rival& rival, const Candidate& candid
     replace_file(file(folder, rival, "csv"), text);
 }
 
-double sum = 0;  // so that nothing is optimised away
+double sum = 0;  // keeps the optimiser from removing the loop
 void one(Match& match, bool ours, std::size_t i) {
     if (ours)
         sum += match.ours->decouple(match.reading(i)).wrench_S[2];

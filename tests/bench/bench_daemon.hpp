@@ -28,7 +28,7 @@ namespace tactiled::testing {
 inline void be_realtime(int priority) {
     sched_param p{};
     p.sched_priority = priority;
-    sched_setscheduler(0, SCHED_FIFO, &p);  // where allowed
+    sched_setscheduler(0, SCHED_FIFO, &p);  // if permitted
 }
 
 inline void sleep_till(std::uint64_t t_ns) {
@@ -46,14 +46,14 @@ inline void print_quantiles(const char* what, std::vector<double>& us) {
                at(0.99), at(0.999), us.back(), late, us.size());
 }
 
-// The path from a device to its reader: one end to write into, one to read from. TCP over loopback is delivered in the
-// writer's own system call; a pty needs a thread of the kernel in between.
+// The path from a device to its reader: one end to write into, one to read from. TCP over loopback is delivered in
+// the writer's own system call; a pty needs a kernel thread in between.
 class Wire {
 public:
     virtual ~Wire() = default;
     virtual int write_end() = 0;
     virtual int read_end() = 0;            // for a reader in this process
-    virtual std::string keys() const = 0;  // of the [[link]]
+    virtual std::string keys() const = 0;  // keys of the [[link]]
 };
 
 class PtyWire final : public Wire {

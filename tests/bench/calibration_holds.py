@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How `tactilectl calibrate` stands real recordings and planted mistakes.
+"""Robustness of `tactilectl calibrate` against real recordings and planted mistakes.
 
     calibration_holds.py [--methods matrix,quadratic,rbf,mlp] [--recordings "normal 1>2,tongs"] [--seeds 3] [part ...]
 
@@ -8,8 +8,8 @@ parts: unseen   calibrated on one part of each recording, judged on another: err
        outliers error on unseen rows with and without --keep-outliers
        drift    the skin with each channel's zero off by 1 % of its range
        made     a load cell with mistyped loads, one with another zero in each session, a six-axis dead-weight calibration
-Errors are root mean squares in % of the greatest load of the calibration's rows. A swap counts where the two labels differ by
-more than 5 % of that in some axis.
+Errors are root mean squares in % of the greatest load of the calibration's rows. A swap counts where the two labels
+differ by more than 5 % of that in some axis.
 """
 import argparse
 import json
@@ -49,7 +49,8 @@ def calibrate(rows, folder, method, *words):
 
 
 def judge(rows, folder, full_scale):
-    """Of each axis with labels: rms in %, share within 1 sd, share of GOOD and beyond 5 sd, median sd over rms."""
+    """Returns for each axis with labels: rms in %, share within 1 sd, share of GOOD and beyond 5 sd, median sd over
+    rms."""
     write(rows, folder / "test.csv")
     subprocess.run([GIVEN.tactilectl, "decouple", "--calibration", folder / "calibration.toml", "--in", folder / "test.csv", "--out",
                     folder / "forces.csv"], check=True)

@@ -49,7 +49,7 @@ struct Case {
     std::vector<double> ns;  // a sample, a block each
 };
 
-// fx fy fz that wander: what a finger does within a second. `wanders`: its point, too; else there are no moments.
+// fx fy fz of a moving finger within a second. `wanders`: its point moves, too; else there are no moments.
 std::vector<Wrench> finger(std::size_t n, bool wanders = true) {
     std::vector<Wrench> loads;
     for (std::size_t i = 0; i < n; ++i) {
@@ -85,7 +85,7 @@ Labelled labelled_rows(const std::vector<std::string>& channels, const Forward& 
     return labelled;
 }
 
-std::vector<double> skin(const Wrench& f) {  // 15 channels, bent
+std::vector<double> skin(const Wrench& f) {  // 15 nonlinear channels
     std::vector<double> r;
     for (int k = 0; k < 15; ++k) {
         const double s = std::sin(1.0 + k) * f[0] + std::cos(2.0 + 3 * k) * f[1] + std::sin(0.3 * k * k) * f[2];
@@ -138,7 +138,8 @@ Case fitted(const std::string& model, const std::string& method, const Labelled&
     Calibration calibration = fit(rows, request).calibration;
     if (!jointly) calibration.joint_domain = {};
     result.decoupler = make_decoupler(calibration, method);
-    // Methods that know one contact see none that moves: its readings would be doubted, and that is not the usual way.
+    // Methods that model one contact point cannot follow a moving one: its readings would be doubtful, which is not
+    // the usual case.
     const bool one_contact = method == "linear" || method == "nonlinear";
     for (const Wrench& load : finger(kReadings, !one_contact)) result.readings.push_back(forward(load));
     return result;
@@ -154,7 +155,7 @@ Case plate() {
     const auto& map = calibration.tables.at("influence");
     const auto loads = finger(kReadings);
     for (std::size_t i = 0; i < kReadings; ++i) {
-        const double ring = 6 + 3 * std::sin(double(i) / 150);  // of 20, each of 48 points after the centre
+        const double ring = 6 + 3 * std::sin(double(i) / 150);  // ring of 20, each of 48 points after the centre
         const auto inner = std::size_t(ring);
         const std::size_t angle = i / 24 % 48;
         std::vector<double> r;
@@ -206,7 +207,7 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n, std::ve
 }
 
 std::uint64_t t_ns = 0;
-double sum = 0;  // so that nothing is optimised away
+double sum = 0;  // keeps the optimiser from removing the loop
 void one(Case& c, std::size_t i) {
     sum += c.decoupler->decouple({.channel = c.readings[i % kReadings], .t_ns = t_ns += 1'000'000}).wrench_S[2];
 }

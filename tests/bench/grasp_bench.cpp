@@ -58,13 +58,14 @@ void print_head() {
         "|\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
 }
 
-// As if the zero were that of the clamped phase, of one jaw: what it read there, though nothing hung, comes off.
+// Returns the outcomes as if the zero were that of the clamped phase, for one jaw: its reading there, without load,
+// is subtracted.
 std::vector<Outcome> from_clamped(std::vector<Outcome> outcomes) {
     for (Outcome& o : outcomes) o.first_stable.mass_kg -= o.clamped_leak * o.mass_kg;
     return outcomes;
 }
 
-// What a press leaks: shear along the axis that jaw 1 reads in the grip, before a lift, where there is none.
+// Prints the leak of a press: the shear along the axis that jaw 1 reads in the grip before a lift, without load.
 void print_leak(const std::vector<Outcome>& outcomes) {
     double sum_N = 0, squares_N2 = 0;
     std::size_t n = 0;
@@ -182,7 +183,7 @@ void draw(int sessions, std::uint64_t seed) {
         panels, fmt::format("Error of the weight, % of it (simulated hair sensors, 4 objects, {} grasps)", 20 * sessions));
 }
 
-// By a grasp with everything in it, after set-up.
+// Counts the allocations of a complete grasp after set-up.
 std::uint64_t allocations_of_a_grasp() {
     grasp::Setup setup;
     setup.gravity_G = {0, -9.80665, 0};

@@ -75,7 +75,7 @@ struct Plan {
     Vector3 down_G;
     std::vector<Jaw> jaws;
     double told_accelerates_ms;
-    // of the fault
+    // index of the damaged jaw
     std::size_t damaged;
     double size, frequency_Hz, begins_s;
     Vector3 tilt_axis_G;

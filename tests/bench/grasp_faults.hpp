@@ -1,4 +1,4 @@
-// Grasps of a hand with a damaged jaw, a wrong set-up or a motion that nothing reports: does a wrong weight look good?
+// Grasps of a hand with a damaged jaw, a wrong set-up or an unreported motion, to find wrong weights that seem good.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -48,9 +48,9 @@ struct FaultFigures {
     int n = 0;
     int wrong = 0;           // grasps with a STABLE weight that was off by more than 4 of its sd, at any time
     int ever_stable = 0;     // grasps that were STABLE at any time
-    int lost = 0;            // of these: no longer STABLE at the end
+    int lost = 0;            // number of these that were no longer STABLE at the end
     int reported = 0;        // grasps with a doubt that names a reason other than motion, at any time after the lift
-    int named = 0;           // of these: the damaged jaw was among the named ones
+    int named = 0;           // number of these in which the damaged jaw was named
     double worst_sds = 0;    // largest error of a STABLE weight, in its sd
     double worst_error = 0;  // the same error, of the weight
 };

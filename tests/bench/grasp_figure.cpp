@@ -11,7 +11,8 @@
 namespace tactiled::bench {
 namespace {
 
-constexpr double kWidth = 430, kHeight = 300, kLeft = 48, kTop = 44, kFoot = 44, kGap = 30;  // of a panel, in the viewBox
+constexpr double kWidth = 430, kHeight = 300, kLeft = 48, kTop = 44, kFoot = 44,
+                 kGap = 30;  // size of a panel, in the viewBox
 constexpr double kFont = 11;
 constexpr double kMin = 0.3, kMax = 60;                // %, logarithmic
 constexpr const char* kDashes[] = {"", "7 4", "2 3"};  // one, two, three jaws
@@ -28,7 +29,7 @@ std::vector<Point> curve(const std::vector<Outcome>& outcomes, std::size_t sense
         for (const Outcome& o : outcomes) {
             if (o.sensed != sensed) continue;
             const double error = 100 * std::abs(o.after[i].mass_kg / o.mass_kg - 1);
-            errors.push_back(std::isnan(error) ? 100 : error);  // no value is no better than none of it
+            errors.push_back(std::isnan(error) ? 100 : error);  // no value counts as an error of 100 %
             stable += o.after[i].state == TACTILED_WEIGHT_STABLE;
         }
         if (errors.empty()) continue;

@@ -39,7 +39,7 @@ std::array<grasp::Vector, 3> frame_of(std::size_t jaw) {
 double dot(const grasp::Vector& a, const grasp::Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 struct Plan {
-    std::size_t object;  // of masses; SIZE_MAX = the known weight
+    std::size_t object;  // index of the mass; SIZE_MAX = the known weight
     double mass_kg, grip_N, free_s, clamp_s, wait_s, transfer_s, acceleration_m_s2, travel_s, lower_s;
     grasp::Vector down_G;
     std::array<double, kJaws> share;
@@ -142,7 +142,7 @@ grasp::Setup setup_of(std::size_t sensed, const Conditions& c) {
     setup.jaws_of_gripper = kJaws;
     setup.gravity_G = {0, 0, kGravity_m_s2};
     setup.weigh_window_ms = c.window_ms;
-    setup.lift_accelerates_ms = 150;  // what Conditions::accelerates_s begins with
+    setup.lift_accelerates_ms = 150;  // initial value of Conditions::accelerates_s
     for (std::size_t j = 0; j < sensed; ++j) {
         grasp::JawSetup jaw{.errs_by_gain = true};
         jaw.sensor = std::uint32_t(j);

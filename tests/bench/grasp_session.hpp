@@ -13,7 +13,7 @@
 
 namespace tactiled::bench {
 
-// A jaw's sensor as `tactilectl calibrate` would have made it ready: fitted by `calibrate_scene` (of config/scenes, its
+// Returns a jaw's sensor as `tactilectl calibrate` would make it: fitted by `calibrate_scene` (of config/scenes, its
 // first sensor) with that serial.
 Calibration calibrate(const std::string& calibrate_scene, int serial, bool mirrored = true);
 std::unique_ptr<Decoupler> decoupler(const Calibration& calibration);
@@ -29,7 +29,7 @@ Recording record(const sim::Scene& scene, Decoupler& model);
 
 struct Conditions {
     double rate_Hz = 500;
-    double share_sd = 0.01;  // of a jaw's share from grasp to grasp
+    double share_sd = 0.01;  // variation of a jaw's share from grasp to grasp
     double vibration = 0;    // amplitude while it is lifted, of the weight
     double vibration_Hz = 30;
     double tilt_deg = 10;         // at most, any direction
@@ -38,10 +38,10 @@ struct Conditions {
     double min_acceleration_m_s2 = 0.3;
     bool tell_acceleration = false;  // at 125 Hz, 8 ms late, 3 % off
     double known_kg = 0.060;         // lifted twice to begin with and told the second time; 0 = none
-    bool ignore_domain = false;      // believes forces beyond the calibration
+    bool ignore_domain = false;      // trusts forces beyond the calibration
     double window_ms = 100;
     std::string calibration = "calibrate_hair_wide.toml";
-    bool mirrored = true;  // as the scene has it; false: as many loads, none of them turned round
+    bool mirrored = true;  // as in the scene; false: the same number of loads, none of them mirrored
 };
 
 struct Moment {
@@ -53,11 +53,11 @@ inline constexpr double kMomentEvery_s = 0.01;
 inline constexpr std::size_t kMoments = 60;
 inline constexpr std::size_t kMaxSensed = 3;
 
-// One grasp as an estimator with `sensed` jaws saw it.
+// The view of one grasp by an estimator with `sensed` jaws.
 struct Outcome {
     std::size_t object = 0, sensed = 1;
     double mass_kg = 0;         // true
-    double stable_after_s = 0;  // of lift-off; NaN = never
+    double stable_after_s = 0;  // time after lift-off; NaN = never
     Moment first_stable{};
     std::uint32_t object_id = 0;
     float probability = 0;

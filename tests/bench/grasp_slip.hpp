@@ -1,12 +1,13 @@
-// Slips and vibrating transport, simulated, and what the estimator says of them.
+// Simulated slips and vibrating transport, and the estimator's results.
 #pragma once
 #include <cstdint>
 
 namespace tactiled::bench {
 
 struct SlipFigures {
-    int n = 0, found = 0, in_10_ms = 0, early = 0;      // early: gross slip was said before it began
-    int incipient_before = 0, incipient_at_rest = 0;    // near the limit was said before; while it hung at two thirds of it
+    int n = 0, found = 0, in_10_ms = 0, early = 0;  // early: gross slip was reported before it began
+    // incipient slip was reported before; while the object hung at two thirds of the limit
+    int incipient_before = 0, incipient_at_rest = 0;
     double p50_ms = 0, p99_ms = 0, friction_error = 0;  // rms, relative, of the coefficient learnt
 };
 

@@ -16,11 +16,11 @@ std::vector<grasp::Object> taught_by(const std::vector<Outcome>& outcomes, std::
 struct Figures {
     int n = 0, never = 0, in_300_ms = 0, within_1_sd = 0, within_2_sd = 0, right = 0, unknown = 0, wrong = 0;
     int wrong_kind = 0;       // the ball for an egg or an egg for the ball
-    double bias = 0, sd = 0;  // of the weight
-    double said_sd = 0;       // published, mean
+    double bias = 0, sd = 0;  // relative to the weight
+    double said_sd = 0;       // published sd, mean
     double p50_s = 0, p95_s = 0;
 };
-// Of one object (SIZE_MAX: all) and so many sensed jaws, by the first value that was stable.
+// Statistics of one object (SIZE_MAX: all) with that number of sensed jaws, from the first stable value.
 Figures figures(const std::vector<Outcome>& outcomes, std::size_t object, std::size_t sensed);
 
 // All of `sessions` sessions of 5 grasps of each object, with objects taught by as many jaws in `teaching` sessions before.

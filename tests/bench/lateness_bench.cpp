@@ -59,7 +59,7 @@ Lateness operator-(Lateness a, const Lateness& b) {
     return a;
 }
 
-// A program that ends with this object.
+// A child process that ends with this object.
 class Program {
 public:
     Program(std::vector<std::string> words) {
@@ -92,7 +92,7 @@ Segment wait_for(const std::string& node) {
     return {};
 }
 
-// When in its period the loop's deadlines are: the earliest that its turns begin.
+// Returns the phase of the loop's deadlines in its period: the earliest begin of its cycles.
 std::uint64_t phase_of(const Segment& segment, std::uint64_t period_ns) {
     std::vector<std::uint64_t> phases;
     tactiled_node node;

@@ -1,7 +1,7 @@
-// The ring between a link and the pipeline, beside the rings that others use, in one run: 128-byte items from a thread on
-// CPU 0 to a thread on CPU 1, each of the 16 words written and checked, 1024 items of room, so that it wraps and fills.
-// Peers take turns, a tenth of a second each, and the median of the rounds' ratios counts: a hypervisor that moves the CPUs
-// moves all of them.
+// The ring between a link and the pipeline, compared with other projects' rings in one run: 128-byte items from a
+// thread on CPU 0 to a thread on CPU 1, each of the 16 words written and checked, 1024 items of room, so that it
+// wraps and fills. Peers take turns, a tenth of a second each, and the median of the rounds' ratios counts: a
+// hypervisor that moves the CPUs moves all of them.
 //
 //   ring_bench [rounds]
 //
@@ -153,7 +153,7 @@ void pin(int cpu) {
     sched_setaffinity(0, sizeof set, &set);
     sched_param p{};
     p.sched_priority = 50;
-    sched_setscheduler(0, SCHED_FIFO, &p);  // where allowed
+    sched_setscheduler(0, SCHED_FIFO, &p);  // if permitted
 }
 
 // Million items a second through a fresh ring, `burst` at a time.

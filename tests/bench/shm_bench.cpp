@@ -47,8 +47,7 @@ struct Tactiled : b::Base {
         b::Msg message;
         fill(&message);
         tactiled::publish_record(writable, ring, number++, &message, sizeof message);
-        const std::uint32_t ahead =
-            __atomic_load_n(wake, __ATOMIC_RELAXED) - std::uint32_t(number);  // as SegmentWriter does
+        const std::uint32_t ahead = __atomic_load_n(wake, __ATOMIC_RELAXED) - std::uint32_t(number);  // like SegmentWriter
         if (ahead != 0 && ahead <= TACTILED_WAKE_RECORDS)
             syscall(SYS_futex, writable + ring.head_offset, FUTEX_WAKE, INT_MAX, nullptr, nullptr, 0);
         return true;
@@ -117,7 +116,7 @@ struct Tactiled : b::Base {
         tactiled_sample got{};
         tactiled_node node{};
         reader.next(got);
-        for (int r = 0; r < 200; ++r) {  // of 1,000 calls each, as a loop makes them
+        for (int r = 0; r < 200; ++r) {  // 1,000 calls each, as in a loop
             constexpr int kCalls = 1000;
             const std::uint64_t now_ns = tactiled_now_ns();
             node.t_ns = now_ns;

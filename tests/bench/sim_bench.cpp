@@ -87,8 +87,8 @@ std::string without(const Choice& choice, const EffectEntry* left_out) {
     return list.empty() ? "none" : list;
 }
 
-// Over all sensors: the strictest wish, the largest guarantee; of the first sensor, what its effects cost, each as the
-// difference that leaving it out alone makes, on top of none.
+// Values over all sensors: the strictest wanted accuracy, the largest guarantee. For the first sensor, the cost of
+// its effects, each as the difference by leaving it out alone, and without effects.
 Row row_of(const Scene& scene) {
     Row row;
     row.wanted = 1e300;
@@ -98,7 +98,7 @@ Row row_of(const Scene& scene) {
         row.guaranteed = std::max(row.guaranteed, simulation.choice(i).guaranteed_N);
     }
     const Choice& choice = simulation.choice(0);
-    Scene first = scene;  // the others may have been given other effects
+    Scene first = scene;  // the others may have other effects
     first.sensors.resize(1);
     const double none_ns = cost_ns(first, "none"), auto_ns = cost_ns(first, "auto");
     double parts = none_ns;
@@ -158,7 +158,7 @@ long resident_kB() {
     return resident * (::sysconf(_SC_PAGESIZE) / 1024);
 }
 
-// A scene in which everything moves, so that every effect has something to do.
+// A scene in which everything moves, so that every effect is active.
 Scene moving(Model model, bool round, bool array) {
     const char* name[] = {"table", "hair", "capacitive"};
     const double full_N[] = {0.8, 0.04, 6};

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Instructions a sample of each effect of the simulator, counted by callgrind: a scene of a sensor model with the effect alone less the
-same with none, both over two lengths. Says which entries of drivers/sim/effects are off by more than a fifth.
+"""Instructions a sample of each effect of the simulator, counted by callgrind: a scene of a sensor model with the
+effect alone less the same with none, both over two lengths. Reports the entries of drivers/sim/effects that are off
+by more than a fifth.
 
     sim_instructions.py [--effects a,b] [path of sim_bench]          about 4 minutes
 """
@@ -52,7 +53,7 @@ from_Hz = 10
 for_s = 1000
 """
 root = pathlib.Path(__file__).resolve().parents[2]
-ROUND = ("hertz_contact", "contact_patch")  # what only a round body does; the others meet a textured one
+ROUND = ("hertz_contact", "contact_patch")  # effects of a round body only; the others meet a textured one
 SENSORS = {"table": ('influence = "%s"' % (root / "config/calibration/table_influence.toml"), 0.8), "hair": ("", 0.04), "capacitive": ("", 6.0)}
 
 
@@ -81,6 +82,6 @@ with tempfile.TemporaryDirectory() as folder:
             continue
         kinds = ["round"] if effect["name"] in ROUND else ["array"] if effect["name"] == "array_spread" else effect["models"]
         measured = {m: a_sample(effect["name"], scenes[m]) - base[m] for m in kinds}
-        most = max(measured.values()) / (4 if "array" in measured else 1)  # of one sensor
+        most = max(measured.values()) / (4 if "array" in measured else 1)  # for one sensor
         off = "" if abs(most - effect["instructions"]) <= 0.2 * most + 3 else f"   entry says {effect['instructions']:.0f}"
         print(f"{effect['name']:24} {' '.join(f'{m} {v:.0f}' for m, v in measured.items()):40} {most:8.0f}{off}", flush=True)

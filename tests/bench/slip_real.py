@@ -46,7 +46,7 @@ def load_within(field, span=5, window=10):
 
 
 def best_threshold(values, labels):
-    """Of those that are right most often the one in the middle."""
+    """Returns the middle one of the thresholds with the most right results."""
     order = np.sort(values)
     cuts = np.concatenate([[order[0] - 1], (order[1:] + order[:-1]) / 2])
     right = np.array([((values > cut) == labels).mean() for cut in cuts])

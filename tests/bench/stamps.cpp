@@ -20,12 +20,12 @@ struct Adapter {
     const char* name;
     double rate_Hz;
     double drift_ppm, wander_ppm;  // constant, and a sine of 5 minutes
-    double min_us, mean_us;        // of the way from the bus to the kernel: a floor, and what exponentially comes on top
-    double poll_us;                // the host asks each so often: messages wait for it, and come in one batch
-    double stall_share, stall_ms;  // of the batches, and for how long
+    double min_us, mean_us;        // delay from the bus to the kernel: a minimum plus an exponentially distributed part
+    double poll_us;                // the host polls at this interval: messages wait for it, and arrive in one batch
+    double stall_share, stall_ms;  // share and duration of delayed batches
 };
 
-// Rates that are no multiples of the polling: messages and polls slide past each other, as two crystals make them.
+// Rates that are not multiples of the polling: messages and polls drift past each other, as with two crystals.
 constexpr Adapter kAdapters[] = {
     {"USB, high speed", 997, 25, 2, 60, 15, 125, 0.001, 3},    {"USB, full speed", 997, -40, 2, 150, 40, 1000, 0.01, 10},
     {"USB, full speed", 101, -40, 2, 150, 40, 1000, 0.01, 10}, {"PCI or on chip", 997, 15, 1, 5, 4, 0, 0.0005, 1},

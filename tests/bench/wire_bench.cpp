@@ -1,6 +1,6 @@
-// One text line from before write() until another process sees its force in shared memory, beside the same line through a
-// bare pty to a thread that blocks in read(). Nothing here is real-time but the daemon: the reader spins at normal priority,
-// as a robot's controller without rights would.
+// One text line from before write() until another process sees its force in shared memory, beside the same line
+// through a bare pty to a thread that blocks in read(). Only the daemon is real-time: the reader spins at normal
+// priority, like a robot's controller without rights.
 //
 //   wire_bench [--frames 3000] [--rate 500]         TACTILED_BIN=FOLDER measures another build's daemon
 #include <atomic>

@@ -1,4 +1,4 @@
-"""Clients of the Modbus server that hold it up, break off, or are too many."""
+"""Clients of the Modbus server that block it, disconnect, or are too many."""
 import os
 import socket
 import struct

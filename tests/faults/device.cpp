@@ -93,7 +93,7 @@ Device::Device(unsigned sensor, unsigned number, Cable& cable, std::uint32_t fir
 
 void Device::send(std::uint64_t until_ns, Random& random) {
     for (; next_ns_ <= until_ns; next_ns_ += period_ns) {
-        // A second device that alone is heard is the device, for all that anybody can tell.
+        // If only a second device is received, it cannot be distinguished from the first one.
         const bool two = doubled && !silent && !garbage && !wrong_length && !foreign;
         const bool second_first = two && random() % 2 == 0;
         if (second_first) send_of_the_second(next_ns_);
@@ -120,7 +120,7 @@ std::vector<std::uint8_t> Device::encode(const Frame& frame) const {
     return {out.begin(), out.begin() + std::ptrdiff_t(size)};
 }
 
-// It feels what the sensor's neighbour feels.
+// It measures the force of the sensor's neighbour.
 void Device::send_of_the_second(std::uint64_t t_ns) {
     if (!second_sequence_) second_sequence_ = sequence_ + 10'000;
     const std::uint32_t sequence = (*second_sequence_)++;
@@ -152,7 +152,7 @@ void Device::send_one(std::uint64_t t_ns, Random& random) {
         frame.missing = 1u << 1;
         frame.channel[1] = std::numeric_limits<double>::quiet_NaN();
     }
-    const bool spike = !spiked_ && happens(spikes, random);  // two in a row are a level
+    const bool spike = !spiked_ && happens(spikes, random);  // two in a row would be a level
     spiked_ = spike;
     if (spike) frame.channel[0] += 200'000;
     const int undetected = zeros ? 1 : frozen ? 2 : offset != 0 ? 3 : 0;

@@ -30,7 +30,7 @@ constexpr Fault on_devices(const char* name, int number, Reach reach = Reach::li
 
 void nothing(World&, unsigned) {}
 
-// The rates are those of a bad cable, not of a dead one.
+// The rates are those of a damaged cable that still works.
 constexpr Fault kFaults[] = {
     {"cable pulled", 1, Reach::link, 1100, 0, [](World& w, unsigned l) { w.unplug(l); },
      [](World& w, unsigned l) { w.plug(l); }},
@@ -106,7 +106,7 @@ constexpr Fault kFaults[] = {
          if (w.is_running()) w.stop();
      },
      [](World& w, unsigned) { w.restart(); }},
-    // 60 N on the diagonal: the pair is 20 N apart on each axis by its places, and may be 45 N.
+    // 60 N on the diagonal: the pair differs by 20 N on each axis by its offsets, and may differ by 45 N.
     {"a sensor reads 30 N less than it feels, its twin does not", 43, Reach::pair, 60, 0,
      [](World& w, unsigned) { w.device(0).offset = -30'000; }, [](World& w, unsigned) { w.device(0).offset = 0; }},
     {"reload: a low pass, a time to tare", 46, Reach::nobody, 0, 0, [](World& w, unsigned) { w.retune(); },
@@ -129,7 +129,7 @@ bool is_one_of(const Fault& fault, std::initializer_list<std::string_view> names
     return std::find(names.begin(), names.end(), fault.name) != names.end();
 }
 
-// A restart among frames that are overtaken may be taken for a second device, for 224 frames.
+// A restart with overtaken frames may be taken for a second device, for 224 frames.
 bool is_like_a_second_device(const Act& one, const Act& other) {
     return one.link == other.link &&
            (is_one_of(*one.fault, {"frames overtaken"}) || is_one_of(*other.fault, {"frames overtaken"})) &&
@@ -137,7 +137,8 @@ bool is_like_a_second_device(const Act& one, const Act& other) {
             is_one_of(*other.fault, {"the counter wraps", "the device restarts"}));
 }
 
-// Bit i: sensor i. `compared`: what is said of two that are compared stays while one of them is in another fault.
+// Returns bit i: sensor i. `compared`: the result of a comparison stays while one of the two sensors has another
+// fault.
 unsigned sensors_of(const Act& act, bool compared = false) {
     unsigned mask = 0;
     for (unsigned i = 0; i < kSensors; ++i) {
@@ -188,7 +189,7 @@ Findings run(std::uint64_t seed, const Fault* first, const Fault* second, const 
         const std::uint64_t now_ms = (world_ns - zero_ns) / kMs;
         if (event.at_ms > now_ms) world.run_ms(event.at_ms - now_ms);
         const Fault& fault = *event.act->fault;
-        // On top of another the way back may be as long as both in a row.
+        // With another fault at the same time, the recovery may take as long as both in a row.
         const std::uint64_t back_ms = together ? acts[0].fault->recovers_ms + acts[1].fault->recovers_ms : fault.recovers_ms;
         world.suffer(sensors_of(*event.act, compared),
                      at_ns(std::max(event.act->end_ms, now_ms) + back_ms + doubted_ms + 70));

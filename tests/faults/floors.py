@@ -1,4 +1,4 @@
-"""What a machine gives nobody at a moment: measured beside the daemon, at the same time, by programs that have nothing to do with it."""
+"""Delays of the machine itself, measured beside the daemon, at the same time, by independent programs."""
 import collections
 import contextlib
 import os
@@ -13,17 +13,19 @@ LATE_NS = 5_000_000
 
 
 def hurry():
-    """Devices and witness are not to be late where the machine is busy; what they start is as ever."""
+    """Gives real-time priority: devices and witness must not be late on a busy machine. Their child processes have
+    normal priority."""
     with contextlib.suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(20))
 
 
 class TtyFloor(threading.Thread):
-    """How long the kernel takes to hand a byte through a pty that nobody else uses, all the time: its worker has no priority."""
+    """Measures continuously how long the kernel takes to pass a byte through an otherwise unused pty: its worker has
+    no priority."""
 
     def __init__(self):
         super().__init__(daemon=True)
-        self.late = collections.deque(maxlen=1000)  # ns, from and to, where a byte took longer than 5 ms
+        self.late = collections.deque(maxlen=1000)  # ns, from and to, if a byte took longer than 5 ms
         self.ended = threading.Event()
         self.start()
 
@@ -41,7 +43,7 @@ class TtyFloor(threading.Thread):
         os.close(slave)
 
     def late_ns(self, since_ns, until_ns):
-        """How long bytes were held up in that time."""
+        """Returns the time for which bytes were delayed in that interval."""
         return overlap_ns(self.late, since_ns, until_ns)
 
 
@@ -50,7 +52,8 @@ def overlap_ns(late, since_ns, until_ns):
 
 
 class CpuFloor:
-    """When a processor did not run what sleeps a millisecond at a time there, at real-time priority, in a process of its own."""
+    """Records when a processor did not run a thread that sleeps 1 ms at a time at real-time priority, in a separate
+    process."""
 
     def __init__(self):
         self.late = {cpu: collections.deque(maxlen=1000) for cpu in sorted(os.sched_getaffinity(0))}
@@ -64,7 +67,7 @@ class CpuFloor:
             late.append(tuple(map(int, line.split())))
 
     def late_ns(self, since_ns, until_ns):
-        """How long one of them stood in that time. It tells so only once it runs again."""
+        """Returns the longest interruption in that interval. It is known only after the end of the interruption."""
         time.sleep(0.05)
         return max(overlap_ns(late, since_ns, until_ns) for late in self.late.values())
 

@@ -10,10 +10,11 @@ namespace tactiled::faults {
 namespace {
 
 constexpr double kExact_N = 1e-9;
-// What moves by less within a tare is not asked to be seen: a tenth of a second of 10 frames, noise of 18 mN on each.
-constexpr int kSeen = 400;                     // counts
-constexpr std::uint64_t kMemoryNs = 60 * kMs;  // 15 time constants of a low pass of 25 Hz: what came before is forgotten
-constexpr double kForgotten_N = 0.002, kForgotten = 2e-5;  // of what it may have been, a saturated 8389 N
+// A movement by less within a tare need not be detected: a tenth of a second of 10 frames, noise of 18 mN on each.
+constexpr int kSeen = 400;  // counts
+// 15 time constants of a low pass of 25 Hz, after which the past has no influence
+constexpr std::uint64_t kMemoryNs = 60 * kMs;
+constexpr double kForgotten_N = 0.002, kForgotten = 2e-5;  // relative to its possible value, a saturated 8389 N
 
 }  // namespace
 
@@ -51,7 +52,7 @@ std::string ForceTruth::judge(const tactiled_sample& s, bool is_measured) {
         wrong = new_zero(s);
         window_.clear();
     }
-    // What was doubtful is not in what is GOOD.
+    // A doubtful value must not contribute to a GOOD one.
     if (s.epoch != std::exchange(epoch_, s.epoch) || (s.quality == TACTILED_GOOD && before_ != TACTILED_GOOD))
         window_.clear();
     before_ = s.quality;
@@ -65,7 +66,7 @@ std::string ForceTruth::judge(const tactiled_sample& s, bool is_measured) {
     return wrong;
 }
 
-// The count has changed with this record: back to 0, or on by one with a zero that is the mean since the command.
+// The count has changed with this record: to 0, or by one with a zero that is the mean since the command.
 std::string ForceTruth::new_zero(const tactiled_sample& s) {
     const bool next = s.tare_count == count_ + 1;
     count_ = s.tare_count;
@@ -90,7 +91,7 @@ std::string ForceTruth::new_zero(const tactiled_sample& s) {
     return limit_N_ > 0 && squares > limit_N_ * limit_N_ ? "a tare under load" : "";
 }
 
-// It does not overshoot: within what it has seen of late.
+// The low pass does not overshoot: its output is within its recent inputs.
 std::string ForceTruth::low_passed(const tactiled_sample& s) {
     for (unsigned k = 0; k < kChannels; ++k) {
         double min = HUGE_VAL, max = -HUGE_VAL;

@@ -1,5 +1,5 @@
-// What force_S_N must be beside the raw force, of one sensor: less the zero of its last tare, and low-passed where that is
-// on.
+// The right value of force_S_N for the raw force of one sensor: minus the zero of its last tare, and low-passed if
+// that is on.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -16,16 +16,17 @@ public:
     // `limit_N`: the sensor's tare_limit_N.
     explicit ForceTruth(unsigned sensor, double limit_N) : sensor_(sensor), limit_N_(limit_N) {}
 
-    // The pipeline has taken the command.
+    // Notes that the pipeline has taken the command.
     void tare_begins(std::uint64_t now_ns) noexcept;
-    // Nothing is known of what was published meanwhile: another daemon, or records that this reader could not get.
+    // Notes that published data are unknown: another daemon, or records that this reader missed.
     void missed(bool another_daemon) noexcept;
-    // A record with a value, which is that of what was measured under its number; "" or what is wrong with its force.
+    // Judges a record with a value, which is that of the measurement with its number; returns "" or the error of its
+    // force.
     [[nodiscard]] std::string judge(const tactiled_sample& s, bool is_measured);
-    // A record without one.
+    // Notes a record without a value.
     void gap() noexcept { window_.clear(); }
 
-    std::uint64_t tares = 0;  // that came to their end
+    std::uint64_t tares = 0;  // finished tares
 
 private:
     [[nodiscard]] std::string new_zero(const tactiled_sample& s);
@@ -33,13 +34,14 @@ private:
 
     unsigned sensor_;
     double limit_N_;
-    bool missed_ = false;                               // records, since the last command: a new zero may be any
-    std::uint32_t count_ = 0, epoch_ = 0, before_ = 0;  // of the record before: count, epoch, quality
+    // records were missed since the last command: a new zero may have any value
+    bool missed_ = false;
+    std::uint32_t count_ = 0, epoch_ = 0, before_ = 0;  // of the previous record: count, epoch, quality
     std::array<double, kChannels> zero_N_{};
-    // Of the tare that is measured: raw forces and, without their noise, how far they moved.
-    std::uint64_t begin_ns_ = 0;  // 0 = none, or not known
+    // State of the tare that is being measured: raw forces and, without their noise, their movement.
+    std::uint64_t begin_ns_ = 0;  // 0 = none, or unknown
     unsigned samples_ = 0;
-    bool measured_ = true;  // all of them
+    bool measured_ = true;  // true: all of them are measured
     std::array<double, kChannels> sum_N_{};
     std::array<int, kChannels> min_{}, max_{};
     struct Past {

@@ -8,6 +8,8 @@
 #include <functional>
 #include <random>
 
+#include "drivers/wire/ascii_line.hpp"
+#include "drivers/wire/cobs_frame.hpp"
 #include "drivers/wire/stream_age.hpp"
 
 namespace tactiled::faults {
@@ -20,6 +22,17 @@ struct Stream {
     Route::Path path = Route::Path::network;
     bool reopening_discards = false;  // and the link is opened again when that is asked for
     double stale_ms = 100;
+    // The bytes of the frames pass the product's decoders: binary frames, whose counter has 16 bits, or lines of text.
+    enum class Format : std::uint8_t { numbers, lines, cobs } format = Format::numbers;
+    unsigned counter_bits = 32, clock_bits = 32;  // lines of text
+    double clock_step_us = 1;                     // 1000: a clock that counts milliseconds
+};
+
+// The path when the link is closed and opened again.
+enum class Closed : std::uint8_t {
+    discards,   // what it held
+    drops_due,  // what it would have sent meanwhile; its lag stays
+    keeps       // everything, and goes on where it was
 };
 
 // One frame as a reader sees it right after it came.
@@ -31,7 +44,7 @@ struct Seen {
 struct Tally {
     std::uint64_t frames = 0, good = 0, uncertain = 0, bad = 0, reopened = 0;
     // GOOD and older than stale_ms by more than the path's ordinary delay; the same where every frame that comes is GOOD.
-    std::uint64_t wrong = 0, wrong_before = 0;
+    double wrong_s = 0, wrong_before_s = 0;
     double worst_ms = 0;  // true age of the oldest of these
     // Frames that were not GOOD though they were young enough.
     std::uint64_t alarms = 0;
@@ -44,28 +57,55 @@ public:
           random_(seed),
           age_(stream.rate_Hz, 0.2, std::uint64_t(stream.stale_ms * 1e6)),
           sequence_(std::uint32_t(random_())),
-          offset_us_(double(random_() % 4'000'000'000u)) {
+          offset_us_(double(random_() % 4'000'000'000u)),
+          lines_({.channels = 1, .sequence = stream.sequence, .time_us = stream.clock, .crc16 = true}, counts_),
+          cobs_(counts_) {
         open();
     }
 
     // The path keeps what is sent from now on until then, and releases it at once.
     void hold_until(double t_s) { hold_until_s_ = t_s; }
-    bool pauses = false;        // the device measures and sends nothing
-    bool forwards_old = false;  // its next frame is one of a second ago under a new number
-    double drop = 0, swap = 0;  // rates
-    double extra_lag_s = 0;     // a bridge that is as fast as the device and has a backlog
-    double clock_jump_us = 0;   // added to the device's clock once
+    bool pauses = false;         // the device measures and sends nothing
+    bool forwards_old = false;   // its next frame is one of a second ago under a new number
+    double drop = 0, swap = 0;   // rates
+    double extra_lag_s = 0;      // a bridge that is as fast as the device and has a backlog
+    double clock_jump_us = 0;    // added to the device's clock once
+    double buffer_frames = 1e9;  // of a path that holds frames; the newest ones are dropped
+    Closed when_closed = Closed::discards;
     // Called with each frame that arrives.
     std::function<void(const Seen&, double t_s)> see;
 
-    // The link is opened again; what is on the way stays there, as its lag does.
-    void reopen(double lag_s) {
-        extra_lag_s = lag_s;
-        closed_until_s_ = now_s_ + 0.05;
+    // The link is closed and opened again.
+    void reopen() {
+        const double closed_s = std::max(0.05, double(age_.closed_ns()) * 1e-9);
+        closed_until_s_ = std::max(now_s_ + closed_s, hold_until_s_);  // nobody can be reached while it holds everything
+        if (when_closed == Closed::discards) {
+            way_.clear();
+            extra_lag_s = 0;
+        } else if (when_closed == Closed::keeps) {
+            for (Sent& sent : way_) sent.arrives_s += closed_s;
+            extra_lag_s += closed_s;
+        }
         open();
     }
 
+    // The device starts again: its clock and its counter begin anew.
+    void restart_device() {
+        sequence_ = 0;
+        device_us_ = 0;
+        offset_us_ = 100e3;  // of its start
+    }
+
+    // The clock, or the counter, ends so soon.
+    void wrap_clock_in(double s) {
+        offset_us_ = std::ldexp(stream_.clock_step_us, int(stream_.clock_bits)) - device_us_ - s * 1e6;
+    }
+    void count_to_end(std::uint32_t frames) {
+        sequence_ = std::uint32_t(std::ldexp(1.0, int(stream_.counter_bits)) - frames);
+    }
+
     [[nodiscard]] double now_s() const { return now_s_; }
+    [[nodiscard]] double rate_Hz() const { return stream_.rate_Hz; }
     Tally tally;
 
     void run_s(double s) {
@@ -81,6 +121,8 @@ private:
 
     void open() {
         age_.open({stream_.path, true, stream_.reopening_discards, 200});
+        lines_.reset();
+        cobs_.reset();
         opening_ = true;
     }
 
@@ -109,11 +151,9 @@ private:
         // The link's thread looks each period, too.
         if (stream_.reopening_discards && age_.asks_for_reopening(std::uint64_t(now_s_ * 1e9)) && now_s_ > not_before_s_) {
             ++tally.reopened;
-            not_before_s_ = now_s_ + 1;
-            closed_until_s_ = now_s_ + 0.05;
-            way_.clear();
-            extra_lag_s = 0;
-            open();
+            pause_s_ = now_s_ > not_before_s_ + 10 * pause_s_ ? 1 : std::min(2 * pause_s_, 60.0);  // as node/link_age.hpp
+            not_before_s_ = now_s_ + pause_s_;
+            reopen();
         }
     }
 
@@ -121,7 +161,11 @@ private:
         double arrives = now_s_ + 0.002 + extra_lag_s + uniform() * stream_.jitter_ms * 1e-3;
         if (stream_.grid_ms > 0) arrives = std::ceil(arrives / (stream_.grid_ms * 1e-3)) * stream_.grid_ms * 1e-3;
         arrives = std::max(arrives, way_.empty() ? 0 : way_.back().arrives_s);
-        Sent sent{now_s_, arrives, sequence_++, std::uint64_t(device_us_ + offset_us_)};
+        const auto ticks = std::uint64_t(std::int64_t(std::floor((device_us_ + offset_us_) / stream_.clock_step_us)));
+        const std::uint64_t clock = stream_.clock_bits >= 64 ? ticks : ticks & ((1ull << stream_.clock_bits) - 1);
+        const std::uint32_t number = sequence_++ & (stream_.counter_bits >= 32 ? ~0u : (1u << stream_.counter_bits) - 1);
+        Sent sent{now_s_, arrives, number, std::uint64_t(double(clock) * stream_.clock_step_us)};
+        if (double(way_.size()) >= buffer_frames) return;
         past_.push_back(sent);
         if (past_.size() > 200) past_.pop_front();
         if (forwards_old && past_.size() > 100) {  // its number is new, what it carries is not
@@ -136,8 +180,12 @@ private:
 
     void arrive(const Sent& sent, double at_s) {
         last_s_ = at_s;
-        if (at_s < closed_until_s_) return;
+        if (at_s < closed_until_s_ || (when_closed == Closed::discards && sent.measured_s < closed_until_s_)) return;
         Frame frame;
+        if (stream_.format != Stream::Format::numbers) {
+            if (decode(sent, at_s, frame)) judge(frame, sent, at_s);
+            return;
+        }
         const std::uint32_t ahead = sent.sequence - before_ - 1;
         if (stream_.sequence && !opening_ && ahead > 0x7FFFFFFF) return;  // overtaken: the format drops it
         frame.has_sequence = stream_.sequence;
@@ -151,21 +199,42 @@ private:
         before_ = sent.sequence;
         opening_ = false;
         frame.t_ns = frame.taken_ns = std::uint64_t(at_s * 1e9);
+        judge(frame, sent, at_s);
+    }
+
+    bool decode(const Sent& sent, double at_s, Frame& frame) {
+        frame.sequence = sent.sequence;
+        frame.device_time_us = stream_.clock ? sent.device_us : 0;
+        frame.n_channels = 1;
+        frame.channel[0] = double(sent.sequence % 1000);
+        const bool text = stream_.format == Stream::Format::lines;
+        StreamDecoder& decoder = text ? static_cast<StreamDecoder&>(lines_) : cobs_;
+        std::array<char, kAsciiMaxBytes * 2> line;
+        std::array<std::uint8_t, kCobsMaxEncoded> bytes;
+        const AsciiFormat format{.channels = 1, .sequence = stream_.sequence, .time_us = stream_.clock, .crc16 = true};
+        const std::size_t size = text ? encode_ascii(frame, format, line) : encode_cobs(frame, 24, bytes);
+        if (text) std::memcpy(bytes.data(), line.data(), size);
+        decoder.push({bytes.data(), size}, std::uint64_t(at_s * 1e9));
+        return decoder.next(frame);
+    }
+
+    void judge(Frame& frame, const Sent& sent, double at_s) {
         age_.judge(frame, frame.taken_ns);
         Seen seen;
         seen.true_age_ms = (at_s - sent.measured_s) * 1e3;
         seen.claimed_age_ms = double(frame.taken_ns - frame.t_ns) * 1e-6;
         seen.bad = double(std::max(frame.late_ns, frame.taken_ns - frame.t_ns)) * 1e-6 > stream_.stale_ms;
-        seen.good = !seen.bad && frame.age != Frame::Age::unproved;
+        const bool two_devices = stream_.format != Stream::Format::numbers && frame.n_channels == 0;
+        seen.good = !seen.bad && !two_devices && frame.age != Frame::Age::unproved;
         ++tally.frames;
         ++(seen.bad ? tally.bad : seen.good ? tally.good : tally.uncertain);
         // The least delay of the path, its polls and its jitter are no lag.
         const double normal_ms = 2 + stream_.jitter_ms + stream_.grid_ms + 1000 / stream_.rate_Hz;
         const bool is_old = seen.true_age_ms > stream_.stale_ms + normal_ms;
-        tally.wrong_before += is_old;
+        if (is_old) tally.wrong_before_s += 1 / stream_.rate_Hz;
         tally.alarms += !seen.good && seen.true_age_ms < stream_.stale_ms - normal_ms;
         if (seen.good && is_old) {
-            ++tally.wrong;
+            tally.wrong_s += 1 / stream_.rate_Hz;
             tally.worst_ms = std::max(tally.worst_ms, seen.true_age_ms);
         }
         if (see) see(seen, at_s);
@@ -177,8 +246,11 @@ private:
     std::uint32_t sequence_, before_ = 0;
     std::uint64_t device_us_seen_ = 0;
     double offset_us_, now_s_ = 1000, device_us_ = 0, temperature_ = 0, next_temperature_s_ = 0;
-    double hold_until_s_ = 0, last_s_ = 0, not_before_s_ = 0, closed_until_s_ = 0;
+    double hold_until_s_ = 0, last_s_ = 0, not_before_s_ = 0, pause_s_ = 1, closed_until_s_ = 0;
     bool opening_ = true;
+    LinkCounts counts_;
+    AsciiDecoder lines_;
+    CobsDecoder cobs_;
     std::deque<Sent> way_, past_;
 };
 

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""An allocation fails in the release daemon, each one in turn: it starts or says why not, reloads or keeps what it had, and never crashes.
+"""An allocation fails in the release daemon, each one in turn: it starts or reports the reason, reloads or keeps its
+configuration, and never crashes.
 
     memory_test.py             a part of them: a minute
     EVERY=1 memory_test.py     each of start and reload
@@ -24,7 +25,7 @@ import tactiled  # noqa: E402
 
 LIBRARY = os.environ.get("NO_MEMORY_LIBRARY", str(BIN.parent / "tests/faults/libno_memory.so"))
 EVERY = int(os.environ.get("EVERY", 0))
-PARTS = 40  # without EVERY: so many of each kind
+PARTS = 40  # without EVERY: this number of each kind
 GRASP = """
 [grasp]
 gravity_G_m_s2 = [0, 0, 9.81]
@@ -43,7 +44,7 @@ CAL_ID = 28  # register
 
 
 class Page:
-    """What libno_memory.so shares with us."""
+    """The memory that libno_memory.so shares with this test."""
 
     def __init__(self, path):
         path.write_bytes(bytes(40))
@@ -69,7 +70,7 @@ class NoMemory(unittest.TestCase):
         d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "lines", "--sequence", "--rate", 200, "--loop")
         self.page = Page(d.folder / "no_memory")
         d.env.update(LD_PRELOAD=LIBRARY, NO_MEMORY=str(d.folder / "no_memory"), STATE_DIRECTORY=str(d.folder))
-        self.identity = None  # of configuration and calibration, as the register says
+        self.identity = None  # of configuration and calibration, from the register
         self.segment = d.segment
 
     def is_good(self):
@@ -95,11 +96,11 @@ class NoMemory(unittest.TestCase):
             client.close()
 
     def numbers(self, count):
-        """Which of `count` allocations are refused."""
+        """Returns the numbers of the allocations that are refused, out of `count`."""
         return range(1, count + 1, EVERY or max(1, count // PARTS))
 
     def start(self, number, how_many):
-        """Its exit status, None where it runs."""
+        """Returns its exit status, None if it runs."""
         (self.d.folder / "tactiled.log").unlink(missing_ok=True)
         self.page.refuse(number, how_many)
         try:
@@ -111,7 +112,7 @@ class NoMemory(unittest.TestCase):
     def check_start(self, number, how_many):
         status = self.start(number, how_many)
         if status is None:
-            self.page[FROM] = 0  # there is memory again
+            self.page[FROM] = 0  # memory is available again
             wait_for(lambda: self.d.process.poll() is not None or self.is_good() and self.answers(), 5, f"good samples and registers; {self.d.log()}")
             status = self.d.process.poll()  # it was about to end
         if status is None:

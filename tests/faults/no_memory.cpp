@@ -57,7 +57,7 @@ int shared_main(int count, char** words, char** environment) {
 
 extern "C" {
 
-// From main() on: before it there is no file and no segment that could be left half made.
+// From main() on: before it there is no file and no segment that could be left incomplete.
 int __libc_start_main(Main main, int count, char** words, void (*begin)(), void (*end)(), void (*loader_end)(),
                       void* stack) {
     using Start = int (*)(Main, int, char**, void (*)(), void (*)(), void (*)(), void*);

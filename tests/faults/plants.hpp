@@ -1,4 +1,4 @@
-// Bugs that the witness must find: a witness that finds nothing proves nothing.
+// Planted bugs that the witness must find, to prove that it finds errors.
 #pragma once
 #include <vector>
 

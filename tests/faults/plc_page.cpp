@@ -13,7 +13,7 @@ namespace {
 using modbus::kNoI16;
 using modbus::kNoU16;
 
-constexpr unsigned kSensor = 100;  // the block of sensor 0, at its link the faults are
+constexpr unsigned kSensor = 100;  // the block of sensor 0, whose link has the faults
 
 std::string_view word_of(std::uint16_t value, std::string_view register_name) {
     for (const modbus::Name& name : modbus::names_of(register_name))
@@ -58,7 +58,7 @@ std::string plc_page() {
     std::string page = kIntro;
     bool first = true;
     for (const Fault& fault : faults()) {
-        // The PLC does not see another reader, and sees the loop stand for longer.
+        // The PLC does not see another reader, and sees a stopped loop for longer.
         if (std::strstr(fault.name, "reader") != nullptr || std::strstr(fault.name, "60 ms") != nullptr) continue;
         World world(1);
         const auto beats = [&] { return world.witness().read_registers().global[modbus::kHeartbeat]; };

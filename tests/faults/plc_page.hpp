@@ -1,4 +1,5 @@
-// PLC.md: what a PLC reads before, in and after each fault. Made by the simulated world, the same everywhere.
+// PLC.md: the registers that a PLC reads before, during and after each fault. Made by the simulated world, equal on
+// every machine.
 #pragma once
 #include <string>
 

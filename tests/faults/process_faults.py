@@ -1,4 +1,4 @@
-"""The daemon's process: killed, stopped, started twice or in an odd environment, run away."""
+"""The daemon's process: killed, stopped, started twice or in an unusual environment, out of control."""
 import contextlib
 import os
 import pathlib
@@ -17,7 +17,8 @@ def end_daemon(rig, number):
 
 
 def runaway_thread():
-    """The pipeline's thread runs without end, under the limits of the unit: SIGXCPU. Who starts it again is systemd."""
+    """The pipeline's thread runs in an endless loop, under the limits of the unit: SIGXCPU. systemd would start the
+    daemon again."""
     def begin(rig):
         pid = next(p for p in rig.pids())
         threads = {(task / "comm").read_text().strip(): task.name for task in pathlib.Path(f"/proc/{pid}/task").iterdir()}
@@ -80,12 +81,13 @@ def signals():
 
 
 def closed_descriptors():
-    """Standard input, output and error are closed: nothing of ours may take their numbers and be written to as a log."""
+    """Standard input, output and error are closed: no file of the daemon may get their numbers and be written to as a
+    log."""
     return strike(lambda rig: rig.left.unplug(), lambda rig: rig.left.plug(), before=("sh", "-c", 'exec "$@" <&- >&- 2>&-', "sh"), log=-1)
 
 
 def full_log_pipe():
-    """Nobody reads the pipe that it logs into, and the pipe is full: a loose plug makes it log more."""
+    """The pipe for the log has no reader and is full, and a loose plug causes further log lines."""
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     for size in (4096, 1):
@@ -114,13 +116,13 @@ def other_locale_and_empty_environment():
 
 
 def in_time_namespace(uptime_s):
-    """The witness' clock is not the daemon's there: asked is the PLC, whose server is."""
+    """The witness' clock differs from the daemon's there, so the PLC is asked, whose server uses the daemon's clock."""
     rig = Rig(before=("unshare", "-T", "--monotonic", str(uptime_s), "--boottime", str(uptime_s)))
     try:
         rig.daemon.start(*rig.before)
         with socket.create_connection(("127.0.0.1", rig.daemon.port), timeout=2) as client:
             wait_for(lambda: ask(client, 10, 1)[0] == 3, 5, "both sensors to be ok")
-            not_ok, ages, until = 0, [], time.monotonic() + 15  # 2^32 ms are passed 7 s after the start
+            not_ok, ages, until = 0, [], time.monotonic() + 15  # 2^32 ms have passed 7 s after the start
             while time.monotonic() < until:
                 values = ask(client, 0, 32)
                 not_ok += values[10] != 3

@@ -1,4 +1,5 @@
-"""The release daemon with two devices behind ptys, of which the truth is known, and a witness in shared memory and over Modbus."""
+"""The release daemon with two devices behind ptys, whose true values are known, and a witness in shared memory and
+over Modbus."""
 import collections
 import contextlib
 import math
@@ -60,7 +61,7 @@ CONFIG = "".join(SENSOR.format(name=name, stale=STALE_MS, frozen=FROZEN_AFTER, r
 
 
 def count_of(sensor, sequence, k):
-    """What channel k carries: its own place, a wave, noise; no other frame and no mixture looks like it."""
+    """Returns channel k: its own offset, a wave, noise; no other frame and no mixture has these values."""
     n = sequence & 0xFFFF
     mixed = (n * 2654435761 + sensor * 40503 + k * 2246822519) & 0xFFFFFFFF
     mixed = ((mixed ^ mixed >> 15) * 2246822519) & 0xFFFFFFFF
@@ -69,7 +70,7 @@ def count_of(sensor, sequence, k):
 
 
 def with_ptys_of_its_own():
-    """Begins anew in a mount name space with ttys of its own: those of other programs' tests have the same numbers by turns."""
+    """Restarts in a mount name space with its own ttys, because other programs' tests reuse the numbers."""
     if os.environ.get("TACTILED_OWN_PTYS") or os.geteuid() != 0:
         return
     mounts = "mount -t devpts -o newinstance,ptmxmode=0666 devpts /dev/pts && mount --bind /dev/pts/ptmx /dev/ptmx"
@@ -91,8 +92,8 @@ class Device(threading.Thread):
     def __init__(self, index, path, first=0):
         super().__init__(daemon=True)
         self.index, self.path, self.sequence = index, pathlib.Path(path), first
-        self.sent, self.excused = {}, set()  # by sequence: when; which may be wrong
-        self.late = []  # ns, from and to, where this program did not send in time
+        self.sent, self.excused = {}, set()  # by sequence: time of sending; sequences that may be wrong
+        self.late = []  # ns, from and to, if this program did not send in time
         self.spoil, self.values_of, self.period_s = None, None, 1 / RATE_HZ
         self.ended = threading.Event()
         self.master = None
@@ -110,7 +111,7 @@ class Device(threading.Thread):
         path.symlink_to(self.slave_path)
 
     def unplug(self):
-        self.path.unlink()  # as udev does: the tty of that number may be another's next
+        self.path.unlink()  # like udev: another tty may get the number next
         master, self.master = self.master, None
         os.close(master)
 
@@ -122,7 +123,7 @@ class Device(threading.Thread):
             time.sleep(max(0, due - time.monotonic()))
             sequence = self.sequence
             values = [count_of(self.index, sequence, k) for k in range(3)]
-            values_of, spoil = self.values_of, self.spoil  # they are taken away from another thread
+            values_of, spoil = self.values_of, self.spoil  # another thread may remove them
             if values_of is not None:
                 values = values_of(values, self)
             line = line_of(sequence, values)
@@ -145,19 +146,21 @@ class Device(threading.Thread):
 
 
 class Witness(threading.Thread):
-    """Looks all the time, as a control program and as a PLC do."""
+    """Reads continuously, like a control program and like a PLC."""
 
     def __init__(self, name, port, devices):
         super().__init__(daemon=True)
         self.name_, self.port, self.devices = name, port, devices
         self.lies, self.looks, self.answers = collections.Counter(), 0, 0
-        self.floor, self.excused = None, 0  # how long others were held up from, to; and how many old values that explains
+        self.floor, self.excused = None, 0  # times of delays of other programs; number of old values that these
+                                            # explain
         self.history = {name: [] for name in SENSORS}  # (time_ns, quality, reasons) at each change
         self.epochs = {name: set() for name in SENSORS}
-        self.registers = []  # (time_ns, 32 + 50 registers) at each change of what matters
+        self.registers = []  # (time_ns, 32 + 50 registers) at each relevant change
         self.first_lie = ""
         self.ended = threading.Event()
-        self.plc = threading.Thread(target=self.poll, daemon=True)  # of its own: a daemon that stands does not answer
+        self.plc = threading.Thread(target=self.poll, daemon=True)  # a separate thread: a stopped daemon does not
+                                                                    # answer
         self.plc.start()
         self.start()
 
@@ -196,7 +199,8 @@ class Witness(threading.Thread):
         if max(abs(a - b) for a, b in zip(truth, s.raw_force_S_N)) > 1e-9:
             self.lie("wrong value", f"{name} {s.device_sequence}: {s.raw_force_S_N}, true {truth}")
         sent_ns = device.sent.get(s.device_sequence, 0)
-        # 20 ms: between this program's own look at its clock and the sample; what it waits for the processor is not counted
+        # 20 ms: between this program's own reading of the clock and the sample; its waiting time for the processor is
+        # not counted
         if now_ns - sent_ns > (STALE_MS + 20) * 1_000_000 and time.monotonic_ns() - now_ns < 5_000_000:
             held_ns = self.floor(sent_ns, now_ns) if self.floor is not None else 0
             if now_ns - sent_ns - held_ns <= (STALE_MS + 20) * 1_000_000:
@@ -232,7 +236,8 @@ class Witness(threading.Thread):
         return self.history[name][-1][0]
 
     def not_good(self, name, since_ns):
-        """Times and reasons of all that was not GOOD from then on, but where the device itself was late."""
+        """Returns times and reasons of everything that was not GOOD from then on, except if the device itself was
+        late."""
         late = self.devices[SENSORS.index(name)].late
         return [(t, q, r) for t, q, r in self.history[name] if t >= since_ns and q != tactiled.GOOD and
                 not (r == tactiled.STALE and any(begin <= t <= end for begin, end in late))]
@@ -255,7 +260,8 @@ def ask(client, at, count):
 
 
 class Rig:
-    """before: words of a command that runs the daemon. log: a descriptor, so that nobody here reads it; -1: its own."""
+    """before: the words of a command that runs the daemon. log: a descriptor without a reader here; -1: a separate
+    one."""
 
     def __init__(self, before=(), config=CONFIG, first=0, env=None, log=None):
         self.daemon = Daemon(config, env=env)
@@ -290,7 +296,7 @@ class Rig:
             self.witness.close()
         for device in self.devices:
             device.close()
-        # What is run by strace goes on without it.
+        # A process that strace runs continues without it.
         for pid in self.pids():
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGCONT)
@@ -299,7 +305,7 @@ class Rig:
         wait_for(lambda: not self.pids(), 5, "the end of the daemon")
 
     def pids(self):
-        """Of the daemon, however it was started."""
+        """Returns the process numbers of the daemon, however it was started."""
         found = []
         for entry in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
             with contextlib.suppress(OSError):

@@ -1,5 +1,5 @@
-// runaway TID: makes one thread of another program run for ever without a system call, as one with a loop that does not end.
-// By ptrace, as a debugger would: the next instruction becomes a jump to itself. For x86-64.
+// runaway TID: makes one thread of another program run endlessly without a system call, like a thread in an endless
+// loop. It uses ptrace, like a debugger: the next instruction becomes a jump to itself. For x86-64.
 #include <sys/ptrace.h>
 #include <sys/user.h>
 #include <sys/wait.h>
@@ -21,7 +21,7 @@ int main(int argc, char** argv) {
         return refused();
     constexpr long kTwoBytes = 0xFFFF, kJumpToItself = 0xFEEB;
     const long text = ::ptrace(PTRACE_PEEKTEXT, thread, registers.rip, nullptr);
-    registers.orig_rax = ~0ull;  // the call that it sleeps in is not begun again
+    registers.orig_rax = ~0ull;  // the interrupted system call is not restarted
     if (::ptrace(PTRACE_SETREGS, thread, nullptr, &registers) != 0 ||
         ::ptrace(PTRACE_POKETEXT, thread, registers.rip, (text & ~kTwoBytes) | kJumpToItself) != 0 ||
         ::ptrace(PTRACE_DETACH, thread, nullptr, nullptr) != 0)

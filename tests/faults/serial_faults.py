@@ -14,7 +14,7 @@ def unplugged():
 
 
 def comes_back_elsewhere():
-    """The by-id name points to another tty then."""
+    """The by-id name then points to another tty."""
     def elsewhere(rig):
         rig.spare = [os.openpty() for _ in range(2)]  # takes the old numbers
         rig.left.plug()
@@ -22,7 +22,7 @@ def comes_back_elsewhere():
 
 
 def refused_at_open():
-    """EBUSY of the left port, from the start for 1 s."""
+    """The left port returns EBUSY from the start for 1 s."""
     rig = Rig(before=(*STRACE, "-P", "{folder}/left", "-e", "trace=openat", "-e",
                       "inject=openat:error=EBUSY:when=1..4"))
     return opened_late(rig)
@@ -101,9 +101,9 @@ def silent():
 
 
 def two_devices_of_one_name():
-    """The second one counts 5 ahead and feels what the right sensor does; who sends first, chance says."""
+    """The second device counts 5 ahead and measures the right sensor's force; the order of sending is random."""
     dice = random.Random(1)
-    excused = 19  # readings of the second one, until it is told
+    excused = 19  # readings of the second device before its detection
 
     def mix(line, device):
         nonlocal excused

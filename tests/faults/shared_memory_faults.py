@@ -1,4 +1,4 @@
-"""Faults of the run-time folder, and of those who read there."""
+"""Faults of the run-time folder and of its readers."""
 import subprocess
 import time
 
@@ -23,7 +23,7 @@ def readers_killed():
 def many_readers():
     def begin(rig):
         rig.readers = []
-        for _ in range(64):  # one after the other: their start is not what is asked
+        for _ in range(64):  # one after the other, because their start is not under test
             rig.readers.append(subprocess.Popen([BIN / "tactilectl", "read", "left", "--follow", "--node", rig.daemon.name], stdout=subprocess.DEVNULL))
             time.sleep(0.03)
 
@@ -39,7 +39,7 @@ def in_a_mount_namespace(prepare):
 
 
 def at_start(words_to_find, **keys):
-    """The daemon must end at once with exit 69 and say why; nothing else is seen."""
+    """The daemon must end at once with exit 69 and log the reason; nothing else may appear."""
     rig = Rig(**keys)
     try:
         done = subprocess.run([*rig.before, BIN / "tactiled", "--config", rig.daemon.config], capture_output=True, text=True, timeout=20, env=rig.daemon.env)

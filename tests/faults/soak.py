@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""One daemon for an hour, with faults all along: no lie, always GOOD again, and its memory, descriptors and threads stay as they are.
+"""One daemon for an hour, with faults all along: no undetected wrong value, always GOOD again, and constant memory,
+descriptors and threads.
 
-    soak.py [MINUTES [SEED]]     60 minutes; prints what was seen, exit 1 where something grew, lied or did not come back
-    WORKERS=1 soak.py ...        on a busy machine: the kernel's workers, which carry the bytes of ttys, go before its programs meanwhile (root)
+    soak.py [MINUTES [SEED]]     60 minutes; prints the results, exit 1 after growth, an undetected wrong value or a missing recovery
+    WORKERS=1 soak.py ...        on a busy machine: gives the kernel's workers, which pass on the bytes of ttys, priority over its programs (root)
 """
 import collections
 import contextlib
@@ -20,8 +21,8 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from floors import CpuFloor, TtyFloor  # noqa: E402
 from rig import BIN, FROZEN_AFTER, SENSORS, Rig, tactiled, with_ptys_of_its_own  # noqa: E402
 
-WARM_UP = 1 / 3  # of the run: what is allocated once, such as for the largest crowd at the port, is there by then
-MAX_GROWTH_KB = 64  # of resident memory, from then to the end: a page a minute is a leak
+WARM_UP = 1 / 3  # share of the run: one-time allocations, such as for the largest number of clients, are done by then
+MAX_GROWTH_KB = 64  # growth of resident memory, from then to the end: a page a minute is a leak
 
 
 def spoiling(change):
@@ -38,7 +39,7 @@ def flip(line, device):
 
 
 def freeze(rig, device, dice):
-    back(rig)  # the first of the equal frames are good: they must be known, and not be lost behind another fault
+    back(rig)  # the first of the equal frames are good: they must be known before another fault
     device.values_of = lambda values, d: [20000, 21000, 22000]
     device.excused.update(range(device.sequence, device.sequence + FROZEN_AFTER + 5))
     time.sleep(dice.uniform(0.3, 0.6))
@@ -46,7 +47,7 @@ def freeze(rig, device, dice):
 
 
 def back(rig):
-    """Both sensors are GOOD."""
+    """Waits until both sensors are GOOD."""
     for name in SENSORS:
         rig.witness.wait(name, tactiled.GOOD, 5, f"{name} to be GOOD again")
 
@@ -84,7 +85,7 @@ def recalibrate(rig, device, dice):
 
 
 def knock(rig, device, dice):
-    """Connections that come, ask half a request or nothing, stay, or reset."""
+    """Makes connections that send half a request or nothing, stay, or reset."""
     with contextlib.ExitStack() as held:
         for _ in range(dice.randrange(1, 100)):
             with contextlib.suppress(OSError):
@@ -122,7 +123,7 @@ def usage(pid):
 
 
 class Workers(threading.Thread):
-    """Gives the kernel's unbound workers, also new ones, real-time priority until close()."""
+    """Gives the kernel's unbound workers, including new ones, real-time priority until close()."""
 
     def __init__(self):
         super().__init__(daemon=True)
@@ -146,7 +147,7 @@ class Workers(threading.Thread):
 
 
 def settled(rig):
-    """All connections of ours are seen to be gone."""
+    """Waits until all connections of this test are closed."""
     until = time.monotonic() + 5
     seen = usage(rig.daemon.process.pid)
     while time.monotonic() < until and seen["descriptors"] != rig.rest["descriptors"]:

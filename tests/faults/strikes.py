@@ -1,11 +1,11 @@
-"""How the real binary is struck. `strike()` is the usual course: begin, look, end, look. The faults, *_faults.py, are functions
-that return what was seen."""
+"""Injects faults into the release binary. `strike()` is the usual course: begin, observe, end, observe. The faults,
+*_faults.py, are functions that return the observations."""
 import json
 import time
 
 from rig import Rig, tactiled
 
-# Ahead of what else the machine does: the daemon waits for it at each call. The daemon itself starts as ever.
+# Priority over other programs, because the daemon waits for strace at each call. The daemon itself starts normally.
 STRACE = ("chrt", "-R", "-f", "50", "strace", "-f", "-qq", "-o", "/dev/null")
 GOOD, UNCERTAIN, BAD = tactiled.GOOD, tactiled.UNCERTAIN, tactiled.BAD
 
@@ -15,11 +15,11 @@ def words(reasons):
 
 
 def strike(begin, end=lambda rig: None, lasts=0.4, expect=BAD, both=False, recovers_s=3, then=None, **keys):
-    """A fault of the left device, or of both: what the witness saw of it."""
+    """Injects a fault of the left device, or of both, and returns the witness' observations."""
     with Rig(**keys) as rig:
         witness, began_ns = rig.witness, time.monotonic_ns()
         begin(rig)
-        began_ns = getattr(rig, "struck_ns", began_ns)  # where begin() itself takes a while
+        began_ns = getattr(rig, "struck_ns", began_ns)  # if begin() itself takes some time
         said = None
         if expect is not None:
             seen_ns = witness.wait("left", expect, 3, f"quality {expect}")
@@ -57,7 +57,7 @@ def counter(rig, name, link="usb_left"):
 
 
 def spoiled(change):
-    """The left device's lines go through change(line, device)."""
+    """Passes the left device's lines through change(line, device)."""
     def begin(rig):
         rig.left.spoil = change
 
@@ -67,7 +67,8 @@ def spoiled(change):
 
 
 def valued(change, excuse=0):
-    """The left device's values go through change(values, device); the first `excuse` frames may be wrong and GOOD."""
+    """Passes the left device's values through change(values, device); the first `excuse` frames may be wrong and
+    GOOD."""
     def begin(rig):
         left = {"n": excuse}
 

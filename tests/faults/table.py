@@ -3,7 +3,7 @@
 
     table.py            all that are struck here; prints the table; exit 1 where one is not as it must be
     table.py 11 34      only these
-    table.py --page     also writes the table into README.md; with numbers, these rows
+    table.py --page     also writes the table into TABLE.md; with numbers, these rows
 """
 import pathlib
 import platform
@@ -19,7 +19,7 @@ import shared_memory_faults  # noqa: E402
 import value_faults  # noqa: E402
 from rig import ROOT, with_ptys_of_its_own  # noqa: E402
 
-PAGE = pathlib.Path(__file__).parent / "README.md"
+PAGE = pathlib.Path(__file__).parent / "TABLE.md"
 BEGIN, END = "<!-- table.py writes from here -->", "<!-- to here -->"
 
 # number: (fault, how it is struck) and a function; a text: the test that strikes it; None and a reason: nobody does.
@@ -134,7 +134,7 @@ def row_of(number, name, how, strike):
     if callable(strike):
         try:
             seen = strike()
-        except Exception as error:  # the daemon did not come, or a quality did not: that is the finding
+        except Exception as error:  # the daemon did not start, or a quality did not appear: that is the finding
             return f"| {number} | {name} | {how} | | | | **{type(error).__name__}: {error}** |", False
         bad = f"{seen['bad_ms']:.0f} ms, {seen['reasons']}" if seen["bad_ms"] is not None else seen["reasons"] or "stays GOOD"
         good = f"{seen['good_ms']:.0f} ms" if seen["bad_ms"] is not None else ""
@@ -167,7 +167,7 @@ def main():
                 f"bounds of that hour: `/usr/bin/python3 tests/faults/table.py --page`. {struck} struck here.")
         text = PAGE.read_text()
         before, after = text.split(BEGIN)[0], text.split(END)[1]
-        if only:  # the others stay as they are
+        if only:  # the other rows are unchanged
             fresh = {row.split("|")[2]: f"{row[:-2]} (commit {commit}) |" for row in rows}
             fresh |= {f" {entry[1]} ": row_of(*entry)[0] for entry in LIST if not callable(entry[3])}
             old = text.split(BEGIN)[1].split(END)[0].strip().splitlines()

@@ -1,4 +1,4 @@
-"""Values that no sound sensor sends, tares that must be refused, and redundant sensors that differ."""
+"""Values that no intact sensor sends, tares that must be refused, and redundant sensors that differ."""
 import json
 import socket
 import time
@@ -45,10 +45,12 @@ def tare_while_bad():
 
 
 def refused_tare(why, config, values_of):
-    """tactilectl tare of the left sensor is refused for `why`, told in the log and in WARN, and the force stays as it is."""
+    """tactilectl tare of the left sensor is refused for `why`, which appears in the log and in WARN, and the force is
+    unchanged."""
     def begin(rig):
         rig.left.values_of = values_of
-        rig.left.excused.update(range(rig.left.sequence, rig.left.sequence + 1000))  # of another truth
+        rig.left.excused.update(range(rig.left.sequence, rig.left.sequence + 1000))  # these frames have another true
+                                                                                     # value
         time.sleep(0.1)
         done = rig.daemon.ctl("tare", "left")
         warned = ask_once(rig, 9)[0] & 1 << 4
@@ -59,7 +61,7 @@ def refused_tare(why, config, values_of):
 
     def end(rig):
         rig.left.values_of = None
-    # Begin and end are steps, and told as such.
+    # Begin and end are steps, and are reported as steps.
     return strike(begin, end, lasts=0, expect=None, both=True, config=config, then=lambda rig: rig.note)
 
 
@@ -80,7 +82,8 @@ def tare_under_load():
 
 
 def redundant_sensors_differ():
-    """The left sensor's force creeps away from the right one's by 40 N a second. 32 frames: until they are 45 N apart, and for agree_ms."""
+    """The left sensor's force drifts away from the right one's by 40 N a second. 32 frames: until they are 45 N
+    apart, and for agree_ms."""
     since = {}
 
     def creep(values, device):

@@ -12,8 +12,8 @@
 namespace tactiled::faults {
 namespace {
 
-constexpr std::uint64_t kCycleNs = 2 * kMs;  // within which a waiting frame is taken and published
-constexpr std::uint64_t kHeldNs = 12 * kMs;  // the same where a cable holds frames back
+constexpr std::uint64_t kCycleNs = 2 * kMs;  // time within which a waiting frame is taken and published
+constexpr std::uint64_t kHeldNs = 12 * kMs;  // the same for a cable that delays frames
 constexpr unsigned kSecondBelieved = 19;     // sequence_tracker.hpp
 constexpr std::uint64_t kDoubtedNs = SequenceTracker::kMax * 2 * kPeriodNs;  // at half the rate
 
@@ -74,7 +74,7 @@ bool Witness::is_force_of(unsigned i, std::uint32_t sequence, unsigned k, double
            (wanted_gain_[i] != 0 && std::abs(force_N - now_N / gain_[i] * wanted_gain_[i]) <= 1e-9);
 }
 
-// Published before the change, and found only since: by a reader who had not found the daemon yet.
+// Published before the change and found only now, by a reader that had not found the daemon yet.
 bool Witness::is_of_the_gain_before(unsigned i, const tactiled_sample& s, unsigned k) const {
     const auto [gain, until_ns] = before_gain_[i];
     return s.t_published_ns < until_ns &&
@@ -111,7 +111,7 @@ void Witness::look(std::array<Device*, kSensors> devices, const Expectation& exp
     if (expected.plc_reads) look_at_registers(devices, expected);
 }
 
-// Every record, as it lies in the ring: not judged by its age, and so with the daemon's own quality.
+// Reads every record from the ring, not judged by its age, and so with the daemon's own quality.
 void Witness::follow(unsigned i, const Device& device) {
     if (!readers_[i].is_attached()) return;
     const SegmentView segment = readers_[i].segment();
@@ -130,7 +130,7 @@ void Witness::follow(unsigned i, const Device& device) {
     while (tactiled_ring_next(segment.base(), &ring, &cursors_[i], &s, sizeof s) != 0) {
         if (seen_[i] && s.sequence != last_[i].sequence + 1 + (cursors_[i].lost - lost))
             findings_.add(kOutOfOrder, i, fmt::format("record {} after {}", s.sequence, last_[i].sequence));
-        if (cursors_[i].lost != lost) {  // a slow reader: nothing to compare with
+        if (cursors_[i].lost != lost) {  // a slow reader: the previous record is unknown
             last_value_[i].quality = TACTILED_NO_VALUE;
             forces_[i].missed(false);
         }
@@ -159,12 +159,13 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     tactiled_sample& before = last_value_[i];
     const bool comparable = before.quality != TACTILED_NO_VALUE;
     const bool first_of_a_stream = !comparable || s.epoch != before.epoch;
-    // Or the frame between two spikes was lost: a step that stays is a level.
+    // The frame between two spikes may be lost: a step that persists is a level.
     const bool first_of_a_level = std::exchange(was_a_spike_[i], device.truth(s.device_sequence).spike) || first_of_a_stream;
     if (std::exchange(broken_[i], false) && comparable && s.epoch == before.epoch)
         findings_.add(kUnmarkedDiscontinuity, i, fmt::format("epoch {:x} before and after", s.epoch));
     const bool jumped = before.t_ns <= device.jumped_ns + kHeldNs && device.jumped_ns <= s.t_ns;
-    // Whose number follows whose nobody knows while two count, nor what of it is still under way when one has ended.
+    // While two devices count, the order of the numbers is unknown, and also the frames that are still on the way
+    // when one has ended.
     const bool two_count = device.doubled_ns != 0 && before.t_ns <= device.doubled_ns + kDoubtedNs;
     if (comparable && s.epoch == before.epoch && !jumped && !two_count) {
         const std::uint32_t mask = device.is_text() ? ~0u : 0xFFFFu;
@@ -198,8 +199,9 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
         }
 }
 
-// A step is none in the first reading of a level; what repeats is found after frozen_after readings, each time that a
-// daemon begins anew; what only the other sensor of the pair shows, while that one can be compared with.
+// A step is not detected in the first reading of a level; a repetition is detected after frozen_after readings, each
+// time that a daemon restarts; a fault that only the other sensor of the pair can show is detected while that one can
+// be compared.
 bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, std::uint64_t t_ns,
                             bool first_of_a_level) {
     if (truth.spike) return first_of_a_level;
@@ -209,10 +211,10 @@ bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Trut
     if (truth.beside) {
         incomparable = doubtful_[1 - i] - unseen_[i].others_doubtful;
         const std::uint64_t others_ns =
-            last_[1 - i].t_ns;  // after a loop that stood one of them is ahead by all that waited
+            last_[1 - i].t_ns;  // after a stopped loop one of them is ahead by all waiting frames
         if (std::max(t_ns, others_ns) - std::min(t_ns, others_ns) > kAgreeMs * kMs) return true;
         const tactiled_sample other = latest(1 - i);
-        if (other.quality == TACTILED_BAD) unseen_[i].readings = 0;  // a wrong one clears this one: compared anew later
+        if (other.quality == TACTILED_BAD) unseen_[i].readings = 0;  // a wrong one clears this one: compared again later
         if (other.quality == TACTILED_BAD || (other.reasons & ~std::uint32_t(TACTILED_SENSORS_DIFFER)) != 0) return true;
     }
     const auto differ_after = unsigned(kDifferAfter * std::max(kPeriodNs, device.period_ns) / device.period_ns);  // a time
@@ -223,7 +225,7 @@ bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Trut
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
     const tactiled_sample s = readers_[i].latest();
     if (s.quality != TACTILED_GOOD) {
-        // A tare is lost with the calibration that it was measured with, and doubted until the next one.
+        // A tare is lost with its calibration, and doubtful until the next one.
         const bool lost_its_tare = i == kRecalibrated && (s.reasons & TACTILED_ZERO_UNKNOWN) != 0;
         if (!expected.may_suffer[i] && !lost_its_tare)
             findings_.add(kFalseAlarm, i, fmt::format("quality {}, reasons {:x}", s.quality, s.reasons));
@@ -276,7 +278,8 @@ void Witness::look_at_registers(const std::array<Device*, kSensors>& devices, co
         if (!ok) continue;
         bool found = false;
         const Device& device = *devices[i];
-        // Tared or low-passed: what shared memory says in the same instant, and that is held against the truth.
+        // Compares tared or low-passed values with shared memory of the same instant, which is compared with the
+        // truth.
         if (expected.new_daemon && i == 1) continue;  // low-passed from the first sample on
         if (const tactiled_sample s = latest(i); s.tare_count != 0 || (s.state & TACTILED_LOW_PASS) != 0) {
             for (unsigned k = 0; k < kChannels; ++k)

@@ -1,4 +1,5 @@
-// Reads what the node publishes, as its users do, and counts what must never be: lies and false alarms.
+// Reads the published data of the node, like its users, and counts forbidden events: undetected wrong values and
+// false alarms.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -14,20 +15,20 @@
 namespace tactiled::faults {
 
 enum Finding {
-    kWrongValue,  // GOOD, and not what the device measured
-    kWrongForce,  // not the raw force less its tare, low-passed; or a tare of what is no zero
-    kWrongGrasp,  // known or stable though a jaw is not, a weight that is not that of the object, or a counter that falls
-    kReload,      // refused and not told, or told and not refused
-    kTooOld,      // GOOD, and the device measured it longer ago than stale_ms
+    kWrongValue,             // GOOD, but not the measured value
+    kWrongForce,             // not the raw force minus its tare, low-passed; or a tare of an invalid zero
+    kWrongGrasp,             // known or stable although a jaw is not, a wrong weight, or a decreasing counter
+    kReload,                 // refused and not reported, or reported and not refused
+    kTooOld,                 // GOOD, but measured longer ago than stale_ms
     kWrongTimestamp,         // the sample's time is not that of its frame
-    kLate,                   // GOOD 10 ms after the link was gone
-    kNoSentinel,             // a number beside BAD
+    kLate,                   // GOOD 10 ms after the link was disconnected
+    kNoSentinel,             // a number in a BAD sample
     kOutOfOrder,             // a record that does not follow the one before
-    kUnmarkedDiscontinuity,  // values on both sides of a break in one epoch
-    kUncountedLoss,          // frames are missing, and `lost` does not say so
-    kWrongRegister,          // a register says ok, and its force is none that the device measured of late
-    kRegisterSentinel,       // a register says fault, and its force is a number
-    kHeartbeat,              // beats without data
+    kUnmarkedDiscontinuity,  // values on both sides of a discontinuity in one epoch
+    kUncountedLoss,          // frames are missing, and `lost` does not count them
+    kWrongRegister,          // a register reports ok, and the device did not measure its force recently
+    kRegisterSentinel,       // a register reports a fault, and its force is a number
+    kHeartbeat,              // heartbeats without data
     kFalseAlarm,             // not GOOD without a fault
     kNotRecovered,           // not GOOD at the end
     kFindings
@@ -36,23 +37,23 @@ std::string name_of(Finding finding);
 
 struct Findings {
     std::array<std::uint64_t, kFindings> count{};
-    std::uint64_t samples = 0, good = 0, reads = 0;  // records; of them GOOD; registers' answers
-    std::uint64_t tares = 0, stable_weights = 0;     // that came to an end; node records with one
-    std::uint64_t digest = 14695981039346656037u;    // of every record and register read
-    std::string first;                               // in words
+    std::uint64_t samples = 0, good = 0, reads = 0;  // records; GOOD ones; answers of registers
+    std::uint64_t tares = 0, stable_weights = 0;     // finished tares; node records with a stable weight
+    std::uint64_t digest = 14695981039346656037u;    // over every record and register read
+    std::string first;                               // text of the first finding
     [[nodiscard]] std::uint64_t total() const;
     void add(Finding finding, unsigned sensor, const std::string& what);
     void mix(const void* bytes, std::size_t size);
 };
 
-// What the witness may know of the world beside the devices' truth.
+// The witness' knowledge of the world besides the devices' truth.
 struct Expectation {
-    std::array<bool, kSensors> may_suffer{};  // a fault is near
+    std::array<bool, kSensors> may_suffer{};  // bit set: a fault is near
     std::array<std::uint64_t, kSensors>
-        disconnected_since{};  // the link is unplugged and could be seen to be; 0 = it is not
-    bool plc_reads = false;    // this turn
-    bool new_daemon = false;   // memory's reader and the register server have perhaps not both found it yet
-    int reload_refused = -1;   // what WARN must say; -1: it need not say anything yet
+        disconnected_since{};  // time at which the unplugged link could be detected; 0 = plugged
+    bool plc_reads = false;    // in this cycle
+    bool new_daemon = false;   // the reader of shared memory or the register server may not have found it yet
+    int reload_refused = -1;   // required value of WARN; -1: any value is allowed
 };
 
 class Witness {
@@ -67,13 +68,14 @@ public:
     [[nodiscard]] Registers read_registers();
     [[nodiscard]] tactiled_sample latest(unsigned sensor) { return readers_[sensor].latest(); }
 
-    // The pipeline has taken a tare of the sensors of `mask`.
+    // Notes that the pipeline has taken a tare of the sensors of `mask`.
     void tare_begins(std::uint32_t mask) noexcept;
-    // The calibration of this sensor may be replaced from now on by one with `gain`; then: it was, or it was not.
+    // Notes that the calibration of this sensor may be replaced from now on by one with `gain`; then, that it was or
+    // was not.
     void expect_gain(unsigned sensor, double gain, std::array<Device*, kSensors> devices);
     void settle_gain(unsigned sensor, bool replaced, std::array<Device*, kSensors> devices);
 
-    bool follows = true;  // false: this reader has been stopped
+    bool follows = true;  // false: this reader is stopped
 
 private:
     void follow(unsigned sensor, const Device& device);
@@ -99,7 +101,7 @@ private:
     std::array<tactiled_sample, kSensors> last_{}, last_value_{};
     std::array<bool, kSensors> broken_{}, seen_{};
     std::array<ForceTruth, kSensors> forces_;
-    std::array<double, kSensors> gain_, wanted_gain_{};  // 0 = none is wanted
+    std::array<double, kSensors> gain_, wanted_gain_{};  // 0 = no gain is expected
     struct BeforeGain {
         double gain = 0;
         std::uint64_t until_ns = 0;
@@ -108,15 +110,15 @@ private:
     struct Unseen {
         std::uint32_t undetected = 0;
         unsigned readings = 0;
-        unsigned others_doubtful = 0;  // doubtful_ of the other one, when it began
+        unsigned others_doubtful = 0;  // number doubtful_ for the other one, at its begin
     };
-    std::array<Unseen, kSensors> unseen_{};      // of the run of lies that the device is in
-    std::array<unsigned, kSensors> doubtful_{};  // records that nothing can be compared with
+    std::array<Unseen, kSensors> unseen_{};      // state of the present run of wrong values
+    std::array<unsigned, kSensors> doubtful_{};  // number of records without a comparison
     std::array<bool, kSensors> was_a_spike_{};   // the record before
-    bool is_up_to_date_ = true;                  // with the records, but for those of this turn
+    bool is_up_to_date_ = true;                  // all records were read except those of this cycle
     tactiled_node node_{};
     std::uint32_t node_epoch_ = 0;
-    std::uint64_t doubtful_until_ns_ = 0;  // a jaw was, and its weight is a mean
+    std::uint64_t doubtful_until_ns_ = 0;  // a jaw was doubtful, and its weight is a mean
     std::uint16_t heartbeat_ = 0;
     std::uint64_t silent_since_ns_ = 0;
 };

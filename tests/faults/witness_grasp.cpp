@@ -1,4 +1,4 @@
-// What the grasp may say of the jaws.
+// Checks the record of the grasp.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -43,7 +43,7 @@ void Witness::look_at_grasp() {
     node_ = node;
 }
 
-// The object hangs on both jaws alike.
+// The object hangs equally on both jaws.
 void Witness::judge_weight(const tactiled_node& node) {
     ++findings_.stable_weights;
     if (world_ns < doubtful_until_ns_) return;

@@ -18,7 +18,7 @@ namespace tactiled::faults {
 namespace {
 
 constexpr std::uint64_t kMaxPauseMs = 1000;
-constexpr std::uint64_t kFoundMs = 150;  // until whoever reads has found a new daemon
+constexpr std::uint64_t kFoundMs = 150;  // time for readers to find a new daemon
 
 }  // namespace
 
@@ -32,7 +32,7 @@ World::World(std::uint64_t seed, const Plant* plant)
     }
     std::uint32_t first = 0;
     for (unsigned i = 0; i < kSensors; ++i) {
-        if (i != 3) first = std::uint32_t(random_());  // the jaws feel the same at the same time
+        if (i != 3) first = std::uint32_t(random_());  // the jaws measure the same event at the same time
         devices_[i] = std::make_unique<Device>(i, i == 3 ? 1 : 0, *cables_[link_of(i)], i == 1 ? first >> 1 : first & 0x7FFF,
                                                world_ns + random_() % kPeriodNs);
     }
@@ -97,7 +97,8 @@ void World::stop() {
     take_cables_back();
 }
 
-// As the kernel leaves it: descriptors and mappings of the process are gone, the file keeps its name and its last words.
+// Leaves the state as the kernel does: descriptors and mappings of the process are closed, the file keeps its name
+// and its last contents.
 void World::kill() {
     struct stat named {};
     ::stat((runtime_folder() + "/tactiled." + name_).c_str(), &named);
@@ -207,7 +208,7 @@ void World::run_ms(std::uint64_t ms) {
     }
 }
 
-// What Threads::run_link() does: reads what there is, opens again with a pause that grows.
+// Does the same as Threads::run_link(): reads the available data and reopens with a growing pause.
 void World::run_link_cycle(unsigned index) {
     Link& link = *node_->links[index];
     LinkThread& thread = threads_[index];
@@ -258,7 +259,7 @@ void World::run_pipeline_cycle() {
     if (plant_ != nullptr) plant_samples();
 }
 
-// Changes the newest records in place: one thread, so that nobody has read them yet.
+// Changes the newest records in place: there is one thread, so no reader has read them yet.
 void World::plant_samples() {
     const auto* header = reinterpret_cast<const tactiled_header*>(map_);
     const auto record = [&](const tactiled_ring& ring, std::uint32_t number) {

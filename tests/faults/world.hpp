@@ -1,6 +1,6 @@
-// The daemon without its threads and sockets, in one thread, on a clock of its own, replayed to the last bit by a seed:
-// its configuration, links, decoders, rings, sensors, pipeline, segment and register server are the product's; devices and
-// cables are device.hpp's; the turns of the links and the pipeline are interleaved at random.
+// The daemon without its threads and sockets, in one thread, on a simulated clock, reproducible to the last bit by a
+// seed. Its configuration, links, decoders, rings, sensors, pipeline, segment and register server are the product's;
+// devices and cables are those of device.hpp; the cycles of the links and the pipeline are interleaved at random.
 #pragma once
 #include <array>
 #include <functional>
@@ -15,7 +15,7 @@
 
 namespace tactiled::faults {
 
-// Where a planted bug sits: it changes what the daemon's parts hand on.
+// The place of a planted bug: it changes data between the daemon's parts.
 struct Plant {
     std::string name;
     Finding found_as;
@@ -23,8 +23,8 @@ struct Plant {
     std::function<void(tactiled_sample&, const tactiled_sample&)> sample = nullptr;
     std::function<void(tactiled_node&)> node = nullptr;
     std::function<void(Node&)> setup = nullptr;  // before the daemon runs
-    std::array<std::string, 2> configuration{};  // this text of it is replaced by that
-    bool discontinuity_is_hidden = false;        // the link's thread does not tell that its device is gone
+    std::array<std::string, 2> configuration{};  // the first text is replaced by the second
+    bool discontinuity_is_hidden = false;        // the link's thread does not report that its device has disconnected
 };
 
 class World {
@@ -44,21 +44,21 @@ public:
     Findings& findings() { return findings_; }
     Random& random() { return random_; }
 
-    // Not GOOD is no alarm for the sensors of `mask` until then.
+    // Allows the sensors of `mask` not to be GOOD until then.
     void suffer(unsigned mask, std::uint64_t until_ns);
     void unplug(unsigned link);
     void plug(unsigned link);
     void stall_pipeline(std::uint64_t ms);
     void stop_process(std::uint64_t ms);  // SIGSTOP, and SIGCONT after that
-    void kill();                          // the process is gone, its file stays
+    void kill();                          // the process ends, its file remains
     void stop();                          // SIGTERM
     void restart();                       // another process takes over
-    // SIGHUP, after the file was changed: another low pass and time to tare; another calibration; one that is none.
+    // SIGHUP after a change of the file: another low pass and tare time; another calibration; an invalid one.
     void retune();
     void recalibrate();
     void reload_broken();
 
-    bool tares = false;  // somebody tares the jaws at random moments
+    bool tares = false;  // the jaws are tared at random moments
 
 private:
     struct LinkThread {
@@ -67,7 +67,7 @@ private:
         std::uint32_t frames_at_open = 0;
     };
     static constexpr std::uint64_t kReportMs = 20;  // a node record comes each 10 ms
-    // What is changed of the configuration.
+    // Changes of the configuration.
     struct Knobs {
         double filter_Hz = 25;
         int tare_ms = 40;
@@ -91,24 +91,24 @@ private:
     const Plant* plant_;
     std::string name_;
     Findings findings_;
-    std::array<std::unique_ptr<Driver>, kLinks> unused_;  // the cables, while no daemon runs
+    std::array<std::unique_ptr<Driver>, kLinks> unused_;  // the cables while no daemon runs
     std::array<Cable*, kLinks> cables_{};
     std::array<std::unique_ptr<Device>, kSensors> devices_;
     std::unique_ptr<Node> node_;
     std::unique_ptr<SegmentWriter> segment_;
-    Segment seen_;  // the same, as a reader has it
+    Segment seen_;  // the same for a reader
     std::unique_ptr<Pipeline> pipeline_;
     std::unique_ptr<Reloader> reloader_;
     std::unique_ptr<Witness> witness_;
     Knobs knobs_, in_force_;
-    std::uint32_t command_ = 0, asked_ = 0;                // number and mask of the tare that is asked for
-    bool refused_ = false;                                 // the last reload
-    std::uint64_t started_ns_ = 0, reported_from_ns_ = 0;  // what became of it is told by then
+    std::uint32_t command_ = 0, asked_ = 0;                // number and mask of the requested tare
+    bool refused_ = false;                                 // result of the last reload
+    std::uint64_t started_ns_ = 0, reported_from_ns_ = 0;  // its result is reported by then
     CommandRing plc_{16};
     std::array<LinkThread, kLinks> threads_{};
     std::array<std::uint64_t, kSensors> suffers_until_ns_{}, disconnected_since_ns_{};
     std::uint64_t stopped_until_ns_ = 0, stalled_until_ns_ = 0, next_cycle_ns_ = 0, turns_ = 0;
-    char* map_ = nullptr;  // for plants alone
+    char* map_ = nullptr;  // for planted bugs only
     std::size_t map_size_ = 0;
     std::array<std::uint32_t, kSensors> planted_{};
     std::array<tactiled_sample, kSensors> before_{};

@@ -1,4 +1,4 @@
-// The configuration of the world's daemon, its calibrations, and what becomes of them while it runs.
+// The configuration of the world's daemon, its calibrations, and their changes during a run.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
@@ -13,14 +13,14 @@
 namespace tactiled::faults {
 namespace {
 
-// Files of this process.
+// The files of this process.
 const std::string& folder() {
     static const std::string made = fmt::format("/tmp/world-{}", ::getpid());
     std::filesystem::create_directory(made);
     return made;
 }
 
-// In newtons a count `gain`; a jaw's zero is its own place.
+// Writes a calibration of `gain` newtons per count; a jaw's zero is its own offset.
 void write_calibration(const std::string& name, double gain, unsigned sensor) {
     const auto zero = [&](unsigned k) { return is_jaw(sensor) ? place_of(sensor, k) : 0; };
     std::ofstream(folder() + "/" + name) << fmt::format(
@@ -33,7 +33,8 @@ void write_calibration(const std::string& name, double gain, unsigned sensor) {
 
 }  // namespace
 
-// Links 0 (binary) and 1 (text) carry one sensor each, which are compared; link 2 (binary) two, the jaws of a gripper.
+// Links 0 (binary) and 1 (text) have one sensor each, which are compared; link 2 (binary) has two, the jaws of a
+// gripper.
 std::string World::write_configuration() const {
     std::string text =
         fmt::format("[node]\nname = \"{}\"\n[modbus]\nlisten = \"\"\nsettings = \"{}/settings.toml\"\n", name_, folder());
@@ -92,7 +93,7 @@ void World::reload_broken() {
     write_configuration();
 }
 
-// SIGHUP. While the daemon waits for its loop the world goes on. What it logs is not shown.
+// Sends SIGHUP. While the daemon waits for its loop the world continues. Its log is not shown.
 void World::reload() {
     if (!is_running()) return;
     const std::uint32_t before = seen_.header().reloads;

@@ -1,5 +1,6 @@
-// librtguard.so: preloaded into the unchanged release daemon, it sees what a real-time thread does between rtguard_arm() and
-// rtguard_disarm(): allocations, locks, system calls, page faults. x86-64 Linux >= 5.11. README.md says how and what not.
+// librtguard.so: preloaded into the unchanged release daemon, it detects forbidden actions of a real-time thread
+// between rtguard_arm() and rtguard_disarm(): allocations, locks, system calls, page faults. x86-64 Linux >= 5.11.
+// README.md explains the method and its limits.
 #include <dlfcn.h>
 #include <execinfo.h>
 #include <linux/futex.h>
@@ -99,8 +100,8 @@ struct ThreadState {
 // Initial-exec: the first use of a dynamic thread-local would allocate.
 thread_local ThreadState state __attribute__((tls_model("initial-exec")));
 
-// Waiting for a device, reading and asking it: ttys; CAN sockets; I2C and GPIO; Modbus as libmodbus calls. A sleep is a
-// wait, too: for the moment at which a recording or a scene has its next frame.
+// Waiting for a device, reading and asking it: ttys; CAN sockets; I2C and GPIO; Modbus as libmodbus calls. A sleep is
+// a wait, too: for the next frame of a recording or a scene.
 constexpr int kDeviceCalls[] = {SYS_ppoll,  SYS_read,     SYS_recvmsg,  SYS_recvmmsg, SYS_ioctl,          SYS_write,
                                 SYS_select, SYS_pselect6, SYS_recvfrom, SYS_sendto,   SYS_clock_nanosleep};
 
@@ -111,7 +112,7 @@ void note(Kind kind) {
     if (state.report->count[kind]++ != 0) return;
     const int error = errno;
     const char selector = state.selector;
-    state.armed = false;  // what backtrace() does is not the program's doing
+    state.armed = false;  // calls by backtrace() are not the program's
     state.selector = 0;
     rusage before, after;
     ::getrusage(RUSAGE_THREAD, &before);
@@ -137,14 +138,15 @@ void on_sigsys(int, siginfo_t* info, void* context) {
     const int number = info->si_syscall;
     const bool asks_device = state.report->reads_device &&
                              std::find(std::begin(kDeviceCalls), std::end(kDeviceCalls), number) != std::end(kDeviceCalls) &&
-                             (number != SYS_write || registers[REG_RDI] > STDERR_FILENO);  // a log line is no device
+                             (number != SYS_write || registers[REG_RDI] > STDERR_FILENO);  // a log line is not a device
     const bool wakes = number == SYS_futex && registers[REG_RSI] == FUTEX_WAKE;  // libc's own have FUTEX_PRIVATE_FLAG
     const bool allowed = asks_device || wakes;
     const int index = number >= 0 && number < kSyscalls ? number : kSyscalls - 1;
     if (state.counting && allowed) ++state.report->allowed[index];
     if (state.counting && !allowed) ++state.report->forbidden[index];
     if (!allowed) note(kSyscall);
-    if (must_run_in_place(number)) {  // again, unseen, and with it the rest of this armed section's system calls
+    // again, without the guard, and with it the other system calls of this armed section
+    if (must_run_in_place(number)) {
         state.selector = 0;
         registers[REG_RAX] = number;
         registers[REG_RIP] -= 2;

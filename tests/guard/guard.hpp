@@ -1,4 +1,4 @@
-// What the guard sees, and what its plants may ask it.
+// The state of the guard, and its interface for planted errors.
 #pragma once
 
 namespace rtguard {

@@ -117,7 +117,8 @@ def misbehave(d, dice):
 
 
 def reports(daemon):
-    """What the guard saw of each thread, but of one that was never armed: the thread of several links while there are few frames."""
+    """Returns the guard's findings for each thread, except one that was never armed: the thread of several links
+    while there are few frames."""
     threads = [json.loads(line) for line in (daemon.folder / "guard.json").read_text().splitlines()]
     return [t for t in threads if t["thread"] != "links" or t["sections"] > 0]
 
@@ -140,7 +141,8 @@ def run(seconds, plant=None, thread="pipeline", period=250, stir=False):
         d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "text", "--format", "lines", "--sequence", "--rate", 500, "--loop")
         d.start()
         until = time.monotonic() + seconds
-        while time.monotonic() < until:  # what the daemon meets in its life: tares, queries, a device that goes and comes
+        while time.monotonic() < until:  # events of the daemon's life: tares, queries, a device that disconnects and
+                                         # returns
             time.sleep(min(1, seconds / 4))
             if stir:
                 d.ctl("tare", "all")
@@ -256,7 +258,7 @@ calibration = "{folder}/unit.toml"
         line = body + crc(body)
         server, stop = socket.create_server(("127.0.0.1", 0)), threading.Event()
 
-        def phases():  # of a device: 0.6 s of frames, 1.4 s of silence: it is asked again
+        def phases():  # a device with 0.6 s of frames and 1.4 s of silence: the request is repeated
             return time.monotonic() % 2 < 0.6
 
         def network():
@@ -275,7 +277,7 @@ calibration = "{folder}/unit.toml"
 
         def serial(pty):
             while not stop.wait(0.01):
-                pty.receive(0)  # what it is asked
+                pty.receive(0)  # the requests
                 if phases():
                     pty.send(line)
 
@@ -377,7 +379,7 @@ at_end = "again"
 if __name__ == "__main__":
     if "--sections" in sys.argv:
         wanted = int(sys.argv[sys.argv.index("--sections") + 1])
-        status, threads = run(wanted / 4000 + 1, stir=True)
+        status, threads = run(wanted / 4000 * 1.1 + 1, stir=True)  # beside other work it is armed less often
         for t in threads:
             print(json.dumps(t))
         sys.exit(status if min(t["sections"] for t in threads if t["thread"] == "pipeline") >= wanted else 1)

@@ -15,7 +15,7 @@ from tactiled import BAD, GOOD
 
 
 class GsUsb(Case):
-    """An emulated adapter: can-dev's states and stamps are the kernel's own."""
+    """An emulated adapter: can-dev's states and timestamps are the kernel's own."""
 
     def setUp(self):
         self.plug()
@@ -186,7 +186,7 @@ class GsUsb(Case):
         self.daemon = machine_daemon(link("vcan0", 'stamp = "hardware"'))
         self.addCleanup(self.daemon.__exit__)
         self.daemon.start()
-        wait_for(lambda: "vcan0 gives no hardware stamps" in self.daemon.log(), 5, "the complaint")
+        wait_for(lambda: "vcan0 gives no hardware timestamps" in self.daemon.log(), 5, "the complaint")
 
 
 class Kvaser(Case):
@@ -216,7 +216,7 @@ class Kvaser(Case):
         self.start(link(self.ours))
         self.device(self.bus.sample)
         self.good()
-        # This controller's emulation never goes bus-off: another program of this machine says that it did.
+        # This controller's emulation never goes bus-off: another program of this machine sends a false report.
         liar = Bus(self.ours)
         self.addCleanup(liar.close)
         began = now_ns()

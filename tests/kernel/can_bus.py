@@ -1,4 +1,4 @@
-"""A CAN bus for the tests: what writes to it, a device on it, a daemon that reads it beside another link."""
+"""A CAN bus for the tests: programs that write to it, a device on it, and a daemon that reads it beside another link."""
 import socket
 import struct
 import threading
@@ -11,7 +11,7 @@ from tactiled import BAD, DISCONNECTED, GOOD
 IP = "/usr/bin/ip"  # busybox has one of its own
 EXTENDED, REMOTE, ERROR = 0x80000000, 0x40000000, 0x20000000
 BUS_OFF, PROTOCOL, CONTROLLER = 0x40, 0x8, 0x4
-VALUE = 250  # what the device measures, unless a test says otherwise
+VALUE = 250  # measured value of the device, by default
 
 
 def link(interface, keys="", device="id = 0x123"):
@@ -107,7 +107,7 @@ class Case(unittest.TestCase):
         wait_for(lambda: self.tip.quality() == GOOD, 10, "GOOD")
 
     def bad_after(self, began):
-        """The first BAD since; no value may follow, until the caller mends what it broke."""
+        """Returns the first BAD sample since then; no value may follow until the caller has restored the bus."""
         wait_for(lambda: self.tip.quality() == BAD, 10, "BAD")
         bad, why = next((at, s.reasons) for at, s in list(self.tip.samples) if at >= began and s.quality == BAD)
         self.assertTrue(why & DISCONNECTED, "it was its age that told, not the link")
@@ -119,14 +119,14 @@ class Case(unittest.TestCase):
         began = now_ns()
         break_it()
         bad = self.bad_after(began)
-        time.sleep(0.3)  # so that what is wrong stands in the log
+        time.sleep(0.3)  # gives the log time to contain the error
         mended = now_ns()
         mend_it()
         good = self.tip.wait_for_quality(GOOD)
         print(f"{what}: BAD within {(bad - began) / 1e6:.0f} ms; mended: GOOD after {(good - mended) / 1e6:.0f} ms", flush=True)
 
     def expect(self, **counters):
-        """Counters of link "can"; status copies them once a burst, or a silence of 50 ms."""
+        """Checks counters of link "can"; status copies them once a burst, or after a silence of 50 ms."""
         def differences():
             seen = link_of(self.daemon, "can")
             return {name: (seen[name], wanted) for name, wanted in counters.items() if seen[name] != wanted}

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""A CAN bus that goes down, away and bus-off, floods, lies and loses. Inside the test machine."""
+"""A CAN bus that goes down, is removed, goes bus-off, floods, and sends wrong or incomplete data. Inside the test
+machine."""
 import os
 import pathlib
 import signal

@@ -139,15 +139,16 @@ class Chain(unittest.TestCase):
             self.assertAlmostEqual(registers.force_N(CAP, FY), 0, delta=0.011)
         print(f"a load is in the registers after {min(took) * 1000:.0f} .. {max(took) * 1000:.0f} ms", flush=True)
 
-        # The film stands still at 0 V and is pressed with 3 N: after some time constants the centre electrode alone tells.
+        # The film is constant at 0 V and is pressed with 3 N: after some time constants only the centre electrode
+        # shows the press.
         wait_for(lambda: abs((registers.force_N(FILM, FZ) or 0) + 3) < 0.011, 60, "3 N of the film")
-        # The second converter numbers its conversions: its own are given out, in order.
+        # The second converter numbers its conversions: its values appear in order.
         numbers = [round(s.force_S_N[2]) for _, s in list(single.samples) if s.quality == GOOD]
         self.assertGreater(len(numbers), 20)
         self.assertEqual(numbers, sorted(set(numbers)))
         print(f"beside it {len(numbers)} of {numbers[-1] - numbers[0] + 1} conversions of the other converter", flush=True)
 
-        # Nothing answers any more: no force stands in the registers, and it comes back.
+        # No chip answers any more: the registers contain no force, and it returns.
         self.bus.tell("dead 0 1")
         wait_for(lambda: registers.force_N(CAP, FZ) is None, 30, "no force")
         self.assertIsNone(registers.force_N(CAP, FX))
@@ -155,7 +156,8 @@ class Chain(unittest.TestCase):
         self.bus.tell("dead 0 0")
         wait_for(lambda: registers.force_N(CAP, FX) is not None, 60, "the force again")
 
-        # The switch's chip goes away: the link is gone, no electrode's value is taken for another's; then it is back.
+        # The switch's chip is removed: the link is disconnected, and no electrode's value is taken for another's;
+        # then it returns.
         live = pathlib.Path("/sys/kernel/config/gpio-sim/tactile/live")
         live.write_text("0")
         wait_for(lambda: registers.force_N(CAP, FZ) is None, 30, "no force without the switch")

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Four links at once: UART, CAN FD, an AD7746 on I2C at 91 Hz, Modbus RTU at 100 Hz. Nothing is lost; CPU time and latency.
+"""Four links at once: UART, CAN FD, an AD7746 on I2C at 91 Hz, Modbus RTU at 100 Hz. No frame is lost; CPU time and
+latency are measured.
 
-KERNEL_TEST="SECONDS_TO_RUN=600 UART_HZ=1000 CAN_HZ=4000" tests/kernel/run.sh four_links asks for more than the default.
+KERNEL_TEST="SECONDS_TO_RUN=600 UART_HZ=1000 CAN_HZ=4000" tests/kernel/run.sh four_links asks for more than the
+default.
 """
 # Two emulated cores, one of them for the devices: those do not take their time from the computer that they are connected to.
 # QEMU: -smp 2
@@ -18,7 +20,7 @@ import tactiled
 
 SECONDS = float(os.environ.get("SECONDS_TO_RUN", 20))
 UART_HZ, CAN_HZ = float(os.environ.get("UART_HZ", 500)), float(os.environ.get("CAN_HZ", 500))
-SOCKETS = 4 << 20  # bytes, net.core.rmem_max: as drivers/README.md tells whoever has a fast bus
+SOCKETS = 4 << 20  # bytes, net.core.rmem_max: the advice in drivers/README.md for a fast bus
 LINKS = """
 [realtime]
 period_us = 2000
@@ -67,7 +69,7 @@ function = 4
 registers = [{name = "number", at = 0}, {name = "again", at = 1}]
 """
 CHANNELS = {"uart": 6, "can": 1, "i2c": 1, "modbus": 2}
-SENT_IN = {"uart": 0, "can": 2}  # the component of the force that says when the device sent it
+SENT_IN = {"uart": 0, "can": 2}  # the component of the force that contains the time of sending
 SENSORS = "".join(f"""
 [[sensor]]
 name = "{name}"
@@ -112,7 +114,8 @@ def used_s(before, after, process=None):
 
 
 def latency_ms(name, sample):
-    """From the device's sending, where the sample says it, else from the sample's stamp, to its place in shared memory."""
+    """Returns the time from sending, if the sample contains it, else from the sample's timestamp, to its publication
+    in shared memory."""
     if name not in SENT_IN:
         return (sample.t_published_ns - sample.t_ns) / 1e6
     late_us = sample.t_published_ns / 1e3 - sample.raw_force_S_N[SENT_IN[name]]  # modulo a second; a turn of the pipeline is
@@ -126,7 +129,8 @@ class FourLinks(unittest.TestCase):
         self.addCleanup(i2c.close)
         for pid in (i2c.emulator.process.pid, *kernel_threads("vhci_")):
             be_hardware(pid, 96)
-        for pid in kernel_threads("ksoftirqd/0"):  # what the feeder sends goes through it, and it would wait for the feeder
+        for pid in kernel_threads("ksoftirqd/0"):  # the feeder's data pass through it, and it would wait for the
+                                                   # feeder
             os.sched_setscheduler(pid, os.SCHED_FIFO, os.sched_param(97))
         daemon = Daemon(LINKS.replace("BUS", i2c.path) + SENSORS)
         self.addCleanup(daemon.__exit__)
@@ -137,7 +141,7 @@ class FourLinks(unittest.TestCase):
         self.addCleanup(feeder.communicate)
         self.addCleanup(feeder.kill)
         self.assertEqual(feeder.stdout.readline(), "ready\n")
-        be_hardware(feeder.pid, 95)  # it makes up for what it was late
+        be_hardware(feeder.pid, 95)  # it catches up after a delay
         daemon.start()
         wait_for(lambda: all(link_of(daemon, name)["open"] for name in CHANNELS), 30, "the links")
         return daemon, feeder
@@ -156,7 +160,7 @@ class FourLinks(unittest.TestCase):
             time.sleep(0.2)
         sent = json.loads(feeder.stdout.readline())
         cpu_after, seconds = cpu_s(), time.monotonic() - began
-        time.sleep(1)  # what is under way
+        time.sleep(1)  # time for frames on the way
         counted_s = time.monotonic() - began
         after = {name: link_of(daemon, name) for name in CHANNELS}
         feeder.stdin.write("end\n")
@@ -176,7 +180,8 @@ class FourLinks(unittest.TestCase):
                   f"{'sent' if name in SENT_IN else 'last byte'} to shared memory {latency}  {rest}", flush=True)
             with self.subTest(link=name):
                 for counter in ("lost", "ring_full", "overrun", "gone", "bad_checksum", "bad_length"):
-                    if (name, counter) != ("i2c", "lost"):  # the emulated adapter is slower than the chip; what it missed is told
+                    if (name, counter) != ("i2c", "lost"):  # the emulated adapter is slower than the chip; missed
+                                                            # conversions are reported
                         self.assertEqual(counted[counter], 0, counter)
                 if name in SENT_IN:
                     self.assertEqual(counted["frames"], sent[name])

@@ -108,7 +108,7 @@ class TheLines(unittest.TestCase):
         line.begin("500")
         time.sleep(0.1)
         plug(False)
-        # the kernel's first interface wakes nobody: the wait that was under way ends with its time
+        # the kernel's first interface wakes no reader: the present wait ends at its time limit
         self.assertIn(line.process.stdout.readline().strip(), ("gone", "timeout"))
         began = now_ns()
         self.assertEqual(line.ask("20000"), "gone")
@@ -171,7 +171,7 @@ class TheOutputs(unittest.TestCase):
             held.close()
             wait_for(lambda: self.turns_of_alive(0.3) > 0, 10, "alive to be driven, too")
 
-    # What a line shows once it was let go is the chip's affair, here its pull: that fault is said last cannot be seen.
+    # The chip determines the level of a released line, here its pull, so the final fault level is not visible.
     def test_a_killed_daemon_stops_alive_and_its_successor_drives_the_lines(self):
         with machine_daemon(OUTPUTS) as daemon:
             daemon.start()

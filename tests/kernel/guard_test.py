@@ -27,10 +27,11 @@ class Guard(unittest.TestCase):
 
     def report(self):
         status, _ = self.daemon.stop()
-        return status, [json.loads(line) for line in (self.daemon.folder / "guard.json").read_text().splitlines()]
+        threads = [json.loads(line) for line in (self.daemon.folder / "guard.json").read_text().splitlines()]
+        return status, [t for t in threads if t["thread"] != "links" or t["sections"] > 0]  # it reads links at high rates only
 
     def assert_clean(self, *calls):
-        """`calls`: those that the two links made, by number; one of them is a tty's."""
+        """`calls`: the numbers of the system calls of the two links; one of them is a tty's."""
         status, threads = self.report()
         self.assertEqual(sorted(t["thread"] for t in threads), ["link", "link", "pipeline"])
         for t in threads:
@@ -74,7 +75,7 @@ class Guard(unittest.TestCase):
         bus = Bus("vcan0")
         self.addCleanup(bus.close)
         self.start(link("vcan0"), RTGUARD_PLANT="open", RTGUARD_PLANT_THREAD="link")
-        self.wait_for_frames("other", 600)  # a plant comes each 500 turns
+        self.wait_for_frames("other", 600)  # a planted error occurs each 500 cycles
         status, threads = self.report()
         self.assertGreater(sum(t["syscall"] for t in threads if t["thread"] == "link"), 0)
         self.assertEqual(status, 97)

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""host.py FOLDER: outside of the test machine: a USB serial cable that the test inside pulls and plugs.
+"""host.py FOLDER: runs outside of the test machine: a USB serial cable that the test inside disconnects and connects.
 
-Commands come through the machine's second serial port, FOLDER/control.sock: "plug" connects FOLDER/usb.sock, which QEMU shows as an
-FTDI adapter, "line" sends the next "n,value" line with a checksum, "unplug" ends the connection. The pace is the machine's: the clock
-out here is another one.
+Commands come through the machine's second serial port, FOLDER/control.sock: "plug" connects FOLDER/usb.sock, which
+QEMU shows as an FTDI adapter, "line" sends the next "n,value" line with a checksum, "unplug" ends the connection. The
+machine inside sets the pace, because its clock differs.
 """
 import pathlib
 import socket

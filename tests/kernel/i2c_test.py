@@ -12,7 +12,7 @@ import unittest
 from machine import PATIENCE, Emulator, Witness, gpio_chip, i2c_bus, link_of, machine_daemon, now_ns, wait_for
 from tactiled import BAD, GOOD
 
-CAP_COUNT_PF = 4.096 / 0x800000  # so that a force is the model's number of the conversion
+CAP_COUNT_PF = 4.096 / 0x800000  # makes a force the model's number of the conversion
 LINKS = """
 [realtime]
 period_us = 2000  # the machine has one slow CPU, and the emulated adapter needs it, too
@@ -124,7 +124,8 @@ class I2c(unittest.TestCase):
         return witness
 
     def assert_true_values(self, witness):
-        """Each GOOD value is one conversion, each given once, in order; what is missing is told about, by the chip's clock."""
+        """Each GOOD value is one conversion, each given once, in order; missing ones are reported, by the chip's
+        clock."""
         good = [sample for _, sample in list(witness.samples) if sample.quality == GOOD]
         self.assertGreater(len(good), 20)
         missing = told = 0
@@ -152,7 +153,7 @@ class I2c(unittest.TestCase):
         self.cap = self.witness(daemon, "cap")
         wait_for(lambda: link_of(daemon, "bus")["frames"] > 100, 20, "frames")
 
-        def stamped():  # of 20 conversions: whose sample has the stamp of the line's own edge
+        def stamped():  # number of 20 conversions whose sample has the timestamp of the line's own edge
             exact = 0
             for _ in range(20):
                 number, before, after = self.bus.report()["edge"]
@@ -161,13 +162,14 @@ class I2c(unittest.TestCase):
                 time.sleep(0.05)
             return exact
         with_line = stamped()
-        live.write_text("0")  # the chip of the line goes away; the link stays
+        live.write_text("0")  # the GPIO chip of the line is removed; the link stays
         time.sleep(0.5)
         begin, frames = len(self.cap.samples), link_of(daemon, "bus")["frames"]
         time.sleep(2)
         more = link_of(daemon, "bus")["frames"] - frames
         print(f"{with_line} of 20 stamps are the line's; without it {more} frames in 2 s", flush=True)
-        self.assertGreaterEqual(with_line, 5)  # chip, line and daemon share one CPU: some are asked for before their edge is told
+        self.assertGreaterEqual(with_line, 5)  # chip, line and daemon share one CPU: some are read before their edge
+                                               # is reported
         self.assertGreater(more, 100)  # of 182
         self.assertEqual({s.quality for _, s in self.cap.samples[begin:]}, {GOOD})
         self.assertEqual(link_of(daemon, "bus")["gone"], 0)
@@ -215,7 +217,7 @@ class I2c(unittest.TestCase):
         time.sleep(0.3)
         counts = link_of(daemon, "bus")
         self.assertEqual(counts["bus_error"], self.bus.report()["nacks"])
-        self.assertLess(counts["bus_error"], 20)  # asked less and less often
+        self.assertLess(counts["bus_error"], 20)  # polled less and less often
         self.assertEqual((counts["restarted"], counts["gone"], counts["opened"]), (1, 0, 1))
         self.assertEqual({s.quality for _, s in self.bridge.samples if s.t_ns > began}, {GOOD})
         self.assert_true_values(self.cap)

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# initramfs.sh KERNEL_FOLDER OUT.cpio: what of the test machine never changes: busybox, python3, ip and can-utils, kernel modules.
+# initramfs.sh KERNEL_FOLDER OUT.cpio: the constant part of the test machine: busybox, python3, ip and can-utils,
+# kernel modules.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 kernel=$1 out=$2 version=$(cat "$1/done")

@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# kernel.sh FOLDER: Debian's own kernel for the test machine, unpacked there; nothing is installed. And the one module that Debian 12 does
-# not ship, gpio-sim. FOLDER/done says for which version it was made. Ends with 77 where the packages are not to be had.
+# kernel.sh FOLDER: Debian's own kernel for the test machine, unpacked there; nothing is installed. And the one module
+# that Debian 12 does not ship, gpio-sim. FOLDER/done says for which version it was made. Exit status 77: the packages
+# are not available.
 set -euo pipefail
 mkdir -p "$1"; folder=$(cd "$1" && pwd)
 image=$(apt-cache depends linux-image-amd64 | awk '/Depends: linux-image/ {print $2; exit}')
 [ -n "$image" ] || exit 77
 version=${image#linux-image-}
 [ "$(cat "$folder/done" 2>/dev/null)" = "$version" ] && exit 0
-there=$folder folder=$folder.new  # what is there stays until the new one is whole
+there=$folder folder=$folder.new  # keeps the old folder until the new one is complete
 rm -rf "$folder"; mkdir -p "$folder"/{packages,kernel,headers,module}; cd "$folder"
 
 series=$(cut -d. -f1,2 <<<"$version")  # 6.1 in Debian 12, 6.12 in Debian 13

@@ -1,9 +1,9 @@
 // link_feeder SECONDS UART RTU INTERFACE UART_HZ CAN_HZ: devices at fixed rates on three links at once, for
-// four_links_test.py. UART and RTU are paths at which it leaves ptys: binary frames on the first, on the second a Modbus
-// slave that answers any reading of registers. INTERFACE gets CAN FD messages of 64 bytes. Each millisecond, by absolute
-// sleeps, what is due is sent: what a turn was late is caught up as fast as the lines carry it, nothing is left out. The
-// first channel of both is the moment of sending, CLOCK_MONOTONIC in us, modulo a second. At the end it prints what it has
-// sent, as JSON.
+// four_links_test.py. UART and RTU are paths at which it leaves ptys: binary frames on the first, on the second a
+// Modbus slave that answers any reading of registers. INTERFACE gets CAN FD messages of 64 bytes. Each millisecond,
+// by absolute sleeps, it sends all due data; a delay is caught up as fast as the lines permit, and no frame is
+// omitted. The first channel of both is the moment of sending, CLOCK_MONOTONIC in us, modulo a second. At the end it
+// prints what it has sent, as JSON.
 #include <fcntl.h>
 #include <linux/can.h>
 #include <linux/can/raw.h>
@@ -66,7 +66,7 @@ public:
           uart_Hz_(std::stod(words[5])),
           can_Hz_(std::stod(words[6])) {}
 
-    // Answers requests until a line of standard input says to go on.
+    // Answers requests until a line of standard input tells it to continue.
     void answer_only() {
         pollfd reported{STDIN_FILENO, POLLIN, 0};
         while (::poll(&reported, 1, 1) == 0) answer_rtu();
@@ -99,9 +99,10 @@ public:
     }
 
 private:
-    // What the lines themselves carry in a millisecond: 38 bytes at 921600 baud, 64 bytes at 1 and 5 Mbit/s.
+    // Limits of the lines in a millisecond: 38 bytes at 921600 baud, 64 bytes at 1 and 5 Mbit/s.
     static constexpr unsigned kMaxUart = 2, kMaxCan = 7;
-    static constexpr unsigned kMaxHeld_ms = 20;  // of it, where this program was late: as much as adapters hold
+    // limit of the data after a delay of this program: as much as adapters hold
+    static constexpr unsigned kMaxHeld_ms = 20;
 
     static std::uint32_t sent_us() noexcept { return std::uint32_t(now_ns() / 1000 % 1'000'000); }
 
@@ -112,7 +113,7 @@ private:
         frame.channel[0] = double(sent_us());
         std::array<std::uint8_t, kCobsMaxEncoded> bytes;
         const std::size_t n = encode_cobs(frame, 24, bytes);
-        if (::write(uart_, bytes.data(), n) != ssize_t(n)) ++n_refused_;  // nobody reads
+        if (::write(uart_, bytes.data(), n) != ssize_t(n)) ++n_refused_;  // there is no reader
         ++n_uart_;
     }
     // With one system call: a bus's controller has none.

@@ -1,4 +1,5 @@
-"""The test machine from inside: the daemon under test, its simulated hardware, and a witness of what a reader sees."""
+"""The test machine from inside: the daemon under test, its simulated hardware, and a witness of the published
+samples."""
 import json
 import os
 import pathlib
@@ -21,7 +22,7 @@ def wait_for(condition, seconds, what):
 
 
 class Daemon(system.Daemon):
-    """A daemon of which a sanitizer that complains fails the test."""
+    """A daemon; a message of a sanitizer fails the test."""
 
     def __exit__(self, *_):
         super().__exit__()
@@ -49,7 +50,7 @@ full_scale = {[most] * channels}
 """
 
 
-# A second link, which no fault of the first one may touch.
+# A second link, which must not be affected by faults of the first one.
 OTHER = """
 [[link]]
 name = "other"
@@ -80,7 +81,7 @@ def machine_daemon(links):
 
 
 def link_of(daemon, name):
-    """What `status` says of a link: "open" and its counters."""
+    """Returns the output of `status` on a link: "open" and its counters."""
     status = json.loads(daemon.ctl("status", "--json").stdout)
     return next(link for link in status["links"] if link["name"] == name)
 
@@ -90,7 +91,7 @@ def now_ns():
 
 
 class Witness:
-    """Follows a sensor in shared memory from a thread of its own and keeps every sample, and when it was seen."""
+    """Follows a sensor in shared memory from a separate thread and keeps every sample with its time of arrival."""
 
     def __init__(self, daemon, sensor):
         self.samples = []  # (seen_ns, sample)
@@ -134,7 +135,7 @@ class Witness:
 
 
 class Emulator:
-    """A program that plays a USB adapter to the kernel (usbip_can, usbip_i2c); commands are lines."""
+    """A program that emulates a USB adapter for the kernel (usbip_can, usbip_i2c); commands are lines."""
 
     def __init__(self, program, *words):
         self.process = subprocess.Popen([BIN / program, *map(str, words)], stdin=subprocess.PIPE, text=True)
@@ -149,7 +150,7 @@ class Emulator:
 
 
 def sh(*words, check=True):
-    """A command; what it printed."""
+    """Runs a command; returns its output."""
     done = subprocess.run([str(w) for w in words], capture_output=True, text=True, timeout=30)
     if check and done.returncode != 0:
         raise RuntimeError(f"{words}: {done.returncode}\n{done.stdout}{done.stderr}")
@@ -169,6 +170,6 @@ def i2c_bus(name):
         try:
             if (adapter / "name").read_text().startswith(name):
                 return f"/dev/{adapter.name}"
-        except OSError:  # it is just going
+        except OSError:  # it is being removed
             pass
     return None

@@ -1,15 +1,16 @@
 #!/usr/bin/env bash
-# run.sh [--built] [NAME[:CLASS[.TEST]]...]...: the tests tests/kernel/NAME_test.py (all, without a name; whole, or the ones that are named), each in a
-# machine of its own: Debian's kernel with CAN, I2C, GPIO and USB under QEMU, the daemon's release build in it. --built: packages and programs are there.
-# TACTILED_PRESET=asan takes that build, with sanitizers; KERNEL_TEST="NAME=VALUE ..." is what the test finds in its environment.
+# run.sh [--built] [NAME[:CLASS[.TEST]]...]...: the tests tests/kernel/NAME_test.py (all, without a name; whole, or
+# the ones that are named), each in a machine of its own: Debian's kernel with CAN, I2C, GPIO and USB under QEMU, the
+# daemon's release build in it. --built: packages and programs are there. TACTILED_PRESET=asan takes that build, with
+# sanitizers; KERNEL_TEST="NAME=VALUE ..." is the test's environment.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd); project=$(cd "$here/../.." && pwd)
 preset=${TACTILED_PRESET:-release} folder=$project/build/kernel
 built=; if [ "${1:-}" = --built ]; then built=yes; shift; fi
 if [ -n "$built" ] && ! command -v qemu-system-x86_64 >/dev/null; then echo "run.sh: left out: node/install-packages.sh kernel"; exit 77; fi
 bin=$project/build/$preset/bin
-speed=3  # of the machine's processor: 2^3 ns an instruction
-guard=; if [ "$preset $(uname -m)" = "release x86_64" ]; then guard=rtguard; fi  # what tests/guard can
+speed=3  # speed of the machine's processor: 2^3 ns an instruction
+guard=; if [ "$preset $(uname -m)" = "release x86_64" ]; then guard=rtguard; fi  # if tests/guard supports the machine
 if [ "$preset" = asan ]; then  # programs of three times the size, at a third of the speed
     export MEMORY_MB=${MEMORY_MB:-1536} LIMIT_S=${LIMIT_S:-900}
     KERNEL_TEST="PATIENCE=4 ${KERNEL_TEST:-}" speed=1
@@ -43,7 +44,7 @@ tar c -C "$project" --exclude=__pycache__ tests/kernel tests/system node/python 
 for program in "$bin"/{tactiled,gpio_edges} "$tools"/{tactilectl,tactilectl-lab,usbip_i2c,usbip_can,link_feeder}; do
     "$here/program.sh" "$overlay" "$program"
     mv "$overlay/usr/bin/${program##*/}" "$root/build/release/bin/"
-    strip --strip-debug "$root/build/release/bin/${program##*/}"  # all of it lives in the machine's memory
+    strip --strip-debug "$root/build/release/bin/${program##*/}"  # the whole system is in the machine's memory
 done
 if [ -n "$guard" ]; then
     "$here/program.sh" "$overlay" "$bin/../tests/guard/librtguard.so"
@@ -53,7 +54,7 @@ fi
 failed=()
 if [ $# = 0 ]; then
     set -- $(cd "$here" && ls ./*_test.py | sed 's#^\./##; s#_test.py$##')
-    # without the guard it has nothing to judge; rates are those of what is shipped
+    # without the guard it has nothing to check; the rates are those of the shipped programs
     if [ -z "$guard" ]; then set -- $(printf '%s\n' "$@" | grep -v -e '^guard$' -e '^four_links$'); fi
 fi
 for wanted in "$@"; do

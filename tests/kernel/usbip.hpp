@@ -1,5 +1,5 @@
-// What a program needs to play a USB device to the kernel of the test machine: the messages of vhci_hcd over a socket pair
-// (the kernel's Documentation/usb/usbip_protocol.rst).
+// The interface to emulate a USB device for the kernel of the test machine: the messages of vhci_hcd over a socket
+// pair (the kernel's Documentation/usb/usbip_protocol.rst).
 #pragma once
 #include <arpa/inet.h>
 #include <sys/socket.h>

@@ -75,7 +75,7 @@ public:
             std::fprintf(stderr, "usbip_can: what is \"%s\"?\n", line.c_str());
     }
 
-    // One request of the kernel; false when it is over.
+    // Handles one request of the kernel; returns false at the end.
     bool request() {
         Header header;
         if (!read_all(socket_, &header, sizeof header)) return false;
@@ -187,7 +187,7 @@ private:
 
     int socket_;
     std::deque<std::uint32_t> waiting_;  // requests for a message, as they came
-    std::deque<Message> messages_;       // that wait for a request
+    std::deque<Message> messages_;       // messages without a request yet
     bool overflows_ = false, broken_ = false, stalled_ = false;
 };
 

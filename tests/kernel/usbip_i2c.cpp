@@ -1,5 +1,6 @@
-// Plays an i2c-tiny-usb adapter to the kernel of the test machine, through vhci_hcd and a socket pair: a real
-// /dev/i2c-N whose chips are the models of the unit tests, in real time. Needs the modules vhci-hcd, i2c-tiny-usb, i2c-dev.
+// Emulates an i2c-tiny-usb adapter for the kernel of the test machine, through vhci_hcd and a socket pair: a real
+// /dev/i2c-N whose chips are the models of the unit tests, in real time. Needs the modules vhci-hcd, i2c-tiny-usb,
+// i2c-dev.
 //
 //     usbip_i2c PORT KIND:ADDRESS[:MUX:CHANNEL]...      such as usbip_i2c 0 ad7746:0x48:0x70:2 nau7802:0x2a
 //
@@ -140,7 +141,7 @@ private:
             return found == codes_.end() ? std::nullopt : std::optional(found->second);
         };
     }
-    // The switch follows its lines before the chip hears of anything else.
+    // Updates the switch from its lines before the chip receives anything else.
     void turn_switch() {
         if (switched_ == nullptr) return;
         unsigned electrode = 0;
@@ -151,7 +152,8 @@ private:
         switched_->select(electrode, tactiled::now_ns());
     }
 
-    // Lets the line of gpio-sim fall when a conversion of its chip has ended. Returns for how long nothing can happen.
+    // Lets the line of gpio-sim fall when a conversion of its chip has ended. Returns the time until the next
+    // possible event.
     timespec drive_line() {
         if (!pull_.is_open()) return {3600, 0};
         ModelChip& chip = *models_[lined_];
@@ -169,7 +171,7 @@ private:
                                        : long(std::min<std::uint64_t>(ends_ns - now_ns, 999'999'999))};
     }
 
-    // One request of the kernel. False: it has let go of the device.
+    // Handles one request of the kernel. Returns false if the kernel has released the device.
     bool serve() {
         Header request;
         if (!read_all(fd_, &request, sizeof request)) return false;
@@ -239,7 +241,7 @@ private:
     std::size_t lined_ = 0;
     std::uint64_t reported_ns_ = 0;
     struct {
-        std::uint32_t number;  // of the conversion
+        std::uint32_t number;  // number of the conversion
         std::uint64_t before_ns, after_ns;
     } edge_{};
     ModelAd7746* switched_ = nullptr;

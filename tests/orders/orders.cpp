@@ -1,4 +1,4 @@
-// orders [README.md]      runs the litmus tests, explores every scenario, and weakens each memory order of the product, one
+// orders [TABLES.md]      runs the litmus tests, explores every scenario, and weakens each memory order of the product, one
 // at a
 //                         time. Exit status 1: an outcome is wrong, a property is violated, a weaker order is not found, or
 //                         the page has other tables.

@@ -53,8 +53,7 @@ std::vector<Plant> plants_of(const Site& site, Use use, std::memory_order from) 
 }
 
 bool is_product(const Site& site) {
-    constexpr std::string_view kAgainstTheKernel =
-        "node/include/tactiled/mapping.h";  // which removes pages of a truncated file
+    constexpr std::string_view kAgainstTheKernel = "node/include/tactiled/mapping.h";  // removes pages of a truncated file
     return !site.file.starts_with("tests/") && !site.file.starts_with("/") && site.file != kAgainstTheKernel;
 }
 

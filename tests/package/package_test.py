@@ -14,9 +14,9 @@ import unittest
 sys.dont_write_bytecode = True
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DEB = ROOT / "build/release/deb"
-# Where the trees are made. Outside the build folder: a tree is a Debian, and outlives a build.
+# Folder of the trees. Outside the build folder: a tree is a Debian, and outlives a build.
 TREES = pathlib.Path(os.environ.get("TREES", "/var/tmp/tactiled-trees"))
-# What dpkg, apt and the tools for users keep for themselves.
+# Files that belong to dpkg, apt and the tools for users.
 BOOKKEEPING = re.compile(r"/(var/(lib/(dpkg|apt|systemd/deb-systemd-helper-enabled)|log|cache)|etc/(passwd|group|shadow|gshadow|\.pwd\.lock|subuid|subgid)-?$"
                          r"|srv/deb|tmp|proc|run/lock|etc/ld.so.cache)")
 
@@ -43,7 +43,7 @@ class Tree:
         return done.stdout + done.stderr
 
     def files(self):
-        """Every path but others' bookkeeping, with what a file says of users and groups line by line."""
+        """Returns every path except bookkeeping of other programs, with the lines of files on users and groups."""
         found = {f"/{p.relative_to(self.path)}" for p in self.path.rglob("*")}
         found = {p for p in found if not BOOKKEEPING.match(p)}
         for table in ("passwd", "group", "shadow", "gshadow"):
@@ -64,7 +64,7 @@ def make_tree(test, name, packages):
 
 
 def dependencies(package):
-    """What a package needs, each the first of its alternatives."""
+    """Returns the dependencies of a package, each the first of its alternatives."""
     text = subprocess.run(["dpkg-deb", "-f", deb(package), "Depends"], capture_output=True, text=True, check=True).stdout
     return [re.match(r"\S+", part.strip()).group(0).split("|")[0] for part in text.split(",")]
 
@@ -93,7 +93,7 @@ class Packages(unittest.TestCase):
         return self.tree.run("dpkg", "-i", "/srv/deb/" + deb("tactiled").name)
 
     def configure(self):
-        """As a user does it: the example, and a calibration of their own."""
+        """Configures the daemon like a user: the example, and an own calibration."""
         self.tree.run("cp", "/usr/share/doc/tactiled/examples/simulated.toml", "/etc/tactiled/tactiled.toml")
         (self.tree.path / "etc/tactiled/mine.toml").write_text("# work\n")
         self.tree.run("install", "-d", "-o", "tactiled", "-g", "tactile", "/var/lib/tactiled")
@@ -150,7 +150,8 @@ class Packages(unittest.TestCase):
                          {"/etc/tactiled", "/etc/tactiled/tactiled.toml", "/etc/tactiled/mine.toml"})
 
     def test_after_a_purge_nothing_is_left_but_two_groups(self):
-        """i2c and gpio are the names that i2c-tools and Raspberry Pi OS use, too: who was first cannot be known."""
+        """i2c and gpio are names that i2c-tools and Raspberry Pi OS use, too, so the creator of the groups is
+        unknown."""
         self.install()
         self.tree.run("install", "-d", "-o", "tactiled", "-g", "tactile", "/var/lib/tactiled")
         self.tree.run("dpkg", "--purge", "tactiled")

@@ -71,8 +71,8 @@ clang() {
     build "$root/clang" -DCMAKE_C_COMPILER=clang-14 -DCMAKE_CXX_COMPILER=clang++-14
 }
 
-# What is of the processor comes from Debian for arm64, the headers and tools from Debian for this machine. The test programs
-# start while they are built, to name their tests: through qemu-user, too.
+# Packages for the processor come from Debian for arm64, the headers and tools from Debian for this machine. The test
+# programs start while they are built, to name their tests: through qemu-user, too.
 arm64() {
     local tree=$root/arm64
     prepare bookworm "$tree" "" crossbuild-essential-arm64 cmake ninja-build pkg-config ccache python3 qemu-user-static \

@@ -27,7 +27,7 @@ make_base() {
     touch "$base/bootstrapped"
 }
 
-# copy_sources TREE: the project as it is here, in TREE/root/project. What was built there before stays.
+# copy_sources TREE: the project as it is here, in TREE/root/project. Earlier builds in it are kept.
 copy_sources() {
     local project=$1/root/project
     mkdir -p "$project"

@@ -20,7 +20,7 @@ from same.outcome import compare_csv
 TIMES = {"SEQ": "number of the frame", "SEQ_END": "number of the frame", "HEARTBEAT": "counts 100 ms", "AGE_MS": "age", "TIME": "clock",
          "CYCLE_WORST": "a duration", "SINCE_LIFT": "a duration", "RATE": "measured", "BLINK": "from HEARTBEAT",
          "LOST": "frames that a loaded machine lost", "WARN": "late cycles of a loaded machine", "PEAK": "may have begun before the first frame"}
-REST_s = 0.5  # a value that stayed so long is no value between two loads
+REST_s = 0.5  # a value that is constant for so long is not between two loads
 MIN_CHANGED = 40  # registers; where fewer change, the recording was not played
 STILL = """
 format = 1
@@ -199,8 +199,8 @@ def watch(recording, build, blocks):
 
 
 def not_found(runs, others):
-    """How many values rested in `runs`, and those that are not in `others`, in the same order: a busy machine may tell of a
-    change later, and of values between two at rest others."""
+    """Returns the number of constant values in `runs`, and those that are not in `others`, in the same order. A busy
+    machine may report a change later, and other values between two constant ones."""
     rested = [value for value, seconds in runs if seconds >= REST_s]
     missing, at = [], 0
     values = [value for value, _ in others]

@@ -20,8 +20,8 @@ METHODS = {
     "piezo": ("fused",),
 }
 NOT_FITTED = {("table", "signs")}
-MAX_ROWS = 3000      # of one scene's signals
-MAX_FIT_ROWS = 1000  # of one scene's labelled rows
+MAX_ROWS = 3000      # rows of one scene's signals
+MAX_FIT_ROWS = 1000  # rows of one scene's labelled file
 HARD_CELLS = ("", "1e300", "-1e300", "0", "-0", "4.9e-324", "1e-300", "nan")
 
 

@@ -1,6 +1,6 @@
-"""Forces against truth: what an [[expect]] of a scene asks for, and defects that it must notice.
+"""Compares forces with the truth: the limits of a scene's [[expect]], and defects that it must detect.
 
-A Series has one list an axis; times are those of the truth's rows. config/scenes/README.md has the keys.
+A Series has one list per axis; times are those of the truth's rows. config/scenes/README.md has the keys.
 """
 import bisect
 import dataclasses
@@ -55,7 +55,7 @@ def swapped(series):
     return dataclasses.replace(series, force=[y, x, z])
 
 
-# Planted in the decoupled force.
+# Defects that are planted in the decoupled force.
 DEFECTS = {
     "shear +2 %": lambda s: scaled(s, (1.02, 1.02, 1)),
     "shear +5 %": lambda s: scaled(s, (1.05, 1.05, 1)),
@@ -152,8 +152,8 @@ LIMITS = {"gain_within": "gain", "leak_within": "leak", "late_within_s": "late_s
 
 
 def judge(expect, series, truth, due):
-    """Failures of a series, as words; none = it is as expected. `truth`: [fx, fy, fz] at its times; `due`: how many samples
-    there should be."""
+    """Returns the failures of a series as texts; empty = as expected. `truth`: [fx, fy, fz] at its times; `due`:
+    expected number of samples."""
     failures = []
     axes = (2,) if expect.get("press_only", False) else AXES
     if "reads_N" in expect:

@@ -33,7 +33,7 @@ import tactiled  # noqa: E402
 # Times real time. The memory of piezo is that of the clock; 2 leaves the tare half the time at rest that the scene has.
 SPEED, SPEED_WITH_MEMORY = 4, 1
 TARE_MS = 20
-MAX_SENSORS = 16  # of a daemon
+MAX_SENSORS = 16  # for a daemon
 NOT_NOW = 4        # enum tactiled_command_result: nothing to tare yet
 QUALITY = {tactiled.GOOD: "good", tactiled.UNCERTAIN: "uncertain", tactiled.BAD: "bad"}
 
@@ -49,7 +49,7 @@ def run_ctl(*words):
     return done.stdout
 
 
-# What the world does, of all effects: friction, ridges, glue. They are part of the truth, all others are the sensor's.
+# Effects on the load itself: friction, ridges, adhesion.
 WORLD = "friction_limit,partial_slip,stick_slip,texture,adhesion"
 
 
@@ -177,7 +177,7 @@ class Follow(threading.Thread):
 
 
 def tare(daemon, mask):
-    """As soon as all have a value."""
+    """Returns when all have a value."""
     until = time.monotonic() + 5
     while time.monotonic() < until:
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
@@ -263,7 +263,7 @@ def row_of_follow(scene, name, expect, follow, truth):
     """The samples that the daemon published."""
     every = scene.sensors[name][1].get("every", 1)
     begin_s, end_s = span_s(expect)
-    if expect.get("tare", True):  # what was read before counts for nothing; the limits are those of as long a rest
+    if expect.get("tare", True):  # earlier reads do not count; the limits are those of an equally long rest
         begin_s = max(begin_s, follow.tared_at * every / scene.rate_Hz, TARE_S[1])
     read, reasons = [], set()
     for sample in follow.samples:

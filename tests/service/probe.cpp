@@ -1,5 +1,5 @@
-// In the daemon's place, under the daemon's unit: tries what a daemon that was taken over would try, and what it needs
-// itself. One line a try: NAME ok, or NAME refused REASON.
+// Replaces the daemon under the daemon's unit: tries the actions of an attacker in the daemon's place, and the
+// actions that the daemon needs. One line per attempt: NAME ok, or NAME refused REASON.
 #include <fcntl.h>
 #include <linux/bpf.h>
 #include <netinet/in.h>
@@ -70,7 +70,7 @@ bool runs(const char* program) {
 }  // namespace
 
 int main() {
-    // ---- what nobody in the daemon's place may do
+    // ---- forbidden actions
     attempt("open_a_disk", [] { return opens("/dev/disk", O_RDONLY); });
     attempt("open_physical_memory", [] { return opens("/dev/mem", O_RDONLY); });
     attempt("write_the_configuration", [] { return opens("/etc/tactiled/tactiled.toml", O_WRONLY); });
@@ -114,7 +114,7 @@ int main() {
         errno = error;
         return made;
     });
-    // ---- what the daemon needs
+    // ---- actions that the daemon needs
     attempt("need_a_segment",
             [] { return opens("/dev/shm/tactiled.probe", O_RDWR | O_CREAT) && ::unlink("/dev/shm/tactiled.probe") == 0; });
     attempt("need_its_state",

@@ -39,7 +39,7 @@ link = "scene"
 model = "generic"
 calibration = "/etc/tactiled/good.toml"
 """
-# Of the scene's eight gauges, any one force: what counts here is that it is GOOD.
+# Computes one force from the scene's eight gauges: only its quality matters here.
 CALIBRATION = """format = 1
 model = "generic"
 method = "matrix"
@@ -114,7 +114,7 @@ class Machine:
 
 
 class Follower:
-    """A reader in the machine that follows the sensor through every restart; each line with the time of its arrival."""
+    """A reader in the machine that follows the sensor through every restart; each line has the time of its arrival."""
 
     def __init__(self, machine):
         self.process = subprocess.Popen(machine.words("stdbuf", "-oL", "tactilectl", "read", "left", "--follow", "--json", "--timeout", "0"),
@@ -140,7 +140,7 @@ class Follower:
         raise AssertionError(f"never GOOD again: {self.samples[-5:]}")
 
     def end(self):
-        os.killpg(self.process.pid, 9)  # nsenter, and what runs in the machine
+        os.killpg(self.process.pid, 9)  # nsenter, and the program in the machine
         self.process.wait()
         self.taking.join()
         self.process.stdout.close()
@@ -195,7 +195,10 @@ class Service(unittest.TestCase):
         return self.machine.run("bash", "-c", f"exec 3<>/dev/tcp/127.0.0.1/8080; printf '{request}\\r\\nHost: localhost\\r\\nConnection: close\\r\\n\\r\\n' >&3; cat <&3", status=None)
 
     def test_the_page_runs_beside_it_as_a_user_of_its_own_and_may_not_command(self):
-        self.assertEqual(self.machine.run("systemctl", "is-active", "tactiled-web", status=3).strip(), "inactive")  # until somebody wants it
+        self.assertEqual(self.machine.run("systemctl", "is-active", "tactiled-web", status=3).strip(), "inactive")  # until
+                                                                                                                    # a
+                                                                                                                    # client
+                                                                                                                    # connects
         self.machine.run("systemctl", "start", "tactiled-web")
         self.addCleanup(self.machine.run, "systemctl", "stop", "tactiled-web")
         until = time.monotonic() + 10
@@ -282,10 +285,11 @@ class Service(unittest.TestCase):
         while self.machine.show("ActiveState") != "failed" and time.monotonic() < until:
             try:
                 os.kill(self.machine.host_pid(), 9)
-            except AssertionError:  # between two lives
+            except AssertionError:  # between two daemons
                 time.sleep(0.02)
         self.assertIn("repeated too quickly", self.machine.journal())
-        self.assertLessEqual(int(self.machine.show("NRestarts")), 11)  # of StartLimitBurst=10, and the one that was refused
+        self.assertLessEqual(int(self.machine.show("NRestarts")), 11)  # the limit is StartLimitBurst=10, plus the
+                                                                       # refused one
 
     def probe(self, *words):
         lines = self.machine.run(*words).splitlines()

@@ -1,5 +1,5 @@
-// stall TID: stops one thread, and no other of its process, until the process dies: by ptrace, as a debugger would. For the
-// rest of the world that is a thread that hangs.
+// stall TID: stops one thread, and no other of its process, until the process dies, by ptrace, like a debugger. To
+// other programs the thread seems to hang.
 #include <sys/ptrace.h>
 #include <sys/wait.h>
 
@@ -16,6 +16,6 @@ int main(int argc, char** argv) {
     }
     std::puts("stopped");
     std::fflush(stdout);
-    ::waitpid(thread, &status, __WALL);  // its end: until it is waited for, its process cannot go
+    ::waitpid(thread, &status, __WALL);  // its end: the process cannot end until it is waited for
     return 0;
 }

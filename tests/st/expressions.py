@@ -8,7 +8,8 @@ from .values import (COMPARISONS, LOGIC, NUMERIC, UNTYPED, calculated, conversio
 
 
 class Expressions:
-    """Of one FUNCTION or FUNCTION_BLOCK: over its variables declared so far, and the functions of its program."""
+    """The environment of one FUNCTION or FUNCTION_BLOCK: its variables declared so far, and the functions of its
+    program."""
 
     def __init__(self, program, name):
         self.program = program

@@ -6,13 +6,13 @@ from .typed import Array, Struct
 from .values import fitted
 
 STEPS_A_CALL = 1_000_000
-UNDEFINED = object()  # what a FOR loop leaves in its control variable: the standard names no value
+UNDEFINED = object()  # value of a FOR loop's control variable after its end: the standard defines none
 
 
 @dataclass
 class Frame:
     values: dict
-    budget: list  # of one element: the steps left, shared with the functions called
+    budget: list  # limit for one element: the remaining steps, shared with the called functions
 
 
 def spend(frame, line):

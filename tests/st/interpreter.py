@@ -5,7 +5,7 @@
     fb.call(REGS=[...], NOW=...)               # one cycle; variables keep their values until the next call
     fb.value("S[3].FX_N")
 
-Where vendors disagree on a meaning the text is refused: at once if its types tell, else when a value shows it.
+A text is refused if vendors disagree on its meaning: at once if its types show it, else when a value does.
 """
 from . import parser as tree
 from .frame import STEPS_A_CALL, Frame, clone, default, given

@@ -45,7 +45,7 @@ TOKEN = re.compile(rf"""
 
 
 class StError(Exception):
-    """What a compiler refuses, or what stops a controller; `line` counts from 1."""
+    """An error of the compiler or of the controller at run time; `line` counts from 1."""
 
     def __init__(self, line, message):
         super().__init__(f"line {line}: {message}")
@@ -58,7 +58,7 @@ class Token:
     text: str  # in capitals
     spelled: str
     line: int
-    type: str | None = None  # of a literal; None for an integer without a type
+    type: str | None = None  # type of a literal; None for an integer without a type
     value: object = None
 
 

@@ -12,7 +12,7 @@ Literal = namedtuple("Literal", "line type value")  # type None for an integer w
 Path = namedtuple("Path", "line name steps")  # a step is a str for a field, an expression for an index
 Unary = namedtuple("Unary", "line operator operand")
 Binary = namedtuple("Binary", "line operator left right")
-Call = namedtuple("Call", "line name arguments")  # of (name or None, expression)
+Call = namedtuple("Call", "line name arguments")  # tuples (name or None, expression)
 
 Assign = namedtuple("Assign", "line target value")
 If = namedtuple("If", "line branches otherwise")  # branches of (condition, statements)
@@ -23,7 +23,7 @@ Jump = namedtuple("Jump", "line word")
 
 NamedType = namedtuple("NamedType", "line name")
 ArrayOf = namedtuple("ArrayOf", "line low high element")
-StructOf = namedtuple("StructOf", "line fields")  # of (line, name, type)
+StructOf = namedtuple("StructOf", "line fields")  # tuples (line, name, type)
 TypeDeclaration = namedtuple("TypeDeclaration", "line name definition")
 Variable = namedtuple("Variable", "line name section type initial")  # section also CONSTANT
 Unit = namedtuple("Unit", "line kind name result variables body")  # a FUNCTION or a FUNCTION_BLOCK
@@ -33,7 +33,7 @@ class Parser:
     def __init__(self, text):
         self.tokens = tokens_of(text)
         self.position = 0
-        self.names = []  # as spelled where declared
+        self.names = []  # names as spelled in the declaration
 
     @property
     def next(self):
@@ -56,7 +56,7 @@ class Parser:
 
     def expect(self, text):
         if not self.sees(text):
-            # What lacks its end is at fault where it stands, not where the next line begins.
+            # An element without its end is reported at its own line, not where the next line begins.
             line = self.tokens[self.position - 1].line if text == ";" and self.position else self.line
             raise StError(line, f"expected {text} before {self.next.spelled}")
         return self.take()

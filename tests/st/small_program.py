@@ -1,10 +1,10 @@
-"""Programs of a few lines for the tests: a function block of which only the body is told."""
+"""Programs of a few lines for the tests: a function block of which the test specifies only the body."""
 import struct
 import unittest
 
 from .interpreter import Program, StError
 
-FIRST_LINE = 3  # of the body in block(), where `variables` is one line
+FIRST_LINE = 3  # first line of the body in block(), if `variables` is one line
 EVERY_TYPE = "B : BOOL; Y : BYTE; W : WORD; D : DWORD; I : INT; U : UINT; L : DINT; M : UDINT; R : REAL;"
 
 

@@ -18,7 +18,7 @@ class Return(Exception):
 class Statements(Expressions):
     def __init__(self, program, name):
         super().__init__(program, name)
-        self.controls = []  # of the FOR loops around the statement at hand
+        self.controls = []  # control variables of the FOR loops around the present statement
         self.loops = 0
 
     def statements(self, nodes):

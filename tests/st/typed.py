@@ -1,4 +1,4 @@
-"""The types of variables and expressions, and where one stands for another without a conversion."""
+"""The types of variables and expressions, and the implicit conversions between them."""
 from dataclasses import dataclass
 from typing import Callable
 
@@ -22,7 +22,7 @@ class Array:
 @dataclass(frozen=True)
 class Struct:
     name: str
-    fields: tuple  # of (name, type)
+    fields: tuple  # tuples (name, type)
 
     def __str__(self):
         return self.name
@@ -43,7 +43,8 @@ class Typed:
 
 
 def coerced(typed, type_, line):
-    """What runs `typed` where a value of `type_` is wanted, if no conversion has to be written for that."""
+    """Returns the function that runs `typed` where a value of `type_` is required, if no explicit conversion is
+    necessary."""
     if typed.type == UNTYPED and type_ in RANGES:
         value = fitted(type_, typed.literal, line)
         return lambda frame: value

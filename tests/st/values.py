@@ -1,6 +1,6 @@
 """Arithmetic, conversions and standard functions of elementary values, as IEC 61131-3 defines them.
 
-Where vendors disagree on a result there is none: StError.
+A result on which vendors disagree raises StError.
 """
 import math
 import operator

@@ -1,5 +1,5 @@
-// The promise of decoupler.hpp, asked with readings that nobody would send: for any bits in, a finite wrench with a true
-// quality, or BAD with NaN; the same bits out for the same bits in where a method remembers nothing.
+// Tests the promise of decoupler.hpp with arbitrary readings: for any input bits, a finite wrench with a true
+// quality, or BAD with NaN; and equal output bits for equal input bits if a method has no memory.
 //
 //   any_bits [READINGS] [MODEL]      readings a model (10,000 if not given), all its methods in turn; exit 1 with what broke
 //
@@ -76,7 +76,7 @@ private:
     std::uint64_t t_ns_ = 1'000'000'000;
 };
 
-// What an estimate breaks of its promise; "" where nothing.
+// Returns the violation of the promise by an estimate; "" if there is none.
 std::string broken(const Estimate& e, const Calibration& calibration) {
     for (std::size_t c = 0; c < 6; ++c) {
         bool seen = false;

@@ -163,14 +163,15 @@ void add_areas(Cases& cases) {
     const double R = 0.005, inner = 0.005 * (1 - 1e-9), shift = 0.005 * 2e-9;
     const Sector edge(inner, 0.01, 0, 1.2);
     const Real exact = area_change<Real>(Real(inner), Real(0.01), Real(0) - Real(1.2), Real(1.2), Real(R), 0, Real(shift));
-    // Where the edge is cut: cos = (a^2 + d^2 - R^2) / 2 a d of R - a = 5e-12 m, which the doubles know to 2^-53 R: kappa.
+    // The edge is cut at cos = (a^2 + d^2 - R^2) / 2 a d with R - a = 5e-12 m, which doubles resolve to 2^-53 R:
+    // kappa.
     cases.value("C6", "an edge that passes an electrode's rim at a grazing shift",
                 {area_change<double>(inner, 0.01, -1.2, 1.2, R, 0, shift), overlap(edge, R, 0, shift).change, exact, 8, 64});
     cases.value("C7", "a shift of exactly 0",
                 {area_change<double>(0.003, 0.01, -0.7, 0.7, 0.005, 0, 0), overlap(sector, 0.005, 0, 0).change, 0, 1, 0});
 }
 
-// What the electrodes of calibration "overlap" read of a closeness and a shift (disc radii).
+// Returns the readings of the electrodes of calibration "overlap" for a closeness and a shift (disc radii).
 std::vector<double> pad_reading(const Calibration& c, double u, double x, double y) {
     const double half = c.parameters.at("opening_rad") / 2, pi = 3.14159265358979323846;
     const double R = c.parameters.at("disc_radius_m");

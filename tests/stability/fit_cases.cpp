@@ -1,4 +1,4 @@
-// What makes calibrations: badly scaled, collinear or repeated data, labels that are wrong, axes that nobody loaded.
+// Hard cases of calibrations: badly scaled, collinear or repeated data, wrong labels, axes without load.
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
@@ -35,8 +35,8 @@ double normal_equations(const Eigen::MatrixXd& a, const Eigen::VectorXd& y, Eige
     return Eigen::PartialPivLU<Eigen::MatrixXd>(gram).solve(right)[i];
 }
 
-// Condition of coefficient i of a least-squares problem whose columns are scaled to length 1: how errors of the columns and
-// of y reach it (Golub and Van Loan, 5.3.8, with a small residual). Nothing of the code under test is in it.
+// Condition of coefficient i of a least-squares problem whose columns are scaled to length 1: how errors of the
+// columns and of y reach it (Golub and Van Loan, 5.3.8, with a small residual). It does not use the code under test.
 double kappa_of(const Eigen::MatrixXd& a, const Eigen::VectorXd& y, const RealVector& exact, Eigen::Index i) {
     const Eigen::VectorXd lengths = a.colwise().norm();
     const Eigen::VectorXd scaled = exact.cast<double>().array() * lengths.array();
@@ -162,8 +162,8 @@ struct TextbookRecursion {
 
 void add_recursion(Cases& cases) {
     const Eigen::Vector3d truth(0.3, -0.2, 1);
-    // H38: one direction excited by 1, one by 1e-3, one (2 -1 -1) never. What it predicts is judged; 1 / (1 - forget) rows
-    // are remembered, each a rounding of R, whose condition is 1e3 in what is excited.
+    // H38: one direction excited by 1, one by 1e-3, one (2 -1 -1) never. Its predictions are judged; 1 / (1 - forget)
+    // rows are remembered, each a rounding of R, whose condition is 1e3 in what is excited.
     {
         RecursiveLeastSquares recursive(Eigen::Vector3d::Zero(), 0.999);
         TextbookRecursion textbook;
@@ -273,7 +273,7 @@ void add_refusals(Cases& cases) {
                             const char* because) {
         cases.refused(id, what, naive, refusal_of_fit(labelled, method), because);
     };
-    // What the shortest solution of the textbook's pseudo-inverse would have been.
+    // The shortest solution of the textbook's pseudo-inverse.
     refuse("F3", "an axis that nobody loaded", 0,
            bench(60, 2,
                  [](std::size_t i, LabelledRow& row) {

@@ -144,7 +144,7 @@ void add_corrections(Cases& cases) {
                  {as_good(0.4 * 179), published(estimate_of(standard, {179, 181, 177}), 2), TACTILED_OUTSIDE_DOMAIN});
     cases.marked("R4", "a channel 6 % of its width beyond what was calibrated",
                  {as_good(0.5 * 3.36), published(estimate_of(standard, {3.36, 0, 0}), 2), TACTILED_OUTSIDE_DOMAIN});
-    // R7: of a skin nobody can say what a channel at its rail should read.
+    // R7: the reading of a saturated channel of a skin cannot be reconstructed.
     cases.marked("R7", "one of three channels at its rail",
                  {as_good(0.5), published(estimate_of(standard, {1, 0, 0}, 0, 1), 2),
                   TACTILED_SATURATED | TACTILED_UNKNOWN_UNCERTAINTY});

@@ -21,7 +21,8 @@ std::vector<double> paper(double sigma, double tau_x, double tau_y) {
 
 void add_sums_and_differences(Cases& cases) {
     const Calibration c = calibration_of("hair/sum_diff");
-    // H01: the difference of two readings that agree in three digits. As doubles they are exact and so is their difference.
+    // H01: the difference of two readings that agree in three digits. Both readings and their difference are exact as
+    // doubles.
     const auto r = paper(2000, 0.5, 0);
     const double R0 = 1000.1;
     const auto ratio = [&](double x) { return float(float(R0 * (1 + x)) - float(R0)) / float(R0); };  // single precision
@@ -100,7 +101,7 @@ void add_leak(Cases& cases) {
     auto blind = calibration_of("hair/sum_diff");
     blind.tables["gains"][2][0] = -blind.tables["gains"][0][0];
     cases.refused("S5", "hairs H1 H3 that answer a press with opposite signs", std::numeric_limits<double>::infinity(),
-                  refusal_of(blind), "SUM says nothing");
+                  refusal_of(blind), "SUM has no meaning");
 }
 
 // G = E / 2 (1 + nu) has no 1 - 2 nu in it.

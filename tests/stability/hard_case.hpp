@@ -1,5 +1,5 @@
-// A numerically hard case: what the textbook's code makes of it, what this product's own code makes of it, what is true, and
-// how far off a result may be. The families of cases are in the *_cases.cpp beside this file.
+// A numerically hard case: the result of the textbook's code, the result of this product's code, the true value, and
+// the allowed error. The families of cases are in the *_cases.cpp beside this file.
 #pragma once
 #include <boost/multiprecision/cpp_bin_float.hpp>
 #include <cstdint>
@@ -14,39 +14,40 @@ namespace tactiled::stability {
 // 100 decimal digits: what a reference is computed in, from the very doubles that the code under test gets.
 using Real = boost::multiprecision::cpp_bin_float_100;
 
-// What the textbook's code is beside ours: the same formula or its usual form in the same precision, or in single precision
-// alone; or there is none that computes the same thing.
+// Relation of the textbook's code to the product's: the same formula or its usual form in the same precision, or in
+// single precision only; or there is no equivalent.
 enum class Textbook { same_precision, single, none };
 
 // A number that has to be right. The error is relative to the reference, absolute where that is 0.
 struct Value {
     double naive, ours;
     Real reference;
-    // Condition number of the problem: relative change of the result a relative change of its input. 1 where the inputs are
-    // exact and no step of a stable way to the result cancels.
+    // Condition number of the problem: relative change of the result a relative change of its input. It is 1 if the
+    // inputs are exact and no step of a stable algorithm cancels.
     double kappa = 1;
     // The bound is times * kappa * 2^-52 (+ slack): times counts the roundings on the stable way, each 2^-53 at most.
     double times = 8;
-    // What no arithmetic can help: where an iteration stops, the grid of denormal numbers, or of a register.
+    // Errors that no arithmetic can avoid: the stopping limit of an iteration, the grid of denormal numbers, or of a
+    // register.
     double slack = 0;
     Textbook textbook = Textbook::same_precision;
 };
 
-// What a reader gets to see of one component.
+// The published values of one component.
 struct Published {
     double value;
     tactiled_quality quality;
     std::uint32_t reasons;
 };
 Published published(const Estimate& estimate, std::size_t component);
-Published as_good(double value);  // what code publishes that knows no quality
+Published as_good(double value);  // result of code without a quality
 
 // A result that nobody can give, or not whole: it must say so. A finite number that is UNCERTAIN with all of `reasons`;
 // where there are none, BAD with NaN.
 struct Marked {
     Published naive, ours;
     std::uint32_t reasons = 0;
-    // Where the number is to be right all the same: relative.
+    // Set if the number must be right anyway: relative error.
     double truth = kNaN, within = 0;
 };
 
@@ -85,10 +86,10 @@ void add_fit_cases(Cases& cases);
 void add_number_cases(Cases& cases);
 void add_simulator_cases(Cases& cases);
 
-// What the loop would publish of a reading; t_ns does not matter to methods that remember nothing.
+// Returns the estimate that the loop would publish for a reading; t_ns does not matter for methods without a memory.
 Estimate estimate_of(const Calibration& calibration, const std::vector<double>& channel, std::uint32_t missing = 0,
                      std::uint32_t saturated = 0);
-// What is said when a calibration is refused, "" where it is not.
+// Returns the message that refuses a calibration, "" if it is accepted.
 std::string refusal_of(const Calibration& calibration);
 
 }  // namespace tactiled::stability

@@ -1,5 +1,6 @@
-// What a hard reading costs beside an easy one: hard_readings [METHOD] gives each method ordinary readings and then hard
-// ones, each through one_sample(), and prints a line each. tests/stability/instructions.py counts their instructions.
+// Cost of a hard reading compared with an easy one: hard_readings [METHOD] gives each method ordinary readings and
+// then hard ones, each through one_sample(), and prints a line each. tests/stability/instructions.py counts their
+// instructions.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -11,7 +12,7 @@ namespace {
 using namespace tactiled;
 using namespace tactiled::stability;
 
-double sum = 0;  // so that nothing is optimised away
+double sum = 0;  // keeps the optimiser from removing the loop
 std::uint64_t t_ns = 1'000'000'000;
 }  // namespace
 

@@ -16,7 +16,7 @@ METHODS = sys.argv[2:] or ("generic/matrix generic/quadratic generic/rbf generic
                            "table/map hair/sum_diff hair/matrix hair/physics capacitive/quadratic capacitive/ratio capacitive/overlap "
                            "piezo/fused").split()
 MOST = 3
-STATED = {  # what the pages say: a bound of the method's own, in instructions
+STATED = {  # bounds that the methods' pages state, in instructions
     "table/linear": 2000,  # looking for a dead gauge: decoupling/table/README.md
     "table/matrix": 2200,  # likewise
     "table/map": 14e6,  # nine searches of the plate: decoupling/table/README.md

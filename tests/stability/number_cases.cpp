@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
 
-// What a C cast of a double to 16 bits does on x86, where it is undefined: by way of 32 bits.
+// Returns the result of a C cast of a double to 16 bits on x86, where it is undefined: by way of 32 bits.
 double cast_to_16(double scaled) {
     const double cut = std::trunc(scaled);
     const std::int64_t wide = std::abs(cut) < 2147483648.0 ? std::int64_t(cut) : -2147483648LL;

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 ROW = re.compile(r"^\| ([A-Z][A-Za-z0-9. ]*) \| .* \| .* \| .* \| .* \| .* \|$", re.M)
-text = (pathlib.Path(__file__).parent / "README.md").read_text()
+text = (pathlib.Path(__file__).parent / "CASES.md").read_text()
 said = subprocess.run([sys.argv[1], "--table"], capture_output=True, text=True, check=False).stdout
 page, cases, counts = ROW.findall(text), ROW.findall(said), said.splitlines()[-1]
 print("only on the page:", sorted(set(page) - set(cases)), "only in the program:", sorted(set(cases) - set(page)))

@@ -51,7 +51,7 @@ void add_days(Cases& cases) {
         ours = feed(*decoupler, (i + 1) * 500 * kMs, i == 0 ? 0 : e, 2).wrench_S[2];
         film_V += i == 0 ? 0 : e * 0.5;
     }
-    const double V = (kZero_V + e) - kZero_V;  // as the model sees it
+    const double V = (kZero_V + e) - kZero_V;  // value in the model
     const Real left = Real(V) * (Real(0.05) + Real(0.5) / (exp(Real(0.5)) - 1));
     const Real reference = -(Real(slow_of(2)) + left / Real(kGain_V_per_N));
     // The running sum reaches V t / tau = 259 V beside a result of 0.58 V; that is what its rounding is relative to. Its

@@ -1,7 +1,7 @@
 // All hard cases, judged.
 //
 //   stability             exit 1 where a case is outside of its bound, and says which
-//   stability --table     the same as a Markdown table: tests/stability/README.md
+//   stability --table     the same as a Markdown table: tests/stability/CASES.md
 //   stability --long      with a recursion over 10^9 updates, some minutes
 //   stability --naive     the textbook's numbers in the place of ours: which go red, and exit 1
 // Any other word: exit 2.

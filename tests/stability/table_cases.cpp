@@ -85,7 +85,7 @@ void add_gauges_lost(Cases& cases) {
     collinear.full_scale = {1, 1};
     collinear.tables["forward"] = {{1, 1}, {1, 1 + 1e-9}, {1, 1 - 1e-9}, {1, 1}};
     cases.refused("H10", "four gauges whose gains are collinear to 1e-9", std::numeric_limits<double>::infinity(),
-                  refusal_of(collinear), "cannot tell fx fy apart");
+                  refusal_of(collinear), "do not determine fx fy");
 }
 
 void add_offsets_and_sizes(Cases& cases) {
@@ -160,8 +160,8 @@ struct PlateCase {
     std::array<double, 3> force;
 };
 
-// What the map itself reads of a contact; of two, their sum. The product's own interpolation: these cases judge the search
-// alone.
+// The map's own reading of a contact; for two contacts, the sum. The product's own interpolation: these cases judge
+// the search alone.
 std::vector<double> plate_reading(const InfluenceMap& map, const PlateCase& contact) {
     InfluenceMap::At at;
     map.at(contact.x_m, contact.y_m, at);
@@ -237,7 +237,7 @@ void add_plate(Cases& cases) {
     for (std::size_t k = 0; k < 8; ++k) both[k] += other[k];
     cases.marked("T14", "two points at once: no point explains it",
                  {as_good(newton(map, both)), published(estimate_of(c, both), 2), TACTILED_UNKNOWN_UNCERTAINTY});
-    // Nothing touches: the centre of pressure is 0/0.
+    // Without contact, the centre of pressure is 0/0.
     const std::vector<double> rest(8, 1e-7);
     const Estimate at_rest = estimate_of(c, rest);
     const double naive_x = (rest[4] - rest[0]) / (rest[0] + rest[2] - rest[4] - rest[6]);

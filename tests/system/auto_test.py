@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Method "auto" in the release daemon: three sensors that play one recording, a hog on the daemon's own CPU.
+"""Method "auto" in the release daemon: three sensors that play one recording, and a CPU hog on the daemon's own CPU.
 
-`hogged` has twice the time that its most accurate method took when it was measured; `impossible` a budget that no method can
-keep to, and `roomy` one that all do, which their kept costs deny. Asserted is what must hold on any machine: which way they
-step, how often at most, what status says, and that every sample is, to the last bit, what the method that it names makes of its
-row. Times are printed, not judged.
+`hogged` has a budget of twice the measured time of its most accurate method; `impossible` has a budget that no method
+meets; `roomy` has one that all methods meet, although the stored costs deny that. The test asserts properties that
+hold on any machine: the direction of steps, their maximum number, the output of status, and that every sample equals,
+to the last bit, the result of the method that it names for its row. Times are printed and not judged.
 """
 import csv
 import json
@@ -30,14 +30,14 @@ RATE_HZ, ROWS = 500, 600
 SENSORS = ("hogged", "impossible", "roomy")
 CHANNELS = ("c1", "c2", "c3")
 HOG_S = 4
-# A hog in the ordinary class turns over 8 MB; one above the pipeline takes 3 of 10 ms.
+# A hog in the ordinary class copies 8 MB repeatedly; one above the pipeline takes 3 of 10 ms.
 HOGS = {"ordinary": "b = bytearray(1 << 23)\nwhile True:\n    b = bytes(b)",
         "real-time": "import os, time\nos.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(90))\n"
                      "while True:\n    t = time.monotonic() + 0.003\n    while time.monotonic() < t: pass\n    time.sleep(0.007)"}
 
 
 def write_recording(folder):
-    """labelled.csv, of a sensor that bends and saturates, and the same without labels."""
+    """Writes labelled.csv, of a nonlinear sensor that saturates, and the same without labels."""
     made = random.Random(4)
     with open(folder / "labelled.csv", "w") as labelled, open(folder / "played.csv", "w") as played:
         labelled.write("t_s,c1,c2,c3,fx_N,fy_N,fz_N,session\n")
@@ -51,7 +51,7 @@ def write_recording(folder):
 
 
 def forces_by(method, folder):
-    """Of each row, by the code of `tactilectl decouple`."""
+    """Returns the forces of each row, by the code of `tactilectl decouple`."""
     out = folder / f"{method}.csv"
     subprocess.run([BIN / "tactilectl", "decouple", "--calibration", folder / "calibration.toml", "--method", method, "--in",
                     folder / "played.csv", "--out", out], check=True)
@@ -60,7 +60,7 @@ def forces_by(method, folder):
 
 
 class Follower(threading.Thread):
-    """All samples of one sensor, as they come."""
+    """Collects all samples of one sensor, in order."""
 
     def __init__(self, node, sensor):
         super().__init__(daemon=True)
@@ -69,7 +69,7 @@ class Follower(threading.Thread):
 
     def run(self):
         with tactiled.open(self.node).follow(self.sensor, 1, from_oldest=True) as follower:
-            # To the sample that was the newest when it was told to end, however late it is.
+            # Continues to the sample that was the newest when the end was requested, however late.
             while not self.ended.is_set() or not self.samples or self.samples[-1].sequence < self.until:
                 self.samples.append(next(follower))
             self.lost = follower.lost
@@ -138,7 +138,7 @@ class Auto(unittest.TestCase):
         self.daemon.config.write_text('[[sensor]]\nname = "'.join(config))
         methods = re.search(r"methods = \[(.*)\]", kept).group(1).replace('"', "").split(", ")
         for name, costs in (("impossible", (0.008, 0.004, 0.002, 0.001)), ("roomy", (8e4, 4e4, 2e4, 1.5e4))):
-            # Methods that are not on the front get costs that keep them off it.
+            # Methods that are not on the front get costs that exclude them from it.
             order = sorted(methods, key=lambda m: front.index(m) if m in front else -1)
             of = {m: costs[front.index(m)] if m in front else 1e6 for m in order}
             self.edit(self.costs(name), r"(?m)^us = .*", f"us = [{', '.join(f'{of[m]:f}' for m in methods)}]")

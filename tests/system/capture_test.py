@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""From an unknown port to newtons: identify, capture, calibrate and the daemon, on a device of a known matrix behind a pty."""
+"""From an unknown port to newtons: identify, capture, calibrate and the daemon, on a device with a known matrix
+behind a pty."""
 import fcntl
 import json
 import os
@@ -19,7 +20,7 @@ import unittest
 from daemon import BIN, Daemon, wait_for
 from unit_daemon import quality_is, unit_daemon
 
-MATRIX = [[120.0, 5.0, -8.0], [-4.0, 90.0, 6.0], [3.0, -2.0, 60.0], [-50.0, 20.0, 30.0]]  # counts a newton
+MATRIX = [[120.0, 5.0, -8.0], [-4.0, 90.0, 6.0], [3.0, -2.0, 60.0], [-50.0, 20.0, 30.0]]  # counts per newton
 ZERO = [512.0, 500.0, 480.0, 700.0]
 
 
@@ -33,7 +34,7 @@ def crc16(text):
 
 
 class Device:
-    """An Arduino with four channels that answer to `load`. It prints until it is closed."""
+    """An Arduino with four channels that respond to `load`. It prints until it is closed."""
 
     def __init__(self, rate=100, line=None, noise=0.3):
         self.load, self.rate, self.noise = [0.0, 0.0, 0.0], rate, noise
@@ -57,7 +58,7 @@ class Device:
         began, n = time.monotonic(), 0
         while self.running:
             time.sleep(max(0, began + n / self.rate - time.monotonic()))
-            fcntl.ioctl(self.slave, termios.TIOCNXCL)  # a real port forgets it with its last close
+            fcntl.ioctl(self.slave, termios.TIOCNXCL)  # a real port drops the exclusive flag at its last close
             try:
                 os.write(self.master, (self.line(n, int((time.monotonic() - began) * 1e6)) + "\r\n").encode())
             except BlockingIOError:
@@ -171,7 +172,7 @@ class Capture(Case):
         done = ctl("calibrate", "--model", "generic", "--in", rows, "--out", calibration)
         self.assertEqual(done.returncode, 0, done.stderr)
         sensor = done.stdout[done.stdout.index("[[sensor]]"):]
-        # The printed tables make a configuration that runs.
+        # Checks that the printed tables make a configuration that runs.
         with Daemon(config.read_text() + "\n" + sensor) as d:
             d.start()
             device.load = [1.5, -1.0, -5.0]
@@ -179,7 +180,8 @@ class Capture(Case):
             time.sleep(0.5)
             force = json.loads(d.ctl("status", "--json").stdout)["sensors"][0]["force_S_N"]
         for measured, true in zip(force, device.load):
-            self.assertAlmostEqual(measured, true, delta=0.15)  # the sessions differ by 1 %, noise is 0.3 counts of 60 a newton
+            self.assertAlmostEqual(measured, true, delta=0.15)  # the sessions differ by 1 %; noise is 0.3 counts at
+                                                                # 60 counts per newton
 
     def test_loads_are_asked_for_and_gaps_are_named(self):
         device = self.device()
@@ -191,7 +193,7 @@ class Capture(Case):
         self.assertIn("fz_N has 2 loads", done.stdout)
         self.assertIn("one session", done.stdout)
         self.assertEqual((self.folder / "a.csv").read_text().splitlines()[0], "t_s,A,B,C,D,fx_N,fz_N,session")
-        # Another label set, another number of channels and a wrong word are refused, and the file stays as it was.
+        # Another label set, another number of channels and a wrong word are refused, and the file is unchanged.
         before = (self.folder / "a.csv").read_bytes()
         for words, said in ((["--label", "fz_N=-1"], "add fx_N=0"), (["--label", "fz_N=-1,fx_N=0,fy_N=1"], "have no fy_N"),
                             (["--label", "fz=-1"], 'known: "fx_N", "fy_N", "fz_N"'), (["--label", "fz_N=ten"], "NUMBER"),
@@ -203,7 +205,8 @@ class Capture(Case):
 
     def test_a_file_without_a_last_line_end_and_with_a_later_clock_is_continued(self):
         file = self.folder / "a.csv"
-        file.write_text("t_s,A,B,C,D,fz_N,session\n1e9,1,2,3,4,-1,monday")  # t_s of another boot, and no line end
+        file.write_text("t_s,A,B,C,D,fz_N,session\n1e9,1,2,3,4,-1,monday")  # times (t_s) of another boot, and no line
+                                                                            # end
         done = ctl("capture", self.device().path, "--append", file, "--label", "fz_N=-2", "--seconds", "0.2")
         self.assertEqual(done.returncode, 0, done.stderr)
         rows = [line.split(",") for line in file.read_text().splitlines()]
@@ -218,7 +221,7 @@ class Capture(Case):
             return f"{n},{t_us},{500 + 100 * (time.monotonic() - began):.3f},{700 + (n % 2):.1f}"
         done = ctl("capture", self.device(line=drifting).path, "--label", "fz_N=0", "--append", self.folder / "a.csv", "--json")
         channels = json.loads(done.stdout)["loads"][0]["channels"]
-        self.assertAlmostEqual(channels[0]["drift"], 150, delta=30)  # three quarters of 2 s at 100 a second
+        self.assertAlmostEqual(channels[0]["drift"], 150, delta=30)  # three quarters of 2 s at 100 per second
         self.assertAlmostEqual(channels[1]["sd"], 0.5, delta=0.05)
         self.assertLess(abs(channels[1]["drift"]), 0.2)
 

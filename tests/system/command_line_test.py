@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""tactilectl as a person types it: words in any order, misspelt words, pipes that end, a daemon that is dead, and completion."""
+"""The command line of tactilectl: words in any order, misspelt words, pipes that end, a dead daemon, and completion."""
 import json
 import os
 import pathlib
@@ -46,7 +46,7 @@ class Words(unittest.TestCase):
     def test_every_verb_has_its_exit_statuses_in_its_help(self):
         for verb in VERBS:
             text = ctl(verb, "--help").stdout
-            self.assertIn("Exit status: 0 good, 1 unhealthy or failed, 2 wrong words or files, 3 no daemon", text, verb)
+            self.assertIn("Exit status: 0 good, 1 unhealthy or failed, 2 wrong arguments or files, 3 no daemon", text, verb)
         for verb in ("read", "record", "replay", "weigh", "calibrate", "capture", "identify"):
             self.assertIn("Examples:\n", ctl(verb, "--help").stdout, verb)
 
@@ -80,7 +80,7 @@ class WithDaemon(unittest.TestCase):
         for words in (("--node", name, "read", "left"), (f"--node={name}", "read", "left"), ("read", "--node", name, "left"),
                       ("read", "left", "--node", name), ("--node", name, "--json", "status"), ("--json", "--node", name, "read", "left")):
             self.assertEqual(ctl(*words).returncode, 0, words)
-        # A node may be called as a verb is.
+        # A node may have the name of a verb.
         self.assertEqual(ctl("--node", "read", "status").returncode, 3)
         for words in (("weigh", "--node", name, "zero"), ("weigh", "zero", "--node", name), ("--node", name, "weigh", "zero")):
             done = ctl(*words)
@@ -188,7 +188,7 @@ class DeadDaemon(unittest.TestCase):
         self.assertNotIn(", open)", self.daemon.ctl("status").stdout)
         self.assertEqual(json.loads(self.daemon.ctl("status", "--json").stdout)["daemon"], "dead")
         self.assertFalse(json.loads(self.daemon.ctl("status", "--json").stdout)["links"][0]["open"])
-        self.recorder.wait(10)  # it was recording when the daemon died
+        self.recorder.wait(10)  # the recorder was running when the daemon died
         error = self.recorder.stderr.read()
         self.assertEqual(self.recorder.returncode, 3)
         self.assertIn("is dead", error)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""accuracy_costs: each cost with few samples; judged is the physics, never a time."""
+"""accuracy_costs: each cost with few samples. The physics is judged, never a time."""
 import csv
 import io
 import json
@@ -22,7 +22,7 @@ def accuracy_costs(*words, cwd=ROOT):
 
 
 def cost(name, samples):
-    """{row: {column: number}}; rows of one name are a list."""
+    """Returns {row: {column: number}}; rows of one name are a list."""
     done = accuracy_costs(name, "--samples", samples, "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
@@ -40,7 +40,7 @@ class Physics(unittest.TestCase):
             self.assertAlmostEqual(row["noise_left"] / row["noise_left_theory"], 1, delta=0.08)  # 50 s at 1 Hz: 3 sd
             self.assertAlmostEqual(row["delay_ms"], row["delay_theory_ms"], delta=1e-3)
         slow = rows[0]
-        self.assertAlmostEqual(slow["delay_ms"], 205 / slow["cutoff_Hz"], delta=2)  # as node/low_pass.hpp says
+        self.assertAlmostEqual(slow["delay_ms"], 205 / slow["cutoff_Hz"], delta=2)  # formula in node/low_pass.hpp
 
     def test_four_hairs_tell_half_of_what_one_tells_and_come_near_the_print(self):
         one, two, four = cost("hairs", 10000)
@@ -71,7 +71,7 @@ class Physics(unittest.TestCase):
 
     def test_a_denser_map_is_nearer(self):
         rows = cost("map", 300)
-        self.assertIsNone(rows[0]["force_error_median"])  # all points are in it: none is left to ask
+        self.assertIsNone(rows[0]["force_error_median"])  # all points are in it, so none is left to test
         errors = [row["force_error_median"] for row in rows[1:]]
         self.assertLess(errors[0], 0.005)
         self.assertLess(errors[1], 0.03)

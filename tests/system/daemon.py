@@ -1,4 +1,4 @@
-"""The release programs under test, as a test drives them: ports, ptys, configurations, start and end."""
+"""The release programs under test: ports, ptys, configurations, start and end."""
 import contextlib
 import os
 import pathlib
@@ -14,14 +14,15 @@ BIN = pathlib.Path(os.environ.get("TACTILED_BIN", ROOT / "build/release/bin"))
 
 
 def run_folder(env=os.environ):
-    """The folder of the segments of daemons that run as this user."""
+    """Returns the folder of the segments of daemons that run as this user."""
     given, users = env.get("TACTILED_RUNTIME_DIR"), env.get("XDG_RUNTIME_DIR", "/nowhere")
     return pathlib.Path(given or ("/run/tactiled" if os.geteuid() == 0 else f"{users}/tactiled"))
 
 
 @contextlib.contextmanager
 def folder_of_user(uid, mode=0o755):
-    """A folder beside run_folder() that belongs to another user; readers trust it for that user's daemon. For root."""
+    """Returns a folder beside run_folder() that belongs to another user; readers trust it for that user's daemon. For
+    root."""
     path = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-test-", dir=run_folder({}).parent))
     try:
         os.chown(path, uid, uid)
@@ -38,7 +39,7 @@ def free_port():
 
 
 class Daemon:
-    """A tactiled with its own folder, name and port. Use as a context manager."""
+    """A tactiled with its own folder, name and port. A context manager."""
 
     def __init__(self, config, name=None, env=None):
         """config: TOML text; {folder} {name} {port} are filled in, [node] and [modbus] are added."""
@@ -53,7 +54,7 @@ class Daemon:
         self.others = []
 
     def play(self, *words):
-        """A recorded device behind a pty, in a process of its own."""
+        """Plays a recorded device behind a pty, in a separate process."""
         with open(self.folder / f"play{len(self.others)}.log", "w") as log:
             process = subprocess.Popen([BIN / "tactilectl", "play", *map(str, words)], stderr=log, stdout=log)
         self.others.append(process)
@@ -62,7 +63,7 @@ class Daemon:
         return process
 
     def start(self, *before):
-        """before: words of a command that runs the daemon, such as prlimit."""
+        """before: the words of a command that runs the daemon, such as prlimit."""
         with open(self.folder / "tactiled.log", "a") as log:
             self.process = subprocess.Popen([*before, BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
         segment = self.segment
@@ -73,7 +74,7 @@ class Daemon:
 
     @property
     def reader_env(self):
-        """Without what is for the daemon alone, such as LD_PRELOAD."""
+        """Returns the environment without variables for the daemon alone, such as LD_PRELOAD."""
         return {**os.environ, **{key: value for key, value in self.env.items() if key == "TACTILED_RUNTIME_DIR"}}
 
     @property
@@ -88,7 +89,7 @@ class Daemon:
         return subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True, timeout=timeout, env=self.reader_env)
 
     def stop(self):
-        """SIGTERM; returns (exit status, seconds it took)."""
+        """Sends SIGTERM; returns (exit status, duration in seconds)."""
         began = time.monotonic()
         self.process.send_signal(signal.SIGTERM)
         status = self.process.wait(timeout=10)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The release daemon as its users meet it: start, faults of the link and of the configuration, tare, end."""
+"""The release daemon: start, faults of the link and of the configuration, tare, end."""
 import fcntl
 import json
 import os
@@ -28,7 +28,7 @@ class TheDaemon(unittest.TestCase):
             wait_for(quality_is(d, "good"), 3, "a good sample")
             threads = list(pathlib.Path(f"/proc/{d.process.pid}/task").iterdir())
             self.assertGreaterEqual(len(threads), 5)
-            for thread in threads:  # the line of the log that says that it is up comes a moment before
+            for thread in threads:  # the log line that reports the start comes a moment before
                 wait_for(lambda: "NoNewPrivs:\t1\nSeccomp:\t2\n" in (thread / "status").read_text(), 2, f"the sandbox of {thread}")
             self.assertNotIn("seccomp", d.log())
 
@@ -87,7 +87,8 @@ class TheDaemon(unittest.TestCase):
             self.assertTrue(4 <= hung_up <= 10, f"{hung_up} connections in 5 s; at 50 ms, 100 ms .. 1 s they are 9")
             self.assertEqual([d.log().count(what) for what in (": open\n", "is disconnected")], [1, 1], d.log())
             server.settimeout(5)
-            for turn in range(1, 3):  # then it works: is said to be open; and, gone again, is looked for at once
+            for turn in range(1, 3):  # then it works and is reported as open; when it disconnects, it is searched for
+                                      # at once
                 device, began = server.accept()[0], time.monotonic()
                 if turn == 2:
                     self.assertLess(began - ended, 0.5, "not looked for at once")
@@ -102,7 +103,7 @@ class TheDaemon(unittest.TestCase):
                 wait_for(lambda: d.log().count("is disconnected") == 1 + turn, 2, "its end in the log")
 
     def test_a_device_that_floods_its_link_is_no_thread_out_of_control(self):
-        """Under the unit's LimitRTTIME=: SIGXCPU for who runs 200 ms in real time without waiting."""
+        """With the unit's LimitRTTIME=, a thread that runs 200 ms in real time without waiting gets SIGXCPU."""
         server = socket.create_server(("127.0.0.1", 0))
         where = f'driver = "tcp"\naddress = "127.0.0.1:{server.getsockname()[1]}"'
         config = CONFIG.replace('driver = "uart"\ndevice = "{folder}/dev"', where).replace("sequence = true\n", "")

@@ -1,4 +1,4 @@
-"""tactilectl doctor on machines that are folders: a sound one, and each way in which one can be wrong."""
+"""tactilectl doctor on machines that are folders: a machine without faults, and one for each possible fault."""
 import json
 import os
 import pathlib
@@ -63,7 +63,7 @@ SOUND = {
     f"{CPU}/cpu0/cpuidle/state1/latency": "2\n", f"{CPU}/cpu0/cpuidle/state2/latency": "400\n", f"{CPU}/cpu0/cpuidle/state2/disable": "1\n",
     TIMER: "1\n", "sys/class/net/can0/flags": "0x40041\n", "dev/ttyUSB0": "",
 }
-# What is changed (None: taken away), the check that must say so, and how.
+# The change (None: file removed), the check that must report it, and its text.
 CASES = [
     ({"proc/77/limits": "Max locked memory         unlimited\nMax realtime priority     0  0\n"}, "priority", "wrong"),
     ({"proc/77/limits": "Max locked memory         8388608\nMax realtime priority     98\n"}, "memory", "wrong"),

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """A real magnetic skin, recorded while it was pressed to 34 N, from a serial port to a PLC.
 
-Calibrated on session 1; another process writes session 2 into a pty; a C program that knows layout.h alone, pymodbus and
-mbpoll read the forces. Each value is compared with one computed here from the file, with no code of the project.
+Calibrated on session 1; another process writes session 2 into a pty; a C program that knows layout.h alone, pymodbus
+and mbpoll read the forces. Each value is compared with one that is computed here from the file, without code of the
+project.
 
     end_to_end_test.py [unittest options]
     PACE=1 end_to_end_test.py      the whole session at its true pace (6.5 minutes a format) instead of 36 times faster
@@ -52,7 +53,7 @@ COBS = ('format = "cobs"\n', "counts_per_unit = 1e5\n")
 
 
 def register_of(force_N):
-    """The i16 register, 0.01 N, of a force: nearest, halves to even, saturated; 0x8000 for no value."""
+    """Returns the i16 register, 0.01 N, of a force: nearest, halves to even, saturated; 0x8000 for no value."""
     if math.isnan(force_N):
         return 0x8000
     return max(-32767, min(32767, round(force_N * 100))) & 0xFFFF
@@ -63,7 +64,8 @@ def double_of(word):
 
 
 class Session2:
-    """What the file says, row by row: label and force by the calibration's own numbers, summed from left to right."""
+    """The content of the file, row by row: label, and force by the calibration's own numbers, summed from left to
+    right."""
 
     def __init__(self, calibration_path):
         with open(calibration_path, "rb") as file:
@@ -94,7 +96,7 @@ class EndToEnd(unittest.TestCase):
         done = subprocess.run([BIN / "tactilectl", "calibrate", "--model", "generic", "--session", "1", "--in", LABELLED, "--out",
                                cls.calibration], capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
-        with open(LABELLED) as source, open(folder / "session2.csv", "w") as cut:  # what the device sends: no labels
+        with open(LABELLED) as source, open(folder / "session2.csv", "w") as cut:  # the device's data: no labels
             rows = csv.DictReader(source)
             writer = csv.DictWriter(cut, ["t_s", *CHANNELS], extrasaction="ignore")
             writer.writeheader()
@@ -149,7 +151,7 @@ class EndToEnd(unittest.TestCase):
         return before, time.monotonic_ns(), int(value[0], 16)
 
     def check(self, lines, polls, mbpoll_runs, status):
-        # The C program: every row of the file, once, in order, to the last bit.
+        # The C program gives every row of the file, once, in order, to the last bit.
         visible = []  # (published, register) in the order of publishing
         errors, rows = [], []
         for line in lines:
@@ -173,7 +175,7 @@ class EndToEnd(unittest.TestCase):
         print(f"\n  {len(rows)} frames, {len(polls)} Modbus reads, rms error {rms:.3f} N = {percent:.2f} % of {self.expected.full_scale:.1f} N")
         self.assertLessEqual(percent, 2.3)
 
-        # Modbus: what was read is what shared memory showed at some moment of the request.
+        # Modbus: a value that was read is one that shared memory had at some moment of the request.
         def allowed(before, after):
             # A request takes its snapshot between `before` and `after`; publishing takes well under 1 ms more.
             last = max((i for i, (t, _) in enumerate(visible) if t <= before), default=0)

@@ -1,8 +1,7 @@
-/* Prints every sample of a sensor as hexadecimal words. Uses tactiled/layout.h and POSIX alone: what a program of another
- * team would do with nothing but the header.   follow NODE SENSOR SECONDS
- * It looks where the daemon of its user has its segment: folder.h.
- * A line: sequence device_sequence t_ns t_published_ns epoch quality reasons fx fy fz (the doubles' bits), then "end LOST".
- */
+/* Prints every sample of a sensor as hexadecimal words. Uses only tactiled/layout.h and POSIX, like a program
+ * that has only the header.   follow NODE SENSOR SECONDS It looks where the daemon of its user has its segment:
+ * folder.h. A line: sequence device_sequence t_ns t_published_ns epoch quality reasons fx fy fz (the doubles'
+ * bits), then "end LOST". */
 #define _POSIX_C_SOURCE 200809L
 #include <fcntl.h>
 #include <inttypes.h>
@@ -57,7 +56,7 @@ int main(int argc, char** argv) {
     if (sensor == NULL) return 3;
     while (now_ns() < until) {
         struct tactiled_sample sample;
-        /* The state first: what was published before the daemon ended is read to its end. */
+        /* The state is read first: samples that were published before the daemon ended are read completely. */
         const int runs = __atomic_load_n(&header->state, __ATOMIC_ACQUIRE) <= TACTILED_RUNNING;
         const uint32_t head = tactiled_ring_head(base, &sensor->ring);
         if (head == number) {
@@ -67,7 +66,8 @@ int main(int argc, char** argv) {
             nanosleep(&pause, NULL);
             continue;
         }
-        if (head - number >= sensor->ring.slots) { /* the writer is about to lap us: skip ahead, and say so */
+        /* the writer is about to overwrite the record: skip ahead, and report it */
+        if (head - number >= sensor->ring.slots) {
             lost += head - sensor->ring.slots / 2 - number;
             number = head - sensor->ring.slots / 2;
         }

@@ -1,6 +1,7 @@
-"""Frames that are delayed outside this machine, by the release daemon: a bridge between device and daemon holds them back and releases them.
+"""Frames that are delayed outside this machine, with the release daemon: a bridge between device and daemon holds
+them back and releases them.
 
-Each line carries the time at which it was measured, so that a reader knows the true age of every GOOD value."""
+Each line contains the time of its measurement, so that a reader knows the true age of every GOOD value."""
 import contextlib
 import json
 import os
@@ -62,7 +63,7 @@ def crc16(data):
 
 
 class Bridge(threading.Thread):
-    """A device of 100 Hz and the way from it: `lag_s` is how much later each line arrives than it was measured."""
+    """A device of 100 Hz and the path from it: `lag_s` is the delay of each line after its measurement."""
 
     def __init__(self, write, sequence, clock):
         super().__init__(daemon=True)
@@ -135,7 +136,7 @@ class Rig:
         self.stack.close()
 
     def watch(self, seconds, until=None):
-        """Looks each ms: (largest true age of a GOOD value in ms, [(time, quality, reasons)] where they changed)."""
+        """Polls each ms. Returns (largest true age of a GOOD value in ms, [(time, quality, reasons)] at changes)."""
         oldest, seen, end = 0.0, [], time.monotonic() + seconds
         while time.monotonic() < end and not (until and until()):
             sample = self.node.latest("s")
@@ -179,7 +180,7 @@ class Freshness(unittest.TestCase):
 
     def test_the_same_with_a_counter_is_uncertain_and_is_not_tared(self):
         with Rig(clock=False) as rig:
-            rig.watch(2.5)  # the rate of the counter is known
+            rig.watch(2.5)  # until the rate of the counter is known
             rig.bridge.hold(2)
             self.assert_young(rig.watch(3)[0])
             self.assertEqual(rig.latest().quality, tactiled.GOOD, "the missing time was caught up")
@@ -207,7 +208,7 @@ class Freshness(unittest.TestCase):
         for accept in (False, True):
             with self.subTest(accept=accept), Rig(False, False, sensor=f"accept_unproved_age = {str(accept).lower()}\ntare_ms = 50") as rig:
                 self.assertEqual(rig.latest().reasons, 0 if accept else tactiled.ARRIVAL_ONLY)
-                # The value is the time, so that the tare that is accepted fails because the force moves.
+                # The value is the time, so an accepted tare fails because the force moves.
                 done = rig.daemon.ctl("tare", "s")
                 self.assertEqual("moved" in done.stdout + done.stderr, accept, done)
                 rig.bridge.hold(1)

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""The scenes of a grasp behind driver "sim", through the daemon: the weight in shared memory and in registers.
+"""The grasp scenes with driver "sim", through the daemon: the weight in shared memory and in registers.
 
-Each scene of config/scenes/grasp_*.toml has three jaws, each with its skin turned otherwise; they are calibrated from the
-simulator's own scene, as their [[expect]] says. In real time: what counts in ms must take ms.
+Each scene of config/scenes/grasp_*.toml has three jaws, each with its skin mounted in another orientation; they are
+calibrated with the simulator's own scene, as their [[expect]] states. The test runs in real time, because limits in
+ms must take ms.
 """
 import concurrent.futures
 import math
@@ -28,22 +29,22 @@ sys.path.insert(0, str(ROOT / "node/python"))
 import tactiled  # noqa: E402
 
 SCENES = ("grasp_ball", "grasp_egg_light", "grasp_egg", "grasp_egg_heavy")
-WITHIN = 0.03  # of the weight: the estimator's aim is 3 %
+WITHIN = 0.03  # share of the weight: the estimator's target is 3 %
 INWARD = ([-1, 0, 0], [0.5, -0.8660254, 0], [0.5, 0.8660254, 0])  # z_S of the jaws, 120 degrees apart
 NONE_I32 = -2 ** 31
 
 
 def mounting(turn_deg, inward):
-    """x_S in G. The palm looks down, and a scene's weight pulls along -y of a skin that is not turned."""
+    """Returns x_S in G. The palm looks down, and a scene's weight pulls along -y of a skin without rotation."""
     turn = math.radians(turn_deg)
-    across = [inward[1], -inward[0], 0]  # inward x z_G
+    across = [inward[1], -inward[0], 0]  # cross product of inward and z_G
     return [math.cos(turn) * across[0], math.cos(turn) * across[1], -math.sin(turn)]
 
 
 def config_of(path, calibration):
     scene = tomllib.loads(path.read_text())
     text = f'[[link]]\nname = "scene"\ndriver = "sim"\nscene = "{path}"\n\n'
-    # The scenes' arm speeds up and slows down for 0.8 s after the weight has come onto the jaws.
+    # The scenes' arm accelerates and brakes for 0.8 s after the weight has come onto the jaws.
     grasp = '[grasp]\ngravity_G_m_s2 = [0, 0, 9.81]\nlift_accelerates_ms = 900\nobjects = "objects.toml"\n'
     for i, sensor in enumerate(scene["sensor"]):
         text += (f'[[sensor]]\nname = "{sensor["name"]}"\nlink = "scene"\ndevice = {i}\nmodel = "hair"\ncalibration = "{calibration}"\n'
@@ -55,7 +56,8 @@ def config_of(path, calibration):
 
 
 def watch(path, calibration):
-    """What shared memory and Modbus said over a whole scene: grasps, the mass, how many frames both told, and what differed."""
+    """Returns the values of shared memory and Modbus over a whole scene: grasps, the mass, the number of frames in
+    both, and differences."""
     text, mass_kg, end_s = config_of(path, calibration)
     seen, same, differ = [], 0, []
     with Daemon(text) as daemon:
@@ -113,7 +115,7 @@ class Scenes(unittest.TestCase):
                       f"sd {100 * max((g.weight_sd_kg for g in stable), default=math.nan) / mass_kg:.2f} %; "
                       + " ".join(words[s] if s < 7 else "unknown" for s in order), file=sys.stderr)
                 self.assertGreater(len(stable), 20, log)
-                self.assertLess(abs(errors[0]), WITHIN)  # what a PLC takes
+                self.assertLess(abs(errors[0]), WITHIN)  # the value of a PLC
                 self.assertLess(abs(statistics.median(errors)), WITHIN)
                 self.assertIn(tactiled.GRIP_HOLDING, states)
                 self.assertEqual(seen[-1].grasps, 1)

@@ -1,4 +1,5 @@
-"""The shipped programs carry what the compiler and the linker can do against an attacker: asked of the files themselves."""
+"""Checks that the shipped programs have the compiler's and the linker's protection against attacks, in the files
+themselves."""
 import subprocess
 import unittest
 

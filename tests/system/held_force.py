@@ -1,4 +1,4 @@
-"""A sensor that measures the force that the test says, a daemon on it, and PLCs with addresses of their own."""
+"""A sensor that measures a force set by the test, a daemon that reads it, and PLCs with their own addresses."""
 import json
 import os
 import signal
@@ -28,11 +28,11 @@ model = "generic"
 calibration = "{folder}/unit.toml"
 stale_ms = 1000
 """
-FULL_SCALE_N = 100.0  # unit_daemon.CALIBRATION
+FULL_SCALE_N = 100.0  # the same as in unit_daemon.CALIBRATION
 
 
 class Device(threading.Thread):
-    """Sends its force 200 times a second, with a little noise."""
+    """Sends its force 200 times a second, with some noise."""
 
     def __init__(self, path, force_N):
         super().__init__(daemon=True)
@@ -55,11 +55,11 @@ class Device(threading.Thread):
             try:
                 os.write(self.master, f"{sequence},{x + noise},{y - noise},{z + noise}\n".encode())
             except BlockingIOError:
-                pass  # the daemon is not there
+                pass  # there is no daemon
 
 
 class Held:
-    """The daemon, its device and what a reader sees. Use as a context manager."""
+    """The daemon, its device and the view of a reader. A context manager."""
 
     def __init__(self, more="", commands=True, modbus="", node="", calibration=CALIBRATION):
         self.daemon = Daemon(SENSOR + more)
@@ -113,7 +113,8 @@ class Held:
         wait_for(lambda: self.sample()["quality"].split(":")[0] in ("good", "uncertain"), 10, "a value")
 
     def read_force(self):
-        """(quality word, fz in N) of the newest sample that has a value: a busy machine halts the device or the daemon."""
+        """Returns (quality word, fz in N) of the newest sample with a value, because a busy machine interrupts the
+        device or the daemon."""
         for _ in range(100):
             now = self.sample()
             if now["force_S_N"][2] is not None:
@@ -127,7 +128,7 @@ class Held:
 
 
 class Plc:
-    """A Modbus client whose connection ends with the daemon and comes back."""
+    """A Modbus client whose connection ends with the daemon and is restored."""
 
     def __init__(self, port, address):
         self.client = ModbusTcpClient("127.0.0.1", port=port, source_address=(address, 0), timeout=2)
@@ -168,7 +169,7 @@ class Plc:
         return getattr(answer, "exception_code", 0)
 
     def outcome(self):
-        """CMD_SEQ_ACK, CMD_STATE, CMD_RESULT."""
+        """Returns CMD_SEQ_ACK, CMD_STATE, CMD_RESULT."""
         return tuple(self.read(0, 32)[25:28])
 
     def command(self, number, code, mask):

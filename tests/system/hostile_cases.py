@@ -1,6 +1,6 @@
-"""What hostile Modbus TCP clients ask, and what each must get: tables of PDUs only.
+"""Requests of hostile Modbus TCP clients and the required answers: tables of PDUs only.
 
-The daemon has one sensor, commands and scratch registers, 16 places for clients; nothing is unlocked.
+The daemon has one sensor, commands and scratch registers, and 16 places for clients; nothing is unlocked.
 """
 import re
 
@@ -204,7 +204,8 @@ WRITES_TO_BAD_ADDRESSES = table([
     ("a bad value and a reserved cell", registers(5022, (6, 1, 1)), 2, OURS),
 ])
 
-# ---- refused by what they say: without `commands` each is exception 2 ------------------------------------------------
+# ---- refused because of their value: without `commands` each is exception 2
+# -----------------------------------------
 
 WRITES_OF_BAD_VALUES = table([
     *((f"a watchdog of {ms} ms", register(5021, ms), 3, OURS) for ms in (1, 9, 60001, 0xFFFF)),
@@ -257,7 +258,8 @@ UNLOCKING = [
     Case("FC 22 that makes a bad setting", mask(5031, 0, 0xFFF0), 3, OURS, before=(UNLOCK,)),
 ]
 
-# ---- good ones, at the edge of what may be written: without `commands` each is exception 2 ---------------------------
+# ---- valid writes at the limits of the writable range: without `commands` each is exception 2
+# -----------------------
 
 WRITES_OF_GOOD_FORM = table([
     ("FC 5, nothing to do", coil(0, 0), coil(0, 0), mb("6.5")),

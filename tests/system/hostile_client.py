@@ -1,4 +1,4 @@
-"""Modbus TCP clients that send bytes as they are, and the good one that reads beside them."""
+"""Modbus TCP clients that send arbitrary bytes, and a valid one that reads beside them."""
 import re
 import socket
 import struct
@@ -7,9 +7,9 @@ import time
 from hostile_pdus import CLOSED, adu, read
 
 SILENT = "silent"
-PLACES = 16  # for clients, of the daemon
-PATIENT_S = 5  # a hostile client that the kernel lets wait for its second SYN is no failure
-AT_ONCE_S = 0.7  # well below the second that half a request may take
+PLACES = 16  # for clients, in the daemon
+PATIENT_S = 5  # waiting for its second SYN is not a failure for a hostile client
+AT_ONCE_S = 0.7  # well below the second that a partial request may take
 CONTROL, PLC = "127.0.0.10", "127.0.0.9"
 
 
@@ -36,7 +36,7 @@ class Client:
         self.socket.close()
 
     def send(self, data):
-        """False when the server has closed."""
+        """Returns False if the server has closed the connection."""
         try:
             self.socket.sendall(data)
             return True
@@ -44,7 +44,7 @@ class Client:
             return False
 
     def frame(self, seconds=None):
-        """The next ADU, CLOSED or SILENT; what is left of an incomplete one comes before CLOSED."""
+        """Returns the next ADU, CLOSED or SILENT; the rest of an incomplete one comes before CLOSED."""
         until = time.monotonic() + (self.seconds if seconds is None else seconds)
         while True:
             size = 6 + struct.unpack(">H", self.heard[4:6])[0] if len(self.heard) >= 6 else None
@@ -64,7 +64,7 @@ class Client:
             self.heard += data
 
     def frames(self, last=None, seconds=None):
-        """All frames up to the transaction `last`, or up to CLOSED or SILENT, which is then the last one."""
+        """Returns all frames up to the transaction `last`, or up to CLOSED or SILENT, which is then the last one."""
         heard = []
         while True:
             heard.append(self.frame(seconds))
@@ -72,7 +72,7 @@ class Client:
                 return heard
 
     def ask(self, pdu):
-        """The answer's PDU, CLOSED or SILENT."""
+        """Returns the answer's PDU, CLOSED or SILENT."""
         self.send(adu(pdu))
         answer = self.frame()
         return answer[7:] if isinstance(answer, bytes) else answer
@@ -83,7 +83,7 @@ class Client:
 
 
 def witness(port, stop, report):
-    """Reads the global block 200 times a second on one connection; reports what went wrong and how long it waited."""
+    """Reads the global block 200 times a second on one connection; reports errors and its longest wait."""
     bad = dict.fromkeys(("missing", "wrong", "torn", "dropped", "heartbeat stood still"), 0)
     waits_ms = []
     client = Client(port)

@@ -1,4 +1,4 @@
-"""What hostile Modbus TCP clients send as frames, whole, cut or late, and what each must get: tables only."""
+"""Frames of hostile Modbus TCP clients, whole, cut or late, and the required answers: tables only."""
 from dataclasses import dataclass
 
 from hostile_pdus import (CLOSED, FULL_WRITE, GOOD, GOOD_ANSWER, HUNDRED, HUNDRED_ANSWERS, MAGIC, MAGIC_IS, NEXT,

@@ -1,6 +1,6 @@
-"""Modbus PDUs and frames byte by byte, wrong ones too, and what a case of the hostile tables says.
+"""Modbus PDUs and frames byte by byte, including invalid ones, and the fields of a case in the hostile tables.
 
-Sections: mb() is the Modbus Application Protocol 1.1b3, tcp() the Messaging on TCP/IP Guide 1.0b, OURS where both are
+Sections: mb() is the Modbus Application Protocol 1.1b3, tcp() the Messaging on TCP/IP Guide 1.0b, OURS if both are
 silent and the register map or the manual decides.
 """
 import re
@@ -26,9 +26,10 @@ def tcp(section):
 
 @dataclass
 class Case:
-    """Answered in full, and in order, by `expected`; an exception or CLOSED also means that nothing was written."""
+    """A request that is answered completely, and in order, by `expected`; an exception or CLOSED also means that no
+    register was written."""
     name: str
-    sent: object  # a PDU, or a list of raw pieces, each sent on its own
+    sent: object  # a PDU, or a list of raw pieces, each sent separately
     expected: object  # exception code, PDU, pattern of a PDU, CLOSED; or a list of raw ADUs and perhaps CLOSED
     section: str
     before: tuple = ()  # PDUs that are sent first and accepted
@@ -96,7 +97,7 @@ def some(function, size):
 
 
 def objects(code, first, count, text):
-    """An answer of `count` objects, of which `first` is `text`."""
+    """An answer of `count` objects, whose object `first` is `text`."""
     head, one = bytes([43, 14, code]), bytes([count, first, len(text)]) + text
     return re.compile(re.escape(head) + b".\0\0" + re.escape(one) + b".*", re.DOTALL)
 

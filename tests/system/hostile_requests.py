@@ -1,4 +1,4 @@
-"""Hostile in what they ask, or in how often: each returns "" or what it got instead."""
+"""Clients with hostile requests or rates: each function returns "" or the wrong answer."""
 import random
 import struct
 import time
@@ -49,7 +49,7 @@ def eight_clients_byte_by_byte(port):
 
 
 def greedy(port):
-    """Asks 100 times before it takes the first answer, for 2 s."""
+    """Sends 100 requests before it reads the first answer, for 2 s."""
     until, rounds = time.monotonic() + 2, 0
     with Client(port) as client:
         while time.monotonic() < until:

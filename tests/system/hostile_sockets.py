@@ -1,4 +1,4 @@
-"""Hostile in how they connect, take answers and go: each returns "" or what it got instead."""
+"""Clients that connect, read answers and disconnect in hostile ways: each function returns "" or the wrong answer."""
 import os
 import resource
 import select
@@ -13,7 +13,7 @@ from hostile_pdus import CLOSED, GOOD, GOOD_ANSWER, MAGIC, MAGIC_IS, adu, read
 
 
 def deaf(port):
-    """Asks for ever and takes nothing."""
+    """Sends requests permanently and reads nothing."""
     with Client(port, receive_bytes=4096) as client:
         client.socket.setblocking(False)
         poll = select.poll()
@@ -106,7 +106,8 @@ def connect_and_reset(port):
 
 
 def burst_while_the_daemon_is_halted(suite):
-    """As a busy machine halts it. No connection may have to wait for its second SYN, which comes after 1 s."""
+    """Simulates an interruption by a busy machine. No connection may have to wait for its second SYN, which comes
+    after 1 s."""
     clients = [socket.socket() for _ in range(64)]
     poll = select.poll()
     os.kill(suite.daemon.process.pid, signal.SIGSTOP)
@@ -128,7 +129,7 @@ def burst_while_the_daemon_is_halted(suite):
 
 
 def connections_that_stay(port):
-    """More than FD_SETSIZE of them on the client's side; the server keeps its places and closes the rest."""
+    """More than FD_SETSIZE connections on the client's side; the server keeps its places and closes the rest."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 4096)), hard))
     clients = [Client(port, seconds=PATIENT_S) for _ in range(1100)]
@@ -142,7 +143,7 @@ def places_taken(clients):
     poll = select.poll()
     for client in clients:
         poll.register(client.socket, select.POLLIN)
-    return len(clients) - len(poll.poll(0))  # readable: closed, for nobody has asked anything
+    return len(clients) - len(poll.poll(0))  # readable means closed, because nothing was requested
 
 
 def silent_clients(port):
@@ -159,7 +160,7 @@ def silent_clients(port):
 
 
 def full_house(port):
-    """With the witness every place is taken by one that polls."""
+    """With the witness, every place is taken by a polling client."""
     pollers = [Client(port) for _ in range(PLACES - 1)]
     plcs, newcomers = [], []
     try:

@@ -1,4 +1,5 @@
-"""Runs cases against one daemon: the tables of hostile_cases and hostile_frames, and the clients that tables cannot tell."""
+"""Runs cases against one daemon: the tables of hostile_cases and hostile_frames, and clients that tables cannot
+describe."""
 import concurrent.futures
 import re
 import select
@@ -7,10 +8,10 @@ import time
 from hostile_client import AT_ONCE_S, PLACES, Client, common, show
 from hostile_pdus import CLOSED, GOOD, MAGIC, MAGIC_IS, OURS, SCRATCH, adu, read, refusal
 
-PROBE = 0xBEEF  # its transaction id
+PROBE = 0xBEEF  # transaction id of the probe
 WRITES = (5, 6, 15, 16, 22, 23)
 STATE = [read(3, 25, 3), read(3, 120, 1), read(3, 5000, 100), read(3, SCRATCH, 125), read(3, SCRATCH + 125, 3),
-         read(1, 0, 34)]  # all that a write can change; 120 = TARE_COUNT
+         read(1, 0, 34)]  # everything that a write can change; 120 = TARE_COUNT
 
 
 def fits(got, wanted):
@@ -34,7 +35,7 @@ def may_write(case):
 
 
 class Suite:
-    """One daemon, its witness, and what went wrong."""
+    """One daemon, its witness, and the failures."""
 
     def __init__(self, daemon):
         self.daemon, self.port = daemon, daemon.port
@@ -46,7 +47,7 @@ class Suite:
         print(f"{name}: sent {show(sent)}, got {show(got)}, expected {show(expected)} ({section})", flush=True)
 
     def is_served_afterwards(self, name, seconds=0.0):
-        """A fresh connection; `seconds`: how long the places of those that went may stay taken."""
+        """Tests a new connection; `seconds`: time for which the places of disconnected clients may stay taken."""
         if self.daemon.process.poll() is not None:
             status = self.daemon.process.returncode
             raise AssertionError(f"the daemon died of {name}: {status}\n{self.daemon.log()[-2000:]}")
@@ -104,7 +105,7 @@ class Suite:
     def look_afterwards(self, case):
         if not case.after:
             return
-        with Client(self.port, source=case.source) as client:  # acknowledgements are those of its address
+        with Client(self.port, source=case.source) as client:  # acknowledgements belong to its address
             for pdu, answer in case.after:
                 if (now := client.ask(pdu)) != answer:
                     self.fail(f"{case.name}: afterwards", pdu, now, answer, case.section)
@@ -146,7 +147,7 @@ class Suite:
         self.count += 1
         try:
             got = outcome()
-        except OSError as error:  # TimeoutError too
+        except OSError as error:  # includes TimeoutError
             got = f"{type(error).__name__}: {error}"
         if got:
             self.fail(name, sent, got, expected, section)

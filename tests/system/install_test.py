@@ -1,4 +1,4 @@
-"""What is installed: headers, package files and the Python module, used as a user's build would use them."""
+"""The installed files: headers, package files and the Python module, used as in a user's build."""
 import gzip
 import os
 import pathlib
@@ -13,7 +13,7 @@ from map_test import CONFIG
 
 
 def example(language, node):
-    """The example of node/guide/programs.md in that language, with the name of the test's own node."""
+    """Returns the example of node/guide/programs.md in that language, with the name of the test's own node."""
     text = re.search(rf"```{language}\n(.*?)```", (ROOT / "node/guide/programs.md").read_text(), re.S).group(1)
     return text.replace('"gripper"', f'"{node}"')
 
@@ -75,7 +75,7 @@ class Installed(unittest.TestCase):
         return [line for line in out.splitlines() if line.endswith(" N")]
 
     def test_pkg_config_builds_the_c_example(self):
-        """pkg-config's prefix is the configured one: moved here, as a cross build does."""
+        """The prefix in pkg-config is the configured one: it is replaced here, as in a cross build."""
         where = {**os.environ, "PKG_CONFIG_PATH": str(self.prefix / "share/pkgconfig")}
         words = subprocess.run(["pkg-config", f"--define-variable=prefix={self.prefix}", "--cflags", "tactiled >= 0.1"], env=where,
                                capture_output=True, text=True, check=True).stdout.split()
@@ -118,7 +118,7 @@ class Installed(unittest.TestCase):
                 time_t, woken, samples, cpu_ms = map(int, out.split())
                 self.assertEqual((time_t, woken), (size, 1))
                 self.assertGreater(samples, 100)
-                self.assertLess(cpu_ms, 100)  # 4 to 9; 430 where the kernel misreads the limit as 0
+                self.assertLess(cpu_ms, 100)  # 4 to 9; 430 if the kernel misreads the limit as 0
 
     def test_the_python_module_is_found(self):
         environment = {**os.environ, "PYTHONPATH": str(self.prefix / "lib/python3/dist-packages")}

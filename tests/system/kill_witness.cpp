@@ -1,6 +1,6 @@
-// kill -9 of the daemon at random moments, start again, while readers look all the time.   kill_witness [KILLS] [SEED]
-// Fails when a reader call takes a second, a GOOD sample is wrong or old, a value crosses a restart without a new epoch, or
-// a start needs anything cleaned.
+// Kills the daemon with kill -9 at random moments and starts it again, while readers poll continuously.   kill_witness
+// [KILLS] [SEED] Fails if a reader call takes a second, a GOOD sample is wrong or old, a value crosses a restart without a
+// new epoch, or a start needs any cleanup.
 #include <fmt/format.h>
 #include <signal.h>
 #include <spawn.h>
@@ -31,7 +31,7 @@ struct Findings {
         longest_ns{0};
 };
 
-// Counts what a reader must never see.
+// Counts events that a reader must never see.
 class Witness {
 public:
     explicit Witness(Findings& findings) : findings_(findings) {}
@@ -81,7 +81,8 @@ pid_t start(const std::string& folder) {
     return pid;
 }
 
-// A reader that sleeps on the node ring, and subscribes to events: killed each turn, it must leave nothing in anybody's way.
+// A reader that sleeps on the node ring and subscribes to events. It is killed in each cycle and must not leave
+// anything that blocks the daemon.
 int be_a_victim(const char* node) {
     Reader reader(node, "left");
     tactiled_sample s{};
@@ -119,8 +120,7 @@ int main(int argc, char** argv) {
         std::array<std::uint8_t, kCobsMaxEncoded> bytes;
         for (std::uint32_t n = 0; !stop; ++n) {
             const std::size_t size = encode_fed(n, bytes);
-            [[maybe_unused]] const auto sent =
-                ::write(device.master(), bytes.data(), size);  // full while nobody reads: lost
+            [[maybe_unused]] const auto sent = ::write(device.master(), bytes.data(), size);  // full without a reader: lost
             ::usleep(950);
         }
     });
@@ -148,7 +148,7 @@ int main(int argc, char** argv) {
     for (int n = 0; n < kills; ++n) {
         const std::uint64_t began = monotonic_ns();
         const pid_t daemon = start(folder), victim = start_a_victim(node);
-        // Half of the kills come at any moment of the start, half in full run.
+        // Half of the kills are at any moment of the start, half during normal operation.
         const auto patience_us = std::uniform_int_distribution<unsigned>(0, n % 2 == 0 ? 20'000 : 60'000)(random);
         if (n % 2 == 1) {
             Reader reader(node, "left");
@@ -175,7 +175,7 @@ int main(int argc, char** argv) {
     feeder.join();
     newest.join();
     follower.join();
-    // What is left: the last victim's segment, and nothing else.
+    // Only the last victim's segment may be left.
     int left_behind = 0;
     const std::string run_folder = Segment::open(node).c()->folder;
     for (const auto& file : std::filesystem::directory_iterator(run_folder))

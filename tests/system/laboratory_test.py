@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The verbs of the laboratory are in a program and a package of their own, and users type tactilectl for all of them."""
+"""The verbs of the laboratory are in a separate program and package, and users type tactilectl for all of them."""
 import os
 import pathlib
 import re
@@ -21,7 +21,7 @@ def libraries(program):
 
 
 def verbs_of_help(program):
-    """{group: [verb]} of --help."""
+    """Returns {group: [verb]} of --help."""
     text = subprocess.run([program, "--help"], capture_output=True, text=True, check=True).stdout
     return {group: re.findall(r"^  ([a-z]+) ", lines, re.M) for group, lines in re.findall(r"^(\S[^\n]*):\n((?:  .*\n?|\n)+)", text, re.M)}
 
@@ -52,7 +52,7 @@ class Verbs(unittest.TestCase):
 
 
 class Alone(unittest.TestCase):
-    """tactilectl in a folder where another tactilectl-lab is, or none."""
+    """tactilectl in a folder with another tactilectl-lab, or without one."""
 
     def setUp(self):
         temporary = tempfile.TemporaryDirectory()
@@ -79,7 +79,8 @@ class Alone(unittest.TestCase):
         self.assertEqual(self.run_it("map").returncode, 0)
         self.assertEqual(self.run_it("check", ROOT / "config/demo.toml").returncode, 0)
         self.assertEqual(self.run_it("status", "--node", "nobody").returncode, 3)
-        self.assertEqual(self.run_it("read", "play", "--node", "nobody").returncode, 3)  # a sensor's name is no verb
+        self.assertEqual(self.run_it("read", "play", "--node", "nobody").returncode, 3)  # the name of a sensor is not
+                                                                                         # a verb
         self.assertEqual(self.run_it("calibrated").returncode, 2)
         self.assertIn("calibrate", self.run_it("--help").stdout)
 

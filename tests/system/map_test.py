@@ -1,4 +1,5 @@
-"""The register map as printed: frozen, the same everywhere, and as structured text that unpacks what the daemon serves."""
+"""The register map as printed: frozen, equal on all transports, and as structured text that unpacks the daemon's
+registers."""
 import csv
 import io
 import json
@@ -104,7 +105,7 @@ class StructuredText(unittest.TestCase):
                 forces.add(signed[at])
             self.assertTrue(block.value("SENSOR[0].HAS_VALUE"))
             self.assertEqual(block.value("SENSOR[0].OK"), bool(cells[1] & 1))
-            self.assertFalse(block.value("SENSOR[0].HAS_TORQUE"))  # four gauges see none
+            self.assertFalse(block.value("SENSOR[0].HAS_TORQUE"))  # four gauges measure none
             self.assertEqual([block.value("SENSOR[0].TEMP"), block.value("SENSOR[0].HAS_TEMP")], [0, False])
             self.assertTrue(block.value("SENSOR[0].HAS_F_MAG"))
             self.assertFalse(block.value("SENSOR[1].HAS_VALUE"))  # there is no second sensor
@@ -112,7 +113,7 @@ class StructuredText(unittest.TestCase):
         self.assertGreater(len(forces), 3, "the sensor stood still, and nothing was shown")
 
     def live_block(self, sensors=1):
-        """FB_TACTILED after a read that differed from the one before, and its inputs."""
+        """Returns FB_TACTILED after a read that differed from the one before, and its inputs."""
         block = Program(printed("--format", "st", "--sensors", str(sensors))).instance("FB_TACTILED")
         node, cells = self.read(0, 32), sum((self.read(100 + 25 * n, 25) for n in range(sensors)), [])
         for n in range(sensors):
@@ -124,7 +125,7 @@ class StructuredText(unittest.TestCase):
 
     @staticmethod
     def advance(node, cells=(), sensors=None):
-        """The next frame: of the global read, and of the blocks of `sensors`."""
+        """Returns the next frame: of the global read, and of the blocks of `sensors`."""
         node[5] ^= 1
         for n in range(len(cells) // 25) if sensors is None else sensors:
             cells[25 * n] = cells[25 * n + 24] = (cells[25 * n] + 1) & 0xFFFF
@@ -145,7 +146,7 @@ class StructuredText(unittest.TestCase):
         self.assertEqual(call(node[:2] + [0x0200] + node[3:], cells)[:2], [False, True])  # another major version
         self.assertEqual(call(node[:31] + [node[31] ^ 1], cells)[2], True)
         self.assertEqual(call(node, cells[:24] + [cells[24] ^ 1])[2:], [True, False, False])
-        self.assertEqual(call(node, cells, 12), [False, False, False, True, False])  # 0.6 s without a beat
+        self.assertEqual(call(node, cells, 12), [False, False, False, True, False])  # 0.6 s without a heartbeat
         self.advance(node, cells)
         self.assertEqual(call(node, cells)[0], True)
 
@@ -166,7 +167,7 @@ class StructuredText(unittest.TestCase):
         block, node, cells = self.live_block(16)
         node[3] = 16
         for _ in range(20):
-            self.advance(node, cells, range(5, 16))  # the first piece of 125 registers stands still
+            self.advance(node, cells, range(5, 16))  # the first piece of 125 registers does not change
             self.call(block, node, cells)
         self.assertEqual([block.value(f"SENSOR[{n}].OK") for n in range(16)], [False] * 5 + [True] * 11)
 

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Hostile Modbus TCP clients against the release daemon; a good one reads 200 times a second and must not notice."""
+"""Hostile Modbus TCP clients against the release daemon; a valid one reads 200 times a second and must not be
+affected."""
 import multiprocessing
 import pathlib
 import re
@@ -27,12 +28,12 @@ command_allow = ["127.0.0.1/32"]
 plc = ["{PLC}", "{CONTROL}"]
 settings = "{{folder}}/settings.toml"
 """
-# A busy machine halts the player for longer than 100 ms, and a stale sensor is not tared.
+# A busy machine interrupts the player for longer than 100 ms, and a stale sensor is not tared.
 SENSOR = CONFIG.replace("stale_ms = 100", "stale_ms = 2000") + "tare_ms = 300\n"
 MAX_GROWTH_KIB = 8 * 1024
 WORST_WAIT_MS = 250
 
-# name, what is sent, what is expected, section, function
+# name, sent data, expected answer, section, function
 IN_PARALLEL = [
     ("a deaf client", "reads of 125, answers not taken", "closed after 2 s", OURS, sockets.deaf),
     ("a second deaf client", "reads of 125, answers not taken", "closed after 2 s", OURS, sockets.deaf),
@@ -78,7 +79,8 @@ def resident_kib(process):
 
 class Hostile(unittest.TestCase):
     def play(self, config, cases_of):
-        """Starts a daemon with `config` and a witness, lets `cases_of` run its cases, and looks at what is left."""
+        """Starts a daemon with `config` and a witness, lets `cases_of` run its cases, and checks the state
+        afterwards."""
         with unit_daemon(rows="0,1,2,-3\n0.005,1,2,-3\n", config=config + SENSOR) as daemon:
             daemon.start()
             wait_for(quality_is(daemon, "good"), 3, "a good sample")

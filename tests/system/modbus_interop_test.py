@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Modbus TCP clients that are not ours, against the release daemon: each sees the values of the map and may tare."""
+"""Modbus TCP clients of other projects against the release daemon: each reads the values of the map and may tare."""
 import os
 import pathlib
 import shutil
@@ -45,7 +45,7 @@ def libmodbus(daemon):
 
 
 def fetch_javascript():
-    """Raises SkipTest without node or a registry; any other trouble is a failure."""
+    """Raises SkipTest without node or a registry; any other problem is a failure."""
     if shutil.which("node") is None:
         raise unittest.SkipTest("no node: apt-get install nodejs")
     done = subprocess.run([INTEROP / "fetch_npm.sh"], capture_output=True, text=True, timeout=120)

@@ -28,7 +28,7 @@ TARE_COUNT, STATUS, TARING = 120, 7, 0x100
 
 @contextlib.contextmanager
 def socat_pair(near, far):
-    """Two ends of a serial line; yields the process."""
+    """Makes two ends of a serial line; yields the process."""
     with subprocess.Popen(["socat", f"pty,raw,echo=0,link={near}", f"pty,raw,echo=0,link={far}"]) as process:
         try:
             wait_for(lambda: near.is_symlink() and far.is_symlink(), 5, "socat's ptys")
@@ -72,7 +72,7 @@ class OnTheLine(unittest.TestCase):
         self.until_answered()
 
     def until_answered(self, seconds=3):
-        """Asks until the daemon has the line open; returns the time that took."""
+        """Sends requests until the daemon has the line open; returns the duration."""
         began = time.monotonic()
         while True:
             try:
@@ -169,7 +169,8 @@ class OnTheLine(unittest.TestCase):
     def test_a_second_tare_is_refused_while_one_runs(self):
         tare, coil = write_word(5010, 1), struct.pack(">BHH", 5, 0, 0xFF00)
         self.assertEqual(self.line.ask(tare), tare)
-        time.sleep(GAP_S)  # the same frame at once is the adapter's echo of the answer; a line of 19200 baud has no time for it
+        time.sleep(GAP_S)  # the same frame at once is the adapter's echo of the answer; a line of 19200 baud has no
+                           # time for it
         for pdu in (tare, coil):
             self.assertEqual(self.line.ask(pdu).hex(" "), bytes([pdu[0] | 0x80, 6]).hex(" "))
         self.tare_count_reaches(1)
@@ -179,7 +180,7 @@ class OnTheLine(unittest.TestCase):
     def test_an_adapter_that_hears_itself_does_not_make_it_answer_itself(self):
         write = framed(RTU_ADDRESS, write_word(5110, 7))  # its answer is the same frame
         self.line.write(write)
-        self.line.write(self.line.read(1.0))  # what it has sent comes back
+        self.line.write(self.line.read(1.0))  # sends its answer back
         self.assertEqual(self.line.heard(), b"")
         self.assertEqual(words(self.line.ask(read_words(5110, 1))), [7])
 

@@ -57,7 +57,7 @@ def is_good(daemon, index=0):
 
 
 class Witness(threading.Thread):
-    """Follows the sensor and keeps what it was told."""
+    """Follows the sensor and stores its samples."""
 
     def __init__(self, daemon):
         super().__init__(daemon=True)
@@ -102,7 +102,7 @@ class RealSlaves(unittest.TestCase):
         with modbus_daemon(f'address = "127.0.0.1:{port}"\ntimeout_ms = 200\n\n[[link.slave]]\n'
                            f'registers_file = "{ROOT}/config/devices/onrobot_rg2ft.toml"\n',
                            SENSOR + f"channels = [{twelve}, {unused}]\n" + right) as d:
-            d.start()  # before its device: it waits for it
+            d.start()  # before its device: it waits for the device
             d.others.append(pymodbus_slave("tcp", port, 65, 257, values))
             wait_for(is_good(d, 1), 10, "a good sample")
             for index, sent in enumerate(([1, -2, 3], [-4, 5, 6])):
@@ -138,7 +138,7 @@ class RealSlaves(unittest.TestCase):
 
 class HostileSlaves(unittest.TestCase):
     def run_against(self, end, link, misdeeds, seconds=12):
-        """Returns the counters. Every value that is told is one of a good answer, in time."""
+        """Returns the counters. Every value that is published is one of a good answer, in time."""
         slave = Hostile(end, misdeeds, seed=4)
         slave.start()
         try:

@@ -1,4 +1,4 @@
-"""Modbus slaves for a test: pymodbus' own, and one that misbehaves by a seed."""
+"""Modbus slaves for a test: pymodbus' own, and one that misbehaves depending on a seed."""
 import os
 import pathlib
 import random
@@ -59,7 +59,7 @@ class Pty:
         try:
             ready, _, _ = select.select([self.master], [], [], seconds)
             return os.read(self.master, 512) if ready else b""
-        except OSError:  # nobody has the other end
+        except OSError:  # the other end is not open
             time.sleep(0.01)
             return b""
 
@@ -116,14 +116,14 @@ class Server:
 
 
 class Hostile(threading.Thread):
-    """Answers function 3 at unit 1, in order, as a slave does. A good answer holds n, -n, 1 with n in 0 .. 7; what must not be taken
-    holds 9, 9, 9. `misdeeds`: name -> share of the requests."""
+    """Answers function 3 at unit 1, in order, as a slave does. A good answer has n, -n, 1 with n in 0 .. 7; an answer
+    that must not be used has 9, 9, 9. `misdeeds`: name -> share of the requests."""
 
     def __init__(self, end, misdeeds, seed, late_s=0.09):
         super().__init__(daemon=True)
         self.end, self.misdeeds, self.random, self.late_s = end, misdeeds, random.Random(seed), late_s
         self.rtu = isinstance(end, Pty)
-        self.done = {}  # misdeed -> how often
+        self.done = {}  # misdeed -> count
         self.ended = False
         self.n = 0
 

@@ -1,7 +1,8 @@
-"""The sessions on pages: fenced blocks "console", in which a line after "$ " is a command and the lines below it are its output.
+"""The sessions on pages: fenced blocks "console", where a line after "$ " is a command and the lines below it are its
+output.
 
-A line "> " continues a command. "…" in an output line stands for any text, and alone on a line for any lines. A command with
-"# hardware" needs a device and is not run. All commands of a page run in one shell, in page order.
+A line "> " continues a command. "…" in an output line stands for any text, and alone on a line for any lines. A
+command with "# hardware" needs a device and is not run. All commands of a page run in one shell, in page order.
 """
 import os
 import pathlib
@@ -25,7 +26,7 @@ class Command:
 
 
 def commands(page, text):
-    """The commands of a page's sessions, with the outputs that it shows."""
+    """Returns the commands of a page's sessions, with the outputs on the page."""
     found = []
     for block in FENCE.finditer(text):
         first = text.count("\n", 0, block.start(1)) + 1
@@ -44,7 +45,7 @@ def commands(page, text):
 
 
 def matches(expected, seen):
-    """"" or the first line of `expected` that `seen` does not have in its place."""
+    """Returns "" or the first line of `expected` that `seen` does not have in its place."""
     def one(pattern, line):
         parts = [re.escape(" ".join(part.split())) for part in pattern.split("…")]
         return re.fullmatch(r"\s*.*?\s*".join(parts), " ".join(line.split())) is not None
@@ -65,7 +66,7 @@ def matches(expected, seen):
 
 
 class Shell:
-    """One bash in `folder`; its children end with it."""
+    """A bash in `folder`; its children end with it."""
 
     MARK = "--page-session-done--"
 
@@ -75,7 +76,7 @@ class Shell:
         os.set_blocking(self.process.stdout.fileno(), False)
 
     def run(self, text, timeout):
-        """(lines of output, exit status); TimeoutError after `timeout` seconds."""
+        """Returns (lines of output, exit status); raises TimeoutError after `timeout` seconds."""
         self.process.stdin.write(f"{{ {text}\n}} 2>&1; echo {self.MARK} $?\n".encode())
         self.process.stdin.flush()
         out, until = b"", time.monotonic() + timeout
@@ -108,7 +109,8 @@ class Shell:
 
 
 def faults(page, text, folder, env, before=(), timeout=90):
-    """What of the page's sessions is not as the page shows it; [] where all is. Stops at the first one: the later ones need it."""
+    """Returns the differences between the page's sessions and their actual output; [] if there are none. Stops at the
+    first one, because later commands depend on it."""
     shell = Shell(folder, env, before)
     try:
         for command in commands(page, text):

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Every session on every page gives what the page shows, in page order, in a fresh folder, as root and as a normal user.
+"""Every session on every page has the output on the page, in page order, in a fresh folder, as root and as a normal
+user.
 
     pages_test.py                        the sessions, and five planted errors that the test must find
     PAGE=node/guide/plc.md pages_test.py one page
@@ -22,7 +23,7 @@ COMMAND = re.compile(r"(?:^\s+|[\s/$(])tactilectl ([a-z]+)(.*)$")
 
 
 def pages():
-    """Each page with a session, the main page first."""
+    """Returns each page with a session, the main page first."""
     tracked = shutil.which("git") and subprocess.run(["git", "-C", ROOT, "ls-files", "-co", "--exclude-standard", "*.md"], capture_output=True, text=True)
     if tracked and tracked.returncode == 0:
         files = tracked.stdout.split()
@@ -33,7 +34,7 @@ def pages():
 
 class Fresh(unittest.TestCase):
     def fresh(self, uid):
-        """A folder that looks like a clone with what is built, and an environment; they belong to the user."""
+        """Makes a folder like a clone with the built programs, and an environment; they belong to the user."""
         folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-page-"))
         self.addCleanup(shutil.rmtree, folder, True)
         for entry in ROOT.iterdir():
@@ -108,7 +109,7 @@ class Pages(unittest.TestCase):
                     self.assertTrue((page.parent / target).exists(), f"{page}: {target}")
 
     def test_every_verb_and_option_that_a_page_prints_exists(self):
-        """Also of the commands that are in no session: long ones, and those for a service."""
+        """Covers also the commands that are in no session: long ones, and those for a service."""
         def help_of(*words):
             return subprocess.run([BIN / "tactilectl", *words, "--help"], capture_output=True, text=True, check=True).stdout
         verbs = set(re.findall(r"^  ([a-z]+) ", help_of(), re.M)) | {"help"}

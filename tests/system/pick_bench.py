@@ -1,11 +1,11 @@
-"""A parallel gripper on an arm, with a skin on each of its two jaws, as a test commands it.
+"""A parallel gripper on an arm, with a skin on each of its two jaws, commanded by a test.
 
-The physics knows nothing of the estimator: an object stands on a table, jaws close on it with a force, an arm accelerates,
-the object hangs on the skins' tangential spring and slides where friction does not hold it. What each skin feels goes through
-simulated_sensors.py into frames on a pty.
+The physics is independent of the estimator: an object is on a table, jaws close on it with a force, an arm
+accelerates, the object hangs on the skins' tangential spring and slides if friction does not hold it.
+simulated_sensors.py converts the force on each skin to frames on a pty.
 
-Gripper's frame G: z out of the palm, which looks down; x from the left jaw to the right one. Skins: z_S towards the other
-jaw, x_S towards the palm.
+Gripper's frame G: z out of the palm, which looks down; x from the left jaw to the right one. Skins: z_S towards the
+other jaw, x_S towards the palm.
 """
 import math
 import os
@@ -22,10 +22,10 @@ G_m_s2 = 9.81
 RATE_HZ = 500
 SUBSTEPS = 8
 LIFT_m, SPEED_m_s, ACCELERATION_m_s2 = 0.05, 0.2, 1.5
-TABLE_N_m, SKINS_N_m, DAMPING = 50e3, 4000.0, 0.3  # both skins together; share of critical damping
+TABLE_N_m, SKINS_N_m, DAMPING = 50e3, 4000.0, 0.3  # SKINS: both skins together; DAMPING: share of critical damping
 CLOSES_N_s, OPENS_N_s = 60.0, 80.0
-KINETIC = 0.8  # of the friction that holds, once it slides
-HUM_m_s2, HUM_Hz = 0.3, 37.0  # of the arm while it moves
+KINETIC = 0.8  # kinetic over static friction
+HUM_m_s2, HUM_Hz = 0.3, 37.0  # vibration of the arm during a motion
 
 GRASP = """[grasp]
 gravity_G_m_s2 = [0, 0, 9.81]
@@ -47,7 +47,7 @@ z_S_in_G = [-1, 0, 0]
 
 
 def calibrate_skin(path):
-    """The calibration of one skin, fitted from labelled rows that it gives."""
+    """Makes the calibration of one skin, fitted from its labelled rows."""
     skin = SENSORS["skin"]()
     skin.begin("quadratic")
     rows = path.with_suffix(".csv")
@@ -57,7 +57,7 @@ def calibrate_skin(path):
 
 
 def lift_profile(t_s):
-    """Height and acceleration of the arm t_s after it began to lift."""
+    """Returns height and acceleration of the arm t_s after the begin of the lift."""
     ramp_s = SPEED_m_s / ACCELERATION_m_s2
     whole_s = LIFT_m / SPEED_m_s + ramp_s
     if t_s >= whole_s:
@@ -70,7 +70,7 @@ def lift_profile(t_s):
 
 
 class Robot(threading.Thread):
-    """Gripper, arm, object and skins, in real time. Commands return at once, as a robot's do."""
+    """Gripper, arm, object and skins, in real time. Commands return at once, as on a robot."""
 
     def __init__(self, folder, seed, method="quadratic"):
         super().__init__(daemon=True)
@@ -86,18 +86,18 @@ class Robot(threading.Thread):
             os.set_blocking(self.master[name], False)
             (folder / name).symlink_to(os.ttyname(self.slave[name]))
         self.silent = set()         # names of skins whose device sends nothing
-        self.damaged = {}           # name of a skin: which part of each force it still measures, fx fy fz
+        self.damaged = {}           # name of a skin: the share of each force that it still measures, fx fy fz
         self.press_N = self.to_N = 0.0
         self.mass_kg, self.friction = 0.2, 0.8
-        self.load_N = 0.0           # of both skins, up
-        self.slid_m = 0.0           # since it was grasped
-        self.lifts_since_s = None   # None: the arm stands on the table's height
+        self.load_N = 0.0           # sum over both skins, upwards
+        self.slid_m = 0.0           # since the grasp
+        self.lifts_since_s = None   # None: the arm is at the table's height
         self._fresh_object()
 
     # ---- commands
 
     def offer(self, mass_kg):
-        """The arm goes back down, open, over another object."""
+        """Moves the arm down, open, over another object."""
         with self.lock:
             assert self.press_N == 0, "the jaws hold something"
             self.mass_kg, self.lifts_since_s = mass_kg, None
@@ -124,8 +124,9 @@ class Robot(threading.Thread):
     def _fresh_object(self):
         self.y_m = self.v_m_s = self.slid_m = self.load_N = 0.0
         self.slides = False
-        self.share = self.random.gauss(0.5, 0.03)              # of the left jaw: nobody grasps in the very middle
-        self.clamp_N = self.random.gauss(0, 0.1)               # what two jaws that close not quite in line do to each other
+        self.share = self.random.gauss(0.5, 0.03)              # share of the left jaw: a grasp is never exactly in
+                                                               # the middle
+        self.clamp_N = self.random.gauss(0, 0.1)               # force between two jaws that are not exactly aligned
         self.across_N = [self.random.gauss(0, 0.05) for _ in range(2)]
 
     def _step(self, now_s, dt_s):
@@ -144,7 +145,7 @@ class Robot(threading.Thread):
         self.load_N = SKINS_N_m * (arm_m - self.slid_m - self.y_m) + damping * (arm_v_m_s - self.v_m_s)
         most_N = 2 * self.friction * self.press_N * (KINETIC if self.slides else 1)
         self.slides = abs(self.load_N) > most_N
-        if self.slides:  # what the spring gives up, it gives up for good
+        if self.slides:  # sliding relaxes the spring permanently
             most_N = 2 * self.friction * self.press_N * KINETIC
             self.slid_m += math.copysign((abs(self.load_N) - most_N) / SKINS_N_m, self.load_N)
             self.load_N = math.copysign(most_N, self.load_N)
@@ -156,7 +157,7 @@ class Robot(threading.Thread):
         self.y_m += self.v_m_s * dt_s
 
     def _wrenches(self):
-        """What each skin feels, frame S: x_S looks up, and the object pulls down."""
+        """Returns the wrench on each skin, frame S: x_S points up, and the object pulls down."""
         touch = min(1.0, self.press_N / 1.0)
         shares = {"left": self.share, "right": 1 - self.share}
         sides = {"left": 1, "right": -1}
@@ -183,7 +184,7 @@ class Robot(threading.Thread):
                     try:
                         os.write(self.master[name], skin.frame(self.sequence, skin.read(wrenches[name])))
                     except BlockingIOError:
-                        pass  # nobody reads yet
+                        pass  # there is no reader yet
                 self.sequence += 1
                 due_s = max(due_s + 1 / RATE_HZ, now_s)
                 time.sleep(max(0, due_s - time.monotonic()))

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""A pick task end to end: a PLC that sees the gripper through Modbus alone teaches, picks, weighs, sorts and releases.
+"""A pick task end to end: a PLC that uses only Modbus teaches, picks, weighs, sorts and releases objects.
 
     pick_task_test.py              20 picks, a jaw damaged in 4 of them (1 minute)
     PICKS=100 pick_task_test.py    as many as the promise has: 0 wrong, and each of 20 damages reported
 
-The robot and the objects are pick_bench.py's; the PLC knows of them what registers and its own commands tell. Each object is
-taught by the register TEACH. One in five objects to pick was never taught: it must come out as unknown.
+The robot and the objects are those of pick_bench.py; the PLC knows only the registers and its own commands. Each
+object is taught by the register TEACH. One in five objects was never taught and must be reported as unknown.
 """
 import math
 import os
@@ -28,11 +28,11 @@ from simulated_sensors import SENSORS  # noqa: E402
 
 PICKS = int(os.environ.get("PICKS", "20"))
 SEED = int(os.environ.get("SEED", "7"))
-KNOWN_kg = {1: 0.12, 2: 0.21, 3: 0.34, 4: 0.55}  # object's id: what it truly weighs
+KNOWN_kg = {1: 0.12, 2: 0.21, 3: 0.34, 4: 0.55}  # object's id: its true weight
 STRANGE_kg = 0.45
 TEACHINGS = 3
 GRIP_N = 8.0
-WITHIN = 0.03  # of the weight: the estimator's aim is 3 %
+WITHIN = 0.03  # share of the weight: the estimator's target is 3 %
 
 MAP_VER, SEQ, HEARTBEAT, STATUS, SLIP_LATCH, GRIP_STATE, WEIGHT_STATE, WEIGHT, WEIGHT_SD, SLIP_COUNT, SEQ_END = \
     2, 4, 5, 7, 13, 17, 19, 20, 22, 24, 31
@@ -110,10 +110,10 @@ class PickTask(unittest.TestCase):
         self.plc.wait("a value of both jaws", lambda seen: seen["grip"] == OPEN)
 
     def pick(self, mass_kg, do=lambda seen: None):
-        """Closes, waits for grasped, lifts, waits for a stable weight, does something with it, lets go. Returns what was seen
-        while it was stable, and how long after the lift that was."""
+        """Closes, waits for grasped, lifts, waits for a stable weight, calls `do`, and releases. Returns the state
+        while the weight was stable, and its delay after the lift."""
         self.robot.offer(mass_kg)
-        time.sleep(0.25)  # the arm goes to the next one: the skins are free
+        time.sleep(0.25)  # the arm moves to the next object: the skins are free
         self.plc.write(GRIPPER_STATE, CLOSING)
         self.robot.close(GRIP_N)
         grasped = self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
@@ -168,7 +168,8 @@ class PickTask(unittest.TestCase):
               f"worst {max(sds):.1f} sd; {slid} with a slip told though nothing slid; stable {min(after_s):.2f} .. {max(after_s):.2f} s after the command to lift", file=sys.stderr)
         self.assertEqual(wrong, [])
         self.assertEqual(missed, [])
-        self.assertLessEqual(slid, PICKS // 20)  # frames that a busy machine delays come in bursts: a force seems to jump
+        self.assertLessEqual(slid, PICKS // 20)  # frames that a busy machine delays come in bursts: a force seems to
+                                                 # jump
         self.assertEqual(after["grasps"] - before["grasps"], PICKS)
 
     def test_a_slip_between_two_scans_is_counted_and_stays_latched(self):
@@ -178,7 +179,7 @@ class PickTask(unittest.TestCase):
         self.robot.close(3.0)  # N: friction holds 0.8 * 3 * 2, less than 5.4
         self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
         self.robot.lift()
-        time.sleep(1.5)  # the PLC does not look
+        time.sleep(1.5)  # the PLC does not read
         self.robot.open()
         time.sleep(0.3)
         seen = self.plc.wait("open or lost", lambda seen: seen["grip"] in (OPEN, LOST))
@@ -213,7 +214,7 @@ class PickTask(unittest.TestCase):
         self.plc.wait("a stable weight", lambda seen: seen["state"] == STABLE)
         self.robot.silent = names
         gone = self.plc.wait("no value", lambda seen: seen["grip"] == UNKNOWN, 2)
-        for _ in range(25):  # and stays so, whatever the other one delivers
+        for _ in range(25):  # and stays so, whatever the other skin delivers
             self.assertIsNone(gone["kg"])
             self.assertEqual((gone["object"], gone["grip"]), (0, UNKNOWN))
             time.sleep(0.02)

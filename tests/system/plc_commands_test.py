@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Commands of PLCs: one that writes its block in every cycle across restarts, two that compete, each path's tare limit, faults."""
+"""Commands of PLCs: one that writes its block in every cycle across restarts, two that compete, each path's tare
+limit, faults."""
 import pathlib
 import signal
 import subprocess
@@ -109,10 +110,10 @@ class TwoPlcs(unittest.TestCase):
             failures = []
 
             def command(plc, own):
-                mask = 1 if own else 2  # the other one's mask names no sensor
+                mask = 1 if own else 2  # the mask of the other PLC contains no existing sensor
                 plc.command(1, 8, mask)
                 for number in range(2, 100):
-                    while (outcome := plc.command(number, 8, mask)) == 6:  # busy with the other's
+                    while (outcome := plc.command(number, 8, mask)) == 6:  # busy with the other PLC's command
                         pass
                     if outcome != ((number, DONE, OK) if own else (number, REJECTED, 2)):
                         failures.append((own, number, outcome))
@@ -176,7 +177,7 @@ class Faults(unittest.TestCase):
 
 
 class FunctionBlock(unittest.TestCase):
-    """The generated FB_TACTILED and FB_TACTILED_COMMAND, run against the daemon as a PLC's task would."""
+    """The generated FB_TACTILED and FB_TACTILED_COMMAND, run against the daemon like a PLC's task."""
 
     def setUp(self):
         text = subprocess.run([BIN / "tactilectl", "map", "--format", "st", "--sensors", "1"], capture_output=True, text=True, check=True).stdout

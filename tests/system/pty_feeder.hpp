@@ -1,5 +1,5 @@
-// A device behind a pty, for programs that must know what was sent: binary frames of 8 channels whose numbers follow from
-// the sequence number, so that a reader can tell a torn, mixed or wrong sample from a right one.
+// A device behind a pty, for programs that must know the sent data: binary frames of 8 channels whose numbers follow
+// from the sequence number, so that a reader can distinguish a torn, mixed or wrong sample from a right one.
 #pragma once
 #include <fcntl.h>
 #include <pty.h>
@@ -19,7 +19,8 @@ namespace tactiled::testing {
 
 inline constexpr int kFeederChannels = 8;
 
-// What channel k of frame `sequence` (modulo 65536) carries: 20 bits, so that 24-bit channels never meet their rails.
+// Returns channel k of frame `sequence` (modulo 65536): 20 bits, so that 24-bit channels never reach their saturation
+// limits.
 inline double fed_count(std::uint32_t sequence, int k) {
     return double(((sequence & 0xFFFF) * 2654435761u + std::uint32_t(k) * 40503u) >> 12) - 524288;
 }
@@ -46,7 +47,7 @@ public:
     Pty(const Pty&) = delete;
     Pty& operator=(const Pty&) = delete;
     int master() const { return master_; }
-    int slave() const { return slave_; }  // held open: a daemon that is killed leaves the port as it was
+    int slave() const { return slave_; }  // kept open: a daemon that is killed leaves the port unchanged
 
 private:
     std::string link_;
@@ -61,7 +62,7 @@ inline std::size_t encode_fed(std::uint32_t sequence, std::span<std::uint8_t, kC
     return encode_cobs(frame, 24, out);
 }
 
-// A sample is right when its forces are its frame's first three channels in units of 0.001 N, exactly.
+// Returns true if the forces of a sample are its frame's first three channels in units of 0.001 N, exactly.
 inline bool is_as_fed(const tactiled_sample& s) {
     for (int i = 0; i < 3; ++i)
         if (s.raw_force_S_N[i] != 0.001 * fed_count(s.device_sequence, i) || s.force_S_N[i] != s.raw_force_S_N[i])
@@ -69,7 +70,7 @@ inline bool is_as_fed(const tactiled_sample& s) {
     return true;
 }
 
-// Configuration and calibration of a daemon that reads such a device at FOLDER/dev.
+// Writes configuration and calibration of a daemon that reads such a device at FOLDER/dev.
 inline void write_fed_config(const std::string& folder, const std::string& node, const std::string& listen, int stale_ms) {
     std::ofstream(folder + "/fed.toml") << R"(format = 1
 model = "generic"

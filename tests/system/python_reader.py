@@ -1,4 +1,5 @@
-"""A played daemon, layout.h as a parser of its own sees it, and a segment's bytes to be patched: for the tests of node/python/tactiled.py."""
+"""A played daemon, layout.h in an independent parser, and a segment whose bytes can be patched: for the tests of
+node/python/tactiled.py."""
 import math
 import os
 import pathlib
@@ -57,14 +58,14 @@ def forces_are_nan(sample):
 
 
 def same_bits(a, b):
-    """Whether two decoded values are the same, NaN being the same as NaN."""
+    """Returns whether two decoded values are equal, with NaN equal to NaN."""
     if isinstance(a, tuple):
         return len(a) == len(b) and all(map(same_bits, a, b))
     return a == b or (isinstance(a, float) and struct.pack("d", a) == struct.pack("d", b))
 
 
 class Layout:
-    """layout.h as a parser sees it that knows nothing of the module."""
+    """layout.h in a parser that is independent of the module."""
 
     SCALARS = {"char": ("s", 1), "uint8_t": ("B", 1), "uint16_t": ("H", 2), "uint32_t": ("I", 4), "uint64_t": ("Q", 8), "float": ("f", 4),
                "double": ("d", 8)}
@@ -131,7 +132,7 @@ def sensor_ring(data, index):
 
 
 class a_copy:
-    """A segment's bytes under another name, to be patched. A context manager."""
+    """A copy of a segment under another name, to be patched. A context manager."""
 
     def __init__(self, data):
         self.data = bytearray(data)
@@ -143,7 +144,7 @@ class a_copy:
         struct.pack_into("=" + code, self.data, at + LAYOUT.offset(struct_name, member), *values)
 
     def make_fresh(self):
-        """No sample is stale, and the daemon is alive, for the next ten seconds."""
+        """Makes all samples fresh and the daemon alive for the next ten seconds."""
         now_ns = time.monotonic_ns()
         self.date_samples(now_ns)
         ring, _ = sensor_ring(self.data, 0)
@@ -158,7 +159,7 @@ class a_copy:
             self.put("sample", "t_ns", t_ns, at=ring["offset"] + slot * ring["slot_size"] + 8)
 
     def empty_rings(self, records=0):
-        """Nothing published, or so many samples that the ring has wrapped."""
+        """Publishes nothing, or so many samples that the ring has wrapped."""
         header, ring = LAYOUT.decode("header", self.data), sensor_ring(self.data, 0)[0]
         for offset, slot_size, slots, _, head_offset in (header["node"], ring.values()):
             struct.pack_into("=I", self.data, head_offset, 0)

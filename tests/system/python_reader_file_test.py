@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""node/python/tactiled.py on files: a segment that is cut, foreign, from another version, overwritten while it is read."""
+"""node/python/tactiled.py on files: a segment that is cut, foreign, from another version, or overwritten while it is
+read."""
 import itertools
 import os
 import pathlib
@@ -94,7 +95,7 @@ class AFile(unittest.TestCase):
     def test_that_may_not_be_read_says_what_to_do(self):
         with a_copy(self.data) as copy:
             name = copy.write(0o600)
-            module = (ROOT / "node/python/tactiled.py").read_text()  # nobody may be unable to enter this folder
+            module = (ROOT / "node/python/tactiled.py").read_text()  # user nobody may be unable to enter this folder
             code = f"tactiled = __import__('types').ModuleType('tactiled')\nexec({module!r}, tactiled.__dict__)\ntry: tactiled.open({name!r})\nexcept tactiled.Error as e: print(e)"
             nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
             done = subprocess.run([*nobody, sys.executable, "-B", "-"], input=code, capture_output=True, text=True, cwd="/")
@@ -171,12 +172,12 @@ class AFile(unittest.TestCase):
                 self.assertEqual(["stopped" in s.reasons_text for s in itertools.islice(left, 10)], [False, True])
                 old.path.unlink()
                 young.write()
-                kept = sum(1 for _ in left)  # one more is the end of this one
+                kept = sum(1 for _ in left)  # one more is the end of this daemon
                 self.assertEqual(left.lost + kept - 1, 2 * slots)
                 self.assertGreater(left.lost, slots)
 
     def test_whose_times_are_in_the_future_is_not_believed(self):
-        """A dead daemon's, read in a time namespace whose clock is behind."""
+        """A dead daemon's segment, read in a time namespace whose clock is behind."""
         with a_copy(self.data) as copy:
             later_ns = time.monotonic_ns() + 600 * 10**9
             copy.date_samples(later_ns)

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""node/python/tactiled.py beside the release daemon: the same layout, the same bits, the same ends as reader.h."""
+"""node/python/tactiled.py beside the release daemon: the same layout, the same bits, the same behaviour at an end as
+reader.h."""
 import itertools
 import os
 import pathlib
@@ -53,7 +54,8 @@ class TheTables(unittest.TestCase):
         source = (ROOT / "node/ctl/verb.hpp").read_text()
         words = re.findall('"(.*?)"', re.search(r"kReasonWords\{(.*?)\}", source, flags=re.S).group(1))
         self.assertEqual(list(tactiled.REASON_WORDS), words)
-        known = [word for word in words if not word.startswith("reason-")]  # bits that no reason has
+        known = [word for word in words if not word.startswith("reason-")]  # without names of bits that have no
+                                                                            # reason
         self.assertEqual(len(known), len(LAYOUT.enums["reason"]))
 
 
@@ -76,7 +78,7 @@ class ARunningDaemon(unittest.TestCase):
                 self.assertEqual([s.sequence - samples[0].sequence for s in samples], list(range(len(samples))))
                 self.assertEqual(left.lost, 0)
                 if wait == "events":
-                    self.assertGreater(len(samples), RATE_HZ)  # half of what was played
+                    self.assertGreater(len(samples), RATE_HZ)  # half of the played samples
                     followed = samples
         lines = follow.communicate(timeout=10)[0].split("\n")
         theirs = {int(line.split()[0]): line for line in lines if line[:1].isdigit()}
@@ -178,9 +180,9 @@ class ARunningDaemon(unittest.TestCase):
               f"{share:.1%} of a CPU, {waits:.2f} waits a sample")
         self.assertGreater(len(late_us), RATE_HZ)
         self.assertLess(statistics.median(late_us), 500)  # us; 50 on an idle machine, 550 with naps of 1 ms
-        self.assertGreater(waits, 0.5)  # it waits, and does not ask and ask
+        self.assertGreater(waits, 0.5)  # it waits, and does not poll
         self.assertLess(waits, 2.5)  # naps of 1 ms would be 4
-        self.assertLess(share, 0.3)  # 3 % as a rule; one that asks without waiting takes all
+        self.assertLess(share, 0.3)  # usually 3 %; a busy loop takes all
 
     def test_a_slow_reader_counts_what_it_lost(self):
         with tactiled.open(self.daemon.name).follow("left", 1) as left:
@@ -204,7 +206,7 @@ class TheEndOfADaemon(unittest.TestCase):
         return samples
 
     def drained(self, left):
-        """What still comes until nothing does for half a second."""
+        """Returns the samples that still arrive until there is none for half a second."""
         left._timeout = 0.5
         rest = list(itertools.islice(left, 10_000))
         left._timeout = 5
@@ -310,11 +312,14 @@ class TheEndOfADaemon(unittest.TestCase):
     def test_a_daemon_that_hangs_delays_no_timeout_and_is_asked_again(self):
         self.daemon.process.send_signal(signal.SIGSTOP)
         state = pathlib.Path(f"/proc/{self.daemon.process.pid}/stat")
-        wait_for(lambda: state.read_text().rsplit(")", 1)[1].split()[0] == "T", 5, "the daemon to stand")  # till then it publishes
+        wait_for(lambda: state.read_text().rsplit(")", 1)[1].split()[0] == "T", 5, "the daemon to stand")  # it
+                                                                                                           # publishes
+                                                                                                           # until
+                                                                                                           # then
         with self.node.follow("left", 0.1) as left:
             next(left)
             began = time.monotonic()
-            self.assertIsNone(next(left, None))  # it is not known yet to hang: asked for events
+            self.assertIsNone(next(left, None))  # the hang is not detected yet: asks for events
             self.assertLess(time.monotonic() - began, 0.15)
             time.sleep(WATCHDOG_MS / 1000)
             began = time.monotonic()

@@ -1,4 +1,4 @@
-// The reader of a robotics engineer, in C++17 with the public headers alone: prints the press of a sensor as it comes.
+// A reader in C++17 with the public headers only: prints the press of a sensor as it arrives.
 //   reader_cxx17 NODE SENSOR SECONDS
 #include <cstdio>
 #include <cstdlib>

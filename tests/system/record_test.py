@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""tactilectl record and replay, and driver "replay": what was recorded comes back bit for bit, and an independent reader agrees."""
+"""tactilectl record and replay, and driver "replay": recorded data are restored bit for bit, and an independent
+reader agrees."""
 import json
 import os
 import pathlib
@@ -51,7 +52,7 @@ def tactilectl(*words, **kinds):
 class Record(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        """One recording for all: from the daemon's start, so that filters and sequence begin where the file begins."""
+        """One recording for all tests, from the daemon's start, so that filters and sequence begin with the file."""
         daemon = Daemon(LINK + SENSOR)
         cls.addClassCleanup(shutil.rmtree, daemon.folder)
         cls.addClassCleanup(daemon.__exit__)
@@ -126,13 +127,15 @@ class Record(unittest.TestCase):
             node = self.daemon.name
             self.assertEqual(seen["channels"][f"/{node}/table/sample"]["metadata"]["model"], "table")
             self.assertEqual(seen["channels"][f"/{node}/link/usb0/frames"]["encoding"], "cdr")
-            self.assertEqual(seen["attachments"], 3 if indexed else 0)  # the configuration, again under its path, the calibration
+            self.assertEqual(seen["attachments"], 3 if indexed else 0)  # the configuration, again under its path, the
+                                                                        # calibration
             self.assertEqual(seen["channels"][f"/{node}/table/wrench"]["messages"], seen["channels"][f"/{node}/table/sample"]["messages"])
             self.assertEqual(seen["channels"][f"/{node}/table/quality"]["messages"], seen["channels"][f"/{node}/table/sample"]["messages"])
             self.judge(*(seen["first"][f"/{node}/{topic}"] for topic in ("link/usb0/frames", "table/sample", "table/wrench", "table/quality")))
 
     def judge(self, frames, samples, wrenches, qualities):
-        """This calibration states no deviation, so all is UNCERTAIN. What was decoded by the definitions in the file, against what replay makes of the frames."""
+        """This calibration states no standard deviation, so all is UNCERTAIN. Compares the messages, decoded by the
+        definitions in the file, with the result of replay."""
         forces = self.daemon.folder / "forces.csv"
         tactilectl("replay", self.file, "--config", self.daemon.config, "--out", forces)
         rows = [[float(cell) if cell else None for cell in line.split(",")[1:4]] for line in forces.read_text().splitlines()[1:]]
@@ -158,7 +161,8 @@ class Record(unittest.TestCase):
         self.assertLess(abs(stamp.get("sec", 0) - time.time()), 300)
 
     def test_replay_needs_no_configuration_beside_the_file(self):
-        """Also where none of its files is on the disk any more, and where the daemon told record which one it has read."""
+        """Also if none of its files is on the disk any more, and if the daemon reported to record which one it has
+        read."""
         alone = self.daemon.folder / "alone.mcap"
         self.assertEqual(tactilectl("record", alone, "--seconds", 1, "--node", self.daemon.name).stderr, "")
         for file in (self.file, alone):
@@ -176,7 +180,7 @@ class Record(unittest.TestCase):
         self.assertEqual(tactilectl("replay", cut, cwd="/").returncode, 0)
 
     def test_replay_of_a_file_without_a_configuration_says_what_to_do(self):
-        """Its configuration is struck out in the file: then --config is needed, and what is on the disk is not taken."""
+        """The configuration is removed from the file: --config is then required, and a file on the disk is not used."""
         bare = self.daemon.folder / "bare.mcap"
         bare.write_bytes(self.file.read_bytes().replace(b"tactiled.toml", b"tactiled.tomm"))
         done = tactilectl("replay", bare)
@@ -210,7 +214,7 @@ class Record(unittest.TestCase):
         said = json.loads(tactilectl("record", file, "--seconds", 1, "--csv", "--json", "--node", self.daemon.name).stdout)
         rows = (self.daemon.folder / "with.table.csv").read_text().splitlines()
         self.assertTrue(rows[0].startswith("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality"), rows[0])
-        # A frame, and for its sample the whole, the wrench and the quality.
+        # A frame, and for its sample the complete sample, the wrench and the quality.
         self.assertAlmostEqual(len(rows) - 1, said["messages"] / 4, delta=3)
         self.assertGreater(len(rows), RATE_Hz // 2)
 

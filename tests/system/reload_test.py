@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""SIGHUP on the release daemon while two devices stream: what changes, what is refused, and that no sample is lost."""
+"""SIGHUP on the release daemon while two devices stream: changes, refusals, and that no sample is lost."""
 import pathlib
 import random
 import signal
@@ -42,7 +42,7 @@ stale_ms = 2000
 
 
 class Follower(threading.Thread):
-    """All samples of one sensor, until close()."""
+    """Collects all samples of one sensor, until close()."""
 
     def __init__(self, node, sensor):
         super().__init__(daemon=True)
@@ -87,7 +87,7 @@ class Reload(unittest.TestCase):
         wait_for(lambda: self.register(WARN) == wanted, 5, f"WARN to be {wanted}: the log is ahead of it by a turn of the loop")
 
     def reload(self, says):
-        """SIGHUP, and until the daemon has said so."""
+        """Sends SIGHUP and waits until the daemon has logged `says`."""
         before = len(self.d.log())
         self.d.process.send_signal(signal.SIGHUP)
         wait_for(lambda: "SIGHUP: " in self.d.log()[before:] and self.d.log().endswith("\n"), 10, "an answer to SIGHUP")
@@ -100,7 +100,7 @@ class Reload(unittest.TestCase):
         path.write_text(text.replace(what, by))
 
     def samples(self):
-        """Of both, after a look that none was lost on the way from the device to the reader."""
+        """Returns the samples of both sensors after checking that none was lost between the device and the reader."""
         time.sleep(0.1)
         seen = {name: follower.close() for name, follower in self.followers.items()}
         for name, samples in seen.items():
@@ -156,7 +156,8 @@ class Reload(unittest.TestCase):
                 ('name = "a"\nlink', 'name = "c"\nlink', r"tactiled\.toml:\d+: .*which \[\[sensor\]\] .*restart"),
                 ('name = "a"\ndriver', 'baud = 9600\nname = "a"\ndriver', r"tactiled\.toml:\d+: .*link.* restart")):
             self.edit(what, by)
-            (self.d.folder / "a.toml").write_text(calibration.replace("[1.0,", "[2.0,"))  # good, but all or nothing
+            (self.d.folder / "a.toml").write_text(calibration.replace("[1.0,", "[2.0,"))  # valid, but the reload is
+                                                                                          # all or nothing
             self.reload(says)
             self.wait_for_warning(WARN_RELOAD)
             self.d.config.write_text(good)

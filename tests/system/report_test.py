@@ -1,4 +1,4 @@
-"""tactilectl calibrate --report: a page that another parser reads, that needs nothing from elsewhere and replaces no data."""
+"""tactilectl calibrate --report: a page that another parser reads, that needs no other resource and replaces no data."""
 import html.parser
 import pathlib
 import re

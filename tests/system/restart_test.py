@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Tares over a restart of the daemon: restored, or known to be lost; a held force never becomes zero, nor a zero a force."""
+"""Tares over a restart of the daemon: restored, or known to be lost; a held force never becomes zero, nor a zero a
+force."""
 import pathlib
 import random
 import re
@@ -15,8 +16,8 @@ from held_force import Held, wait_for  # noqa: E402
 
 FORGET = 'tare_after_restart = "forget"\n'
 ENDS = (signal.SIGTERM, signal.SIGKILL)
-FAULT, ZERO_UNKNOWN = 102, 22  # the register, and its number
-MOUNTING_N = -10.0  # read without a load, after the sensor was mounted
+FAULT, ZERO_UNKNOWN = 102, 22  # FAULT: the register and its number
+MOUNTING_N = -10.0  # reading without a load, after the sensor was mounted
 
 
 class Restart(unittest.TestCase):

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""The path on which every file is saved, broken at every system call: the old file or the new one, never neither."""
+"""The code that saves every file, with a failure at every system call: the old file or the new one is there, never
+neither."""
 import pathlib
 import re
 import subprocess
@@ -24,8 +25,8 @@ class Save(unittest.TestCase):
             f"{k},{2 * x + 0.01 * (k % 3)},{2 * y},{3 * z},{x},{y},{z},{'ab'[k % 2]}\n" for k, (x, y, z) in enumerate(rows)))
         cls.new = cls.save()[1]
         cls.old = cls.new.replace(b"generic", b"generic ", 1) + b"# the old one\n"
-        # The calls from the first that names the temporary file to the last before the program says that it is done: of each
-        # its name and its number among those of that name in the whole run.
+        # Returns the calls from the first that names the temporary file to the last before the program reports
+        # success: for each its name and its index among calls of that name in the whole run.
         cls.out.write_bytes(cls.old)
         log = cls.folder / "log"
         cls.save("strace", "-f", "-qq", "-e", f"trace={CALLS}", "-o", log)
@@ -42,7 +43,7 @@ class Save(unittest.TestCase):
 
     @classmethod
     def save(cls, *before):
-        """Calibrates into C.toml; (exit status, its bytes, what it says)."""
+        """Calibrates into C.toml; returns (exit status, its bytes, its output)."""
         cls.out = cls.folder / "C.toml"
         done = subprocess.run([*before, BIN / "tactilectl", "calibrate", "--model", "generic", "--method", "matrix", "--force", "--in",
                                cls.labelled, "--out", cls.out], capture_output=True, text=True, timeout=60)
@@ -103,12 +104,12 @@ class Save(unittest.TestCase):
 
 
 class Load(unittest.TestCase):
-    """The path on which every file is read, broken at each of its calls."""
+    """The code that reads every file, with a failure at each of its calls."""
 
     def setUp(self):
         self.folder = pathlib.Path(self.enterContext(tempfile.TemporaryDirectory()))
         self.config = self.folder / "C.toml"
-        self.config.write_text('[node]\nname = "' + 70_000 * "x" + '"\n')  # two pieces; the name is what is wrong with it
+        self.config.write_text('[node]\nname = "' + 70_000 * "x" + '"\n')  # two pieces; the name is the error
         log = self.folder / "log"
         self.right = self.check("strace", "-f", "-qq", "-e", "trace=openat,read,fstat,newfstatat", "-o", log)
         self.assertIn("C.toml:2: [node]: name = ", self.right)

@@ -1,4 +1,4 @@
-"""Simulated sensors behind ptys, one daemon that reads them, and who reads the daemon: a PLC and shared memory."""
+"""Simulated sensors behind ptys, one daemon that reads them, and the readers of the daemon: a PLC and shared memory."""
 import math
 import os
 import shutil
@@ -22,13 +22,13 @@ NONE_I16 = 0x8000
 
 
 class Feeder(threading.Thread):
-    """The devices: a pty for each sensor, a frame of each 200 times a second."""
+    """The devices: a pty for each sensor, with 200 frames a second each."""
 
     def __init__(self, folder, sensors):
         super().__init__(daemon=True)
         self.folder, self.sensors = folder, sensors
         self.load = {name: sensor.rest() for name, sensor in sensors.items()}
-        self.spoil = {}  # name -> what a dead wire makes of the channels
+        self.spoil = {}  # name -> function that applies a broken wire to the channels
         self.master, self.slave, self.sequence = {}, {}, dict.fromkeys(sensors, 0)
         self.lock, self.ended = threading.Lock(), threading.Event()
         self.failure = None
@@ -61,7 +61,7 @@ class Feeder(threading.Thread):
                         try:
                             os.write(master, self.sensors[name].frame(self.sequence[name], channels))
                         except BlockingIOError:
-                            pass  # nobody reads yet
+                            pass  # there is no reader yet
                         self.sequence[name] += 1
                 due += 1 / RATE_HZ
                 time.sleep(max(0, due - time.monotonic()))
@@ -78,7 +78,7 @@ class Feeder(threading.Thread):
 
 
 class Plc:
-    """Register map 1.0, as its page says."""
+    """A client of register map 1.0, by its page."""
 
     def __init__(self, port):
         self.client = ModbusTcpClient("127.0.0.1", port=port)
@@ -153,11 +153,11 @@ class Bench:
         shutil.rmtree(self.daemon.folder)
 
     def wait_all_good(self):
-        """piezo knows its past after a window only."""
+        """Method piezo knows its past only after a window."""
         wait_for(lambda: self.plc.ok_mask() == (1 << len(self.number)) - 1, 5, "all to be GOOD")
 
     def apply(self, loads):
-        """Returns when shared memory shows frames of these loads."""
+        """Returns when shared memory has frames of these loads."""
         with self.feeder.lock:
             self.feeder.load.update({name: {**self.sensors[name].rest(), **load} for name, load in loads.items()})
             first = {name: self.feeder.sequence[name] for name in loads}
@@ -168,7 +168,7 @@ class Bench:
         return self.plc.block(self.number[name])
 
     def together(self, name):
-        """(sensor block, floats, sample in shared memory), all of the same published frame."""
+        """Returns (sensor block, floats, sample in shared memory), all of the same published frame."""
         for _ in range(500):
             block, floats = self.block(name), self.plc.floats(self.number[name])
             node, samples = self.node.snapshot()
@@ -178,7 +178,7 @@ class Bench:
 
 
 class Witness:
-    """Follows sensors that nothing happens to."""
+    """Follows sensors without faults."""
 
     def __init__(self, bench, names):
         self.samples = {name: [] for name in names}

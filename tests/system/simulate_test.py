@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""tactilectl simulate: files and their bytes, the report, errors, and a scene through ptys into the real daemon."""
+"""tactilectl simulate: files and their bytes, the report, errors, and a scene through ptys into the daemon."""
 import csv
 import json
 import math
@@ -42,7 +42,7 @@ for_s = 0.2
 do = "release"
 in_s = 0.1
 """
-# Thrice as much, so that a daemon sees it for a while; the second at half the rate.
+# Three times as long, so that a daemon reads it for a while; the second sensor at half the rate.
 TWO = ONE + """
 [[motion]]
 do = "repeat"
@@ -142,7 +142,7 @@ class Files(unittest.TestCase):
         self.assertAlmostEqual(float(held["fx_N"]), 0.2 * math.cos(math.pi / 6), delta=1e-12)
         self.assertAlmostEqual(float(held["fy_N"]), 0.2 * math.sin(math.pi / 6), delta=1e-12)
         self.assertEqual((held["mz_Nm"], held["cop_x_m"]), ("", "0"))
-        # Numbers that read back to the same double: printed again they are the same text.
+        # Numbers that read back to the same double: printing them again gives the same text.
         for row in signals[1:]:
             for name, cell in row.items():
                 self.assertEqual(repr(float(cell)).removesuffix(".0"), cell, name)
@@ -204,7 +204,7 @@ class Files(unittest.TestCase):
                     self.assertLessEqual(effect["share_N"], effect["bound_N"] * (1 + 1e-9) + 1e-12, name)
 
     def test_without_an_effect_the_force_is_off_by_what_the_report_says(self):
-        """0.5 N on a skin that creeps by a tenth within its time: by the effect's equation, fz alone."""
+        """0.5 N on a skin that creeps by a tenth within its time: by the effect's equation, only fz changes."""
         scene = self.scene("""
 format = 1
 title = "held"
@@ -279,7 +279,8 @@ time_s = 5
 
 
 class Ptys(unittest.TestCase):
-    """The daemon opens the scene as serial ports; the forces that it publishes are those of signals.csv, to the last bit."""
+    """The daemon opens the scene as serial ports; the forces that it publishes are those of signals.csv, to the last
+    bit."""
 
     def setUp(self):
         temporary = tempfile.TemporaryDirectory()
@@ -290,7 +291,7 @@ class Ptys(unittest.TestCase):
         simulate("--scene", self.scene, "--out", self.folder / "signals.csv")
 
     def calibration(self, path, channels):
-        """fx = the first channel, fy = the second, fz = the third: what is published is what was read."""
+        """fx = the first channel, fy = the second, fz = the third: published values equal the read ones."""
         rows = [[float(i == k) for i in range(len(channels))] for k in range(3)]
         path.write_text(f"""format = 1
 model = "generic"
@@ -302,7 +303,7 @@ matrix = {rows}
 """)
 
     def run_through(self, link, counts_per_unit, devices, words):
-        """devices: pty of each sensor. Returns a list of (fx, fy, fz) of each."""
+        """devices: pty of each sensor. Returns a list of (fx, fy, fz) for each."""
         names = {"left": [f"R{k}" for k in range(1, 9)], "right": [f"H{k}" for k in range(1, 5)]}
         config = ""
         for device in dict.fromkeys(devices.values()):

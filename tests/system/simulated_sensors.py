@@ -1,7 +1,7 @@
-"""Sensors that the tests simulate: what each answers to a load, by the documents' own formulas and sign tables.
+"""Sensors that the tests simulate: their response to a load, by the documents' own formulas and sign tables.
 
-Nothing here is shared with the project's code. A load is a dict of components of the wrench, frame S, N and Nm: a press has
-fz < 0. To add a model: a class derived from Sensor with its channels, its wire format and its methods; a line in SENSORS.
+No code is shared with the project. A load is a dict of components of the wrench, frame S, N and Nm: a press has fz <
+0. To add a model: a class derived from Sensor with its channels, its wire format and its methods; a line in SENSORS.
 """
 import csv
 import math
@@ -15,7 +15,7 @@ NONE = float("nan")
 
 
 def cobs_frame(plain):
-    """The bytes of a binary frame (drivers/wire/cobs_frame.md): `plain` with its CRC-16, stuffed, and a zero."""
+    """Returns the bytes of a binary frame (drivers/wire/cobs_frame.md): `plain` with its CRC-16, stuffed, and a zero."""
     crc = 0xFFFF
     for byte in plain:
         crc ^= byte << 8
@@ -26,37 +26,40 @@ def cobs_frame(plain):
 
 
 class Sensor:
-    """One kind of sensor. `methods`: each in turn goes through calibrate, daemon and PLC."""
+    """One kind of sensor. `methods`: each in turn is used in calibrate, daemon and PLC."""
     model = ""
     channels = ()
     channel_unit = "unknown"
-    noise = 0.0           # sd of a channel
+    noise = 0.0           # sd of each channel
     components = ("fx", "fy", "fz")
     methods = ()
     fitted_as = {}        # methods that calibrate does not fit: the method whose calibration they use
     full_scale = 1.0      # N
     wire = "lines"        # or "cobs": 32 bits
     counts_per_unit = 1.0
-    rows = 600            # of the calibration
-    cop_methods = ()      # methods that tell the centre of pressure
-    least_within = 0.5    # of the errors, within one sd: 68 %, but what a model leaves is alike in all reads of one load
-    heavy_tails = {}      # methods whose errors are not normal: share of full scale that an error may reach beyond the sd
+    rows = 600            # rows of the calibration
+    cop_methods = ()      # methods that compute the centre of pressure
+    least_within = 0.5    # minimum share of errors within one sd: 68 %, but model errors are equal in all reads of
+                          # one load
+    heavy_tails = {}      # methods with non-normal errors: excess over the sd that an error may reach, relative to
+                          # full scale
 
     def __init__(self):
-        self.random = random.Random(f"{self.model} 7")  # of the sample and its loads
+        self.random = random.Random(f"{self.model} 7")  # individual sensor and its loads
         self.noise_random = random.Random(f"{self.model} 8")
 
     def begin(self, method):
-        """Takes the sensor of this method, unloaded."""
+        """Selects the sensor of this method, without load."""
         self.method = method
 
     def load_of(self, share):
-        """A load inside of the calibrated domain; share = 0.8 stays away from its edge."""
+        """Returns a load inside of the calibrated domain; share = 0.8 stays away from its edge."""
         full, r = self.full_scale * share, self.random
         return {"fx": r.uniform(-full, full) / 2, "fy": r.uniform(-full, full) / 2, "fz": -r.uniform(0.1 * full, full)}
 
     def exact(self, load):
-        """The channels under this load, without noise, in channel_unit. May keep a state; once a frame."""
+        """Returns the channels under this load, without noise, in channel_unit. May keep a state; called once per
+        frame."""
         raise NotImplementedError
 
     def calibration_loads(self):
@@ -77,7 +80,7 @@ class Sensor:
         return [value + self.noise_random.gauss(0, self.noise) for value in self.exact(load)]
 
     def write_labelled(self, path):
-        """Rows of three sessions, each from rest."""
+        """Writes rows of three sessions, each from rest."""
         loads = self.calibration_loads()
         columns = [c + ("_N" if c[0] == "f" else "_Nm") for c in self.components]
         with open(path, "w") as file:
@@ -92,7 +95,7 @@ class Sensor:
                 writer.writerow([0.01 * i, *map(repr, self.read(load)), *[repr(load[c]) for c in self.components], f"s{session}"])
 
     def frame(self, sequence, channels):
-        """The bytes of a frame: drivers/wire/*.md. A channel that is NaN is missing."""
+        """Returns the bytes of a frame: drivers/wire/*.md. A channel that is NaN is missing."""
         if self.wire == "lines":
             text = ",".join([str(sequence), *("" if math.isnan(v) else repr(v) for v in channels)])
             checksum = 0
@@ -116,7 +119,7 @@ class Sensor:
 
 
 class Play:
-    """Backlash: the output stays until the input has moved by the width."""
+    """Play operator (backlash): the output is constant until the input has moved by the width."""
 
     def __init__(self, width):
         self.width, self.output = width, 0.0
@@ -142,7 +145,7 @@ class Table(Sensor):
     def __init__(self):
         super().__init__()
         fem = ROOT / "tests/data/fem"
-        with open(fem / "table_compliance.csv") as file:  # Fx Fy +Fz a N, Mx My a N mm
+        with open(fem / "table_compliance.csv") as file:  # Fx Fy +Fz per N, Mx My per N mm
             rows = list(csv.reader(file))[1:]
         self.compliance = [[2e-6 * float(word) * (1 if i < 3 else 1e3) for i, word in enumerate(row[1:])] for row in rows]
         with open(fem / "table_influence.csv") as file:
@@ -167,7 +170,8 @@ class Table(Sensor):
             near = [node for node in self.nodes if math.hypot(node[0], node[1]) < 0.6e-3 * share ** 2]
             x, y, load["node"] = self.random.choice(near)
             if share < 1:
-                load["fz"] = -self.random.uniform(0.5, share)  # where a lesser press is, noise hides (decoupling/table/README.md)
+                load["fz"] = -self.random.uniform(0.5, share)  # below a smaller press the noise dominates
+                                                               # (decoupling/table/README.md)
             load.update(mx=y * load["fz"], my=-x * load["fz"])
         return load
 
@@ -190,7 +194,7 @@ class Table(Sensor):
     def calibration_loads(self):
         if self.method != "nonlinear":
             return super().calibration_loads()
-        path = [self.rest()]  # hysteresis: in small steps, as a machine loads it
+        path = [self.rest()]  # hysteresis: in small steps, as on a loading machine
         while len(path) < self.rows:
             begin, end = path[-1], self.load_of(1.0)
             path += [{c: begin[c] + (end[c] - begin[c]) * i / 12 for c in begin} for i in range(1, 13)]
@@ -207,7 +211,8 @@ class Table(Sensor):
 
 
 class Hair(Sensor):
-    """Cao et al., eq. 14 and their sensitivities; hairs differ by 3 % and, but for `physics`, are bent by shear."""
+    """Cao et al., eq. 14 and their sensitivities; hairs differ by 3 % and, except for `physics`, are nonlinear under
+    shear."""
     model = "hair"
     channels = ("H1", "H2", "H3", "H4")
     channel_unit = "dR/R0"
@@ -232,13 +237,14 @@ class Hair(Sensor):
 
 
 class Skin(Sensor):
-    """Six readings, each a mixture of the forces; bent by the load but for `matrix`, saturating for rbf, mlp and auto."""
+    """Six readings, each a mixture of the forces; nonlinear except for `matrix`, saturating for rbf, mlp and auto."""
     model = "generic"
     channels = ("B1", "B2", "B3", "B4", "B5", "B6")
     channel_unit = "uT"
     noise = 0.05
     methods = ("matrix", "quadratic", "rbf", "mlp", "auto")
-    heavy_tails = {"mlp": 0.02}  # it is worst at the corners of the domain, and the sd is that of 68 % of rows everywhere
+    heavy_tails = {"mlp": 0.02}  # errors are largest at the corners of the domain, and the sd is that of 68 % of rows
+                                 # everywhere
     full_scale = 10.0
     wire = "cobs"
     counts_per_unit = 1e4
@@ -273,13 +279,13 @@ class Capacitive(Sensor):
     full_scale = 10.0
     rows = 300
     SHEAR_N = 1.2
-    TOWARDS = (0, math.pi, math.pi / 2, -math.pi / 2)  # the sectors C1 .. C4 lie on +x -x +y -y
+    TOWARDS = (0, math.pi, math.pi / 2, -math.pi / 2)  # the sectors C1 .. C4 are on +x -x +y -y
     STRAY, ACTIVE, K_N, SHIFT_N = (0.90, 0.91, 0.89, 0.90, 0.40), (0.33, 0.32, 0.34, 0.33, 0.90), 31.0, 5.0
     DISC, INNER, OUTER, OPENING, CENTRE, GAP = 4e-3, 2.5e-3, 6e-3, 1.4, 2e-3, 3e-3  # m, rad
 
     def begin(self, method):
         super().begin(method)
-        self.known = (None, None)  # load, channels: a frame's load is mostly that of the last
+        self.known = (None, None)  # load and channels of the last frame: often used again
 
     def load_of(self, share):
         r, shear = self.random, self.SHEAR_N * share
@@ -300,7 +306,8 @@ class Capacitive(Sensor):
         for _ in range(50):
             u = (low + high) / 2
             low, high = (u, high) if self.K_N / 3 * (u * u - 1 / u) < -fz else (low, u)
-        shift, towards = math.hypot(fx, fy) / self.SHIFT_N, math.atan2(fy, fx)  # in DISC, or in what doubles a sector
+        shift, towards = math.hypot(fx, fy) / self.SHIFT_N, math.atan2(fy, fx)  # in units of DISC, or of the shift
+                                                                                # that doubles a sector
         if self.method == "ratio":
             share = [1 + shift * math.cos(towards - angle) for angle in self.TOWARDS] + [1]
         else:
@@ -308,7 +315,8 @@ class Capacitive(Sensor):
         return [stray + active * u * part for stray, active, part in zip(self.STRAY, self.ACTIVE, share)]
 
     def area(self, shift, towards):
-        """Of the disc, shifted by this share of its radius, with a sector whose middle is at angle 0; in DISC^2."""
+        """Returns the common area of the disc, shifted by this share of its radius, and a sector whose middle is at
+        angle 0; in DISC^2."""
         inner, outer, n, total = self.INNER / self.DISC, self.OUTER / self.DISC, 100, 0.0
         for i in range(n):
             angle = self.OPENING * ((i + 0.5) / n - 0.5) - towards
@@ -325,14 +333,17 @@ class Capacitive(Sensor):
 
 
 class Piezo(Sensor):
-    """The thesis' film and centre electrode (eq. XXXV, XXXIII): the film leaks, the converter takes means and runs freely."""
+    """The thesis' film and centre electrode (eq. XXXV, XXXIII): the film leaks, and the converter computes means and
+    runs freely."""
     model = "piezo"
     channels = ("Vp", "Cn")
     channel_unit = "V, pF"
     components = ("fz",)
     methods = ("fused",)
-    heavy_tails = {"fused": 0.02}  # a frame that the machine delays by 10 ms as the press jumps moves it in the converter's window
-    least_within = 0      # errors of one leak's time are alike: a few seconds hold a handful. See PiezoFit.ReadsWhat...
+    heavy_tails = {"fused": 0.02}  # a frame that the machine delays by 10 ms during a jump of the press changes the
+                                   # mean of the converter's window
+    least_within = 0      # errors within one time constant of the leak are equal: a few seconds have a handful. See
+                          # PiezoFit.ReadsWhat...
     full_scale = 10.0
     TAU_S, WINDOW_S = 1.0, 0.1003
 
@@ -345,16 +356,16 @@ class Piezo(Sensor):
         return {"fz": -self.random.uniform(0.05, 1) * self.full_scale * share}
 
     def read(self, load):
-        """Once a frame: time has passed."""
+        """Called once per frame: time has passed."""
         N, now_s = -load["fz"], self.clock()
         drive, centre = 0.0092 * N * N + 0.2917 * N, 0.0008 * N * N + 0.0405 * N
         if self.last_s is None:
             self.V, self.held, self.sum, self.begun_s = 0.0, centre, 0.0, now_s
             self.drive, self.centre, self.last_s = drive, centre, now_s
-        # The press jumped somewhere since the last frame: in the middle.
+        # The press jumped between the last frame and this one: in the middle.
         T = now_s - self.last_s
         self.V = self.V * math.exp(-T / self.TAU_S) + (drive - self.drive) * math.exp(-T / 2 / self.TAU_S)
-        while now_s >= self.begun_s + self.WINDOW_S:  # a conversion ended since
+        while now_s >= self.begun_s + self.WINDOW_S:  # a conversion has ended since
             self.begun_s += self.WINDOW_S
             self.sum += self.centre * (self.begun_s - self.last_s)
             self.held = self.sum / self.WINDOW_S + self.noise_random.gauss(0, 0.3e-3)
@@ -364,7 +375,7 @@ class Piezo(Sensor):
         return [self.V + 0.0768 + self.noise_random.gauss(0, 1.4e-3), self.held + 1.3039]
 
     def write_labelled(self, path):
-        """Steps to any press, most as short as the live ones, one in 40 held for longer; a row a frame."""
+        """Writes steps to any press, most as short as the live ones, one in 40 held for longer; one row per frame."""
         with open(path, "w") as file:
             writer = csv.writer(file)
             writer.writerow(["t_s", *self.channels, "fz_N"])

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The text of `tactilectl map --format st` keeps to the subset of IEC 61131-3 that its own first comment lists."""
+"""The text of `tactilectl map --format st` uses only the subset of IEC 61131-3 that its own first comment lists."""
 import pathlib
 import re
 import subprocess
@@ -12,7 +12,7 @@ from st.interpreter import Program  # noqa: E402
 from st.lexer import tokens_of  # noqa: E402
 
 PUNCTUATION = {"(", ")", "[", "]", ":", ";", ".", "..", ","}
-# matiec (IEC 61131-3, second edition) takes none of these as a name; STruC++ and CODESYS add their own.
+# matiec (IEC 61131-3, second edition) accepts none of these as a name; STruC++ and CODESYS reserve further ones.
 FUNCTIONS = set("ABS ADD AND CONCAT DELETE DIV EQ EXP FIND GE GT INSERT LE LEFT LEN LIMIT LN LOG LT MAX MID MIN MOD MOVE MUL MUX NE NOT "
                 "OR REPLACE RIGHT ROL ROR SEL SHL SHR SIN SQRT SUB TRUNC XOR SR RS R_TRIG F_TRIG CTU CTD CTUD TP TON TOF RTC".split())
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""tactilectl teach, weigh, status and top, on the gripper of pick_bench.py: what a person does with real grasps."""
+"""tactilectl teach, weigh, status and top, with real grasps of the gripper of pick_bench.py."""
 import json
 import os
 import pathlib
@@ -60,13 +60,14 @@ class Teach(unittest.TestCase):
         return self.node.grasp
 
     def let_go(self):
-        """In the air: what falls out of opening jaws slides, and nobody tells the daemon here that they were to open."""
+        """Opens in the air: an object that falls out of opening jaws slides, and the daemon is not informed of the
+        opening here."""
         self.robot.open()
         gone = (tactiled.GRIP_OPEN, tactiled.GRIP_LOST)
         wait_for(lambda: self.node.grasp.state in gone and self.robot.is_open(), 4, "open")
 
     def teach(self, name, mass_kg, count, *words):
-        """tactilectl teach, while grasp follows grasp. Returns its result."""
+        """Runs tactilectl teach during successive grasps. Returns its result."""
         done = threading.Event()
 
         def grasp_on():
@@ -100,20 +101,21 @@ class Teach(unittest.TestCase):
         self.assertEqual((status["object"], status["state"], status["weight_state"]), ("bolt", "holding", "stable"))
         self.assertAlmostEqual(status["weight_kg"], 0.2, delta=0.006)
         self.let_go()
-        self.assertEqual(self.hold(0.3).object_id, 0)  # unknown, not the nearest
+        self.assertEqual(self.hold(0.3).object_id, 0)  # unknown, not the most similar one
         self.let_go()
         like = self.teach("nut", 0.2005, 2)
         self.assertEqual(like.returncode, 1, like.stdout)
         self.assertIn('cannot be distinguished from "bolt"', like.stderr)
         self.assertRegex(like.stderr, r"\d\.\d sd of each apart, 3 are needed")
-        again = self.teach("bolt", 0.3, 2)  # the same name again: replaced, the id stays
+        again = self.teach("bolt", 0.3, 2)  # the same name again: replaced with the same id
         self.assertEqual(again.returncode, 0, again.stderr)
         self.assertEqual(self.hold(0.3).object_id, 1)
         listed = json.loads(self.daemon.ctl("teach", "--list", "--json").stdout)
         self.assertEqual([(o["name"], o["grasps"]) for o in listed["objects"]], [("bolt", 2)])
         self.assertEqual(self.daemon.ctl("teach", "--forget", "screw").returncode, 2)
         self.assertEqual(self.daemon.ctl("teach", "--forget", "bolt").returncode, 0)
-        wait_for(lambda: self.node.grasp.object_id == 0, 2, "the object to be forgotten")  # without a restart, still in the hand
+        wait_for(lambda: self.node.grasp.object_id == 0, 2, "the object to be forgotten")  # without a restart, while
+                                                                                           # the object is held
         self.assertEqual(self.node.grasp.state, tactiled.GRIP_HOLDING)
 
     @unittest.skipUnless(PROGRAM.exists(), "tactiled-web is not built")
@@ -160,7 +162,7 @@ class Teach(unittest.TestCase):
         self.assertEqual(self.daemon.ctl("teach").returncode, 2)
 
     def test_weighing_is_commanded(self):
-        self.assertEqual(self.daemon.ctl("weigh", "start").returncode, 1)  # nothing is held
+        self.assertEqual(self.daemon.ctl("weigh", "start").returncode, 1)  # no object is held
         early = self.daemon.ctl("weigh", "known", "0.2")
         self.assertEqual(early.returncode, 1)
         self.assertIn("the weight is not stable", early.stderr)
@@ -190,7 +192,7 @@ class Teach(unittest.TestCase):
         self.assertEqual(self.hold(0.2).object, "bolt")
         self.let_go()
         self.daemon.stop()
-        (self.daemon.folder / "tactiled.log").unlink()  # start() waits for what it says
+        (self.daemon.folder / "tactiled.log").unlink()  # start() waits for its log line
         self.daemon.start()
         self.assertIn("recognised only once a known weight is shown again", self.daemon.log())
         self.node = tactiled.open(self.daemon.name)

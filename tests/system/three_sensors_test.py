@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Every model and method from labelled rows to a PLC: five sensors of different kinds on five ptys, one daemon.
 
-The sensors are simulated by their documents' formulas (simulated_sensors.py), calibrated with `tactilectl calibrate`, and
-fed at 200 Hz. A PLC (pymodbus) must see the applied forces within the registers' resolution and the stated sd; shared memory
-(tactiled.py) must say the same. A new model needs a class in simulated_sensors.py, no line here.
+The sensors are simulated by their documents' formulas (simulated_sensors.py), calibrated with `tactilectl calibrate`,
+and fed at 200 Hz. A PLC (pymodbus) must read the applied forces within the registers' resolution and the stated sd;
+shared memory (tactiled.py) must agree. A new model needs a class in simulated_sensors.py, no line here.
 """
 import concurrent.futures
 import math
@@ -45,7 +45,7 @@ class ThreeSensors(unittest.TestCase):
         cls.temporary = tempfile.TemporaryDirectory()
         cls.calibrations = pathlib.Path(cls.temporary.name)
         wanted = [(name, method) for name, kind in SENSORS.items() for method in kind.methods if method not in kind.fitted_as]
-        wanted.reverse()  # the longest come last in the list
+        wanted.reverse()  # the slowest ones are last in the list
         with concurrent.futures.ThreadPoolExecutor(2) as two_at_once:
             for what, done in zip(wanted, two_at_once.map(cls.calibrate, *zip(*wanted))):
                 assert done.returncode == 0, f"{what}: {done.stdout}{done.stderr}"
@@ -93,7 +93,8 @@ class ThreeSensors(unittest.TestCase):
                 self.assertEqual((block["i16"][i], math.isnan(value)), (NONE_I16, True), f"{what}: {component} is not seen")
                 continue
             applied, resolution = load[component], 0.01 if i < 3 else 0.001
-            allowed = WORST_SD * sd + sensor.heavy_tails.get(sensor.method, 0) * sensor.full_scale  # NaN, no sd, fails
+            allowed = WORST_SD * sd + sensor.heavy_tails.get(sensor.method, 0) * sensor.full_scale  # NaN, an unknown
+                                                                                                    # sd, fails
             self.assertLessEqual(abs(value - applied), allowed, f"{what}: {component} = {value}, sd {sd}")
             register = (block["i16"][i] ^ 0x8000) - 0x8000
             self.assertLessEqual(abs(register * resolution - applied), resolution / 2 + allowed, f"{what}: {component}")
@@ -105,7 +106,7 @@ class ThreeSensors(unittest.TestCase):
         return ratios, sample
 
     def run_methods(self, **methods):
-        """Loads on all at once; the PLC reads all."""
+        """Loads all sensors at once; the PLC reads all."""
         bench = self.bench(**methods)
         ratios = {name: [] for name in methods}
         flagged, reads = dict.fromkeys(methods, 0), 0
@@ -159,7 +160,7 @@ class ThreeSensors(unittest.TestCase):
                     self.assertEqual(block["i16"] + block["cop"], [NONE_I16] * 8)
                     self.assertTrue(all(map(math.isnan, floats["wrench"] + floats["cop_mm"])))
                     self.assertEqual(block["fault"], DISCONNECTED)
-                    self.assertIn("disconnected", sample.reasons_text)  # and stale, when it is
+                    self.assertIn("disconnected", sample.reasons_text)  # and stale, if it is
                     self.assertEqual(bench.plc.ok_mask(), everyone & ~(1 << n))
                     time.sleep(0.01)
                 witness.check(self)
@@ -168,7 +169,7 @@ class ThreeSensors(unittest.TestCase):
                 print(f"\n  {name}: sentinel after {1000 * took:.0f} ms", end="")
 
     def dead(self, name, method, channel, value, fault, load, not_good=UNCERTAIN):
-        """A channel that is NONE (missing) or stuck at a value. Returns (sd before, sd after); the forces stay right."""
+        """Tests a channel that is NONE (missing) or constant. Returns (sd before, sd after); the forces stay right."""
         bench = self.bench(**{**self.first_methods(), name: method})
         bench.wait_all_good()
         sensor = bench.sensors[name]
@@ -199,15 +200,15 @@ class ThreeSensors(unittest.TestCase):
         for was, now, factor in zip(before, after, factors):
             self.assertAlmostEqual(now / was, factor, delta=0.15)  # hairs differ, and the sd grows with the load
 
-    # Of the gauges' sums of squares: fx loses one of two inner, and both outer ones are left; of fz, 3 of 4 are left and
-    # share the loss with fx.
+    # Sums of squares of the gauges: fx loses one of two inner gauges and keeps both outer ones; fz keeps 3 of 4, with
+    # a common loss with fx.
     def test_missing_gauge(self):
         before, after = self.dead("table", "linear", "R5", NONE, MISSING, {"fx": 0.2, "fy": -0.15, "fz": -0.6})
         self.assertGreater(after[0] / before[0], 1.15)
         self.assertGreater(after[2] / before[2], 1.1)
 
     def test_stuck_gauge(self):
-        # It is found by the disagreement, and then treated as missing.
+        # The gauge is detected by the disagreement, and then treated as missing.
         before, after = self.dead("table", "linear", "R5", 0.0, MISSING, {"fx": 0.2, "fy": -0.15, "fz": -0.6})
         self.assertGreater(after[0] / before[0], 1.15)
         self.assertGreater(after[2] / before[2], 1.1)
@@ -224,7 +225,8 @@ class ThreeSensors(unittest.TestCase):
         self.dead("skin", "matrix", "B3", NONE, MISSING, {"fx": 1.0, "fy": -2.0, "fz": -5.0}, not_good=FAULT)
 
     def test_missing_electrode(self):
-        # Noise of one over its slope 0.038 + 2 * 0.0071 * 0.5, for noise of two over the pair's 0.076 pF/N.
+        # Noise of one electrode over its slope 0.038 + 2 * 0.0071 * 0.5, relative to noise of two over the pair's
+        # 0.076 pF/N.
         before, after = self.dead("capacitive", "quadratic", "C2", NONE, MISSING, {"fx": 0.5, "fy": -0.3, "fz": -4.0})
         self.assertAlmostEqual(after[0] / before[0], 0.076 / 0.0451 / 2 ** 0.5, delta=0.15)
         self.assertAlmostEqual(after[1] / before[1], 1, delta=0.15)
@@ -242,7 +244,7 @@ class ThreeSensors(unittest.TestCase):
         for name, method in methods.items():
             shutil.copy(ROOT / f"config/calibration/{name}_documents.toml", bench.daemon.folder / f"{name}-{method}.toml")
         bench.sensors["hair"].own_gain = [(1, 1)] * 4
-        bench.sensors["hair"].method = "physics"  # straight hairs
+        bench.sensors["hair"].method = "physics"  # linear hairs
         bench.sensors["piezo"].TAU_S, bench.sensors["piezo"].WINDOW_S = 0.1, 0.1
         # 13.7 Pa is a hair's noise under a press; 0.3 fF of 0.0405 pF/N at rest; 2 % of 10 N: press jumps between conversions
         noise_N = {"table": 6 * 0.002, "hair": 6 * 13.7 * 2.827e-5, "capacitive": 6 * 0.0074, "piezo": 0.2}

@@ -1,4 +1,4 @@
-"""tactilectl tradeoff: what it writes is whole and says what it does not know; its files are read by other parsers."""
+"""tactilectl tradeoff: its output is complete and marks unknown values; other parsers read its files."""
 import csv
 import json
 import math
@@ -31,7 +31,7 @@ class Tradeoff(unittest.TestCase):
         return done.stdout
 
     def skin(self):
-        """A calibration of a real skin with two methods."""
+        """Returns a calibration of a real skin with two methods."""
         calibration = self.folder / "skin.toml"
         for method in ("quadratic",):
             subprocess.run([BIN / "tactilectl", "calibrate", "--model", "generic", "--method", method, "--in", LABELLED, "--session", "1",
@@ -50,7 +50,7 @@ class Tradeoff(unittest.TestCase):
             self.assertLessEqual(float(row["fz_rms_percent"]), float(row["fz_99_percent"]))
             self.assertLessEqual(float(row["p50_ns"]), float(row["p99_9_ns"]))
             self.assertAlmostEqual(sum(float(row[k]) for k in ("good_percent", "uncertain_percent", "bad_percent")), 100, delta=0.1)
-            self.assertEqual(row["mx_rms_percent"], "")  # hairs know no moment: not 0
+            self.assertEqual(row["mx_rms_percent"], "")  # hairs do not measure moments: empty, not 0
         self.assertTrue(any(row["front"] == "1" for row in rows))
 
     def test_the_json_has_a_schema_and_null_where_nothing_is_known(self):
@@ -92,7 +92,7 @@ class Tradeoff(unittest.TestCase):
         methods = {m["method"]: m["scenes"][0] for m in json.loads(done.stdout)["models"][0]["methods"]}
         self.assertGreater(methods["ratio"]["bad_percent"], 50)  # it needs all five
         self.assertLess(methods["ratio"]["rms_percent"], 10)
-        self.assertEqual(methods["overlap"]["bad_percent"], 0)   # it makes do with four, and says so
+        self.assertEqual(methods["overlap"]["bad_percent"], 0)   # it works with four, and reports it
         self.assertGreater(methods["overlap"]["uncertain_percent"], 50)
 
     def test_what_is_asked_wrongly_is_said(self):

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""A hostile local user beside the release programs: forged segments before, between and during runs, folders that others can
-write to, truncation while it is read. Run as root it acts as a second user; the readers are those in C, C++ and Python."""
+"""A hostile local user beside the release programs: forged segments before, between and during runs, folders that
+others can write to, truncation during a read. Run as root it acts as a second user; the readers are those in C, C++
+and Python."""
 import itertools
 import os
 import pathlib
@@ -25,7 +26,7 @@ IS_ROOT = os.geteuid() == 0
 
 
 def as_stranger(action):
-    """Whether the action succeeds as another user, in a process of its own."""
+    """Returns True if the action succeeds as another user, in a separate process."""
     child = os.fork()
     if child == 0:
         try:
@@ -60,7 +61,7 @@ class AStranger(unittest.TestCase):
         self.assertTrue(as_stranger(write))
 
     def forgery(self):
-        """The bytes of the running daemon with another force, GOOD for ten seconds."""
+        """Returns the bytes of the running daemon with another force, GOOD for ten seconds."""
         copy = a_copy(self.daemon.segment.read_bytes().replace(TRUE, FORGED))
         copy.make_fresh()
         return bytes(copy.data)
@@ -278,7 +279,7 @@ class AFolder(unittest.TestCase):
             self.assertEqual([w.category for w in said], [RuntimeWarning])
 
     def test_a_program_of_layout_1_4_meets_the_daemon_in_dev_shm(self):
-        """With the offsets of that version as numbers."""
+        """Uses the offsets of that version as numbers."""
         with unit_daemon() as d:
             d.env["TACTILED_RUNTIME_DIR"] = "/dev/shm"
             d.start()
@@ -316,7 +317,7 @@ class ATruncatedFile(unittest.TestCase):
                     rest = list(itertools.islice(left, 1000))
                     self.assertEqual(len([s for s in rest if s.reasons & tactiled.DAEMON_STOPPED]), 1)
                     self.assertTrue(rest[-1].reasons & tactiled.DAEMON_STOPPED)
-                    self.assertNotEqual(d.process.wait(5), 0)  # its own mapping is gone
+                    self.assertNotEqual(d.process.wait(5), 0)  # its own mapping was truncated
                     self.assertIsNone(reader.poll())
                     d.start()
                     wait_for(lambda: node.latest("left").quality == tactiled.GOOD, 3, "a value")

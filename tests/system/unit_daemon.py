@@ -1,4 +1,4 @@
-"""A daemon with one sensor whose three channels are newtons already, for tests that ask about other things than forces."""
+"""A daemon with one sensor whose three channels are in newtons, for tests of other properties than forces."""
 import json
 
 from daemon import Daemon

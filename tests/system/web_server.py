@@ -1,4 +1,4 @@
-"""tactiled-web as a test drives it: started beside a daemon, asked over HTTP, its event stream taken apart."""
+"""tactiled-web in a test: started beside a daemon, requested over HTTP, with its event stream parsed."""
 import base64
 import http.client
 import json
@@ -16,7 +16,7 @@ TOKEN = "0123456789abcdef-of-a-test"
 
 
 class Web:
-    """Use as a context manager."""
+    """A context manager."""
 
     def __init__(self, node, *words, token=None, env=None, before=()):
         self.port = free_port()
@@ -39,7 +39,7 @@ class Web:
         return f"127.0.0.1:{self.port}"
 
     def ask(self, path, method="GET", body=None, timeout=30, **fields):
-        """(status, header fields, body). fields: X_Y=... is the header field X-Y; None leaves Host out."""
+        """Returns (status, header fields, body). fields: X_Y=... is the header field X-Y; None omits Host."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout)
         headers = {key.replace("_", "-"): value for key, value in fields.items()}
         try:
@@ -90,7 +90,7 @@ class Stream:
         self.answer = self.connection.getresponse()
 
     def next(self):
-        """(name, data); "frame" is the one without a name."""
+        """Returns (name, data); "frame" is the event without a name."""
         name, data = "frame", None
         while True:
             line = self.answer.readline().decode()
@@ -105,7 +105,7 @@ class Stream:
                 data = line[6:]
 
     def until(self, condition, seconds=5):
-        """The first event for which condition(name, data) is true."""
+        """Returns the first event for which condition(name, data) is true."""
         limit = time.monotonic() + seconds
         while time.monotonic() < limit:
             name, data = self.next()
@@ -118,6 +118,6 @@ class Stream:
 
 
 def column(text, kind):
-    """A column of the history: kind is "d", "f" or "I"."""
+    """Returns a column of the history: kind is "d", "f" or "I"."""
     raw = base64.b64decode(text)
     return struct.unpack(f"<{len(raw) // struct.calcsize(kind)}{kind}", raw)

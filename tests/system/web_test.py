@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""tactiled-web over HTTP: the values are those of the registers, a dead daemon shows, commands need token and origin, history outlives
-a reload, and hostile clients delay nobody."""
+"""tactiled-web over HTTP: the values are those of the registers, a dead daemon is visible, commands need token and
+origin, history outlives a reload, and hostile clients delay no other client."""
 import hashlib
 import json
 import math
@@ -29,7 +29,7 @@ SCHEMA = json.loads((ROOT / "node/web/api.schema.json").read_text())
 
 
 def of(metrics, name, **labels):
-    """The one sample of that name and those labels."""
+    """Returns the one sample of that name and those labels."""
     found = [s for family in text_string_to_metric_families(metrics.decode()) for s in family.samples
              if s.name == name and all(s.labels.get(k) == v for k, v in labels.items())]
     assert len(found) == 1, (name, labels, found)
@@ -58,7 +58,7 @@ class Base(unittest.TestCase):
 
 class Values(Base):
     def registers(self):
-        """fx fy fz of the first sensor as a PLC reads them, in N."""
+        """Returns fx fy fz of the first sensor as a PLC reads them, in N."""
         with ModbusTcpClient("127.0.0.1", port=self.daemon.port) as client:
             block = client.read_holding_registers(100, 25, slave=1).registers
         rows = [line.split("|") for line in (ROOT / "node/modbus/MAP.md").read_text().splitlines()]
@@ -150,7 +150,7 @@ class Values(Base):
 
 
 class Peaks(Base):
-    """One sample in a hundred is a blow of 50 N: a page that shows every 33rd millisecond must still show it."""
+    """One sample in a hundred is a peak of 50 N: a page that shows every 33rd millisecond must still show it."""
     rows = "".join(f"{n / 200},0,0,{-50 if n == 57 else -1 - n % 3 / 100}\n" for n in range(100))
 
     def test_no_peak_between_two_ticks_is_missed(self):
@@ -264,7 +264,7 @@ class Hostile(Base):
         self.before = self.server.status()["sensors"][0]["tare_count"]
 
     def watch(self, seconds):
-        """The longest silence of an ordinary page's stream, and how long an ordinary request took."""
+        """Returns the longest silence of an ordinary page's stream, and the duration of an ordinary request."""
         stream = Stream(self.server)
         worst, last, until = 0, time.monotonic(), time.monotonic() + seconds
         while time.monotonic() < until:
@@ -293,7 +293,8 @@ class Hostile(Base):
         worst, asked = self.watch(3)
         self.assertLess(worst, 1)
         self.assertLess(asked, 1)
-        # More than half of the places are taken: sooner than the 10 s after which a silent connection is closed in any case.
+        # More than half of the places are taken: sooner than the 10 s after which a silent connection is closed in
+        # any case.
         wait_for(lambda: all(closed(s) for s in crowd[::100]), 5, "connections without a request to be closed")
 
     def test_a_thousand_whole_requests_at_once_delay_nobody(self):
@@ -374,7 +375,7 @@ class Hostile(Base):
 
 
 def closed(s):
-    """Whether the server has closed it."""
+    """Returns whether the server has closed it."""
     s.setblocking(False)
     try:
         return s.recv(65536) == b""

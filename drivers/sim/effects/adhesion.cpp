@@ -1,4 +1,4 @@
-// Adhesion: a round body that leaves the skin pulls at it before it comes off.
+// Adhesion: when a round body leaves the skin, it pulls at the skin until the contact separates.
 #include <algorithm>
 
 #include "drivers/sim/effects/bounds.hpp"
@@ -11,7 +11,7 @@ double pull_off_N(const Setting& s) {
     return 1.5 * 3.141592653589793 * std::max(s.body.adhesion_J_m2 * s.body.radius_m, 0.0) * std::min(s.sensor.share, 1.0);
 }
 
-// From the instant at which the press has come to an end the pull grows evenly to the pull-off force, then it is gone.
+// From the instant at which the press ends, the pull rises linearly to the pull-off force and then drops to 0.
 class Adhesion final : public Effect {
 public:
     explicit Adhesion(const Setting& s) : pull_N_(pull_off_N(s)), step_(1 / (s.p[0] * s.rate_Hz)) {}
@@ -29,10 +29,10 @@ public:
 
 private:
     double pull_N_, step_;
-    double place_ = 1;  // on the way from the end of the press, 0, to where it comes off, 1
+    double place_ = 1;  // progress from the end of the press, 0, to the separation, 1
 };
 
-// Nothing comes off that only ever presses more.
+// Without a decrease of the press there is no separation.
 Bound bound(const Setting& s) {
     if (!s.extent.reverses || s.extent.max[kFz] <= 0) return {};
     const double pull_N = pull_off_N(s);

@@ -1,4 +1,4 @@
-// Low pass before the converter, against frequencies that would fold.
+// Low pass before the converter, against aliasing.
 #include <cmath>
 
 #include "drivers/sim/effects/bounds.hpp"
@@ -8,21 +8,22 @@ namespace {
 
 double corner_Hz(const Setting& s) { return std::isnan(s.p[0]) ? s.rate_Hz / 4 : s.p[0]; }
 
-// A sine with fewer than 16 samples a period is no straight line between them: then the world is asked at instants in
-// between, 32 a period, up to one block of them a sample.
+// A sine with fewer than 16 samples per period is not a straight line between them. The motion is then evaluated at
+// intermediate instants, 32 per period, up to one block of them per sample.
 std::size_t instants(const Setting& s) {
     const double per_sample = s.extent.frequency_Hz / s.rate_Hz;
     if (s.scene == nullptr || per_sample * 16 <= 1) return 1;
     return std::size_t(std::min(std::ceil(32 * per_sample), double(Block::kSize)));
 }
 
-// Two poles at one place, y1' = w (u - y1), y2' = w (y1 - y2), exact for an input that is straight over each step h. The
-// states are y1 - u and y2 - u, so that an input that stands still passes unchanged to the last bit:
+// Two equal poles, y1' = w (u - y1), y2' = w (y1 - y2), exact for an input that is straight over each step h. The
+// states are y1 - u and y2 - u, so that a constant input is unchanged to the last bit:
 //     d1 = a d1 + (a - 1) / x * rise,  d2 = a (d2 + x d1) + (2 (a - 1) / x + a) * rise,  x = w h, a = exp(-x)
 class TwoPoles {
 public:
     explicit TwoPoles(double x) : a_(std::exp(-x)), ax_(x < 700 ? a_ * x : 0), k1_(std::expm1(-x) / x), k2_(2 * k1_ + a_) {}
-    // The output when the input has risen by `rise` over the step, less the input at its end. rt: wait-free
+    // Returns the output after the input has risen by `rise` over the step, minus the input at the end of the step.
+    // rt: wait-free
     double step(double rise, double& d1, double& d2) const noexcept {
         d2 = a_ * d2 + ax_ * d1 + k2_ * rise;
         d1 = a_ * d1 + k1_ * rise;
@@ -33,7 +34,8 @@ private:
     double a_, ax_, k1_, k2_;
 };
 
-// Input between two samples: what the linear model makes of the world there, and the rest, by the effects before, straight.
+// The input between two samples: the linear model's response to the motion there, and the linearly interpolated rest
+// by the effects before.
 class AntiAlias final : public Effect {
 public:
     explicit AntiAlias(const Setting& s)
@@ -50,7 +52,7 @@ public:
             for (std::size_t n = 0; n < block.n; ++n) pass_between(block, n);
         } else {
             const std::size_t channels = sensor_.n();
-            for (std::size_t n = 0; n < block.n; ++n)  // channels within a sample: none waits for another
+            for (std::size_t n = 0; n < block.n; ++n)  // channels in the inner loop, so that none waits for another
                 for (std::size_t k = 0; k < channels; ++k) {
                     double& value = block.channel[k][n];
                     const double rise = value - last_[k];
@@ -108,9 +110,9 @@ private:
     bool started_ = false;
 };
 
-// The share (1 + w t) exp(-w t) of the impulse response w^2 t exp(-w t) is older than t; what is between two samples is
-// between their values. Instants between samples may lie as far apart again, both in the world and in the rest, and an error
-// before it is then one of the rest and of the world's instants, too.
+// The share (1 + w t) exp(-w t) of the impulse response w^2 t exp(-w t) is older than t. The input between two
+// samples is between their values. Intermediate instants may be as far apart again, both in the motion and in the
+// rest, and an error before this effect then affects both.
 Bound bound(const Setting& s) {
     const double w = 6.283185307179586 * corner_Hz(s);
     const auto older = [&](double age_s) {

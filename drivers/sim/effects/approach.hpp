@@ -1,4 +1,4 @@
-// A quantity that begins with the scene and approaches its end value exponentially, p[0] with the time constant p[1]:
+// A quantity that starts with the scene and approaches its end value p[0] exponentially with the time constant p[1]:
 // moisture, self-heating.
 #pragma once
 #include <array>
@@ -8,7 +8,7 @@
 
 namespace tactiled::sim {
 
-using PerUnit = std::array<double, kMaxSensorChannels>;  // of each channel by one unit of what approaches
+using PerUnit = std::array<double, kMaxSensorChannels>;  // change of each channel per unit of the quantity
 
 // x' = (p[0] - x) / p[1], exact.
 class Approach final : public Effect {
@@ -28,7 +28,7 @@ private:
     PerUnit per_unit_;
 };
 
-// Exact: where it has come to by the last sample; fastest at the beginning.
+// The bound is exact: the value at the last sample; the rate is highest at the beginning.
 inline Bound approach_bound(const Setting& s, PerUnit per_unit) {
     const double reached = -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * s.p[1]));
     for (double& change : per_unit) change *= std::abs(s.p[0]) * reached;

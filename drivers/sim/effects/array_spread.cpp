@@ -7,7 +7,7 @@
 namespace tactiled::sim {
 namespace {
 
-// The sensors to the left, to the right, before and behind, where the array has them.
+// Returns the sensors to the left, to the right, before and behind, if the array has them.
 std::vector<Sensor> neighbours(const Sensor& sensor) {
     std::vector<Sensor> result;
     if (sensor.half_width_m <= 0) return result;
@@ -24,7 +24,8 @@ std::vector<Sensor> neighbours(const Sensor& sensor) {
     return result;
 }
 
-// load + k sum of (the neighbour's load - load): what one loses another gets. The spread part lies evenly and has no moment.
+// load + k sum of (the neighbour's load - load): a load that one taxel loses goes to another. The spread part is
+// uniform and has no moment.
 class ArraySpread final : public Effect {
 public:
     explicit ArraySpread(const Setting& s)
@@ -51,8 +52,8 @@ private:
     std::unique_ptr<Block> there_ = std::make_unique<Block>();
 };
 
-// It loses at most k n of its own, or gets k of what all neighbours together carry, at most the whole. Under a body that
-// covers them all alike only what other effects have made of its own load stays.
+// A taxel loses at most k n of its own load, or receives k times the load of all neighbours together, at most the
+// whole. Under a body that covers all taxels alike, only the changes of its own load by other effects remain.
 Bound bound(const Setting& s) {
     const double count = double(neighbours(s.sensor).size());
     if (count == 0 || s.scene == nullptr) return {};

@@ -13,8 +13,8 @@ struct Axes {
     std::size_t n = kAxes;
 };
 
-// Levels of an effect E(setting, axes) that treats each axis alone and changes it by at most `change` (N, Nm): on the four,
-// three, two axes or the one on which it makes most. setup
+// Returns the levels of an effect E(setting, axes) that treats each axis independently and changes it by at most
+// `change` (N, Nm): with the four, three, two or one axes on which the change is largest. setup
 template <class E>
 std::vector<Level> fewer_axes(const Setting& s, const std::array<double, kAxes>& change) {
     static constexpr std::array<std::string_view, kAxes - 1> kName{"1_axis", "2_axes", "3_axes", "4_axes"};

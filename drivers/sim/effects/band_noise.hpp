@@ -1,4 +1,4 @@
-// Noise below a frequency: random values at even distances, straight lines between.
+// Noise below a cut-off frequency: random values at equal distances, with linear interpolation.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -9,11 +9,11 @@ namespace tactiled::sim {
 
 class BandNoise {
 public:
-    // Two values a period of the frequency, but no more than one a sample. setup
+    // Uses two values per period of the cut-off frequency, but at most one per sample. setup
     BandNoise(const Stream& random, double rate_Hz, double frequency_Hz)
         : random_(random), every_(std::uint64_t(std::clamp(std::round(rate_Hz / (2 * frequency_Hz)), 1.0, 1e15))) {}
 
-    // Samples must not go back further than to the last value. rt: wait-free
+    // Returns the noise of a sample. The sample number must not go back beyond the last value. rt: wait-free
     [[nodiscard]] double at(std::uint64_t sample, std::size_t lane) noexcept {
         const std::uint64_t i = sample / every_;
         if (i != at_[lane]) {
@@ -24,7 +24,7 @@ public:
         return from_[lane] + (to_[lane] - from_[lane]) * (double(sample % every_) / double(every_));
     }
 
-    // |at| is at most that: looked up for short scenes. setup
+    // Returns the upper limit of |at|, computed exactly for short scenes. setup
     [[nodiscard]] double max(std::uint64_t samples, std::size_t lane) const {
         const std::uint64_t values = samples / every_ + 2;
         if (values > 2000) return kMaxNoise;

@@ -1,4 +1,4 @@
-// Bit errors: on a link without a checksum a bit of a value arrives turned over.
+// Bit errors: on a link without a checksum a bit of a value arrives inverted.
 #include <algorithm>
 #include <cmath>
 
@@ -7,7 +7,7 @@
 namespace tactiled::sim {
 namespace {
 
-// The values on the link, counted through; which ones are hit hangs on the stream alone.
+// Counts the values on the link; the choice of the values with errors depends only on the stream.
 class Hits {
 public:
     explicit Hits(const Setting& s) : random_(s.random), per_value_(s.p[0] * std::floor(s.p[1])), bits_(std::floor(s.p[1])) {
@@ -29,7 +29,8 @@ private:
     double value_ = -1;
 };
 
-// Two's complement, in steps of the converter: the bit counts its weight, up where it was 0, down where it was 1.
+// Two's complement, in steps of the converter: the inverted bit adds its weight if it was 0 and subtracts it if it
+// was 1.
 class BitErrors final : public Effect {
 public:
     explicit BitErrors(const Setting& s) : channels_(s.sensor.n()), top_bit_(int(s.p[1]) - 1), hits_(s) {
@@ -56,7 +57,7 @@ private:
     Channels step_{};
 };
 
-// The largest that the scene really meets; beyond 10,000 the largest that there can be.
+// The largest error in the scene; beyond 10,000 errors, the largest possible one.
 Bound bound(const Setting& s) {
     Channels change{};
     const double values = double(s.samples) * double(s.sensor.n());

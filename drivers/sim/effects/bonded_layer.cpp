@@ -1,4 +1,5 @@
-// Bonded layer: a thin pad that is bonded on both faces can only bulge at its rim, the less the thinner it has become.
+// Bonded layer: a thin pad that is bonded on both faces can bulge only at its rim, the less the thinner it has
+// become.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -7,9 +8,10 @@
 namespace tactiled::sim {
 namespace {
 
-// The pad at rest already has its bonded modulus E (1 + 2 S^2), S = R / 2t: strain_per_N is measured. What remains is that S
-// rises while it is pressed: N = K/3 (c^2 - 1/c) c^p, c = gap at rest / gap. The drive becomes N c^-p, which is what the
-// neo-Hookean law then needs. p = 0.14 describes finite elements of a pad with S = 1 to 1 % from 2 to 20 N.
+// The pad at rest already has its bonded modulus E (1 + 2 S^2), S = R / 2t, because strain_per_N is measured. The
+// remaining effect is that S rises under a press: N = K/3 (c^2 - 1/c) c^p, c = gap at rest / gap. The drive becomes N
+// c^-p, the input that the neo-Hookean law then needs. p = 0.14 reproduces finite elements of a pad with S = 1 to 1 %
+// from 2 to 20 N.
 double softer(double N, double strain_per_N, double power) {
     if (!(N > 0)) return N;
     double reduced = N, c = 1;
@@ -43,7 +45,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.channel_N(change), .load = change};
 }
 
-// A press as a polynomial; a pull is as it was.
+// Approximates a press by a polynomial; a pull is unchanged.
 class PolynomialLayer final : public Effect {
 public:
     explicit PolynomialLayer(const Polynomial<6>& softened) : softened_(softened) {}
@@ -80,6 +82,7 @@ const EffectEntry bonded_layer{
     .parameters = {{"power", "p; 0.14 where the pad is four times as wide as thick", 0.14, 0, 1}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BondedLayer>(s); },
-    .levels = levels};
+    .levels = levels,
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -13,12 +13,13 @@ namespace tactiled::sim {
 
 inline constexpr double kByModel = std::numeric_limits<double>::quiet_NaN();  // default of a parameter
 
-// What arithmetic alone changes: nothing, unless a rounding to steps comes after it.
+// Change by rounding errors of the arithmetic, which matters only if a rounding to steps comes after it.
 inline constexpr double kLastBits_N = 1e-12;
 
 using Channels = std::array<double, kMaxSensorChannels>;
 
-// The largest change of each channel, in its unit, when each component of the load changes by at most that much.
+// Returns the largest change of each channel, in its unit, if each component of the load changes by at most that
+// much.
 inline Channels channel_changes(const Sensor& sensor, const std::array<double, kAxes>& change) {
     Channels result{};
     for (std::size_t k = 0; k < sensor.n(); ++k)
@@ -26,7 +27,7 @@ inline Channels channel_changes(const Sensor& sensor, const std::array<double, k
     return result;
 }
 
-// Reading of a channel when each force is at full scale: half the range that its converter is made for.
+// Reading of a channel when each force is at full scale: half the range of its converter.
 inline double half_range(const Sensor& sensor, std::size_t channel) {
     double sum = 0;
     for (std::size_t axis = kFx; axis <= kFz; ++axis) sum += std::abs(sensor.gain[channel][axis]);
@@ -37,7 +38,7 @@ inline bool is_piezo(const Sensor& sensor, std::size_t channel) {
     return sensor.model == Model::capacitive && sensor.channels[channel] == "Vp";
 }
 
-// What some effects can do by their bounds: for effects of time, which come before all others.
+// Sums the bounds of some effects, for the effects of time, which come before all others.
 inline double others_N(const Setting& s, std::initializer_list<std::string_view> names) {
     double sum = 0;
     for (std::size_t i = 0; i < s.stated_N.size(); ++i)
@@ -45,8 +46,9 @@ inline double others_N(const Setting& s, std::initializer_list<std::string_view>
     return sum;
 }
 
-// By how much what temperature does to a reading can change within so many seconds, N. A body's warmth comes through the
-// skin within a time constant, or within the scene if that is shorter; a warm film's charge leaks as fast as any.
+// Returns the largest change of the influence of temperature on a reading within so many seconds, N. The heat of a
+// body comes through the skin within a time constant, or within the scene if that is shorter; the charge of a warm
+// film leaks at any rate.
 inline double warming_N(const Setting& s, double seconds) {
     const double length_s = std::max(double(s.samples) / s.rate_Hz, 1e-9);
     const double through_1_s = 1 / length_s + 1 / diffusion_s(s.sensor), film_1_s = 2 * through_1_s + 20;
@@ -58,8 +60,8 @@ inline double warming_N(const Setting& s, double seconds) {
     return sum;
 }
 
-// Largest difference between a reading now and a weighted mean of its past. `older(t)` = share of the weights of what is
-// more than t seconds old, `horizon_s` = where it has become small.
+// Returns the largest difference between a reading and a weighted mean of its past. `older(t)` = share of the weights
+// of values that are more than t seconds old, `horizon_s` = age at which that share is small.
 template <class Older>
 double lag_N(const Setting& s, double horizon_s, Older older) {
     constexpr int kSteps = 48;
@@ -72,27 +74,28 @@ double lag_N(const Setting& s, double horizon_s, Older older) {
     return sum + share * s.before.change_N(s, s.extent.length_s + horizon_s) + kLastBits_N;
 }
 
-// By how much a sample can differ that is taken so many seconds off.
+// Returns the largest change of a sample that is taken so many seconds off.
 inline double shift_N(const Setting& s, double seconds) {
     std::array<double, kAxes> change = s.extent.changes(seconds);
-    if (s.body.texture_height_m > 0 && s.extent.speed_m_s > 0) {  // it meets another place of a ridge
+    if (s.body.texture_height_m > 0 && s.extent.speed_m_s > 0) {  // the ridge is at another phase
         const double turn = 6.283185307179586 * s.extent.speed_m_s * seconds / s.body.texture_pitch_m;
         for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] += std::min(2.0, turn) * s.extent.max[axis];
     }
-    // What hangs on the place, the speed or the acceleration may be anywhere else in its range.
+    // Effects that depend on place, speed or acceleration may have any value in their range.
     double other_N = warming_N(s, seconds);
     if (s.extent.moved_m > 0)
         other_N += 2 * others_N(s, {"load_moment", "contact_patch", "hertz_contact", "tilt", "partial_slip"});
     if (s.extent.speed_m_s > 0) {
         other_N += 2 * others_N(s, {"stick_slip"});
-        // One may slide already where the other still stands: another friction, and ridges or none.
+        // The body may slide at one time and stand still at the other: another friction, with or without ridges.
         other_N += others_N(s, {"friction_limit", "texture"});
     }
     if (s.extent.acceleration_m_s2 > 0) other_N += 2 * others_N(s, {"cap_weight"});
     return s.sensor.channel_N(change) + other_N;
 }
 
-// The largest change of each component of the load alone when no channel changes by more than 1 N; 0 if none responds to it.
+// Returns the largest change of each component of the load alone if no channel changes by more than 1 N; 0 if no
+// channel responds to it.
 inline std::array<double, kAxes> observed(const Sensor& sensor) {
     std::array<double, kAxes> result{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) result[axis] = load_of_error(sensor, Axis(axis));

@@ -1,4 +1,4 @@
-// Nonlinearity of a quarter bridge: it reads x / (4 + 2 x), and is scaled as if it read x / 4.
+// Nonlinearity of a quarter bridge: its output is x / (4 + 2 x) and is scaled as if it were x / 4.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -6,7 +6,7 @@
 namespace tactiled::sim {
 namespace {
 
-// Of what the load makes: slow changes of the resistance are balanced out before them.
+// Applied to the change by the load only: slow changes of the resistance are balanced before.
 class BridgeNonlinearity final : public Effect {
 public:
     explicit BridgeNonlinearity(const Setting& s) : channels_(s.sensor.n()), zero_(s.sensor.zero) {}
@@ -23,7 +23,7 @@ private:
     std::array<double, kMaxSensorChannels> zero_;
 };
 
-// x^2 / (2 + x) is largest at the most negative x, and the slope 1 / (1 + x/2)^2 too.
+// Both x^2 / (2 + x) and the slope 1 / (1 + x/2)^2 are largest at the most negative x.
 Bound bound(const Setting& s) {
     const auto swing = largest_swing(s);
     std::array<double, kMaxSensorChannels> change{};
@@ -50,6 +50,7 @@ const EffectEntry bridge_nonlinearity{
     .models = kTable | kHair,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BridgeNonlinearity>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BridgeNonlinearity>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

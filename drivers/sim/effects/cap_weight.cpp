@@ -1,4 +1,4 @@
-// Weight and inertia of what lies on the sensing element: cap, pad or plate.
+// Weight and inertia of the part on the sensing element: cap, pad or plate.
 #include <cmath>
 
 #include "drivers/sim/effects/bounds.hpp"
@@ -16,7 +16,7 @@ double mass_kg(const Setting& s) {
     return 1200 * kPi * s.sensor.table.plate_radius_m * s.sensor.table.plate_radius_m * 60e-6;
 }
 
-// Straight into the channels, to first order: it is small, and so it adds to no other effect's load.
+// Added to the channels directly, to first order: it is small, so it does not change the load of other effects.
 class CapWeight final : public Effect {
 public:
     explicit CapWeight(const Setting& s) : channels_(s.sensor.n()), mass_kg_(mass_kg(s)), gravity_m_s2_(s.p[1]) {
@@ -59,6 +59,7 @@ const EffectEntry cap_weight{
                    {"gravity_m_s2", "against the attitude in which the zero was taken", 9.80665, -20, 20},
                    {"tilt_rad", "of the weight, from -z towards +x", 0, -6.3, 6.3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CapWeight>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CapWeight>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

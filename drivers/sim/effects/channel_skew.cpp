@@ -7,7 +7,8 @@
 namespace tactiled::sim {
 namespace {
 
-// An AD7746 converts one electrode in 0.1 s; a successive-approximation converter a gauge in 10 us. Counted from the last.
+// Delay of a channel before the last one. An AD7746 converts one electrode in 0.1 s, a successive-approximation
+// converter a gauge in 10 us.
 double delay_s(const Setting& s, std::size_t channel) {
     const double one_s = !std::isnan(s.p[0]) ? s.p[0] : s.sensor.model == Model::capacitive ? 0.1 : 1e-5;
     std::size_t after = 0;
@@ -50,7 +51,7 @@ private:
     bool started_ = false;
 };
 
-// Straight between the two samples about its instant.
+// Linear interpolation between the two samples next to the channel's instant.
 Bound bound(const Setting& s) {
     double longest_s = 0;
     for (std::size_t k = 0; k < s.sensor.n(); ++k) longest_s = std::max(longest_s, delay_s(s, k));

@@ -1,4 +1,4 @@
-// Clock drift: the sensor's clock runs fast or slow against the world's.
+// Clock drift: the sensor's clock runs fast or slow.
 #include <cmath>
 
 #include "drivers/sim/effects/bounds.hpp"

@@ -1,4 +1,4 @@
-// Heat of contact: a warm or cold body changes the skin's temperature, and its gauges read a load that is none.
+// Heat of contact: a warm or cold body changes the skin's temperature, which its gauges read as a load.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -31,8 +31,8 @@ private:
     std::array<double, kMaxSensorChannels> per_K_{};
 };
 
-// T is at most the largest of the surface times 1 - exp(-length / tau); by the load it changes through touch, whose slope is
-// at most 1 / scale.
+// T is at most the largest temperature of the surface times 1 - exp(-length / tau). The load changes it through
+// touch, whose slope is at most 1 / scale.
 Bound bound(const Setting& s) {
     const double reached = -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * diffusion_s(s.sensor)));
     const double body_K = s.p[0] * s.extent.body_K * reached, scale_N = touch_scale_N(s.sensor);

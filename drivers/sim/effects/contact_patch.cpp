@@ -10,8 +10,8 @@ namespace {
 
 bool concerns(const Setting& s) { return makes_patch(s.body) && has_map(s.sensor.table); }
 
-// The strains of the influence map, averaged over the patch, take the place of those of a load on the whole plate. The
-// moment of the patch's centre, which the linear model has added, is in the map.
+// The strains of the influence map, averaged over the patch, replace those of a load on the whole plate. The moment
+// of the patch's centre, which the linear model has added, is contained in the map.
 class ContactPatch final : public Effect {
 public:
     explicit ContactPatch(const Setting& s) : sensor_(s.sensor) {
@@ -41,7 +41,7 @@ private:
     InfluenceMap::Matrix more_{};
 };
 
-// The largest excess of the map over all places and radii that the scene may have.
+// The largest excess of the map over all places and radii that are possible in the scene.
 Bound bound(const Setting& s) {
     if (!concerns(s)) return {};
     auto more = InfluenceMap(s.sensor.table).largest_excess(s.extent.x_m, s.extent.y_m, s.body.radius_m);
@@ -71,6 +71,7 @@ const EffectEntry contact_patch{
     .models = kTable,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactPatch>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactPatch>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

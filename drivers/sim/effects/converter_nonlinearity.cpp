@@ -1,4 +1,4 @@
-// Integral nonlinearity of a converter: the curve through its codes bends.
+// Integral nonlinearity of a converter: its characteristic is curved.
 #include <algorithm>
 #include <cmath>
 
@@ -33,7 +33,7 @@ private:
     Channels range_{};
 };
 
-// Its slope is within 1 - 2 c INL and 1 + c INL.
+// The slope is between 1 - 2 c INL and 1 + c INL.
 Bound bound(const Setting& s) {
     Channels change = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {
@@ -57,6 +57,7 @@ const EffectEntry converter_nonlinearity{
     .models = kAll,
     .parameters = {{"inl", "largest error, of the range", 4e-4, -0.1, 0.1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ConverterNonlinearity>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ConverterNonlinearity>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// Window of a converter: a reading is the mean over the time it took.
+// Window of a converter: a reading is the mean over the conversion time.
 #include <cmath>
 #include <vector>
 
@@ -7,13 +7,13 @@
 namespace tactiled::sim {
 namespace {
 
-// An AD7746 that is read at 10 Hz takes 0.1 s; the others' are far shorter than a sample.
+// An AD7746 at 10 Hz takes 0.1 s; the windows of the other converters are far shorter than a sample.
 double window_s(const Setting& s) {
     if (!std::isnan(s.p[0])) return s.p[0];
     return s.sensor.model == Model::capacitive ? 0.1 : 0;
 }
 
-// Exact for readings that are straight between samples: whole samples by a running sum, the oldest piece by itself.
+// Exact for readings that are linear between samples: whole samples by a running sum, the oldest part separately.
 class ConverterWindow final : public Effect {
 public:
     explicit ConverterWindow(const Setting& s) : channels_(s.sensor.n()), length_(window_s(s) * s.rate_Hz) {
@@ -35,18 +35,19 @@ public:
                 sum_[k] = block.channel[k][0] * double(whole_ + 1);
             }
             for (std::size_t n = 0; n < block.n; ++n) {
-                // past[at] = the oldest, whole + 2 samples before this one; the sum holds the whole + 1 after it.
+                // past[at] = the oldest, whole + 2 samples before this one; the sum contains the whole + 1 samples
+                // after it.
                 const double now = block.channel[k][n];
                 past[at] = now;
                 at = at + 1 == past.size() ? 0 : at + 1;
                 const double oldest = past[at], next = past[at + 1 == past.size() ? 0 : at + 1];
                 fresh_[k] += now;
                 sum_[k] += now - oldest;
-                if (at == 0) {  // the rounding errors of one lap are forgotten
+                if (at == 0) {  // discards the rounding errors of one pass
                     sum_[k] = fresh_[k] - past[0];
                     fresh_[k] = 0;
                 }
-                // sum_: the newest whole + 1 samples; trapezia between them, then a piece towards the oldest.
+                // sum_: the newest whole + 1 samples; trapezia between them, then a part towards the oldest.
                 const double trapezia = sum_[k] - (now + next) / 2;
                 const double piece = part_ * (next + part_ / 2 * (oldest - next));
                 block.channel[k][n] = (trapezia + piece) / length_;

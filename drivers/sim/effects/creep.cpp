@@ -1,4 +1,4 @@
-// Creep: under a constant load an elastomer goes on yielding, and comes back as slowly.
+// Creep: under a constant load an elastomer continues to yield, and it recovers as slowly.
 #include <array>
 #include <cmath>
 
@@ -46,7 +46,8 @@ private:
     std::array<double, kAxes> last_{};
 };
 
-// |x_i| after T is at most the largest load times 1 - exp(-T / tau_i). T is of the scene: it may go on after its motions.
+// |x_i| after T is at most the largest load times 1 - exp(-T / tau_i). T is the length of the scene, which may
+// continue after its motions.
 std::array<double, kAxes> largest_change(const Setting& s) {
     const double amount = s.p[0] / 2, T = double(s.samples) / s.rate_Hz;
     const double part = amount * (-std::expm1(-T / s.p[1]) - std::expm1(-T / (10 * s.p[1])));

@@ -1,4 +1,4 @@
-// Crosstalk: a channel takes up a little of each other one.
+// Crosstalk: each channel picks up a small share of the others.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -6,10 +6,10 @@
 namespace tactiled::sim {
 namespace {
 
-// Of channel `from` in channel `to`, in their units. The piezo film has an amplifier of its own.
+// Share of channel `from` in channel `to`, in their units. The piezo film has a separate amplifier.
 double share(const Setting& s, std::size_t to, std::size_t from) {
     if (to == from || s.sensor.channels[to] == "Vp" || s.sensor.channels[from] == "Vp") return 0;
-    if (s.sensor.per_N[from] == 0) return 0;  // a hair that a scene made deaf
+    if (s.sensor.per_N[from] == 0) return 0;  // a hair that a scene has disabled
     return s.p[0] * s.sample.noise(0, to * kMaxSensorChannels + from) * s.sensor.per_N[to] / s.sensor.per_N[from];
 }
 
@@ -62,6 +62,7 @@ const EffectEntry crosstalk{
     .models = kAll,
     .parameters = {{"deviation", "of the share of one channel in another, in N", 0.01, 0, 0.2}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Crosstalk>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Crosstalk>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

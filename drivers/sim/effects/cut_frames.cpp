@@ -23,7 +23,7 @@ private:
     double share_;
 };
 
-// The value of a frame before stands; how many frames are cut in a row has no limit.
+// The value of the previous frame stays; the number of consecutive cut frames has no limit.
 Bound bound(const Setting& s) {
     if (s.p[0] <= 0) return {};
     return {.change_N = s.before.change_N(s, double(s.samples) / s.rate_Hz) + kLastBits_N};

@@ -1,4 +1,4 @@
-// Dead channel: from some instant on one sticks at its reading, goes to a saturation limit or gives none.
+// Dead channel: from some instant on a channel keeps its reading, goes to a saturation limit or has no value.
 #include <algorithm>
 #include <cmath>
 
@@ -11,7 +11,7 @@ enum Way { kSticks, kSaturationLimit, kMissing };
 
 Way way(const Setting& s) { return s.p[1] >= 2 ? kMissing : s.p[1] >= 1 ? kSaturationLimit : kSticks; }
 
-// Sample at which a channel dies: exponentially distributed.
+// Sample at which a channel fails: exponentially distributed.
 double death(const Setting& s, std::size_t channel) {
     if (s.p[0] <= 0) return HUGE_VAL;
     return std::ceil(-std::log1p(-s.random.uniform(0, channel)) / (s.p[0] / 3600) * s.rate_Hz);
@@ -50,7 +50,7 @@ private:
     Channels death_{}, value_{};
 };
 
-// From its last reading, or from the limit, to the farthest that the others reach; 0 where all live on.
+// The distance from its last reading, or from the limit, to the largest change of the others; 0 if no channel fails.
 Bound bound(const Setting& s) {
     Channels change{};
     const Channels swing = largest_swing(s);

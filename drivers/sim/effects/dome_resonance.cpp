@@ -1,4 +1,4 @@
-// Resonance of a soft dome, and the time that a wave needs through it.
+// Resonance of a soft dome, and the propagation time of a wave through it.
 #include <array>
 #include <cmath>
 #include <vector>
@@ -49,7 +49,7 @@ public:
                 past_[axis][at] = block.drive[axis][n];
                 const double u = past_[axis][newer] + part_ * (past_[axis][older] - past_[axis][newer]);
                 const double slope = (u - u_[axis]) / step_s_;
-                // About the straight line that the dome would follow in the end.
+                // Relative to the straight line that the dome finally follows.
                 const double x = x_[axis] - (u_[axis] - lag_s_ * slope), v = v_[axis] - slope;
                 x_[axis] = u - lag_s_ * slope + step_[0] * x + step_[1] * v;
                 v_[axis] = slope + step_[2] * x + step_[3] * v;
@@ -68,8 +68,8 @@ private:
     std::array<double, kAxes> u_{}, x_{}, v_{};
 };
 
-// |y - u| <= integral of |h(t)| change(t + delay) dt. The impulse response h has its sign for half a period; its integral
-// over half period i is (1 + q)(-q)^i, and within one the running integral is that of the step response.
+// |y - u| <= integral of |h(t)| change(t + delay) dt. The impulse response h has one sign for half a period; its
+// integral over half period i is (1 + q)(-q)^i, and within a half period the running integral is the step response.
 std::array<double, kAxes> largest_change(const Setting& s) {
     const double w = 2 * std::numbers::pi * resonance_Hz(s), z = s.p[1], root = std::sqrt((1 - z) * (1 + z));
     const double half_s = std::numbers::pi / (w * root), q = std::exp(-std::numbers::pi * z / root);

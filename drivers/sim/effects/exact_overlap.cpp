@@ -1,4 +1,4 @@
-// Exact overlap: the area that a round electrode shares with a sector is no straight line in its shift.
+// Exact overlap: the area that a round electrode shares with a sector is not linear in its shift.
 #include <cmath>
 
 #include "drivers/sim/effects/pad.hpp"
@@ -8,7 +8,7 @@
 namespace tactiled::sim {
 namespace {
 
-// Effect of the area beyond the linear model, pF.
+// Capacitance change by the area beyond the linear model, pF.
 double more_pF(const Sensor& sensor, const Pad& pad, std::size_t i, double fx, double fy) {
     const auto& gain = sensor.gain[pad.channel[i]];
     return pad.active_pF[i] * pad.overlap_change(i, pad.shift_per_N_m * fx, pad.shift_per_N_m * fy) -
@@ -29,8 +29,8 @@ private:
     Pad pad_;
 };
 
-// The largest over a grid of shears that has the corners of what the extent allows, and its steepest slope on it; a tenth
-// more for what lies between: the function is nearly quadratic.
+// The largest value over a grid of shears that includes the corners of the extent, and the steepest slope on it, plus
+// a tenth for values in between: the function is nearly quadratic.
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
     const double X = max(s, kFx), Y = max(s, kFy);
@@ -57,7 +57,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = 1 + s.sensor.largest_N(of_error)};
 }
 
-// The same as a cubic of the shear, an electrode each.
+// The same as a cubic of the shear, one for each electrode.
 class CubicOverlap final : public Effect {
 public:
     CubicOverlap(const Setting& s, const std::array<Cubic, Pad::kMax>& more_pF) : pad_(s.sensor), more_pF_(more_pF) {}
@@ -102,6 +102,7 @@ const EffectEntry exact_overlap{
     .parameters = {},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExactOverlap>(s); },
-    .levels = levels};
+    .levels = levels,
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// Drift of the bridge's excitation while it warms up and with the surroundings; a ratiometric converter has none.
+// Drift of the bridge's excitation during warm-up and with the ambient temperature; a ratiometric converter has none.
 #include <cmath>
 
 #include "drivers/sim/effects/bounds.hpp"
@@ -53,6 +53,7 @@ const EffectEntry excitation_drift{
                    {"time_s", "of warming up", 300, 1e-3, 1e6},
                    {"ppm_K", "with the surroundings", 25, -1e4, 1e4}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExcitationDrift>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExcitationDrift>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

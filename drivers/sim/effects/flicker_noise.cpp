@@ -1,4 +1,4 @@
-// Flicker noise: the slower, the larger; equal power in each decade of frequency.
+// Flicker noise: equal power in each decade of frequency.
 #include <algorithm>
 #include <cmath>
 
@@ -9,9 +9,9 @@ namespace {
 
 constexpr std::size_t kDecades = 5;  // corners at a twentieth of the rate and four decades below
 constexpr double kMaxSds = 4;
-constexpr double kMaxStep = 1.7320508075688772;  // of a uniform number with deviation 1
+constexpr double kMaxStep = 1.7320508075688772;  // maximum of a uniform number with standard deviation 1
 
-// Of a decade, in the channel's unit. By default a tenth of the white noise.
+// Standard deviation of a decade, in the channel's unit. The default is a tenth of the white noise.
 double sd(const Setting& s, std::size_t channel) {
     if (!std::isnan(s.p[0])) return s.p[0] * s.sensor.per_N[channel];
     if (s.sensor.model == Model::hair) return 5.14e-7;
@@ -28,7 +28,8 @@ std::array<double, kDecades> keeps() {
     return keep;
 }
 
-// x = a x + (1 - a^2)^(1/2) u in each decade, held within four standard deviations. 0 at the start, when zero was taken.
+// x = a x + (1 - a^2)^(1/2) u in each decade, limited to four standard deviations. 0 at the start, when the zero was
+// taken.
 class FlickerNoise final : public Effect {
 public:
     explicit FlickerNoise(const Setting& s) : random_(s.random), channels_(s.sensor.n()), keep_(keeps()) {
@@ -57,7 +58,7 @@ private:
     std::array<std::array<double, kDecades>, kMaxSensorChannels> x_{};
 };
 
-// Each decade is held; those that are slow against the scene have not come as far.
+// Each decade is limited; decades that are slow against the scene have not reached their limit.
 Bound bound(const Setting& s) {
     double sum = 0;
     for (const double a : keeps())

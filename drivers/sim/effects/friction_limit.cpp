@@ -1,4 +1,4 @@
-// Friction limit: a skin takes no more shear than friction holds.
+// Friction limit: friction limits the shear on a skin.
 #include <algorithm>
 #include <cmath>
 
@@ -7,7 +7,8 @@
 namespace tactiled::sim {
 namespace {
 
-// The shear is shortened to mu * press, kinetic while the body slides; its direction stays. Without a press there is none.
+// The shear is reduced to mu * press, with the kinetic mu while the body slides; its direction is kept. Without a
+// press there is no shear.
 class FrictionLimit final : public Effect {
 public:
     explicit FrictionLimit(const Setting& s) : friction_(s.body.friction), kinetic_(s.body.kinetic_friction) {}
@@ -16,7 +17,7 @@ public:
         for (std::size_t n = 0; n < block.n; ++n) {
             const double limit = (block.speed_m_s[n] > 0 ? kinetic_ : friction_) * std::max(-fz[n], 0.0);
             const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
-            if (shear <= limit * (1 + 1e-12)) continue;  // a scene may ask for exactly the limit
+            if (shear <= limit * (1 + 1e-12)) continue;  // a scene may request exactly the limit
             fx[n] *= limit / shear;
             fy[n] *= limit / shear;
         }
@@ -26,8 +27,9 @@ private:
     double friction_, kinetic_;
 };
 
-// Exact: what is cut off is what the scene asks for beyond friction. With an error before it: a projection on a disc whose
-// radius goes with the press, so |change of the shear| <= |change of the shear before| + mu |change of the press|.
+// Exact: the removed part is the excess of the scene's shear over friction. With an error before it: a projection on
+// a disc whose radius is proportional to the press, so |change of the shear| <= |change of the shear before| + mu
+// |change of the press|.
 Bound bound(const Setting& s) {
     double excess = s.extent.shear_excess_N;
     if (s.extent.speed_m_s > 0) excess = std::max(excess, s.extent.kinetic_excess_N);
@@ -58,6 +60,7 @@ const EffectEntry friction_limit{
     .models = kAll,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FrictionLimit>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FrictionLimit>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// Fringe field: the rim's part of a capacitance falls more slowly with the gap than the plate's.
+// Fringe field: the part of a capacitance by the rim falls more slowly with the gap than the part by the plate.
 #include <cmath>
 
 #include "drivers/sim/effects/pad.hpp"
@@ -7,9 +7,9 @@
 namespace tactiled::sim {
 namespace {
 
-constexpr double kWidest = 6;  // gap / radius beyond which the formula falls again
+constexpr double kWidest = 6;  // gap / radius beyond which the formula decreases again
 
-// Kirchhoff's disc over its plate formula; for a sector the disc of the same area. v = gap / radius.
+// Kirchhoff's formula for a disc over its plate formula; for a sector, the disc of the same area. v = gap / radius.
 double fringe(double v) {
     v = std::min(v, kWidest);
     return 1 + v / std::numbers::pi * (std::log(16 * std::numbers::pi / v) - 1);
@@ -39,7 +39,7 @@ private:
     std::array<double, Pad::kMax> at_rest_{};
 };
 
-// The factor rises with the gap, most steeply at the least.
+// The factor rises with the gap, with the steepest slope at the minimum gap.
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
     const double strain = pad.strain_per_N * max(s, kFz), narrow = 1 / Pad::closeness(strain), wide = 1 + strain;
@@ -71,6 +71,7 @@ const EffectEntry fringe_field{
     .models = kCapacitive,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FringeField>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FringeField>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

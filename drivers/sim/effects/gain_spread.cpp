@@ -1,4 +1,4 @@
-// Spread of the channels: no gauge or electrode is quite like the next.
+// Spread of the channels: gauges and electrodes differ from each other.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -6,7 +6,8 @@
 namespace tactiled::sim {
 namespace {
 
-// Relative deviation of a channel's gain. The thesis' two samples differ by 1.85 % in capacitance and 5.3 % in the film.
+// Relative standard deviation of a channel's gain. The thesis' two samples differ by 1.85 % in capacitance and 5.3 %
+// in the film.
 double sd(const Setting& s, std::size_t channel) {
     double spread = s.p[0];
     if (std::isnan(spread))
@@ -62,6 +63,7 @@ const EffectEntry gain_spread{
                     std::numeric_limits<double>::quiet_NaN(), 0, 0.2},
                    {"offset_N", "standard deviation of the zeros", 0, 0, 100}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GainSpread>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GainSpread>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

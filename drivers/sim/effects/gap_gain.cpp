@@ -1,4 +1,4 @@
-// Gap gain: a capacitance goes with the inverse of the gap, and so does what a shear makes of it.
+// Gap gain: a capacitance, and its change by a shear, is inversely proportional to the gap.
 #include <cmath>
 
 #include "drivers/sim/effects/pad.hpp"
@@ -59,6 +59,7 @@ const EffectEntry gap_gain{.name = "gap_gain",
                            .models = kCapacitive,
                            .parameters = {},
                            .bound = bound,
-                           .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GapGain>(s); }};
+                           .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GapGain>(s); },
+                           .instant = true};
 
 }  // namespace tactiled::sim

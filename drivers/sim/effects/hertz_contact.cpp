@@ -25,8 +25,8 @@ private:
     double radius_m_, modulus_Pa_;
 };
 
-// Only a table's map of influence asks for the radius; on an array the world has it already (motion.hpp, footprint_m). Two
-// means over parts of the map lie between its least and its largest.
+// Only a table's influence map uses the radius; on an array the motion has it already (motion.hpp, footprint_m). Two
+// means over parts of the map are between its minimum and its maximum.
 Bound bound(const Setting& s) {
     if (s.sensor.table.influence.empty() || s.sensor.half_width_m > 0 || s.body.shape != Body::Shape::sphere ||
         s.body.radius_m <= 0)
@@ -49,7 +49,8 @@ Bound bound(const Setting& s) {
             change[k] += std::abs(factor[axis]) * (max - min) * s.extent.max[axis];
         }
     const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .jump_N = change_N};  // another press: another radius, and no two differ by more
+    // another press gives another radius, and no two results differ by more
+    return {.change_N = change_N, .jump_N = change_N};
 }
 
 }  // namespace
@@ -66,6 +67,7 @@ const EffectEntry hertz_contact{
     .models = kTable,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<HertzContact>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<HertzContact>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// Humidity: carriers swell and permittivities rise while a skin takes up the air's moisture.
+// Humidity: carriers swell and permittivities rise while a skin absorbs moisture.
 #include <cmath>
 
 #include "drivers/sim/effects/approach.hpp"
@@ -6,15 +6,15 @@
 namespace tactiled::sim {
 namespace {
 
-// Change of channel k by 1 % of relative humidity, its unit. Polyimide swells by 9e-6 per percent; moist air, board and
-// cable add 1e-4 of the capacitance.
+// Change of channel k per 1 % of relative humidity, in its unit. Polyimide swells by 9e-6 per percent; moist air,
+// board and cable add 1e-4 of the capacitance.
 double per_percent(const Setting& s, std::size_t k) {
     if (s.sensor.channels[k] == "Vp") return 0;
     if (s.sensor.model == Model::table) return (std::isnan(s.p[2]) ? 9e-6 : s.p[2]) * s.sensor.table.gauge_factor_tangential;
     return (std::isnan(s.p[2]) ? 1e-4 : s.p[2]) * s.sensor.zero[k];
 }
 
-// The air changes at the scene's beginning and the skin follows.
+// The humidity of the air changes at the scene's beginning and the skin follows.
 PerUnit per_percent(const Setting& s) {
     PerUnit all{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) all[k] = per_percent(s, k);

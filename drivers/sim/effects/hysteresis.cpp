@@ -1,4 +1,4 @@
-// Hysteresis: on the way back a skin reads more than it did on the way there, however slow.
+// Hysteresis: during unloading a skin reads more than during loading at the same load, at any speed.
 #include <array>
 #include <cmath>
 
@@ -10,20 +10,21 @@ namespace {
 
 constexpr std::size_t kPlayOperators = 6;
 
-// Of full scale, the largest difference between loading and unloading over a cycle from 0 to full scale and back.
+// The largest difference between loading and unloading over a cycle from 0 to full scale and back, relative to full
+// scale.
 double width(const Setting& s) {
     if (!std::isnan(s.p[0])) return s.p[0];
     return s.sensor.model == Model::table ? 0.0484 : 0.02;
 }
 
-// Play of half width r is what is left of u when the first r of each way back is lost: a pin in a slot.
+// Play operator of half width r: the output follows u only beyond a dead band of 2 r (backlash).
 double play(double p, double u, double r) { return std::clamp(p, u - r, u + r); }
 double from_rest(double u, double r) { return u - std::clamp(u, -r, r); }
 
-// Of full scale: half widths, so that a way back from full scale passes the last at 0.
+// Half widths relative to full scale, chosen so that an unloading from full scale passes the last one at 0.
 constexpr double half_width(std::size_t i) { return double(i + 1) / double(2 * kPlayOperators); }
 
-// Weight of each play that gives a loop of width 1.
+// Weight of each play operator that gives a loop of width 1.
 double unit_weight() {
     double widest = 0;
     for (int step = 0; step <= 1000; ++step) {
@@ -41,7 +42,8 @@ double full_scale(const Sensor& sensor, std::size_t axis) {
     return sensor.full_scale_N * (axis < kMx ? 1 : half_size_m(sensor) / 2);
 }
 
-// y = u + w sum of (P_i[u] - P_i[u from rest]): 0 as long as the load only rises, as a calibration by rising loads has it.
+// y = u + w sum of (P_i[u] - P_i[u from rest]): 0 as long as the load only rises, as in a calibration by rising
+// loads.
 class Hysteresis final : public Effect {
 public:
     explicit Hysteresis(const Setting& s, const Axes& axes = {}) : axes_(axes), weight_(width(s) * unit_weight()) {
@@ -69,9 +71,8 @@ private:
     std::array<std::array<double, kPlayOperators>, kAxes> r_{}, p_{};
 };
 
-// Both P lie within r of u, and within the range of u less r: they differ by at most min(2 r, span - r), and
-// by no more than u ever came back. Both follow u with
-// a slope of at most 1.
+// Both P are within r of u, and within the range of u less r: they differ by at most min(2 r, span - r), and by no
+// more than the largest decrease of u. Both follow u with a slope of at most 1.
 std::array<double, kAxes> largest_change(const Setting& s) {
     const double weight = width(s) * unit_weight();
     std::array<double, kAxes> change{};

@@ -1,4 +1,4 @@
-// Strain of the table's gauges under a force anywhere on its plate, and under one that is spread over a patch.
+// Strain of the table's gauges under a force anywhere on its plate, and under a force that is spread over a patch.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace tactiled::sim {
 
-// A flat body rests on the whole plate, a sphere or an edge on a part of it.
+// True if the body covers a part of the plate (a sphere or an edge); a flat body covers the whole plate.
 inline bool makes_patch(const Body& body) { return body.shape == Body::Shape::sphere || body.shape == Body::Shape::edge; }
 
 class InfluenceMap {
@@ -20,7 +20,7 @@ public:
     using Strains = std::array<double, 24>;                                // per N of Fx, Fy, +Fz, of R1 .. R8
     using Matrix = std::array<std::array<double, 3>, kMaxSensorChannels>;  // channel's unit per N of fx fy fz
 
-    // setup. `sample` must outlive it. Points: the centre, then 20 rings of 48 points, ring after ring.
+    // setup. `sample` must outlive the map. Points: the centre, then 20 rings of 48 points, ring after ring.
     explicit InfluenceMap(const TableSample& sample)
         : factor_{sample.gauge_factor_tangential, sample.gauge_factor_tangential, sample.gauge_factor_normal},
           plate_m_(sample.plate_radius_m),
@@ -35,15 +35,15 @@ public:
         uniform_ = mean(0, 0, plate_m_);
     }
 
-    // Additional effect of a load on this patch compared with one on the whole plate. rt: wait-free
+    // Returns the additional response to a load on this patch compared with a load on the whole plate. rt: wait-free
     [[nodiscard]] Matrix excess(double x_m, double y_m, double radius_m) const noexcept {
         return matrix(mean(x_m, y_m, radius_m));
     }
 
-    // |excess| is at most that for a centre within |x|, |y| and a radius within 0 .. radius_m: a mean over a patch lies
-    // among the values at the corners of the cells that it touches. setup
+    // Returns the upper limit of |excess| for a centre within |x|, |y| and a radius within 0 .. radius_m: a mean over
+    // a patch is between the values at the corners of the cells that it touches. setup
     [[nodiscard]] Matrix largest_excess(double x_m, double y_m, double radius_m) const {
-        const double cell = 3.5 / per_ring_;  // a ring apart, 1/48 of the outermost ring's length is 2.6
+        const double cell = 3.5 / per_ring_;  // one ring; 1/48 of the outermost ring's length is 2.6 rings
         const bool all = x_m + radius_m >= plate_m_ || y_m + radius_m >= plate_m_ || std::hypot(x_m, y_m) >= plate_m_;
         Matrix max{};
         for (const auto& point : *points_) {
@@ -58,7 +58,7 @@ public:
         return max;
     }
 
-    // Mean strains over the part of the patch that lies on the plate, at the plate's nearest point where none does.
+    // Mean strains over the part of the patch that is on the plate, or at the plate's nearest point if no part is.
     [[nodiscard]] Strains mean(double x_m, double y_m, double radius_m) const noexcept {
         Strains sum{};
         std::size_t inside = 0;
@@ -86,7 +86,7 @@ private:
         return matrix;
     }
 
-    // Bilinear in ring and angle.
+    // Adds the bilinear interpolation in ring and angle.
     void add(Strains& sum, double x, double y) const noexcept {
         const double ring = std::min(std::hypot(x, y) * per_ring_, double(kRings));
         double angle = std::atan2(y, x) * (double(kAngles) / (2 * std::numbers::pi));

@@ -1,4 +1,4 @@
-// Johnson noise of the gauges' resistance, the least noise that a bridge can have.
+// Johnson noise of the gauges' resistance, the minimum noise of a bridge.
 #include <cmath>
 
 #include "drivers/sim/effects/bounds.hpp"
@@ -6,7 +6,7 @@
 namespace tactiled::sim {
 namespace {
 
-// Of dR/R0: voltage (4 k T R B)^(1/2) over a quarter bridge's V/4.
+// Standard deviation of dR/R0: voltage (4 k T R B)^(1/2) over a quarter bridge's V/4.
 double sd(const Setting& s) {
     const double band_Hz = s.rate_Hz / 2;
     return std::sqrt(4 * 1.380649e-23 * 298.15 * s.p[0] * band_Hz) / (s.p[1] / 4);
@@ -47,6 +47,7 @@ const EffectEntry johnson_noise{
     .models = kTable | kHair,
     .parameters = {{"resistance_ohm", "of a gauge", 1000, 0, 1e9}, {"excitation_V", "of the bridge", 3.3, 1e-3, 100}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<JohnsonNoise>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<JohnsonNoise>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

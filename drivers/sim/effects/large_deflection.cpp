@@ -1,4 +1,4 @@
-// Large deflection: the further a skin is pressed, the less it yields to the next newton.
+// Large deflection: a skin becomes stiffer the further it is pressed.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -7,22 +7,22 @@
 namespace tactiled::sim {
 namespace {
 
-// Strain, > 0 in compression, of a neo-Hookean pad under the load q = stress / modulus: with x = 1 / stretch, x^3 - 3 q x -
-// 1 = 0. Newton's method for e = x - 1: so a load of 1e-12 keeps its digits, as x itself would not.
+// Strain, > 0 in compression, of a neo-Hookean pad under the load q = stress / modulus: with x = 1 / stretch, x^3 - 3
+// q x - 1 = 0. Newton's method solves for e = x - 1, so that a load of 1e-12 keeps its digits.
 double strain(double q) {
     double e = std::max(q, -1.0);
     for (int i = 0; i < 8; ++i) e -= (e * (e * (e + 3) + 3 * (1 - q)) - 3 * q) / (3 * (e * (e + 2) + (1 - q)) + 1e-300);
     return e / (1 + e);
 }
 
-// Strain by 1 N in the linear model of an elastomer; 0 for the table.
+// Strain per 1 N in the linear model of an elastomer; 0 for the table.
 double strain_per_N(const Sensor& sensor) {
     if (sensor.model == Model::capacitive) return sensor.capacitive.strain_per_N;
     if (sensor.model == Model::hair) return 1 / (sensor.hair.area_m2 * sensor.hair.young_Pa);
     return 0;
 }
 
-// The table's plate by finite elements: 4.6 % less at 1 N, 25 % at 5 N, a shear as before; a power between.
+// The table's plate by finite elements: 4.6 % less at 1 N, 25 % at 5 N, shear unchanged; a power law in between.
 double plate(double u, double half_N) { return u / (1 + std::pow(std::abs(u) / half_N, 1.2)); }
 
 class LargeDeflection final : public Effect {
@@ -39,7 +39,7 @@ private:
     double half_N_, strain_per_N_;
 };
 
-// The difference grows with the load. A pulled pad gets softer: d strain / dq = 1 / (x (x^2 - q)), at most 3.
+// The difference grows with the load. A pulled pad becomes softer: d strain / dq = 1 / (x (x^2 - q)), at most 3.
 Bound bound(const Setting& s) {
     const double z = max(s, kFz), per_N = strain_per_N(s.sensor);
     if (z == 0) return {};
@@ -53,7 +53,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 
-// An elastomer's law as a polynomial of the force.
+// The law of an elastomer as a polynomial of the force.
 class PolynomialDeflection final : public Effect {
 public:
     explicit PolynomialDeflection(const Polynomial<7>& yields) : yields_(yields) {}
@@ -67,7 +67,7 @@ private:
 
 std::vector<Level> levels(const Setting& s) {
     const double per_N = strain_per_N(s.sensor), most_N = kBeyond * max(s, kFz);
-    if (per_N == 0) return {};  // a plate's power has no polynomial at 0
+    if (per_N == 0) return {};  // the power law of a plate has no polynomial at 0
     const Polynomial<7> yields([&](double z) { return -strain(-per_N * z) / per_N; }, -most_N, most_N);
     return {{"polynomial", s.sensor.channel_N({0, 0, yields.error(), 0, 0}),
              [yields](const Setting&) { return std::make_unique<PolynomialDeflection>(yields); }}};
@@ -88,6 +88,7 @@ const EffectEntry large_deflection{
     .parameters = {{"half_N", "press at which a table reads half", 12.5, 0.01, 1e6}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LargeDeflection>(s); },
-    .levels = levels};
+    .levels = levels,
+    .instant = true};
 
 }  // namespace tactiled::sim

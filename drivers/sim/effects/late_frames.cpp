@@ -1,5 +1,5 @@
-// Late frames: a link stands still for some frames, as a full buffer or another program's turn makes it, and then catches up
-// by two at a time, in order.
+// Late frames: a link stops for some frames, because of a full buffer or another program, and then delivers two
+// frames at a time, in order, until it has caught up.
 #include "drivers/sim/arrivals.hpp"
 #include "drivers/sim/effects/bounds.hpp"
 
@@ -19,7 +19,7 @@ public:
                 --stands_;
                 ++waiting_;
                 block.arrives[n] = {0, 0};
-            } else if (waiting_ > 0) {  // its own frame is the last of those that wait
+            } else if (waiting_ > 0) {  // its own frame is the last of the waiting ones
                 block.arrives[n] = {std::uint8_t(waiting_ + 1), std::uint8_t(waiting_)};
                 --waiting_;
             }
@@ -33,7 +33,7 @@ private:
     std::uint32_t stop_, stands_ = 0, waiting_ = 0;
 };
 
-// The newest that has arrived is at most as old as the stop is long.
+// The newest frame that has arrived is at most as old as the stop is long.
 Bound bound(const Setting& s) {
     if (s.p[0] <= 0) return {};
     return {.change_N = s.before.change_N(s, std::floor(s.p[1]) * double(s.sensor.every) / s.rate_Hz) + kLastBits_N};

@@ -1,12 +1,12 @@
-// Lead wires: their resistance lies in series with the gauge, and it changes with temperature.
+// Lead wires: their resistance is in series with the gauge and changes with temperature.
 #include "drivers/sim/effects/bounds.hpp"
 
 namespace tactiled::sim {
 namespace {
 
-constexpr double kCopper_1_K = 3.9e-3;  // of its resistance a K
+constexpr double kCopper_1_K = 3.9e-3;  // relative change of resistance per K
 
-// Of dR/R0. The constant part of the offset is balanced out.
+// Change of dR/R0. The constant part of the offset is balanced.
 class LeadWires final : public Effect {
 public:
     explicit LeadWires(const Setting& s)
@@ -45,6 +45,7 @@ const EffectEntry lead_wires{
     .models = kTable | kHair,
     .parameters = {{"share", "of the gauge's resistance", 1e-4, 0, 1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LeadWires>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LeadWires>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

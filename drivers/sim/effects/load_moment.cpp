@@ -1,4 +1,4 @@
-// Load moment: a press beside the centre tilts a soft skin, and presses more on the sensing elements near to it.
+// Load moment: an eccentric press tilts a soft skin and presses more on the sensing elements near to it.
 #include <cmath>
 
 #include "drivers/sim/effects/pad.hpp"
@@ -7,7 +7,7 @@
 namespace tactiled::sim {
 namespace {
 
-// Unit of channel k by 1 N of drive along fz, per metre of the load's centre along x and along y.
+// Change of channel k per 1 N of drive along fz and per metre of the load's centre along x and along y.
 struct Lever {
     double x, y;
 };
@@ -71,6 +71,7 @@ const EffectEntry load_moment{
     .models = kHair | kCapacitive,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LoadMoment>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LoadMoment>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

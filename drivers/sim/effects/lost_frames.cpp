@@ -7,11 +7,12 @@
 namespace tactiled::sim {
 namespace {
 
-// Gilbert and Elliott: good frames arrive, bad ones do not; a burst ends after `most` frames at the latest.
+// The model of Gilbert and Elliott: good frames arrive, bad ones do not; a burst ends after `most` frames at the
+// latest.
 class Link {
 public:
     explicit Link(const Setting& s) : random_(s.random), begins_(s.p[0]), ends_(s.p[1]), max_(std::uint32_t(s.p[2])) {}
-    // Does this one arrive?
+    // Returns true if this frame arrives.
     bool arrives(std::uint64_t frame) noexcept {
         const double u = random_.uniform(frame);
         if (burst_ == 0 ? u < begins_ : u >= ends_ && burst_ < max_)
@@ -28,7 +29,7 @@ private:
     std::uint32_t max_, burst_ = 0;
 };
 
-// A sensor that delivers each so-manyeth sample has a frame there.
+// A sensor that delivers only each n-th sample has a frame there.
 class LostFrames final : public Effect {
 public:
     explicit LostFrames(const Setting& s) : every_(std::max<std::size_t>(s.sensor.every, 1)), link_(s) {}
@@ -51,8 +52,8 @@ private:
     std::uint32_t lost_ = 0;
 };
 
-// While none arrives the last one stands: the change over the longest gap that the scene really meets, over the longest
-// that there can be where it has too many frames to look at.
+// While no frame arrives the last value stays: the bound is the change over the longest gap in the scene, or over the
+// longest possible gap if the scene has too many frames to check.
 Bound bound(const Setting& s) {
     const std::uint64_t frames = s.samples / std::max<std::size_t>(s.sensor.every, 1) + 1;
     double longest = 0;

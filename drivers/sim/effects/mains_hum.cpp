@@ -1,4 +1,4 @@
-// Mains hum: the mains' frequency, its third and its fifth harmonic, folded as the rate has it.
+// Mains hum: the mains frequency with its third and fifth harmonics, aliased by the sampling rate.
 #include <cmath>
 
 #include "drivers/sim/effects/bounds.hpp"
@@ -10,7 +10,7 @@ constexpr double kThird = 0.3, kFifth = 0.1;
 
 double amplitude_N(const Setting& s) { return std::isnan(s.p[0]) ? 2e-4 * s.sensor.full_scale_N : s.p[0]; }
 
-// Its phase goes with the number of the sample: against the mains' own drift a converter's clock is right.
+// The phase depends on the number of the sample: the converter's clock is exact compared with the drift of the mains.
 class MainsHum final : public Effect {
 public:
     explicit MainsHum(const Setting& s) : channels_(s.sensor.n()), turns_(s.p[1] / s.rate_Hz), start_(s.random.uniform(0)) {
@@ -55,6 +55,7 @@ const EffectEntry mains_hum{
     .parameters = {{"amplitude_N", "by default 0.02 % of full scale", kByModel, 0, 100},
                    {"frequency_Hz", "of the mains", 50, 0, 1e4}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MainsHum>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MainsHum>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// Misalignment: the sensing element sits turned in its mount, so that it sees the load in a turned frame.
+// Misalignment: the sensing element is rotated in its mount, so that it measures the load in a rotated frame.
 #include <cmath>
 
 #include "drivers/sim/effects/bounds.hpp"
@@ -8,7 +8,7 @@ namespace {
 
 using Rotation = std::array<std::array<double, 3>, 3>;
 
-// A vector in a frame turned about x, then y, then z: the transpose of Rz Ry Rx.
+// Matrix that expresses a vector in a frame rotated about x, then y, then z: the transpose of Rz Ry Rx.
 Rotation rotation(const Setting& s) {
     constexpr double kDegree = 3.141592653589793 / 180;
     const double cx = std::cos(s.p[0] * kDegree), sx = std::sin(s.p[0] * kDegree);
@@ -82,6 +82,7 @@ const EffectEntry misalignment{
                    {"about_y_deg", "rotation of the sensing element", -0.3, -180, 180},
                    {"about_z_deg", "rotation of the sensing element", 1, -180, 180}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Misalignment>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Misalignment>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// Mounting on a curved surface: bending strains the gauges before anything touches.
+// Mounting on a curved surface: bending strains the gauges before any contact.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -6,8 +6,8 @@
 namespace tactiled::sim {
 namespace {
 
-// Strain of a sheet's face is thickness / (2 radius) along the bend, times cos^2 for a gauge at an angle to it. R1 R2 R5 R6
-// lie along x, R3 R4 R7 R8 along y.
+// The strain of a sheet's face is thickness / (2 radius) along the bend, times cos^2 for a gauge at an angle to it.
+// R1 R2 R5 R6 are along x, R3 R4 R7 R8 along y.
 double offset(const Setting& s, std::size_t k) {
     const bool along_x = k % 4 < 2;
     const double angle = s.p[2] * std::numbers::pi / 180, part = along_x ? std::cos(angle) : std::sin(angle);
@@ -51,6 +51,7 @@ const EffectEntry mounting_curvature{
                    {"thickness_m", "of the sensor", 250e-6, 1e-6, 0.01},
                    {"direction_deg", "of the bend, from x", 0, -360, 360}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MountingCurvature>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MountingCurvature>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

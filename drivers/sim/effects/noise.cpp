@@ -7,7 +7,7 @@
 namespace tactiled::sim {
 namespace {
 
-// One standard deviation in the channel's unit. Cao et al. state 5.14e-6 for the hairs; load cells behind an HX711 show
+// Standard deviation in the channel's unit. Cao et al. state 5.14e-6 for the hairs; load cells with an HX711 show
 // 0.025 to 0.043 % of full scale.
 double sd(const Setting& s, std::size_t channel) {
     if (!std::isnan(s.p[0])) return s.p[0] * s.sensor.per_N[channel];
@@ -52,6 +52,7 @@ const EffectEntry noise{.name = "noise",
                         .parameters = {{"deviation_N", "one standard deviation; by default by the sensor's model",
                                         std::numeric_limits<double>::quiet_NaN(), 0, 100}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Noise>(s); }};
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Noise>(s); },
+                        .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// Overtaken frames: two frames arrive in the wrong order, as datagrams do.
+// Overtaken frames: two frames arrive in the wrong order, as datagrams can.
 #include "drivers/sim/effects/bounds.hpp"
 
 namespace tactiled::sim {
@@ -32,7 +32,7 @@ private:
     bool held_ = false;
 };
 
-// Until the next frame comes the one before it stands, and then the overtaken one for the next again.
+// Until the next frame arrives the previous one stays, and then the overtaken one stays for another frame.
 Bound bound(const Setting& s) {
     if (s.p[0] <= 0) return {};
     return {.change_N = s.before.change_N(s, 2 * double(s.sensor.every) / s.rate_Hz) + kLastBits_N};

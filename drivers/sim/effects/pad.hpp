@@ -1,13 +1,13 @@
-// Geometry of the capacitive sensor: what the press, the shift and the tilt of its upper electrode do to each of the lower
+// Geometry of the capacitive sensor: the effect of press, shift and tilt of the upper electrode on each of the lower
 // ones.
 //
 // The linear model gives channel = rest + active (1 + a + e), a and e the relative changes of area and gap to first order.
-// On top of it, in the order of the chain:
+// The effects add to it in the order of the chain:
 //     exact_overlap    a -> A(shift) / A(0) - 1
 //     load_moment      + the electrode's own strain by the tilt
-//     gap_gain         (what is not e) -> (what is not e) / (1 - e)
+//     gap_gain         (all but e) -> (all but e) / (1 - e)
 //     tilt, fringe_field   times a factor of the gap
-// so exact_overlap and gap_gain together make rest + active A(shift) / A(0) * gap(0) / gap, and each alone leaves the other
+// so exact_overlap and gap_gain together give rest + active A(shift) / A(0) * gap(0) / gap, and each alone leaves the other
 // part linear.
 #pragma once
 #include <algorithm>
@@ -21,8 +21,8 @@ namespace tactiled::sim {
 
 struct Pad {
     static constexpr std::size_t kMax = 5;
-    static constexpr double kMaxStrain = 0.8;  // nearer than a fifth of the gap the pad does not let it come
-    static constexpr double kMaxShift = 0.9;   // of the disc's radius
+    static constexpr double kMaxStrain = 0.8;  // the pad prevents a gap below a fifth of the gap at rest
+    static constexpr double kMaxShift = 0.9;   // relative to the disc's radius
 
     struct Electrode {
         double inner_m, outer_m, centre_rad, opening_rad;
@@ -30,7 +30,7 @@ struct Pad {
 
     std::size_t n = 0;
     std::array<std::size_t, kMax> channel{};
-    std::array<double, kMax> active_pF{}, rest_pF{};  // the part that the gap changes, and what is left of the zero
+    std::array<double, kMax> active_pF{}, rest_pF{};  // the part that depends on the gap, and the rest of the zero
     std::array<Electrode, kMax> electrode{};
     std::array<double, kMax> x_m{}, y_m{}, radius_m{};  // its centroid; radius of a disc of the same area
     double disc_m, gap_m, strain_per_N, shift_per_N_m;
@@ -73,13 +73,14 @@ struct Pad {
     [[nodiscard]] double strain(double fz_N) const noexcept { return -strain_per_N * fz_N; }
     // gap at rest / gap
     [[nodiscard]] static double closeness(double strain) noexcept { return 1 / (1 - std::min(strain, kMaxStrain)); }
-    // Strain of electrode i by the tilt that 1 N of press at (x, y) makes, 1/N; largest over the signs of x and y where they
-    // are its bounds.
+    // Strain of electrode i by the tilt under 1 N of press at (x, y), 1/N; largest over the signs of x and y if they
+    // are bounds.
     [[nodiscard]] double tilt_strain(std::size_t i, double x, double y) const noexcept {
         return tilt_rad_per_Nm / gap_m * (std::abs(x_m[i]) * x + std::abs(y_m[i]) * y);
     }
-    // |overlap_change| is at most that for a shift up to this: per metre of shift the area changes by the width of the
-    // moving edge within the sector, which is that of the sector where the edge is farthest out and what the edge leans by.
+    // Upper limit of |overlap_change| for a shift up to this: per metre of shift the area changes by the width of the
+    // moving edge within the sector, which is the sector's width where the edge is farthest out plus the inclination
+    // of the edge.
     [[nodiscard]] double largest_overlap(std::size_t i, double shift) const noexcept {
         const Electrode& e = electrode[i];
         const double s = std::min(shift, kMaxShift * disc_m), rest = area_at_rest(e);
@@ -99,9 +100,9 @@ struct Pad {
         return e.opening_rad / 2 * (out - e.inner_m) * (out + e.inner_m);
     }
 
-    // Area that a disc shares with the electrode after its shift, less that before. With t from the shift's direction, u =
-    // delta sin t, S = sqrt((R - u)(R + u)) the edge is at rho = delta cos t + S, and 1/2 rho^2 has an integral; where the
-    // edge passes the electrode's own inner or outer one, that counts.
+    // Area that a disc shares with the electrode after its shift, minus that before. With t from the shift's
+    // direction, u = delta sin t, S = sqrt((R - u)(R + u)) the edge is at rho = delta cos t + S, and 1/2 rho^2 has an
+    // integral; where the edge is beyond the electrode's inner or outer edge, the electrode's edge counts.
     static double area_change(const Electrode& e, double R, double dx, double dy) noexcept {
         double delta = std::hypot(dx, dy);
         if (!(delta > 0)) return 0;
@@ -113,7 +114,7 @@ struct Pad {
         cut[cuts++] = from;
         for (const double a : {e.inner_m, e.outer_m}) {
             const double cosine = (a * a + delta * delta - R * R) / (2 * a * delta);
-            if (!(std::abs(cosine) < 1)) continue;  // nor where a = 0
+            if (!(std::abs(cosine) < 1)) continue;  // also skips a = 0
             for (const double t : {std::acos(cosine), -std::acos(cosine)})
                 for (const double turn : {-2 * std::numbers::pi, 0.0, 2 * std::numbers::pi})
                     if (t + turn > from && t + turn < to) cut[cuts++] = t + turn;

@@ -1,4 +1,4 @@
-// Partial slip: before a round body slides its rim does, and its middle gives way with the shear.
+// Partial slip: before a round body slides, its rim slides and its middle yields to the shear.
 #include <algorithm>
 #include <cmath>
 
@@ -8,7 +8,7 @@
 namespace tactiled::sim {
 namespace {
 
-// Of (2 - nu) / G of the skin and of the body, 3 / 16 of the sum.
+// Compliance from (2 - nu) / G of the skin and of the body, 3 / 16 of the sum.
 double compliance(const Setting& s) {
     const Skin skin_ = skin(s.sensor);
     const auto one = [](double young_Pa, double poisson) {
@@ -32,7 +32,8 @@ public:
             const double press = -fz[n], shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
             const double a = hertz_radius_m(press, radius_m_, modulus_Pa_);
             if (a <= 0 || shear <= 0) continue;
-            const double stuck = std::cbrt(std::max(1 - shear / (friction_ * press), 0.0));  // its radius over a
+            const double stuck =
+                std::cbrt(std::max(1 - shear / (friction_ * press), 0.0));  // radius of the sticking part over a
             const double moved_m = friction_ * press / a * compliance_ * (1 - stuck * stuck);
             mx[n] -= press * moved_m * fy[n] / shear;
             my[n] += press * moved_m * fx[n] / shear;
@@ -43,7 +44,7 @@ private:
     double friction_, radius_m_, modulus_Pa_, compliance_;
 };
 
-// 1 - (1 - t)^(2/3) <= t, so displacement <= compliance * shear / a; times the press it grows with both.
+// 1 - (1 - t)^(2/3) <= t, so displacement <= compliance * shear / a; multiplied by the press, it grows with both.
 Bound bound(const Setting& s) {
     if (s.body.shape != Body::Shape::sphere || s.body.radius_m <= 0 || s.body.friction <= 0) return {};
     const double press = s.extent.max[kFz];
@@ -71,6 +72,7 @@ const EffectEntry partial_slip{
     .models = kAll,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PartialSlip>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PartialSlip>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// The film's amplifier: a low pass of its series resistance and capacitance, and rails.
+// The film's amplifier: a low pass of its series resistance and capacitance, and saturation limits.
 #include <algorithm>
 #include <cmath>
 
@@ -34,8 +34,8 @@ private:
     bool started_ = false;
 };
 
-// A sample that is j samples old has the weight (1 - a) a^j; the part beyond the saturation limit is lost. The film's own
-// leak is slower by far.
+// A sample that is j samples old has the weight (1 - a) a^j; the part beyond the saturation limit is lost. The leak
+// of the film is far slower.
 Bound bound(const Setting& s) {
     const std::size_t channel = s.sensor.find("Vp");
     if (channel >= s.sensor.n()) return {};

@@ -1,4 +1,4 @@
-// Leak of the piezo film: its charge runs off, so that it answers to changes alone.
+// Leak of the piezo film: its charge discharges, so that it responds only to changes.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -32,11 +32,12 @@ private:
     double zero_ = 0, keep_ = 0, new_ = 0, value_ = 0, last_ = 0;
 };
 
-// What leaks is the charge through a low-pass: at most its largest times 1 - exp(-T / tau).
+// The lost part is the charge through a low pass: at most its largest value times 1 - exp(-T / tau).
 Bound bound(const Setting& s) {
     const std::size_t film = s.sensor.find("Vp");
     if (film >= s.sensor.n()) return {};
-    const double leaks = -std::expm1(-double(s.samples) / s.rate_Hz / s.p[0]);  // the scene may go on after its motions
+    // the scene may continue after its motions
+    const double leaks = -std::expm1(-double(s.samples) / s.rate_Hz / s.p[0]);
     std::array<double, kMaxSensorChannels> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis)
         change[film] += std::abs(s.sensor.gain[film][axis]) * max(s, Axis(axis)) * leaks;

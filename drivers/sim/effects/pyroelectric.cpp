@@ -1,4 +1,4 @@
-// Pyroelectric charge: a piezo film answers to a change of its temperature as to a force.
+// Pyroelectric charge: a piezo film responds to a change of its temperature as to a force.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -7,14 +7,14 @@
 namespace tactiled::sim {
 namespace {
 
-// N that 1 K looks like: 27 uC/(m^2 K) times the area, over 25 pC/N.
+// Apparent force per 1 K: 27 uC/(m^2 K) times the area, over 25 pC/N.
 double per_K(const Setting& s) {
     if (!std::isnan(s.p[0])) return s.p[0];
     const double radius_m = s.sensor.capacitive.disc_radius_m;
     return 27e-6 * std::numbers::pi * radius_m * radius_m / 25e-12;
 }
 
-// The film's temperature follows room and body through the pad; its charge runs off: v' = per_K T' - v / tau.
+// The film's temperature follows room and body through the pad; its charge discharges: v' = per_K T' - v / tau.
 class Pyroelectric final : public Effect {
 public:
     explicit Pyroelectric(const Setting& s)
@@ -46,13 +46,13 @@ private:
     double V_per_K_, share_, approach_, scale_N_, keep_ = 0, new_ = 0, film_K_ = 0, value_ = 0;
 };
 
-// What is left of a voltage whose charge comes at a rate is at most rate * tau (1 - exp(-length / tau)). The film warms no
-// faster than the room does, and than (outside - film) / diffusion time; what touching adds lies within +- share * body.
+// A voltage whose charge comes at a rate stays at or below rate * tau (1 - exp(-length / tau)). The film warms no
+// faster than the room, and than (outside - film) / diffusion time; contact adds at most +- share * body.
 Bound bound(const Setting& s) {
     if (s.sensor.find("Vp") >= s.sensor.n()) return {};
     const double through_s = diffusion_s(s.sensor), leak_s = s.p[2], length_s = (double(s.samples) + 1) / s.rate_Hz;
     const double kept_s = leak_s * -std::expm1(-length_s / leak_s), N_per_K = per_K(s);
-    // For a film that follows an outside within +- max_K for the scene's length.
+    // For a film that follows an outside temperature within +- max_K for the scene's length.
     const auto N_of = [&](double max_K, double rate_K_s) {
         const double reached_K = max_K * -std::expm1(-length_s / through_s);
         return N_per_K * std::min(2 * reached_K, std::min((max_K + reached_K) / through_s, rate_K_s) * kept_s);

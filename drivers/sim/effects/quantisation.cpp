@@ -1,4 +1,4 @@
-// Quantisation: a converter knows whole steps only.
+// Quantisation: a converter has whole steps only.
 #include "drivers/sim/effects/quantisation.hpp"
 
 #include <cmath>
@@ -49,6 +49,7 @@ const EffectEntry quantisation{
     .models = kAll,
     .parameters = {{"step_N", "by default by the sensor's model", kByModel, 0, 1e3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Quantisation>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Quantisation>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

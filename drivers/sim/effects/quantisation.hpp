@@ -4,8 +4,8 @@
 
 namespace tactiled::sim {
 
-// In the channel's unit. Strain gauges: so many bits over the range to both rails. Capacitances: the AD7746's 4 aF. Film:
-// 10 bit of 5 V.
+// Step in the channel's unit. Strain gauges: the configured bits over the range between the saturation limits.
+// Capacitances: the AD7746's 4 aF. Film: 10 bit of 5 V.
 inline double converter_step(const Sensor& sensor, std::size_t channel) {
     if (is_piezo(sensor, channel)) return 5.0 / 1024;
     if (sensor.model == Model::capacitive) return 4e-6;  // pF

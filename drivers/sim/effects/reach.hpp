@@ -10,24 +10,25 @@
 
 namespace tactiled::sim {
 
-// The largest load that an effect may meet, its largest less its least, and its change within some seconds.
+// The largest load that an effect may meet, the difference between its largest and smallest value, and its change
+// within some seconds.
 inline double max(const Setting& s, Axis axis) { return s.extent.max[axis]; }
 inline double span(const Setting& s, Axis axis) { return s.extent.span[axis]; }
 inline double change(const Setting& s, Axis axis, double seconds) { return s.extent.change(axis, seconds); }
-// How far a component of the load may come back.
+// The largest decrease of a component of the load.
 inline double comes_back(const Setting& s, Axis axis) {
     return s.extent.reverses ? span(s, axis) : std::min(span(s, axis), s.extent.back[axis]);
 }
 
-// Of the surface, from its centre.
+// Distance from the centre of the surface to its edge.
 inline double half_size_m(const Sensor& sensor) {
     if (sensor.model == Model::table) return sensor.table.plate_radius_m;
     if (sensor.model == Model::capacitive) return sensor.capacitive.disc_radius_m;
     return std::sqrt(sensor.hair.area_m2 / std::numbers::pi);
 }
 
-// An error of 1 N in the channels (Sensor::channel_N) that the load of one axis makes is at most so many N of that axis:
-// what an effect that looks at the load itself must expect of an error before it. N/N
+// The load of one axis that corresponds to an error of 1 N in the channels (Sensor::channel_N), N/N: an effect that
+// uses the load itself must expect such an error of its input.
 inline double load_of_error(const Sensor& sensor, Axis axis) {
     double min = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < sensor.n(); ++k)
@@ -35,11 +36,11 @@ inline double load_of_error(const Sensor& sensor, Axis axis) {
     return std::isfinite(min) ? min : 0;
 }
 
-// Stress of a round skin under an eccentric load is F/A (1 + 4 x x0 / R^2): how much more of the press hair k (at 0, 90,
-// 180, 270 degrees) feels for each metre of the load's centre along its own axis.
+// The stress of a round skin under an eccentric load is F/A (1 + 4 x x0 / R^2): additional share of the press on hair
+// k (at 0, 90, 180, 270 degrees) per metre of the load's centre along its own axis.
 inline double lever_1_m(const HairSample& hair) { return 4 * hair.root_distance_m * std::numbers::pi / hair.area_m2; }
 
-// |channel - zero| is at most that; channel's unit.
+// Upper limit of |channel - zero|, in the channel's unit.
 inline std::array<double, kMaxSensorChannels> largest_swing(const Setting& s) {
     std::array<double, kMaxSensorChannels> swing{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {

@@ -1,4 +1,4 @@
-// Repeated frames: a link sends a frame again, because it missed the acknowledgement.
+// Repeated frames: a link sends a frame again because it missed the acknowledgement.
 #include "drivers/sim/effects/bounds.hpp"
 
 namespace tactiled::sim {
@@ -22,7 +22,7 @@ private:
     double share_;
 };
 
-// Until the next frame comes it is taken for a new one.
+// The repeated frame counts as a new one until the next frame arrives.
 Bound bound(const Setting& s) {
     if (s.p[0] <= 0) return {};
     return {.change_N = s.before.change_N(s, double(s.sensor.every) / s.rate_Hz) + kLastBits_N};

@@ -16,12 +16,12 @@ public:
 
 private:
     Stream random_;
-    double sd_s_, max_s_;  // two samples never change places
+    double sd_s_, max_s_;  // two samples never change their order
 };
 
 Bound bound(const Setting& s) {
     const double late_s = std::min(kMaxNoise * s.p[0], 0.49 / s.rate_Hz);
-    return {.change_N = shift_N(s, late_s), .slack_s = 2 * late_s};  // one early, the other late
+    return {.change_N = shift_N(s, late_s), .slack_s = 2 * late_s};  // one sample early, the other late
 }
 
 }  // namespace

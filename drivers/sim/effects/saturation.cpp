@@ -1,4 +1,4 @@
-// Saturation: a reading ends at the limits of its converter.
+// Saturation: a reading is limited to the range of its converter.
 #include <algorithm>
 #include <cmath>
 
@@ -48,6 +48,7 @@ const EffectEntry saturation{
     .models = kAll,
     .parameters = {{"rail", "of the reading with each force at full scale", 1.25, 0.01, 1e3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Saturation>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Saturation>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

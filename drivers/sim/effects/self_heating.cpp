@@ -1,4 +1,4 @@
-// Self-heating: the measuring current warms the gauges once it is switched on, at the scene's beginning.
+// Self-heating: the measuring current warms the gauges from the scene's beginning, when it is switched on.
 #include <cmath>
 
 #include "drivers/sim/effects/approach.hpp"

@@ -1,4 +1,4 @@
-// Knowledge of the contact effects about a sensor's skin and two bodies that touch.
+// Properties of a sensor's skin and of the contact of two bodies, for the contact effects.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -12,11 +12,11 @@ inline constexpr double kBodyPoisson = 0.3;
 
 struct Skin {
     double young_Pa, poisson;
-    double press_N_m, shear_N_m;  // of the whole sensor: force a metre
+    double press_N_m, shear_N_m;  // force per metre, of the whole sensor
 };
 
 inline Skin skin(const Sensor& sensor) {
-    if (sensor.model == Model::table) return {4.4e9, 0.22, 3e5, 3e5};  // SU-8; some um a N
+    if (sensor.model == Model::table) return {4.4e9, 0.22, 3e5, 3e5};  // SU-8; some um per N
     if (sensor.model == Model::hair) {
         const HairSample& hair = sensor.hair;
         const double area_over_height = hair.area_m2 / std::max(hair.height_m, 1e-6);
@@ -33,7 +33,7 @@ inline double contact_modulus_Pa(const Skin& skin, const Body& body) {
                 (1 - kBodyPoisson * kBodyPoisson) / std::max(body.stiffness_Pa, 1.0));
 }
 
-// Of a sphere, pressed with press_N: a^3 = 3 F R / (4 E*), at most R.
+// Radius for a sphere under press_N: a^3 = 3 F R / (4 E*), at most R.
 inline double hertz_radius_m(double press_N, double radius_m, double modulus_Pa) {
     return std::min(std::cbrt(0.75 * std::max(press_N, 0.0) * radius_m / modulus_Pa), radius_m);
 }

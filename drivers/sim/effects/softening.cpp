@@ -1,4 +1,4 @@
-// Softening (Mullins): below the largest load so far an elastomer yields more than when it was loaded for the first time.
+// Softening (Mullins): below the largest load so far an elastomer yields more than at its first loading.
 #include <array>
 #include <cmath>
 
@@ -28,7 +28,7 @@ private:
     std::array<double, kAxes> largest_{};
 };
 
-// |u| (1 - |u| / m) is at most m / 4, and m - |u|. By u it changes by at most 1, by m by at most 1.
+// |u| (1 - |u| / m) is at most m / 4, and m - |u|. Its slope is at most 1 by u and at most 1 by m.
 std::array<double, kAxes> largest_change(const Setting& s) {
     std::array<double, kAxes> change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis)

@@ -1,4 +1,4 @@
-// Spikes: interference and discharges, rare, steep and soon gone.
+// Spikes: interference and discharges, which are rare, steep and short.
 #include <algorithm>
 #include <cmath>
 
@@ -9,8 +9,8 @@ namespace {
 
 double amplitude_N(const Setting& s) { return std::isnan(s.p[2]) ? 0.05 * s.sensor.full_scale_N : s.p[2]; }
 
-// Their sum at each sample, in the largest amplitude of one. Events of a Poisson process, each of any size up to 1 and of
-// either sign; the sum is held within 1.
+// Sum of the spikes at each sample, relative to the largest amplitude of one. The events are a Poisson process, each
+// of a size up to 1 and of either sign; the sum is limited to 1.
 class Train {
 public:
     explicit Train(const Setting& s)
@@ -29,7 +29,7 @@ public:
         value_ = std::clamp(value_, -1.0, 1.0);
         return value_;
     }
-    // First sample that feels the next event.
+    // First sample that the next event affects.
     [[nodiscard]] double next_sample() const { return std::ceil(next_s_ * rate_Hz_); }
     void rest(double samples) { value_ *= std::exp(-samples / (time_s_ * rate_Hz_)); }
 
@@ -60,7 +60,7 @@ private:
     Channels amplitude_{};
 };
 
-// The largest that the scene really meets; beyond 10,000 spikes the largest that there can be.
+// The largest sum in the scene; beyond 10,000 spikes, the largest possible one.
 Bound bound(const Setting& s) {
     Train train(s);
     double max = 0, last = 0;

@@ -1,4 +1,4 @@
-// Stick-slip: a slowly sliding body drags the skin along until static friction gives way, again and again.
+// Stick-slip: a slowly sliding body drags the skin along until static friction is exceeded, periodically.
 #include <algorithm>
 #include <cmath>
 
@@ -8,9 +8,9 @@
 namespace tactiled::sim {
 namespace {
 
-// While it sticks the shear rises by stiffness * speed; at the static friction it falls at once as far below the kinetic one
-// as it stood above (no damping). The shear therefore swings about the kinetic friction as a saw, whose place in its period
-// is exact at any step. The swing dies out with speed as Stribeck's curve does.
+// During sticking the shear rises by stiffness * speed. At the static friction it falls at once as far below the
+// kinetic friction as it was above (no damping). The shear is therefore a sawtooth about the kinetic friction, whose
+// phase is exact for any step. Its amplitude decreases with speed by Stribeck's curve.
 class StickSlip final : public Effect {
 public:
     explicit StickSlip(const Setting& s)
@@ -32,7 +32,7 @@ public:
             place_ -= std::floor(place_);
             const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]), sliding = std::max(shear, kinetic_ * press);
             if (sliding <= 0) continue;
-            // Scene and friction may disagree on how large the shear is: then the same part of it.
+            // The scene's shear may differ from the friction: the sawtooth is then scaled by their ratio.
             const double scale = std::max(1 + (2 * place_ - 1) * swing / sliding, 0.0);
             fx[n] *= scale;
             fy[n] *= scale;
@@ -41,7 +41,7 @@ public:
 
 private:
     double kinetic_, drop_, speed_m_s_, rise_;
-    double place_ = 0.5;  // 0 = just slipped, 1 = about to; at one half it changes nothing
+    double place_ = 0.5;  // 0 = just slipped, 1 = about to slip; at one half the change is 0
 };
 
 // |T| swing / max(|T|, mu_k N) is no more than swing, nor than |T| swing / (mu_k N).
@@ -55,7 +55,7 @@ Bound bound(const Setting& s) {
             change[axis] = std::min(change[axis], s.extent.max[axis] * drop / s.body.kinetic_friction);
     }
     const double change_N = s.sensor.channel_N(change);
-    // Another press: another place in the period.
+    // Another press gives another phase.
     return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N, .load = change};
 }
 

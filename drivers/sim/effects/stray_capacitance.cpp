@@ -1,4 +1,4 @@
-// Stray capacitance: a cable that moves changes what is in parallel with each electrode.
+// Stray capacitance: a cable that moves changes the capacitance in parallel with each electrode.
 #include <cmath>
 
 #include "drivers/sim/effects/band_noise.hpp"

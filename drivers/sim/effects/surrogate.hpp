@@ -1,5 +1,5 @@
-// Polynomials in place of dear functions: fitted at set-up over the range that a scene can reach, with the largest error on
-// a grid finer than that of the fit.
+// Polynomials in place of expensive functions. They are fitted at set-up over the range of the scene, and their
+// largest error is determined on a grid finer than that of the fit.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -8,10 +8,11 @@
 
 namespace tactiled::sim {
 
-inline constexpr double kBeyond = 1.05;  // fitted so much further than the scene reaches: surrogates before it are off, too
+// the fit extends beyond the scene's range: surrogates before this one have errors, too
+inline constexpr double kBeyond = 1.05;
 
-// Solves the normal equations A c = b, symmetric and positive definite, by Cholesky's method; columns that the others
-// explain get 0.
+// Solves the normal equations A c = b, symmetric and positive definite, by Cholesky's method; columns that depend on
+// the others get 0.
 template <std::size_t kN>
 std::array<double, kN> solve_normal(std::array<std::array<double, kN>, kN> a, std::array<double, kN> b) {
     std::array<bool, kN> kept{};
@@ -46,14 +47,14 @@ template <std::size_t kDegree>
 class Polynomial {
 public:
     Polynomial() = default;
-    // Over min .. max. setup
+    // Fits over min .. max. setup
     template <class F>
     Polynomial(F f, double min, double max) {
         const double scale = std::max(std::max(std::abs(min), std::abs(max)), 1e-300);
         std::array<std::array<double, kDegree>, kDegree> a{};
         std::array<double, kDegree> b{};
         constexpr int kPoints = 8 * int(kDegree);
-        for (int i = 0; i < kPoints; ++i) {  // Chebyshev's points: no overshoot at the ends
+        for (int i = 0; i < kPoints; ++i) {  // Chebyshev's points prevent overshoot at the ends
             const double x = (min + max) / 2 + (max - min) / 2 * std::cos(3.141592653589793 * (i + 0.5) / kPoints);
             std::array<double, kDegree> power{};
             for (std::size_t k = 0; k < kDegree; ++k) power[k] = k == 0 ? x / scale : power[k - 1] * (x / scale);
@@ -81,7 +82,7 @@ public:
         for (std::size_t k = kDegree; k-- > 0;) sum = (sum + c_[k]) * x;
         return sum;
     }
-    // The largest on the grid, and half of the largest step between two of its points.
+    // The largest error on the grid, plus half of the largest step between two of its points.
     [[nodiscard]] double error() const { return error_; }
 
 private:
@@ -97,7 +98,7 @@ public:
     template <class F>
     Cubic(F f, double X, double Y) {
         const double wide = std::max(std::max(X, Y), 1e-300);
-        X = std::max(X, 1e-3 * wide);  // an axis without load is still an axis
+        X = std::max(X, 1e-3 * wide);  // an axis without load needs a width, too
         Y = std::max(Y, 1e-3 * wide);
         std::array<std::array<double, 10>, 10> a{};
         std::array<double, 10> b{};
@@ -136,7 +137,7 @@ public:
         return c_[0] + y * (c_[1] + y * (c_[2] + y * c_[3])) +
                x * (c_[4] + y * (c_[5] + y * c_[6]) + x * (c_[7] + y * c_[8] + x * c_[9]));
     }
-    // The largest on the grid, and the largest step between two neighbours on it: half a step along each axis.
+    // The largest error on the grid, plus the largest step between two neighbours: half a step along each axis.
     [[nodiscard]] double error() const { return error_; }
 
 private:

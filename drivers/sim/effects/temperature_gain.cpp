@@ -1,4 +1,4 @@
-// Gain by temperature: a warm skin is softer or stiffer, a warm gauge responds less or more.
+// Gain by temperature: a warm skin is softer or stiffer, and a warm gauge responds less or more.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -49,6 +49,7 @@ const EffectEntry temperature_gain{
     .parameters = {{"per_K", "relative; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.05,
                     0.05}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureGain>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureGain>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

@@ -1,4 +1,4 @@
-// Zero by temperature: gauges and pads change at rest when the room does.
+// Zero by temperature: gauges and pads at rest change with the room's temperature.
 #include <cmath>
 
 #include "drivers/sim/effects/reach.hpp"
@@ -46,6 +46,7 @@ const EffectEntry temperature_zero{
                     0.1},
                    {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureZero>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureZero>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

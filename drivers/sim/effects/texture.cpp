@@ -1,4 +1,4 @@
-// Texture: the ridges of a sliding body press more and less as they pass.
+// Texture: the ridges of a sliding body modulate the press.
 #include <algorithm>
 #include <cmath>
 
@@ -8,14 +8,15 @@
 namespace tactiled::sim {
 namespace {
 
-// Press of half a ridge's height, as the contact of a ridge, 2 a wide, averages it: sin(x) / x, x = 2 pi a / pitch.
+// Press of half a ridge's height, averaged over the contact of a ridge with the width 2 a: sin(x) / x, x = 2 pi a /
+// pitch.
 double amplitude_N(const Setting& s) {
     const double x = 6.283185307179586 * s.p[0] / std::max(s.body.texture_pitch_m, 1e-9);
     const double kept = x < 1e-6 ? 1 : std::abs(std::sin(x) / x);
     return s.p[1] * skin(s.sensor).press_N_m * std::max(s.body.texture_height_m, 0.0) / 2 * kept * s.sensor.share;
 }
 
-// press + min(A, press) sin(2 pi slide / pitch), at the centre of contact; the shear goes along with kinetic friction.
+// press + min(A, press) sin(2 pi slide / pitch), at the centre of contact; the shear follows with kinetic friction.
 class Texture final : public Effect {
 public:
     explicit Texture(const Setting& s)
@@ -45,7 +46,7 @@ private:
     double amplitude_N_, kinetic_, ridges_m_;
 };
 
-// An error before it changes min(A, press) and min(mu A, shear) by no more than itself.
+// An error before it changes min(A, press) and min(mu A, shear) by at most itself.
 Bound bound(const Setting& s) {
     const double amplitude = std::min(amplitude_N(s), s.extent.max[kFz]);
     if (amplitude <= 0 || s.extent.speed_m_s <= 0) return {};
@@ -75,6 +76,7 @@ const EffectEntry texture{
     .parameters = {{"contact_m", "half width of the contact of a ridge", 2e-4, 0, 1},
                    {"stiffness", "against a press, in that of the skin alone", 0.5, 0, 1e3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Texture>(s); }};
+    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Texture>(s); },
+    .instant = true};
 
 }  // namespace tactiled::sim

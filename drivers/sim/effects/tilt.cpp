@@ -1,4 +1,4 @@
-// Tilt: the mean of 1/d over a tilted electrode is more than 1 over the mean gap.
+// Tilt: the mean of 1/d over a tilted electrode is larger than 1 over the mean gap.
 #include <cmath>
 
 #include "drivers/sim/effects/pad.hpp"
@@ -7,12 +7,12 @@
 namespace tactiled::sim {
 namespace {
 
-constexpr double kMaxTilt = 0.95;  // of the tilt at which the rim touches
+constexpr double kMaxTilt = 0.95;  // share of the tilt at which the rim touches
 
-// Of a disc, k = radius * tilt / gap: 2 (1 - (1 - k^2)^(1/2)) / k^2 without its cancellation.
+// Factor for a disc, k = radius * tilt / gap: 2 (1 - (1 - k^2)^(1/2)) / k^2 without its cancellation.
 double factor(double k) { return 2 / (1 + std::sqrt(1 - std::min(k, kMaxTilt) * std::min(k, kMaxTilt))); }
 
-// The upper electrode stands askew by some angle from the start, towards +x, and tilts further under an eccentric press.
+// The upper electrode is tilted by an angle towards +x from the start, and tilts further under an eccentric press.
 class Tilt final : public Effect {
 public:
     explicit Tilt(const Setting& s) : pad_(s.sensor), mounted_rad_(s.p[0]) {
@@ -39,7 +39,8 @@ private:
     std::array<double, Pad::kMax> at_rest_{};
 };
 
-// The factor lies between that of the least angle at the largest gap and that of the largest angle at the least gap.
+// The factor is between that of the smallest angle at the largest gap and that of the largest angle at the smallest
+// gap.
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
     const double N = max(s, kFz), mounted = s.p[0];
@@ -78,6 +79,7 @@ const EffectEntry tilt{.name = "tilt",
                        .models = kCapacitive,
                        .parameters = {{"mounted_rad", "tilt at rest", 0.01, 0, 0.2}},
                        .bound = bound,
-                       .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Tilt>(s); }};
+                       .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Tilt>(s); },
+                       .instant = true};
 
 }  // namespace tactiled::sim

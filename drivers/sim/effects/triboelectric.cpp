@@ -1,4 +1,4 @@
-// Triboelectric charge: cable and film rub while the load moves, and the piezo film's amplifier hears it.
+// Triboelectric charge: cable and film rub while the load moves, which the piezo film's amplifier picks up.
 #include <cmath>
 
 #include "drivers/sim/effects/band_noise.hpp"
@@ -11,7 +11,7 @@ constexpr double kMemory_s = 0.1;
 
 double scale_N(const Sensor& sensor) { return sensor.full_scale_N / 20; }
 
-// Noise times how far the load has moved within the last tenth of a second, against 1/20 of full scale, at most once.
+// Noise times the movement of the load within the last tenth of a second, relative to 1/20 of full scale, at most 1.
 class Triboelectric final : public Effect {
 public:
     explicit Triboelectric(const Setting& s)
@@ -41,7 +41,7 @@ private:
     std::array<double, 3> slow_{};
 };
 
-// A load is off its own mean over the memory by at most the mean of its changes, and so is an error of it, twice.
+// A load differs from its mean over the memory by at most the mean of its changes; an error of the load counts twice.
 Bound bound(const Setting& s) {
     if (s.sensor.find("Vp") >= s.sensor.n()) return {};
     double moved = 0, by_error = 0;

@@ -1,4 +1,4 @@
-// The sensors' response to warmth, shared by several effects of temperature.
+// The sensors' response to temperature, shared by several effects.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -8,9 +8,9 @@
 
 namespace tactiled::sim {
 
-// Change of channel k at rest by 1 K, in its unit. By default: Ni-Cr 1e-4 /K, and 32 ppm/K by which its carrier grows more
-// than the gauge; platinum 3e-3 /K; a pad's gap and permittivity 5e-4 /K of the capacitance. `lane`: no two channels are
-// alike.
+// Change of channel k at rest per 1 K, in its unit. Defaults: Ni-Cr 1e-4 /K, plus 32 ppm/K of expansion of its
+// carrier relative to the gauge; platinum 3e-3 /K; a pad's gap and permittivity 5e-4 /K of the capacitance. `lane`:
+// selects the random part, so that channels differ.
 inline double drift_per_K(const Setting& s, double relative_per_K, double mismatch, std::size_t channel) {
     if (s.sensor.channels[channel] == "Vp") return 0;  // see pyroelectric
     if (std::isnan(relative_per_K))
@@ -27,7 +27,7 @@ inline double diffusion_s(const Sensor& sensor) {
     return depth * depth / (std::numbers::pi * std::numbers::pi * 1.1e-7);
 }
 
-// Share of full contact for heat: grows with the press, half of it at a tenth of full scale.
+// Share of full contact for heat: grows with the press, with one half at a tenth of full scale.
 inline double touch_scale_N(const Sensor& sensor) { return sensor.full_scale_N / 10; }
 inline double touch(double press_N, double scale_N) {
     const double N = std::max(press_N, 0.0);

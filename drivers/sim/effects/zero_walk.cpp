@@ -1,4 +1,4 @@
-// Walk of the zero: it goes nowhere in particular, ever further.
+// Walk of the zero: a random walk.
 #include <array>
 #include <cmath>
 
@@ -7,8 +7,8 @@
 namespace tactiled::sim {
 namespace {
 
-// Levy's construction of a Brownian path: the end, then the middle of each half, of each quarter ... From bounded numbers,
-// so that the path is bounded, and each point hangs on its place alone. Straight between knots of 64 samples.
+// Levy's construction of a Brownian path: the end, then the middle of each half, of each quarter ... The numbers are
+// bounded, so that the path is bounded, and each point depends only on its place. Linear between knots of 64 samples.
 class Walk {
 public:
     static constexpr std::uint64_t kEvery = 64;
@@ -18,7 +18,7 @@ public:
             (std::isnan(s.p[0]) ? 1e-5 * s.sensor.full_scale_N : s.p[0]) * std::sqrt(double(kEvery << levels_) / s.rate_Hz);
     }
 
-    // N at knot i <= 2^levels, from the first `levels` of them.
+    // Returns N at knot i <= 2^levels, from the first `levels` of them.
     [[nodiscard]] double at(std::uint64_t i, std::size_t channel, unsigned levels) const noexcept {
         double sum = random_.noise(0, channel) * std::ldexp(double(i), -int(levels_)), height = 0.5;
         for (unsigned level = 0; level < levels; ++level, height *= std::numbers::sqrt2 / 2) {
@@ -29,7 +29,8 @@ public:
         return scale_ * sum;
     }
 
-    // |at| up to that sample: the first eight levels as they are, of the others what they can add.
+    // Upper limit of |at| up to that sample: the first eight levels exactly, plus the largest contribution of the
+    // others.
     [[nodiscard]] double max(std::uint64_t samples, std::size_t channel) const {
         const unsigned looked_at = std::min(levels_, 8u);
         const std::uint64_t step = 1ull << (levels_ - looked_at);

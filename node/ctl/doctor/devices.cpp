@@ -22,7 +22,7 @@ std::vector<std::string> fields(const std::string& line, char separator) {
     return all;
 }
 
-// A user as /etc/passwd and /etc/group know it: the daemon's is a local one.
+// A user in /etc/passwd and /etc/group: the daemon's user is a local one.
 struct User {
     std::string name;
     long uid = -1;
@@ -77,7 +77,7 @@ void look_at_file(const Machine& machine, const std::string& link, const std::st
     }
 }
 
-// FTDI's adapters, and those that speak like them, keep received bytes back for so long.
+// Checks the time for which FTDI adapters, and adapters of the same kind, delay received bytes.
 void look_at_latency_timer(const Machine& machine, const std::string& link, const std::string& device, Findings& found) {
     std::error_code none;
     const auto real = std::filesystem::canonical(machine.path(device), none).filename().string();
@@ -85,10 +85,10 @@ void look_at_latency_timer(const Machine& machine, const std::string& link, cons
     if (!ms) return;
     if (*ms <= 1)
         found.push_back(
-            {"latency_timer", Verdict::good, fmt::format("{}: {} hands bytes on within {} ms", link, real, *ms), ""});
+            {"latency_timer", Verdict::good, fmt::format("{}: {} delays bytes by at most {} ms", link, real, *ms), ""});
     else
         found.push_back(
-            {"latency_timer", Verdict::wrong, fmt::format("{}: {} keeps bytes back for {} ms", link, real, *ms),
+            {"latency_timer", Verdict::wrong, fmt::format("{}: {} delays bytes by up to {} ms", link, real, *ms),
              fmt::format("echo 1 > /sys/bus/usb-serial/devices/{}/latency_timer, or the package's udev rules", real)});
 }
 
@@ -157,7 +157,7 @@ void look_at_port(const Machine& machine, const ModbusSettings& settings, bool d
                 continue;  // LISTEN
             found.push_back({"port", Verdict::wrong,
                              fmt::format("another program listens on port {} of [modbus] listen", port),
-                             fmt::format("ss -ltnp 'sport = :{}' says which", port)});
+                             fmt::format("ss -ltnp 'sport = :{}' shows which", port)});
             return;
         }
     found.push_back({"port", Verdict::good, fmt::format("port {} is free", port), ""});

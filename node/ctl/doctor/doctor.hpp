@@ -1,4 +1,4 @@
-// tactilectl doctor: what it finds, and where it looks. One file of this folder each: machine,
+// tactilectl doctor: its findings and the files that it reads. One file in this folder for each subject: machine,
 // rights, sandbox, devices, safety.
 #pragma once
 #include <optional>
@@ -15,38 +15,38 @@ namespace tactiled::ctl::doctor {
 
 enum class Verdict {
     good,
-    advice,  // the daemon works; a change would protect it or its deadlines better
-    wrong,   // the daemon cannot do what the configuration asks of it
+    advice,  // the daemon works; the remedy would improve its protection or its timing
+    wrong,   // the daemon cannot do what the configuration requires
 };
 
 struct Finding {
     std::string check;  // name of the check, never changed
     Verdict verdict;
     std::string says;
-    std::string remedy;  // "" where it is good
+    std::string remedy;  // "" if the finding is good
 };
 using Findings = std::vector<Finding>;
 
-// The files of a machine: this one's, or those below another folder, as tests have them.
+// The files of a machine: of this one, or below another folder, for tests.
 class Machine {
 public:
     explicit Machine(std::string root) : root_(std::move(root)) {}
 
     [[nodiscard]] std::string path(const std::string& file) const { return root_ + file; }
     [[nodiscard]] bool is_this_one() const { return root_.empty(); }
-    // The first line without spaces around it, "" where the file cannot be read.
+    // Returns the first line without spaces around it, "" if the file cannot be read.
     [[nodiscard]] std::string line(const std::string& file) const;
     [[nodiscard]] std::vector<std::string> lines(const std::string& file) const;
     [[nodiscard]] std::optional<long> number(const std::string& file) const;
     [[nodiscard]] bool has(const std::string& file) const;
-    // Names in a folder, sorted.
+    // Returns the names in a folder, sorted.
     [[nodiscard]] std::vector<std::string> names(const std::string& folder) const;
 
 private:
     std::string root_;
 };
 
-// "0,2-3" as the kernel writes it: whether `cpu` is in it.
+// Returns true if `cpu` is in a list such as "0,2-3", which the kernel writes.
 bool has_cpu(const std::string& list, int cpu);
 
 // Kernel, clock, processors, power.
@@ -54,21 +54,23 @@ void look_at_kernel(const Machine& machine, Findings& found);
 void look_at_clock(const Machine& machine, Findings& found);
 void look_at_processors(const Machine& machine, const RealtimeSettings& wanted, Findings& found);
 
-// What process `pid` may do ("self": this one, for a daemon that is started from here), and, where it is the daemon, does.
+// Checks the rights of process `pid` ("self": this process, for a daemon that is started from here), and if it is the
+// daemon, its real-time state.
 void look_at_rights(const Machine& machine, const std::string& pid, const RealtimeSettings& wanted, Findings& found);
 
-// Finds a filter of system calls in the daemon `pid`, or the means for one ("self": for a daemon that is started from here).
+// Checks for a filter of system calls in the daemon `pid`, or for the kernel's support of one ("self": for a daemon
+// that is started from here).
 void look_at_sandbox(const Machine& machine, const std::string& pid, Findings& found);
 
-// What the configuration names, seen by `user`.
+// Checks the devices in the configuration, with the rights of `user`.
 void look_at_devices(const Machine& machine, Config& config, const std::string& user, Findings& found);
 void look_at_readers(const Machine& machine, const Config& config, Findings& found);
 void look_at_port(const Machine& machine, const ModbusSettings& settings, bool daemon_runs, Findings& found);
 
-// Finds what the links and sensors of an accepted configuration leave unguarded, each with the line to write; `tactilectl
+// Reports hazards in the links and sensors of an accepted configuration, each with the line to write; `tactilectl
 // check` prints these, too. A finding that is `wrong` makes every sample BAD.
 void look_at_safety(const Node& node, Findings& found);
-// A delay that nothing shows makes old forces look new.
+// Reports links on which a delay would not be detected, so that old forces would seem new.
 void look_at_freshness(const Node& node, Findings& found);
 
 }  // namespace tactiled::ctl::doctor

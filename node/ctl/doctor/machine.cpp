@@ -84,7 +84,7 @@ void look_at_kernel(const Machine& machine, Findings& found) {
                          "sysctl -w kernel.sched_rt_runtime_us=950000"});
     else if (runtime_us == -1)
         found.push_back({"rt_throttling", Verdict::advice,
-                         "kernel.sched_rt_runtime_us = -1: a runaway thread takes the machine",
+                         "kernel.sched_rt_runtime_us = -1: a real-time thread that never sleeps blocks the machine",
                          "sysctl -w kernel.sched_rt_runtime_us=950000"});
     else if (runtime_us)
         found.push_back({"rt_throttling", Verdict::good,
@@ -101,10 +101,10 @@ void look_at_clock(const Machine& machine, Findings& found) {
         found.push_back({"clocksource", Verdict::good, fmt::format("{}: read without a system call", source), ""});
     else if (!source.empty())
         found.push_back(
-            {"clocksource", Verdict::wrong, fmt::format("{}: each look at the clock is a system call", source),
+            {"clocksource", Verdict::wrong, fmt::format("{}: each reading of the clock is a system call", source),
              "see dmesg for why the kernel left tsc; on x86 clocksource=tsc tsc=reliable where the hardware is sound"});
 
-    // Only what a person reads off needs it: stamps, ages and timers are CLOCK_MONOTONIC's.
+    // Only displayed times need the wall clock: timestamps, ages and timers use CLOCK_MONOTONIC.
     timex state{};
     const bool synced = machine.has("/run/systemd/timesync/synchronized") ||
                         (machine.is_this_one() && ::adjtimex(&state) != -1 && (state.status & STA_UNSYNC) == 0);

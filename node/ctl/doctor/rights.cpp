@@ -11,7 +11,7 @@ namespace {
 constexpr unsigned kSysNice = 23, kIpcLock = 14;          // bits of CapEff, linux/capability.h
 constexpr unsigned long long kEnoughBytes = 64ull << 20;  // a daemon of 16 sensors locks 20 to 30 MB
 
-// The soft limit of `name` in /proc/PID/limits; "unlimited" is the largest number.
+// Returns the soft limit of `name` in /proc/PID/limits; "unlimited" is the largest number.
 std::optional<unsigned long long> limit_of(const Machine& machine, const std::string& process, const std::string& name) {
     for (const auto& line : machine.lines(process + "/limits")) {
         if (!line.starts_with(name)) continue;
@@ -29,7 +29,7 @@ bool has_capability(const Machine& machine, const std::string& process, unsigned
     return false;
 }
 
-// The trap of real-time group scheduling: a group of the cpu controller, version 1, that was given no real time.
+// Detects a group of the cpu controller, version 1, without real-time budget, in which SCHED_FIFO fails.
 void look_at_group(const Machine& machine, const std::string& process, Findings& found) {
     for (const auto& line : machine.lines(process + "/cgroup")) {
         const auto first = line.find(':'), second = line.find(':', first + 1);
@@ -49,7 +49,8 @@ void look_at_group(const Machine& machine, const std::string& process, Findings&
     found.push_back({"rt_group", Verdict::good, "no cpu group forbids SCHED_FIFO", ""});
 }
 
-// Field `n` of /proc/PID/stat, counted as its manual does; the second has spaces and brackets of its own.
+// Returns field `n` of /proc/PID/stat, counted as in its manual page; the second field may contain spaces and
+// brackets.
 long stat_field(const std::string& stat, int n) {
     const auto close = stat.rfind(')');
     if (close == stat.npos) return -1;

@@ -1,5 +1,4 @@
-// Findings about what a configuration leaves unguarded: it is valid, and a fault would pass unseen or a function cannot
-// work.
+// Findings about a valid configuration with which a fault would not be detected or a function cannot work.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,7 +10,7 @@
 namespace tactiled::ctl::doctor {
 namespace {
 
-// The magnitude of the largest force that the sensor was calibrated for; NaN where no component has a full scale.
+// Returns the magnitude of the largest calibrated force; NaN if no component has a full scale.
 double full_scale_N(const tactiled_sensor& sensor) {
     double squares = 0;
     bool known = false;
@@ -23,8 +22,8 @@ double full_scale_N(const tactiled_sensor& sensor) {
     return known ? std::sqrt(squares) : std::nan("");
 }
 
-// The number of channels that the link's own key `channels` gives to each frame; 0 where it has none, or it is no number.
-// The file is read anew: a key of another type is no error here.
+// Returns the number of channels that the link's own key `channels` gives to each frame; 0 if the key is missing or
+// not a number. The file is read again: a key of another type is not an error here.
 unsigned channels_of_frame(const Config& config, const std::string& link_name) {
     Problems ignored;
     Options root = Options::parse_file(config.path, ignored);
@@ -60,7 +59,7 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     };
     look_at_channels(node.config, s, entry, found);
     if (s.rate_Hz <= 0)
-        advise("rate", "no rate is declared: a device that sends too rarely stays unseen",
+        advise("rate", "no rate is declared: a device that sends too rarely is not detected",
                "rate_Hz = 100  # as the device is set; tactilectl status shows the rate of a good one");
     const auto link = std::find_if(node.links.begin(), node.links.end(), [&](const auto& l) { return l->name == s.link; });
     const bool noisy =
@@ -74,8 +73,8 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
                s.tare_limit_N == 0 ? "leave out tare_limit_N: 20 % of full scale; or a value in N" : "tare_limit_N = 0.5");
     if (s.contact_on_N > full_N)
         advise("contact",
-               fmt::format("contact_on_N = {:g} is beyond its full scale of {:.3g} N: contact is never seen", s.contact_on_N,
-                           full_N),
+               fmt::format("contact_on_N = {:g} is beyond its full scale of {:.3g} N: contact is never detected",
+                           s.contact_on_N, full_N),
                fmt::format("contact_on_N = {:.2g}", full_N / 10));
 }
 

@@ -6,11 +6,11 @@ namespace tactiled::ctl::doctor {
 namespace {
 
 constexpr const char* kCheck = "system_calls";
-// The kernel's file of what a filter may do with a call; a kernel without filters does not have it.
+// The kernel's list of filter actions; a kernel without filters does not have this file.
 constexpr const char* kActions = "/proc/sys/kernel/seccomp/actions_avail";
 constexpr const char* kUnit = "run it as the service: the filter of its unit does not depend on the daemon's own";
 
-// "Seccomp:" in /proc/PID/status: 2 where a filter is in force.
+// Returns true if "Seccomp:" in /proc/PID/status is 2, so that a filter is in force.
 bool is_filtered(const Machine& machine, const std::string& pid) {
     for (const auto& line : machine.lines("/proc/" + pid + "/status"))
         if (line.starts_with("Seccomp:")) return line.find('2') != line.npos;

@@ -1,14 +1,15 @@
-/* The run-time folder of a daemon, which has its segment and its control socket: where it is, and whether its files can be
- * trusted. Daemon and readers use the same rule.
+/* Finds and checks the run-time folder of a daemon, which has its segment and its control socket. Daemon and
+ * readers use the same rule.
  *
- * The folder is the one that the caller or the environment variable TACTILED_RUNTIME_DIR names. Without a name, a reader
- * looks in /run/tactiled, the folder of the installed service, and then in $XDG_RUNTIME_DIR/tactiled, the folder of a
+ * A caller or the environment variable TACTILED_RUNTIME_DIR can name the folder. Without a name, a reader looks
+ * in /run/tactiled, the folder of the installed service, and then in $XDG_RUNTIME_DIR/tactiled, the folder of a
  * user's own daemon. The first folder that has a segment of the wanted name is used.
  *
- * A folder is trusted if only its owner and root can add, rename or remove its files. The same must hold for each folder
- * above it, because its writer could put another folder in the place of this one. A sticky folder such as /tmp fails:
- * any user can create a file there while the daemon does not run. /dev/shm fails for that reason, and is only used where it
- * is named explicitly: programs that were built with headers without this file look there and nowhere else. */
+ * A folder is trusted if only its owner and root can add, rename or remove its files. The same must hold for each
+ * folder above it, because a user who can write there could replace the folder. A sticky folder such as /tmp
+ * fails: any user can create a file there while the daemon does not run. /dev/shm fails for that reason and is
+ * used only where it is named explicitly. Programs that were built with headers without this file look in
+ * /dev/shm only. */
 #ifndef TACTILED_FOLDER_H
 #define TACTILED_FOLDER_H
 
@@ -29,7 +30,7 @@ extern "C" {
 #define TACTILED_SERVICE_FOLDER "/run/tactiled"
 #define TACTILED_SHARED_FOLDER "/dev/shm"
 #define TACTILED_FOLDER_VARIABLE "TACTILED_RUNTIME_DIR"
-#define TACTILED_FOLDER_SIZE 160 /* with the terminating zero */
+#define TACTILED_FOLDER_SIZE 160 /* including the terminating zero */
 #define TACTILED_SHARED_WARNING                                      \
     "any local user can create a segment in " TACTILED_SHARED_FOLDER \
     " while its daemon does not "                                    \
@@ -37,20 +38,20 @@ extern "C" {
 
 #if defined(O_PATH)
 #define TACTILED_O_PATH O_PATH
-#elif defined(__O_PATH) /* the C library shows O_PATH with _GNU_SOURCE alone */
+#elif defined(__O_PATH) /* the C library declares O_PATH only with _GNU_SOURCE */
 #define TACTILED_O_PATH __O_PATH
 #else
 #define TACTILED_O_PATH O_RDONLY
 #endif
 
-/* The folder that the environment names, or NULL. A program with rights that its caller lacks ignores the variables. */
+/* Returns the folder that the environment variable names, or NULL. A program with rights that its caller lacks
+ * ignores the variables. */
 static inline const char* tactiled_variable(const char* name) {
     const char* value = getauxval(AT_SECURE) != 0 ? NULL : getenv(name);
     return value != NULL && value[0] != 0 ? value : NULL;
 }
 
-/* Writes folder number `n` of those in which a reader looks, if no folder is given by its caller. Returns 0 after the last
- * one. */
+/* Writes the n-th folder in which a reader looks if its caller gives no folder. Returns 0 after the last one. */
 static inline int tactiled_folder(unsigned n, char* folder, size_t size) {
     const char* given = tactiled_variable(TACTILED_FOLDER_VARIABLE);
     const char* users = tactiled_variable("XDG_RUNTIME_DIR");
@@ -61,17 +62,18 @@ static inline int tactiled_folder(unsigned n, char* folder, size_t size) {
         length = snprintf(folder, size, "%s", TACTILED_SERVICE_FOLDER);
     else
         length = n == 1 && users != NULL ? snprintf(folder, size, "%s/tactiled", users) : 0;
-    if (length >= (int)size) folder[0] = 0; /* too long, and refused by tactiled_open_folder() */
+    if (length >= (int)size) folder[0] = 0; /* too long: tactiled_open_folder() refuses an empty path */
     return length > 0;
 }
 
-/* Opens a folder that only its owner and root can write to, and so each folder above it. Returns a descriptor for openat()
- * and the owner, or -1 with the reason in `why`; errno is ENOENT where the folder does not exist, else another one.
- * `folder` is a full path. A symbolic link in it is refused: its own folder would have to be trusted, too. Each folder is
- * opened in the one before it and examined after it was opened, so that nothing can be exchanged in between. */
+/* Opens a folder that only its owner and root can write to, and for which the same holds for each folder above
+ * it. Returns a descriptor for openat() and the owner, or -1 with the reason in `why`; errno is ENOENT if the
+ * folder does not exist, else another number. `folder` is an absolute path. A symbolic link in the path is
+ * refused, because the folder of the link would have to be trusted, too. Each folder is opened relative to the
+ * one before it and is examined after it was opened, so that it cannot be exchanged in between. */
 static inline int tactiled_open_folder(const char* folder, uid_t* owner, char* why, size_t why_size) {
     const char* at = folder;
-    uid_t above = 0; /* the user, other than root, that a folder above belongs to */
+    uid_t above = 0; /* the user, other than root, who owns a folder above */
     int fd = folder[0] == '/' ? open("/", TACTILED_O_PATH | O_DIRECTORY | O_CLOEXEC) : -1;
     const char* wrong = folder[0] == '/' ? NULL : "is not a full path";
     char name[NAME_MAX + 1];
@@ -126,9 +128,10 @@ static inline int tactiled_open_folder(const char* folder, uid_t* owner, char* w
     return -1;
 }
 
-/* Opens the file of a segment for reading, in a trusted folder or in /dev/shm. The file must belong to the owner of the
- * folder or to root, and only its owner may write it. Returns the descriptor and the file's status, or -1 with the reason in
- * `why`; errno is ENOENT where folder or file do not exist, else another one. */
+/* Opens the file of a segment for reading, in a trusted folder or in /dev/shm. The file must belong to the owner
+ * of the folder or to root, and only its owner may have the right to write to it. Returns the descriptor and the
+ * file's status, or -1 with the reason in `why`; errno is ENOENT if the folder or the file does not exist, else
+ * another number. */
 static inline int tactiled_open_file(const char* folder, const char* name, struct stat* status, char* why, size_t why_size) {
     const int shared = strcmp(folder, TACTILED_SHARED_FOLDER) == 0;
     const char* wrong = NULL;
@@ -140,7 +143,8 @@ static inline int tactiled_open_file(const char* folder, const char* name, struc
         if (shared) snprintf(why, why_size, "%s: %s", folder, strerror(errno));
         return -1;
     }
-    fd = openat(place, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK); /* a FIFO there must not stop the reader */
+    /* O_NONBLOCK: opening a FIFO must not block the reader */
+    fd = openat(place, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     error = errno;
     close(place);
     if (fd < 0) {

@@ -1,20 +1,23 @@
-/* The shared-memory segment of tactiled, tactiled.NAME in the daemon's run-time folder (folder.h), as C11 (and C++17) sees
- * it. Version 1.7.
+/* Defines the shared-memory segment of tactiled, the file tactiled.NAME in the daemon's run-time folder
+ * (folder.h), for C11 and C++17. Version 1.7.
  *
- * One header, a directory of sensors and of links, one ring of node records, one ring of samples a sensor.
- * Only the daemon writes; readers map the file read-only, register nowhere and can delay nobody.
- * The meaning of each field is defined here alone; the functions at the end read a ring. reader.hpp is for C++.
+ * The file has one header, a directory of sensors, a directory of links, one ring of node records, and one ring
+ * of samples for each sensor. Only the daemon writes the file. Readers map it read-only, do not register, and
+ * cannot delay the daemon. This header is the only definition of the fields; the functions at its end read a
+ * ring. reader.h is for C, reader.hpp for C++.
  *
- * Frame S of a sensor: origin at the centre of the skin's surface, z out of the skin, x along the connector.
- * Force and torque are what the world exerts on the sensor, so a press has force_S_N[2] < 0.
+ * Frame S of a sensor has its origin at the centre of the skin's surface, z out of the skin and x along the
+ * connector. Force and torque are those that the environment exerts on the sensor, so a press has force_S_N[2] <
+ * 0.
  *
- * Every shared word that changes is 32 bits wide (a 32-bit reader cannot tear it); wider values lie inside slots and are
- * guarded by the slot's lock word. Alignment is fixed by hand: an i386 compiler would align a plain 64-bit member to 4.
- * A reader accepts any minor version of its own major: minor versions only append, the sizes are in the header.
+ * Every shared word that changes is 32 bits wide, so that a 32-bit reader never reads half of it. Wider values
+ * are inside slots and are guarded by the slot's lock word. The alignment is explicit because an i386 compiler
+ * would align a 64-bit member to 4 bytes. A reader accepts any minor version of its own major version: minor
+ * versions only append fields, and the header states the sizes.
  *
- * Before each attachment a reader checks that only the daemon's user and root can create or replace the file: folder.h has
- * the rule and the functions. /dev/shm, where the segment was before there was folder.h, does not fulfil it: there any local
- * user can create a file of this name while no daemon runs. */
+ * Before each attachment a reader checks that only the daemon's user and root can create or replace the file;
+ * folder.h has the rule and the functions. /dev/shm, the folder of the segment in versions without folder.h, does
+ * not fulfil the rule: any local user can create a file of this name there while no daemon runs. */
 #ifndef TACTILED_LAYOUT_H
 #define TACTILED_LAYOUT_H
 
@@ -36,100 +39,104 @@ extern "C" {
 #define TACTILED_MINOR 7
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
-#define TACTILED_MAX_CHANNELS 32 /* of a frame */
+#define TACTILED_MAX_CHANNELS 32 /* in a frame */
 #define TACTILED_MAX_METHODS 8
 #define TACTILED_METHODS_SIZE 128
-#define TACTILED_NAME_SIZE 32 /* with the terminating zero */
+#define TACTILED_NAME_SIZE 32 /* including the terminating zero */
 
-/* Quality of a sample. 0 is never good: memory that nobody wrote reads as "no value". */
+/* Quality of a sample. The value 0 is never good, so that memory that was never written reads as "no value". */
 enum tactiled_quality {
     TACTILED_NO_VALUE = 0,
     TACTILED_GOOD = 1,      /* fresh, plausible, calibrated */
-    TACTILED_UNCERTAIN = 2, /* a value with a known weakness; `reasons` says which */
-    TACTILED_BAD = 3        /* no value: the forces are NaN, never the last value */
+    TACTILED_UNCERTAIN = 2, /* has a value with a known weakness; `reasons` says which */
+    TACTILED_BAD = 3        /* has no value: the forces are NaN, never the last value */
 };
 
-/* Why a sample is not GOOD, and what else there is to say: bits of tactiled_sample.reasons. */
+/* Reasons for which a sample is not GOOD, and notes on GOOD samples: bits of tactiled_sample.reasons. */
 enum tactiled_reason {
-    TACTILED_NO_DATA_YET = 1 << 0,     /* the sensor has not delivered since the daemon started, or was calibrated anew */
-    TACTILED_STALE = 1 << 1,           /* no frame for longer than stale_ms, or a time that the reader cannot date */
+    TACTILED_NO_DATA_YET = 1 << 0,     /* no sample since the daemon started or since a new calibration */
+    TACTILED_STALE = 1 << 1,           /* no frame for longer than stale_ms, or a timestamp beyond the reader's clock */
     TACTILED_DISCONNECTED = 1 << 2,    /* the link is closed and being reopened */
     TACTILED_MISSING_CHANNEL = 1 << 3, /* a channel that the model needs is not in the frame */
-    TACTILED_SATURATED = 1 << 4,       /* a channel is at its rail */
+    TACTILED_SATURATED = 1 << 4,       /* a channel is at its saturation limit */
     TACTILED_DISAGREEMENT = 1 << 5,    /* redundant channels contradict each other */
-    TACTILED_OUTSIDE_DOMAIN = 1 << 6,  /* beyond what the calibration saw: extrapolated */
+    TACTILED_OUTSIDE_DOMAIN = 1 << 6,  /* outside the range of the calibration: extrapolated */
     TACTILED_UNCALIBRATED = 1 << 7,    /* no calibration, or a default one */
     TACTILED_NOT_FINITE = 1 << 8,      /* the model's result was not a finite number */
     TACTILED_DAEMON_STOPPED = 1 << 9,  /* the daemon ended, or another took over the name: attach again */
-    TACTILED_TARING = 1 << 10,         /* a tare is being measured: the value is right, its zero is about to move */
-    TACTILED_READER_OVERRUN = 1 << 11, /* this read could not be completed in its bounded retries */
-    TACTILED_WRONG_DEVICE = 1 << 12,   /* not the channels that the sensor declares, or two devices count under its name */
-    TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13, /* the standard deviation is not known here: NaN */
+    TACTILED_TARING = 1 << 10,         /* a tare is being measured: the value is valid, but its zero is about to change */
+    TACTILED_READER_OVERRUN = 1 << 11, /* this read could not be completed within its limit of retries */
+    TACTILED_WRONG_DEVICE = 1 << 12,   /* the frame lacks channels that the sensor declares, or two devices use one number */
+    TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13, /* the standard deviation is unknown here: NaN */
     /* Since 1.3: */
-    TACTILED_FROZEN = 1 << 14,     /* a channel repeats one number as no living one does; that channel has no value */
+    TACTILED_FROZEN = 1 << 14,     /* a channel repeats one number, without noise; that channel has no value */
     TACTILED_STEPPED = 1 << 15,    /* a channel has changed faster than slew_limit_per_s since the frame before */
-    TACTILED_IDLE_BUS = 1 << 16,   /* all channels read all zeros or all ones: nobody answers */
-    TACTILED_WRONG_RATE = 1 << 17, /* measured beside the declared rate_Hz; the value is right, and may be GOOD */
-    TACTILED_DRIFTED = 1 << 18,    /* the zero at rest has moved by drift_limit_N: tare; the value may be GOOD */
+    TACTILED_IDLE_BUS = 1 << 16,   /* all channels read all zeros or all ones: no device answers */
+    TACTILED_WRONG_RATE = 1 << 17, /* the measured rate is not the declared rate_Hz; the value is valid and may be GOOD */
+    TACTILED_DRIFTED = 1 << 18,    /* the zero at rest has moved by drift_limit_N: tare the sensor; the value may be GOOD */
     /* Since 1.4: */
-    TACTILED_SENSORS_DIFFER = 1 << 19, /* the sensor that agrees_with names tells another force: one of them is wrong */
+    TACTILED_SENSORS_DIFFER = 1 << 19, /* the sensor named by agrees_with measures another force: one of them is wrong */
     /* Since 1.5: */
     TACTILED_UNPROVED_AGE = 1 << 20, /* the value may be older than it seems: frames were delayed, or the device paused */
     TACTILED_ARRIVAL_ONLY = 1 << 21, /* no clock and no counter would show a delay; the value may be GOOD */
     TACTILED_ZERO_UNKNOWN = 1 << 22  /* a restart or a reload has lost the tare that was in force: tare again, or untare */
 };
 
-/* How the age of a sensor's samples is proved: tactiled_sensor.freshness. Since 1.5. */
+/* Proof of the age of a sensor's samples: tactiled_sensor.freshness. Since 1.5. */
 enum tactiled_freshness {
     TACTILED_FRESHNESS_UNKNOWN = 0, /* no frame yet */
     TACTILED_BY_REQUEST = 1,        /* each frame answers a request of the daemon */
     TACTILED_BY_CABLE = 2,          /* the buffers and the rate of a local link bound the delay */
-    TACTILED_BY_CLOCK = 3,          /* by the device's own clock */
-    TACTILED_BY_SEQUENCE = 4,       /* by the device's counter and its rate; a pause of the device looks like a delay */
-    TACTILED_BY_ARRIVAL = 5         /* not at all: a delay shows as a silence only */
+    TACTILED_BY_CLOCK = 3,          /* the device's own clock */
+    TACTILED_BY_SEQUENCE = 4,       /* the device's counter and its rate; a pause of the device looks like a delay */
+    TACTILED_BY_ARRIVAL = 5         /* not proved: a delay shows only as a silence */
 };
 
-/* One sample of one sensor. SI units, frame S. A component that the sensor cannot see is NaN, not 0. */
+/* One sample of one sensor, in SI units and in frame S. A component that the sensor cannot measure is NaN, not 0. */
 struct tactiled_sample {
-    TACTILED_ALIGN(8) uint64_t sequence; /* counts this sensor's samples from 0; a jump is a loss of the reader */
-    /* CLOCK_MONOTONIC when the frame's last byte was taken from the kernel; since 1.5 earlier where the device's clock shows
-     * that it had been delayed. */
+    /* number of this sensor's sample, from 0; a gap means that the reader lost samples */
+    TACTILED_ALIGN(8) uint64_t sequence;
+    /* CLOCK_MONOTONIC when the frame's last byte was read from the kernel. Since 1.5 the time is earlier where
+     * the device's clock shows that the frame had been delayed. */
     TACTILED_ALIGN(8) uint64_t t_ns;
     TACTILED_ALIGN(8) uint64_t t_published_ns;
-    uint32_t epoch;           /* differs after each discontinuity, in no order: (header's epoch) << 16 | number since */
+    uint32_t epoch;           /* changes at each discontinuity, not in order: (header's epoch) << 16 | number since */
     uint32_t quality;         /* enum tactiled_quality */
     uint32_t reasons;         /* enum tactiled_reason */
-    uint32_t device_sequence; /* as the device counts, 0 if it does not */
-    uint32_t missing;         /* bit n: channel n had no value (or an open or shorted one, if the device can tell) */
-    uint32_t saturated;       /* bit n: channel n was at its rail */
-    uint32_t tare_count;      /* finished tares, 0 = none in force; force = raw_force - the last one's zero */
+    uint32_t device_sequence; /* the device's counter; 0 if it has none */
+    uint32_t missing;         /* bit n: channel n had no value, or was open or shorted if the device can report that */
+    uint32_t saturated;       /* bit n: channel n was at its saturation limit */
+    uint32_t tare_count;      /* finished tares, 0 = none in force; force = raw_force - zero of the last tare */
     uint32_t lost;            /* frames of this sensor known to be lost since the daemon started */
-    TACTILED_ALIGN(8) double force_S_N[3]; /* tared */
+    TACTILED_ALIGN(8) double force_S_N[3]; /* after tare */
     TACTILED_ALIGN(8) double torque_S_Nm[3];
     TACTILED_ALIGN(8) double sd_force_N[3]; /* one standard deviation */
     TACTILED_ALIGN(8) double sd_torque_Nm[3];
-    TACTILED_ALIGN(8) double raw_force_S_N[3]; /* before tare, with the calibration's zero */
+    TACTILED_ALIGN(8) double raw_force_S_N[3]; /* before tare, with the zero of the calibration */
     TACTILED_ALIGN(8) double raw_torque_S_Nm[3];
     TACTILED_ALIGN(8) double cop_S_m[2]; /* centre of pressure */
-    TACTILED_ALIGN(8) double residual;   /* of the model, in standard deviations of the channels; NaN if it has none */
-    TACTILED_ALIGN(8) float rate_Hz;     /* measured over the last second or so */
+    /* residual of the model, in standard deviations of the channels; NaN if the model has none */
+    TACTILED_ALIGN(8) double residual;
+    TACTILED_ALIGN(8) float rate_Hz; /* measured over about the last second */
     float temperature_C;
     uint32_t state; /* enum tactiled_sensor_state */
-    float peak_N;   /* largest magnitude of the seen components of force_S_N since the start or the last reset */
+    float peak_N;   /* largest magnitude of the known components of force_S_N since the start or the last reset */
 };
 
-/* State of the force in a sample, whatever its quality: bits of tactiled_sample.state; all 0 in a BAD sample. */
+/* State of the force in a sample of any quality: bits of tactiled_sample.state. All bits are 0 in a BAD sample. */
 enum tactiled_sensor_state {
-    TACTILED_CONTACT = 1 << 0,      /* the magnitude has passed contact_on_N, and not fallen below contact_off_N since */
+    /* the magnitude has exceeded contact_on_N and has not fallen below contact_off_N since */
+    TACTILED_CONTACT = 1 << 0,
     TACTILED_OVERLOAD = 1 << 1,     /* the magnitude is above overload_N */
-    TACTILED_LOW_PASS = 1 << 2,     /* force and torque are filtered; the raw ones are not */
-    TACTILED_STEPPED_DOWN = 1 << 3, /* method "auto": by a faster, less accurate method than at the start */
-    TACTILED_OVER_BUDGET = 1 << 4   /* method "auto": the fastest method runs, and misses budget_us */
+    TACTILED_LOW_PASS = 1 << 2,     /* force and torque are low-pass filtered; the raw values are not */
+    TACTILED_STEPPED_DOWN = 1 << 3, /* method "auto": a faster, less accurate method than at the start is in use */
+    TACTILED_OVER_BUDGET = 1 << 4   /* method "auto": the fastest method is in use and exceeds budget_us */
 };
-/* Bits 8..12 of tactiled_sample.state, for method "signs" of model "table": row of its decision table, 1 .. 17; 0 = none. */
+/* Bits 8..12 of tactiled_sample.state, for method "signs" of model "table": the row of its decision table, 1 ..
+ * 17; 0 = none. */
 #define TACTILED_DIRECTION(state) (((state) >> 8) & 31u)
-/* Bits 16..19, for method "auto": 1 + the index in tactiled_sensor.methods of the method that made this sample; 0 = not
- * "auto". Bits 20..31: steps down and up since the start; 4095 = that many or more. */
+/* Bits 16..19, for method "auto": 1 + the index in tactiled_sensor.methods of the method that computed this
+ * sample; 0 = not "auto". Bits 20..31: number of steps down and up since the start; 4095 means that many or more. */
 #define TACTILED_METHOD(state) (((state) >> 16) & 15u)
 #define TACTILED_STEPS(state) ((state) >> 20)
 
@@ -138,7 +145,7 @@ enum tactiled_status {
     TACTILED_READY = 1 << 0, /* every sensor is GOOD or UNCERTAIN */
     TACTILED_ANY_CONTACT = 1 << 1,
     TACTILED_ANY_TARING = 1 << 8,
-    TACTILED_SIMULATED = 1 << 9, /* a link is declared simulated or replayed */
+    TACTILED_SIMULATED = 1 << 9, /* the configuration declares a link as simulated or replayed */
     TACTILED_ANY_STALE = 1 << 10,
     TACTILED_ANY_UNCALIBRATED = 1 << 11,
     TACTILED_WARNING = 1 << 14,
@@ -153,7 +160,7 @@ enum tactiled_fault {
     TACTILED_FAULT_OPEN_GAUGE = 1 << 2,
     TACTILED_FAULT_OVERRUN = 1 << 3, /* a ring between a link and the pipeline was full */
     TACTILED_FAULT_CALIBRATION = 1 << 4,
-    TACTILED_FAULT_STORAGE = 1 << 6, /* the zeros of tares cannot be kept: tares are refused. Since 1.5 */
+    TACTILED_FAULT_STORAGE = 1 << 6, /* zeros of tares cannot be stored, so tares are refused. Since 1.5 */
     TACTILED_FAULT_BUS = 1 << 7,
     TACTILED_FAULT_INTERNAL = 1 << 8
 };
@@ -162,19 +169,19 @@ enum tactiled_fault {
 enum tactiled_warning {
     TACTILED_WARN_DRIFT = 1 << 1,  /* a sensor is TACTILED_DRIFTED: maintenance */
     TACTILED_WARN_LOST = 1 << 2,   /* frames were lost within the last second */
-    TACTILED_WARN_TARE = 1 << 4,   /* the last tare was refused or failed while it was measured. Since 1.4 */
+    TACTILED_WARN_TARE = 1 << 4,   /* the last tare was refused, or failed during its measurement. Since 1.4 */
     TACTILED_WARN_BUDGET = 1 << 5, /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
     TACTILED_WARN_RATE = 1 << 6,   /* a sensor is TACTILED_WRONG_RATE */
-    TACTILED_WARN_RELOAD = 1 << 7, /* the last reload of the configuration was refused: the one before is in force */
-    TACTILED_WARN_JAWS = 1 << 8    /* weight_doubts of the grasp is more than TACTILED_DOUBT_MOVES. Since 1.6 */
+    TACTILED_WARN_RELOAD = 1 << 7, /* the last reload was refused: the previous configuration is in force */
+    TACTILED_WARN_JAWS = 1 << 8    /* a bit of weight_doubts besides TACTILED_DOUBT_MOVES is set. Since 1.6 */
 };
 
-/* Commander: index of tactiled_node.command. Each counts its own commands. */
+/* Commander: index of tactiled_node.command. Each commander numbers its own commands. */
 enum tactiled_commander { TACTILED_FROM_SOCKET = 0, TACTILED_FROM_MODBUS = 1, TACTILED_COMMANDERS = 2 };
 
 /* State of the last command of a commander. */
 struct tactiled_command {
-    uint32_t acknowledged; /* its number */
+    uint32_t acknowledged; /* number of the command */
     uint32_t state;        /* enum tactiled_command_state */
     uint32_t result;       /* enum tactiled_command_result */
 };
@@ -184,67 +191,70 @@ enum tactiled_grip_state {
     TACTILED_GRIP_UNKNOWN = 0xFFFF, /* no grasp is configured, or a jaw's sensor has no value */
     TACTILED_GRIP_OPEN = 0,
     TACTILED_GRIP_CONTACT = 1,  /* at least one jaw touches */
-    TACTILED_GRIP_GRASPED = 2,  /* every jaw with a sensor presses, and the press is steady */
-    TACTILED_GRIP_LIFTING = 3,  /* weight is coming onto the jaws */
-    TACTILED_GRIP_HOLDING = 4,  /* weight hangs on the jaws */
+    TACTILED_GRIP_GRASPED = 2,  /* every jaw with a sensor presses steadily */
+    TACTILED_GRIP_LIFTING = 3,  /* the jaws are taking up the weight of the object */
+    TACTILED_GRIP_HOLDING = 4,  /* the jaws carry the weight of the object */
     TACTILED_GRIP_SLIPPING = 5, /* gross slip */
-    TACTILED_GRIP_LOST = 6      /* what was held is gone though nobody opened; until the next contact */
+    TACTILED_GRIP_LOST = 6      /* the object was lost without an opening of the jaws; until the next contact */
 };
 
 /* Quality of tactiled_grasp.weight_kg: the register WEIGHT_STATE. */
 enum tactiled_weight_state {
     TACTILED_WEIGHT_NONE = 0,
-    TACTILED_WEIGHT_ESTIMATING = 1, /* a value that still moves: its standard deviation says how far */
+    TACTILED_WEIGHT_ESTIMATING = 1, /* a value that still changes, with its standard deviation */
     TACTILED_WEIGHT_STABLE = 2,
     TACTILED_WEIGHT_OVERLOAD = 3,      /* a sensor is saturated or beyond its full scale: no value */
-    TACTILED_WEIGHT_NOT_OBSERVABLE = 4 /* gravity points into the skin, or its direction is not known: no value */
+    TACTILED_WEIGHT_NOT_OBSERVABLE = 4 /* gravity points into the skin, or its direction is unknown: no value */
 };
 
-/* Why a weight is not stable although an object is held: bits of tactiled_grasp.weight_doubts. Since 1.6. */
+/* Reasons for which the weight of a held object is not stable: bits of tactiled_grasp.weight_doubts. Since 1.6. */
 enum tactiled_weight_doubt {
-    TACTILED_DOUBT_BALANCE = 1 << 0, /* the presses do not balance: a wrong gain, a tilt or an acceleration not reported */
-    TACTILED_DOUBT_SHARES = 1 << 1,  /* the jaws do not share the load as they should: a wrong gain or direction */
-    TACTILED_DOUBT_DEAD_SHEAR = 1 << 2, /* the load came onto the other jaws and not onto this one */
-    TACTILED_DOUBT_NEGATIVE = 1 << 3,   /* the mass is less than nothing: the direction of gravity or of a jaw is wrong */
-    TACTILED_DOUBT_CREEPS = 1 << 4,     /* gain or zero of a jaw has moved since the weight was first stable */
-    TACTILED_DOUBT_MOVES = 1 << 5,      /* the load is not still: a swing, an acceleration, another load */
-    TACTILED_DOUBT_ACROSS = 1 << 6,     /* a force across gravity: a tilt that is not reported, a table, a turned jaw */
-    TACTILED_DOUBT_LATE = 1 << 7        /* the load came onto this jaw later than onto the others */
+    TACTILED_DOUBT_BALANCE = 1 << 0,    /* the press forces do not balance: wrong gain, unreported tilt or acceleration */
+    TACTILED_DOUBT_SHARES = 1 << 1,     /* the jaws share the load in an unexpected ratio: wrong gain or direction */
+    TACTILED_DOUBT_DEAD_SHEAR = 1 << 2, /* the other jaws took up the load, this jaw did not */
+    TACTILED_DOUBT_NEGATIVE = 1 << 3,   /* the mass is negative: wrong direction of gravity or of a jaw */
+    TACTILED_DOUBT_CREEPS = 1 << 4,     /* gain or zero of a jaw has changed since the weight was first stable */
+    TACTILED_DOUBT_MOVES = 1 << 5,      /* the load moves: swing, acceleration, another load */
+    /* a force perpendicular to gravity: unreported tilt, support by a table, rotated jaw */
+    TACTILED_DOUBT_ACROSS = 1 << 6,
+    TACTILED_DOUBT_LATE = 1 << 7 /* this jaw took up the load later than the others */
 };
 
 enum tactiled_slip_state {
-    TACTILED_SLIP_UNKNOWN = 0xFFFF, /* the sensor has no value, or sees no shear */
+    TACTILED_SLIP_UNKNOWN = 0xFFFF, /* the sensor has no value, or does not measure shear */
     TACTILED_SLIP_NONE = 0,
-    TACTILED_SLIP_INCIPIENT = 1, /* near the limit of friction, or sliding at the rim of the contact */
+    TACTILED_SLIP_INCIPIENT = 1, /* near the friction limit, or sliding at the edge of the contact */
     TACTILED_SLIP_GROSS = 2
 };
 
-/* The grasp as the node's sensors tell it. An unknown value is NaN, never the last value; without [grasp] in the
- * configuration `state` is TACTILED_GRIP_UNKNOWN and everything else "not known". */
+/* The grasp as computed from the node's sensors. An unknown value is NaN, never the last value. Without [grasp]
+ * in the configuration, `state` is TACTILED_GRIP_UNKNOWN and everything else is "not known". */
 struct tactiled_grasp {
-    TACTILED_ALIGN(8) uint64_t t_ns;           /* CLOCK_MONOTONIC of the newest sample in it */
-    TACTILED_ALIGN(8) uint64_t t_lift_off_ns;  /* of the last one, 0 = none yet */
-    uint32_t state;                            /* enum tactiled_grip_state */
-    uint32_t weight_state;                     /* enum tactiled_weight_state */
-    uint32_t grasps;                           /* counts from 0, + 1 when GRASPED is entered */
-    uint32_t slips;                            /* gross slips of all jaws since the start of the daemon */
-    uint32_t slip_mask, slip_latch;            /* bit n = sensor n: gross slip now; since the last clear */
-    uint32_t object_id;                        /* of the taught object that this weight is, 0 = unknown or no weight */
-    uint32_t scale_shown;                      /* 1: a known weight has set the weight's scale since the daemon's start */
-    double weight_kg, weight_sd_kg;            /* net, of the object alone */
-    float grip_N, recommended_grip_N;          /* normal force of a jaw, mean; the least that holds, with the margin */
-    float friction, friction_sd;               /* coefficient, learnt in this grasp or as configured (then sd NaN) */
-    float object_probability, reserved_float;  /* that it is object_id and no other, nor an unknown one */
-    char object[TACTILED_NAME_SIZE];           /* its name, "" = unknown or no weight */
-    uint16_t slip_state[TACTILED_MAX_SENSORS]; /* enum tactiled_slip_state, by sensor of the node */
-    uint16_t slip_count[TACTILED_MAX_SENSORS]; /* gross slips of this sensor, wraps */
+    TACTILED_ALIGN(8) uint64_t t_ns;          /* time of the newest sample used, CLOCK_MONOTONIC */
+    TACTILED_ALIGN(8) uint64_t t_lift_off_ns; /* time of the last lift-off, 0 = none yet */
+    uint32_t state;                           /* enum tactiled_grip_state */
+    uint32_t weight_state;                    /* enum tactiled_weight_state */
+    uint32_t grasps;                          /* number of grasps: + 1 when GRASPED is entered */
+    uint32_t slips;                           /* gross slips of all jaws since the start of the daemon */
+    uint32_t slip_mask, slip_latch;           /* bit n = sensor n: gross slip now; gross slip since the last clear */
+    uint32_t object_id;                       /* the taught object with this weight, 0 = unknown or no weight */
+    /* 1: a known weight has set the scale of the weight since the daemon's start */
+    uint32_t scale_shown;
+    double weight_kg, weight_sd_kg; /* net, of the object alone */
+    /* mean normal force of a jaw; the minimum that holds the object, with the margin */
+    float grip_N, recommended_grip_N;
+    float friction, friction_sd;               /* coefficient, learnt in this grasp or as configured (then the sd is NaN) */
+    float object_probability, reserved_float;  /* probability that it is object_id and not another or an unknown object */
+    char object[TACTILED_NAME_SIZE];           /* name of object_id, "" = unknown or no weight */
+    uint16_t slip_state[TACTILED_MAX_SENSORS]; /* enum tactiled_slip_state, indexed by sensor of the node */
+    uint16_t slip_count[TACTILED_MAX_SENSORS]; /* gross slips of this sensor, wrapping */
     float friction_use[TACTILED_MAX_SENSORS];  /* |shear| / (friction x press); NaN without contact */
-    /* Since 1.6; reads as 0 where an older daemon writes. */
+    /* Since 1.6; reads as 0 with an older daemon. */
     uint32_t weight_doubts; /* enum tactiled_weight_doubt; 0 where weight_state is TACTILED_WEIGHT_STABLE */
-    uint32_t doubtful;      /* bit n = sensor n: the jaws that weight_doubts is about, as far as the forces tell them */
+    uint32_t doubtful;      /* bit n = sensor n: the jaws that weight_doubts concerns, as far as the forces show it */
 };
 
-/* Makes a grasp "not known", so that an old one cannot pass for a new one. Counters and latched values are kept. */
+/* Makes a grasp "not known", so that an old grasp is not used as a new one. Counters and latched values are kept. */
 static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
     const uint32_t nan_bits = 0x7FC00000u;
     float nan_value;
@@ -316,24 +326,24 @@ static inline void tactiled_forget_tool(struct tactiled_tool* tool) {
         if (tool->sensor_quality[i] != TACTILED_NO_VALUE) tool->sensor_quality[i] = TACTILED_BAD;
 }
 
-/* One published frame of the whole node: which sample of each sensor belongs together. */
+/* One published record of the whole node. It says which samples of the sensors belong together. */
 struct tactiled_node {
-    TACTILED_ALIGN(8) uint64_t sequence;      /* counts published frames from 0 */
-    TACTILED_ALIGN(8) uint64_t t_ns;          /* CLOCK_MONOTONIC of publishing */
-    TACTILED_ALIGN(8) uint64_t cycles;        /* turns of the pipeline loop */
-    TACTILED_ALIGN(8) uint64_t missed_cycles; /* periods that the pipeline's thread slept through */
-    uint32_t heartbeat;                       /* + 1 each 100 ms while the loop runs and at least one sensor delivers */
+    TACTILED_ALIGN(8) uint64_t sequence;      /* number of the record, from 0 */
+    TACTILED_ALIGN(8) uint64_t t_ns;          /* time of publishing, CLOCK_MONOTONIC */
+    TACTILED_ALIGN(8) uint64_t cycles;        /* cycles of the pipeline */
+    TACTILED_ALIGN(8) uint64_t missed_cycles; /* periods that the pipeline's thread missed */
+    uint32_t heartbeat;                       /* + 1 each 100 ms while the pipeline runs and at least one sensor delivers */
     uint32_t status;                          /* enum tactiled_status */
     uint32_t fault;                           /* enum tactiled_fault, latched */
     uint32_t warning;                         /* enum tactiled_warning */
     uint32_t worst_cycle_us;                  /* longest cycle of the last second */
     struct tactiled_command command[TACTILED_COMMANDERS];
-    TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* samples of each sensor so far: newest is count - 1 */
-    struct tactiled_grasp grasp;                            /* since 1.1; reads as 0 where an older daemon writes */
-    struct tactiled_tool tool; /* since 1.7; reads as 0 where an older daemon writes, or one without [tool] */
+    TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* number of samples of each sensor: the newest is count - 1 */
+    struct tactiled_grasp grasp;                            /* since 1.1; reads as 0 with an older daemon */
+    struct tactiled_tool tool; /* since 1.7; reads as 0 with an older daemon, and without [tool] */
 };
-#define TACTILED_NODE_SIZE_1_1 456u /* of a record that has a grasp */
-#define TACTILED_NODE_SIZE_1_6 464u /* of a record without a tool */
+#define TACTILED_NODE_SIZE_1_1 456u /* size of a record that has a grasp */
+#define TACTILED_NODE_SIZE_1_6 464u /* size of a record without a tool */
 
 enum tactiled_command_state {
     TACTILED_COMMAND_IDLE = 0,
@@ -351,74 +361,80 @@ enum tactiled_command_result {
     TACTILED_COMMAND_LOCKED = 5,
     TACTILED_COMMAND_FAILED = 6,
     TACTILED_COMMAND_TIMED_OUT = 7,
-    /* Since 1.4, of a tare. Rejected: every zero stays; done: those of sensors that rested are new. */
-    TACTILED_COMMAND_MOVING = 8,     /* the force moved while it was averaged */
-    TACTILED_COMMAND_UNDER_LOAD = 9, /* the new zero would be further than tare_limit_N from the calibration's */
+    /* Since 1.4, for a tare. If the command is rejected, every zero is unchanged; if it is done, the sensors that
+     * were at rest have new zeros. */
+    TACTILED_COMMAND_MOVING = 8,     /* the force changed while it was averaged */
+    TACTILED_COMMAND_UNDER_LOAD = 9, /* the new zero would differ from the calibration's by more than tare_limit_N */
     /* Since 1.5: */
     TACTILED_COMMAND_NOT_STORED =
-        10,                        /* of a tare: rejected, because its zero cannot be kept; done: a restart will lose it */
-    TACTILED_COMMAND_ADOPTED = 11, /* Modbus: the first number after a start is taken and not run; write another one */
-    TACTILED_COMMAND_REPEATED = 12 /* Modbus: that number was taken before, and this write has run nothing */
+        10, /* for a tare: rejected, because its zero cannot be stored; done: a restart will lose it */
+    /* Modbus: the first number after a start is accepted and not executed; write another one */
+    TACTILED_COMMAND_ADOPTED = 11,
+    TACTILED_COMMAND_REPEATED = 12 /* Modbus: that number was used before; this write executed nothing */
 };
 
-/* A ring of slots. Slot i of a ring starts at offset + i * slot_size: a lock word, four zero bytes, then the record.
- * The lock word of record number n (from 0) is 2n + 2 modulo 2^32 when complete; odd while written or never written. */
+/* A ring of slots. Slot i begins at offset + i * slot_size with a lock word and four zero bytes, which the record
+ * follows. The lock word of record number n (from 0) is 2n + 2 modulo 2^32 when the record is complete, and odd
+ * while it is being written or if it was never written. */
 struct tactiled_ring {
-    uint32_t offset;      /* of slot 0, from the start of the file; a multiple of 128 */
+    uint32_t offset;      /* offset of slot 0 in the file; a multiple of 128 */
     uint32_t slot_size;   /* a multiple of 128 */
     uint32_t slots;       /* a power of two */
     uint32_t record_size; /* bytes of the record that this daemon fills */
-    uint32_t head_offset; /* of a 32-bit word: number of records published, modulo 2^32; 0 = none yet */
+    uint32_t head_offset; /* offset of a 32-bit word: number of records published, modulo 2^32; 0 = none yet */
 };
-#define TACTILED_RECORD_OFFSET 8 /* of the record in its slot */
+#define TACTILED_RECORD_OFFSET 8 /* offset of the record in its slot */
 
-/* One sensor of the directory. Constant while the segment lives are name, model, link, ring and stale_ms; `count` changes,
- * and since 1.3 the rest, when the daemon reloads its configuration: see tactiled_header.reloads. */
+/* One sensor of the directory. Name, model, link, ring and stale_ms are constant while the segment exists.
+ * `count` changes, and since 1.3 the other fields change when the daemon reloads its configuration: see
+ * tactiled_header.reloads. */
 struct tactiled_sensor {
     char name[TACTILED_NAME_SIZE];
     char model[TACTILED_NAME_SIZE];
     char method[TACTILED_NAME_SIZE];
-    char serial[TACTILED_NAME_SIZE]; /* of the calibrated sample */
+    char serial[TACTILED_NAME_SIZE]; /* serial number of the calibrated skin */
     char link[TACTILED_NAME_SIZE];
     struct tactiled_ring ring;
-    uint32_t stale_ms; /* a sample older than this, or further in the future, is BAD, whoever reads it */
+    uint32_t stale_ms; /* a sample that is older than this, or as far in the future, is BAD for every reader */
     uint32_t n_channels;
-    uint32_t components; /* bit 0..5: fx fy fz mx my mz can be seen */
-    float full_scale[6]; /* N and Nm, of the calibration; NaN = unknown */
-    /* Since 1.1, and so not in an entry of TACTILED_SENSOR_SIZE_1_0 bytes: ask tactiled_methods_of(). For method "auto". */
-    float budget_us;                       /* what a sample may take; 0 = the method is not "auto" */
-    uint32_t first_method;                 /* index of the one that it began with */
-    char methods[TACTILED_METHODS_SIZE];   /* names, with a space between, most accurate first; "" = not "auto" */
-    float method_us[TACTILED_MAX_METHODS]; /* what 7 in 8 samples of each took at most, when it was measured */
-    /* Standard deviation of each in full scales, at half of them, mean of the components. */
+    uint32_t components; /* bits 0..5: fx fy fz mx my mz are measured */
+    float full_scale[6]; /* N and Nm, from the calibration; NaN = unknown */
+    /* Since 1.1, so an entry of TACTILED_SENSOR_SIZE_1_0 bytes lacks these fields: call tactiled_methods_of().
+     * For method "auto". */
+    float budget_us;                       /* time limit of a sample; 0 = the method is not "auto" */
+    uint32_t first_method;                 /* index of the method at the start */
+    char methods[TACTILED_METHODS_SIZE];   /* names, separated by a space, most accurate first; "" = not "auto" */
+    float method_us[TACTILED_MAX_METHODS]; /* 87.5 % quantile of the time of each method, when it was measured */
+    /* Standard deviation of each method relative to full scale, at half of it, as the mean of the components. */
     float method_error[TACTILED_MAX_METHODS];
-    /* Since 1.3, and so not in an entry of TACTILED_SENSOR_SIZE_1_1 bytes: ask tactiled_reason_count(). */
-    uint32_t count[32]; /* samples with reason bit n since the start, wrapping: changes */
-    /* Since 1.5, and so not in an entry of TACTILED_SENSOR_SIZE_1_3 bytes: ask tactiled_freshness_of(). */
+    /* Since 1.3, so an entry of TACTILED_SENSOR_SIZE_1_1 bytes lacks this field: call tactiled_reason_count(). */
+    uint32_t count[32]; /* samples with reason bit n since the start, wrapping; changes */
+    /* Since 1.5, so an entry of TACTILED_SENSOR_SIZE_1_3 bytes lacks this field: call tactiled_freshness_of(). */
     uint32_t freshness; /* enum tactiled_freshness; changes */
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
 #define TACTILED_SENSOR_SIZE_1_1 416u
 #define TACTILED_SENSOR_SIZE_1_3 544u
 
-/* Counters of a link, each 32 bits, wrapping; index of tactiled_link.count. */
+/* Counters of a link, 32 bits each, wrapping: index of tactiled_link.count. */
 enum tactiled_link_count {
     TACTILED_LINK_BYTES = 0,
-    TACTILED_LINK_FRAMES = 1,       /* good ones */
-    TACTILED_LINK_SKIPPED = 2,      /* bytes that belonged to no frame */
+    TACTILED_LINK_FRAMES = 1,       /* valid frames */
+    TACTILED_LINK_SKIPPED = 2,      /* bytes that belong to no frame */
     TACTILED_LINK_BAD_CHECKSUM = 3, /* frames with a wrong CRC or checksum */
-    TACTILED_LINK_BAD_LENGTH = 4,   /* too long, too short, or not what its header says */
-    TACTILED_LINK_BAD_VALUE = 5,    /* a number that is none, in an otherwise whole frame */
+    TACTILED_LINK_BAD_LENGTH = 4,   /* frames that are too long, too short, or differ from their header */
+    TACTILED_LINK_BAD_VALUE = 5,    /* frames that are whole but contain a text that is not a number */
     TACTILED_LINK_LOST = 6,         /* gaps in the device's sequence, in frames */
-    TACTILED_LINK_REPEATED = 7,     /* the same sequence again, or an older one: dropped */
-    TACTILED_LINK_RING_FULL = 8,    /* frames refused because the pipeline was late */
+    TACTILED_LINK_REPEATED = 7,     /* frames with a repeated or older sequence number, which were dropped */
+    TACTILED_LINK_RING_FULL = 8,    /* frames that were refused because the pipeline was late */
     TACTILED_LINK_UNBOUND = 9,      /* frames of a device that no sensor uses */
     TACTILED_LINK_OPENED = 10,      /* times the device was opened */
     TACTILED_LINK_OPEN_FAILED = 11,
-    TACTILED_LINK_GONE = 12,      /* times the device vanished while open */
+    TACTILED_LINK_GONE = 12,      /* times the device disappeared while it was open */
     TACTILED_LINK_OVERRUN = 13,   /* losses that the kernel's driver reports */
-    TACTILED_LINK_BUS_ERROR = 14, /* CAN error frames; I2C transfers and Modbus requests without a good answer */
-    TACTILED_LINK_RESTARTED = 15, /* devices set up anew while the link stayed open: a chip that was reset, a bus-off */
+    TACTILED_LINK_BUS_ERROR = 14, /* CAN error frames; I2C transfers and Modbus requests without a valid answer */
+    /* devices that were configured again while the link stayed open: a chip after a reset, a bus-off */
+    TACTILED_LINK_RESTARTED = 15,
     TACTILED_LINK_COUNTS = 16
 };
 
@@ -427,77 +443,81 @@ enum tactiled_link_state { TACTILED_LINK_CLOSED = 0, TACTILED_LINK_OPEN = 1 };
 struct tactiled_link {
     TACTILED_ALIGN(128) char name[TACTILED_NAME_SIZE];
     char driver[TACTILED_NAME_SIZE];
-    uint32_t simulated;                   /* declared so in the configuration */
-    struct tactiled_ring frames;          /* of struct tactiled_frame; since 1.2: no slots where an older daemon writes */
+    uint32_t simulated;                   /* 1 if the configuration declares the link as simulated */
+    struct tactiled_ring frames;          /* records are struct tactiled_frame; since 1.2: no slots with an older daemon */
     TACTILED_ALIGN(128) uint32_t state;   /* enum tactiled_link_state; changes */
-    uint32_t count[TACTILED_LINK_COUNTS]; /* change */
+    uint32_t count[TACTILED_LINK_COUNTS]; /* changes */
 };
 
-/* A frame that a link delivered, before any model: the channels of one device at one instant. For recording. Since 1.2. */
+/* One frame that a link delivered, before any model: the channels of one device at one instant. It serves
+ * recording. Since 1.2. */
 struct tactiled_frame {
-    TACTILED_ALIGN(8) uint64_t t_ns;           /* CLOCK_MONOTONIC when its last byte was taken from the kernel */
+    TACTILED_ALIGN(8) uint64_t t_ns;           /* CLOCK_MONOTONIC when the last byte was read from the kernel */
     TACTILED_ALIGN(8) uint64_t device_time_us; /* the device's own clock, 0 if it sends none */
     uint32_t sequence;                         /* the device's counter, where has_sequence */
     uint32_t missing;                          /* bit n: channel n has no value; its number is NaN */
-    uint32_t saturated;                        /* bit n: channel n is at a rail that the driver knows of */
-    uint32_t lost;                             /* frames of this device that are missing right before this one */
-    uint16_t device;                           /* which of the link */
+    uint32_t saturated;                        /* bit n: channel n is at a saturation limit that the driver knows */
+    uint32_t lost;                             /* frames of this device that were lost directly before this one */
+    uint16_t device;                           /* number of the device on the link */
     uint8_t n_channels;
     uint8_t has_sequence;
     uint32_t reserved;
-    TACTILED_ALIGN(8) double channel[TACTILED_MAX_CHANNELS]; /* raw; of those from n_channels on nothing is said */
+    TACTILED_ALIGN(8) double channel[TACTILED_MAX_CHANNELS]; /* raw values; the entries from n_channels on are undefined */
 };
 
 enum tactiled_state {
     TACTILED_STARTING = 1,
     TACTILED_RUNNING = 2,
     TACTILED_STOPPED = 3, /* ended cleanly */
-    TACTILED_REPLACED = 4 /* found dead by its successor, who has a new file under the same name */
+    TACTILED_REPLACED = 4 /* found dead by its successor, which has a new file under the same name */
 };
 
-/* The one page that readers write: a memfd, sealed against shrinking, that the control socket hands out. A reader that goes
- * to sleep in FUTEX_WAIT on the head word of the node ring first asks here to be woken. The wish ends by itself, so a reader
- * that dies leaves nothing behind; damage to the page can only cause a wake too many or, until a reader's own time limit,
- * too few. */
+/* The one page that readers write: a memfd, sealed against shrinking, which the control socket hands out. Before
+ * a reader sleeps in FUTEX_WAIT on the head word of the node ring, it requests its wake-up here. The request
+ * expires by itself, so no cleanup is needed when a reader dies. Damage to the page can only cause an additional
+ * wake-up, or a missed one until the reader's own time limit. */
 struct tactiled_wake {
     uint32_t wanted_until;  /* wake while fewer node records than this were published (modulo 2^32) */
-    uint32_t ordered_until; /* the daemon has seen a request up to this: other readers may rely on it */
+    uint32_t ordered_until; /* the daemon has seen a request up to this number: other readers may rely on it */
 };
-#define TACTILED_WAKE_RECORDS 256 /* distance by which a reader asks ahead; it asks again at half of that */
+#define TACTILED_WAKE_RECORDS 256 /* number of records that a request covers; a reader renews it at half of that */
 
-/* The start of the file. All but `state`, `calibration_id` and `reloads` is constant while the segment lives. Who wants
- * what belongs together of a directory entry reads `reloads`, the entry, and `reloads` again: even and the same, else anew.
- */
+/* The start of the file. All fields except `state`, `calibration_id` and `reloads` are constant while the segment
+ * exists. To read fields of a directory entry that belong together, read `reloads`, the entry, and `reloads`
+ * again; repeat until both values are equal and even. */
 struct tactiled_header {
     char magic[8];
     uint32_t byte_order;
     uint16_t major, minor;
     uint32_t header_size;
     uint32_t total_size;
-    uint32_t epoch; /* larger with each start of the daemon under this name */
+    uint32_t epoch; /* larger at each start of the daemon under this name */
     uint32_t pid;
     char boot_id[40];
     char name[TACTILED_NAME_SIZE];
     char version[TACTILED_NAME_SIZE];
-    char control[108];                              /* path of the daemon's control socket, "" = none */
-    uint32_t watchdog_ms;                           /* the daemon is dead or hangs when the newest node record is older */
+    char control[108]; /* path of the daemon's control socket, "" = none */
+    /* the daemon is dead or hangs if the newest node record is older than this */
+    uint32_t watchdog_ms;
     uint32_t n_sensors, sensor_offset, sensor_size; /* directory of struct tactiled_sensor */
     uint32_t n_links, link_offset, link_size;       /* directory of struct tactiled_link */
     uint32_t calibration_id;                        /* CRC-16 of the configuration and the calibrations in force */
     struct tactiled_ring node;
-    uint32_t lateness_offset;           /* of the loop's counters of lateness, below; 0 = none: before 1.3 */
+    uint32_t lateness_offset;           /* offset of the pipeline's lateness counters, below; 0 = none (before 1.3) */
     TACTILED_ALIGN(128) uint32_t state; /* enum tactiled_state */
-    uint32_t reloads;                   /* + 2 with each reload that changed something; odd meanwhile. Since 1.3 */
+    uint32_t reloads;                   /* + 2 with each reload that changed something; odd while it changes. Since 1.3 */
 };
 
-/* How late the pipeline's loop woke: so many 32-bit words, wrapping, each the number of times that it woke up to so many ns
- * after its deadline: from tactiled_lateness_ns(i) to before that of i + 1; the last without an end. */
+/* Number of 32-bit words that count, wrapping, how late the pipeline woke. Word i counts wake-ups that were late
+ * by at least tactiled_lateness_ns(i) and by less than tactiled_lateness_ns(i + 1); the last word has no upper
+ * limit. */
 #define TACTILED_LATENESS_BUCKETS 176
 static inline uint64_t tactiled_lateness_ns(uint32_t bucket) {
     const uint32_t octave = bucket < 16 ? 0 : (bucket - 16) / 8;
     return (bucket < 16 ? (uint64_t)bucket : (uint64_t)(8 + (bucket - 16) % 8) << (octave + 1)) * 128;
 }
-static inline uint32_t tactiled_lateness_bucket(uint64_t ns) { /* steps of 128 ns, from 2 us on eight an octave, to 1 s */
+/* bounds: steps of 128 ns to 2 us, then eight per octave to 1 s */
+static inline uint32_t tactiled_lateness_bucket(uint64_t ns) {
     const uint64_t steps = ns / 128;
     uint32_t log2, bucket;
     if (steps < 16) return (uint32_t)steps;
@@ -515,11 +535,12 @@ TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
 
-/* ---- Reading -------------------------------------------------------------------------------------------------------
- * Words of a slot are copied one by one with relaxed atomic loads: a plain memcpy would be a data race. Each function
- * returns within a bounded number of steps, whatever the writer does, dead in the middle of a write included. */
+/* ---- Reading
+ * -------------------------------------------------------------------------------------------------------
+ * The words of a slot are copied one by one with relaxed atomic loads, because a plain memcpy would be a data
+ * race. Each function returns within a bounded number of steps, even if the writer died in the middle of a write. */
 
-#if defined(__SANITIZE_THREAD__) /* thread sanitizer models no fences: order by the loads themselves */
+#if defined(__SANITIZE_THREAD__) /* thread sanitizer does not model fences: the loads order themselves */
 #define TACTILED_LOAD_WORD __ATOMIC_ACQUIRE
 #define TACTILED_READ_FENCE() ((void)0)
 #else
@@ -533,8 +554,9 @@ static inline uint32_t tactiled_ring_head(const void* segment, const struct tact
     return __atomic_load_n(head, __ATOMIC_ACQUIRE);
 }
 
-/* Copies record number `number` (modulo 2^32) into `out`, which holds `size` bytes, a multiple of 4; what the daemon
- * does not fill reads as 0. Returns 1 when the copy is whole, 0 when the slot holds another record or changed meanwhile. */
+/* Copies record number `number` (modulo 2^32) into `out`, which has `size` bytes, a multiple of 4. Bytes that the
+ * daemon does not fill read as 0. Returns 1 if the copy is whole, 0 if the slot has another record or changed
+ * during the copy. */
 static inline int tactiled_ring_read(const void* segment, const struct tactiled_ring* ring, uint32_t number, void* out,
                                      uint32_t size) {
     const char* slot = (const char*)segment + ring->offset + (uint64_t)(number & (ring->slots - 1)) * ring->slot_size;
@@ -544,7 +566,7 @@ static inline int tactiled_ring_read(const void* segment, const struct tactiled_
     const uint32_t whole = 2 * number + 2;
     uint32_t i = 0;
     if (__atomic_load_n(lock, __ATOMIC_ACQUIRE) != whole) return 0; /* pairs with the writer's release of the lock */
-#if UINTPTR_MAX > 0xFFFFFFFFu /* two words at a time; the lock guards them all, so that halves are as good */
+#if UINTPTR_MAX > 0xFFFFFFFFu /* copies two words at a time; the lock guards both, so halves of a 64-bit word are valid */
     for (; i + 8 <= known; i += 8) {
         const uint64_t words = __atomic_load_n((const uint64_t*)(const void*)(record + i), TACTILED_LOAD_WORD);
         memcpy((char*)out + i, &words, 8);
@@ -559,7 +581,8 @@ static inline int tactiled_ring_read(const void* segment, const struct tactiled_
     return __atomic_load_n(lock, __ATOMIC_RELAXED) == whole;
 }
 
-/* Copies the newest record. Returns 1, or 0 when there is none yet or the writer lapped every one of `kTries` tries. */
+/* Copies the newest record. Returns 1, or 0 if there is none yet or the writer overwrote the record in each of
+ * `kTries` attempts. */
 static inline int tactiled_ring_latest(const void* segment, const struct tactiled_ring* ring, void* out, uint32_t size) {
     enum { kTries = 16 };
     int i;
@@ -570,22 +593,23 @@ static inline int tactiled_ring_latest(const void* segment, const struct tactile
     return 0;
 }
 
-/* Position of a reader of all records: the record that it wants next, and how many it could not get. */
+/* Position of a reader of all records: the number of its next record, and the count of records that it missed. */
 struct tactiled_cursor {
     TACTILED_ALIGN(8) uint64_t lost;
     uint32_t next; /* number of the record, modulo 2^32 */
 };
 
-/* Sets the cursor to the newest record, or to the oldest that will surely stay for a while. */
+/* Sets the cursor to the newest record, or to the oldest record that will not be overwritten soon. */
 static inline void tactiled_ring_seek(const void* segment, const struct tactiled_ring* ring, struct tactiled_cursor* cursor,
                                       int oldest) {
     const uint32_t head = tactiled_ring_head(segment, ring);
-    const uint32_t kept = ring->slots - 1 - ring->slots / 8; /* the slot of `head` itself may be open already */
+    const uint32_t kept = ring->slots - 1 - ring->slots / 8; /* the slot of `head` itself may be open for writing already */
     cursor->next = head == 0 ? 0 : oldest == 0 ? head - 1 : head < kept ? 0 : head - kept;
 }
 
-/* Copies the record that the cursor wants and moves on. Returns 1, or 0 when there is none yet. What the writer has
- * overwritten is skipped and counted. Looks at the slot itself, not at the head: one cache line less to wait for. */
+/* Copies the record at the cursor and advances the cursor. Returns 1, or 0 if there is none yet. Records that the
+ * writer has overwritten are skipped and counted. The function reads the slot and not the head, which saves one
+ * cache miss. */
 static inline int tactiled_ring_next(const void* segment, const struct tactiled_ring* ring, struct tactiled_cursor* cursor,
                                      void* out, uint32_t size) {
     enum { kTries = 16 };
@@ -599,15 +623,15 @@ static inline int tactiled_ring_next(const void* segment, const struct tactiled_
             return 1;
         }
         if (lock != whole && (int32_t)(lock - whole) < 0) return 0; /* not written yet */
-        tactiled_ring_seek(segment, ring, cursor, 1);               /* lapped */
-        /* A processor may show the new slot before the new head; the cursor never goes back. */
+        tactiled_ring_seek(segment, ring, cursor, 1);               /* the writer has overwritten it */
+        /* A processor may show the new slot before the new head, so the cursor must not go back. */
         if ((int32_t)(cursor->next - number) < 0) cursor->next = number;
         cursor->lost += cursor->next - number;
     }
     return 0;
 }
 
-/* Makes `sample` BAD: its forces become NaN, so that an old value cannot pass for a new one. */
+/* Makes `sample` BAD: its forces become NaN, so that an old value is not used as a new one. */
 static inline void tactiled_invalidate(struct tactiled_sample* sample, uint32_t reason) {
     const uint64_t nan_bits = 0x7FF8000000000000u;
     double nan_value;
@@ -624,15 +648,15 @@ static inline void tactiled_invalidate(struct tactiled_sample* sample, uint32_t 
     sample->state = 0;
 }
 
-/* True if `t_ns` is within `limit_ms` of `now_ns`. Later than that is as bad as older: the reader's clock is not the
- * daemon's (a time namespace), and what it cannot date it must not trust. */
+/* Returns 1 if `t_ns` is within `limit_ms` of `now_ns`. A time in the future is as bad as an old one: the
+ * reader's clock then differs from the daemon's (a time namespace), so the age of the data is unknown. */
 static inline int tactiled_is_fresh(uint64_t t_ns, uint64_t now_ns, uint32_t limit_ms) {
     const uint64_t limit_ns = (uint64_t)limit_ms * 1000000u;
     return now_ns - t_ns + limit_ns <= 2 * limit_ns; /* modulo 2^64: -limit .. limit */
 }
 
-/* The age check that every reader must apply to a sample that it is about to use at `now_ns` (CLOCK_MONOTONIC): BAD when too
- * old. */
+/* Applies the age check that every reader must make before it uses a sample at `now_ns` (CLOCK_MONOTONIC): makes
+ * the sample BAD if it is too old. */
 static inline void tactiled_judge(struct tactiled_sample* sample, uint32_t stale_ms, uint64_t now_ns) {
     if (!tactiled_is_fresh(sample->t_ns, now_ns, stale_ms)) tactiled_invalidate(sample, TACTILED_STALE);
 }

@@ -1,13 +1,14 @@
 /* Maps a file so that its reader survives when the file is truncated. Used by reader.h.
  *
- * The kernel sends SIGBUS to a process that reads a mapped page beyond the end of its file. No check before a read prevents
- * that, because the file can become shorter in between. The first mapping therefore installs a handler of SIGBUS, which
- * puts zeros in the place of the missing pages and marks the mapping as cut. The interrupted read continues and finds zeros,
- * which are never a finished record. A signal that concerns no mapping of a segment is passed on to the handler that was
- * installed before.
+ * The kernel sends SIGBUS to a process that reads a mapped page beyond the end of its file. No check before a
+ * read prevents that, because the file can become shorter in between. The first mapping therefore installs a
+ * handler of SIGBUS, which replaces the missing pages by zeros and marks the mapping as cut. The interrupted read
+ * continues and finds zeros, which are never a finished record. A signal that concerns no mapping of a segment is
+ * passed on to the handler that was installed before.
  *
- * A program that installs its own handler of SIGBUS does so before it opens a segment. A program that must not have this
- * handler defines TACTILED_NO_SIGBUS_HANDLER before it includes this file: then a truncated segment ends it. */
+ * A program that installs its own handler of SIGBUS does so before it opens a segment. A program that must not
+ * have this handler defines TACTILED_NO_SIGBUS_HANDLER before it includes this file: then a truncated segment
+ * ends it. */
 #ifndef TACTILED_MAPPING_H
 #define TACTILED_MAPPING_H
 
@@ -28,12 +29,12 @@ extern "C" {
 /* One mapping of the process. `base` is 0 where the entry is free, 1 while it is being filled. */
 struct tactiled_mapping {
     uintptr_t base;
-    size_t size;  /* whole pages */
-    uint32_t cut; /* the file was found to be shorter than it was when it was mapped */
+    size_t size;  /* a multiple of the page size */
+    uint32_t cut; /* 1: the file is shorter than when it was mapped */
 };
-#define TACTILED_MAX_MAPPINGS 128 /* of a process; further ones are not protected */
+#define TACTILED_MAX_MAPPINGS 128 /* per process; further mappings are not protected */
 
-/* One object for all files of a program that include this header. */
+/* One object for all source files of a program that include this header. */
 struct tactiled_mappings {
     struct tactiled_mapping mapping[TACTILED_MAX_MAPPINGS];
     uint32_t installed;
@@ -43,7 +44,7 @@ __attribute__((weak)) struct tactiled_mappings tactiled_mappings;
 
 static inline size_t tactiled_page_size(void) { return (size_t)sysconf(_SC_PAGESIZE); }
 
-/* Async-signal-safe. */
+/* Handles SIGBUS. The function is async-signal-safe. */
 static inline void tactiled_on_sigbus(int number, siginfo_t* info, void* context) {
     const uintptr_t address = (uintptr_t)info->si_addr;
     const struct sigaction* const before = &tactiled_mappings.before;
@@ -66,7 +67,7 @@ static inline void tactiled_on_sigbus(int number, siginfo_t* info, void* context
         before->sa_sigaction(number, info, context);
     } else if (before->sa_handler != SIG_DFL && before->sa_handler != SIG_IGN) {
         before->sa_handler(number);
-    } else { /* the end of the process, as without this handler; the signal is delivered when this function returns */
+    } else { /* ends the process, as without this handler; the signal is delivered after this function returns */
         signal(number, SIG_DFL);
         raise(number);
     }
@@ -84,8 +85,8 @@ static inline void tactiled_install_sigbus(void) {
 #endif
 }
 
-/* Maps `size` bytes of a file for reading. Returns NULL with errno set. `*entry` is where the mapping is registered, NULL
- * where there was no room. */
+/* Maps `size` bytes of a file for reading. Returns NULL with errno set on failure. `*entry` is where the mapping
+ * is registered, NULL if there was no room. */
 static inline const char* tactiled_map(int fd, size_t size, struct tactiled_mapping** entry) {
     const size_t page = tactiled_page_size();
     int i;
@@ -110,10 +111,10 @@ static inline void tactiled_unmap(const char* base, size_t size, struct tactiled
     munmap((void*)(uintptr_t)base, size);
 }
 
-/* 0 once the file is known to be shorter than the mapping. The access to the last byte faults if its page is missing. A
- * record that was copied before this call is whole if the call returns 1, because the kernel removes the missing pages
- * before it clears the rest of the last one. A segment with a link ends with frames, so that a file which lost less than a
- * page has lost no sample. */
+/* Returns 0 if the file is known to be shorter than the mapping. The access to the last byte faults if its page
+ * is missing. A record that was copied before this call is whole if the call returns 1, because the kernel
+ * removes the missing pages before it clears the rest of the last one. A segment with a link ends with frames, so
+ * a file that lost less than a page has not lost a sample. */
 static inline int tactiled_is_whole(const char* base, size_t size, const struct tactiled_mapping* entry) {
     TACTILED_READ_FENCE();
     (void)__atomic_load_n(base + size - 1, __ATOMIC_ACQUIRE);

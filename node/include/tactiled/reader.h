@@ -1,4 +1,4 @@
-/* Reads the segment of a tactiled daemon in C11. Header only, nothing to link. In C++ take reader.hpp.
+/* Reads the segment of a tactiled daemon in C11. Header only, nothing to link. C++ programs use reader.hpp.
  *
  *     struct tactiled_reader left;
  *     struct tactiled_sample s;
@@ -6,11 +6,12 @@
  *     while (tactiled_reader_wait(&left, &s, 1000, TACTILED_BLOCK))
  *         if (s.quality == TACTILED_GOOD) use(s.force_S_N);
  *
- * A reader costs the daemon nothing, cannot delay it, and survives its death: it gets one BAD sample, and attaches to the
- * successor by itself. One object a thread. Needs what -std=gnu11 declares (or _DEFAULT_SOURCE).
+ * A reader costs the daemon nothing and cannot delay it. When the daemon ends, the reader gets one BAD sample and
+ * attaches to the next daemon automatically. Each thread needs its own object. The header needs -std=gnu11 (or
+ * _DEFAULT_SOURCE).
  *
- * folder.h says in which folder the segment is and when a reader trusts it; mapping.h, how a reader survives a truncated
- * file, for which it installs a handler of SIGBUS. */
+ * folder.h states in which folder the segment is and when a reader trusts it. mapping.h states how a reader
+ * survives a truncated file, for which it installs a handler of SIGBUS. */
 #ifndef TACTILED_READER_H
 #define TACTILED_READER_H
 
@@ -50,13 +51,13 @@ struct tactiled_segment {
     const char* base; /* NULL: not open */
     size_t size;
     struct tactiled_mapping* entry;
-    /* Copies of the constant fields, taken and checked when the segment was opened: damage to the file afterwards cannot
-     * make a reader leave the mapping. */
+    /* Copies of the constant fields, made and checked when the segment was opened, so that later damage to the
+     * file cannot make a reader leave the mapping. */
     uint32_t watchdog_ms, n_sensors, sensor_offset, sensor_size, n_links, link_offset, link_size;
     uint32_t stale_ms[TACTILED_MAX_SENSORS];
     struct tactiled_ring node, ring[TACTILED_MAX_SENSORS];
-    char folder[TACTILED_FOLDER_SIZE]; /* in which it was found */
-    char why[320];                     /* why it is not open; of an open one, a warning or "" */
+    char folder[TACTILED_FOLDER_SIZE]; /* the folder of the segment */
+    char why[320];                     /* the reason if the segment is not open; else a warning or "" */
 };
 
 static inline const struct tactiled_header* tactiled_header_of(const struct tactiled_segment* segment) {
@@ -66,19 +67,21 @@ static inline const struct tactiled_sensor* tactiled_sensor_of(const struct tact
     return (const struct tactiled_sensor*)(const void*)(segment->base + segment->sensor_offset +
                                                         (size_t)index * segment->sensor_size);
 }
-/* The names of the methods of method "auto", "" where there are none or the daemon is of version 1.0: then the fields of
- * struct tactiled_sensor that 1.1 added must not be read. */
+/* Returns the names of the methods of method "auto", or "" if there are none or the daemon is of version 1.0.
+ * With "", do not read the fields of struct tactiled_sensor that 1.1 added. */
 static inline const char* tactiled_methods_of(const struct tactiled_segment* segment, uint32_t index) {
     const int has = segment->sensor_size >= TACTILED_SENSOR_SIZE_1_1;
     const char* methods = has ? tactiled_sensor_of(segment, index)->methods : "";
     return memchr(methods, 0, has ? TACTILED_METHODS_SIZE : 1) != NULL ? methods : "";
 }
-/* Samples of a sensor with reason bit `bit` (0 .. 31) since the daemon started; 0 where it counts none (before 1.3). */
+/* Returns the number of samples of a sensor with reason bit `bit` (0 .. 31) since the daemon started; 0 if the
+ * daemon does not count (before 1.3). */
 static inline uint32_t tactiled_reason_count(const struct tactiled_segment* segment, uint32_t index, unsigned bit) {
     if (segment->sensor_size < TACTILED_SENSOR_SIZE_1_3) return 0;
     return __atomic_load_n(&tactiled_sensor_of(segment, index)->count[bit], __ATOMIC_RELAXED);
 }
-/* How the age of a sensor's samples is proved (enum tactiled_freshness); 0 where the daemon does not say (before 1.5). */
+/* Returns how the age of a sensor's samples is proved (enum tactiled_freshness); 0 if the daemon does not publish
+ * that (before 1.5). */
 static inline uint32_t tactiled_freshness_of(const struct tactiled_segment* segment, uint32_t index) {
     if (segment->sensor_size < sizeof(struct tactiled_sensor)) return 0;
     return __atomic_load_n(&tactiled_sensor_of(segment, index)->freshness, __ATOMIC_RELAXED);
@@ -87,14 +90,15 @@ static inline const struct tactiled_link* tactiled_link_of(const struct tactiled
     return (const struct tactiled_link*)(const void*)(segment->base + segment->link_offset +
                                                       (size_t)index * segment->link_size);
 }
-/* 0 once the daemon has ended cleanly, a successor has taken over, or the file was truncated: open again. */
+/* Returns 0 if the daemon has ended cleanly, if a successor has taken over, or if the file was truncated: open
+ * again. */
 static inline int tactiled_is_current(const struct tactiled_segment* segment) {
     const uint32_t state = __atomic_load_n(&tactiled_header_of(segment)->state, __ATOMIC_ACQUIRE);
     return (state == TACTILED_RUNNING || state == TACTILED_STARTING) &&
            tactiled_is_whole(segment->base, segment->size, segment->entry);
 }
-/* True if the daemon published within its watchdog_ms. `t_published_ns` is the time of any of its records: where it is that
- * recent, the node record need not be read. */
+/* Returns 1 if the daemon published within its watchdog_ms. `t_published_ns` is the time of any of its records;
+ * if that time is recent enough, the node record is not read. */
 static inline int tactiled_is_alive(const struct tactiled_segment* segment, uint64_t t_published_ns, uint64_t now_ns) {
     struct tactiled_node node;
     if (tactiled_is_fresh(t_published_ns, now_ns, segment->watchdog_ms)) return 1;
@@ -111,14 +115,14 @@ static inline int tactiled_ring_fits(const struct tactiled_segment* segment, con
            tactiled_fits(segment, ring->offset, (uint64_t)ring->slots * ring->slot_size, 128) &&
            tactiled_fits(segment, ring->head_offset, 4, 4);
 }
-/* True if names end with their zero, which every user of a name looks for. */
+/* Returns 1 if all names have their terminating zero. */
 static inline int tactiled_names_end(const char* names, uint32_t count, uint32_t size) {
     uint32_t i;
     for (i = 0; i < count; ++i)
         if (memchr(names + (size_t)i * size, 0, size) == NULL) return 0;
     return 1;
 }
-/* True if the header describes something that may be read within the mapping; else segment->why says what is wrong. */
+/* Returns 1 if everything that the header describes is within the mapping; else segment->why has the reason. */
 static inline int tactiled_check(struct tactiled_segment* segment, const char* file) {
     struct tactiled_header copy;
     const struct tactiled_header* const h = &copy;
@@ -179,11 +183,11 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
-/* The newest node record, judged at `now_ns`: its grasp and its tool are not known where the daemon has ended, where it
- * writes none (before 1.1), or where the record is older than a sensor's stale_ms, for then nobody has told the grasp that
- * its sensors fell silent. Returns 1, or 0 when there is none. */
+/* Copies the newest node record, judged at `now_ns`. Its grasp and its tool are "not known" if the daemon has ended, if the
+ * daemon publishes no grasp (before 1.1), or if the record is older than a sensor's stale_ms, because the grasp
+ * then does not reflect that its sensors are silent. Returns 1, or 0 if there is no record. */
 static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
-    enum { kMinMs = 20 }; /* a daemon without news publishes each 10 ms */
+    enum { kMinMs = 20 }; /* the daemon publishes at least each 10 ms */
     uint32_t i, limit_ms = segment->watchdog_ms;
     if (!tactiled_ring_latest(segment->base, &segment->node, node, sizeof *node)) return 0;
     for (i = 0; i < segment->n_sensors; ++i)
@@ -197,8 +201,8 @@ static inline int tactiled_latest_node(const struct tactiled_segment* segment, s
     return 1;
 }
 
-/* True if a name can be one of the daemon's. A longer one must not be cut to that of another, and the name of a node, which
- * becomes a part of a path, has no other characters than a configuration allows. */
+/* Returns 1 if a name is valid. A name that is too long must not be cut to another valid name. The name of a node
+ * becomes a part of a path and is limited to the characters that a configuration allows. */
 static inline int tactiled_check_name(struct tactiled_segment* segment, const char* of_what, const char* name) {
     const int is_node = of_what[0] == 'n';
     const size_t length = strlen(name);
@@ -214,7 +218,7 @@ static inline int tactiled_check_name(struct tactiled_segment* segment, const ch
     return 1;
 }
 
-/* Maps the segment of a node in segment->folder. errno is ENOENT where there is none. */
+/* Maps the segment of a node in segment->folder. errno is ENOENT if there is none. */
 static inline int tactiled_open_here(struct tactiled_segment* segment, const char* node_name) {
     char file[16 + TACTILED_NAME_SIZE];
     struct stat status;
@@ -238,8 +242,8 @@ static inline int tactiled_open_here(struct tactiled_segment* segment, const cha
     return segment->base != NULL;
 }
 
-/* Maps the segment of a node read-only and checks it, in `folder` or, where that is NULL or "", in those of folder.h.
- * Returns 1, or 0 with the reason in segment->why. */
+/* Maps the segment of a node read-only and checks it, in `folder` or, if that is NULL or "", in the folders of
+ * folder.h. Returns 1, or 0 with the reason in segment->why. */
 static inline int tactiled_open_in(struct tactiled_segment* segment, const char* folder, const char* node_name) {
     const int given = folder != NULL && folder[0] != 0;
     int open = 0, n = 0;
@@ -267,14 +271,14 @@ static inline int tactiled_open_in(struct tactiled_segment* segment, const char*
                  "node \"%s\": no daemon of that name runs: no tactiled.%s in %.100s%s%.100s", node_name, node_name,
                  segment->folder, both ? " or " : "", both ? second : "");
     }
-    if (!open) segment->folder[0] = 0; /* the next try looks everywhere */
+    if (!open) segment->folder[0] = 0; /* the next attempt searches all folders */
     return open;
 }
 static inline int tactiled_open(struct tactiled_segment* segment, const char* node_name) {
     return tactiled_open_in(segment, NULL, node_name);
 }
 
-/* Index of the sensor of that name, or -1. */
+/* Returns the index of the sensor with that name, or -1. */
 static inline int tactiled_find(const struct tactiled_segment* segment, const char* sensor_name) {
     uint32_t i;
     for (i = 0; i < segment->n_sensors; ++i)
@@ -282,8 +286,8 @@ static inline int tactiled_find(const struct tactiled_segment* segment, const ch
     return -1;
 }
 
-/* The newest sample of a sensor, judged at `now_ns`: BAD where it is older than stale_ms, and where the daemon has ended or
- * has published nothing for watchdog_ms. Returns 0, and a BAD sample, when there is none. */
+/* Copies the newest sample of a sensor, judged at `now_ns`: BAD if it is older than stale_ms, if the daemon has
+ * ended, or if the daemon has published nothing for watchdog_ms. Returns 0 and a BAD sample if there is none. */
 static inline int tactiled_latest(const struct tactiled_segment* segment, uint32_t index, struct tactiled_sample* sample,
                                   uint64_t now_ns) {
     const struct tactiled_ring* ring = &segment->ring[index];
@@ -299,20 +303,22 @@ static inline int tactiled_latest(const struct tactiled_segment* segment, uint32
     return 1;
 }
 
-/* Lets no call on `s` wait beyond `until_ns`. */
+/* Limits each call on the socket `s` to the time `until_ns`. */
 static inline void tactiled_limit_socket(int s, uint64_t until_ns) {
     const uint64_t now_ns = tactiled_now_ns(), left_us = until_ns > now_ns ? (until_ns - now_ns) / 1000u : 0;
     struct timeval limit;
     limit.tv_sec = (time_t)(left_us / 1000000u);
-    limit.tv_usec = (suseconds_t)(left_us % 1000000u + (left_us == 0)); /* 0 would be for ever */
-    setsockopt(s, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit); /* also of connect(): a hung daemon's queue is full */
+    limit.tv_usec = (suseconds_t)(left_us % 1000000u + (left_us == 0)); /* 0 would mean no limit */
+    /* also limits connect(): the queue of a hung daemon is full */
+    setsockopt(s, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
     setsockopt(s, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
 }
 
-/* Asks the control socket for a descriptor: "wake" gives the page of struct tactiled_wake, "events" one that epoll can
- * watch for as long as *connection stays open. It does not block; each read() of 8 bytes gives a uint64_t, how many node
- * records were published since the one before, as an eventfd does, but read until EAGAIN. The first may say one too many.
- * 0 bytes: the daemon has ended. Returns the descriptor, or -1 when there is none to be had before `until_ns`. */
+/* Asks the control socket for a descriptor: "wake" gives the page of struct tactiled_wake; "events" gives a
+ * descriptor that epoll can watch as long as *connection is open. The descriptor does not block. Each read() of 8
+ * bytes gives a uint64_t, the number of node records that were published since the last read(), as an eventfd
+ * does, but read until EAGAIN. The first number may be too large by one. A read() of 0 bytes means that the
+ * daemon has ended. Returns the descriptor, or -1 if there was none before `until_ns`. */
 static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment, const char* what, int* connection,
                                           uint64_t until_ns) {
     const struct tactiled_header* h = tactiled_header_of(segment);
@@ -354,7 +360,7 @@ static inline int tactiled_ask_descriptor(const struct tactiled_segment* segment
     return fd;
 }
 
-/* True if a descriptor from the control socket is a page that cannot shrink while it is mapped. */
+/* Returns 1 if a descriptor from the control socket is a page that cannot shrink while it is mapped. */
 static inline int tactiled_is_wake_page(int fd) {
     enum { kGetSeals = 1024 + 10, kSealShrink = 2 }; /* F_GET_SEALS and F_SEAL_SHRINK, which need _GNU_SOURCE */
     struct stat status;
@@ -365,17 +371,16 @@ static inline int tactiled_is_wake_page(int fd) {
 /* ---- One sensor of one node, across restarts of the daemon ------------------------------------------------------------ */
 
 enum tactiled_wait {
-    TACTILED_POLL = 0, /* spin: least latency, a whole CPU */
-    TACTILED_PREDICT =
-        1,             /* sleep until shortly before the next sample is due, then spin: as quick, a few percent of a CPU */
-    TACTILED_BLOCK = 2 /* sleep until woken: no CPU, the latency of a wake-up */
+    TACTILED_POLL = 0,    /* spins: lowest latency, uses a whole CPU */
+    TACTILED_PREDICT = 1, /* sleeps until just before the next sample is due, then spins: as fast, a few percent of a CPU */
+    TACTILED_BLOCK = 2    /* sleeps until woken: uses no CPU, adds the latency of a wake-up */
 };
 
-/* When records come: learnt from their times, to sleep until shortly before the next. */
+/* The times between records, learnt in order to sleep until shortly before the next one. */
 struct tactiled_rhythm {
     uint64_t last_ns, period_ns, jitter_ns;
 };
-/* A record at `t_ns` followed the one at last_ns. */
+/* Learns from a record at `t_ns` that followed the one at last_ns. */
 static inline void tactiled_rhythm_learn(struct tactiled_rhythm* rhythm, uint64_t t_ns) {
     const int64_t step_ns = (int64_t)(t_ns - rhythm->last_ns);
     const int64_t off_ns = rhythm->period_ns == 0 ? 0 : step_ns - (int64_t)rhythm->period_ns;
@@ -383,12 +388,14 @@ static inline void tactiled_rhythm_learn(struct tactiled_rhythm* rhythm, uint64_
     rhythm->jitter_ns += (uint64_t)(off_ns < 0 ? -off_ns : off_ns) / 16 - rhythm->jitter_ns / 16;
     rhythm->last_ns = t_ns;
 }
-/* The time before the next record at which a reader should wake: the time of a wake-up, and what the rhythm wavers. */
+/* Returns how long before the next record a reader must wake: the duration of a wake-up plus the variation of the
+ * period. */
 static inline uint64_t tactiled_rhythm_early_ns(const struct tactiled_rhythm* rhythm) {
     const uint64_t early_ns = 40000 + 2 * rhythm->jitter_ns;
     return early_ns < 500000 ? early_ns : 500000;
 }
-/* Until when to sleep; later than `now_ns`, a nap where the next record is overdue or no rhythm is known. */
+/* Returns the time until which to sleep. The time is later than `now_ns`, by a short nap where the next record is
+ * overdue or the period is unknown. */
 static inline uint64_t tactiled_rhythm_wake_ns(const struct tactiled_rhythm* rhythm, uint64_t now_ns) {
     const uint64_t early_ns = tactiled_rhythm_early_ns(rhythm);
     const uint64_t wake_ns = rhythm->last_ns + rhythm->period_ns - early_ns;
@@ -398,18 +405,19 @@ static inline uint64_t tactiled_rhythm_wake_ns(const struct tactiled_rhythm* rhy
 struct tactiled_reader {
     char node[TACTILED_NAME_SIZE], sensor[TACTILED_NAME_SIZE];
     struct tactiled_segment segment;
-    int index; /* of the sensor in the segment, -1 = not attached */
+    int index; /* index of the sensor in the segment, -1 = not attached */
     struct tactiled_cursor cursor;
-    struct tactiled_sample last;   /* what next() gave last */
-    int begun;                     /* `last` holds something */
-    int placed;                    /* the cursor stands where it belongs; else the next call begins with the newest */
-    int owed;                      /* latest() has left a daemon whose end next() has not given; then not placed */
-    int broken;                    /* the last thing given was the end of a daemon */
-    uint32_t empty;                /* calls that found nothing, since a sample */
-    uint64_t tried_ns;             /* last attempt to attach */
-    struct tactiled_rhythm rhythm; /* of publishing, for TACTILED_PREDICT */
-    uint32_t* wake;                /* struct tactiled_wake, for TACTILED_BLOCK; NULL = not asked for or not to be had */
-    uint64_t asked_ns;             /* when it was asked for, 0 = never */
+    struct tactiled_sample last; /* the last result of next() */
+    int begun;                   /* 1: `last` has a sample */
+    int placed;                  /* 1: the cursor is valid; 0: the next call begins with the newest sample */
+    /* 1: latest() has left a daemon whose end next() has not returned yet; `placed` is then 0 */
+    int owed;
+    int broken;                    /* 1: the last result was the end of a daemon */
+    uint32_t empty;                /* calls without a result since the last sample */
+    uint64_t tried_ns;             /* time of the last attempt to attach */
+    struct tactiled_rhythm rhythm; /* learnt from published records, for TACTILED_PREDICT */
+    uint32_t* wake;                /* struct tactiled_wake, for TACTILED_BLOCK; NULL = not requested or not available */
+    uint64_t asked_ns;             /* time of the request for `wake`, 0 = never */
 };
 
 static inline void tactiled_reader_detach(struct tactiled_reader* r) {
@@ -420,13 +428,15 @@ static inline void tactiled_reader_detach(struct tactiled_reader* r) {
     r->index = -1;
 }
 
-/* Tries to attach; segment.why says why not. After a restart the reader begins with the first record of the new daemon. */
+/* Tries to attach; segment.why has the reason if that fails. After a restart the reader begins with the first
+ * record of the new daemon. */
 static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now_ns) {
     struct tactiled_segment fresh;
     int index;
     if (r->node[0] == 0) return 0; /* init() has refused the names */
     r->tried_ns = now_ns;
-    if (!tactiled_open_in(&fresh, r->segment.folder, r->node)) { /* the first folder that has it stays the only one */
+    /* the first folder that has the segment remains the only one */
+    if (!tactiled_open_in(&fresh, r->segment.folder, r->node)) {
         memcpy(r->segment.why, fresh.why, sizeof fresh.why);
         return 0;
     }
@@ -438,14 +448,14 @@ static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now
         return 0;
     }
     if (r->index >= 0 && tactiled_header_of(&fresh)->epoch == tactiled_header_of(&r->segment)->epoch) {
-        tactiled_close(&fresh); /* the very same */
+        tactiled_close(&fresh); /* the same segment as before */
         return tactiled_is_current(&r->segment);
     }
-    if (r->index >= 0 && r->begun) { /* next() has taken all before it comes here, latest() leaves what it may */
+    if (r->index >= 0 && r->begun) { /* next() has read everything before it comes here; latest() may leave records unread */
         const struct tactiled_ring* old = &r->segment.ring[r->index];
         const uint32_t left = tactiled_ring_head(r->segment.base, old) - r->cursor.next;
         if ((int32_t)left > 0)
-            r->cursor.lost += left; /* it may be ahead of the head: published last, and 0 in a truncated file */
+            r->cursor.lost += left; /* may be ahead of the head: published last, and 0 in a truncated file */
         r->owed = (r->last.reasons & TACTILED_DAEMON_STOPPED) == 0;
     }
     tactiled_reader_detach(r);
@@ -454,14 +464,14 @@ static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now
     r->broken = 0;
     r->placed = (r->begun || r->placed) && !r->owed;
     if (r->begun)
-        r->cursor.next = 0; /* what is overwritten already, the ring counts */
+        r->cursor.next = 0; /* the ring counts records that are already overwritten */
     else
         tactiled_ring_seek(fresh.base, &fresh.ring[index], &r->cursor, 1);
     return 1;
 }
 
-/* Attaches at once if it can; a daemon that is not there yet is waited for by the other functions. A name that no daemon
- * can have is refused for good: segment.why says so. `folder` is as for tactiled_open_in(). */
+/* Attaches at once if possible; otherwise the other functions keep trying until the daemon exists. An invalid
+ * name is refused permanently, with the reason in segment.why. `folder` is as for tactiled_open_in(). */
 static inline void tactiled_reader_init_in(struct tactiled_reader* r, const char* folder, const char* node_name,
                                            const char* sensor_name) {
     memset(r, 0, sizeof *r);
@@ -481,14 +491,14 @@ static inline void tactiled_reader_init(struct tactiled_reader* r, const char* n
     tactiled_reader_init_in(r, NULL, node_name, sensor_name);
 }
 
-/* Starts again with the oldest sample that is kept. */
+/* Restarts at the oldest sample that is kept. */
 static inline void tactiled_reader_rewind(struct tactiled_reader* r) {
     if (r->index < 0) return;
     tactiled_ring_seek(r->segment.base, &r->segment.ring[r->index], &r->cursor, 1);
     r->placed = !r->owed;
 }
 
-/* True if the segment may be read; attaches, at most each 10 ms. */
+/* Returns 1 if the segment may be read. Tries to attach if necessary, at most each 10 ms. */
 static inline int tactiled_reader_ready(struct tactiled_reader* r) {
     uint64_t now_ns;
     if (r->index >= 0 && !r->broken && tactiled_is_current(&r->segment)) return 1;
@@ -497,32 +507,34 @@ static inline int tactiled_reader_ready(struct tactiled_reader* r) {
     return r->index >= 0 && tactiled_is_current(&r->segment);
 }
 
-/* The newest sample; BAD with a reason when there is no good one. Never blocks. Where it moves on to a daemon's successor
- * before next() does, next() still gives the end; what it had not taken before that counts as lost. */
+/* Copies the newest sample, which is BAD with a reason if there is no valid one. Never blocks. If this function
+ * attaches to the next daemon before next() does, next() still returns the end of the old one, and the samples
+ * that it had not returned count as lost. */
 static inline void tactiled_reader_latest(struct tactiled_reader* r, struct tactiled_sample* sample) {
     uint64_t now_ns;
     if (tactiled_reader_ready(r)) {
         now_ns = tactiled_now_ns();
         tactiled_latest(&r->segment, (uint32_t)r->index, sample, now_ns);
-        if (sample->quality == TACTILED_BAD && now_ns - r->tried_ns >= 10000000u) /* dead, and its file gone? A successor? */
-            tactiled_reader_attach(r, now_ns);
+        /* the daemon may be dead and its file removed, or a successor may exist */
+        if (sample->quality == TACTILED_BAD && now_ns - r->tried_ns >= 10000000u) tactiled_reader_attach(r, now_ns);
         return;
     }
     memset(sample, 0, sizeof *sample);
     tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
 }
 
-/* Gives the end of a daemon. */
+/* Returns the BAD sample that marks the end of a daemon. */
 static inline int tactiled_reader_end(struct tactiled_reader* r, struct tactiled_sample* sample) {
     *sample = r->last;
     tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
-    r->last = *sample; /* one for this end, also where the successor has published nothing yet */
+    r->last = *sample; /* one for this end, also if the successor has published nothing yet */
     r->owed = 0;
     r->placed = 1;
     return 1;
 }
 
-/* Nothing new: has the daemon ended, is it dead? Then gives one BAD sample that says so, and returns 1. */
+/* Checks, when there is no new sample, whether the daemon has ended or died. If it has, gives one BAD sample with
+ * the reason and returns 1. */
 static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactiled_sample* sample) {
     const struct tactiled_ring* ring;
     struct tactiled_node node;
@@ -532,8 +544,9 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
         ring = &r->segment.ring[r->index];
         number = r->cursor.next;
         behind = tactiled_ring_head(r->segment.base, ring) - number;
-        if (behind > ring->slots && (int32_t)behind > 0) { /* asleep for 2^30 records, or more; but it may be one ahead */
-            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1); /* of the head, which is published last */
+        /* The reader slept for 2^30 records or more, or next is one ahead of the head, which is published last. */
+        if (behind > ring->slots && (int32_t)behind > 0) {
+            tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1);
             r->cursor.lost += r->cursor.next - number;
         }
         disconnected = !tactiled_is_current(&r->segment) ||
@@ -541,17 +554,19 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
                        !tactiled_is_fresh(node.t_ns, tactiled_now_ns(), r->segment.watchdog_ms);
     }
     if (!disconnected) {
-        r->broken = 0; /* it hung, and lives again */
+        r->broken = 0; /* the daemon hung and has recovered */
         return 0;
     }
     if (r->broken) return 0;
     r->broken = 1;
-    if (!r->begun || (r->last.reasons & TACTILED_DAEMON_STOPPED) != 0) return 0; /* the daemon has said so itself */
+    /* the daemon's last sample says so already */
+    if (!r->begun || (r->last.reasons & TACTILED_DAEMON_STOPPED) != 0) return 0;
     return tactiled_reader_end(r, sample);
 }
 
-/* The sample after the last one that it gave, or 0 when there is none yet. The first call gives the newest. When the daemon
- * ends, hangs or dies, what is left in the ring comes first, then one BAD sample; then the successor's. */
+/* Gives the sample after the last one that it gave, or returns 0 if there is none yet. The first call gives the
+ * newest sample. When the daemon ends, hangs or dies, next() gives the samples that are left in the ring, then
+ * one BAD sample, then the samples of the successor. */
 static inline int tactiled_reader_next(struct tactiled_reader* r, struct tactiled_sample* sample) {
     if (r->index >= 0) {
         const struct tactiled_ring* ring = &r->segment.ring[r->index];
@@ -567,14 +582,15 @@ static inline int tactiled_reader_next(struct tactiled_reader* r, struct tactile
             r->rhythm.last_ns = sample->t_published_ns;
             if (!tactiled_is_alive(&r->segment, sample->t_published_ns, now_ns) ||
                 !tactiled_is_whole(r->segment.base, r->segment.size, r->segment.entry))
-                tactiled_invalidate(sample, TACTILED_STALE); /* one sample says "stopped", after what is left */
+                tactiled_invalidate(sample, TACTILED_STALE); /* the stop is reported after the samples that are left */
             r->last = *sample;
             r->begun = r->placed = 1;
             r->empty = 0;
             r->broken = 0;
             return 1;
         }
-        if (++r->empty % 16 != 0 && tactiled_is_current(&r->segment)) return 0; /* not each time: it reads the clock */
+        /* only in each 16th call, because it reads the clock */
+        if (++r->empty % 16 != 0 && tactiled_is_current(&r->segment)) return 0;
     }
     if (tactiled_reader_look(r, sample)) return 1;
     if (r->index < 0 || r->broken) tactiled_reader_ready(r);
@@ -588,12 +604,12 @@ static inline void tactiled_sleep_until(uint64_t until_ns) {
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
 }
 
-/* What the system call takes as a timespec, which is not that of a 32-bit program with _TIME_BITS=64. The time is relative:
- * the old call lasts beyond 2038, and is there on kernels before 5.1, too. */
+/* The time structure of the system call, which differs from timespec in a 32-bit program with _TIME_BITS=64. The
+ * time is relative, so this call works beyond 2038. It exists on kernels before 5.1, too. */
 #ifdef SYS_futex
 #define TACTILED_SYS_FUTEX SYS_futex
 typedef __kernel_long_t tactiled_futex_word;
-#else /* a 32-bit architecture that never had a 32-bit time */
+#else /* a 32-bit architecture that never had 32-bit times */
 #define TACTILED_SYS_FUTEX SYS_futex_time64
 typedef int64_t tactiled_futex_word;
 #endif
@@ -601,7 +617,8 @@ struct tactiled_futex_limit {
     tactiled_futex_word s, ns;
 };
 
-/* Sleeps until more than `seen` node records were published, but not beyond `until_ns`, asking to be woken in `wake`. */
+/* Sleeps until more than `seen` node records are published or `until_ns` is reached. Requests the wake-up in
+ * `wake`. */
 static inline void tactiled_sleep_on_node(const struct tactiled_segment* segment, uint32_t* wake, uint32_t seen,
                                           uint64_t now_ns, uint64_t until_ns) {
     const uint32_t* head = (const uint32_t*)(const void*)(segment->base + segment->node.head_offset);
@@ -609,12 +626,13 @@ static inline void tactiled_sleep_on_node(const struct tactiled_segment* segment
     const uint32_t wanted = __atomic_load_n(&page->wanted_until, __ATOMIC_RELAXED) - seen;
     const uint32_t ordered = __atomic_load_n(&page->ordered_until, __ATOMIC_RELAXED) - seen;
     struct tactiled_futex_limit limit;
-    /* Over soon, or what the daemon ignores, or a request of another reader that the daemon may not see yet. */
+    /* The request ends soon, or is one that the daemon ignores, or is one of another reader that the daemon may
+     * not have seen yet. */
     if (wanted < TACTILED_WAKE_RECORDS / 2 || wanted > TACTILED_WAKE_RECORDS || ordered < TACTILED_WAKE_RECORDS / 2 ||
         ordered > TACTILED_WAKE_RECORDS) {
         __atomic_store_n(&page->wanted_until, seen + TACTILED_WAKE_RECORDS, __ATOMIC_RELAXED);
-        /* The request before the look at the head, also as the daemon sees it, which executes no fence. If the kernel
-         * refuses, one wake may be missed: the next record's comes. */
+        /* The request must be visible before the head is read, also to the daemon, which executes no fence. If
+         * the kernel refuses the call, one wake-up may be missed; the next record causes another one. */
         syscall(SYS_membarrier, MEMBARRIER_CMD_GLOBAL_EXPEDITED, 0, 0);
         __atomic_store_n(&page->ordered_until, seen + TACTILED_WAKE_RECORDS, __ATOMIC_RELAXED);
     }
@@ -623,12 +641,12 @@ static inline void tactiled_sleep_on_node(const struct tactiled_segment* segment
     syscall(TACTILED_SYS_FUTEX, head, FUTEX_WAIT, seen, &limit, NULL, 0);
 }
 
-/* Sleeps until the next node record, but not beyond `until_ns`. Without a wake page (no control socket, or a daemon that
- * does not answer; it is asked again each second): 1 ms naps. */
+/* Sleeps until the next node record or until `until_ns`. Without a wake page (no control socket, or a daemon that
+ * does not answer; the request is repeated each second) the function sleeps for 1 ms at a time. */
 static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now_ns, uint64_t until_ns) {
     const struct tactiled_ring *node, *ring;
     uint32_t seen;
-    if (until_ns > now_ns + 20000000u) until_ns = now_ns + 20000000u; /* the daemon may die and wake nobody */
+    if (until_ns > now_ns + 20000000u) until_ns = now_ns + 20000000u; /* a daemon that dies wakes no reader */
     if (r->wake == NULL && r->index >= 0 && !r->broken && (r->asked_ns == 0 || now_ns - r->asked_ns >= 1000000000u)) {
         const int fd = tactiled_ask_descriptor(&r->segment, "wake", NULL, until_ns);
         void* page = fd < 0 || !tactiled_is_wake_page(fd)
@@ -637,7 +655,7 @@ static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now
         if (page != MAP_FAILED) r->wake = (uint32_t*)page;
         if (fd >= 0) close(fd);
         r->asked_ns = now_ns;
-        return; /* it took its time */
+        return; /* the request took long */
     }
     if (r->wake == NULL || r->broken) {
         tactiled_sleep_until(now_ns + 1000000u < until_ns ? now_ns + 1000000u : until_ns);
@@ -645,12 +663,12 @@ static inline void tactiled_reader_block(struct tactiled_reader* r, uint64_t now
     }
     node = &r->segment.node;
     ring = &r->segment.ring[r->index];
-    seen = tactiled_ring_head(r->segment.base, node); /* before the look at the sensor: its sample comes first */
+    seen = tactiled_ring_head(r->segment.base, node); /* read before the sensor's ring, whose sample is published first */
     if (tactiled_ring_head(r->segment.base, ring) == r->cursor.next)
         tactiled_sleep_on_node(&r->segment, r->wake, seen, now_ns, until_ns);
 }
 
-/* The same as tactiled_reader_next(), but waits for up to `timeout_ms`. Returns 0 when the time is over. */
+/* Does the same as tactiled_reader_next(), but waits for up to `timeout_ms`. Returns 0 on timeout. */
 static inline int tactiled_reader_wait(struct tactiled_reader* r, struct tactiled_sample* sample, uint32_t timeout_ms,
                                        enum tactiled_wait mode) {
     uint64_t now_ns, until_ns = 0, spin_until_ns = 0;
@@ -662,7 +680,7 @@ static inline int tactiled_reader_wait(struct tactiled_reader* r, struct tactile
         if (now_ns >= until_ns) return 0;
         if (mode == TACTILED_BLOCK) {
             tactiled_reader_block(r, now_ns, until_ns);
-            r->empty |= 15; /* look at the daemon, too */
+            r->empty |= 15; /* makes the next call check the daemon, too */
         } else if (mode == TACTILED_PREDICT && now_ns >= spin_until_ns) {
             const int known = r->begun && !r->broken;
             uint64_t wake_ns = known ? tactiled_rhythm_wake_ns(&r->rhythm, now_ns) : now_ns + 1000000;

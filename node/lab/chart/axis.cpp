@@ -9,8 +9,8 @@
 namespace tactiled {
 namespace {
 
-constexpr double kGreatest = 1e300;  // of an axis: differences stay finite
-constexpr int kTicks = 5;            // about
+constexpr double kGreatest = 1e300;  // limit of a value, so that differences stay finite
+constexpr int kTicks = 5;            // approximate number
 
 }  // namespace
 
@@ -33,7 +33,7 @@ Span as_axis(Span span, double margin) {
     if (span.min > span.max) std::swap(span.min, span.max);
     const double greatest = std::max(std::abs(span.min), std::abs(span.max));
     if (greatest < 1e-290) return {-1, 1};
-    // Narrower than this, neighbouring ticks would be the same number.
+    // Below this width, neighbouring ticks would be the same number.
     const double min_width = 1e-9 * greatest;
     const double more = span.max - span.min > min_width ? margin * (span.max - span.min) : 0.1 * greatest;
     return {span.min - more, span.max + more};

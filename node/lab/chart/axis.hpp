@@ -1,4 +1,5 @@
-// Axes: the span of the values, the ticks, and where on the paper a value stands. May allocate; never in the loop.
+// Axes: the span of the values, the ticks, and the coordinate of a value on the paper. May allocate; never in the
+// loop.
 #pragma once
 #include <span>
 #include <string>
@@ -10,27 +11,27 @@ struct Span {  // a range of numbers
     double min, max;
 };
 
-// All finite numbers of `values`; {0, 0} where there are none.
+// Returns the span of all finite numbers of `values`; {0, 0} if there are none.
 Span span_of(std::span<const double> values);
-// Made usable as an axis: finite, min < max, `margin` x its width wider on both sides.
+// Makes a span usable as an axis: finite, min < max, wider by `margin` times its width on both sides.
 Span as_axis(Span span, double margin = 0.04);
 
 struct Tick {
     double at;
     std::string text;
 };
-// About five for an axis: multiples of 1, 2 or 5 times a power of ten.
+// Returns about five ticks for an axis: multiples of 1, 2 or 5 times a power of ten.
 std::vector<Tick> axis_ticks(Span axis);
-// For a logarithmic axis, 0 < min < max: powers of ten, where those are fewer than three also 2 and 5 times them; every
-// so many where they are more than eight. Numbers far from 1 are written as 10⁻⁵.
+// Returns ticks for a logarithmic axis, 0 < min < max: powers of ten, with 2 and 5 times them if there are fewer than
+// three, and only every n-th if there are more than eight. Numbers far from 1 are written as 10⁻⁵.
 std::vector<Tick> log_ticks(Span axis);
 
-// Maps the values of an axis to coordinates on the paper; values beyond the axis stand at its ends.
+// Maps the values of an axis to coordinates on the paper; values beyond the axis are placed at its ends.
 class Scale {
 public:
     // `from` and `to` are the coordinates of axis.min and axis.max.
     Scale(Span axis, double from, double to) : axis_(axis), from_(from), to_(to) {}
-    // `powers` are the decimal logarithms of the ends; 0 and less stand at the first.
+    // `powers` are the decimal logarithms of the ends; values of 0 and less are placed at the first.
     static Scale logarithmic(Span powers, double from, double to);
 
     [[nodiscard]] double at(double value) const;

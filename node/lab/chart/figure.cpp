@@ -16,11 +16,11 @@ namespace {
 
 // In units of the viewBox.
 constexpr double kWidth = 720, kLeft = 78, kRight = 18, kTitle = 30, kLegend = 22, kPlot = 330, kFoot = 54;
-constexpr double kFont = 13, kLabelFont = 12, kReach = 4.5;  // of a symbol from its middle
+constexpr double kFont = 13, kLabelFont = 12, kReach = 4.5;  // distance of a symbol's edge from its middle
 // Colours of different lightness, which also differ in grey and for readers with red-green colour blindness.
 constexpr std::array kColours{"#1f5fa8", "#c4561e", "#1b1f24", "#6a994e", "#8d5a97", "#7f8790"};
 
-// One axis: where on the paper a value stands, and its ticks.
+// One axis: the mapping to the paper, and its ticks.
 struct Axis {
     Scale scale;
     std::vector<Tick> ticks;
@@ -94,7 +94,7 @@ public:
 private:
     static bool drawn(const Figure::Point& point) { return std::isfinite(point.x) && std::isfinite(point.y); }
 
-    // Draws it where `drawing`; returns its rows.
+    // Draws the legend if `drawing`; returns its number of rows.
     int legend(bool drawing) {
         double x = kLeft;
         int row = 0;
@@ -207,7 +207,8 @@ private:
             if (leader.needed())
                 svg_.put("<path stroke=\"#57606a\" stroke-width=\"0.7\" d=\"M{:.1f} {:.1f}L{:.1f} {:.1f}\"/>\n",
                          leader.from_x, leader.from_y, leader.to_x, leader.to_y);
-            // Held at the side of its symbol: a narrower font leaves no gap there. White around it breaks the grid's lines.
+            // The label is anchored at the side of its symbol, so that a narrower font leaves no gap there. White
+            // around it interrupts the grid's lines.
             const bool right = box.left >= requests[i].symbol.right, left = box.right <= requests[i].symbol.left;
             svg_.put(
                 "<text x=\"{:.1f}\" y=\"{:.1f}\" font-size=\"{}\" text-anchor=\"{}\" stroke=\"#fff\" stroke-width=\"3\" "

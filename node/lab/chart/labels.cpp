@@ -9,11 +9,11 @@ namespace tactiled {
 namespace {
 
 constexpr double kGap = 3;      // between symbol and label
-constexpr double kStep = 6;     // of the rings that are searched
-constexpr int kDirections = 8;  // in the first ring; more further out
+constexpr double kStep = 6;     // width of the rings that are searched
+constexpr int kDirections = 8;  // in the first ring; outer rings have more
 constexpr double kTurn = 2 * std::numbers::pi;
 
-// The box of a label whose nearest point to the symbol lies in this direction, `distance` off it.
+// Returns the box of a label whose nearest point to the symbol is in this direction at `distance`.
 Box beside(const LabelRequest& request, double cos, double sin, double distance) {
     const Box& s = request.symbol;
     const double x = (s.left + s.right) / 2 + cos * ((s.right - s.left) / 2 + distance + request.width / 2);
@@ -25,11 +25,11 @@ bool is_free(const Box& box, const std::vector<Box>& of) {
     return std::none_of(of.begin(), of.end(), [&](const Box& other) { return box.overlaps(other); });
 }
 
-// The boxes of a line, piece by piece.
+// Returns the boxes of a line, piece by piece.
 std::vector<Box> boxes_of(const Leader& line) {
     std::vector<Box> boxes;
     const int n = 1 + int(std::hypot(line.to_x - line.from_x, line.to_y - line.from_y) / 2);
-    for (int i = 0; i < n; ++i) {  // not its end, at the label
+    for (int i = 0; i < n; ++i) {  // without its end, at the label
         const double share = double(i) / n, x = std::lerp(line.from_x, line.to_x, share),
                      y = std::lerp(line.from_y, line.to_y, share);
         boxes.push_back({x - 1, y - 1, x + 1, y + 1});
@@ -37,20 +37,20 @@ std::vector<Box> boxes_of(const Leader& line) {
     return boxes;
 }
 
-// Symbols on the spot where it begins hide nothing more of it.
+// Symbols at the begin of the leader do not hide it.
 bool is_clear(const Leader& leader, const Box& symbol, const std::vector<Box>& of) {
     const auto line = boxes_of(leader);
     return std::none_of(of.begin(), of.end(),
                         [&](const Box& other) { return !other.overlaps(symbol) && !is_free(other, line); });
 }
 
-// Fallbacks if no place is fully free, in this order: off the lines of the figure and with a clear leader; over a line;
-// with a leader over others.
+// Fallbacks if no place is completely free, in this order: off the lines of the figure and with a clear leader; over
+// a line; with a leader over others.
 enum class Pass { off_lines, leader_clear, any };
 
-// The direction of try i of n: right, left, above, below, then between them.
+// Returns the direction of try i of n: right, left, above, below, then in between.
 double direction(int i, int n) {
-    static constexpr int kFirst[kDirections] = {0, 4, 6, 2, 7, 1, 5, 3};  // eighths of a turn
+    static constexpr int kFirst[kDirections] = {0, 4, 6, 2, 7, 1, 5, 3};  // eighths of a circle
     return i < kDirections ? kTurn * kFirst[i] / kDirections : kTurn * i / n;
 }
 

@@ -16,11 +16,11 @@ struct Box {  // y grows downwards
 };
 
 struct LabelRequest {
-    Box symbol;  // beside which
+    Box symbol;  // box of its symbol
     double width, height;
 };
 
-// From the symbol to the nearest point of its label: drawn where they are further apart than this.
+// A leader from the symbol to the nearest point of its label is drawn if the distance is larger than this.
 inline constexpr double kLeader = 14;
 struct Leader {
     double from_x, from_y, to_x, to_y;
@@ -28,9 +28,10 @@ struct Leader {
 };
 Leader leader_between(const Box& symbol, const Box& label);
 
-// A place for each request, greedily in their order: the nearest that is free, right of the symbol before left, above and
-// below. All lie in `frame`, over no request's symbol, nothing in `taken` and no other label. Over what is `crossed`
-// (lines), or with a leader over any of them, only where there is no other place. The result is empty if there is no room.
+// Returns a place for each request, greedily in their order: the nearest free one, with right of the symbol preferred
+// to left, above and below. All are in `frame`, over no request's symbol, no box of `taken` and no other label. A
+// label or leader is placed over `crossed` (lines) only if there is no other place. The result is empty if there is
+// no room.
 std::vector<std::optional<Box>> place_labels(const std::vector<LabelRequest>& requests, const std::vector<Box>& taken,
                                              std::vector<Box> crossed, const Box& frame);
 

@@ -1,5 +1,5 @@
-// Small plots as inline SVG, for reports: axes with ticks, dots, lines, bands and bars. Colours and strokes are classes of
-// the page's style sheet. May allocate; never in the loop.
+// Small plots as inline SVG, for reports: axes with ticks, dots, lines, bands and bars. Colours and strokes are
+// classes of the page's style sheet. May allocate; never in the loop.
 #pragma once
 #include <span>
 #include <string>
@@ -19,15 +19,16 @@ inline constexpr std::size_t kMaxDots = 2000;  // in one plot; more look the sam
 
 class SvgPlot {
 public:
-    // Labels are text, not HTML. `about` is read out to those who do not see the plot.
+    // Labels are plain text, not HTML. `about` is the description for screen readers.
     SvgPlot(std::string_view about, std::string_view x_label, Span x, std::string_view y_label, Span y);
 
-    // At most kMaxDots of them, evenly thinned. Only finite ones are drawn; those off the axes stand at their edge.
+    // Draws at most kMaxDots dots, evenly thinned. Only finite ones are drawn; dots beyond the axes are placed at
+    // their edge.
     void dots(std::span<const Dot> dots);
     void line(std::span<const Dot> dots, std::string_view css_class);
-    // Between two lines that have the same x.
+    // Fills the area between two lines with the same x.
     void band(std::span<const Dot> lower, std::span<const Dot> upper);
-    // From the foot of the plot to `height`.
+    // Draws a bar from the foot of the plot to `height`.
     void bar(double left, double right, double height);
 
     [[nodiscard]] std::string text() const { return svg_.text(); }

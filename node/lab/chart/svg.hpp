@@ -1,4 +1,4 @@
-// The parts of an SVG that all charts share: its head, lines, the grid with the numbers of an axis, the legend.
+// The common parts of all charts as SVG: head, lines, the grid with the numbers of an axis, the legend.
 #pragma once
 #include <fmt/format.h>
 
@@ -14,12 +14,12 @@ namespace tactiled {
 
 struct SvgHead {
     double width, height;          // size of the viewBox
-    std::string_view about;        // text; read out to those who do not see the chart
+    std::string_view about;        // plain text, for screen readers
     std::string_view css_class{};  // "" = none
     double font_size = 0;          // 0: the style sheet of a page sets fonts and colours
     std::string_view ink = "#1b1f24";
     bool sized = false;  // one unit of the viewBox is a pixel
-    bool paper = false;  // white behind everything
+    bool paper = false;  // draws a white background
 };
 
 // An SVG that is written element after element.
@@ -49,10 +49,10 @@ private:
 
 struct Pen {
     std::string_view css_class{}, colour{},
-        dashes{};      // "" = not written; without a colour the class says how the line looks
-    double width = 0;  // 0 = not written
+        dashes{};      // "" = omitted; without a colour the class defines the style of the line
+    double width = 0;  // 0 = omitted
 };
-// The element that draws it; "" where there is nothing to draw.
+// Returns the element that draws a path; "" if there is nothing to draw.
 std::string svg_line(std::string_view d, const Pen& pen);
 
 // The area in which values are drawn. `decimals`: of the coordinates of its top and foot.
@@ -60,16 +60,18 @@ struct PlotArea {
     double left, right, top, foot;
     int decimals = 0;
 };
-// The ticks of a chart's axes: lines of the grid across the plot, as a path's d, and the numbers beside it, as elements.
+// The ticks of a chart's axes: lines of the grid across the plot, as a path's d, and the numbers beside it, as
+// elements.
 struct AxisMarks {
     std::string grid, numbers;
-    // The numbers stand `below` the foot.
+    // Adds ticks of the x axis, with the numbers `below` the foot.
     void add_x(const PlotArea& area, const Scale& scale, std::span<const Tick> ticks, double below);
-    // The numbers end `left` of the plot, `down` below the line, so that it meets their middle.
+    // Adds ticks of the y axis, with the numbers ending `left` of the plot and `down` below the line, so that their
+    // middle is at the line.
     void add_y(const PlotArea& area, const Scale& scale, std::span<const Tick> ticks, double left, double down);
 };
 
-// The text of an entry of the legend, whose line is at the height `middle`.
+// Returns the text of an entry of the legend, whose line is at the height `middle`.
 std::string legend_text(double x, double middle, std::string_view text, double font_size);
 std::string legend_line(double x, double middle, double length, const Pen& pen);
 

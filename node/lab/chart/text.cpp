@@ -6,7 +6,7 @@
 namespace tactiled {
 namespace {
 
-// Length of the UTF-8 sequence that `text` starts with; 0 where it starts with none.
+// Returns the length of the valid UTF-8 sequence at the start of `text`; 0 if there is none.
 std::size_t sequence(std::string_view text) {
     const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
     const unsigned first = byte(0);
@@ -14,7 +14,7 @@ std::size_t sequence(std::string_view text) {
     if (n == 0 || n > text.size()) return 0;
     for (std::size_t i = 1; i < n; ++i)
         if ((byte(i) & 0xC0u) != 0x80) return 0;
-    if (n == 3 && ((first == 0xE0 && byte(1) < 0xA0) || (first == 0xED && byte(1) > 0x9F))) return 0;  // long, surrogate
+    if (n == 3 && ((first == 0xE0 && byte(1) < 0xA0) || (first == 0xED && byte(1) > 0x9F))) return 0;  // overlong, surrogate
     if (n == 4 && ((first == 0xF0 && byte(1) < 0x90) || (first == 0xF4 && byte(1) > 0x8F))) return 0;
     return n;
 }
@@ -46,9 +46,9 @@ std::string html_text(std::string_view text) {
 }
 
 double text_width(std::string_view text, double font_size) {
-    double width = 0;  // in parts of the size; DejaVu Sans is the widest that is common
+    double width = 0;  // relative to the font size; DejaVu Sans is the widest common font
     for (const char c : text) {
-        if ((static_cast<unsigned char>(c) & 0xC0u) == 0x80) continue;  // goes on with a character
+        if ((static_cast<unsigned char>(c) & 0xC0u) == 0x80) continue;  // continuation byte of a character
         if (std::string_view("iljI.,:;|'!() ").find(c) != std::string_view::npos)
             width += 0.38;
         else if (std::string_view("mwMW%").find(c) != std::string_view::npos)

@@ -5,10 +5,10 @@
 
 namespace tactiled {
 
-// Text for HTML and SVG: markup escaped; control characters and bytes that are no UTF-8 become U+FFFD.
+// Escapes text for HTML and SVG; control characters and invalid UTF-8 become U+FFFD.
 std::string html_text(std::string_view text);
 
-// The width of a text in a sans-serif font of that size, rather too wide than too narrow.
+// Returns the width of a text in a sans-serif font of that size, rather too large than too small.
 double text_width(std::string_view text, double font_size);
 
 }  // namespace tactiled

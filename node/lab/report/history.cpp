@@ -1,4 +1,4 @@
-// Errors of a report against time, the direction of the load, the distance of the channels from their mean;
+// Plots of a report: errors against time, direction of the load, and distance of the channels from their mean;
 // coverage of the stated sd; zeros of the sessions.
 #include <fmt/format.h>
 
@@ -16,7 +16,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kChanges = 1e-3;  // change from row to row, part of full scale: less is neither loading nor unloading
+constexpr double kChanges = 1e-3;  // change from row to row relative to full scale: less is neither loading nor unloading
 
 // Held-out rows of a component that have an error, in the order of time.
 struct Row {
@@ -35,7 +35,8 @@ std::vector<Row> rows_of(const FitReport& report, std::size_t c) {
     return rows;
 }
 
-// Distance of each row's channels from their mean over all rows, in widths (sd) of the channels: root of the mean square.
+// Returns the distance of each row's channels from their mean over all rows, in widths (sd) of the channels: root of
+// the mean square.
 std::vector<double> distances(const std::vector<Row>& rows) {
     const std::size_t n = rows.empty() ? 0 : rows.front().row->channel.size();
     std::vector<double> mean(n), squares(n), result;

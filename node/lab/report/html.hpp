@@ -1,4 +1,4 @@
-// Common part of the pages of the programs: one HTML file that needs nothing else; no network, script, fonts, images.
+// The common part of the programs' pages: one HTML file without network, script, fonts or images.
 #pragma once
 #include <string>
 #include <string_view>
@@ -6,16 +6,16 @@
 
 namespace tactiled {
 
-// All digits for whoever copies it, few to read; "unknown" where it is not finite.
+// Writes a number with few visible digits and all digits for copying; "unknown" if it is not finite.
 std::string html_number(double value, int digits = 4);
-// A row of cells that are HTML already, <td> or <th>.
+// Returns a row of cells that contain HTML, <td> or <th>.
 std::string html_row(const std::vector<std::string>& cells_html, const char* cell = "td");
-// Rows in a table that scrolls sideways where it is too wide.
+// Returns a table that scrolls sideways if it is too wide.
 std::string html_table(const std::string& rows_html, std::string_view id);
-// A line of a table of facts: name, HTML.
+// Returns a line of a table of facts: name, HTML.
 std::string html_fact(const char* name, const std::string& html);
 std::string html_facts(const std::string& facts_html, std::string_view id = "facts");
-// The whole page. `title` is text.
+// Returns the whole page. `title` is plain text.
 std::string html_page(const std::string& title, const std::string& body_html);
 
 }  // namespace tactiled

@@ -1,4 +1,4 @@
-// The page of a report: header, tables, and how to read them. Its plots: plots.cpp.
+// The page of a report: header, tables, and explanations. Its plots are in plots.cpp.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -45,7 +45,7 @@ std::string header(const FitReport& report) {
 std::string warnings(const FitReport& report) {
     if (report.warnings.empty()) return "";
     std::string items;
-    std::set<std::string> said;  // several methods may say the same
+    std::set<std::string> said;  // removes repetitions between methods
     for (const auto& warning : report.warnings)
         if (said.insert(warning).second) items += "<li>" + html_text(warning) + "</li>\n";
     return "<h2>Warnings</h2>\n<ul class=\"note\" id=\"warnings\">\n" + items + "</ul>\n";
@@ -94,12 +94,12 @@ std::string methods(const FitReport& report) {
     std::string text = "<h2>Methods tried</h2>\n" + html_table(rows, "methods");
     if (report.methods.size() > 1)
         text +=
-            "<p>The calibration is the one with the least sum of these errors. It was chosen by the same rows that it is "
-            "judged by here, so its error on new data is a little greater.</p>\n";
+            "<p>The calibration is the one with the least sum of these errors. It was chosen with the rows that are used "
+            "here, so its error on new data is a little larger.</p>\n";
     return text;
 }
 
-// The mean error of a session is mostly mounting, temperature and drift.
+// The mean error of a session is mostly caused by mounting, temperature and drift.
 std::string sessions(const FitReport& report) {
     if (report.labelled == nullptr || report.labelled->sessions.size() < 2 || report.held_out.empty()) return "";
     std::string rows = html_row({"session", "component", "rows", "mean error", "rms error"}, "th");
@@ -134,7 +134,7 @@ std::string crosstalk(const FitReport& report) {
         for (const auto& applied : report.components) {
             const std::size_t j = component_index(applied.name);
             const double slope = i < 6 && j < 6 ? report.crosstalk[i][j] : kNaN;
-            // Full colour where it is off by 20 %.
+            // Full colour at an error of 20 %.
             const double off = std::min(1.0, std::abs(slope - (i == j ? 1 : 0)) / 0.2);
             rows += fmt::format(
                 "<td{}>{}</td>",

@@ -1,4 +1,4 @@
-// The plots of a report, each a <figure> with what it shows.
+// The plots of a report, each a <figure> with a caption.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -63,7 +63,7 @@ std::string residuals(const FitReport& report, std::size_t i, const ComponentErr
                                    html_thinned(errors.applied.size())));
 }
 
-// Errors in sd, beside a normal distribution; in rms where the sd is unknown.
+// Shows errors in sd beside a normal distribution; in rms if the sd is unknown.
 std::string distribution(const ComponentReport& component, const ComponentErrors& errors) {
     const char* const scale = errors.sd_known ? "sd" : "rms";
     std::vector<double> density(kBins);
@@ -100,7 +100,7 @@ std::string distribution(const ComponentReport& component, const ComponentErrors
     return html_figure(plot.text(), caption);
 }
 
-// The labels of rows that have all channels.
+// Returns the labels of rows that have all channels.
 std::vector<Wrench> loads(const FitReport& report) {
     std::vector<Wrench> result;
     if (report.labelled == nullptr) {

@@ -1,4 +1,4 @@
-// The result of a fit as a page that can be printed, sent and shown: one self-contained HTML file.
+// The result of a fit as a self-contained HTML file for printing and sending.
 #pragma once
 #include <string>
 #include <vector>
@@ -7,42 +7,42 @@
 
 namespace tactiled {
 
-// Held-out rows of one component in numbers. The sd of a row is the calibration's for its estimate, without the factor for
-// missing channels.
+// Held-out rows of one component in numbers. The sd of a row is the calibration's for its estimate, without the
+// factor for missing channels.
 struct ComponentErrors {
     std::vector<double> applied, estimated, error, sd;  // rows that have both; error = estimated - applied; N or Nm
     std::vector<std::size_t> session;                   // index into Labelled::sessions
     std::size_t without_estimate = 0;                   // labelled, but BAD
     bool sd_known = false;
 
-    // Share of the errors within `times` sd, 0 .. 1; NaN where unknown.
+    // Returns the share of the errors within `times` sd, 0 .. 1; NaN if unknown.
     [[nodiscard]] double within(double times) const;
-    // Median of the stated sd; NaN where unknown.
+    // Returns the median of the stated sd; NaN if unknown.
     [[nodiscard]] double median_sd() const;
-    // Session with the greatest root mean square error, and that; NaN where there are no errors.
+    // Session with the largest root mean square error, and that error; NaN if there are no errors.
     struct Worst {
         std::size_t session;
         double rms;
     };
     [[nodiscard]] Worst worst_session() const;
 };
-// `i`: of report.components. setup
+// `i`: index in report.components. setup
 ComponentErrors component_errors(const FitReport& report, std::size_t i);
 
 std::string unit_of(const ComponentReport& component);  // "N", "Nm"
 
-// The page: all figures of `report`, plots of the held-out rows, and how to read them. Numbers in the tables are
-// <data value="..."> with all their digits. Without network, script, fonts or images; the same report gives the same bytes.
-// setup
+// Returns the page: all figures of `report`, plots of the held-out rows, and explanations. Numbers in the tables are
+// <data value="..."> with all their digits. The page has no network access, script, fonts or images; the same report
+// gives the same bytes. setup
 std::string html_report(const FitReport& report, const std::string& title);
 
 // Parts of the page, in plots.cpp.
 std::string html_figure(const std::string& svg, const std::string& caption_html);
-std::string html_thinned(std::size_t rows);  // the note that a plot draws a part of the rows, or ""
+std::string html_thinned(std::size_t rows);  // the note that a plot shows a part of the rows, or ""
 std::string html_component_plots(const FitReport& report, std::size_t i);
 std::string html_coverage(const FitReport& report);
 
-// Parts of the page, in history.cpp; "" where there is nothing to show.
+// Parts of the page, in history.cpp; "" if there is nothing to show.
 std::string html_history_plots(const FitReport& report, std::size_t i);
 std::string html_loading(const FitReport& report);
 std::string html_within(const FitReport& report);

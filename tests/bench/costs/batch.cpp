@@ -1,5 +1,5 @@
-// An array of taxels: what one costs among many. In the product each taxel is a sensor with a model of its own, asked one
-// after the other (node/pipeline.cpp); beside it the matrix alone, one by one and all together.
+// An array of taxels: the cost of one among many. In the product each taxel is a sensor with its own model, computed
+// one after the other (node/pipeline.cpp). For comparison: the matrix alone, one by one and all together.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::size_t kGauges = 8, kMaxTaxels = 16, kBatches[] = {1, 2, 4, 8, 16};
 
-// As deliver() has them: a frame for each taxel, each to its sensor.
+// Computes taxels like deliver(): a frame for each taxel, each to its sensor.
 Contender taxels_of(const Calibration& calibration, std::size_t n, const std::vector<double>& reading) {
     auto sensors = std::make_shared<std::vector<Sensor>>();
     for (std::size_t i = 0; i < n; ++i) {

@@ -92,12 +92,12 @@ Cost measure(const CostSetup& setup) {
         fz.points.push_back({v[4], v[2], fmt::format("{:g} Hz", c.rate_Hz)});
         fx.points.push_back({v[4], v[3], ""});
     }
-    // What the chip's accuracy, which no averaging improves, is as a press there.
+    // The chip's accuracy, which averaging does not improve, as a press.
     const auto decoupler = make_decoupler(calibration);
     auto off = reading(calibration, kShear_N, kPress_N);
     off[4] += kAccuracy_fF * 1e-3;
     const double accuracy_mN = (-decoupler->decouple({.channel = off, .t_ns = 1}).wrench_S[2] - kPress_N) * 1e3;
-    // The fastest whose noise disappears beside it; else the quietest.
+    // The fastest setting whose noise is negligible beside it; else the quietest.
     const auto quiet = std::find_if(cost.rows.begin(), cost.rows.end() - 1,
                                     [&](const auto& row) { return row.values[2] <= 0.1 * accuracy_mN; });
     const auto &fast = quiet->values, &slow = cost.rows.back().values;

@@ -1,5 +1,5 @@
-// The costs of accuracy that `accuracy_costs NAME` measures, one file each: what is measured runs through the
-// product's own code. An entry stands at the foot of its file and in the list in accuracy_costs.cpp.
+// The costs of accuracy that `accuracy_costs NAME` measures, one file each, with the product's own code. An entry is
+// at the end of its file and in the list in accuracy_costs.cpp.
 #pragma once
 #include <memory>
 #include <string>
@@ -14,7 +14,7 @@ namespace tactiled::ctl {
 
 struct CostSetup {
     std::size_t samples = 0;   // to take of each thing that is compared; 0 = as for the figures
-    std::string folder = ".";  // of the project: config/ is in it
+    std::string folder = ".";  // folder of the project, which has config/
     std::string influence;     // a calibration with a plate's influence map; "" = the one in config/
     [[nodiscard]] std::size_t samples_or(std::size_t usual) const { return samples > 0 ? samples : usual; }
     [[nodiscard]] std::string influence_path() const {

@@ -1,4 +1,4 @@
-// Noise that the low-pass leaves against the delay that it adds: node/low_pass.hpp on white noise and on a ramp.
+// Remaining noise and added delay of the low-pass: node/low_pass.hpp on white noise and on a ramp.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -11,7 +11,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kRate_Hz = 1000, kStep_s = 1 / kRate_Hz, kMaxDelay_ms = 10;  // of a loop at 100 Hz: one turn
+constexpr double kRate_Hz = 1000, kStep_s = 1 / kRate_Hz, kMaxDelay_ms = 10;  // one cycle of a loop at 100 Hz
 constexpr std::uint64_t kStep_ns = 1'000'000;
 
 // sd out / sd in, all six components together.
@@ -20,7 +20,7 @@ double noise_left(double cutoff_Hz, std::size_t samples) {
     filter.set_cutoff(cutoff_Hz);
     std::mt19937_64 random(1);
     std::normal_distribution<double> normal;
-    const auto settled = std::size_t(2 * kRate_Hz / cutoff_Hz);  // 20 of its time constants
+    const auto settled = std::size_t(2 * kRate_Hz / cutoff_Hz);  // twenty time constants
     double squares_in = 0, squares_out = 0;
     for (std::size_t i = 0; i < settled + samples; ++i) {
         std::array<double, 6> value;
@@ -32,7 +32,7 @@ double noise_left(double cutoff_Hz, std::size_t samples) {
     return std::sqrt(squares_out / squares_in);
 }
 
-// By how much a ramp comes out late: the group delay at low frequencies.
+// Returns the delay of a ramp: the group delay at low frequencies.
 double delay_ms(double cutoff_Hz) {
     LowPass filter;
     filter.set_cutoff(cutoff_Hz);

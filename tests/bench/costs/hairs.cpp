@@ -75,7 +75,7 @@ Cost measure(const CostSetup& setup) {
         }
         return Noise{sd(normal_Pa), sd(shear_Pa)};
     };
-    const double alone = sd(reading_1);  // of one hair, which cannot say which stress it was
+    const double alone = sd(reading_1);  // standard deviation of one hair, which cannot separate the stresses
     const Noise of_pair = through(pair, reading_2), of_four = through(four, reading_4);
 
     const auto runs = [n](std::shared_ptr<Decoupler> decoupler, const std::vector<double>& reading, std::size_t channels) {

@@ -12,12 +12,12 @@ namespace tactiled::ctl {
 namespace {
 
 constexpr double kMax_m = 0.9e-3;  // from the middle: beyond lies the rim
-constexpr double kEnough = 0.1;    // of the force, of nine contacts in ten
+constexpr double kEnough = 0.1;    // error of the force in nine of ten contacts
 
 // The rows of a polar map: the centre and rings of equally many points.
 struct Polar {
     std::size_t rings = 0, angles = 0;
-    std::vector<std::size_t> row;  // of the centre, then by ring and angle
+    std::vector<std::size_t> row;  // row of the centre, then by ring and angle
     [[nodiscard]] std::size_t at(std::size_t ring, std::size_t angle) const { return row[1 + (ring - 1) * angles + angle]; }
 };
 
@@ -50,7 +50,7 @@ Calibration thinned(Calibration calibration, const Polar& polar, std::size_t rin
 }
 
 struct Errors {
-    std::vector<double> force, point_um;  // of the force vector, relative
+    std::vector<double> force, point_um;  // error of the force vector, relative
 };
 // First touches, each from rest.
 Errors errors_of(Decoupler& decoupler, const std::vector<PlateContact>& contacts) {
@@ -66,7 +66,7 @@ Errors errors_of(Decoupler& decoupler, const std::vector<PlateContact>& contacts
             force2 += contact.force_N[c] * contact.force_N[c];
         }
         errors.force.push_back(std::sqrt(squares / force2));
-        // Where no point was found, as far off as the middle is.
+        // Without a point, the error is the distance from the middle.
         const bool found = std::isfinite(e.cop_S_m[0]);
         errors.point_um.push_back(
             1e6 * std::hypot((found ? e.cop_S_m[0] : 0) - contact.x_m, (found ? e.cop_S_m[1] : 0) - contact.y_m));
@@ -107,7 +107,7 @@ Cost measure(const CostSetup& setup) {
         decouplers.push_back(make_decoupler(calibration));
         errors.push_back(errors_of(*decouplers.back(), contacts));
         resting.push_back([decoupler = decouplers.back(), &held](std::size_t first, std::size_t last) {
-            double sum = 0;  // a contact that stays where it is and presses more and less
+            double sum = 0;  // a contact at a constant place with a varying press
             std::vector<double> reading(8);
             for (std::size_t i = first; i < last; ++i) {
                 const double scale = 1 + 0.3 * std::sin(0.02 * double(i));
@@ -125,7 +125,7 @@ Cost measure(const CostSetup& setup) {
         enough{"10 % of the force", Symbol::none, Stroke::dashed, {}, "#1b1f24"};
     std::size_t chosen = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
-        // The whole map has all points that could be asked: nothing is left to judge it by.
+        // The whole map contains all points, so no point is left to test it.
         const bool judged = i > 0;
         const auto share = [&](const std::vector<double>& of, double part) { return judged ? quantile(of, part) : kNaN; };
         const double half = share(errors[i].force, 0.5), max = share(errors[i].force, 0.9);

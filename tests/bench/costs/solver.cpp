@@ -23,12 +23,12 @@ constexpr double kMoveOfRadius = 4e-3;  // the same of the pad's upper disc, 5 m
 constexpr std::uint32_t kAllGauges = 0xFF;
 constexpr unsigned kAllElectrodes = (1u << kElectrodes) - 1;
 constexpr double kMinDrawn = 1e-9;
-constexpr double kGood = 1e-3;  // of the force: far below what any calibration reaches
+constexpr double kGood = 1e-3;  // limit of the force error: far below any calibration
 
-struct Case {  // one thing that is compared: its name, what it does with case i, and how wrong that is
+struct Case {  // one tested variant: its name, its result for case i, and its error
     std::string solver;
     int steps;
-    std::function<double(std::size_t)> error;  // of the force vector, relative
+    std::function<double(std::size_t)> error;  // error of the force vector, relative
 };
 
 // ---- method map ----
@@ -36,7 +36,7 @@ struct Case {  // one thing that is compared: its name, what it does with case i
 struct Touch {
     Eigen::Vector3d force_N;
     Gauges reading;
-    Eigen::Vector2d last_m;  // where the contact was a sample ago
+    Eigen::Vector2d last_m;  // place of the contact one sample before
 };
 
 struct Plate {

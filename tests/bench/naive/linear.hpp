@@ -1,5 +1,6 @@
-// Straightforward code for the linear methods, from the paper or a textbook: Eigen's dynamic matrices, allocated at each
-// sample, and the pseudo-inverse computed at each sample. No quality, no deviation, no lost channel.
+// Straightforward code for the linear methods, from the paper or a textbook: Eigen's dynamic matrices, allocated at
+// each sample, and the pseudo-inverse computed at each sample. Without quality, standard deviation and missing
+// channels.
 #pragma once
 #include <Eigen/Dense>
 #include <cmath>

@@ -1,4 +1,4 @@
-// Straightforward code for the methods that search: a Ceres problem, built and solved anew at each sample.
+// Straightforward code for the methods that search: a Ceres problem, built and solved again at each sample.
 #pragma once
 #include <ceres/ceres.h>
 
@@ -20,7 +20,7 @@ inline ceres::Solver::Options quiet() {
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::DENSE_QR;
     options.logging_type = ceres::SILENT;
-    options.function_tolerance = 1e-16;  // so that both end in the same place
+    options.function_tolerance = 1e-16;  // makes both end in the same place
     options.parameter_tolerance = 1e-12;
     options.gradient_tolerance = 1e-18;
     return options;

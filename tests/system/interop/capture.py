@@ -1,4 +1,4 @@
-"""A conversation on the loopback, as Wireshark's dissector of Modbus TCP sees it."""
+"""A conversation on the loopback in Wireshark's dissector of Modbus TCP."""
 import collections
 import shutil
 import signal
@@ -10,7 +10,7 @@ Frame = collections.namedtuple("Frame", "number is_query name function exception
 
 
 class Capture:
-    """Records a port of the loopback while the context lasts. Raises SkipTest where that is not permitted."""
+    """Records a port of the loopback while the context lasts. Raises SkipTest if that is not permitted."""
 
     def __init__(self, port, path):
         self.port = port
@@ -29,11 +29,11 @@ class Capture:
             self.stop()
             self.log.seek(0)
             raise unittest.SkipTest(f"capturing on the loopback needs root or CAP_NET_RAW: {self.log.read().strip()}")
-        time.sleep(0.3)  # the file appears before the first packet is looked at
+        time.sleep(0.3)  # the file appears before the first packet is captured
         return self
 
     def __exit__(self, *_):
-        time.sleep(0.5)  # dumpcap hands packets over in blocks
+        time.sleep(0.5)  # dumpcap delivers packets in blocks
         self.stop()
         self.log.close()
 
@@ -44,7 +44,7 @@ class Capture:
 
 
 def conversation(capture):
-    """Every frame with a payload; `name` is what an answer must have in common with its query."""
+    """Returns every frame with a payload; `name` is the common key of a query and its answer."""
     fields = ["frame.number", "tcp.dstport", "tcp.stream", "mbtcp.trans_id", "mbtcp.unit_id", "modbus.func_code",
               "modbus.exception_code", "modbus.request_frame", "_ws.malformed", "_ws.expert.message"]
     wanted = "tcp.len > 0 or _ws.malformed"

@@ -1,4 +1,4 @@
-"""What every client must see of the register map, and the daemon that shows it."""
+"""The values of the register map that every client must read, and the daemon that serves them."""
 import json
 import pathlib
 import socket
@@ -28,8 +28,8 @@ address = {RTU_ADDRESS}
 
 
 def map_daemon(rtu=False, tare_ms=20):
-    """A daemon with one sensor that reads (1, 2, -3) N, with everything of the map switched on; its force is good."""
-    # A busy machine halts the player for longer than 100 ms, and a stale sensor is not tared.
+    """Starts a daemon with one sensor that reads (1, 2, -3) N, with every part of the map enabled; its force is good."""
+    # A busy machine interrupts the player for longer than 100 ms, and a stale sensor is not tared.
     sensor = CONFIG.replace("stale_ms = 100", "stale_ms = 2000") + f"tare_ms = {tare_ms}\n"
     config = OPEN_TO_WRITERS + (RTU if rtu else "") + sensor
     return unit_daemon(rows="0,1,2,-3\n0.005,1,2,-3\n", config=config)
@@ -43,7 +43,7 @@ def start_map(daemon):
 
 
 def adopt_number(port):
-    """The first CMD_SEQ of this address since the start, which runs nothing: then the clients' numbers run."""
+    """Writes the first CMD_SEQ of this address since the start, which runs nothing; later numbers of the clients run."""
     with socket.create_connection(("127.0.0.1", port), 3) as client:
         client.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 6, 5004, 0))
         assert client.recv(12)[7:] == struct.pack(">BHH", 6, 5004, 0)
@@ -57,7 +57,7 @@ def listens(port):
 CONSTANTS = [0x1234, 0x10000 - 1234, *struct.unpack(">10H", struct.pack(">if", 0x12345678, 1234.5)
              + struct.pack(">f", 1234.5)[2:] + struct.pack(">f", 1234.5)[:2] + b"ABCDEFGH")]
 
-# Every client fills such a table; one that lacks a function leaves its lines out.
+# Every client fills such a table; a client that lacks a function omits its lines.
 EXPECTED = {
     "magic": [0x5441, 0x4354],
     "map_version": 0x0106,
@@ -77,7 +77,7 @@ EXPECTED = {
     "scratch_fc16": [1, 0xFFFF, 3],
     "scratch_fc22": 0x0017,
     "scratch_fc23": [4, 5, 6],
-    # CMD_SEQ_ACK - CMD_SEQ, CMD_STATE, CMD_RESULT, and by how much TARE_COUNT went up
+    # CMD_SEQ_ACK - CMD_SEQ, CMD_STATE, CMD_RESULT, and the increase of TARE_COUNT
     "tare_block": [0, 2, 0, 1],
     "tare_fc23": [0, 2, 0, 1],
     "tare_register": 1,

@@ -1,6 +1,6 @@
 "use strict";
-// What both JavaScript clients do with the server. `client` wraps a library: its reads of registers return a Buffer,
-// `exception` turns an error of the library into the exception code of the server.
+// The requests of both JavaScript clients. `client` wraps a library: its reads of registers return a Buffer, and
+// `exception` converts an error of the library to the exception code of the server.
 
 const print = (name, value) => console.log(name, JSON.stringify(value));
 const pause = () => new Promise((resolve) => setTimeout(resolve, 5));

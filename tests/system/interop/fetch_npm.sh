@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# fetch_npm.sh: puts the packages that are pinned in package-lock.json, into build/npm/node_modules.
-# Uses npm where it is installed, else python3: Debian's nodejs comes without npm.
-# Exit status: 0 they are there, 75 the registry cannot be reached, else 1 (a wrong checksum among others).
+# fetch_npm.sh: puts the packages that are pinned in package-lock.json, into build/npm/node_modules. Uses npm if it is
+# installed, else python3, because Debian's nodejs comes without npm. Exit status: 0 the packages are there, 75 the
+# registry cannot be reached, else 1 (for instance a wrong checksum).
 set -euo pipefail
 
 here=$(cd "$(dirname "$0")" && pwd)

@@ -1,5 +1,5 @@
 "use strict";
-// jsmodbus_client.js PORT: prints what jsmodbus sees, a line "NAME JSON" each.
+// jsmodbus_client.js PORT: prints the values that jsmodbus reads, one line "NAME JSON" each.
 const net = require("net");
 const modbus = require("jsmodbus");
 const converse = require("./conversation.js");

@@ -1,4 +1,4 @@
-/* libmodbus_client PORT: prints what libmodbus sees as a client, a line "NAME JSON" each. */
+/* libmodbus_client PORT: prints the values that libmodbus reads as a client, one line "NAME JSON" each. */
 #include <errno.h>
 #include <modbus.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-"""What mbpoll sees of the register map, with the command lines of the manual, over TCP or a serial line."""
+"""The register map as mbpoll reads it, with the command lines of the manual, over TCP or a serial line."""
 import re
 import subprocess
 import time
@@ -8,7 +8,7 @@ VALUE = re.compile(r"^\[(\d+)\]:\s+(\S+)(?: \((-?\d+)\))?\s*$", re.MULTILINE)
 
 class Mbpoll:
     def __init__(self, *where):
-        """where: the words that choose the server, its host or device last."""
+        """where: the words that select the server, with its host or device last."""
         *self.options, self.host = map(str, where)
 
     def run(self, words, values=()):
@@ -16,7 +16,7 @@ class Mbpoll:
         return subprocess.run([*command, *map(str, values)], capture_output=True, text=True, timeout=10)
 
     def read(self, words):
-        """The values as numbers; a 16-bit one that mbpoll shows as "65236 (-300)" is the signed one."""
+        """Returns the values as numbers; a 16-bit one that mbpoll shows as "65236 (-300)" is the signed one."""
         done = self.run(words)
         assert done.returncode == 0, f"{done.args}: {done.stdout}{done.stderr}"
         return [float(signed or shown) for _, shown, signed in VALUE.findall(done.stdout)]

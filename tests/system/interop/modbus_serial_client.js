@@ -1,5 +1,5 @@
 "use strict";
-// modbus_serial_client.js PORT: prints what modbus-serial sees, a line "NAME JSON" each.
+// modbus_serial_client.js PORT: prints the values that modbus-serial reads, one line "NAME JSON" each.
 const ModbusRTU = require("modbus-serial");
 const converse = require("./conversation.js");
 
@@ -23,7 +23,7 @@ const client = {
         answer.data.forEach((word, i) => buffer.writeUInt16BE(word, 2 * i));
         return buffer;
     },
-    // 8.0.25 settles its promise only when two arguments fill the places before the callback.
+    // Version 8.0.25 settles its promise only if two arguments fill the places before the callback.
     serverId: () => library.reportServerID(0, 0),
     exception: (error) => error.modbusCode || String(error.message || error),
     identity: async () => {

@@ -1,4 +1,4 @@
-"""What pymodbus sees of the register map, over TCP or a serial line."""
+"""The register map as pymodbus reads it, over TCP or a serial line."""
 import struct
 import time
 
@@ -12,7 +12,7 @@ if hasattr(ModbusTcpClient, "read_device_information"):  # pymodbus 3.8, Debian 
         return client.report_slave_id(slave=slave)
 
     def query_data(client, word, slave):
-        """The answer, and its data as bytes."""
+        """Returns the answer, and its data as bytes."""
         answer = client.diag_query_data(struct.pack(">H", word), slave=slave)
         return answer, answer.message
 
@@ -33,7 +33,7 @@ else:  # pymodbus 3.0, Debian 12
         return client.execute(ReportSlaveIdRequest(unit=slave))
 
     def query_data(client, word, slave):
-        """The answer, and its data as bytes."""
+        """Returns the answer, and its data as bytes."""
         answer = client.execute(ReturnQueryDataRequest(word, unit=slave))
         return answer, struct.pack(f">{len(answer.message)}H", *answer.message)
 

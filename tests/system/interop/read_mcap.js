@@ -1,5 +1,5 @@
-// read_mcap.js FILE: what an independent reader makes of a recording, as JSON: channels with their counts, and some messages.
-// With the index where the file has one, else from its beginning.
+// read_mcap.js FILE: prints, as JSON, the contents of a recording in an independent reader: channels with their
+// counts, and some messages. With the index if the file has one, else from its beginning.
 const fs = require("fs");
 const { parse } = require("@foxglove/rosmsg");
 const { MessageReader } = require("@foxglove/rosmsg2-serialization");
@@ -15,7 +15,7 @@ class FileReadable {
 }
 
 const out = { indexed: false, schemas: {}, channels: {}, attachments: 0, first: {} };
-const kKept = 200; // messages of each channel, decoded by the definition that stands in the file
+const kKept = 200; // messages of each channel, decoded by the definition in the file
 const readers = new Map();
 
 function decode(channel, schema, data) {

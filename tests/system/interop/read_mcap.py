@@ -1,5 +1,5 @@
-"""read_mcap.py FILE: messages of each topic of an MCAP file, by the specification (mcap.dev/spec) and Debian's lz4 and zstandard. Every CRC,
-every index entry and the statistics are checked; a difference raises."""
+"""read_mcap.py FILE: messages of each topic of an MCAP file, by the specification (mcap.dev/spec) and Debian's lz4
+and zstandard. Every CRC, every index entry and the statistics are checked; a difference raises an exception."""
 import json
 import pathlib
 import struct
@@ -30,7 +30,7 @@ class Fields:
 
 
 def records(data, at=0):
-    """(offset, opcode, content) of each record."""
+    """Returns (offset, opcode, content) of each record."""
     while at < len(data):
         op, size = struct.unpack_from("<BQ", data, at)
         assert at + 9 + size <= len(data), f"the record at {at} is cut"

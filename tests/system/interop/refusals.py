@@ -1,4 +1,4 @@
-"""Requests that the map refuses, with the exception that each gets over any transport. One sensor, nothing unlocked."""
+"""Requests that the map refuses, with the exception on any transport. One sensor, nothing unlocked."""
 import struct
 
 

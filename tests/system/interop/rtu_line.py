@@ -6,7 +6,7 @@ import struct
 import time
 import tty
 
-SILENCE_S = 0.1  # no answer within this is none; an answer takes about 3 ms
+SILENCE_S = 0.1  # limit for an answer, which takes about 3 ms
 GAP_S = 0.02     # ends a frame: t3.5 is 2.0 ms at 19200 baud, and a pty has no line time of its own
 
 
@@ -25,7 +25,7 @@ def framed(address, pdu):
 
 
 def length(frame):
-    """How long the answer is that begins so; None: more is needed to tell."""
+    """Returns the length of the answer that begins so; None: more bytes are needed."""
     if len(frame) < 3:
         return None
     if frame[1] & 0x80:
@@ -75,14 +75,14 @@ class Line:
         return os.read(self.master, 512) if ready else b""
 
     def heard(self, seconds=SILENCE_S):
-        """All that comes within this time."""
+        """Returns all bytes that arrive within this time."""
         until, seen = time.monotonic() + seconds, b""
         while (left := until - time.monotonic()) > 0:
             seen += self.read(left)
         return seen
 
     def ask(self, pdu, seconds=1):
-        """Sends a request and returns the PDU of the answer, its frame checked."""
+        """Sends a request and returns the PDU of the answer, after checking its frame."""
         self.write(framed(self.address, pdu))
         until, frame = time.monotonic() + seconds, b""
         while (wanted := length(frame)) is None or len(frame) < wanted:
@@ -104,5 +104,5 @@ def write_word(address, value):
 
 
 def words(pdu):
-    """The registers of an answer to FC 3, 4 or 23."""
+    """Returns the registers of an answer to FC 3, 4 or 23."""
     return list(struct.unpack(f">{pdu[1] // 2}H", pdu[2:]))

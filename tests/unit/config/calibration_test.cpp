@@ -18,7 +18,7 @@ namespace {
 using Lines = std::vector<std::string>;
 using test::Folder;
 
-// All but the path; doubles bit by bit, so that -0 is not 0.
+// Compares everything except the path; doubles bit by bit, so that -0 is not 0.
 using Bits = std::vector<std::uint64_t>;
 Bits bits(const std::vector<double>& numbers) {
     Bits all;
@@ -165,7 +165,7 @@ TEST(Calibration, ReadsParametersAsATableToo) {
         std::snprintf(digits, sizeof digits, "%04x", calibration_crc(text));
         return std::string(digits);
     }() + "\"\n";
-    EXPECT_EQ(parse(text, problems).parameters.size(), 1u);  // the crc line is no parameter
+    EXPECT_EQ(parse(text, problems).parameters.size(), 1u);  // the crc line is not a parameter
     EXPECT_EQ(problems.lines(), Lines{});
 }
 
@@ -291,7 +291,7 @@ TEST(Calibration, SaysWhichFileIsMissingOrTooLarge) {
     EXPECT_EQ(large.lines().size(), 1u);
 }
 
-// A cut loses the seal, so what is left must fail or mean the same.
+// Truncation removes the crc line, so the rest must fail or have the same meaning.
 TEST(Calibration, CutAnywhereIsAnErrorOrTheSame) {
     const std::string text = calibration_text(example());
     std::size_t accepted = 0;
@@ -300,7 +300,7 @@ TEST(Calibration, CutAnywhereIsAnErrorOrTheSame) {
         const Calibration c = parse(text.substr(0, n), problems);
         if (!problems.empty()) continue;
         ++accepted;
-        EXPECT_EQ(c.matrix, example().matrix) << n;  // the map is whole, whatever a hand-written file may leave out
+        EXPECT_EQ(c.matrix, example().matrix) << n;  // the matrix is complete, whatever a hand-written file may omit
         EXPECT_EQ(c.zero, example().zero) << n;
     }
     EXPECT_LT(accepted, 300u);
@@ -318,7 +318,7 @@ TEST(Calibration, OneChangedBitAnywhereIsAnErrorOrTheSame) {
         ++accepted;
         expect_same(c, example());
     }
-    EXPECT_LT(accepted, 10u);  // in the seal itself: upper and lower case, the seal as a comment
+    EXPECT_LT(accepted, 10u);  // in the crc line itself: upper and lower case, the line as a comment
 }
 
 // ---- saving ----
@@ -337,7 +337,7 @@ TEST(CalibrationFile, ReplacesTheOldOne) {
     EXPECT_EQ(files_in(folder), 1u);
     struct stat about {};
     ASSERT_EQ(::stat(path.c_str(), &about), 0);
-    EXPECT_EQ(about.st_mode & 0444u, 0444u);  // the daemon runs as another user than who calibrates
+    EXPECT_EQ(about.st_mode & 0444u, 0444u);  // the daemon runs as another user than the calibration
 }
 
 TEST(CalibrationFile, KeepsTheOldOneWhenTheDiskRefuses) {

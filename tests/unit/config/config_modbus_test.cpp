@@ -1,4 +1,4 @@
-// Where the Modbus server listens and whom it lets in.
+// Tests the address of the Modbus server and its allowed clients.
 #include <gtest/gtest.h>
 
 #include "config/config.hpp"
@@ -11,9 +11,9 @@ using test::errors_of, test::kLink, test::kSensor, test::Lines, test::Loaded;
 
 TEST(Config, LetsOthersReachModbusOnlyWhereTheyAreNamed) {
     const auto modbus = [](const std::string& keys) { return errors_of("[modbus]\n" + keys); };
-    EXPECT_EQ(modbus("listen = '0.0.0.0:502'"), Lines{"t.toml:2: [modbus]: listen = \"0.0.0.0:502\" lets other machines in, "
-                                                      "and Modbus knows no passwords: name those that may "
-                                                      "connect, for example allow = [\"192.168.0.10/32\"]"});
+    EXPECT_EQ(modbus("listen = '0.0.0.0:502'"),
+              Lines{"t.toml:2: [modbus]: listen = \"0.0.0.0:502\" is open to other machines, and Modbus has no passwords: "
+                    "name the machines that may connect, for example allow = [\"192.168.0.10/32\"]"});
     for (const char* open :
          {"192.168.0.5:502", "[::]:502", "[fd00::1]:502", "[::ffff:127.0.0.1]:502", "126.255.255.255:1", "128.0.0.1:1"}) {
         EXPECT_EQ(modbus("listen = '" + std::string(open) + "'").size(), 1u) << open;
@@ -63,7 +63,7 @@ TEST(Config, RefusesEverybody) {
     for (const char* good : {"10.0.0.0/8", "192.168.0.10/32", "fd00::/8", "fd00::1/128", "128.0.0.0/1", "192.168.0.128/25"})
         EXPECT_EQ(allow(good), "") << good;
     for (const char* everybody : {"0.0.0.0/0", "::/0", "10.0.0.1/0"}) {
-        EXPECT_NE(allow(everybody).find("is everybody; name the network or the address of the PLC"), std::string::npos)
+        EXPECT_NE(allow(everybody).find("is every machine; name the network or the address of the PLC"), std::string::npos)
             << everybody;
     }
     EXPECT_NE(allow("192.168.0.10").find("write \"192.168.0.10/32\""), std::string::npos);

@@ -1,4 +1,4 @@
-// Configurations with one mistake each: a line of the file, and what to write instead.
+// Configurations with one mistake each: the line of the file and the remedy.
 #include <gtest/gtest.h>
 
 #include "config/config.hpp"
@@ -10,7 +10,7 @@ namespace {
 constexpr char kLink[] = "[[link]]\nname = 'usb0'\ndriver = 'uart'\n";
 constexpr char kSensor[] = "[[sensor]]\nname = 'left'\nlink = 'usb0'\nmodel = 'generic'\ncalibration = 'left.toml'\n";
 
-// The one problem, without the file's folder; "" where there is none.
+// Returns the one problem, without the file's folder; "" if there is none.
 std::string problem_of(const std::string& text) {
     const test::Folder folder;
     Problems problems;
@@ -92,7 +92,7 @@ TEST(ConfigRefused, AGraspThatNamesNothing) {
     };
     const std::string jaw = "sensor = 'left'\nx_S_in_G = [0, 0, -1]\nz_S_in_G = [1, 0, 0]\n";
     EXPECT_EQ(grasp("", jaw), "");
-    EXPECT_EQ(grasp("gravity_G_m_s2 = [0, 0, 0]", jaw), "");  // its direction is not known
+    EXPECT_EQ(grasp("gravity_G_m_s2 = [0, 0, 0]", jaw), "");  // its direction is unknown
     EXPECT_EQ(grasp("gravity_G_m_s2 = [0, 0, 9.69]", jaw).substr(0, 52),
               "t.toml:10: [grasp]: gravity_G_m_s2 has a length of 9");
     EXPECT_EQ(grasp("objects = ''", jaw),

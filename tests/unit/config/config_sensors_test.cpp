@@ -1,4 +1,4 @@
-// Links and sensors: how many, their names, their channels, and who agrees with whom.
+// Links and sensors: their number, names, channels, and pairs that are compared.
 #include <gtest/gtest.h>
 
 #include <filesystem>

@@ -34,7 +34,7 @@ TEST(Config, HasDefaults) {
     EXPECT_TRUE(c.modbus.allow.empty());
     EXPECT_EQ(c.modbus.max_clients, 8);
     EXPECT_EQ(c.shm.group, "");
-    EXPECT_EQ(c.shm.history, 0);  // as many as keep the segment within 1 MB
+    EXPECT_EQ(c.shm.history, 0);  // automatic: within 1 MB
     ASSERT_EQ(c.links.size(), 1u);
     EXPECT_EQ(c.links[0].simulated, std::nullopt);
     EXPECT_EQ(c.links[0].sensors, 1);
@@ -47,7 +47,7 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(s.saturates_at[1], std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.method, "");
     EXPECT_EQ(s.stale_ms, 100);
-    EXPECT_EQ(s.frozen_after, -1);  // as the driver knows
+    EXPECT_EQ(s.frozen_after, -1);  // by the driver
     EXPECT_EQ(s.slew_limit_per_s, std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.rate_Hz, 0.0);
     EXPECT_EQ(s.rate_tolerance, 0.2);
@@ -184,8 +184,8 @@ TEST(Config, NamesTheControlSocketAfterTheNode) {
 }
 
 TEST(Config, NeedsALinkAndASensor) {
-    EXPECT_EQ(errors(""), (Lines{"t.toml:1: there is no [[link]]; one at least says where data come from",
-                                 "t.toml:1: there is no [[sensor]]; one at least says what the data mean"}));
+    EXPECT_EQ(errors(""), (Lines{"t.toml:1: there is no [[link]]; add at least one, the source of the data",
+                                 "t.toml:1: there is no [[sensor]]; add at least one, the meaning of the data"}));
     EXPECT_EQ(errors("link = []\nsensor = []\n"), (Lines{"t.toml:1: link is an array, should be tables [[link]]",
                                                          "t.toml:2: sensor is an array, should be tables [[sensor]]"}));
     EXPECT_EQ(

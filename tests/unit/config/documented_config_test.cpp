@@ -1,4 +1,4 @@
-// config/tactiled.toml, the file that shows everything: it loads, it shows every key, its values are the defaults.
+// config/tactiled.toml, the file with every key: it loads, it is complete, and its values are the defaults.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -36,7 +36,7 @@ TEST(DocumentedConfig, LoadsWithoutAProblem) {
     EXPECT_EQ(problems.lines(), Lines{});
 }
 
-// The keys that load_config asks for are told by the error about a key that it does not.
+// The error for an unknown key lists the keys that load_config reads.
 TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
     const std::string bad = "zzzzzzzzzzzz = 1\n";
     Loaded loaded("[node]\n" + bad + "[realtime]\n" + bad + "[modbus]\n" + bad + "[modbus.rtu]\n" + bad + "[shm]\n" + bad +
@@ -64,7 +64,7 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
     EXPECT_EQ(n_keys, 98u);
 }
 
-// The comment of each key where it stands first in its table, on one line; "" where the key has none.
+// Returns the comment of each key at its first place in its table, on one line; "" if the key has none.
 std::map<std::string, std::string> comments_of(const std::string& text, const std::string& header) {
     std::map<std::string, std::string> comments;
     std::istringstream lines(text.substr(text.find("\n" + header + "\n") + header.size() + 2));
@@ -123,12 +123,12 @@ TEST(DocumentedConfig, NamesTheDefaults) {
     EXPECT_EQ(a.modbus.rtu.parity, b.modbus.rtu.parity);
     EXPECT_EQ(a.modbus.rtu.address, b.modbus.rtu.address);
     EXPECT_EQ(a.modbus.rtu.rs485, b.modbus.rtu.rs485);
-    EXPECT_EQ(b.shm.history, 0);  // said in words: it depends on the number of sensors
+    EXPECT_EQ(b.shm.history, 0);  // documented in words: it depends on the number of sensors
     EXPECT_EQ(a.sensors.at(0).filter_hz, b.sensors.at(0).filter_hz);
     EXPECT_EQ(a.sensors.at(0).contact_on_N, b.sensors.at(0).contact_on_N);
     EXPECT_EQ(a.sensors.at(0).contact_off_N, b.sensors.at(0).contact_off_N);
     EXPECT_EQ(a.sensors.at(0).overload_N, b.sensors.at(0).overload_N);
-    EXPECT_EQ(a.links.at(0).simulated, false);  // said of this driver, which measures
+    EXPECT_EQ(a.links.at(0).simulated, false);  // documented for this driver, which measures
     EXPECT_EQ(b.links.at(0).simulated, std::nullopt);
     EXPECT_EQ(a.sensors.at(0).device, b.sensors.at(0).device);
     EXPECT_EQ(a.sensors.at(0).stale_ms, b.sensors.at(0).stale_ms);

@@ -1,4 +1,4 @@
-// [gpio] as a user writes it.
+// [gpio] in a user's configuration.
 #include <gtest/gtest.h>
 
 #include "config/tables.hpp"

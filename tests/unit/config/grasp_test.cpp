@@ -1,4 +1,4 @@
-// [grasp]: what a person may write about jaws, and what is said where it is wrong.
+// [grasp]: valid and invalid tables about jaws, and the messages for invalid ones.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,7 +16,7 @@ constexpr const char* kSensors =
     "[[sensor]]\nname = 'left'\nlink = 'usb0'\nmodel = 'generic'\ncalibration = 'l.toml'\n"
     "[[sensor]]\nname = 'right'\nlink = 'usb0'\ndevice = 1\nmodel = 'generic'\ncalibration = 'r.toml'\n";
 
-// With two sensors, and without complaints about drivers' keys.
+// With two sensors, and without errors about drivers' keys.
 struct LoadedGrasp : test::Loaded {
     explicit LoadedGrasp(const std::string& grasp) : Loaded(grasp + kSensors) { config.root.finish(); }
 };
@@ -67,7 +67,7 @@ TEST(GraspConfig, AFileNamedWithoutAFolderIsInTheCurrentOne) {
 }
 
 TEST(GraspConfig, AJawIsTurnedAsItsAxesSay) {
-    // The right finger of a parallel gripper: its skin looks along -x of G, its connector along z, out of the palm.
+    // The right finger of a parallel gripper: its skin faces -x of G, its connector z, out of the palm.
     const LoadedGrasp loaded("[grasp]\nobjects = 'o.toml'\n" + jaw("left", "x_S_in_G = [0, 0, 2]\nz_S_in_G = [-1, 0, 0]\n"));
     ASSERT_EQ(loaded.lines(), Lines{});
     const auto& R = loaded.config.grasp->jaws[0].S_from_G;
@@ -109,7 +109,7 @@ TEST(GraspConfig, SharesOfAllJawsAddUpToOne) {
     const std::string axes = "x_S_in_G = [1, 0, 0]\nz_S_in_G = [0, 1, 0]\n";
     const std::string jaws = jaw("left", axes + "share = 0.4\n") + jaw("right", axes + "share = 0.4\n");
     EXPECT_SAYS(LoadedGrasp("[grasp]\n" + jaws).lines(), "t.toml:2:", "0.8 of the weight together, not 1");
-    EXPECT_EQ(LoadedGrasp("[grasp]\njaws_of_gripper = 3\n" + jaws).lines(), Lines{});  // the third one bears the rest
+    EXPECT_EQ(LoadedGrasp("[grasp]\njaws_of_gripper = 3\n" + jaws).lines(), Lines{});  // the third one carries the rest
 }
 
 TEST(GraspConfig, AdvisesOnJawsThatCannotHoldOrWeigh) {

@@ -1,4 +1,5 @@
-// The lists of fields: each is parsed as it states, a reload treats it as it states, and the pages are made of it.
+// The lists of fields: each key is parsed and treated by a reload as its entry states, and the pages are made from
+// the lists.
 #include "config/keys.hpp"
 
 #include <gtest/gtest.h>
@@ -14,7 +15,7 @@ namespace {
 
 using test::errors, test::Lines;
 
-// A good configuration in which `line` stands in the table, without what it has of that key already.
+// Returns a valid configuration with `line` in the table, in place of its present line with that key.
 std::string with(const KeyTable& table, const std::string& key, const std::string& value) {
     const std::pair<std::string, Lines> tables[] = {
         {"[node]", {}},
@@ -38,7 +39,7 @@ std::string with(const KeyTable& table, const std::string& key, const std::strin
     return text;
 }
 
-// The errors that start with the name of the key.
+// Returns the errors that start with the name of the key.
 Lines errors_of_key(const KeyTable& table, const std::string& key, const std::string& value) {
     Lines of_key;
     for (const auto& line : errors(with(table, key, value)))

@@ -1,4 +1,4 @@
-// A configuration's text, loaded, with what was said about it.
+// A configuration's text, loaded, with its errors.
 #pragma once
 #include <string>
 #include <vector>

@@ -1,4 +1,4 @@
-// Values of a wrong kind, each told by its name.
+// Values of a wrong kind, each reported by its name.
 #include <gtest/gtest.h>
 
 #include "config/options.hpp"

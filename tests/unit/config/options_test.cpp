@@ -248,7 +248,7 @@ TEST(Options, ProblemsOfOthersStandAtTheirKey) {
 
 TEST(Options, SayWhereATextIsNoToml) {
     Parsed p("[node]\nname = 'x'\nwatchdog_ms = = 5\nrest = \n");
-    EXPECT_EQ(p.options.text("name"), "");  // no error for what is missing because nothing could be read
+    EXPECT_EQ(p.options.text("name"), "");  // no error for a key that is missing because the file is unreadable
     p.options.finish();
     const auto lines = p.problems.lines();
     ASSERT_EQ(lines.size(), 1u);
@@ -271,7 +271,7 @@ TEST(Options, RefuseWhatIsNoText) {
     EXPECT_EQ(latin1.problems.lines().size(), 1u);
 }
 
-// Each made the parser assert or reach what it declares unreachable.
+// Each of these made the parser assert or reach code that it declares unreachable.
 TEST(Options, SurviveWhatConfusesTheParser) {
     for (const char* text : {"a = { .b = 1 }",
                              "a = 1979-05-",
@@ -297,7 +297,7 @@ TEST(Options, SurviveWhatConfusesTheParser) {
         EXPECT_EQ(Parsed(text).problems.lines().size(), 1u) << text;
 }
 
-// The parser's own limits, and ours before it; each would otherwise end in a stack overflow.
+// The parser's own limits, and those of unfit() before it; each would otherwise end in a stack overflow.
 TEST(Options, SurviveHostileNesting) {
     const auto deep = [](std::string_view open, int n, std::string_view close) {
         std::string text = "a = ";
@@ -312,7 +312,7 @@ TEST(Options, SurviveHostileNesting) {
     for (int i = 0; i < 400'000; ++i) dotted += ".a";
     EXPECT_FALSE(Parsed(dotted + " = 1\n").problems.empty());
     EXPECT_FALSE(Parsed("[" + dotted + "]\n").problems.empty());
-    // The deepest that both limits let through.
+    // The deepest nesting that both limits accept.
     std::string line = "a";
     for (int i = 0; i < 500; ++i) line += ".a";
     std::string deepest = "[" + line + "]\n" + line + " = [\n";
@@ -337,7 +337,7 @@ TEST(Options, AreQuickWithAnyMegabyte) {
         (void)p.problems.lines();
     }
     const double seconds = double(std::clock() - started) / CLOCKS_PER_SEC;
-    EXPECT_LT(seconds / 5, 1.0);  // s a file, of a build without optimisation
+    EXPECT_LT(seconds / 5, 1.0);  // s per file, in a build without optimisation
 }
 
 TEST(OptionsFile, SaysWhichPathIsWrongAndWhatToDo) {

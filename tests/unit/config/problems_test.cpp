@@ -37,7 +37,7 @@ TEST(Problems, AreThrownAllTogether) {
 }
 
 struct Slip {
-    const char *typed, *meant;  // "" = nothing is near enough
+    const char *typed, *meant;  // "" = no name is similar enough
 };
 
 TEST(NearestName, FindsWhatWasMeant) {

@@ -1,5 +1,5 @@
-// Files as they are met in the field: missing, forbidden, of a wrong kind, too large, unreadable, on a full disk. What only
-// a failing system call shows is in tests/system/save_test.py.
+// Files with faults: missing, forbidden, of a wrong kind, too large, unreadable, on a full disk.
+// tests/system/save_test.py covers faults that only a failing system call shows.
 #include "config/text_file.hpp"
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@
 namespace tactiled {
 namespace {
 
-// Why `path` is not read, without the path.
+// Returns the reason why `path` is not read, without the path.
 std::string why_not(const std::string& path, std::size_t max_bytes = 100) {
     Problems problems;
     EXPECT_EQ(read_text_file(path, max_bytes, problems), std::nullopt);
@@ -27,7 +27,7 @@ std::string why_not(const std::string& path, std::size_t max_bytes = 100) {
     return lines.front().substr(head.size());
 }
 
-// As one who may not read everything; root may.
+// Acts as a user without rights to read everything; root has them.
 class SomeUser {
 public:
     SomeUser() {
@@ -46,7 +46,7 @@ protected:
         for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) all.push_back(entry.path().filename());
         return all;
     }
-    // What replace_file() throws; "" where it does not.
+    // Returns the exception text of replace_file(); "" without an exception.
     static std::string thrown(const std::string& path, std::string_view bytes) {
         try {
             replace_file(path, bytes);
@@ -68,7 +68,7 @@ TEST_F(TextFile, ThatCannotBeReadIsSaidWithItsReason) {
     EXPECT_EQ(why_not(path_), "is a pipe or a device; give the path of a regular file");  // and does not wait for a writer
     ASSERT_EQ(::symlink("loop", (folder_ / "loop").c_str()), 0);
     EXPECT_EQ(why_not(folder_ / "loop"), "cannot be opened: Too many levels of symbolic links");
-    EXPECT_EQ(why_not("/proc/self/mem"), "cannot be read: Input/output error");  // its first page is nobody's
+    EXPECT_EQ(why_not("/proc/self/mem"), "cannot be read: Input/output error");  // its first page is not mapped
     const std::string mine = folder_.write("mine.toml", "a");
     ::chmod(folder_.path().c_str(), 0755);
     ::chmod(mine.c_str(), 0);
@@ -82,7 +82,7 @@ TEST_F(TextFile, IsReadToItsLimitAndNotBeyond) {
     EXPECT_EQ(read_text_file(folder_.write("large", large), large.size(), problems), large);
     EXPECT_EQ(why_not(folder_ / "large", large.size() - 1),
               "is larger than 199999 bytes; this is not the kind of file that is read here");
-    EXPECT_FALSE(read_text_file("/proc/self/stat", 10'000, problems).value_or("").empty());  // of 0 bytes, it says
+    EXPECT_FALSE(read_text_file("/proc/self/stat", 10'000, problems).value_or("").empty());  // its reported size is 0 bytes
     EXPECT_TRUE(problems.empty());
 }
 
@@ -90,7 +90,7 @@ TEST_F(TextFile, OnAFullDiskTheOldOneStays) {
     replace_file(path_, "old");
     rlimit was{};
     ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &was), 0);
-    const rlimit full{100'000, was.rlim_max};  // more than half of it is written, and then no more
+    const rlimit full{100'000, was.rlim_max};  // more than half of it is written, then the writes fail
     const auto handler = std::signal(SIGXFSZ, SIG_IGN);
     ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &full), 0);
     const std::string why = thrown(path_, std::string(150'000, 'n'));

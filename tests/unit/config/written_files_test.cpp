@@ -1,4 +1,4 @@
-// A file that the daemon writes is no other file of its configuration.
+// A file that the daemon writes must not be another file of its configuration.
 #include <gtest/gtest.h>
 
 #include <filesystem>

@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-// Methods "linear" and "nonlinear" of a table sensor; the latter is more accurate, and remembers.
+// Methods "linear" and "nonlinear" of a table sensor; the latter is more accurate and has a memory.
 Calibration with_hysteresis() {
     Calibration calibration = table_calibration(inner_gauges());
     calibration.full_scale = {1, 1, 2};
@@ -76,7 +76,7 @@ void step_up(AutoMethod& made) {
     for (unsigned i = 0; i <= MethodChoice::kWindow * 2; ++i) made.took(1, 2000 + i * MethodChoice::kCalmNs / 64);
 }
 
-// It has missed what the load did meanwhile: its values may be wrong by the width of the loop.
+// The method has missed the load meanwhile: its values may be wrong by the width of the loop.
 TEST(AutoMethod, AMethodThatRemembersSaysAtItsReturnThatItDoesNotKnowThePast) {
     const auto made = automatic(with_hysteresis(), 10, {{"linear", 1}, {"nonlinear", 5}});
     EXPECT_EQ(decouple(*made, press(0.5)).quality, TACTILED_GOOD);
@@ -89,7 +89,7 @@ TEST(AutoMethod, AMethodThatRemembersSaysAtItsReturnThatItDoesNotKnowThePast) {
     EXPECT_EQ(back.quality, TACTILED_UNCERTAIN);
     EXPECT_EQ(back.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY});
     EXPECT_TRUE(std::isnan(back.sd[2]));
-    // Once every component has swung by twice the widest play, it knows.
+    // It is settled when every component has swung by twice the widest play operator.
     const double t = 2 * kTangential_per_N;
     (void)decouple(*made, {t, t, -t, -t});
     (void)decouple(*made, press(2));

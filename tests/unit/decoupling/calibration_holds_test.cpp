@@ -1,4 +1,4 @@
-// Recordings as they come: mistyped labels, sessions with their own zeros, dead weights one axis after the other.
+// Realistic recordings: mistyped labels, sessions with their own zeros, dead weights on one axis after the other.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -39,8 +39,8 @@ std::set<std::int64_t> lines_of(const FitReport& report, bool left_out_only = fa
     return lines;
 }
 
-// A load cell with 2 % of crosstalk, loaded with weights up and down, one axis after the other; noise in parts of full
-// scale.
+// A load cell with 2 % of crosstalk, loaded with weights up and down, one axis after the other; noise relative to
+// full scale.
 struct Cell {
     static constexpr double kScale_N[3] = {50, 50, 100};
     std::mt19937_64 random;
@@ -92,7 +92,8 @@ TEST(Outliers, FourMistypedLoadsAmong120AreNamedAndLeftOut) {
     for (unsigned seed = 1; seed <= 20; ++seed) {
         Labelled labelled = Cell(seed).recording(1, 4, 0, 1e-4);
         ASSERT_EQ(labelled.rows.size(), 120u);
-        // A sign, a decimal point, two digits swapped, the load before; of loads in the middle of the range.
+        // Errors: a sign, a decimal point, two swapped digits, the previous load; of loads in the middle of the
+        // range.
         std::set<std::int64_t> wrong;
         const auto mistype = [&](std::size_t row, std::size_t axis, double label) {
             labelled.rows[row].wrench_S[axis] = label;
@@ -123,7 +124,8 @@ TEST(Outliers, GoodRecordingsLoseNothing) {
     }
 }
 
-// A load beyond all others, or at their end, may be one that the sensor reads too low: it stays, and is asked for again.
+// A load beyond all others, or at their end, may be one that the sensor reads too low: it is kept, and the user is
+// asked to record it again.
 TEST(Outliers, TheMostLoadedRowIsNeverLeftOut) {
     for (const double reads : {1.0, 1.2, 1.5}) {
         Labelled labelled = Cell(3).recording(1, 4, 0, 1e-4);
@@ -139,7 +141,7 @@ TEST(Outliers, TheMostLoadedRowIsNeverLeftOut) {
     }
 }
 
-// Weights of which the greatest is there once: a label in the range of the others is no bend of the sensor.
+// Weights of which the largest occurs once: a label in the range of the others cannot be explained by a nonlinearity.
 TEST(Outliers, AMistypedGreatestLoadIsLeftOut) {
     Labelled labelled = Cell(4).recording(1, 4, 0, 1e-4);
     LabelledRow row = labelled.rows[25];
@@ -150,7 +152,7 @@ TEST(Outliers, AMistypedGreatestLoadIsLeftOut) {
     EXPECT_EQ(lines_of(fit(labelled, by("matrix")), true), (std::set<std::int64_t>{122}));
 }
 
-// Random loads on a sensor that saturates softly. The greatest loads disagree with a straight line, all of them alike.
+// Random loads on a sensor that saturates softly. The largest loads disagree with a straight line, all of them alike.
 TEST(Outliers, ABendOfTheSensorIsNoFaultOfItsLabels) {
     std::mt19937_64 random(4);
     std::uniform_real_distribution<double> uniform(0, 1);
@@ -171,7 +173,7 @@ TEST(Outliers, ABendOfTheSensorIsNoFaultOfItsLabels) {
     }
 }
 
-// Labels swapped on a curve that only the right method knows.
+// Labels swapped on a curve that only the right method models.
 TEST(Outliers, AreJudgedByTheMethodThatIsChosen) {
     std::mt19937_64 random(5);
     std::uniform_real_distribution<double> uniform(-1, 1);
@@ -231,7 +233,8 @@ TEST(SessionZeros, StandMistypedLoads) {
 }
 
 TEST(ZeroDrift, IsInTheFitAndInTheStandardDeviation) {
-    // One force, six channels that see it alike: their sum is not moved by zeros that change one by one, a single one is.
+    // One force, six channels that respond alike: independent changes of their zeros hardly change their sum, but
+    // change a single channel.
     std::mt19937_64 random(7);
     std::uniform_real_distribution<double> uniform(0, 10);
     std::normal_distribution<double> normal(0, 1);
@@ -272,7 +275,7 @@ TEST(ZeroDrift, IsInTheFitAndInTheStandardDeviation) {
     const Calibration calibration = fit(labelled, stated).calibration;
     EXPECT_LT(error_with_zeros(calibration, beyond, within), 0.05);  // 0.1 / sqrt(6) = 0.041
     EXPECT_EQ(beyond, 0);
-    EXPECT_GT(within, 0.6);                                                             // of 50 sets of zeros
+    EXPECT_GT(within, 0.6);                                                             // share for 50 sets of zeros
     EXPECT_LT(calibration.sd[0], 1.5 * error_with_zeros(calibration, beyond, within));  // and no wider than that
     ASSERT_EQ(calibration.zero_drift.size(), 6u);
     EXPECT_NEAR(calibration.zero_drift[1], 0.1, 0.003);
@@ -313,7 +316,7 @@ TEST(Validation, OfDeadWeightsOneAxisAfterTheOtherLeavesSingleLoadsOut) {
     double within = 0, n = 0;
     for (unsigned seed = 1; seed <= 10; ++seed) {
         const FitReport report = fit(six_axes(seed, 2e-3), by("matrix"));
-        // 54 loads and, at the start, one of nothing; the third level is held for two rows.
+        // 54 loads and, at the start, one without load; the third level is held for two rows.
         EXPECT_EQ(report.calibration.validation, "leave one load out (49 loads)");
         ASSERT_EQ(report.calibration.sd.size(), 6u);
         EXPECT_LT(percent_of_full_scale(report), 0.6);
@@ -333,10 +336,10 @@ TEST(Validation, OfDeadWeightsOneAxisAfterTheOtherLeavesSingleLoadsOut) {
     EXPECT_LT(within / n, 0.8);
 }
 
-// Errors of a row left out are e / (1 - h) with its leverage h.
+// The error of a held-out row is e / (1 - h) with its leverage h.
 TEST(Validation, OfSingleLoadsIsThatByLeverage) {
     Labelled labelled = six_axes(3, 2e-3);
-    for (std::size_t i = 0; i < labelled.rows.size(); ++i)  // no two rows alike
+    for (std::size_t i = 0; i < labelled.rows.size(); ++i)  // no two rows are alike
         for (std::size_t k = 0; k < 6; ++k) {
             labelled.rows[i].wrench_S[k] *= 1 + 0.02 * double(i % 7);
             labelled.rows[i].channel[k] *= 1 + 0.02 * double(i % 7);

@@ -1,4 +1,4 @@
-// The fits of model "capacitive", on finite elements and on the models' own readings.
+// The fits of model "capacitive", with finite elements and with the models' own readings.
 #include <ceres/jet.h>
 #include <gtest/gtest.h>
 
@@ -47,9 +47,9 @@ double interpolate(const std::map<double, double>& table, double at) {
     return std::lerp(below->second, above->second, (at - below->first) / (above->first - below->first));
 }
 
-// Press from cap_curves.csv (bonded, neo-Hookean), the force that a shift needs and its pull on the press from cap_shear.csv
-// (two levels of compression, linear in between and beyond), areas from cap_overlap.csv. Nothing of it knows a formula of
-// the models.
+// Press from cap_curves.csv (bonded, neo-Hookean), the force for a shift and its influence on the press from
+// cap_shear.csv (two levels of compression, linear in between and beyond), areas from cap_overlap.csv. No formula of
+// the models is used.
 struct FiniteElements {
     std::map<double, double> gap_change_mm, Cn_pF;           // by N
     std::map<double, double> shear_N[2], press_change_N[2];  // by mm of shift; free, and at 0.413 mm
@@ -84,7 +84,7 @@ struct FiniteElements {
                              {std::stod(row[2]), std::stod(row[3]), std::stod(row[4]), std::stod(row[5])}});
     }
 
-    // Quarter turns and the mirror bring 0, 22.5 and 45 degrees everywhere.
+    // Rotations by 90 degrees and the mirror image give 0, 22.5 and 45 degrees everywhere.
     [[nodiscard]] LabelledRow row(const Area& area, int quarter, bool mirrored, double press_N) const {
         const double gap_mm = 3 - interpolate(gap_change_mm, press_N),
                      share = interpolate(gap_change_mm, press_N) / compressed_mm;
@@ -134,7 +134,7 @@ std::vector<LabelledRow> fem_rows(bool on_axis, double noise_pF, unsigned seed) 
             for (int quarter = 0; quarter < 4; ++quarter)
                 for (const bool mirrored : {false, true}) {
                     if (mirrored && area.azimuth_deg != 22.5) continue;
-                    // On the axes as one calibrates: press alone, shear alone, and shear under 5 N.
+                    // On the axes, as in a calibration: press alone, shear alone, and shear under 5 N.
                     if (on_axis && area.shift_mm > 0 && press != 0 && press != 5) continue;
                     rows.push_back(fem.row(area, quarter, mirrored, press));
                     for (auto& pF : rows.back().channel) pF += noise(random);
@@ -195,7 +195,7 @@ TEST(CapacitiveFit, OverlapIsBetterThanQuadraticOffTheAxisOnFiniteElements) {
     EXPECT_LT(off["overlap"].shear_N, off["ratio"].shear_N);
 }
 
-// A sensor of the models themselves: the fit finds the forces of readings that it had not seen.
+// A sensor of the models themselves: the calibration reads the forces of held-out readings.
 TEST(CapacitiveFit, OverlapIsFittedThroughNoiseAndSwappedLabels) {
     const Calibration truth = overlap_calibration();
     std::mt19937 random(7);

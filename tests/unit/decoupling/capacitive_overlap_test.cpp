@@ -26,7 +26,7 @@ TEST(Capacitive, OverlapSolvesGapAndShiftTogether) {
             }
 }
 
-// The disc's edge passes the sectors' inner and outer radius, and uncovers the centre.
+// The disc's edge crosses the sectors' inner and outer radius, and uncovers the centre.
 TEST(Capacitive, OverlapFollowsShiftsThatUncoverElectrodes) {
     const Calibration calibration = overlap_calibration();
     const auto decoupler = make_decoupler(calibration);
@@ -86,13 +86,14 @@ TEST(Capacitive, RatioDoesNotDependOnTheGap) {
         const Pad force = pad_force(u, 0.2, 0.1);
         EXPECT_NEAR(estimate.wrench_S[0], force.fx, 0.002 * 0.25) << u;  // N; the third order of the shift
         EXPECT_NEAR(estimate.wrench_S[1], force.fy, 0.002 * 0.25) << u;
-        EXPECT_NEAR(estimate.wrench_S[2], force.fz, 0.006) << u;  // N: what a shift does to the press is not in it
+        // N: the influence of a shift on the press is not modelled
+        EXPECT_NEAR(estimate.wrench_S[2], force.fz, 0.006) << u;
     }
 }
 
 TEST(Capacitive, RatioKnowsElectrodesOfUnequalSize) {
     Calibration calibration = capacitive_calibration("ratio");
-    calibration.zero = {0.36, 0.35, 0.36, 0.36, 0.5};  // pF, C1 and C2 are not of one size
+    calibration.zero = {0.36, 0.35, 0.36, 0.36, 0.5};  // pF, C1 and C2 have different sizes
     calibration.parameters = {{"stray_C1", 0.3}, {"stray_C2", 0.3},          {"stray_C3", 0.3},     {"stray_C4", 0.3},
                               {"stray_Cn", 0.4}, {"normal_stiffness_N", 30}, {"shear_scale_N", 1.5}};
     const auto decoupler = make_decoupler(calibration);

@@ -1,4 +1,4 @@
-// Capacitive sensors by hand, and what their electrodes read: the thesis' curves; a pad with gap and shift.
+// Hand-made capacitive sensors and the readings of their electrodes: the thesis' curves; a pad with gap and shift.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -23,7 +23,8 @@ inline Calibration capacitive_calibration(const std::string& method) {
     return calibration;
 }
 
-// The thesis' curves: eq. XXXIII for Cn, eq. XXXIV for each side electrode; no press on those, as printed.
+// The thesis' curves: eq. XXXIII for Cn, eq. XXXIV for each side electrode, without the influence of a press, as
+// printed.
 inline Calibration thesis_calibration() {
     Calibration calibration = capacitive_calibration("quadratic");
     calibration.zero = {1.2285, 1.2285, 1.2285, 1.2285, 1.3039};
@@ -32,13 +33,13 @@ inline Calibration thesis_calibration() {
     return calibration;
 }
 
-// What the thesis' sensor reads, from the printed equations.
+// The reading of the thesis' sensor, from the printed equations.
 inline std::vector<double> thesis_reading(double fx, double fy, double press) {
     const auto side = [](double F) { return 0.0071 * F * F + 0.038 * F + 1.2285; };
     return {side(fx), side(-fx), side(fy), side(-fy), 0.0008 * press * press + 0.0405 * press + 1.3039};
 }
 
-// Constants by hand: a pad over electrodes of the finite-element model, with stray capacitance.
+// Hand-made constants: a pad over electrodes of the finite-element model, with stray capacitance.
 inline Calibration overlap_calibration() {
     Calibration calibration = capacitive_calibration("overlap");
     calibration.zero = {0.0562 + 0.3, 0.0562 + 0.31, 0.0562 + 0.29, 0.0562 + 0.3, 0.1038 + 0.4};
@@ -61,8 +62,8 @@ inline Calibration overlap_calibration() {
     return calibration;
 }
 
-// Area that a disc of radius R at (dx, dy) shares with a sector, by quadrature over the angle; knows the edge, no closed
-// form.
+// Area that a disc of radius R at (dx, dy) shares with a sector, by quadrature over the angle; uses the edge and no
+// closed form.
 inline double sector_area_mm2(double R, double inner, double outer, double centre, double opening, double dx, double dy) {
     const int n = 400;
     const double d = std::hypot(dx, dy), phi = std::atan2(dy, dx);
@@ -75,7 +76,7 @@ inline double sector_area_mm2(double R, double inner, double outer, double centr
     return sum;
 }
 
-// What the electrodes of overlap_calibration() read, pF, for closeness u and a shift in mm.
+// The readings of the electrodes of overlap_calibration(), pF, for closeness u and a shift in mm.
 inline std::vector<double> pad_reading(const Calibration& calibration, double u, double dx, double dy) {
     std::vector<double> reading;
     const double rest = sector_area_mm2(4, 2.5, 6, 0, 80 * kHalfTurn_rad / 180, 0, 0);

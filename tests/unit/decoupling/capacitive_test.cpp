@@ -1,4 +1,4 @@
-// Model "capacitive": method "quadratic", and what every method does with what comes in.
+// Model "capacitive": method "quadratic", and the behaviour of every method with any input.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,8 +13,8 @@
 namespace tactiled {
 namespace {
 
-// Errors of the converter, pF. Its accuracy of 4 fF is no noise: an offset of a channel goes into its zero, one of the
-// converter is common to all channels. `each_pF`: independent of channel and sample.
+// Errors of the converter, pF. Its accuracy of 4 fF is not noise: an offset of a channel is part of its zero, one of
+// the converter is common to all channels. `each_pF`: independent for each channel and sample.
 struct ThesisError {
     double press_rms, press_worst, shear_rms, shear_worst;  // % of 10 N, of 1.2 N
 };
@@ -55,7 +55,7 @@ TEST(Capacitive, QuadraticIsWithinTheThesisErrorsOnItsOwnCurves) {
     const ThesisError accuracy = thesis_error(0.004, 0.0003);
     EXPECT_LT(accuracy.press_worst, 4.6);
     EXPECT_LT(accuracy.shear_worst, 2.5);
-    // Were 4 fF the noise of each reading, no method could keep 2.5 % of 1.2 N: a pair has 0.076 pF/N.
+    // If 4 fF were the noise of each reading, no method could achieve 2.5 % of 1.2 N: a pair has 0.076 pF/N.
     const ThesisError noise = thesis_error(0, 0.004);
     EXPECT_LT(noise.press_worst, 4.6);
     EXPECT_NEAR(noise.shear_rms, 100 / 1.2 * 0.004 * std::sqrt(2.0) / 0.076, 0.1);
@@ -112,7 +112,7 @@ TEST(Capacitive, OneElectrodeOfAPairIsEnoughWithALargerStandardDeviation) {
     EXPECT_EQ(decouple(*decoupler, reading, 0b10000).quality, TACTILED_BAD);
 }
 
-// ---- what comes in
+// ---- any input
 TEST(Capacitive, IsFiniteOrBadForAnyBits) {
     Calibration ratio = overlap_calibration();
     ratio.method = "ratio";
@@ -143,7 +143,7 @@ TEST(Capacitive, IsFiniteOrBadForAnyBits) {
                 for (std::size_t c = 0; c < 3; ++c) ASSERT_GE(estimate.sd[c], 0.0099);
             }
         }
-        // The same reading gives the same bits whatever came before.
+        // The same reading gives the same bits, whatever came before.
         const auto reading = pad_reading(overlap_calibration(), 1.2, 0.3, 0.1);
         const Wrench after = decouple(*decoupler, reading).wrench_S,
                      fresh = decouple(*make_decoupler(calibration), reading).wrench_S;
@@ -194,7 +194,7 @@ TEST(Capacitive, RefusesCalibrationsThatItCannotUse) {
     calibration.parameters["disc_radius_m"] = 7e-3;
     EXPECT_NE(refusal(calibration).find("disc_radius_m < outer_radius_m"), std::string::npos);
     calibration = overlap_calibration();
-    calibration.parameters["stiffening"] = 2;  // the law would not be monotone
+    calibration.parameters["stiffening"] = 2;  // otherwise the law would not be monotone
     EXPECT_NE(refusal(calibration).find("stiffening"), std::string::npos);
     calibration = overlap_calibration();
     calibration.components[2] = "mz";

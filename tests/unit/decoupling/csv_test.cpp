@@ -12,7 +12,7 @@
 namespace tactiled {
 namespace {
 
-// What a reader says when it goes through `text`; "" where it reads all of it.
+// Returns the error of a reader of `text`; "" if it reads all of it.
 std::string complaint(const std::string& text) {
     const ScratchFile file(text);
     try {
@@ -59,7 +59,7 @@ TEST(Csv, TakesFilesFromSpreadsheetsAndOtherSystems) {
     EXPECT_EQ(complaint("\xEF\xBB\xBFt_s,R1\r\n0,1\r\n\r\n1,2\r\n"), "");
     EXPECT_EQ(complaint("t_s,R1\n0,1\n1,2"), "");              // no line break at the end
     EXPECT_EQ(complaint("\"t_s\", \"R1\"\n 0 ,\t+1\n"), "");   // quotes, blanks, a plus
-    EXPECT_EQ(complaint("t_s,R1\n0,nan\n1,NaN\n\n  \n"), "");  // as numpy writes a missing value
+    EXPECT_EQ(complaint("t_s,R1\n0,nan\n1,NaN\n\n  \n"), "");  // numpy's form of a missing value
     const ScratchFile bom("\xEF\xBB\xBFt_s,\"a \"\"b\"\", c\"\r\n0,1\r\n");
     EXPECT_EQ(CsvReader(bom.path()).columns(), (std::vector<std::string>{"t_s", "a \"b\", c"}));
 }
@@ -84,7 +84,8 @@ TEST(Csv, NamesLineAndColumnOfWhatIsWrong) {
 
 TEST(Csv, SurvivesHostileBytes) {
     EXPECT_NE(complaint(std::string("t_s,R1\n0,1\0002\n", 14)).find("\"1?2\" is no number"), std::string::npos);
-    EXPECT_NE(complaint("t_s,R1\n0,\x1b[2J\n").find("?[2J"), std::string::npos);  // no escape sequence into a terminal
+    // no escape sequence may reach a terminal
+    EXPECT_NE(complaint("t_s,R1\n0,\x1b[2J\n").find("?[2J"), std::string::npos);
     EXPECT_NE(complaint(std::string(3'000'000, 'a')).find("longer than"), std::string::npos);
     EXPECT_NE(complaint("t_s" + std::string(500'000, ',')).find("columns; at most"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\n0," + std::string(100'000, '9') + "\n").find("is no number"), std::string::npos);
@@ -174,7 +175,7 @@ TEST(Labelled, RefusesToTakeALabelForAChannelEvenWhenAsked) {
               std::string::npos);
 }
 
-// A label taken for a channel would predict itself.
+// A label that was used as a channel would predict itself.
 TEST(Labelled, RefusesAMisspeltLabel) {
     for (const std::string name : {"fz", "Fz", "Fz_mN", "FZ_N", "mx_Nmm", "fx (N)", "fy_n"})
         EXPECT_NE(labelled_complaint("t_s,B1,fz_N," + name + "\n0,1,2,3\n").find("a label is called"), std::string::npos)

@@ -1,4 +1,4 @@
-// A real skin: calibrated on one session, judged on another that it has never seen.
+// A real skin: calibrated on one session, tested on another.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -17,7 +17,7 @@ FitReport fitted_on_session_1() {
     return fit(session("1"), {.model = "generic", .method = "", .serial = "", .channel_unit = "uT", .date = ""});
 }
 
-// Full scale is the calibration's: the greatest load of session 1, 34.154 N (session 2 goes to 32.339 N).
+// Full scale is the calibration's: the largest load of session 1, 34.154 N (session 2 goes to 32.339 N).
 TEST(Eflesh, AnUnseenSessionIsWithin23PerMilleOfFullScale) {
     const FitReport report = fitted_on_session_1();
     const double full_scale_N = report.calibration.full_scale[0];
@@ -36,13 +36,13 @@ TEST(Eflesh, AnUnseenSessionIsWithin23PerMilleOfFullScale) {
     RecordProperty("rms_N", std::to_string(rms_N));
     EXPECT_EQ(labelled, 1860);
     EXPECT_LE(rms_N, 0.023 * full_scale_N);
-    // The same skin in the same range: nearly all of it lies in the domain.
+    // The same skin in the same range: nearly all of it is in the domain.
     EXPECT_EQ(good + flagged, 3600);
     EXPECT_LT(flagged, 36);
 }
 
-// At least 68 % of the errors on rows that the fits had not seen lie within the standard deviation that is published with
-// them, and none beyond five times that, on another session as well.
+// At least 68 % of the errors on held-out rows are within the standard deviation that is published with them, and
+// none beyond five times that, also for another session.
 TEST(Eflesh, TheClaimedStandardDeviationHoldsForTwoThirdsOfTheErrors) {
     const FitReport report = fitted_on_session_1();
     const Calibration& c = report.calibration;

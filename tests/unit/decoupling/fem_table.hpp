@@ -7,7 +7,7 @@
 
 namespace tactiled {
 
-// Rows of a CSV file as text; the first is its header. Lines with commas in quotes do not occur.
+// Returns rows of a CSV file as text; the first is its header. Lines with commas in quotes do not occur.
 inline std::vector<std::vector<std::string>> fem_rows(const std::string& name) {
     std::ifstream file(TACTILED_SOURCE_DIR "/tests/data/fem/" + name);
     std::vector<std::vector<std::string>> rows;

@@ -18,7 +18,7 @@ FitRequest table() {
     return {.model = "table", .method = "", .serial = "S1", .channel_unit = "dR/R0", .date = "2026-03-01"};
 }
 
-// `rows` rows of random channels in -1 .. 1; the labels are what `force` says of them.
+// Returns `rows` rows of random channels in -1 .. 1; `force` gives the labels.
 Labelled random_rows(int rows, std::size_t channels, const std::function<Wrench(const std::vector<double>&)>& force,
                      unsigned seed = 1) {
     Labelled labelled;
@@ -63,8 +63,8 @@ TEST(Fit, RecoversAKnownMatrixToRounding) {
     const FitReport report = fit(labelled, generic());
     const Calibration& c = report.calibration;
     EXPECT_LT(c.condition, 1.3);
-    // A reading of 1e6 + r carries r to 1.2e-10, so a coefficient is known to about that times the greatest of its row
-    // over the square root of the rows, times the condition number.
+    // A reading of 1e6 + r resolves r to 1.2e-10, so a coefficient is known to about that times the largest of its
+    // row over the square root of the rows, times the condition number.
     const double rounding = 1.2e-10 * c.condition;
     const double greatest[3] = {1e3, 400, 8};
     for (std::size_t i = 0; i < 3; ++i)
@@ -84,7 +84,7 @@ TEST(Fit, FoldsTheConstantIntoTheZero) {
 }
 
 TEST(Fit, ZeroIsWhereTheChannelsRest) {
-    // Three channels, one force: many zeros give the same force, the one at rest is meant.
+    // Three channels, one force: many zeros give the same force; the expected one is the reading at rest.
     std::mt19937_64 random(3);
     std::normal_distribution<double> noise(0, 0.01);
     Labelled labelled = random_rows(200, 3, [](const std::vector<double>& r) { return only_fz(r[0]); });
@@ -115,8 +115,9 @@ TEST(Fit, UsesRowsThatHaveALabelAndEveryChannel) {
     EXPECT_TRUE(warns(report, "7 labelled rows lack a channel"));
 }
 
-// Every session has its own offset, as a skin has after each mounting, and the label is constant within a session's
-// half. Rows drawn at random would see every session's offset and claim 0.1 N; a new session really errs by about 1 N.
+// Every session has its own offset, as a skin has after each mounting, and the label is constant within half a
+// session. Random rows would include every session's offset and give an error of 0.1 N; a new session really has
+// about 1 N.
 TEST(Fit, HeldOutErrorIsThatOfANewSession) {
     std::mt19937_64 random(5);
     std::normal_distribution<double> normal(0, 1);
@@ -127,7 +128,7 @@ TEST(Fit, HeldOutErrorIsThatOfANewSession) {
         labelled.sessions.push_back("day " + std::to_string(s));
         std::vector<double> fingerprint(6);
         for (auto& f : fingerprint) f = normal(random);
-        const double load = normal(random);  // N: in each session another one
+        const double load = normal(random);  // N: different in each session
         for (int i = 0; i < 100; ++i) {
             LabelledRow row{
                 .line = 2, .channel = fingerprint, .wrench_S = only_fz(load + 0.1 * normal(random)), .session = s};
@@ -136,7 +137,7 @@ TEST(Fit, HeldOutErrorIsThatOfANewSession) {
         }
     }
     FitRequest request = generic();
-    request.zero_drift = 0;  // else the fit allows for zeros as different as those of these sessions
+    request.zero_drift = 0;  // otherwise the fit allows for zeros as different as those of these sessions
     const FitReport report = fit(labelled, request);
     EXPECT_EQ(report.calibration.validation, "leave one session out (6 sessions)");
     EXPECT_GT(report.components[0].held_out_rms, 0.6);  // N
@@ -146,14 +147,14 @@ TEST(Fit, HeldOutErrorIsThatOfANewSession) {
         const double sd = std::hypot(report.calibration.sd[0], report.calibration.sd_slope[0] * estimated[2]);
         within += std::abs(estimated[2] - row->wrench_S[2]) <= sd ? 1 : 0;
     }
-    EXPECT_GT(within / 600.0, 0.63);  // and more, since sd is at least the error of the worst session
+    EXPECT_GT(within / 600.0, 0.63);  // and more, because sd is at least the error of the worst session
     EXPECT_TRUE(warns(report, "no smaller than the spread"));
     for (std::size_t i = 0; i < labelled.rows.size(); ++i)
         labelled.rows[i].session = i % 6;                                  // rows of all days in each part
     EXPECT_LT(fit(labelled, generic()).components[0].held_out_rms, 0.15);  // N
 }
 
-// One session that drifts: each stretch of time is a state of its own, neighbouring rows are alike.
+// One session that drifts: each stretch of time has its own state, and neighbouring rows are alike.
 TEST(Fit, HoldsOutStretchesOfTimeNotRowsAtRandom) {
     std::mt19937_64 random(6);
     std::normal_distribution<double> normal(0, 1);
@@ -168,12 +169,12 @@ TEST(Fit, HoldsOutStretchesOfTimeNotRowsAtRandom) {
     const FitReport report = fit(labelled, generic());
     EXPECT_EQ(report.calibration.validation, "leave one of 5 stretches of time out");
     EXPECT_TRUE(warns(report, "one session only"));
-    // In whatever order the file has them.
+    // The order in the file is arbitrary.
     for (std::size_t i = 0; i < 1000; ++i) labelled.rows[i].t_ns = 1'000'000 * (i + 1);
     auto shuffled = labelled;
     std::shuffle(shuffled.rows.begin(), shuffled.rows.end(), random);
     EXPECT_NEAR(fit(shuffled, generic()).components[0].held_out_rms, report.components[0].held_out_rms, 1e-9);
-    // Every fifth row left out in turn, which is what a random split amounts to.
+    // Every fifth row is left out in turn, which is equivalent to a random split.
     labelled.sessions = {"0", "1", "2", "3", "4"};
     for (std::size_t i = 0; i < 1000; ++i) labelled.rows[i].session = i % 5;
     const double flattered = fit(labelled, generic()).components[0].held_out_rms;
@@ -236,7 +237,7 @@ TEST(Fit, NamesALabelThatCannotBeRight) {
     EXPECT_TRUE(warns(report, "left out: made.csv:152: fz_N is -1.9, its channels say 1.8 N"));
 }
 
-// A label that lost its decimal point would make every error a small part of full scale, and hide other outliers.
+// A label with a lost decimal point would make every error a small share of full scale, and hide other outliers.
 TEST(Fit, ALabelThatIsLeftOutSetsNoFullScale) {
     auto labelled = random_rows(200, 3, [](const std::vector<double>& r) { return only_fz(r[0] + r[2]); });
     labelled.rows[50].wrench_S[2] = 1000;
@@ -326,10 +327,10 @@ TEST(FitTable, RecoversGainsZeroAndNoise) {
 TEST(FitTable, RefusesSwappedGaugesAndPressesThatPull) {
     auto labelled = table_rows(inner_gauges(), 0);
     for (auto& row : labelled.rows) row.wrench_S[2] = -row.wrench_S[2];
-    EXPECT_NE(refusal(labelled, table()).find("normal_inner comes out as"), std::string::npos);
+    EXPECT_NE(refusal(labelled, table()).find("the fit of normal_inner is"), std::string::npos);
     labelled = table_rows(inner_gauges(), 0);
     labelled.channels = {"R5", "R7", "R1", "R3"};
-    EXPECT_NE(refusal(labelled, table()).find("tangential_inner comes out as"), std::string::npos);
+    EXPECT_NE(refusal(labelled, table()).find("the fit of tangential_inner is"), std::string::npos);
 }
 
 TEST(FitTable, RefusesWhatDoesNotShowTheThreeForces) {

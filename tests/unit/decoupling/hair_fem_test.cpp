@@ -1,4 +1,4 @@
-// Model "hair" against finite elements, one-way (assumption 1 of Cao et al.): strain stands for dR/R0.
+// Model "hair" against finite elements, one-way (assumption 1 of Cao et al.): strain is used as dR/R0.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -16,7 +16,8 @@ struct FemRow {
     std::vector<double> strain;  // H1 .. H4
 };
 
-// In the finite elements the hairs are curled the other way: a shear towards H1 stretches H1. `turned` = the paper's sign.
+// In the finite elements the hairs are curled the other way: a shear towards H1 stretches H1. `turned` = the paper's
+// sign.
 std::vector<FemRow> fem_rows(bool turned) {
     std::ifstream file(TACTILED_SOURCE_DIR "/tests/data/fem/hair_strains.csv");
     std::vector<FemRow> rows;
@@ -38,7 +39,7 @@ TEST(HairFem, SumAndDiffSeparate) {
     double shear_in_sum = 0, press_in_diff = 0;
     for (const FemRow& row : fem_rows(false)) {
         const auto& r = row.strain;
-        if (row.what == "shear")  // of what the same stress as a press makes
+        if (row.what == "shear")  // relative to the reading of the same stress as a press
             shear_in_sum =
                 std::max(shear_in_sum, std::abs(r[0] + r[2]) / (201.1e-6 * 750 / row.young_kPa * row.stress.tau_x / 1e3));
         if (row.what == "normal" && row.stress.sigma > 0)
@@ -70,8 +71,8 @@ TEST(HairFem, EachMethodReadsCombinedLoads) {
         }
 }
 
-// One-way, 1/E holds: calibrated on PDMS, the modulus alone makes it read the other two. With the hair's own stiffness
-// it does not (decoupling/hair/README.md).
+// One-way, 1/E is valid: with a calibration on PDMS, changing only the modulus gives the other two. With the hair's
+// own stiffness it does not (decoupling/hair/README.md).
 TEST(HairFem, PhysicsFollowsTheModulus) {
     std::vector<LabelledRow> pdms;
     const auto rows = fem_rows(true);

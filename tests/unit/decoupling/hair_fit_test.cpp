@@ -1,4 +1,4 @@
-// Calibrations of model "hair", and how well they read loads that they have not seen.
+// Calibrations of model "hair", and their errors on held-out loads.
 #include <gtest/gtest.h>
 
 #include "hair_session.hpp"
@@ -6,8 +6,8 @@
 namespace tactiled {
 namespace {
 
-// Cao et al. print 3.0 % (shear) and 2.9 % (normal). Ten sensors, each calibrated on one session of 600 combined loads in
-// any direction and measured on another of 4000; both with their noise.
+// Cao et al. print 3.0 % (shear) and 2.9 % (normal). Ten sensors, each calibrated on one session of 600 combined
+// loads in any direction and measured on another of 4000; both with their noise.
 struct Case {
     const char* name;
     double azimuth_deg, bend;  // HairSensor
@@ -33,9 +33,9 @@ TEST_P(HairAccuracy, BeatsThePublishedErrorsUnderCombinedLoad) {
                 mean[c] += errors.rms[c] / 10;
                 highest[c] = std::max(highest[c], errors.rms[c]);
                 worst[c] = std::max(worst[c], errors.worst[c]);
-                // The matrix is within 1 % in every case, at little more than noise (0.23 % and 0.34 %). In DIFF a press
-                // shows where the hairs of a pair answer it differently, and the other shear where they are turned: the two
-                // steps are within 1 % where the pair is alike to 5 % and straight.
+                // The matrix is within 1 % in every case, with little more than noise (0.23 % and 0.34 %). A press
+                // appears in DIFF if the hairs of a pair respond to it differently, and the other shear if they are
+                // rotated: the two steps are within 1 % if the pair is equal to 5 % and linear.
                 const bool alike = std::abs(sensor.normal[c] / sensor.normal[(c + 2) % 4] - 1) < 0.05;
                 const double limit = method == "matrix"                                 ? 0.45
                                      : method == "physics"                              ? 2.5
@@ -55,12 +55,12 @@ TEST_P(HairAccuracy, BeatsThePublishedErrorsUnderCombinedLoad) {
             EXPECT_GE(within, 20);
         }
         if (method == "matrix") {
-            EXPECT_EQ(good, rows);  // what is modelled is no disagreement
+            EXPECT_EQ(good, rows);  // modelled effects are not disagreement
         }
     }
 }
 
-// Without g(tau) the two steps are not enough: the intercept is what the second step is for.
+// Without g(tau) the two steps are not sufficient: the second step determines the intercept.
 TEST(Hair, TheInterceptIsNeeded) {
     const HairSensor sensor = HairSensor::asymmetric(1, 0);
     Calibration calibration = fitted_hair("sum_diff", rows_of(hair_session(sensor, 600, 101)));
@@ -72,7 +72,7 @@ TEST(Hair, TheInterceptIsNeeded) {
     EXPECT_GT(without, 2 * with);
 }
 
-// One hair dead: what is left of the accuracy, on the asymmetric sensors.
+// One hair dead: the remaining accuracy, on the asymmetric sensors.
 TEST(Hair, ADeadHairCostsLittleAccuracy) {
     for (const char* method : {"sum_diff", "matrix"})
         for (std::uint32_t dead = 0; dead < 4; ++dead) {
@@ -89,7 +89,7 @@ TEST(Hair, WithoutNoiseOnlyTheMatrixIsExact) {
     const HairSensor sensor = HairSensor::asymmetric(4, 1);
     const auto decoupler = make_decoupler(fitted_hair("matrix", rows_of(hair_session(sensor, 600, 8, 0))));
     const HairErrors errors = errors_on(*decoupler, hair_session(sensor, 1000, 9, 0));
-    for (std::size_t c = 0; c < 3; ++c) EXPECT_LT(errors.worst[c], 1e-6);  // its terms hold this leak whole
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_LT(errors.worst[c], 1e-6);  // its terms contain this leak completely
 }
 
 TEST(HairFit, RecoversTheSensor) {
@@ -108,7 +108,7 @@ TEST(HairFit, RecoversTheSensor) {
     }
 }
 
-// As in real sets: labels of two rows are swapped.
+// Errors of real recordings: labels of two rows are swapped.
 TEST(HairFit, RowsWithWrongLabelsHaveNoWeight) {
     const HairSensor sensor = HairSensor::asymmetric(6, 1);
     for (const char* method : {"sum_diff", "matrix"}) {
@@ -190,7 +190,8 @@ TEST(HairFit, PhysicsCorrectsTheGeometryItWasGiven) {
     start.parameters = hair_parameters("Ecoflex");
     const Calibration c = fitted_hair("physics", rows_of(session), start);
     EXPECT_EQ(c.parameters.at("elastomer_kPa"), 250);
-    EXPECT_NEAR(c.parameters.at("correction_shear"), 250.0 / 750, 0.005);  // the model says three times what PDMS reads
+    // the model predicts three times the reading of PDMS
+    EXPECT_NEAR(c.parameters.at("correction_shear"), 250.0 / 750, 0.005);
     EXPECT_NEAR(c.parameters.at("correction_normal"), 250.0 / 750, 0.005);
     const HairErrors errors = errors_on(*make_decoupler(c), session);
     for (std::size_t i = 0; i < 3; ++i) EXPECT_LT(errors.rms[i], 0.5);

@@ -1,5 +1,5 @@
-// A hair sensor to measure against, written from the paper and not from the code under test: each hair has its own gains and
-// azimuth, and what shear adds to it bends.
+// A reference hair sensor, written from the paper and not from the code under test: each hair has its own gains and
+// azimuth, and a nonlinear response to shear.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -20,14 +20,14 @@ inline constexpr double kHairNormal = 3.74e-7, kHairShear = 7.91e-7, kHairNoise 
 inline constexpr double kCap_m2 = std::numbers::pi * 3e-3 * 3e-3;
 
 struct Stress {
-    double sigma, tau_x, tau_y;  // Pa; sigma positive while pressing
+    double sigma, tau_x, tau_y;  // Pa; sigma positive under a press
 };
 
 inline Wrench force_of(Stress s) { return {s.tau_x * kCap_m2, s.tau_y * kCap_m2, -s.sigma * kCap_m2, kNaN, kNaN, kNaN}; }
 
 struct HairSensor {
     std::array<double, 4> normal{}, shear{}, azimuth{}, zero{}, square{}, cube{};
-    double bend = 0;  // part of what full press reads, that a press adds early and not late: no polynomial
+    double bend = 0;  // share of the reading at full press that appears early and saturates: not a polynomial
 
     static HairSensor ideal() {
         HairSensor sensor;
@@ -38,8 +38,8 @@ struct HairSensor {
         }
         return sensor;
     }
-    // Gains spread by 3 % (sd) and azimuths by `azimuth_deg`, zeros anywhere within 1e-3; shear adds 4 % of what a hair
-    // reads at full press with its square, and up to 3 % with its cube, each hair within half of that more or less.
+    // Gains vary by 3 % (sd) and azimuths by `azimuth_deg`, zeros within 1e-3; shear adds 4 % of the reading at full
+    // press by its square, and up to 3 % by its cube, for each hair within half of that more or less.
     static HairSensor asymmetric(unsigned seed, double azimuth_deg) {
         HairSensor sensor = ideal();
         std::mt19937_64 random(seed);

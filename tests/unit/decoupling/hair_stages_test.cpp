@@ -1,4 +1,4 @@
-// The steps of model "hair", each alone.
+// The steps of model "hair", each separately.
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -48,7 +48,7 @@ TEST(HairStages, InterceptHasEveryTermOfShearUpToTheThirdOrder) {
         c[9 + i] = 1e-5 * double(i + 1);
         expected += c[9 + i] * products[i];
     }
-    for (std::size_t i = 0; i < 9; ++i) c[i] = 1;  // terms with sigma are no part of it
+    for (std::size_t i = 0; i < 9; ++i) c[i] = 1;  // terms with sigma are not part of it
     EXPECT_NEAR(intercept_of_sum(600, -1400, 5e-8, -3e-8, c, leak_terms({0.9, u, v})), expected, 1e-19);
     EXPECT_EQ(intercept_of_sum(0, 0, 5e-8, -3e-8, c, leak_terms({0.9, 0, 0})), 0);
 }
@@ -77,11 +77,11 @@ TEST(HairStages, NamesOfHairs) {
     for (const char* name : {"H0", "H5", "H", "H12", "R1", ""}) EXPECT_EQ(hair_index(name), 4u) << name;
 }
 
-// The two mean factors from the loads themselves: bending moment of a load q on the part of the arc beyond, 6 M / (w t^2),
+// The two mean factors from the loads: bending moment of a load q on the part of the arc beyond, 6 M / (w t^2),
 // averaged along the resistor (half of the hair, 0 .. 60 degrees).
 TEST(HairPhysics, MeanFactorsAreThoseOfTheArc) {
     using std::numbers::pi;
-    const double tip = 2 * pi / 3;  // of an arc of 120 degrees, R = 1
+    const double tip = 2 * pi / 3;  // end of an arc of 120 degrees, R = 1
     const auto mean = [&](bool horizontal) {
         return integral(
                    [&](double at) {
@@ -121,10 +121,10 @@ TEST(HairPhysics, StartsAtTheMeasuredSensitivitiesAndFollowsTheModulus) {
         EXPECT_NEAR(normal_sensitivity_per_Pa(p), normal * 750 / elastomer.young_kPa, 1e-15);
     }
     p = {};
-    p.thickness_m = 10e-6;  // of the fabrication instead of 9 um of the table
+    p.thickness_m = 10e-6;  // value of the fabrication instead of 9 um of the table
     EXPECT_NEAR(shear_sensitivity_per_Pa(p) / shear, 0.81, 1e-12);
     p = {};
-    p.friction = 0;  // only the vertical part is left
+    p.friction = 0;  // only the vertical part remains
     EXPECT_NEAR(
         normal_sensitivity_per_Pa(p),
         1.381157 * p.pi_l_per_Pa * std::pow(p.radius_m / p.thickness_m, 2) / p.width_m * p.k_y_Pa * 1.5 * p.radius_m / 750e3,
@@ -155,7 +155,7 @@ TEST(HairThreshold, OfUnequalHairsIsThatOfTheirSum) {
     EXPECT_EQ(threshold_Pa(noise, equal, sum), std::numeric_limits<double>::infinity());
 }
 
-// The detection limit is the noise that the model really has.
+// The detection limit is the actual noise of the model.
 TEST(HairThreshold, IsTheNoiseOfTheModel) {
     HairResponse response;
     for (std::size_t i = 0; i < 4; ++i) {
@@ -173,12 +173,12 @@ TEST(HairThreshold, IsTheNoiseOfTheModel) {
 TEST(HairSolver, WeighsTheHairsByTheirNoise) {
     HairResponse response;
     for (std::size_t i = 0; i < 4; ++i) response.gain[i] = {1, -2 * kHairCos[i], -2 * kHairSin[i]};
-    response.noise = {1, 1, 1, 100};  // H4 says next to nothing
+    response.noise = {1, 1, 1, 100};  // H4 has nearly no weight
     const HairSolver solver(response, 15, 7);
     const auto load = solver.solve({1, 3, 5, 70}, 15);
-    EXPECT_NEAR(load[0], 3, 0.01);  // of H1 and H3
+    EXPECT_NEAR(load[0], 3, 0.01);  // from H1 and H3
     EXPECT_NEAR(load[1], 1, 0.01);
-    EXPECT_NEAR(load[2], 0, 0.01);  // (3 - 3) / 2, of H2
+    EXPECT_NEAR(load[2], 0, 0.01);  // (3 - 3) / 2, from H2
 }
 
 TEST(HairSolver, TakesOffALeakToRoundingAndRefusesOneThatIsTooLarge) {
@@ -232,7 +232,7 @@ TEST(HairSolver, TakesOffALeakOfAnyContractionBelowTheLimit) {
     EXPECT_GE(newton, 5);
 }
 
-// A cubic goes anywhere beyond its data: there the load goes on as a straight line.
+// A cubic is undefined beyond its data: the load continues as a straight line there.
 TEST(HairSolver, BeyondTheRangeTheLeakStaysWhatItIsAtTheEdge) {
     HairResponse response;
     for (std::size_t i = 0; i < 4; ++i) {
@@ -248,7 +248,7 @@ TEST(HairSolver, BeyondTheRangeTheLeakStaysWhatItIsAtTheEdge) {
     for (double& one : r) one += 3;
     EXPECT_NEAR(solver.solve(r, 15)[0], 10 - at_edge, 1e-12);
     EXPECT_NEAR(solver.solve(r, 15)[1], 5, 1e-12);
-    // A pull was not calibrated either: sigma^2 stays that of -5 %.
+    // A pull was not calibrated either: sigma^2 stays at the value of -5 %.
     EXPECT_NEAR(solver.solve({-3, -3, -3, -3}, 15)[0], -3 - 0.02 * 0.05 * 0.05, 1e-12);
 }
 

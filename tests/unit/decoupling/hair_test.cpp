@@ -68,8 +68,8 @@ TEST_P(HairBy, SurvivesEachDeadHairWithALargerStandardDeviation) {
             EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
             EXPECT_EQ(estimate.reasons, std::uint32_t{at_rail ? TACTILED_SATURATED : TACTILED_MISSING_CHANNEL});
             EXPECT_TRUE(std::isnan(estimate.residual));
-            // Normal from a pair instead of two; the shear of the whole pair as before; that of the lone hair,
-            // b tau = -+(r - a sigma): noise of 1 + 1/2 instead of 1/2.
+            // Normal stress from a pair instead of two; the shear of the whole pair is unchanged; that of the single
+            // hair is b tau = -+(r - a sigma): noise of 1 + 1/2 instead of 1/2.
             EXPECT_NEAR(estimate.sd[2], 1e-4 * std::numbers::sqrt2, 1e-9);
             EXPECT_NEAR(estimate.sd[dead % 2 == 0 ? 1 : 0], 1e-4, 1e-9);
             EXPECT_NEAR(estimate.sd[dead % 2 == 0 ? 0 : 1], 1e-4 * std::sqrt(3), 1e-9);
@@ -87,7 +87,8 @@ TEST_P(HairBy, TwoDeadHairsAreBad) {
     }
 }
 
-// Two sums of pairs must agree. A hair that is stuck at 0 is not found by its number, but the sample says so.
+// Two sums of pairs must agree. A hair that is stuck at 0 is not found by its number, but the sample reports a
+// disagreement.
 TEST_P(HairBy, SaysDisagreementWhereAHairIsStuck) {
     const auto decoupler = make_decoupler(paper(GetParam()));
     auto reading = HairSensor::ideal().reading({1200, 700, -900});
@@ -107,7 +108,7 @@ TEST_P(HairBy, NoiseAloneIsNoDisagreement) {
         ASSERT_EQ(estimate.quality, TACTILED_GOOD);
         squares += estimate.residual * estimate.residual;
     }
-    EXPECT_NEAR(std::sqrt(squares / 100000), 1.0, 0.01);  // it is in standard deviations
+    EXPECT_NEAR(std::sqrt(squares / 100000), 1.0, 0.01);  // the residual is in standard deviations
 }
 
 TEST_P(HairBy, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
@@ -127,7 +128,7 @@ TEST_P(HairBy, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
                 ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality != TACTILED_BAD);
             if (estimate.quality != TACTILED_GOOD) { ASSERT_NE(estimate.reasons, 0u); }
         }
-        expect_force(decouple(*decoupler, {0, 0, 0, 0}), {0, 0, 0}, leaks ? 1 : 1e-9);  // nothing is remembered
+        expect_force(decouple(*decoupler, {0, 0, 0, 0}), {0, 0, 0}, leaks ? 1 : 1e-9);  // no state remains
     }
 }
 
@@ -144,7 +145,7 @@ TEST_P(HairBy, TheOrderOfTheChannelsIsFree) {
                         1e-12);
 }
 
-// What the fit makes goes through a calibration file to the last bit.
+// The result of the fit passes through a calibration file to the last bit.
 TEST_P(HairBy, ReadsItsCalibrationFile) {
     const auto session = hair_session(HairSensor::asymmetric(8, 1), 300, 16);
     Calibration calibration = fitted_hair(GetParam(), rows_of(session));
@@ -236,10 +237,10 @@ TEST(Hair, RefusesCalibrationsThatItCannotUse) {
     says(c, "leak terms are too large");
     c = paper("matrix");
     for (auto& row : c.tables["gains"]) row[1] = 0;
-    says(c, "cannot tell the stresses apart");
+    says(c, "do not determine the stresses");
     c = paper("sum_diff");
     c.tables["gains"][2][0] = -kHairNormal;
-    says(c, "SUM says nothing");
+    says(c, "SUM has no meaning");
     c = paper("matrix");
     c.tables["noise"][0][1] = 0;
     says(c, "table noise");

@@ -133,7 +133,7 @@ TEST_F(LoadCell, LoadsThatTheCalibrationShowedOneByOneMayComeTogether) {
         Wrench wrench;
         for (double& component : wrench) component = std::uniform_real_distribution<double>(-10, 10)(random);
         const auto channel = reading(wrench);
-        // Beyond the range of a channel, or beyond the full scale by noise, is another reason.
+        // A reading beyond the range of a channel, or beyond the full scale by noise, has another reason.
         bool in_range = true;
         for (std::size_t k = 0; k < 8; ++k)
             in_range = in_range && channel[k] >= calibration.channel_least[k] && channel[k] <= calibration.channel_most[k];
@@ -145,7 +145,7 @@ TEST_F(LoadCell, LoadsThatTheCalibrationShowedOneByOneMayComeTogether) {
     EXPECT_EQ(good, total);
 }
 
-// Loads that were averaged, and samples of one conversion each.
+// Averaged loads, and samples of one conversion each.
 TEST_F(LoadCell, NoiseOfAQuarterOfAPercentOfTheRangeIsInside) {
     const auto calibration = fit(labelled, {.model = "generic", .method = "matrix", .serial = "", .date = ""}).calibration;
     ASSERT_GT(calibration.joint_domain.limit, 0);
@@ -168,7 +168,7 @@ TEST_F(LoadCell, AGaugeThatDiedUnderLoadIsOutside) {
     for (std::size_t dead = 0; dead < 8; ++dead)
         for (const auto& row : labelled.rows) {
             auto channel = row.channel;
-            if (std::abs(channel[dead]) < 0.3) continue;  // does it move at all under this load?
+            if (std::abs(channel[dead]) < 0.3) continue;  // skips loads under which it hardly changes
             channel[dead] = 0;
             ++total;
             good += decouple(*decoupler, channel).quality == TACTILED_GOOD;

@@ -1,4 +1,4 @@
-// Calibrations and readings made by hand, for the tests of the models.
+// Hand-made calibrations and readings, for the tests of the models.
 #pragma once
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -35,7 +35,7 @@ inline Calibration table_calibration(std::vector<std::string> channels) {
 inline std::vector<std::string> inner_gauges() { return {"R1", "R3", "R5", "R7"}; }
 inline std::vector<std::string> all_gauges() { return {"R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8"}; }
 
-// Why a calibration is refused that must be.
+// Returns the reason why a calibration that must be refused is refused.
 inline std::string refusal(const Calibration& calibration, const std::string& method = "") {
     DecouplerFault fault;
     EXPECT_EQ(make_decoupler(calibration, method, 0, fault), nullptr);
@@ -48,7 +48,7 @@ inline Estimate decouple(Decoupler& decoupler, const std::vector<double>& channe
     return decoupler.decouple({.channel = channel, .missing = missing, .saturated = saturated});
 }
 
-// A file that is gone when the test ends.
+// A file that is removed at the end of the test.
 class ScratchFile {
 public:
     explicit ScratchFile(const std::string& text) {

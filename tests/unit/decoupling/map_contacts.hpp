@@ -1,6 +1,6 @@
-// Contacts on the table sensor in S, and what its gauges read of them. The readings come from the same table as the solver's
-// map, but between its nodes by another interpolation (four-point Lagrange along rings and radii, not a spline), or from
-// nodes that the map does not have.
+// Contacts on the table sensor in S, and the readings of its gauges. The readings come from the same table as the
+// solver's map, but with another interpolation between its nodes (four-point Lagrange along rings and radii, not a
+// spline), or from nodes that the map does not have.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -30,7 +30,7 @@ inline std::size_t node(int ring, int angle) {
     return ring == 0 ? 0 : std::size_t(1 + (ring - 1) * kAngles + (angle % kAngles + kAngles) % kAngles);
 }
 
-// What the values at -1 0 1 2 weigh at t, 0 .. 1.
+// Returns the weights of the values at -1 0 1 2 for t, 0 .. 1.
 inline std::array<double, 4> lagrange(double t) {
     return {-t * (t - 1) * (t - 2) / 6, (t + 1) * (t - 1) * (t - 2) / 2, -(t + 1) * t * (t - 2) / 2,
             (t + 1) * t * (t - 1) / 6};
@@ -41,7 +41,7 @@ struct Contact {
     std::array<double, 3> force_N;
 };
 
-// What R1 .. R8 strain.
+// Returns the strains of R1 .. R8.
 inline std::vector<double> strains(const Contact& contact) {
     const double r = std::hypot(contact.x_m, contact.y_m) / kSpacing_m;
     double turn = std::atan2(contact.y_m, contact.x_m) / (2 * std::numbers::pi) * kAngles;
@@ -59,7 +59,7 @@ inline std::vector<double> strains(const Contact& contact) {
     return result;
 }
 
-// Anywhere within max_m of the middle, with up to shear_N in any direction.
+// Returns a contact anywhere within max_m of the middle, with up to shear_N in any direction.
 inline Contact random_contact(std::mt19937_64& random, double max_m, double press_N = 1, double shear_N = 0.5) {
     std::uniform_real_distribution<double> unit(0, 1);
     const double r = max_m * std::sqrt(unit(random)), angle = 2 * std::numbers::pi * unit(random);
@@ -74,7 +74,7 @@ inline double rms(const std::vector<double>& values) {
 }
 
 struct Error {
-    double point_m, force, normal;  // force: of the vector's length
+    double point_m, force, normal;  // force: magnitude of the vector
 };
 inline Error error_of(const Estimate& estimate, const Contact& truth) {
     const auto& w = estimate.wrench_S;
@@ -83,7 +83,7 @@ inline Error error_of(const Estimate& estimate, const Contact& truth) {
             std::hypot(w[0] - f[0], w[1] - f[1], w[2] - f[2]) / std::hypot(f[0], f[1], f[2]), std::abs(w[2] / f[2] - 1)};
 }
 
-// Of values of which there is one at least.
+// Percentiles of at least one value.
 struct Percentiles {
     double p50, p90, p95, p99;
     explicit Percentiles(std::vector<double> v) {
@@ -103,7 +103,7 @@ inline double share_below(const std::vector<double>& values, double limit) {
            double(values.size());
 }
 
-enum class Noise { kNone, kOfTheMean, kOfEach };  // of 1 %: of the gauges' rms, or of each gauge's reading
+enum class Noise { kNone, kOfTheMean, kOfEach };  // noise of 1 %: of the gauges' rms, or of each gauge's reading
 
 inline std::vector<double> noisy(std::vector<double> reading, Noise noise, std::mt19937_64& random) {
     std::normal_distribution<double> one(0, 0.01);

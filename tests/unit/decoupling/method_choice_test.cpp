@@ -1,4 +1,4 @@
-// When method "auto" changes its method, in simulated time: a machine is a function from time to how slow it is.
+// Changes of method by method "auto", in simulated time: a machine is a function from time to slowness.
 #include "decoupling/method_choice.hpp"
 
 #include <gtest/gtest.h>
@@ -17,13 +17,14 @@ namespace {
 
 constexpr std::uint64_t kSecond = MethodChoice::kSecond, kHour = MethodChoice::kHourNs;
 
-// Samples on a machine: `slowness(t_s, method)` times its expected cost each, one timed sample each `period_ns`.
+// Samples on a machine: each takes `slowness(t_s, method)` times its expected cost; one timed sample each
+// `period_ns`.
 struct Machine {
     std::vector<double> us;
     double budget_us;
     std::uint64_t period_ns = 8'000'000;  // 1 kHz, one in eight
     MethodChoice choice{us, budget_us};
-    std::uint64_t t_ns = 77 * kHour;  // as long as the machine is up
+    std::uint64_t t_ns = 77 * kHour;  // uptime of the machine
     std::uint64_t timed = 0, over = 0;
     std::vector<std::uint64_t> steps_ns{};
 
@@ -40,7 +41,7 @@ struct Machine {
     void during(double seconds, const std::function<double(double, std::size_t)>& slowness) {
         until(t_ns + std::uint64_t(seconds * 1e9), slowness);
     }
-    // The most steps within any hour.
+    // Largest number of steps within any hour.
     [[nodiscard]] std::size_t busiest_hour() const {
         std::size_t max = 0, first = 0;
         for (std::size_t i = 0; i < steps_ns.size(); ++i) {
@@ -125,7 +126,7 @@ TEST(MethodChoice, StaysDownWhileTheBetterMethodWouldNotFit) {
     EXPECT_EQ(machine.choice.steps(), 1u);
 }
 
-// The ratio is wrong: the better method never fits, and each try must fail.
+// The ratio is wrong: the better method never fits, and each attempt must fail.
 TEST(MethodChoice, TriesHalfAsOftenEachTimeItFails) {
     Machine machine{.us = {8, 2}, .budget_us = 10};
     machine.during(24 * 3600, [](double, std::size_t method) { return method == 0 ? 2.0 : 0.5; });
@@ -140,7 +141,7 @@ TEST(MethodChoice, TriesHalfAsOftenEachTimeItFails) {
                 100 * double(machine.over) / double(machine.timed));
 }
 
-// On and off with each period from seconds to hours: the worst that a load can do.
+// On and off with each period from seconds to hours: the worst case of a periodic load.
 TEST(MethodChoice, NoRhythmOfAHogMakesMoreThan17StepsAnHourAMethod) {
     std::size_t worst = 0;
     for (const double period_s : {0.5, 5.0, 11.0, 21.0, 30.0, 60.0, 300.0, 1200.0, 3700.0, 7300.0}) {
@@ -151,10 +152,10 @@ TEST(MethodChoice, NoRhythmOfAHogMakesMoreThan17StepsAnHourAMethod) {
         worst = std::max(worst, machine.busiest_hour());
     }
     std::printf("worst rhythm: %zu steps within an hour\n", worst);
-    EXPECT_GE(worst, 4u);  // it did something
+    EXPECT_GE(worst, 4u);  // there were steps
 }
 
-// A load that knows the rule: it strikes as soon as a step up was made.
+// An adversarial load: it begins as soon as a step up was made.
 TEST(MethodChoice, NotEvenALoadThatStrikesAfterEachStepUpDoes) {
     for (const std::size_t methods : {2u, 3u, 5u, 8u}) {
         std::vector<double> us;
@@ -176,10 +177,10 @@ RC_GTEST_PROP(MethodChoice, WhateverTheLoadDoesItNeverOscillatesAndStaysOnItsFro
     std::uniform_real_distribution<double> unit(0, 1);
     std::vector<double> us(n), wrong(n);
     for (std::size_t i = 0; i < n; ++i) us[i] = i == 0 ? 20 * unit(random) + 0.1 : us[i - 1] * (0.1 + 0.7 * unit(random));
-    for (double& each : wrong) each = std::pow(10, unit(random) - 0.5);  // what was measured is not what it takes
+    for (double& each : wrong) each = std::pow(10, unit(random) - 0.5);  // the measured cost is not the actual one
     Machine machine{.us = us, .budget_us = us[0] * std::pow(10, 3 * unit(random) - 2)};
     machine.period_ns = std::uint64_t(1e6 * std::pow(10, 2 * unit(random)));
-    // Stretches of load, log-uniform from milliseconds to hours, with noise and preemptions on top.
+    // Stretches of load, log-uniform from milliseconds to hours, with additional noise and preemptions.
     double slow = 1, preempted = 0, until_s = 0;
     const auto load = [&](double t_s, std::size_t method) {
         if (t_s > until_s) {
@@ -190,7 +191,8 @@ RC_GTEST_PROP(MethodChoice, WhateverTheLoadDoesItNeverOscillatesAndStaysOnItsFro
         return wrong[method] * slow * (unit(random) < preempted ? 1000 : 0.9 + 0.2 * unit(random));
     };
     for (int hour = 0; hour < 3; ++hour) {
-        machine.during(3600.0 * double(machine.period_ns) / 1e8 + 60, load);  // about as many samples whatever the rate
+        // about the same number of samples for any rate
+        machine.during(3600.0 * double(machine.period_ns) / 1e8 + 60, load);
         RC_ASSERT(machine.choice.now() < n);
     }
     RC_ASSERT(machine.busiest_hour() <= 17 * (n - 1));

@@ -1,4 +1,5 @@
-// The methods of model "generic" beyond its matrix: they find what is bent, go on straight outside, and stay finite.
+// The methods of model "generic" beyond its matrix: they model nonlinear sensors, continue linearly outside, and stay
+// finite.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +15,7 @@
 namespace tactiled {
 namespace {
 
-// Three channels that see fx and fz, bent: a bowl, a product and a wave.
+// Three nonlinear channels that respond to fx and fz: a bowl, a product and a wave.
 std::vector<double> bent(double fx, double fz) {
     return {fx + 0.3 * fz * fz, fz + 0.2 * fx * fz, 0.5 * fx - fz + 0.3 * std::sin(3 * fx)};
 }
@@ -48,7 +49,8 @@ TEST(Nonlinear, EachFindsWhatTheMatrixCannot) {
     EXPECT_LT(fitted("mlp", rows).components[0].held_out_rms, 0.03);
 }
 
-// The loops go in pairs and in eights: each size that leaves a rest, against the formulas of decoupling/README.md.
+// The loops process pairs and groups of eight: each size with a remainder, against the formulas of
+// decoupling/README.md.
 TEST(Nonlinear, TheFormulasHoldForAnyNumberOfChannelsComponentsAndCentres) {
     std::mt19937_64 random(9);
     std::uniform_real_distribution<double> uniform(-1, 1);
@@ -143,12 +145,12 @@ TEST(Nonlinear, IsFiniteOrBadForAnyBits) {
             else
                 EXPECT_TRUE(std::isfinite(e.wrench_S[0]) && std::isfinite(e.wrench_S[2])) << method;
         }
-        // Nothing of it is remembered.
+        // No state remains.
         EXPECT_NEAR(decouple(*decoupler, bent(0.3, -0.4)).wrench_S[2], -0.4, 0.1);
     }
 }
 
-// In rows with and without a label, and with errors on both sides of Huber's bend.
+// In rows with and without a label, and with errors on both sides of the limit of Huber's loss.
 TEST(Nonlinear, ANetworksDerivativesAreThoseOfDifferences) {
     std::srand(2);
     MlpRows rows{Eigen::MatrixXd::Random(20, 3), 3 * Eigen::MatrixXd::Random(20, 2)};
@@ -171,12 +173,12 @@ TEST(Nonlinear, ANetworksDerivativesAreThoseOfDifferences) {
 
 TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
     const FitReport report = fitted("auto", bent_rows(1000, 1e-3));
-    EXPECT_FALSE(report.warnings.empty());  // one session: each method says so
+    EXPECT_FALSE(report.warnings.empty());  // one session: each method warns
     for (const auto& warning : report.warnings)
         EXPECT_EQ(std::count(report.warnings.begin(), report.warnings.end(), warning), 1) << warning;
     EXPECT_EQ(report.methods.size(), 4u);
     EXPECT_LE(report.suspects.size(), 5u);  // 0.5 % of rows that are all good
-    // The method with the smallest error on held-out rows, mean over the components in full scales.
+    // Finds the method with the smallest error on held-out rows, mean over the components relative to full scale.
     std::string best;
     double min = std::numeric_limits<double>::infinity();
     for (const auto& each : report.methods) {
@@ -201,11 +203,12 @@ TEST(Auto, FitsAllKeepsAllAndPutsTheMostAccurateFirst) {
         const auto decoupler = make_decoupler(back, method);
         ASSERT_NE(decoupler, nullptr);
         EXPECT_EQ(decoupler->method(), method);
-        // To the last bit what was fitted.
+        // Equal to the fitted one to the last bit.
         const auto direct = make_decoupler(report.calibration, method);
         EXPECT_EQ(decouple(*decoupler, bent(0.5, 0.5)).wrench_S[2], decouple(*direct, bent(0.5, 0.5)).wrench_S[2]);
     }
-    // With time enough the most accurate, with none the fastest: of costs that are given, as a busy machine may measure any.
+    // With enough time the most accurate, with none the fastest; the costs are given, because a busy machine may
+    // measure any.
     std::vector<MethodCost> costs{{"matrix", 0.05}, {"quadratic", 0.2}, {"rbf", 2}, {"mlp", 4}};
     EXPECT_EQ(make_auto_method(back, 1e4, costs, fault)->method(), best);
     EXPECT_EQ(make_auto_method(back, 1e-6, costs, fault)->method(), "matrix");
@@ -225,7 +228,7 @@ TEST(Auto, WeighsEachComponentByItsFullScaleAndItsSlope) {
                      : fit.method == "matrix" ? std::vector{1.0, 0.1}
                                               : std::vector{90.0, 2.0};
             fit.sd_slope = {0, fit.method == "rbf" ? slope_of_rbf : 0.0};
-            fit.held_out_rms.clear();  // of a file that has none
+            fit.held_out_rms.clear();  // like a file without it
         };
         set(calibration);
         for (Fit& other : calibration.others) set(other);
@@ -238,7 +241,7 @@ TEST(Auto, WeighsEachComponentByItsFullScaleAndItsSlope) {
     EXPECT_EQ(chosen(), "matrix");
 }
 
-// The matrix of a fit of "quadratic" errs ten times more than the quadratic: its standard deviation would be a lie.
+// The matrix of a fit of "quadratic" has ten times the error of the quadratic: its standard deviation would be wrong.
 TEST(Auto, AMethodThatWasNotFittedHasNoStandardDeviation) {
     const Calibration quadratic = fitted("quadratic", bent_rows(500, 1e-3)).calibration;
     const Estimate own = decouple(*make_decoupler(quadratic), bent(0.5, 0.5));
@@ -249,7 +252,7 @@ TEST(Auto, AMethodThatWasNotFittedHasNoStandardDeviation) {
     EXPECT_TRUE(std::isnan(other.sd[2]));
 }
 
-// Nothing of a session is known to the calibration that it judges, not even how far its channels went.
+// No information of a held-out session is in the calibration that judges it, not even the range of its channels.
 TEST(Nonlinear, HeldOutRowsAreJudgedByACalibrationThatNeverSawThem) {
     for (const char* method : {"matrix", "quadratic", "rbf"}) {
         Labelled both = bent_rows(1000, 1e-3), first = both;
@@ -275,7 +278,7 @@ TEST(Nonlinear, RefusesRowsThatAreTooFew) {
     const Labelled few = bent_rows(29, 1e-3);
     EXPECT_THROW((void)fitted("quadratic", few), Undetermined);  // 10 coefficients
     EXPECT_NO_THROW((void)fitted("matrix", few));
-    // Many rows of few loads are few.
+    // Many rows of few loads count as few.
     Labelled posed = bent_rows(29, 1e-3);
     const auto poses = posed.rows;
     posed.rows.clear();
@@ -284,7 +287,7 @@ TEST(Nonlinear, RefusesRowsThatAreTooFew) {
     EXPECT_THROW((void)fitted("quadratic", posed), Undetermined);
     const FitReport report = fitted("matrix", posed);
     EXPECT_NE(report.calibration.validation.find("leave poses out (29 poses"), std::string::npos);
-    // Neighbours go together: one pose alone between two others is hardly unseen.
+    // Neighbours are in one group: a single pose between two others is hardly unknown.
     EXPECT_TRUE(std::is_sorted(report.held_out.begin(), report.held_out.end(),
                                [](const HeldOut& a, const HeldOut& b) { return a.row->line < b.row->line; }));
 }
@@ -309,7 +312,7 @@ TEST(Outliers, TwoSwappedLabelsAreNamedAndLeftOut) {
     EXPECT_NE(said.find("cell.csv:12"), std::string::npos) << said;
     EXPECT_NE(said.find("cell.csv:19"), std::string::npos) << said;
     EXPECT_LT(report.components[0].held_out_rms, 1e-3);
-    // A sensor that is bent has no outliers, however badly a straight line fits it.
+    // A nonlinear sensor has no outliers, however badly a straight line fits it.
     EXPECT_EQ(fitted("matrix", bent_rows(500, 1e-3)).calibration.rows, 500);
 }
 

@@ -20,7 +20,7 @@ double area(const Sector& sector, double R, double dx, double dy) {
     return area_at_rest(sector, R) + overlap(sector, R, dx, dy).change;
 }
 
-// The same area by brute force: what part of a fine polar grid lies in the disc. Knows no formula of the edge.
+// The same area by counting: the share of a fine polar grid in the disc. Uses no formula of the edge.
 double area_by_counting(const Sector& sector, double R, double dx, double dy, int n = 1500) {
     double sum = 0;
     const double dr = (sector.outer - sector.inner) / n, dt = 2 * sector.half_opening / n;
@@ -124,7 +124,7 @@ TEST(Curve, InvertsWithoutCancellation) {
     EXPECT_EQ(discriminant(94906265.625, 189812534.0, -94906268.375), 7.5625);  // H05
 }
 
-// H04: the falling electrode of eq. XXXIV. The reading 1.1776 pF is below any that the curve can have.
+// H04: the falling electrode of eq. XXXIV. The reading 1.1776 pF is below the minimum of the curve.
 TEST(Curve, EndsAtItsVertex) {
     const Curve shear(0.038, 0.0071, -3, 3);
     const auto force = shear.inverse(1.1776 - 1.2285);

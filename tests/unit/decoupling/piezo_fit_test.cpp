@@ -1,4 +1,4 @@
-// Calibrations of model "piezo" from labelled rows in time, and how well they read what they have not seen.
+// Calibrations of model "piezo" from labelled rows in time, and their errors on held-out rows.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -15,12 +15,12 @@
 namespace tactiled {
 namespace {
 
-// The thesis' curves (eq. XXXIII, XXXV) behind a leak and a converter, in steps of 0.1 ms: nothing of charge.hpp.
+// The thesis' curves (eq. XXXIII, XXXV) with a leak and a converter, in steps of 0.1 ms, without charge.hpp.
 struct FilmSensor {
     double tau_s = 0.8, window_s = 0.1003, noise_V = 1.4e-3, noise_pF = 3e-4, rate_Hz = 200;
-    double b = 0.2917, a = 0.0092;  // of the film
-    bool holds = true;              // Cn keeps its value until the next conversion; else one that is new in each row
-    bool slides = false;            // Cn is the mean of the last window_s at each row, with noise of its own
+    double b = 0.2917, a = 0.0092;  // curve of the film
+    bool holds = true;              // Cn keeps its value until the next conversion; else it has a new one in each row
+    bool slides = false;            // Cn is the mean of the last window_s at each row, with its own noise
     unsigned seed = 1;
 
     [[nodiscard]] double film_V(double N) const { return b * N + a * N * N; }
@@ -33,7 +33,7 @@ struct FilmSensor {
         std::normal_distribution<double> noise(0, 1);
         constexpr double kStep_s = 1e-4;
         const int per_row = int(std::lround(1 / (rate_Hz * kStep_s))), per_window = int(std::lround(window_s / kStep_s));
-        double q = film_V(press(0)), V = 0.3, sum = 0, held = centre_pF(press(0));  // V: the film's past
+        double q = film_V(press(0)), V = 0.3, sum = 0, held = centre_pF(press(0));  // V: the film's initial state
         std::deque<double> past;
         for (int i = 0; i * kStep_s < duration_s; ++i) {
             const double N = press(i * kStep_s);
@@ -107,7 +107,7 @@ TEST(PiezoFit, DerivativeByTheLeakIsThatOfDifferences) {
     std::uniform_real_distribution<double> any(0, 10);
     std::vector<double> t_s{5}, q{2};
     for (int i = 0; i < 300; ++i) {
-        t_s.push_back(t_s.back() + (i % 50 == 7 ? 0 : 1e-3 * any(random)));  // a jump now and then
+        t_s.push_back(t_s.back() + (i % 50 == 7 ? 0 : 1e-3 * any(random)));  // an occasional jump
         q.push_back(any(random));
     }
     for (const double tau_s : {2e-3, 0.05, 1.0, 1e3}) {
@@ -137,8 +137,8 @@ TEST(PiezoFit, FindsTheSensor) {
     }
 }
 
-// Thesis: 2.07 % of 10 N for its film. Its leak is 0.1 s or less; errors of one leak's time resemble each other, so that
-// 200 s are 2000 of them.
+// Thesis: 2.07 % of 10 N for its film. Its leak is 0.1 s or less; errors within one time constant of the leak are
+// correlated, so that 200 s have 2000 independent ones.
 TEST(PiezoFit, ReadsWhatItHasNotSeenAndStatesHowWell) {
     FilmSensor sensor{.tau_s = 0.1};
     Labelled labelled = nothing_yet(), other = nothing_yet();
@@ -163,17 +163,17 @@ TEST(PiezoFit, ReadsWhatItHasNotSeenAndStatesHowWell) {
                 10 * rms, 10 * report.components[0].held_out_rms, 100.0 * within / good);
     EXPECT_LT(10 * rms, 2.07);
     EXPECT_NEAR(report.components[0].held_out_rms / rms, 1, 0.3);
-    EXPECT_GT(double(within) / good, 0.63);  // and more: the deviation holds for the tails, too
+    EXPECT_GT(double(within) / good, 0.63);  // and more: the standard deviation is valid for the tails, too
     EXPECT_LT(beyond, good / 100);
     EXPECT_GT(good, int(other.rows.size()) - 30);  // one window after the start
 }
 
-// What is held out is a stretch, and the loop comes to it as it would have: not unloaded, not from Cn alone. The film tells
-// a press that sits between two conversions at the very first row of a stretch.
+// A stretch is held out, and the loop has its actual past there: it is not unloaded and does not start from Cn alone.
+// The film shows a press between two conversions at the very first row of a stretch.
 TEST(PiezoFit, AHeldOutStretchHasItsPast) {
     FilmSensor sensor{.window_s = 0.5};
     Labelled labelled = nothing_yet();
-    // 10 rows before each fifth begins (12 s), the press jumps: Cn knows nothing of it yet.
+    // 10 rows before each fifth begins (12 s), the press jumps: Cn does not contain it yet.
     sensor.record(
         labelled,
         [](double t) { return std::fmod(t + 0.05, 3.0) < 1.5 ? std::floor(std::fmod(t + 0.05, 12.0) / 3) + 1 : 7.0; }, 60);
@@ -185,7 +185,7 @@ TEST(PiezoFit, AHeldOutStretchHasItsPast) {
     }
 }
 
-// Its repeated loads would make poses, and one left out would leave holes in time.
+// Its repeated loads would make poses, and leaving one out would leave gaps in time.
 TEST(PiezoFit, ASquareWaveIsNotHeldOutByPoses) {
     FilmSensor sensor;
     Labelled labelled = nothing_yet();
@@ -201,15 +201,15 @@ TEST(PiezoFit, SessionsAndDiscontinuitiesAreNoSteps) {
     Labelled labelled = nothing_yet();
     labelled.sessions = {"monday", "tuesday"};
     sensor.record(labelled, steps(31), 30, 0, 1);
-    sensor.record(labelled, steps(32), 30, 0, 31.3);  // a break, and the film has another past after it
-    sensor.record(labelled, steps(33), 30, 1, 1);     // the clock begins anew
+    sensor.record(labelled, steps(32), 30, 0, 31.3);  // a gap, and the film has another past after it
+    sensor.record(labelled, steps(33), 30, 1, 1);     // the clock restarts
     const FitReport report = fitted(labelled);
     EXPECT_EQ(report.calibration.validation, "leave one session out (2 sessions)");
     expect_the_sensor(report.calibration, sensor, 0.005);
-    EXPECT_LT(report.components[0].held_out_rms, 0.3);  // N; the loop cannot know that the film lost its charge in a break
+    EXPECT_LT(report.components[0].held_out_rms, 0.3);  // N; the loop cannot know that the film lost its charge in a gap
 }
 
-// What the other session says of the leak is not in the error.
+// The other session's information on the leak is not in the error.
 TEST(PiezoFit, TheLeakIsFoundAnewWithoutThePart) {
     Labelled whole = nothing_yet(), part[2] = {nothing_yet(), nothing_yet()};
     whole.sessions = {"monday", "tuesday"};
@@ -231,7 +231,8 @@ TEST(PiezoFit, TheLeakIsFoundAnewWithoutThePart) {
     EXPECT_NEAR(fitted(whole).components[0].held_out_rms, expected_N, 1e-3 * expected_N);
 }
 
-// Cn lags for a window after each step: far from an affine map of the channels, in few rows, and just those that matter.
+// Cn is delayed by a window after each step: far from an affine map of the channels, in few rows, which are the
+// important ones.
 TEST(PiezoFit, RareStepsAreNoOutliers) {
     FilmSensor sensor;
     Labelled labelled = nothing_yet();
@@ -262,7 +263,7 @@ TEST(PiezoFit, AConverterThatIsNewInEachRowHasAWindowOfOneRow) {
     expect_the_sensor(report.calibration, sensor, 0.005);
 }
 
-// No value repeats, so how often a new one comes says nothing: what the curve leaves does.
+// No value repeats, so the rate of new values gives no information; the residual of the curve does.
 TEST(PiezoFit, FindsTheWindowOfARunningMeanBehindNoise) {
     FilmSensor sensor{.slides = true};
     Labelled labelled = nothing_yet();
@@ -283,9 +284,9 @@ TEST(PiezoFit, KeepsWhatIsStated) {
     EXPECT_NEAR(p.at("gain_b"), sensor.b, 0.03);
 }
 
-// ---- what a recording must contain
+// ---- requirements on a recording
 TEST(PiezoFit, SlowChangesDoNotDetermineTheGain) {
-    for (const double noise_V : {1.4e-3, 0.0}) {  // no noise hides it, but what the model leaves out would
+    for (const double noise_V : {1.4e-3, 0.0}) {  // no noise hides it, but the neglected effects would
         FilmSensor sensor{.noise_V = noise_V};
         Labelled labelled = nothing_yet();
         sensor.record(
@@ -340,7 +341,7 @@ TEST(PiezoFit, SaysWhatIsWrongWithTheRows) {
 
     labelled = good;
     for (auto& row : labelled.rows) row.wrench_S[0] = std::sin(double(row.line));
-    EXPECT_NE(refusal(labelled).find("sees fz and nothing else"), std::string::npos) << refusal(labelled);
+    EXPECT_NE(refusal(labelled).find("measures only fz"), std::string::npos) << refusal(labelled);
 
     labelled = nothing_yet();
     sensor.record(

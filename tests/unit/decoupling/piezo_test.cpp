@@ -35,7 +35,7 @@ Calibration piezo_calibration(double tau_s = 1.0) {
 double film_V(double N) { return 0.0092 * N * N + 0.2917 * N; }
 double centre_pF(double N) { return 0.0008 * N * N + 0.0405 * N + 1.3039; }
 
-// Linear curves, so that a sine stays one.
+// Linear curves, so that a sine remains one.
 Calibration linear_calibration(double tau_s) {
     Calibration calibration = piezo_calibration(tau_s);
     calibration.parameters["gain_a"] = calibration.parameters["normal_a"] = 0;
@@ -74,13 +74,13 @@ struct Response {
     Complex capacitive, film, fused;
 };
 
-// F = 5 + sin(2 pi f t); Vp is the exact steady state of s tau / (1 + s tau), Cn the exact mean of each tenth of a second,
-// seen from its end on. `tau_true` may differ from what the calibration says. 1 kHz.
+// F = 5 + sin(2 pi f t); Vp is the exact steady state of s tau / (1 + s tau), Cn the exact mean of each tenth of a
+// second, valid from its end on. `tau_true` may differ from the calibration. 1 kHz.
 Response response(double f, double tau_s, double tau_true) {
     const auto decoupler = make_decoupler(linear_calibration(tau_s));
     const double w = 2 * kPi * f, rate = 1000;
     const Complex high_pass = Complex(0, w * tau_true) / Complex(1, w * tau_true);
-    // A period that does not lock to the 10 Hz conversions; the start fades for 20 time constants.
+    // A period that does not lock to the 10 Hz conversions; the start decays for 20 time constants.
     const int settle = int(20 * std::max(tau_s, 1.0) * rate);
     const int n = int(std::ceil(20 / f) / 1 * rate) > 20000 ? int(20 / f * rate) : 20000;
     Complex sums[3];
@@ -92,7 +92,7 @@ Response response(double f, double tau_s, double tau_true) {
         const double mean = 5 + (std::cos(w * (end - kWindow_s)) - std::cos(w * end)) / (w * kWindow_s);
         const double fused = press_of(*decoupler, t, V + 0.0768, 0.0405 * mean + 1.3039);
         if (i < settle) continue;
-        const Complex turn = std::polar(1.0, -w * t) * Complex(0, 2);  // of sin: amplitude 1, phase 0
+        const Complex turn = std::polar(1.0, -w * t) * Complex(0, 2);  // for sin: amplitude 1, phase 0
         sums[0] += (mean - 5) * turn;
         sums[1] += V / 0.2917 * turn;
         sums[2] += (fused - 5) * turn;
@@ -121,7 +121,8 @@ TEST(Piezo, FusedGainIsOneAndPhaseIsZeroFromATenthTo100Hz) {
     }
 }
 
-// The thesis' film returns to 0 within a half period of 1.66 Hz, so its tau is at most 0.1 s: no longer than the window.
+// The thesis' film returns to 0 within a half period of 1.66 Hz, so its tau is at most 0.1 s: not longer than the
+// window.
 TEST(Piezo, AShortLeakIsFusedToo) {
     for (const double f : {0.1, 0.55, 1.66, 4.05, 15.05, 60.05}) {
         const Response exact = response(f, 0.1, 0.1);
@@ -179,7 +180,7 @@ TEST(Piezo, FollowsASteadyForceAndAStepAtOnce) {
         const int windows = int(std::floor((t + 1e-9) / kWindow_s));
         const double seen = centre_pF(windows * kWindow_s <= 2.0 + 1e-9 ? 1 : 6);
         const double press = press_of(*decoupler, t, V + 0.0768, seen);
-        EXPECT_NEAR(press, N, 0.01) << t;  // N; the step falls between two frames: half of 1 ms of leak
+        EXPECT_NEAR(press, N, 0.01) << t;  // N; the step is between two frames: half of 1 ms of leak
     }
 }
 
@@ -198,24 +199,24 @@ TEST(Piezo, FramesMayComeUnevenly) {
         const double press = press_of(*decoupler, t, V + 0.0768, 0.0405 * mean + 1.3039);
         if (t > 20) worst = std::max(worst, std::abs(press - 5 - std::sin(w * t)));
     }
-    // N of an amplitude of 1; a frame comes up to 5 ms after the conversion ended, which the window cannot know.
+    // N for an amplitude of 1; a frame comes up to 5 ms after the conversion ended, which the window cannot know.
     EXPECT_LT(worst, 0.05);
     std::printf("uneven frames, 0.1 to 5 ms: worst %.4f of the amplitude\n", worst);
 }
 
-// ---- time that does not pass as it should
+// ---- irregular times
 TEST(Piezo, ADiscontinuityARepeatedOrABackwardTimeDoesNotPoisonIt) {
     const auto reference = make_decoupler(linear_calibration(1.0));
     const auto decoupler = make_decoupler(linear_calibration(1.0));
     const auto feed = [&](double t, double V, double pF) { return press_of(*decoupler, t, V + 0.0768, pF + 1.3039); };
     for (int i = 0; i < 1000; ++i) feed(i * 1e-3, 0, 0.0405);
     EXPECT_NEAR(feed(0.999, 0.2917, 0.0405), 2, 1e-6);  // same time: a jump of 1 N
-    EXPECT_NEAR(feed(0.5, 0, 0.081), 2, 1e-9);          // back in time: begins anew, from Cn
-    EXPECT_NEAR(feed(50, 1.0, 0.1215), 3, 1e-9);        // a break longer than the leak: begins anew
+    EXPECT_NEAR(feed(0.5, 0, 0.081), 2, 1e-9);          // back in time: restarts from Cn
+    EXPECT_NEAR(feed(50, 1.0, 0.1215), 3, 1e-9);        // a gap longer than the leak: restarts
     Estimate estimate;
     press_of(*decoupler, 50.001, 1.0, 1.3039 + 0.1215, &estimate);
     EXPECT_NE(estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);  // until a window has passed
-    // ... and from then on as one that never saw any of it.
+    // ... and from then on equal to one without any of it.
     double press = 0, wanted = 0;
     for (int i = 0; i < 20000; ++i) {
         press = feed(50.002 + i * 1e-3, 0, 0.0405);
@@ -259,7 +260,7 @@ TEST(Piezo, IsFiniteOrBadForAnyBitsAndRecoversFromThem) {
             ASSERT_EQ(std::isfinite(estimate.wrench_S[2]), estimate.quality != TACTILED_BAD);
             if (estimate.quality == TACTILED_GOOD) { ASSERT_LT(std::abs(estimate.wrench_S[2]), 11); }
         }
-        // Sound readings again: within 20 time constants all is as if nothing had been.
+        // Valid readings again: within 20 time constants the state is as if nothing had happened.
         t += 100;
         double press = 0;
         for (int i = 0; i < 25000; ++i) press = press_of(*decoupler, t + i * 1e-3, 0.0768, centre_pF(4));
@@ -267,7 +268,7 @@ TEST(Piezo, IsFiniteOrBadForAnyBitsAndRecoversFromThem) {
     }
 }
 
-// No break, no BAD sample in between: what a running sum would never lose (hard case H21).
+// No gap and no BAD sample in between: a running sum would never lose the error (hard case H21).
 TEST(Piezo, ASpikeOfOneSampleIsForgotten) {
     for (const double spike : {1e17, -1e200}) {
         const auto decoupler = make_decoupler(piezo_calibration(1.0));

@@ -1,4 +1,4 @@
-// Calibrations that forget their oldest rows.
+// Calibrations with forgetting.
 #include "decoupling/fit/recursive.hpp"
 
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@
 namespace tactiled {
 namespace {
 
-// 4000 rows of three channels with a large rest; from the middle on the first gain is 2 instead of 1.
+// 4000 rows of three channels with a large value at rest; from the middle on the first gain is 2 instead of 1.
 Labelled drifting() {
     Labelled labelled;
     labelled.name = "drifting.csv";
@@ -46,7 +46,7 @@ TEST(Forget, TheNewestRowsDecide) {
     EXPECT_NEAR(newest[0], 2, 0.01);  // noise 0.01 over a hundred rows, spread 0.58
     EXPECT_NEAR(newest[1], -0.5, 0.01);
     EXPECT_NEAR(newest[2], 1.0 / 30, 0.01 / 30);
-    EXPECT_EQ(forget, 0.99);  // the file says so
+    EXPECT_EQ(forget, 0.99);  // recorded in the file
 }
 
 TEST(Forget, NothingIsTheFitOfAllRows) {
@@ -59,7 +59,7 @@ TEST(Forget, OutsideOfItsRangeIsRefused) {
     EXPECT_THROW((void)gains({{"forget", 0.1}}), Undetermined);
 }
 
-// Two directions, one of them excited: the other stays where it was, for as long as nothing says more.
+// Two directions, one of them excited: the other keeps its start value as long as the rows have no information on it.
 TEST(Forget, WhatNothingExcitesKeepsItsStart) {
     RecursiveLeastSquares recursive(Eigen::Vector2d(3, 7), 0.9);
     for (int i = 0; i < 100'000; ++i) recursive.update(Eigen::Vector2d(std::sin(i), 0), 5 * std::sin(i));

@@ -1,4 +1,4 @@
-// Models, methods and fits are found by their entries alone: those of tests/toys as those of the product.
+// Models, methods and fits are found by their entries alone: those of tests/toys like those of the product.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -84,7 +84,7 @@ TEST(Registration, AMethodInOneFileRunsBesideThoseOfItsModel) {
     EXPECT_EQ(decoupler->method(), "cubic");
     // u = (1, 3) at (3, 3): 2 * 2 from the matrix, 8 + 27 from the cubes.
     EXPECT_EQ(decouple(*decoupler, {3, 3}).wrench_S[2], 4 + 8 + 27);
-    // Its table is no unknown name to another method of the model, which does not read it.
+    // Its table is not an unknown name to another method of the model, which does not read it.
     const Estimate matrix = decouple(*make_decoupler(cubic_calibration(), "matrix"), {3, 3});
     EXPECT_EQ(matrix.wrench_S[2], 4);
     EXPECT_EQ(matrix.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY});
@@ -126,7 +126,7 @@ TEST(Registration, AMisspeltMethodIsRefusedWithTheKnownNames) {
     EXPECT_EQ(make_decoupler(cubic_calibration(), "qubic", 0, fault), nullptr);
     EXPECT_EQ(fault.key, "method");
     expect_says(fault.text, {"\"qubic\"", "matrix quadratic cubic rbf mlp (or auto)", "did you mean \"cubic\"?"});
-    // In the calibration's file, whatever the configuration asks for.
+    // An error in the calibration's file, whatever method the configuration selects.
     Calibration misspelt = cubic_calibration(), beside = cubic_calibration();
     misspelt.method = "qubic";
     beside.others.emplace_back(beside).method = "qubic";

@@ -1,4 +1,4 @@
-// The calibrations and recordings that ship with the project are what their comments say.
+// The shipped calibrations and recordings are as their comments state.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ Calibration loaded(const std::string& name) {
     return calibration;
 }
 
-// Every row of a recording through the calibration: what `each` is called with.
+// Calls `each` for every row of a recording with its estimate by the calibration.
 template <typename Each>
 void decouple_file(const Calibration& calibration, const std::string& path, Each each) {
     const auto decoupler = make_decoupler(calibration);
@@ -42,7 +42,7 @@ TEST(Shipped, SkinIsTheFitOfSessionOne) {
             .calibration;
     ASSERT_EQ(shipped.channels, fitted.channels);
     for (std::size_t k = 0; k < fitted.channels.size(); ++k) {
-        EXPECT_NEAR(shipped.matrix[0][k], fitted.matrix[0][k], 1e-12);  // N a uT; condition 708 times rounding
+        EXPECT_NEAR(shipped.matrix[0][k], fitted.matrix[0][k], 1e-12);  // N per uT; condition 708 times rounding
         EXPECT_NEAR(shipped.zero[k], fitted.zero[k], 1e-9);             // uT
     }
     EXPECT_NEAR(shipped.sd[0], fitted.sd[0], 1e-9);
@@ -84,11 +84,11 @@ TEST(Shipped, SkinDemoIsPressedTwice) {
 
 TEST(Shipped, TableDemoRestsPressesAndCircles) {
     const Calibration calibration = loaded("table_documents.toml");
-    EXPECT_TRUE(calibration.sd.empty());  // nobody measured it
+    EXPECT_TRUE(calibration.sd.empty());  // it was not measured
     decouple_file(calibration, kRoot + "/config/demo/table_demo.csv", [&](double t_s, const Estimate& estimate) {
         const auto& f = estimate.wrench_S;
         ASSERT_EQ(estimate.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY}) << t_s;
-        const double noise_N = 0.01;  // 20 ppm is 1 mN a tangential force; 6 sigma
+        const double noise_N = 0.01;  // 20 ppm is 1 mN for a tangential force; 6 sigma
         if (t_s < 2 || t_s > 18) {
             ASSERT_NEAR(std::hypot(f[0], f[1], f[2]), 0, noise_N) << t_s;
         } else if (t_s > 6.5 && t_s < 14) {
@@ -103,7 +103,7 @@ TEST(Shipped, TableDemoRestsPressesAndCircles) {
 // The paper's figures of the pairs: 7.1e-4 /kPa of SUM and 1.5e-3 /kPa of DIFF, printed to two digits.
 TEST(Shipped, HairDocumentsHaveThePapersSensitivities) {
     const Calibration calibration = loaded("hair_documents.toml");
-    EXPECT_TRUE(calibration.sd.empty());  // nobody measured it under combined load
+    EXPECT_TRUE(calibration.sd.empty());  // it was not measured under combined load
     const auto decoupler = make_decoupler(calibration);
     const double area_m2 = 2.827e-5;
     const auto expect = [&](const std::vector<double>& hairs, double fx_Pa, double fy_Pa, double fz_Pa, double within_Pa) {
@@ -115,7 +115,7 @@ TEST(Shipped, HairDocumentsHaveThePapersSensitivities) {
         EXPECT_NEAR(estimate.wrench_S[2] / area_m2, fz_Pa, within_Pa);
     };
     expect({0, 0, 0, 0}, 0, 0, 0, 1e-9);
-    expect({3.55e-4, 3.55e-4, 3.55e-4, 3.55e-4}, 0, 0, -1000, 60);  // 6 %: of a mean of hairs that differ
+    expect({3.55e-4, 3.55e-4, 3.55e-4, 3.55e-4}, 0, 0, -1000, 60);  // 6 %: the mean of hairs that differ
     expect({-7.5e-4, 0, 7.5e-4, 0}, 1000, 0, 0, 60);
     // 1.5 kPa of press, 0.8 kPa of shear at 150 degrees, by eq. 14
     const double sigma = 3.74e-7 * 1500, tau = 7.91e-7 * 800, c = std::cos(2.6179938779915), s = std::sin(2.6179938779915);
@@ -124,7 +124,7 @@ TEST(Shipped, HairDocumentsHaveThePapersSensitivities) {
 
 TEST(Shipped, CapacitiveDocumentsHaveTheThesisCurves) {
     const Calibration calibration = loaded("capacitive_documents.toml");
-    EXPECT_TRUE(calibration.sd.empty());  // nobody measured it under combined load
+    EXPECT_TRUE(calibration.sd.empty());  // it was not measured under combined load
     const auto decoupler = make_decoupler(calibration);
     const auto side = [](double F) { return 0.0071 * F * F + 0.038 * F + 1.2285; };  // eq. XXXIV
     for (const double N : {0.0, 0.4, 5.0, 10.0})
@@ -137,11 +137,12 @@ TEST(Shipped, CapacitiveDocumentsHaveTheThesisCurves) {
                 EXPECT_NEAR(estimate.wrench_S[1], fy, 1e-9);
                 EXPECT_NEAR(estimate.wrench_S[2], -N, 1e-9);
             }
-    // At the curve's end no more than the header says: its mean slopes.
+    // At the curve's end the error is within the header's statement: its mean slopes.
     EXPECT_NEAR(decouple(*decoupler, {1.2285, 1.2285, 1.2285, 1.2285, 1.3039 + 0.485}).wrench_S[2], -10, 1e-9);
 }
 
-// The thesis' square wave of 1.66 Hz to 10 N: Cn holds it, Vp shows its edges only, and both together the force at once.
+// The thesis' square wave of 1.66 Hz to 10 N: Cn holds it, Vp shows only its edges, and both together the force at
+// once.
 TEST(Shipped, PiezoDocumentsHaveTheThesisCurves) {
     const Calibration calibration = loaded("piezo_documents.toml");
     EXPECT_TRUE(calibration.sd.empty());
@@ -151,7 +152,7 @@ TEST(Shipped, PiezoDocumentsHaveTheThesisCurves) {
         const double N = i < 1000 || std::fmod(i * 1.66e-3, 1.0) < 0.5 ? 0 : 10;
         const double q = 0.0092 * N * N + 0.2917 * N;                           // eq. XXXV
         V = V * std::exp(-1e-3 / 0.1) + (q - drive) * std::exp(-0.5e-3 / 0.1);  // between two frames
-        if (q < drive) min_V = std::min(min_V, std::abs(V + drive));            // what was left of the edge before
+        if (q < drive) min_V = std::min(min_V, std::abs(V + drive));            // rest of the previous edge
         drive = q;
         sum += 0.0008 * N * N + 0.0405 * N;
         if (i % 100 == 99) {

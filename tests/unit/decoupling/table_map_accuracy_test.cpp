@@ -1,4 +1,5 @@
-// Method "map" against finite elements: how far off it is over the plate, beside method "linear" and what noise allows.
+// Method "map" against finite elements: its error over the plate, compared with method "linear" and with the limit by
+// noise.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
@@ -30,7 +31,7 @@ TEST(TableMap, FindsPointAndForceAnywhereBetweenTheNodes) {
         for (int i = 0; i < samples; ++i) {
             const Contact truth = random_contact(random, 0.9e-3);
             const auto reading = noisy(strains(truth), noise, random);
-            (void)map->decouple({.channel = {}});  // another device: forgets the last point
+            (void)map->decouple({.channel = {}});  // another device: clears the last point
             const Estimate estimate = decouple(*map, reading);
             const Error error = error_of(estimate, truth);
             points.push_back(error.point_m);
@@ -72,7 +73,7 @@ TEST(TableMap, FindsPointAndForceAnywhereBetweenTheNodes) {
     }
 }
 
-// First touches, each searched for over the whole plate: a wrong minimum is not marked GOOD.
+// First touches, each searched over the whole plate: a wrong minimum is not marked GOOD.
 TEST(TableMap, NoFirstTouchIsGoodAndFarOff) {
     const auto map = make_decoupler(map_calibration());
     for (const Noise noise : {Noise::kNone, Noise::kOfEach, Noise::kOfTheMean}) {
@@ -105,13 +106,13 @@ TEST(TableMap, NoFirstTouchIsGoodAndFarOff) {
                                               : "1 % of the rms",
                     good, touches, far);
         EXPECT_GT(good, 0.8 * touches);
-        // Noise in all readings as large as the gain error that is allowed for: where the force bends within a few sd.
+        // Noise in all readings as large as the allowed gain error: the force is nonlinear within a few sd.
         EXPECT_LE(far, noise == Noise::kOfTheMean ? 3 : 0);
     }
 }
 
-// Noise: each reading by itself off by 1 % of its value, normally distributed, and 1e-6 of strain. The bound is Cramer and
-// Rao's: no estimator of five unknowns that is right on average has a smaller covariance than (J' W J)^-1.
+// Noise: each reading has an independent error of 1 % of its value, normally distributed, and 1e-6 of strain. The
+// bound is that of Cramer and Rao: no unbiased estimator of five unknowns has a smaller covariance than (J' W J)^-1.
 TEST(TableMap, TheForceIsAsGoodAsTheNoiseAllows) {
     std::string fault;
     const auto influence_map = influence_of(map_calibration(), fault);
@@ -138,7 +139,7 @@ TEST(TableMap, TheForceIsAsGoodAsTheNoiseAllows) {
             j.row(k) /= sd;
             reading[std::size_t(k)] += sd * one(random);
         }
-        // Of the weighted J: inverse * inverse' is the bound.
+        // Computed from the weighted J: inverse * inverse' is the bound.
         const Eigen::Matrix<double, 5, 8> inverse = j.colPivHouseholderQr().solve(Eigen::Matrix<double, 8, 8>::Identity());
         const double bound = inverse.topRows<3>().norm() / force.norm();
         Eigen::Matrix<double, 8, 1> e;

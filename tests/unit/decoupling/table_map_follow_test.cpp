@@ -8,7 +8,7 @@
 namespace tactiled {
 namespace {
 
-// A finger that slides, lifts without a sample in between, and lands elsewhere: following the last point finds no worse.
+// A finger that slides, lifts without a sample in between, and lands elsewhere: tracking the last point is not worse.
 TEST(TableMap, FollowsAFingerAndItsJumps) {
     const auto warm = make_decoupler(map_calibration()), cold = make_decoupler(map_calibration());
     std::mt19937_64 random(6);
@@ -36,7 +36,8 @@ TEST(TableMap, FollowsAFingerAndItsJumps) {
     EXPECT_LT(Percentiles(warm_points).p95, 1.5 * Percentiles(cold_points).p95);
 }
 
-// The minimum beside the last point can explain the readings of a jump within the gain error, with a pull for a press.
+// The minimum beside the last point can explain the readings of a jump within the gain error, with a pull in place of
+// a press.
 TEST(TableMap, AJumpIsSearchedAnew) {
     const auto warm = make_decoupler(map_calibration()), cold = make_decoupler(map_calibration());
     std::mt19937_64 random(3);
@@ -54,7 +55,7 @@ TEST(TableMap, AJumpIsSearchedAnew) {
         }
     }
     EXPECT_GT(good, 7000);
-    // On from the last point alone it would be 40 samples.
+    // Tracking alone would give 40 samples.
     EXPECT_EQ(pulls, 0);
     EXPECT_EQ(cold_pulls, 0);
     std::printf("  jumps: %d samples, %d read as a pull; %d if searched anew each time\n", 4 * 2000, pulls, cold_pulls);

@@ -1,4 +1,4 @@
-// Method "map" against finite elements: its map itself, gauges that are missing or broken, calibrations that it refuses.
+// Method "map" against finite elements: its map, gauges that are missing or broken, calibrations that it refuses.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -45,7 +45,8 @@ TEST(TableMap, ReturnsTheNodesThemselvesAndTheCentre) {
         map->at(p.x_m - h, p.y_m, left);
         map->at(p.x_m, p.y_m + h, up);
         map->at(p.x_m, p.y_m - h, down);
-        ASSERT_LT((at.dx - (right.value - left.value) / (2 * h)).cwiseAbs().maxCoeff(), 0.05);  // of up to 100 per N and m
+        ASSERT_LT((at.dx - (right.value - left.value) / (2 * h)).cwiseAbs().maxCoeff(),
+                  0.05);  // relative to up to 100 per N and m
         ASSERT_LT((at.dy - (up.value - down.value) / (2 * h)).cwiseAbs().maxCoeff(), 0.05);
     }
 }
@@ -84,7 +85,7 @@ TEST(TableMap, FindsADeadGaugeAndGoesOnWithoutIt) {
         EXPECT_NE(estimate.reasons & TACTILED_MISSING_CHANNEL, 0u);
         EXPECT_LT(error_of(estimate, truth).force, 0.05);
     }
-    const Estimate again = decouple(*map, strains(truth));  // the wire is back
+    const Estimate again = decouple(*map, strains(truth));  // the gauge is connected again
     EXPECT_EQ(again.reasons & TACTILED_MISSING_CHANNEL, 0u);
     EXPECT_LT(error_of(again, truth).force, 0.05);
 }
@@ -126,7 +127,7 @@ TEST(TableMap, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
         if (estimate.quality != TACTILED_GOOD) { ASSERT_NE(estimate.reasons, 0u); }
         ASSERT_TRUE(std::isnan(estimate.wrench_S[5]));
     }
-    EXPECT_LT(error_of(decouple(*map, strains(truth)), truth).force, 0.02);  // nothing was poisoned
+    EXPECT_LT(error_of(decouple(*map, strains(truth)), truth).force, 0.02);  // the state was not corrupted
 }
 
 TEST(TableMap, AUniformContactIsReadWithTheMeanOfTheMap) {

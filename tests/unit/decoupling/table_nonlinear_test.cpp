@@ -25,7 +25,7 @@ Calibration nonlinear_calibration() {
     return calibration;
 }
 
-// Through the finite elements' 4.6 % less at 1 N and 25 % less at 5 N.
+// Passes through the finite elements' 4.6 % less at 1 N and 25 % less at 5 N.
 double softened(double n) { return n * (1 - 0.0451 * n / (1 - 0.0196 * n)); }
 
 TEST(TableNonlinear, WithoutTablesItIsTheLinearMethod) {
@@ -59,7 +59,7 @@ TEST(TableNonlinear, UndoesTheCurveOfThePress) {
     const Estimate beyond = decouple(*decoupler, reading_of(0, 0, 5));  // above softened(5)
     EXPECT_EQ(beyond.reasons, std::uint32_t{TACTILED_OUTSIDE_DOMAIN});
     EXPECT_LT(beyond.wrench_S[2], -5);
-    EXPECT_NEAR(decouple(*decoupler, reading_of(0, 0, -0.1)).wrench_S[2], 0.1, 0.003);  // a pull goes on straight
+    EXPECT_NEAR(decouple(*decoupler, reading_of(0, 0, -0.1)).wrench_S[2], 0.1, 0.003);  // a pull continues linearly
 }
 
 TEST(TableNonlinear, ACurveIsAsMonotoneAsItsPoints) {
@@ -93,11 +93,11 @@ TEST(TableNonlinear, TheInverseOfPlaysIsExact) {
     EXPECT_NE(PlayOperators::fault_of(std::vector<double>{0, 0.1}, std::vector<double>{1, -1}), "");
 }
 
-// ---- sensors with hysteresis: what a gauge reads of a load, in order
+// ---- sensors with hysteresis: the reading of a gauge for a sequence of loads
 
 using Sensor = std::function<double(double)>;
 
-// y = x + a z, dz = dx (1 - (sgn(dx) z / limit)) : loops of one width, rounded (Bouc 1967, Wen 1976, n = 1).
+// y = x + a z, dz = dx (1 - (sgn(dx) z / limit)): rounded loops of one width (Bouc 1967, Wen 1976, n = 1).
 Sensor bouc_wen(double amount) {
     double z = 0, last = 0;
     const double limit = 0.12;
@@ -112,7 +112,8 @@ Sensor bouc_wen(double amount) {
     };
 }
 
-// 60 x 60 relays that switch up at alpha and down at beta <= alpha; more of them close to the diagonal and at low loads.
+// 60 x 60 relays that switch up at alpha and down at beta <= alpha, with a higher density close to the diagonal and
+// at low loads.
 Sensor preisach(double amount) {
     struct Relay {
         double up, down, weight;
@@ -144,7 +145,7 @@ void ramp(std::vector<double>& loads, double to) {
     for (int i = 1; i <= steps; ++i) loads.push_back(from + (to - from) * i / steps);
 }
 
-// Greatest width of the loop 0 .. 1 .. 0 N over its height: the thesis' figure of hysteresis.
+// Largest width of the loop 0 .. 1 .. 0 N over its height: the thesis' figure of hysteresis.
 double loop_width(Sensor sensor) {
     std::vector<double> up, down;
     for (int cycle = 0; cycle < 2; ++cycle) {
@@ -158,7 +159,7 @@ double loop_width(Sensor sensor) {
     return width / (up.back() - up.front());
 }
 
-// The amount that makes a loop of 4.84 %.
+// Returns the amount that makes a loop of 4.84 %.
 double amount_for(const std::function<Sensor(double)>& make) {
     double low = 0, high = 5;
     for (int i = 0; i < 60; ++i) (loop_width(make((low + high) / 2)) < 0.0484 ? low : high) = (low + high) / 2;
@@ -186,7 +187,7 @@ Rows pointers(const std::vector<LabelledRow>& rows) {
 struct Errors {
     double worst = 0, rms = 0;
 };
-// Without the first `skipped` rows: a full load wipes out what the sensor remembers from before.
+// Without the first `skipped` rows: a full load erases the sensor's memory of the past.
 Errors errors_of(const Calibration& calibration, const std::vector<LabelledRow>& rows, std::size_t skipped) {
     const auto decoupler = make_decoupler(calibration);
     Errors errors;
@@ -230,8 +231,8 @@ TEST(TableNonlinear, LowersAHysteresisOf484PercentThreeTimesOnLoopsItHasNotSeen)
     }
 }
 
-// Once it was touched, the sensor was not let go again: what its history adds to all loads is no curve. The loop begins
-// anew.
+// After the first contact the sensor was not unloaded: the effect of its history on all loads is not a curve. The
+// loop starts again.
 TEST(TableNonlinear, AFirstTouchIsReadAfterACalibrationThatNeverLetGo) {
     std::vector<double> taught(40, 0.0), asked;
     std::mt19937_64 random(9);
@@ -269,8 +270,8 @@ TEST(TableNonlinear, ForgetsItsLoopsAfterADiscontinuityAndIsNotPoisoned) {
     const auto decoupler = make_decoupler(calibration);
     const double first = decouple(*decoupler, reading_of(0, 0, 0.5)).wrench_S[2];
     (void)decouple(*decoupler, reading_of(0, 0, 2));
-    EXPECT_NE(decouple(*decoupler, reading_of(0, 0, 0.5)).wrench_S[2], first);  // it came from above
-    (void)decouple(*decoupler, {kNaN, kNaN, 0, 0});                             // BAD: forgotten
+    EXPECT_NE(decouple(*decoupler, reading_of(0, 0, 0.5)).wrench_S[2], first);  // on the unloading branch
+    (void)decouple(*decoupler, {kNaN, kNaN, 0, 0});                             // BAD: the state is reset
     EXPECT_EQ(decouple(*decoupler, reading_of(0, 0, 0.5)).wrench_S[2], first);
     for (const double broken : {1e308, -1e308, 1e200, kNaN}) (void)decouple(*decoupler, {broken, -broken, broken, 1});
     (void)decouple(*decoupler, {kNaN, kNaN, 0, 0});

@@ -1,4 +1,4 @@
-// Method "signs": the decision table of Lee et al., every row, and where its signs say too little or the wrong thing.
+// Method "signs": every row of the decision table of Lee et al., and cases where its signs are ambiguous or wrong.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace tactiled {
 namespace {
 
-// The documents' table 2, written out from them and not from the code: load and the signs of R1 R3 R5 R7.
+// The documents' table 2, written from them and not from the code: load and the signs of R1 R3 R5 R7.
 struct Row {
     std::uint32_t number;
     int x, y;
@@ -40,7 +40,7 @@ std::string signs_of(const std::vector<double>& reading) {
     return signs;
 }
 
-// Tangential force 3 times the press: more than 1.79, so the signs are those of the table.
+// The tangential force is 3 times the press, more than 1.79, so the signs are those of the table.
 TEST(TableSigns, TellsEveryRowOfTheDecisionTableApart) {
     const auto decoupler = make_decoupler(signs_calibration());
     for (const Row& row : kRows) {
@@ -57,8 +57,9 @@ TEST(TableSigns, TellsEveryRowOfTheDecisionTableApart) {
     }
 }
 
-// The authors' text wants tangential to outweigh an equal normal force. By their sensitivities normal outweighs it 1.79
-// times: the signs of rows 10 .. 17 become ++++, row 1. The class is still right, and marked.
+// The authors' text requires the tangential force to dominate an equal normal force. By their sensitivities the
+// normal force dominates by 1.79: the signs of rows 10 .. 17 become ++++, row 1. The class is still right, and
+// marked.
 TEST(TableSigns, MarksRowsWhoseSignsTheDominanceOfThePressChanges) {
     EXPECT_NEAR(kNormal_per_N / kTangential_per_N, 1.79, 0.01);
     const auto decoupler = make_decoupler(signs_calibration());
@@ -77,7 +78,7 @@ TEST(TableSigns, MarksRowsWhoseSignsTheDominanceOfThePressChanges) {
     }
 }
 
-// Rows 6 and 14 have the same signs. The sum decides, and near its dead band it is said that it hardly does.
+// Rows 6 and 14 have the same signs. The sum decides, and the sample is marked near the dead band.
 TEST(TableSigns, TheSumDecidesTheFourPairsAndSaysWhereItHardlyDoes) {
     const auto decoupler = make_decoupler(signs_calibration());
     const double band_N = 2 * 5 * 20e-6 / (4 * kNormal_per_N);  // press whose sum is at its dead band
@@ -115,7 +116,7 @@ TEST(TableSigns, NoiseDoesNotMakeADirection) {
     for (int i = 0; i < 200000; ++i)
         false_directions +=
             decouple(*decoupler, {noise(random), noise(random), noise(random), noise(random)}).direction != 0 ? 1 : 0;
-    EXPECT_LE(false_directions, 2);  // 5 sigma, three times a sample: 0.3 expected
+    EXPECT_LE(false_directions, 2);  // 5 sigma, three times per sample: 0.3 expected
 }
 
 TEST(TableSigns, ForcesComeInLevelsAndTheStandardDeviationSaysSo) {

@@ -14,10 +14,10 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 struct Force {
-    double x, y, z;  // N, what the world exerts on the sensor: a press has z < 0
+    double x, y, z;  // N, exerted on the sensor: a press has z < 0
 };
 
-// The sensor, written out from the sign table of Lee et al. and not from the code: what R1 .. R8 read.
+// The readings R1 .. R8 of the sensor, written from the sign table of Lee et al. and not from the code.
 std::array<double, 8> gauges_of(Force f) {
     const double ti = 10847e-6, ni = 19366e-6, to = 8582e-6, n = -f.z;
     return {-ti * f.x + ni * n, +to * f.x, -ti * f.y + ni * n, +to * f.y,
@@ -114,8 +114,8 @@ TEST_P(TableOf, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
     }
 }
 
-// Good readings of four or eight gauges have a way of their own. A domain that nothing is inside of sends each reading the
-// long way instead, which says so and else gives the same to the last bit.
+// Good readings of four or eight gauges have a short path through the code. A domain that contains no reading sends
+// each reading through the long path, which reports it and otherwise gives the same result to the last bit.
 TEST_P(TableOf, GivesTheSameBitsTheShortWayAndTheLongWay) {
     std::mt19937_64 random(6);
     std::uniform_real_distribution<double> uniform(-1, 1);
@@ -175,7 +175,7 @@ TEST(Table, FollowsTheSignTableNotEquationTwo) {
 
 TEST(Table, CombinesBothRingsByTheirGains) {
     const auto decoupler = make_decoupler(table_calibration(all_gauges()));
-    // Only the outer pair answers: of the least-squares Fx it decides to^2 / (to^2 + ti^2).
+    // Only the outer pair responds: its share of the least-squares Fx is to^2 / (to^2 + ti^2).
     const double share = 8582.0 * 8582 / (8582.0 * 8582 + 10847.0 * 10847);
     EXPECT_NEAR(decouple(*decoupler, {0, 8582e-6, 0, 0, 0, -8582e-6, 0, 0}).wrench_S[0], share, 1e-14);
 }
@@ -194,7 +194,7 @@ TEST(Table, RestReadsZeroWithoutASign) {
     EXPECT_EQ(estimate.quality, TACTILED_GOOD);
 }
 
-// R5 is open and delivers 0, and nothing flags it. Without redundancy the forces would be (-0.74, -0.2, -0.71) N.
+// R5 is open and delivers 0 without any flag. Without redundancy the forces would be (-0.74, -0.2, -0.71) N.
 TEST(Table, FindsADeadGaugeByTheParity) {
     auto reading = reading_of(inner_gauges(), {0.3, -0.2, -1.0});
     reading[2] = 0;
@@ -205,7 +205,7 @@ TEST(Table, FindsADeadGaugeByTheParity) {
     EXPECT_GT(estimate.residual, 6);
 }
 
-// A shear along x alone: R3 R4 R7 R8 read 0 as they should, one of the others because it is dead.
+// A shear along x alone: R3 R4 R7 R8 read 0 correctly, one of the others because it is dead.
 TEST(Table, FindsTheDeadGaugeAmongOthersThatTrulyRead0) {
     const auto decoupler = make_decoupler(table_calibration(all_gauges()));
     auto reading = reading_of(all_gauges(), {0.3, 0, 0});
@@ -216,7 +216,7 @@ TEST(Table, FindsTheDeadGaugeAmongOthersThatTrulyRead0) {
         expect_force(estimate, {0.3, 0, 0}, 1e-15);
         EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL}) << dead;
     }
-    reading[0] = reading[4] = 0;  // two dead ones: no one gauge explains it
+    reading[0] = reading[4] = 0;  // two dead ones: no single gauge explains it
     EXPECT_EQ(decouple(*decoupler, reading).reasons, std::uint32_t{TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY});
 }
 
@@ -253,7 +253,7 @@ TEST(Table, NoiseAloneIsNoDisagreement) {
             ASSERT_EQ(estimate.quality, TACTILED_GOOD);
             squares += estimate.residual * estimate.residual;
         }
-        EXPECT_NEAR(std::sqrt(squares / samples), 1.0, 0.01);  // it is in standard deviations
+        EXPECT_NEAR(std::sqrt(squares / samples), 1.0, 0.01);  // the residual is in standard deviations
     }
 }
 
@@ -315,8 +315,8 @@ TEST(Table, RefusesCalibrationsThatItCannotUse) {
     calibration = table_calibration(inner_gauges());
     calibration.parameters["normal_inner"] = 0;
     EXPECT_NE(refusal(calibration).find("parameter normal_inner"), std::string::npos);
-    calibration.parameters["normal_inner"] = 1e-300;  // its square underflows: no number can be trusted
-    EXPECT_NE(refusal(calibration).find("cannot tell the three forces apart"), std::string::npos);
+    calibration.parameters["normal_inner"] = 1e-300;  // its square underflows: no number is valid
+    EXPECT_NE(refusal(calibration).find("do not determine the three forces"), std::string::npos);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The sketch of the page of text lines, compiled from the page: what it prints is what the decoder reads.
+// The sketch of the page of text lines, compiled from the page: the decoder reads its output.
 #include <cstdarg>
 #include <cstdio>
 #include <random>

@@ -1,4 +1,4 @@
-// Text lines: what their page says of them, what is dropped and why.
+// Text lines: the properties on their page, and dropped lines with their reasons.
 #include <cmath>
 #include <cstring>
 #include <limits>

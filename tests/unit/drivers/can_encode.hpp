@@ -1,4 +1,4 @@
-// The sending side of a CAN signal, bit by bit as the DBC numbering is told: the oracle of what decodes.
+// Encodes a CAN signal bit by bit by the DBC numbering: the reference for the decoder.
 #pragma once
 #include <cstdint>
 #include <span>

@@ -41,7 +41,7 @@ class Bus {
 public:
     explicit Bus(std::vector<CanDevice> devices) : samples(std::move(devices), counts) {}
 
-    // Message `id` with `value`, and `count` behind it.
+    // Sends message `id` with `value`, followed by `count`.
     void send(std::uint32_t id, std::uint16_t value, std::uint8_t count = 0, std::size_t size = 3) {
         const std::uint8_t bytes[3] = {std::uint8_t(value), std::uint8_t(value >> 8), count};
         send_bytes(id, {bytes, size});
@@ -50,7 +50,7 @@ public:
         samples.take({id, bytes, now_ns, now_ns / 1000});
         for (Frame frame; samples.next(frame);) frames.push_back(frame);
     }
-    // The three messages of a sample, but for those whose letter is "-".
+    // Sends the three messages of a sample, except those whose letter is "-".
     void sample(std::uint16_t value, const char* which = "abc") {
         now_ns += 10 * kMs;
         for (std::uint32_t n = 0; n < 3; ++n)
@@ -146,7 +146,8 @@ TEST(CanSamples, SeveralMessagesMakeOneFrameWithTheTimeOfTheFirst) {
     }
 }
 
-// Every way to lose messages of three samples in a row: what comes out is of one sample, and what does not is counted.
+// Every way to lose messages of three samples in a row: each result is of one sample, and each missing sample is
+// counted.
 TEST(CanSamples, NeverMixesSamplesAndCountsEachThatIsLostOnce) {
     for (const bool counts : {false, true})
         for (unsigned lost = 0; lost < 512; ++lost) {
@@ -169,8 +170,8 @@ TEST(CanSamples, NeverMixesSamplesAndCountsEachThatIsLostOnce) {
                 ASSERT_EQ(frame.channel[1], frame.channel[0] + 1) << lost;
                 ASSERT_EQ(frame.channel[2], frame.channel[0] + 2) << lost;
             }
-            if (counts) continue;  // there the sample's number counts by tens: see the next test
-            // Without a counter nobody can know of a sample of which nothing came.
+            if (counts) continue;  // the sample's number counts by tens there: see the next test
+            // Without a counter a sample that is completely lost cannot be detected.
             ASSERT_EQ(bus.counts[TACTILED_LINK_LOST], 5 - whole - absent_entirely) << lost;
             ASSERT_EQ(lost_in(bus.frames), bus.counts[TACTILED_LINK_LOST]) << lost;
         }
@@ -252,7 +253,8 @@ TEST(CanSamples, WhatCameBeforeItsFirstPartAtTheStartIsNobodysFault) {
     EXPECT_EQ(bus.counts[TACTILED_LINK_LOST], 0u);
 }
 
-// Two nodes with one identifier: frames that pass for the first one's and are not, of 100 samples of each after the first.
+// Two nodes with one identifier: number of frames that seem to be the first node's and are not, of 100 samples of
+// each after the first.
 int mixed_or_foreign(Bus& bus, std::size_t first_frame) {
     int wrong = 0;
     for (std::size_t i = first_frame; i < bus.frames.size(); ++i)
@@ -284,7 +286,7 @@ TEST(CanSamples, TwoNodesAreReportedWhereTheirMessagesInterleaveWithinASample) {
             }
         }
         EXPECT_LE(mixed_or_foreign(bus, 0), 3 * 19) << ahead;
-        if (ahead == 0) { EXPECT_EQ(bus.frames.back().n_channels, 0); }  // else no sample of either is ever whole
+        if (ahead == 0) { EXPECT_EQ(bus.frames.back().n_channels, 0); }  // otherwise no sample of either is ever complete
     }
 }
 
@@ -327,7 +329,7 @@ TEST(CanSamples, MultiplexedMessagesOfOneIdAreParts) {
         bus.send_bytes(0x20, std::array<std::uint8_t, 2>{which, value});
     };
     send(0, 10);
-    send(7, 99);  // a value of the selector that nobody uses
+    send(7, 99);  // a value of the selector that no part uses
     send(1, 11);
     send(0, 20);
     send(0, 30);
@@ -345,7 +347,7 @@ TEST(CanSamples, SamplesThatNeverBecameMessagesAreOfOneDevice) {
     Bus bus({three(false), {6, 1, {part(0x10, 0, false)}, 0}});  // both begin with 0x10
     bus.samples.lost(0x10, 2);
     bus.samples.lost(0x10, 0);
-    bus.samples.lost(0x99, 5);  // nobody's
+    bus.samples.lost(0x99, 5);  // an id of no device
     EXPECT_EQ(bus.counts[TACTILED_LINK_LOST], 2u);
     bus.sample(100);
     std::uint32_t reported = 0;

@@ -1,4 +1,4 @@
-// Signals of CAN messages: published examples of the DBC numbering, and an encoder that goes bit by bit.
+// Signals of CAN messages: published examples of the DBC numbering, and a bit-by-bit encoder.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -74,7 +74,7 @@ TEST(CanSignal, RefusesWhatDoesNotFit) {
     EXPECT_NE(why_no_signal(signal(0, 8, Order::intel, Type::is_signed, 0), 8), "");
 }
 
-// As a DBC file may have them: nothing of it is to reach the arithmetic.
+// Invalid values that a DBC file may have: they must not reach the arithmetic.
 TEST(CanSignal, RefusesWhatMakesNoNumber) {
     constexpr double kNaN = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
     const auto why = [](unsigned start, unsigned length, Type type, double factor = 1, double offset = 0) {
@@ -109,7 +109,7 @@ RC_GTEST_PROP(CanSignal, ReadsWhatWasWrittenBitByBitAndNothingElse, ()) {
     for (auto& byte : bytes) byte = *rc::gen::arbitrary<std::uint8_t>();
     test::put_raw(s, raw, bytes);
     const std::uint64_t mask = s.length == 64 ? ~0ull : (1ull << s.length) - 1;
-    RC_ASSERT(raw_of(s, {bytes.data(), bytes_needed(s)}) == (raw & mask));  // no byte behind it is looked at
+    RC_ASSERT(raw_of(s, {bytes.data(), bytes_needed(s)}) == (raw & mask));  // no further byte is read
     const double value = value_of(s, bytes);
     const bool negative = s.type == Type::is_signed && (raw >> (s.length - 1) & 1u) != 0;
     const double wanted = negative ? -double(~raw & mask) - 1 : double(raw & mask);

@@ -1,4 +1,4 @@
-// The keys of driver "can". What it does on a bus is tested where there is one: tests/kernel/can_test.py.
+// The keys of driver "can". tests/kernel/can_test.py tests its behaviour on a bus.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -67,7 +67,7 @@ protected:
 
 const std::string kFx = "{name = \"Fx\", start = 0, length = 16, order = \"intel\", type = \"signed\", factor = 0.5}";
 
-// Which of the frame's channels each message brings.
+// Indices of the frame's channels in each message.
 using Indices = std::vector<unsigned>;
 std::vector<Indices> channels_of(const CanDevice& device) {
     std::vector<Indices> all;
@@ -146,7 +146,7 @@ TEST_F(CanKeys, TellWhatIsWrongAndWhatWouldBeRight) {
         const Lines lines = problems_of(keys);
         return lines.size() == 1 ? lines[0] : fmt::format("{} problems", lines.size());
     };
-    EXPECT_EQ(one(""), "t.toml:1: there is no [[link.device]]: it says which messages carry which channels");
+    EXPECT_EQ(one(""), "t.toml:1: there is no [[link.device]]; add one with the messages of the channels");
     EXPECT_EQ(one(head + "id = 0x800\nsignals = [" + kFx + "]"), "t.toml:4: [[device]]: id = 2048 is outside 0 .. 2047");
     EXPECT_EQ(one(head + "id = 1\nbytes = 1\nsignals = [" + kFx + "]"),
               "t.toml:6: signals \"Fx\": 16 bits from start bit 0 (Intel) need 2 bytes, but the message has 1");
@@ -213,7 +213,7 @@ TEST_F(CanKeys, AnInterfaceThatIsNotThereIsSaidSo) {
                                           "t.toml", problems);
     const auto driver = Drivers::find("can")->make(options);
     const std::string why = driver->open();
-    EXPECT_TRUE(why == "there is no interface nocan7: plug it in; `ip -br link` lists what is there" ||
+    EXPECT_TRUE(why == "there is no interface nocan7: plug it in; `ip -br link` lists the interfaces" ||
                 why.starts_with("no CAN in this kernel"))
         << why;
     EXPECT_FALSE(driver->has_more());

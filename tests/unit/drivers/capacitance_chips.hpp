@@ -27,7 +27,7 @@ public:
                 ++n_dropped;
                 continue;
             }
-            // What was selected all the while, else what belongs to no electrode.
+            // The input that was selected all the time, else a value that belongs to no electrode.
             const unsigned input = (reg[7] >> 6 & 1) + (selected_ns_ <= began_ns_ ? selected_ : kTorn);
             const std::uint32_t usual = 0x800000 + (input & 3) * 0x200000 + ++n_converted % 0x100000;
             const std::uint32_t code = next_code_.value_or(code_of ? code_of(input).value_or(usual) : usual);
@@ -42,14 +42,14 @@ public:
         }
         t_ns_ = t_ns;
     }
-    // A switch in front of CIN1 was turned.
+    // The switch in front of CIN1 was changed.
     void select(unsigned electrode, std::uint64_t t_ns) {
         advance(t_ns);
         if (electrode != selected_) selected_ns_ = t_ns;
         selected_ = electrode;
     }
-    std::function<std::optional<std::uint32_t>(unsigned input)> code_of;  // instead of a number of its own
-    // What the next conversion gives, with further bits of the status.
+    std::function<std::optional<std::uint32_t>(unsigned input)> code_of;  // replaces the automatic number
+    // Sets the code of the next conversion, with further bits of the status.
     void ends_at_code(std::uint32_t code, std::uint8_t status) {
         next_code_ = code;
         next_status_ = status;
@@ -61,7 +61,7 @@ private:
     std::uint8_t next_status_ = 0;
     unsigned selected_ = 0;
     std::uint64_t selected_ns_ = 0;
-    std::uint64_t began_ns_ = 0;  // the conversion that runs
+    std::uint64_t began_ns_ = 0;  // begin of the running conversion
     [[nodiscard]] std::uint64_t conversion() const {
         static constexpr double kMs[] = {11, 11.9, 20, 38, 62, 77, 92, 109.6};
         return scaled((kMs[reg[10] >> 3 & 7] + ((reg[8] & 0x80) != 0 ? 20.1 : 0)) * 1e6);
@@ -86,7 +86,7 @@ private:
     }
     std::uint8_t load(std::uint8_t at) override {
         const std::uint8_t value = reg[at];
-        if (at == 3) reg[0] |= 0x07;  // taken
+        if (at == 3) reg[0] |= 0x07;  // the conversion was read
         return value;
     }
     std::uint64_t held_until_ns_ = 0;

@@ -1,4 +1,4 @@
-// Chips of the i2c driver on a model bus, with the one question that every test asks: was each value of a frame converted by
+// Chips of the i2c driver on a model bus, with the common check of all tests: was each value of a frame converted by
 // the chip, for that channel, and when?
 #pragma once
 #include <cmath>
@@ -17,7 +17,7 @@ namespace tactiled::test {
 struct ChipKind {
     std::string name, keys;
     std::uint8_t address;
-    std::vector<unsigned> inputs;  // of the frame's channels, as the model numbers them
+    std::vector<unsigned> inputs;  // input of each channel of the frame, as numbered by the model
     double counts_per_unit = 1, zero = 0;
     std::unique_ptr<ModelChip> (*make_model)();
 
@@ -61,7 +61,7 @@ inline const std::vector<ChipKind>& chip_kinds() {
     return kinds;
 }
 
-// The first of that name.
+// Returns the first kind with that name.
 inline const ChipKind& kind_of(const std::string& name) {
     for (const ChipKind& kind : chip_kinds())
         if (kind.name == name) return kind;
@@ -107,7 +107,7 @@ public:
         return *models.back();
     }
 
-    // The age in ns of the oldest value of a frame; -1 where one was never converted.
+    // Returns the age in ns of the oldest value of a frame; -1 if one was never converted.
     std::int64_t age_ns(const Frame& frame) {
         const ChipKind& kind = *kinds[frame.device];
         if (frame.n_channels != kind.inputs.size()) return -1;
@@ -124,7 +124,7 @@ public:
         Frame frame;
         std::int64_t age_ns;
     };
-    // All frames of so long a time.
+    // Returns all frames of that time.
     std::vector<Taken> run(double seconds) {
         std::vector<Taken> taken;
         Frame frame;

@@ -1,4 +1,4 @@
-// Binary frames: what their page says of them, and of numbers, rails, clocks and noise.
+// Binary frames: the properties on their page, and numbers, saturation limits, clocks and noise.
 #include <cmath>
 #include <limits>
 #include <random>

@@ -1,4 +1,4 @@
-// DBC files: what is read, what is skipped, and what a broken one is told.
+// DBC files: the parts that are read or skipped, and the errors of invalid ones.
 #include "drivers/wire/dbc.hpp"
 
 #include <gtest/gtest.h>
@@ -146,7 +146,7 @@ TEST(Dbc, TellsFileAndLineOfWhatIsWrong) {
                   "g.dbc:3: the type of SIG_VALTYPE_ should be 0 (integer), 1 (float) or 2 (double)");
     EXPECT_EQ(one(" SG_ F : 0|8@1+ (1,0)\nSIG_VALTYPE_ 291 F 0;"), "accepted");
     EXPECT_EQ(one(" SG_ F : 0|64@1+ (1,0)\nSIG_VALTYPE_ 291 F : 2;"), "accepted");
-    EXPECT_EQ(one("SIG_VALTYPE_ 3221225472 Lost : 1;"), "accepted");  // of the message for signals of no message
+    EXPECT_EQ(one("SIG_VALTYPE_ 3221225472 Lost : 1;"), "accepted");  // the message for signals without a message
     EXPECT_EQ(one("SG_MUL_VAL_ x F S 0-3;"), "g.dbc:2: should be: SG_MUL_VAL_ ID SIGNAL SELECTOR RANGES;");
     EXPECT_EQ(one("SG_MUL_VAL_ 9 F S 0-3;"), "accepted");
     EXPECT_EQ(one("CM_ \"a \\\" and a \\\\\";"), "accepted");

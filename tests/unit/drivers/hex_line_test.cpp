@@ -1,4 +1,4 @@
-// Lines of hexadecimal numbers, as a DynPick prints them.
+// Lines of hexadecimal numbers, as printed by a DynPick.
 #include "drivers/wire/hex_line.hpp"
 #include "tests/unit/drivers/wire_bytes.hpp"
 
@@ -54,7 +54,7 @@ TEST(HexLine, TakesNothingFromALineThatIsNotWhole) {
         EXPECT_EQ(counts[TACTILED_LINK_SKIPPED], bad.size()) << bad;
     }
     for (const char* first :
-         {"4000", "FFFF", "20-1", " 201", "20g0", "0x20"}) {  // above the converter's last code, no digits
+         {"4000", "FFFF", "20-1", " 201", "20g0", "0x20"}) {  // above the converter's last code, or not digits
         LinkCounts counts;
         HexDecoder decoder(kDynPick, counts);
         EXPECT_EQ(decode(decoder, bytes_of(line(0) + line(1, first) + line(2))).size(), 2u) << first;

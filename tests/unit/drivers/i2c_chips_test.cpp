@@ -1,4 +1,4 @@
-// What each chip of the i2c driver does with what may go wrong, against model chips in virtual time.
+// The behaviour of each chip of the i2c driver under faults, against model chips in virtual time.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -34,7 +34,7 @@ TEST_P(EveryChip, GivesFramesOfItsDeviceWithAnIncreasingTime) {
 TEST_P(EveryChip, ThatWasResetGivesNoValueBeforeItIsSetUpAndHasConverted) {
     take(1.5);
     for (int k = 1; k <= 20; ++k) {
-        bench.run(0.0137);  // another place in the conversion each time
+        bench.run(0.0137);  // another phase of the conversion each time
         model.reset();
         const std::uint64_t reset_ns = bench.bus.now_ns();
         const auto taken = bench.run(2.5);
@@ -59,10 +59,10 @@ TEST_P(EveryChip, ThatIsResetBetweenTwoTransfersGivesNoValueThatItDidNotConvert)
         for (const auto& one : bench.run(2)) {
             ASSERT_GE(one.age_ns, 0) << n;
             const auto converted_ns = std::uint64_t(std::int64_t(one.frame.t_ns) - one.age_ns);
-            // Taken before it, and the reset while the next conversion was begun.
+            // Read before the reset, while the next conversion was begun.
             EXPECT_TRUE(one.frame.t_ns <= reset_ns + 6'000'000 || converted_ns > reset_ns) << n;
         }
-        EXPECT_LE(bench.counts[TACTILED_LINK_RESTARTED], n);  // fewer where just then it was told all it needs to know
+        EXPECT_LE(bench.counts[TACTILED_LINK_RESTARTED], n);  // fewer if it was just being configured then
     }
     EXPECT_GT(bench.counts[TACTILED_LINK_RESTARTED], 10u);
 }
@@ -73,7 +73,7 @@ TEST_P(EveryChip, ThatMissesOneTransferGoesOnWithoutBeingSetUpAnew) {
     bench.bus.failing_with = Answer::absent;
     EXPECT_GT(take(1.5), 3u);
     EXPECT_EQ(bench.counts[TACTILED_LINK_BUS_ERROR], 1u);
-    // A missed command is found by reading back. These are given none while they run.
+    // A missed command is detected by reading back. These chips get no commands during operation.
     const bool only_read = GetParam().inputs.size() == 1 && GetParam().name != "ads1115" && GetParam().name != "fdc1004";
     EXPECT_LE(bench.counts[TACTILED_LINK_RESTARTED], only_read || GetParam().name == "mpr121" ? 0u : 1u);
 }
@@ -126,7 +126,7 @@ TEST_P(EveryChip, OfAnotherKindIsRefusedAtOpening) {
         wrong.schedule.add(GetParam().name, Chips::find(GetParam().name)->make(options), {GetParam().address}, 0,
                            wrong.counts);
         const bool opened = wrong.schedule.open().empty();
-        EXPECT_TRUE(!opened || GetParam().name == "ads122c04") << other.name;  // it has nothing to be known by
+        EXPECT_TRUE(!opened || GetParam().name == "ads122c04") << other.name;  // it has no identification
         Frame frame;
         for (int k = 0; opened && k < 50; ++k) EXPECT_NE(wrong.schedule.read(frame, 50), Status::frame) << other.name;
     }
@@ -147,7 +147,7 @@ TEST(I2cChips, AChipThatDoesNotAnswerLeavesTheOthersAlone) {
     std::size_t of_second = 0;
     for (const auto& one : bench.run(1)) of_second += one.frame.device == 1;
     EXPECT_GT(of_second, 100u);
-    EXPECT_EQ(bench.counts[TACTILED_LINK_RESTARTED], 0u);  // it was never set up before
+    EXPECT_EQ(bench.counts[TACTILED_LINK_RESTARTED], 0u);  // it was never configured before
 }
 
 TEST(I2cChips, NoChipAtAllIsSaidAtOpening) {
@@ -169,7 +169,7 @@ TEST(I2cMux, TwoChipsOfOneAddressNeverAnswerAtOnce) {
     ChipBench bench;
     const ChipKind& kind = kind_of("ad7746");
     for (unsigned n = 0; n < 4; ++n) bench.add(kind, std::uint16_t(n), std::uint8_t(0x70 + n / 2), std::uint8_t(n % 2 * 3));
-    for (unsigned n = 0; n < 4; ++n) bench.models[n]->n_converted = n * 0x10000;  // codes tell the chips apart
+    for (unsigned n = 0; n < 4; ++n) bench.models[n]->n_converted = n * 0x10000;  // codes identify the chips
     ASSERT_EQ(bench.schedule.open(), "");
     std::size_t of[4] = {};
     for (int k = 0; k < 10; ++k) {

@@ -1,4 +1,4 @@
-// The keys of driver "i2c" and of its chips: each error says where and what would be right.
+// The keys of driver "i2c" and of its chips: each error states the place and the right value.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What one chip of the i2c driver has that the others have not, against its model in virtual time.
+// Properties of single chips of the i2c driver, against their models in virtual time.
 #include <gtest/gtest.h>
 
 #include "tests/unit/drivers/chip_bench.hpp"
@@ -45,7 +45,7 @@ TEST(Ad7746, WhoseSwitchGoesAwayIsDisconnectedWithItsLinkAndGivesNoOtherElectrod
     for (const auto& one : bench.run(1)) EXPECT_GE(one.age_ns, 0);
     bench.selectors.front()->is_disconnected = true;
     const auto last = bench.run(1);
-    EXPECT_LE(last.size(), 1u);  // what was whole already
+    EXPECT_LE(last.size(), 1u);  // conversions that were already complete
     for (const auto& one : last) EXPECT_GE(one.age_ns, 0);
     EXPECT_EQ(bench.status, Status::disconnected);
     bench.selectors.front()->is_disconnected = false;
@@ -70,7 +70,7 @@ TEST(Ads122c04, DropsAndCountsWhatItsChecksumRefuses) {
     EXPECT_EQ(bench.counts[TACTILED_LINK_RESTARTED], 0u);
 }
 
-// Input and gain, rate, counter and CRC, current sources: a wrong one gives values that look good.
+// Input and gain, rate, counter and CRC, current sources: a wrong one gives values that seem valid.
 TEST(Ads122c04, IsSetUpAnewWithinFourValuesOfASettingThatChangedByItself) {
     for (const std::string crc : {"true", "false"})
         for (unsigned which = 0; which < 4; ++which) {
@@ -84,12 +84,12 @@ TEST(Ads122c04, IsSetUpAnewWithinFourValuesOfASettingThatChangedByItself) {
             Frame frame;
             while (bench.counts[TACTILED_LINK_RESTARTED] == 0 && bench.counts[TACTILED_LINK_FRAMES] < frames + 10)
                 (void)bench.schedule.read(frame, 50);
-            // The last one of them came after it.
+            // The last one of them arrived after it.
             EXPECT_LE(bench.counts[TACTILED_LINK_FRAMES], frames + 3 + 1) << "register " << which << ", crc " << crc;
         }
 }
 
-// One that is read with a wrong bit when its turn comes is read again.
+// A register that is read with a wrong bit is read again.
 TEST(Ads122c04, IsSetUpAnewWithinFourValuesThoughARegisterIsReadWithAWrongBit) {
     for (unsigned begin = 0; begin < 4; ++begin)
         for (unsigned after = 0; after < 4; ++after) {

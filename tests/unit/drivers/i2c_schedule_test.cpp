@@ -1,4 +1,5 @@
-// Rates, losses, ages and bus time of the i2c driver's schedule, in virtual time against model chips whose clocks are off.
+// Rates, losses, ages and bus time of the i2c driver's schedule, in virtual time against model chips with inaccurate
+// clocks.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -13,7 +14,7 @@ namespace {
 
 struct Reached {
     double rate_Hz, p50_us, p99_us, bus, polls;
-    std::uint32_t missed, lost;  // conversions that ended and reached no frame, and what the counter says
+    std::uint32_t missed, lost;  // conversions that ended and reached no frame, and the reported count
     std::uint64_t foreign;       // values that no conversion gave
 };
 
@@ -22,7 +23,7 @@ Reached reach(const ChipKind& kind, double scale, double clock_Hz, double second
     ModelChip& model = bench.add(kind);
     model.period_scale = scale;
     EXPECT_EQ(bench.schedule.open(), "");
-    bench.run(1.0);  // learning
+    bench.run(1.0);  // time for learning
     const std::uint32_t converted = model.n_converted;
     const std::uint64_t busy_ns = bench.bus.busy_ns, began_ns = bench.bus.now_ns();
     const unsigned transfers = bench.bus.n_transfers;
@@ -63,7 +64,7 @@ TEST(I2cSchedule, TakesEveryConversionOfAChipWhoseClockIsTenPercentOff) {
                 EXPECT_EQ(r.foreign, 0u) << kind.name << " " << keys;
                 if (kind.inputs.size() > 1) continue;  // a frame is several conversions
                 const std::string what = fmt::format("{} {} {} {}", kind.name, keys, scale, clock_Hz);
-                // One more or fewer may be under way at either end.
+                // One more or one less may be in progress at either end.
                 EXPECT_NEAR(r.missed, r.lost, 1) << what;
                 if (r.bus < 0.8) { EXPECT_EQ(r.lost, 0u) << what; }
             }
@@ -145,7 +146,7 @@ TEST(I2cSchedule, LosesNothingWhereItsThreadWakesLate) {
     }
 }
 
-// Of a chip whose clock is 3 % off, for so long: its conversions, and how many of them made no frame and were said to be
+// For a chip whose clock is 3 % off, during that time: its conversions, those without a frame, and those reported as
 // lost.
 struct Losses {
     double converted, missed, reported;
@@ -167,8 +168,8 @@ TEST(I2cSchedule, KnowsAboutWhatItLostOnAnAdapterTooSlowForTheChip) {
             ChipBench bench;
             bench.bus.overhead_ns = overhead_ms * 1e6;
             const Losses of = losses_of(bench, name, 1, 20);
-            // Without a clock that could be learned, the data sheet's is taken, here 3 % off; and rather too many than too
-            // few.
+            // If the clock cannot be learned, the data sheet's is used, which is 3 % off here; the count is rather
+            // too high than too low.
             EXPECT_NEAR(of.reported, of.missed, 0.05 * of.converted * (of.missed > 2) + 1) << name << " " << overhead_ms;
         }
 }
@@ -207,7 +208,7 @@ TEST(I2cSchedule, FourChipsOnOneBusLoseNothing) {
     bench.add(kind_of("ad7746"), 1, 0x70, 5);
     bench.add(kind_of("nau7802"), 2);
     bench.add(kind_of("mpr121"), 3);
-    bench.models[1]->period_scale = 1.004;  // beats with the first
+    bench.models[1]->period_scale = 1.004;  // a beat with the first
     ASSERT_EQ(bench.schedule.open(), "");
     bench.run(3);
     const std::uint32_t converted = bench.models[2]->n_converted;

@@ -1,4 +1,4 @@
-// Messages of several CAN frames, with frames lost, doubled, out of order, late, and what is none.
+// Messages of several CAN frames, with frames lost, doubled, out of order, late, and invalid.
 #include "drivers/wire/isotp.hpp"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ Bytes message_of(std::size_t size) {
     return bytes;
 }
 
-// As ISO 15765-2 cuts it into frames of so many bytes; the last one unpadded.
+// Splits a message by ISO 15765-2 into frames of that many bytes; the last one unpadded.
 std::vector<Bytes> frames_of(const Bytes& message, std::size_t max = 8) {
     if (message.size() <= 7) {
         Bytes one{std::uint8_t(message.size())};
@@ -44,7 +44,7 @@ std::vector<Bytes> frames_of(const Bytes& message, std::size_t max = 8) {
 class IsoTpTest : public testing::Test {
 protected:
     Found take(const Bytes& frame, std::uint64_t after_ns = 1'000'000) { return receiver_.take(frame, t_ns_ += after_ns); }
-    // Whether the frames end in that message.
+    // Returns true if the frames result in that message.
     bool gives(const std::vector<Bytes>& frames, const Bytes& message) {
         Found found = Found::nothing;
         for (const Bytes& frame : frames) found = take(frame);
@@ -82,9 +82,9 @@ TEST_F(IsoTpTest, AnyFrameLostDoubledOrSwappedCostsThatMessageAloneAndOnce) {
         doubled.insert(doubled.begin() + long(at), frames[at]);
         if (at + 1 < frames.size()) std::swap(swapped[at], swapped[at + 1]);
         EXPECT_FALSE(gives(lost, message)) << at;
-        ASSERT_TRUE(gives(frames, message));  // where the last one was lost, this one's beginning ends it
+        ASSERT_TRUE(gives(frames, message));  // if the last one was lost, the beginning of this one ends it
         EXPECT_EQ(receiver_.take_lost(), 1u) << at;
-        const bool harmless = at + 1 == frames.size();  // the last one twice: the message was whole before
+        const bool harmless = at + 1 == frames.size();  // the last one twice: the message was complete before
         for (const Bytes& frame : doubled) (void)take(frame);
         EXPECT_EQ(receiver_.take_lost(), harmless ? 0u : 1u) << at;
         if (harmless) continue;
@@ -127,7 +127,7 @@ TEST_F(IsoTpTest, FramesOfAMessageWhoseBeginningNobodySawAreNobodysLoss) {
 }
 
 TEST_F(IsoTpTest, WhatIsForSomebodyElseOrHasNothingInItIsNoMessage) {
-    EXPECT_EQ(take({0x30, 0, 0}), Found::nothing);  // flow control, to who speaks to the device
+    EXPECT_EQ(take({0x30, 0, 0}), Found::nothing);  // flow control, for a node that talks to the device
     Bytes fd(12, 0x55);
     fd[0] = 0x05;  // a single frame of more than 8 bytes has its length in the second byte, and 0 here
     fd[1] = 10;

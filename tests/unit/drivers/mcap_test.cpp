@@ -1,4 +1,4 @@
-// Recordings: what the writer writes the reader reads, and of a file that was cut or damaged the rest.
+// Recordings: the reader returns the writer's data, and the intact part of a truncated or damaged file.
 #include <gtest/gtest.h>
 
 #include <unistd.h>
@@ -125,7 +125,7 @@ TEST_F(Mcap, AFlippedBitCostsOneChunkAndIsSaid) {
         Reader reader(damaged);
         const std::vector<Frame> back = frames_of(reader);
         ASSERT_LE(back.size(), frames.size());
-        // What comes is what was recorded, in its order: never another value.
+        // The messages are the recorded ones, in their order: never another value.
         std::size_t at = 0;
         for (const Frame& frame : back) {
             while (at < frames.size() && !same_bits(frame, frames[at])) ++at;

@@ -1,4 +1,5 @@
-// A recording read from the disk: the same messages as from its bytes, with work and memory that its length does not change.
+// A recording read from the disk: the same messages as from its bytes, with work and memory that do not depend on its
+// length.
 #include "drivers/mcap/message_file.hpp"
 
 #include <gtest/gtest.h>
@@ -127,10 +128,10 @@ TEST_F(MessageFileTest, AChunkTooLongForTheMemoryIsLeftOutAndSaid) {
 
 TEST_F(MessageFileTest, AfterDeclareAllNoChannelIsNew) {
     ASSERT_EQ(file.open(recording.path), "");
-    file.declare_all();  // before any record: from the summary alone
+    file.declare_all();  // before any record: from the summary only
     EXPECT_EQ(file.reader().channels().size(), 2u);
     EXPECT_EQ(all_of(file).messages, from(bytes).messages);
-    recording.become(bytes.substr(0, bytes.size() - 1));  // no summary that can be found
+    recording.become(bytes.substr(0, bytes.size() - 1));  // the summary cannot be found
     ASSERT_EQ(file.open(recording.path), "");
     file.declare_all();
     EXPECT_EQ(all_of(file).messages.size(), 0u);

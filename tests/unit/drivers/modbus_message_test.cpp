@@ -1,4 +1,4 @@
-// Modbus requests and answers as bytes: examples of the standard, libmodbus as the witness, hostile answers.
+// Modbus requests and answers as bytes: examples of the standard, libmodbus as a reference, hostile answers.
 #include <gtest/gtest.h>
 #include <modbus/modbus.h>
 #include <sys/socket.h>
@@ -45,12 +45,12 @@ const ModbusRequest kThree{.transaction = 7, .unit = 9, .function = 3, .at = 180
 const Bytes kThreeBody{9, 3, 6, 0, 1, 0xFF, 0xFE, 0, 3};
 
 TEST(ModbusMessage, IsTheExampleOfTheFt300sManual) {
-    // Asks for the stream: register 410 := 0x0200 with function 16.
+    // Requests the stream: register 410 := 0x0200 with function 16.
     EXPECT_EQ(request_bytes(ModbusWire::rtu, {.unit = 9, .function = 16, .at = 410, .value = 0x0200}),
               (Bytes{0x09, 0x10, 0x01, 0x9A, 0x00, 0x01, 0x02, 0x02, 0x00, 0xCD, 0xCA}));
 }
 
-// libmodbus answers at the other end of a socket pair, from registers that hold their own address.
+// libmodbus answers at the other end of a socket pair, from registers that contain their own address.
 class Witness {
 public:
     explicit Witness(ModbusWire wire)
@@ -137,7 +137,7 @@ TEST_P(BothWires, AnAnswerInSingleBytesIsTheSame) {
 TEST(ModbusRtu, NoiseBeforeAnAnswerAndTheEchoOfTheRequestCostNothing) {
     ModbusAnswers answers(ModbusWire::rtu);
     answers.expect(kThree);
-    Bytes all = request_bytes(ModbusWire::rtu, kThree);  // an adapter that hears itself
+    Bytes all = request_bytes(ModbusWire::rtu, kThree);  // an adapter with an echo
     for (const std::uint8_t byte : std::initializer_list<std::uint8_t>{0xFF, 0x00, 0x09}) all.push_back(byte);
     const std::size_t before = all.size();
     for (const std::uint8_t byte : with_crc(kThreeBody)) all.push_back(byte);
@@ -147,7 +147,7 @@ TEST(ModbusRtu, NoiseBeforeAnAnswerAndTheEchoOfTheRequestCostNothing) {
 }
 
 TEST(ModbusRtu, AnEchoIsNeverTheAnswerAlsoWhereItsBytesWouldFit) {
-    // All requests for one register whose first seven bytes are a whole answer, CRC and all.
+    // Tries all requests for one register whose first seven bytes are a whole answer with a valid CRC.
     unsigned tried = 0;
     for (unsigned unit = 1; unit <= 247; ++unit)
         for (const std::uint8_t function : std::initializer_list<std::uint8_t>{3, 4})
@@ -243,7 +243,7 @@ TEST(ModbusTcp, ALateAnswerIsPassedOverAndTheOneBehindItTaken) {
     ASSERT_EQ(answers.next(), Found::good);
     EXPECT_EQ(answers.registers()[0], 1);
     EXPECT_EQ(answers.skipped, 15u);
-    feed(answers, with_header(7, kThreeBody));  // again: nobody asked
+    feed(answers, with_header(7, kThreeBody));  // again, without a request
     EXPECT_EQ(answers.next(), Found::nothing);
 }
 
@@ -282,7 +282,7 @@ TEST(ModbusRtu, AWriteIsConfirmedHoweverItsAnswerIsCut) {
     }
     feed(answers, {confirmed.back()});
     EXPECT_EQ(answers.next(), Found::good);
-    feed(answers, confirmed);  // once more, and nobody has asked
+    feed(answers, confirmed);  // once more, without a request
     EXPECT_EQ(answers.next(), Found::nothing);
     EXPECT_EQ(answers.skipped, confirmed.size());
 }

@@ -1,4 +1,4 @@
-// The modbus driver over a pty and over loopback. The test is the slave: it takes each request and answers as it likes.
+// The modbus driver over a pty and over loopback. The test is the slave: it takes each request and answers.
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
@@ -20,7 +20,7 @@
 #include "drivers/tcp.hpp"
 #include "drivers/wire/modbus_message.hpp"
 
-static std::function<void()> after_send;  // once, before the call returns to whoever sent
+static std::function<void()> after_send;  // called once, before the call returns to the sender
 
 extern "C" ssize_t send(int fd, const void* bytes, size_t size, int flags) {
     const ssize_t sent = ::syscall(SYS_sendto, fd, bytes, size, flags, nullptr, 0);
@@ -70,7 +70,7 @@ protected:
         ASSERT_EQ(driver_->open(), "");
         end_ = ::accept(listener_, nullptr, nullptr);
     }
-    // The driver's next request; it is sent by read(), which has nothing to give yet.
+    // Returns the driver's next request, which read() sends; read() has no frame yet.
     Bytes request() {
         Bytes bytes(64);
         for (int i = 0; i < 500; ++i) {
@@ -85,7 +85,7 @@ protected:
     }
     void send(Bytes bytes) {
         ASSERT_EQ(::write(end_, bytes.data(), bytes.size()), ssize_t(bytes.size()));
-        ::usleep(3000);  // a pty hands bytes over in a kernel thread of its own
+        ::usleep(3000);  // a pty passes bytes on in a kernel thread
     }
     static Bytes rtu(Bytes bytes) {
         const std::uint16_t crc = modbus_crc(bytes);
@@ -120,7 +120,7 @@ TEST_F(Slave, ARtuUnitIsAskedForAnotherLengthFirstAndThenRead) {
     ASSERT_EQ(read(), Status::frame);
     EXPECT_EQ(frame_.channel[0], 5);
     EXPECT_EQ(frame_.channel[1], 6);
-    EXPECT_EQ(request(), ask(10, 2));  // no doubt any more
+    EXPECT_EQ(request(), ask(10, 2));  // no longer in doubt
     EXPECT_EQ(count(TACTILED_LINK_BUS_ERROR), 0u);
 }
 
@@ -130,7 +130,7 @@ TEST_F(Slave, ALateRtuAnswerIsNeverTakenForANewOne) {
     send(one(0));
     EXPECT_EQ(request(), ask(10, 2));
     while (count(TACTILED_LINK_BUS_ERROR) == 0) ASSERT_EQ(read(5), Status::timeout);
-    EXPECT_EQ(request(), ask(10, 1));  // and now, after the next request was sent, comes the old answer
+    EXPECT_EQ(request(), ask(10, 1));  // now, after the next request was sent, the old answer arrives
     send(two(66, 66));
     ASSERT_EQ(read(1), Status::timeout);
     send(one(0));
@@ -150,7 +150,7 @@ TEST_F(Slave, ALateAnswerToASetOfOtherRegistersIsNotTakenEither) {
     send(one(0));
     EXPECT_EQ(request(), ask(10, 2));
     while (count(TACTILED_LINK_BUS_ERROR) == 0) ASSERT_EQ(read(5), Status::timeout);
-    EXPECT_EQ(request(), ask(20, 1));  // the unit is in doubt, whichever of its registers are due
+    EXPECT_EQ(request(), ask(20, 1));  // the unit is in doubt, for any of its registers
 }
 
 TEST_F(Slave, AUnitInDoubtIsAskedForALengthThatNoneOfItsSetsHas) {
@@ -233,7 +233,7 @@ TEST_F(Slave, WhatOneSetOfRegistersMissesIsSetUpForTheOthersOfItsUnit) {
     };
     is_set_up_and_read();
     Bytes r = request();
-    EXPECT_EQ(r[9], 7);  // the second, whose turn was at the opening, too
+    EXPECT_EQ(r[9], 7);  // the second one, which was also due at the opening
     send(tcp(r, {1, 3, 2, 0, 5}));
     EXPECT_EQ(read(), Status::frame);
     request();
@@ -295,7 +295,7 @@ TEST_F(Slave, AnAnswerThatLayThereWhileTheProcessStoodStillIsNotTaken) {
     open_connection("timeout_ms = 20", "[[slave]]\nrate_Hz = 20\n" + kValues);
     const Bytes asked = request();
     send(tcp(asked, {1, 3, 4, 0, 66, 0, 66}));
-    ::usleep(50'000);  // stands for hours of suspension
+    ::usleep(50'000);  // represents hours of suspension
     EXPECT_EQ(read(1), Status::timeout);
     EXPECT_EQ(count(TACTILED_LINK_BUS_ERROR), 1u);
     send(tcp(request(), {1, 3, 4, 0, 5, 0, 6}));
@@ -309,7 +309,7 @@ TEST_F(Slave, AnAnswerThatCameWhileTheProcessStoodStillInSendIsNotTakenEither) {
         Bytes asked(12);
         ASSERT_EQ(::read(end_, asked.data(), asked.size()), 12);
         send(tcp(asked, {1, 3, 4, 0, 66, 0, 66}));
-        ::usleep(50'000);  // stands for any time
+        ::usleep(50'000);  // represents any time
     };
     while (count(TACTILED_LINK_BUS_ERROR) == 0) ASSERT_EQ(read(5), Status::timeout);
     EXPECT_EQ(count(TACTILED_LINK_FRAMES), 0u);

@@ -1,4 +1,4 @@
-// A bus with model chips and switches on it, and the same as an I2cBus in virtual time.
+// A bus with model chips and switches, also as an I2cBus in virtual time.
 #pragma once
 #include <algorithm>
 #include <functional>
@@ -15,13 +15,13 @@ namespace tactiled::test {
 
 class ModelWires {
 public:
-    // `mux` 0: on the bus itself.
+    // `mux` 0: directly on the bus.
     void put(std::uint8_t address, ModelChip& chip, std::uint8_t mux = 0, unsigned channel = 0) {
         places_.push_back({address, mux, channel, &chip});
         if (mux != 0) masks_.try_emplace(mux, std::uint8_t{0});
     }
 
-    // False: nobody acknowledged.
+    // Returns false if no chip acknowledged.
     bool write(std::uint8_t address, Bytes bytes, std::uint64_t t_ns) {
         if (const auto mux = masks_.find(address); mux != masks_.end()) {
             mux->second = bytes.back();
@@ -65,7 +65,8 @@ private:
     std::map<std::uint8_t, std::uint8_t> masks_;
 };
 
-// A chip's data-ready line: has an edge where a conversion ends, but for every `misses`-th. One of a transfer's time waits.
+// A chip's data-ready line: it has an edge at the end of each conversion, except every `misses`-th. An edge during a
+// transfer waits.
 class ModelLine final : public ReadyLine {
 public:
     explicit ModelLine(ModelChip& chip) : chip_(chip) {}
@@ -73,7 +74,7 @@ public:
         t_ns = std::exchange(edge_ns_, 0);
         return t_ns != 0;
     }
-    // Time passes until `t_ns` at most; when its edge was, 0 where there was none.
+    // Advances the time to `t_ns` at most; returns the time of its edge, 0 if there was none.
     std::uint64_t pass(std::uint64_t t_ns) {
         if (chip_.ended_ns() == seen_ns_) {
             if (chip_.ends_ns() == 0 || chip_.ends_ns() > t_ns) return 0;
@@ -125,7 +126,7 @@ public:
             now_ =
                 std::max(now_, edge_ns != 0 ? edge_ns : t_ns) + (oversleeps_max_ns == 0 ? 0 : random_() % oversleeps_max_ns);
         }
-        if (line != nullptr) (void)line->pass(now_);  // waits to be taken
+        if (line != nullptr) (void)line->pass(now_);  // the edge waits until it is taken
     }
 
     ModelLine* line = nullptr;
@@ -133,12 +134,12 @@ public:
     ModelWires wires;
     std::uint64_t oversleeps_max_ns = 0;
     std::uint64_t held_up_max_ns = 0;  // every fourth transfer, before it reads
-    double overhead_ns = 0;            // of each transfer, as a USB adapter has it
+    double overhead_ns = 0;            // per transfer, as with a USB adapter
     bool is_disconnected = false, hangs = false;
-    unsigned n_until_accident = 0;  // so many transfers until this happens, before the last of them
+    unsigned n_until_accident = 0;  // number of transfers until this happens, before the last of them
     std::function<void()> accident;
-    bool fails_after = false;  // of those: the chip has taken the bytes all the same
-    unsigned n_failing = 0;    // so many transfers to come fail
+    bool fails_after = false;  // after that transfer: the chip has taken the bytes
+    unsigned n_failing = 0;    // number of following transfers that fail
     Answer failing_with = Answer::failed;
     unsigned n_transfers = 0, n_nacks = 0;
     std::uint64_t busy_ns = 0;

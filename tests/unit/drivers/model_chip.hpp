@@ -1,7 +1,7 @@
-// What model chips share: a clock, what they converted and when, and registers of one byte or of two.
-// A model chip is as its bus sees it: register-accurate in what the drivers use, with a clock of its own that may be off.
-// Every conversion has a code that no other has for long, and is written down, so that a test can tell where a value came
-// from and how old it is. Used in virtual time by the tests, and in real time by tests/kernel/usbip_i2c.cpp.
+// The common part of model chips: a clock, a log of conversions, and registers of one byte or of two. A model chip is
+// register-accurate in the parts that the drivers use, with its own clock, which may be off. Every conversion has a
+// code that is unique for long, and is logged, so that a test can determine the source and the age of a value. The
+// tests use them in virtual time, tests/kernel/usbip_i2c.cpp in real time.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -16,23 +16,23 @@ using Bytes = std::span<const std::uint8_t>;
 class ModelChip {
 public:
     virtual ~ModelChip() = default;
-    // A write ended at `t_ns`; a read lasted from `t_ns` to `until_ns`.
+    // Notes a write that ended at `t_ns`, or a read from `t_ns` to `until_ns`.
     virtual void write(Bytes bytes, std::uint64_t t_ns) = 0;
     virtual void read(std::span<std::uint8_t> out, std::uint64_t t_ns, std::uint64_t until_ns) = 0;
     virtual void advance(std::uint64_t t_ns) = 0;
-    virtual void reset() = 0;  // as if its supply had been away for a moment
-    // A setting changes by itself: a register that says how the chip converts, not what it converted.
+    virtual void reset() = 0;  // like a short loss of its supply
+    // Changes a setting without a command: a register of the configuration, not of the result.
     virtual void disturb(unsigned which, std::uint8_t value) = 0;
 
-    // When the conversion of `input` that gave `code` ended; 0: there was none.
+    // Returns the end of the conversion of `input` that gave `code`; 0: there was none.
     [[nodiscard]] std::uint64_t converted_ns(unsigned input, std::int64_t code) const {
         const auto found = converted_.find({input, code});
         return found == converted_.end() ? 0 : found->second;
     }
 
-    // When the conversion that runs ends; 0: none runs.
+    // Returns the end of the running conversion; 0: none runs.
     [[nodiscard]] std::uint64_t ends_ns() const { return ends_ns_; }
-    [[nodiscard]] std::uint64_t ended_ns() const { return ended_ns_; }  // of the last one
+    [[nodiscard]] std::uint64_t ended_ns() const { return ended_ns_; }  // end of the last one
 
     double period_scale = 1;  // > 1: a slow clock
     bool is_dead = false;     // does not acknowledge
@@ -42,7 +42,7 @@ protected:
     void note(unsigned input, std::int64_t code, std::uint64_t t_ns) { converted_[{input, code}] = ended_ns_ = t_ns; }
     [[nodiscard]] std::uint64_t scaled(double ns) const { return std::uint64_t(ns * period_scale); }
 
-    std::uint64_t t_ns_ = 0;  // up to when it has lived
+    std::uint64_t t_ns_ = 0;  // time of its present state
     std::uint64_t ended_ns_ = 0;
     std::uint64_t ends_ns_ = 0;  // the conversion that runs; 0: none runs
 
@@ -50,7 +50,7 @@ private:
     std::map<std::pair<unsigned, std::int64_t>, std::uint64_t> converted_;
 };
 
-// Registers of one byte and a pointer that a write sets and every byte moves on.
+// Registers of one byte and a pointer that a write sets and every byte advances.
 template <std::size_t N>
 class RegisterChip : public ModelChip {
 public:
@@ -77,7 +77,7 @@ private:
     unsigned pointer_ = 0;
 };
 
-// Registers of two bytes; a pointer that does not move.
+// Registers of two bytes with a constant pointer.
 class WordChip : public ModelChip {
 public:
     void write(Bytes bytes, std::uint64_t t_ns) override {

@@ -1,4 +1,4 @@
-// A recording as tactilectl makes it, of frames that a test says, in a file of its own.
+// A temporary recording like tactilectl's, with frames that the test specifies.
 #pragma once
 #include <unistd.h>
 
@@ -24,7 +24,7 @@ struct Recording {
     Recording(const Recording&) = delete;
     Recording& operator=(const Recording&) = delete;
 
-    // `link`: its place in the list. The frame's only channel is its number.
+    // `link`: its index in the list. The frame's only channel is its number.
     void frame(std::uint16_t link, std::uint64_t t_ns, double number) {
         Frame frame;
         frame.t_ns = t_ns;

@@ -1,4 +1,4 @@
-// Registers -> numbers, and what a user may say about them.
+// Converts registers to numbers, and tests the configuration of registers.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -75,7 +75,7 @@ TEST(RegisterSet, TheEndsOfAnIntegerAreSaturationLimitsAndTheRestOfItIsNot) {
     };
     EXPECT_EQ(saturated({0x7FFF, 0x8000, 0xFFFF, 0x7FFF, 0xFFFF, 0xFFFF, 0xFFFF, 0x7F7F, 0xFFFF}), 0b11111u);
     EXPECT_EQ(saturated({0x7FFE, 0x8001, 0xFFFE, 0x8000, 0x0000, 0xFFFF, 0xFFFE, 0, 0}), 0b01000u);
-    EXPECT_EQ(saturated({0, 0xFFFF, 0, 0x7FFF, 0xFFFE, 0, 0, 0, 0}), 0u);  // 0 is what an unsigned one reads at rest
+    EXPECT_EQ(saturated({0, 0xFFFF, 0, 0x7FFF, 0xFFFE, 0, 0, 0, 0}), 0u);  // 0 is the reading of an unsigned one at rest
 }
 
 TEST(RegisterSet, GivesNoFrameUnlessTheDeviceSaysReady) {

@@ -1,4 +1,4 @@
-// Registration: drivers, serial formats and chips are found by the name of their entries, whatever the order of linking.
+// Registration: drivers, serial formats and chips are found by the name of their entries, for any order of linking.
 #include "config/registry.hpp"
 
 #include <gtest/gtest.h>
@@ -144,7 +144,7 @@ TEST(Registration, AMisspeltChipIsAnErrorThatListsAll) {
                     "\"ads1115\", \"ads122c04\", \"demo16\", \"fdc1004\", \"mpr121\", \"nau7802\""});
 }
 
-// Any format's decoder, also of a new one: what comes out does not depend on how the bytes were cut.
+// Tests any format's decoder, also of a new one: the result does not depend on how the bytes were cut.
 TEST(Registration, EachFormatGivesTheSameFramesHoweverTheBytesAreCut) {
     std::mt19937 random(7);
     std::vector<std::uint8_t> bytes(4000);
@@ -177,7 +177,7 @@ TEST(Registration, EachFormatGivesTheSameFramesHoweverTheBytesAreCut) {
     }
 }
 
-// Those that a device is played with: what is encoded is decoded.
+// Formats that a device can be played with: encoded frames are decoded.
 TEST(Registration, EachFormatThatIsPlayedIsReadBack) {
     const auto has_encoder = [](const StreamFormat& format) { return format.encode != nullptr; };
     EXPECT_EQ(StreamFormats::names(has_encoder), (Lines{"cobs", "lines"}));
@@ -230,7 +230,7 @@ TEST(Registration, ADriverNamesTheDevicesThatItNeeds) {
     for (const char* driver : {"tcp", "replay"}) EXPECT_EQ(Drivers::find(driver)->requirements, nullptr) << driver;
 }
 
-// ---- the examples of drivers/README.md, which are compiled from the page ----
+// ---- the examples of drivers/README.md: tests/toys/example_*.cpp ----
 
 TEST(ReadmeExamples, TheDriverRunsAndIsNotTakenForAMeasurement) {
     Problems problems;

@@ -1,4 +1,4 @@
-// Driver "replay": a recorded link, its frames in their order and at their distances.
+// Driver "replay": a recorded link, with its frames in their order and at their intervals.
 #include <gtest/gtest.h>
 
 #include <fmt/format.h>
@@ -20,7 +20,7 @@ struct Replay : testing::Test {
         EXPECT_TRUE(problems.empty());
         return driver;
     }
-    // The numbers of the frames that come until the recording ends, and how many turns brought none.
+    // Returns the numbers of the frames until the recording ends, and the number of calls without a frame.
     std::vector<double> play(Driver& driver) {
         std::vector<double> numbers;
         Frame frame;
@@ -32,7 +32,7 @@ struct Replay : testing::Test {
             if (status == Status::frame) numbers.push_back(frame.channel[0]);
         }
     }
-    // Frames of the other link, some MiB of them.
+    // Adds frames of the other link, some MiB of them.
     void others(unsigned MiB) {
         const std::uint64_t until = recording.writer.bytes() + (std::uint64_t(MiB) << 20);
         while (recording.writer.bytes() < until) recording.frame(1, 5, 0);
@@ -67,7 +67,7 @@ TEST_F(Replay, ACycleReadsAMebibyteWhereItsLinkIsSilent) {
     const auto driver = make("link = \"usb0\"");
     ASSERT_EQ(driver->open(), "");
     EXPECT_EQ(play(*driver), (std::vector<double>{1, 2}));
-    EXPECT_GE(turns, 19);  // a turn ends with the chunk in which its MiB ended
+    EXPECT_GE(turns, 19);  // a call ends with the chunk in which its MiB ended
     EXPECT_LE(turns, 80);
 }
 

@@ -9,8 +9,8 @@ namespace {
 
 constexpr unsigned kBits = 16;
 
-// Two devices send under one name, each period in an order that chance makes: the second one's counter is `ahead`, its clock
-// `clock_ahead`, and only each `every`th of its frames is heard.
+// Two devices send with one number, in a random order in each period: the second one's counter is `ahead`, its clock
+// `clock_ahead`, and only each `every`th of its frames arrives.
 struct Two {
     std::int64_t ahead = 0;
     int every = 1;
@@ -19,7 +19,7 @@ struct Two {
 
     SequenceTracker tracker{};
     std::int64_t now = 1000, time = 0;
-    int seconds_believed = 0, contested = 0, dropped = 0;  // of the second one's; of both
+    int seconds_believed = 0, contested = 0, dropped = 0;  // seconds_believed: of the second device; the others: of both
 
     void send(bool first) {
         const std::int64_t count = first ? now : now + ahead, sent = first ? 10 * now : 10 * now + clock_ahead + 1;
@@ -36,7 +36,7 @@ struct Two {
     void alone(int periods) {
         for (int i = 0; i < periods; ++i, ++now) send(true);
     }
-    // True: they were told apart.
+    // Returns true if the two were detected.
     bool run(int periods, unsigned seed) {
         std::mt19937 random(seed);
         for (int i = 0; i < periods && contested == 0; ++i, ++now) {
@@ -67,7 +67,7 @@ TEST(SequenceTracker, OneDeviceIsBelievedAgainAfterAStretchInOrder) {
     two.alone(20);
     ASSERT_TRUE(two.run(100, 1));
     two.contested = 0;
-    for (int i = 0; i < 300; ++i, ++two.now) {  // none is told of them until it is left alone
+    for (int i = 0; i < 300; ++i, ++two.now) {  // no frame is assigned until it is alone
         two.send(true);
         two.send(false);
     }
@@ -104,7 +104,7 @@ TEST(SequenceTracker, AClockThatJittersBackUnderACounterInOrderIsNoRestart) {
 }
 
 TEST(SequenceTracker, FramesThatAreOvertakenAreNoSecondDevice) {
-    for (const std::uint32_t late_by : {1u, 2u, 7u}) {  // of each ten frames the first comes so much later
+    for (const std::uint32_t late_by : {1u, 2u, 7u}) {  // the first of each ten frames arrives so much later
         SequenceTracker tracker;
         std::uint32_t accepted = 0;
         for (std::uint32_t i = 0; i < 5000; ++i) {

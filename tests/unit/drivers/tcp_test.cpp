@@ -76,14 +76,15 @@ TEST_F(TcpStream, AConnectionThatEndsIsADisconnectionAndMadeAnew) {
     listener_ = ::socket(AF_INET, SOCK_STREAM, 0);
 }
 
-// No frame of before may have the stamp of now; what waits at the other end, too, ends with the connection.
+// No earlier frame may get a present timestamp; data that wait at the other end are discarded with the connection,
+// too.
 TEST_F(TcpStream, WhatWaitedWhileTheReaderStoodStillGivesNoFrame) {
     const auto driver = make("format = \"lines\"\nchannels = 1");
     ASSERT_EQ(driver->open(), "");
     const int device = ::accept(listener_, nullptr, nullptr);
     const std::string old = "1\n2\n3\n", fresh = "4\n5\n";
     ASSERT_EQ(::send(device, old.data(), old.size(), 0), ssize_t(old.size()));
-    ::usleep(1'050'000);  // longer than 950 ms and the turn of 1 ms
+    ::usleep(1'050'000);  // longer than 950 ms and the cycle of 1 ms
     Frame frame;
     EXPECT_EQ(driver->read(frame, 1), Status::disconnected);
     EXPECT_FALSE(driver->has_more());
@@ -122,7 +123,7 @@ TEST_F(TcpStream, ADeviceThatVanishesWithoutAWordIsDisconnected) {
     Frame frame;
     ASSERT_EQ(driver->read(frame, 1000), Status::frame);
     sock_filter nothing{BPF_RET | BPF_K, 0, 0, 0};
-    const sock_fprog deaf{1, &nothing};  // no byte and no question reaches it any more, and it answers none
+    const sock_fprog deaf{1, &nothing};  // a filter that drops all its packets, so that it does not answer
     ASSERT_EQ(::setsockopt(device, SOL_SOCKET, SO_ATTACH_FILTER, &deaf, sizeof deaf), 0);
     Status status = Status::timeout;
     for (int i = 0; i < 40 && status == Status::timeout; ++i) status = driver->read(frame, 500);

@@ -41,7 +41,7 @@ protected:
         return driver;
     }
     void send(const void* bytes, std::size_t size) { ASSERT_EQ(::write(master_, bytes, size), ssize_t(size)); }
-    // A pty hands its bytes over in a kernel thread of its own.
+    // A pty passes its bytes on in a kernel thread.
     void wait_until_waiting(int bytes) {
         int waiting = 0;
         for (int i = 0; i < 2000 && waiting < bytes; ++i) {
@@ -122,12 +122,12 @@ TEST_F(UartTest, AHangUpIsDisconnectedAndNotReadAgain) {
     hang_up();
     EXPECT_EQ(driver->read(frame, 1000), Status::disconnected);
     driver->close();
-    EXPECT_NE(driver->open(), "");  // the pty is dead: says so, and does not throw
+    EXPECT_NE(driver->open(), "");  // the pty is dead: reports it, and does not throw
 }
 
 TEST_F(UartTest, WhatLayInTheBufferBeforeOpeningIsNotGivenANewTimestamp) {
     const auto driver = make("format = \"cobs\"");
-    termios raw{};  // a line discipline that waits for the end of a line would count no bytes
+    termios raw{};  // in canonical mode no bytes would be counted
     ASSERT_EQ(::tcgetattr(slave_, &raw), 0);
     ::cfmakeraw(&raw);
     ASSERT_EQ(::tcsetattr(slave_, TCSANOW, &raw), 0);
@@ -145,7 +145,7 @@ TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewTimestampEith
     ASSERT_EQ(driver->open(), "");
     send_frame(1);
     wait_until_waiting(frame_bytes_);
-    ::usleep(1'050'000);  // longer than 950 ms and the turn of 1 ms
+    ::usleep(1'050'000);  // longer than 950 ms and the cycle of 1 ms
     Frame frame;
     EXPECT_EQ(driver->read(frame, 1), Status::disconnected);
     EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], std::uint32_t(frame_bytes_));
@@ -179,12 +179,12 @@ TEST_F(UartTest, FramesThatWaitedWhileTheReaderStoodStillAreAsFarApartAsTheyWere
 }
 
 TEST_F(UartTest, WhatAnFt300SentBeforeItWasStoppedIsNoReading) {
-    const auto driver = make("format = \"ft300\"\nbaud = 600");  // a pty does not mind; the pause is 853 ms then
+    const auto driver = make("format = \"ft300\"\nbaud = 600");  // a pty accepts it; the pause is 853 ms then
     std::array<std::uint8_t, kFt300Bytes> out;
     Frame old, read;
     old.channel[0] = 1;
     encode_ft300(old, out);
-    std::thread device([&] {  // answers the stop, in the pause before the start
+    std::thread device([&] {  // answers the stop bytes, in the pause before the start
         char heard[61];
         for (std::size_t n = 0; n < 50;) n += std::size_t(std::max<ssize_t>(0, ::read(master_, heard, 50 - n)));
         (void)!::write(master_, out.data(), out.size());
@@ -202,7 +202,7 @@ TEST_F(UartTest, ADeviceThatIsOnlyLateAtTheFirstOpeningWasNotRestarted) {
     ASSERT_EQ(driver->open(), "");
     Frame read;
     EXPECT_EQ(driver->read(read, 1050), Status::timeout);
-    EXPECT_EQ(driver->read(read, 1), Status::timeout);  // asked again
+    EXPECT_EQ(driver->read(read, 1), Status::timeout);  // the request is repeated
     std::array<std::uint8_t, kFt300Bytes> out;
     encode_ft300(Frame{}, out);
     send(out.data(), out.size());
@@ -217,7 +217,7 @@ TEST_F(UartTest, AHexStreamIsAskedForReadAndStoppedAsConfigured) {
     ASSERT_EQ(driver->open(), "");
     char heard[3] = {};
     for (int at = 0; at < 2; ++at) ASSERT_EQ(::read(master_, heard + at, 1), 1);
-    EXPECT_STREQ(heard, "ES");  // first what it may still be sending is stopped
+    EXPECT_STREQ(heard, "ES");  // first a device that is still sending is stopped
     send("12001200a\r\n", 11);
     Frame read;
     ASSERT_EQ(driver->read(read, 1000), Status::frame);
@@ -233,7 +233,7 @@ TEST_F(UartTest, AHexStreamIsAskedForReadAndStoppedAsConfigured) {
 TEST_F(UartTest, SetsRawModeAndAnyRate) {
     const auto driver = make("format = \"cobs\"\nbaud = 123456");
     ASSERT_EQ(driver->open(), "");
-    send("\x03\x04\r\x00", 4);  // nothing is translated, nothing is a signal
+    send("\x03\x04\r\x00", 4);  // no character is translated or raises a signal
     termios settings{};
     ASSERT_EQ(::tcgetattr(slave_, &settings), 0);
     EXPECT_EQ(settings.c_lflag & unsigned(ICANON | ECHO | ISIG), 0u);

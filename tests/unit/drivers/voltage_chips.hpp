@@ -29,7 +29,7 @@ public:
             const std::uint32_t code = input * 0x200000 + ++n_converted % 0x100000;
             for (int i = 0; i < 3; ++i) reg[std::size_t(0x12 + i)] = std::uint8_t(code >> (16 - 8 * i));
             if (settling_ > 0)
-                --settling_;  // still of what was before
+                --settling_;  // still affected by the previous setting
             else
                 note(input, code, ends_ns_);
             reg[0] |= 0x20;
@@ -143,7 +143,7 @@ public:
     }
     std::array<std::uint8_t, 4> reg{};
     unsigned n_flipped = 0, n_flipped_registers = 0;  // data, registers to come with a wrong bit
-    unsigned n_flipped_writes = 0;                    // the one after so many registers is written with a wrong bit
+    unsigned n_flipped_writes = 0;                    // the write after that many registers has a wrong bit
 
 private:
     [[nodiscard]] std::uint64_t conversion() const {

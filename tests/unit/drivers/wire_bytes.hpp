@@ -1,4 +1,4 @@
-// Bytes and texts as the tests of the wire formats write them down, and what a decoder makes of them.
+// Bytes and texts for the tests of the wire formats, and their decoded frames.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ inline Bytes hex(const std::string& text) {
     return bytes;
 }
 
-// The example that stands after the line that begins so, from the format's own page.
+// Returns the example after the line with that beginning, from the format's own page.
 inline std::string line_after(const std::string& page, const std::string& beginning) {
     std::ifstream file(std::string(TACTILED_SOURCE_DIR) + "/drivers/wire/" + page);
     std::string line;

@@ -1,4 +1,4 @@
-// Both wire formats: what their pages promise, against bytes that were cut, changed, doubled and mixed with noise.
+// Both wire formats: the promises on their pages, against bytes that were cut, changed, doubled and mixed with noise.
 #include <functional>
 #include <memory>
 #include <random>
@@ -52,7 +52,7 @@ protected:
         }
         return all;
     }
-    // Right frames only, in order; returns how many.
+    // Checks that there are only right frames, in order; returns their number.
     static std::size_t check(const std::vector<Frame>& frames) {
         for (std::size_t i = 0; i < frames.size(); ++i) {
             const Frame expected = frame(frames[i].sequence);
@@ -85,7 +85,7 @@ TEST_P(BothFormats, AnyOneByteChangedCostsAtMostTwoFrames) {
             const auto decoder = GetParam().decoder(counts);
             const auto frames = decode(*decoder, bytes);
             EXPECT_GE(check(frames), 4u) << at;
-            // What is missing within the stream is counted; the ends have no neighbour to tell.
+            // Frames missing within the stream are counted; the ends have no neighbour that would show it.
             const auto span = frames.empty() ? 0 : frames.back().sequence - frames.front().sequence + 1;
             EXPECT_EQ(counts[TACTILED_LINK_LOST] + frames.size(), span) << at;
         }
@@ -179,7 +179,7 @@ TEST_P(BothFormats, TheTimestampIsThatOfTheLastByte) {
     const Bytes bytes = stream(0, 1);
     LinkCounts counts;
     const auto decoder = GetParam().decoder(counts);
-    const auto frames = decode(*decoder, bytes, 1);  // stamps 1, 2, 3 ... byte by byte
+    const auto frames = decode(*decoder, bytes, 1);  // times 1, 2, 3 ... byte by byte
     ASSERT_EQ(frames.size(), 1u);
     EXPECT_EQ(frames[0].t_ns, bytes.size());
 }
@@ -204,7 +204,7 @@ TEST_P(BothFormats, FramesThatWaitedTogetherAreAsFarApartAsTheirBytes) {
     decoder->push(GetParam().encode(frame(11)), 2'500'000, 1'500'000);
     ASSERT_TRUE(decoder->next(f));
     EXPECT_EQ(f.t_ns, 2'500'000u);
-    // No stamp goes back behind what was given before, whatever the caller thinks of the time.
+    // No timestamp is before an earlier one, whatever times the caller passes.
     Bytes two = GetParam().encode(frame(12)), more = GetParam().encode(frame(13));
     two.insert(two.end(), more.begin(), more.end());
     decoder->push(two, 2'600'000, 1);

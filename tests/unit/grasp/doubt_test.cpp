@@ -1,10 +1,10 @@
-// Where a weight must not look good: the load, the zero, the command or the sensor is not what it was.
+// A weight must not seem good if the load, the zero, a command or the sensor has changed.
 #include "tests/unit/grasp/hand.hpp"
 
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kLoad_N = 0.2 * kG / 2;  // of a jaw, at 200 g
+constexpr double kLoad_N = 0.2 * kG / 2;  // on one jaw, at 200 g
 
 grasp::Setup window_of(double ms) {
     grasp::Setup s = two_jaws();
@@ -60,7 +60,7 @@ TEST(GraspDoubt, AReportedAccelerationCountsAlongEachSkin) {
     grasp::Setup setup = two_jaws();
     setup.gravity_G = {kG * std::sin(tilt), 0, kG * std::cos(tilt)};
     Hand hand(setup);
-    const Vector a{sideways_m_s2 * std::cos(tilt), 0, -sideways_m_s2 * std::sin(tilt)};  // across gravity
+    const Vector a{sideways_m_s2 * std::cos(tilt), 0, -sideways_m_s2 * std::sin(tilt)};  // perpendicular to gravity
     hand.close();
     hand.each = [&](const tactiled_grasp&) { hand.grasp.acceleration(a, std::uint64_t(hand.t_s() * 1e9)); };
     hand.go(0.05, 2, 0.1 * (setup.gravity_G[2] - a[2])).stay(0.5);
@@ -113,7 +113,7 @@ TEST(GraspDoubt, AComponentThatCarriesNothingMayBeUnseen) {
     Hand hand;
     hand.spoil = [](std::size_t, JawSample& s) { s.force_S_N[0] = std::nan(""); };
     hand.close();
-    ASSERT_TRUE(hand.grasp.start_weighing());  // without both components no lift is seen
+    ASSERT_TRUE(hand.grasp.start_weighing());  // without both components no lift is detected
     hand.go(0.15, 2, kLoad_N).stay(0.5);
     EXPECT_NE(hand.now().weight_state, TACTILED_WEIGHT_NOT_OBSERVABLE);
     EXPECT_NEAR(hand.now().weight_kg, 0.2, 0.002);
@@ -124,7 +124,7 @@ TEST(GraspDoubt, AJawThatFellSilentLeavesNoWeight) {
     hand.close().lift(0.2);
     const double silent_s = hand.t_s();
     hand.spoil = [&](std::size_t j, JawSample& s) {
-        if (j == 1) s.t_ns = std::uint64_t(silent_s * 1e9);  // no newer value, and nobody says BAD
+        if (j == 1) s.t_ns = std::uint64_t(silent_s * 1e9);  // no newer value, and no BAD sample
     };
     hand.stay(0.6);
     EXPECT_NE(hand.now().weight_state, TACTILED_WEIGHT_STABLE);

@@ -1,4 +1,4 @@
-// The jaws must agree: no weight is stable whose forces contradict it, and the doubt names the jaw.
+// The jaws must agree: no weight is stable if its forces contradict it, and the doubt names the jaw.
 #include "tests/unit/grasp/hand.hpp"
 
 namespace tactiled::grasp {
@@ -6,7 +6,7 @@ namespace {
 
 constexpr double kMass_kg = 0.2;
 
-// Lifts, and expects a weight that is never stable and doubts of which `bits` are one.
+// Lifts, and expects a weight that is never stable, with doubts that include one of `bits`.
 void expect_never_stable(Hand& hand, std::uint32_t bits, std::uint32_t jaws) {
     hand.close();
     hand.each = [](const tactiled_grasp& g) { ASSERT_NE(g.weight_state, TACTILED_WEIGHT_STABLE) << g.weight_kg; };

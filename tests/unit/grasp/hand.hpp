@@ -1,4 +1,4 @@
-// Two jaws that carry a sensor each, driven by forces that a test states, at 1 kHz unless it says otherwise.
+// Two jaws with a sensor each, driven by forces that a test specifies, at 1 kHz by default.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@ namespace tactiled::grasp {
 
 inline constexpr double kG = 9.80665;
 
-// The hand points down: z of G is gravity's. Both skins have y up.
+// The hand points down: z of G is the direction of gravity. Both skins have y up.
 inline Setup two_jaws() {
     Setup s;
     s.gravity_G = {0, 0, kG};
@@ -36,7 +36,7 @@ class Hand {
 public:
     explicit Hand(const Setup& setup = two_jaws()) : grasp(setup), jaws_(setup.jaws.size()) {}
 
-    // Linearly from what is to that, over so many seconds; each jaw alike.
+    // Moves linearly from the present state to this one, in that time; both jaws alike.
     Hand& go(double seconds, double press_N, double load_N, double across_N = 0) {
         const double from[] = {press_N_, load_N_, across_N_}, to[] = {press_N, load_N, across_N};
         const int n = std::max(1, int(std::lround(seconds * rate_hz)));
@@ -50,7 +50,7 @@ public:
         return *this;
     }
     Hand& stay(double seconds) { return go(seconds, press_N_, load_N_, across_N_); }
-    Hand& close() { return go(0.5, 0, 0).go(0.2, 2, 0).stay(0.2); }  // 2 N a jaw
+    Hand& close() { return go(0.5, 0, 0).go(0.2, 2, 0).stay(0.2); }  // 2 N per jaw
     Hand& lift(double mass_kg) { return go(0.15, press_N_, mass_kg * kG / 2).stay(0.4); }
 
     [[nodiscard]] tactiled_grasp now() const { return grasp.state(); }

@@ -1,4 +1,4 @@
-// What a known weight teaches, and what the deviation says of it: before the lift a shear may be a leak of the press, which
+// The effect of a known weight, and its standard deviation: a shear before the lift may be a leak of the press, which
 // stays, or a force, which does not.
 #include "tests/unit/grasp/hand.hpp"
 
@@ -7,7 +7,8 @@ namespace {
 
 constexpr double kKnown_kg = 0.2;
 
-// Both jaws: so much more shear along gravity, of the weight of `of_kg`; sensors of so much deviation.
+// Adds the share `part` of the weight of `of_kg` to the shear along gravity of both jaws, with sensors of the given
+// sd.
 void put(Hand& hand, double part, double of_kg) {
     hand.spoil = [=](std::size_t, JawSample& s) {
         if (s.force_S_N[2] < -1.9) s.force_S_N[1] -= part * of_kg * kG / 2;  // in the grip only
@@ -140,7 +141,7 @@ TEST(KnownWeight, NeedsOnlyTheComponentThatCarries) {
 
 TEST(KnownWeight, SaysNothingOfOtherJawsThanCarriedIt) {
     grasp::Setup setup = hairs();
-    setup.jaws[1].S_from_G = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // gravity goes into its skin
+    setup.jaws[1].S_from_G = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // gravity points into its skin
     Hand hand(setup);
     put(hand, 0, 0);
     hand.close().lift(kKnown_kg);
@@ -161,7 +162,8 @@ TEST(KnownWeight, AForceThenIsNoLeakNow) {
     Hand hand(hairs());
     put(hand, 0, 0);
     hand.go(0.5, 0, 0).go(0.1, 0.2, 0).go(0.1, 0.7, 0.04).stay(0.4).go(0.15, 0.7, kKnown_kg * kG / 2).stay(0.4);
-    ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));  // 8 g lay on the jaws, 5.6 % of the press, and went with the lift
+    // 8 g were on the jaws, 5.6 % of the press, and disappeared with the lift
+    ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));
     hand.spoil = [](std::size_t, JawSample& s) {
         if (s.force_S_N[2] < -0.5) s.force_S_N[1] -= 0.02;
         s.sd_N = {0.002, 0.002, 0.002};
@@ -193,7 +195,7 @@ TEST(KnownWeight, GravitysDirectionThenIsInEveryWeightAfterIt) {
     put(hand, 0, 0);
     const double lean = 60 * M_PI / 180;
     hand.grasp.gravity({kG * std::sin(lean), 0, kG * std::cos(lean)});
-    hand.spoil = [&](std::size_t j, JawSample& s) {  // it leans on the jaw that is below
+    hand.spoil = [&](std::size_t j, JawSample& s) {  // the weight is on the lower jaw
         s.force_S_N[2] -= (j == 0 ? 1 : -1) * s.force_S_N[1] * std::tan(lean);
         s.sd_N = {0.002, 0.002, 0.002};
     };
@@ -216,7 +218,7 @@ TEST(KnownWeight, OfALightOneTheErrorGrowsWithTheLoad) {
     EXPECT_GT(hand.now().weight_sd_kg, 2.5 * then_kg);
 }
 
-// 5 mN that come at once with a load, whatever its size: no error of a gain, and within one deviation of each sensor.
+// 5 mN that appear with a load of any size: not an error of a gain, and within one standard deviation of each sensor.
 TEST(KnownWeight, OfOtherSensorsItLeavesHalfOfTheStandardDeviation) {
     Hand hand;
     hand.spoil = [](std::size_t, JawSample& s) {
@@ -257,7 +259,7 @@ TEST(KnownWeight, ItsGraspWasSharedNoBetterThanThisOne) {
     hand.close().lift(kKnown_kg);
     ASSERT_TRUE(hand.grasp.known_weight(kKnown_kg));
     (void)error_kg(hand, kKnown_kg);
-    // Of two jaws of four, each 1 + e of its share, 5 %: the mean of two e less that of four, here and then.
+    // With two jaws of four, each with 1 + e of its share, 5 %: the mean of two e minus that of four, here and then.
     EXPECT_NEAR(hand.now().weight_sd_kg / kKnown_kg, 0.05 * std::sqrt(2 * (1.0 / 2 - 1.0 / 4)), 0.002);
 }
 

@@ -1,10 +1,10 @@
-// What a press leaks into the shear: the weight has it in it, and the deviation says so.
+// The leak of a press into the shear: it is part of the weight, and the standard deviation includes it.
 #include "tests/unit/grasp/hand.hpp"
 
 namespace tactiled::grasp {
 namespace {
 
-// What a press of 2 N leaks, of the press: 0.4 %, 0.8 g of two jaws.
+// Leak of a press of 2 N, relative to the press: 0.4 %, 0.8 g for two jaws.
 void leak(Hand& hand, double part) {
     hand.spoil = [=](std::size_t, JawSample& s) {
         s.force_S_N[1] -= part * std::max(0.0, -s.force_S_N[2]);
@@ -50,7 +50,8 @@ TEST(Leak, OfWhatWasPutDownAndSqueezedIsThatOfTheEnd) {
 TEST(Leak, AForceThatComesAfterTheGripIsInTheStandardDeviation) {
     Hand hand(hairs());
     leak(hand, 0);
-    hand.go(0.5, 0, 0).go(0.2, 2, 0).stay(0.3).go(0.05, 2, 0.03).stay(0.4);  // 3 g a jaw, 1.5 % of the press, and it stays
+    // 3 g per jaw, 1.5 % of the press, and it stays
+    hand.go(0.5, 0, 0).go(0.2, 2, 0).stay(0.3).go(0.05, 2, 0.03).stay(0.4);
     hand.go(0.15, 2, 0.03 + 0.1 * kG / 2).stay(0.4);
     ASSERT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
     EXPECT_NEAR(hand.now().weight_kg, 0.1061, 0.0005);

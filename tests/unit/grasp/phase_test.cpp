@@ -1,4 +1,4 @@
-// What the gripper does, told by its forces alone.
+// The state of the gripper from its forces alone.
 #include <vector>
 
 #include "tests/unit/grasp/hand.hpp"
@@ -88,7 +88,7 @@ TEST(GraspPhase, ASensorThatDiesWhileHoldingTakesStateAndWeightWithIt) {
     EXPECT_EQ(hand.now().state, TACTILED_GRIP_UNKNOWN);
     EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_NONE);
     EXPECT_TRUE(std::isnan(hand.now().weight_kg));
-    hand.spoil = nullptr;  // it comes back, and nobody knows with which zero
+    hand.spoil = nullptr;  // the sensor returns, with an unknown zero
     hand.stay(1);
     EXPECT_NE(hand.now().state, TACTILED_GRIP_UNKNOWN);
     EXPECT_EQ(hand.now().grasps, 1u);

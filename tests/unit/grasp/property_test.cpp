@@ -1,4 +1,4 @@
-// Whatever comes in, in whatever order: what is said of it is legal, and nothing looks good that is not.
+// For any input in any order: every output is valid, and no bad value seems good.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 

@@ -1,4 +1,4 @@
-// Near the limit of friction, and over it.
+// Near the friction limit, and beyond it.
 #include "tests/unit/grasp/hand.hpp"
 
 namespace tactiled::grasp {
@@ -44,7 +44,7 @@ TEST(GraspSlip, EachIsCountedOnceAndStaysLatched) {
     hand.close().go(0.3, 2, 1.15);
     for (int i = 0; i < 3; ++i) hand.go(0.005, 2, 0.95).stay(0.2).go(0.1, 2, 1.15);
     EXPECT_EQ(hand.now().slip_count[0], 3u);
-    EXPECT_EQ(hand.now().slips, 6u);  // of both jaws
+    EXPECT_EQ(hand.now().slips, 6u);  // both jaws
     hand.go(0.3, 3, 1.0).stay(0.3);
     EXPECT_EQ(hand.now().slip_mask, 0u);
     EXPECT_EQ(hand.now().slip_latch, 3u);
@@ -88,7 +88,7 @@ TEST(GraspSlip, AVibrationThatBeginsAtOnceIsNone) {
             grasp::Setup setup = two_jaws();
             setup.friction = reported;
             Hand hand(setup);
-            const double load_N = 0.46 * 2;  // of 0.6: a margin of 1.3
+            const double load_N = 0.46 * 2;  // limit 0.6: a margin of 1.3
             hand.close().go(0.15, 2, load_N).stay(0.8);
             for (int i = 1; i <= 500; ++i) hand.go(0.001, 2, load_N * (1 + 0.1 * std::sin(2 * 3.14159265 * hz * i * 1e-3)));
             EXPECT_EQ(hand.now().slips, 0u) << hz << " Hz, friction " << reported;
@@ -98,10 +98,10 @@ TEST(GraspSlip, AVibrationThatBeginsAtOnceIsNone) {
 
 TEST(GraspSlip, AFastPullThatGivesWayBelowTheFrictionThatWasReportedIsOne) {
     Hand hand;
-    hand.close().go(0.15, 2, 0.7).stay(0.8).go(0.05, 2, 0.48 * 2);  // 0.48 of 0.6 that were told
+    hand.close().go(0.15, 2, 0.7).stay(0.8).go(0.05, 2, 0.48 * 2);  // 0.48 of the configured 0.6
     ASSERT_EQ(hand.now().slips, 0u);
     hand.go(0.005, 2, 0.8 * 0.48 * 2).stay(0.004);
-    EXPECT_EQ(hand.now().slips, 2u);  // one a jaw
+    EXPECT_EQ(hand.now().slips, 2u);  // one per jaw
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The mass that hangs on the jaws, and when it is none.
+// The mass on the jaws, and loads that are not a mass.
 #include "tests/unit/grasp/hand.hpp"
 
 namespace tactiled::grasp {
@@ -90,7 +90,7 @@ TEST(GraspWeight, WhatIsDraggedOverATableIsNeverStable) {
     Hand hand;
     hand.close();
     hand.each = [](const tactiled_grasp& g) { EXPECT_NE(g.weight_state, TACTILED_WEIGHT_STABLE); };
-    hand.go(0.1, 2, 0.3, 0.3).stay(1);  // half lifted: the table bears the rest and its friction holds back
+    hand.go(0.1, 2, 0.3, 0.3).stay(1);  // half lifted: the table carries the rest and its friction holds back
 }
 
 TEST(GraspWeight, AKnownWeightSetsTheScale) {
@@ -101,7 +101,7 @@ TEST(GraspWeight, AKnownWeightSetsTheScale) {
     hand.spoil = [](std::size_t, JawSample& s) { s.force_S_N[1] *= 1.2; };  // it carries 60 %, not half
     hand.close().lift(0.1);
     EXPECT_NEAR(hand.now().weight_kg, 0.12, 0.002);
-    EXPECT_NEAR(hand.now().weight_sd_kg / hand.now().weight_kg, 0.1, 0.02);  // nobody vouched for the share
+    EXPECT_NEAR(hand.now().weight_sd_kg / hand.now().weight_kg, 0.1, 0.02);  // the share was not confirmed
     ASSERT_TRUE(hand.grasp.known_weight(0.1));
     hand.go(0.2, 2, 0).go(0.2, 0, 0).close().lift(0.2);
     EXPECT_NEAR(hand.now().weight_kg, 0.2, 0.002);

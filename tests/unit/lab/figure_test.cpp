@@ -36,7 +36,8 @@ TEST(LogTicks, ArePowersOfTenAndBetweenThemWhereFew) {
     EXPECT_TRUE(log_ticks({0, 1}).empty());
 }
 
-// 40 points, many of them on one spot: whatever is placed lies in the frame, over no symbol and no other label.
+// 40 points, many of them at one place: every label that is placed is in the frame, over no symbol and no other
+// label.
 TEST(Labels, OverlapNeitherEachOtherNorThePoints) {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> uniform(40, 560);

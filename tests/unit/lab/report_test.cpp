@@ -16,7 +16,7 @@
 namespace tactiled {
 namespace {
 
-// What is wrong with the page's tags, "" where every one is closed in order.
+// Returns the error of the page's tags, "" if every one is closed in order.
 std::string fault_of_tags(const std::string& page) {
     std::vector<std::string> open;
     for (std::size_t at = page.find('<'); at != page.npos; at = page.find('<', at + 1)) {
@@ -38,7 +38,7 @@ std::string fault_of_tags(const std::string& page) {
     return open.empty() ? "" : open.back() + " stays open";
 }
 
-// The table of that id: a row's cells, as HTML.
+// Returns the table with that id: the cells of each row, as HTML.
 std::vector<std::vector<std::string>> table(const std::string& page, const std::string& id) {
     const std::size_t from = page.find("id=\"" + id + "\""), to = page.find("</table>", from);
     if (from == page.npos) return {};
@@ -53,7 +53,7 @@ std::vector<std::vector<std::string>> table(const std::string& page, const std::
     return rows;
 }
 
-// The numbers of a cell, with all digits; what is shown must be the same to four digits.
+// Returns the numbers of a cell, with all digits; the visible text must be the same to four digits.
 std::vector<double> numbers(const std::string& cell) {
     static const std::regex data("<data value=\"([^\"]*)\">([^<]*)</data>");
     std::vector<double> result;
@@ -74,7 +74,7 @@ std::size_t count(const std::string& text, const std::string& what) {
     return n;
 }
 
-// Every coordinate of every plot is a number inside of its picture. Returns how many plots there are.
+// Checks that every coordinate of every plot is a number inside of its picture. Returns the number of plots.
 int check_plots(const std::string& page) {
     int plots = 0;
     for (std::size_t at = page.find("<svg"); at != page.npos; at = page.find("<svg", at + 1)) {
@@ -132,7 +132,7 @@ FitRequest request(const std::string& method = "") {
     return {.model = "generic", .method = method, .serial = "S1", .channel_unit = "V", .date = "2026-03-01"};
 }
 
-// A report without a fit: one component, and held-out rows as they are given (applied, estimated).
+// A report without a fit: one component, and given held-out rows (applied, estimated).
 struct ByHand {
     FitReport report;
     explicit ByHand(const std::vector<Dot>& rows, double sd = 0.1) {
@@ -220,7 +220,7 @@ TEST(Report, SaysWhatTheFitSays) {
         EXPECT_EQ(number(channels[k + 1][2]), report.calibration.channel_least[k]);
         EXPECT_EQ(number(channels[k + 1][3]), report.calibration.channel_most[k]);
     }
-    EXPECT_EQ(check_plots(page), 5 * 2 + 1);  // five a component, and one pair of loads
+    EXPECT_EQ(check_plots(page), 5 * 2 + 1);  // five per component, and one pair of loads
     EXPECT_EQ(page, html_report(report, "Skin 7"));
 }
 
@@ -299,7 +299,7 @@ TEST(Report, CountsRowsWithoutAnEstimate) {
     EXPECT_NEAR(number(row[7]), 100 * 2 / 3.0, 1e-9);
 }
 
-// 20000 rows; each plot draws 2000, from all over the recording, and says so.
+// 20000 rows; each plot draws 2000, from all over the recording, and states it.
 TEST(Report, ThinsManyRowsEvenly) {
     std::vector<Dot> rows;
     for (int i = 0; i < 20000; ++i) rows.push_back({i / 20000.0, i / 20000.0});
@@ -320,11 +320,11 @@ TEST(Report, ThinsManyRowsEvenly) {
             widest = std::max(widest, x - last);
         last = x;
     }
-    EXPECT_GT(last - first, 260);  // of 288 px
+    EXPECT_GT(last - first, 260);  // width 288 px
     EXPECT_LT(widest, 0.35);       // px
 }
 
-// Exact places: the axes are those of the data and 4 % more, up is more.
+// Exact places: the axes are those of the data plus 4 %, with larger values further up.
 TEST(SvgPlot, PutsDotsWhereTheyBelong) {
     SvgPlot plot("p", "a & b", {0, 10}, "y", {-1, 1});
     const Dot dots[] = {{0, -1}, {10, 1}, {5, 0}, {kNaN, 0}, {20, 9}};

@@ -28,7 +28,7 @@ TEST(Front, LeavesOutWhatIsNotKnown) {
     EXPECT_TRUE(front({}).empty());
 }
 
-// Against the definition, over random offers with many equals.
+// Compares with the definition, over random offers with many equal ones.
 TEST(Front, HasEveryOfferThatNoOtherBeatsAndNoOther) {
     std::mt19937 random(1);
     for (int trial = 0; trial < 1000; ++trial) {

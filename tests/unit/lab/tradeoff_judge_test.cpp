@@ -7,7 +7,7 @@
 namespace tactiled::ctl {
 namespace {
 
-// Reads fz = channel 0, with the quality that channel 1 says.
+// Returns fz = channel 0, with the quality in channel 1.
 class Says final : public Decoupler {
 public:
     Estimate decouple(const Reading& reading) noexcept override {
@@ -50,7 +50,7 @@ Judged judged(const std::vector<Row>& rows) {
 
 TEST(Judge, CountsErrorsInPercentOfFullScaleAndLeavesOutWhatIsBad) {
     const Judged j = judged({{-1, -1.02, TACTILED_GOOD}, {-1, -0.94, TACTILED_UNCERTAIN}, {-1, -1, TACTILED_BAD}});
-    EXPECT_NEAR(j.rms_percent[2], std::sqrt((1 + 9) / 2.0), 1e-9);  // 0.02 and 0.06 of 2 N
+    EXPECT_NEAR(j.rms_percent[2], std::sqrt((1 + 9) / 2.0), 1e-9);  // errors 0.02 and 0.06 of 2 N
     EXPECT_NEAR(j.force_rms_percent, j.rms_percent[2], 1e-12);
     EXPECT_NEAR(j.good_rms_percent, 1, 1e-9);
     EXPECT_TRUE(std::isnan(j.rms_percent[0]));
@@ -63,7 +63,7 @@ TEST(Judge, CountsErrorsInPercentOfFullScaleAndLeavesOutWhatIsBad) {
 TEST(Judge, CallsGoodAndFarOffUndetected) {
     EXPECT_EQ(judged({{-1, -1.04, TACTILED_GOOD}}).undetected, 0u);       // 4 sd
     EXPECT_EQ(judged({{-1, -1.06, TACTILED_GOOD}}).undetected, 1u);       // 6 sd
-    EXPECT_EQ(judged({{-1, -1.06, TACTILED_UNCERTAIN}}).undetected, 0u);  // it said so
+    EXPECT_EQ(judged({{-1, -1.06, TACTILED_UNCERTAIN}}).undetected, 0u);  // it was marked
 }
 
 TEST(Judge, TaresOnTheSecondHalfOfTheRestAndJudgesFromTheFirstLoadOn) {
@@ -81,7 +81,7 @@ TEST(Judge, AMethodThatIsBadInOneSceneHasNoErrorOverAll) {
     const Judged easy = judged({{-1, -1.02, TACTILED_GOOD}, {-1, -1.02, TACTILED_BAD}});
     const Judged hard = judged({{-1, -1.08, TACTILED_GOOD}});
     const Judged blind = judged({{-1, -9, TACTILED_BAD}, {-1, -9, TACTILED_BAD}});
-    EXPECT_NEAR(over_all({easy, hard}).force_rms_percent, 2, 1e-9);  // of 1 and 4 % of 2 N
+    EXPECT_NEAR(over_all({easy, hard}).force_rms_percent, 2, 1e-9);  // from 1 and 4 % of 2 N
     EXPECT_EQ(over_all({easy, hard}).bad, 1u);
     const Judged all = over_all({easy, blind});
     EXPECT_TRUE(std::isnan(all.force_rms_percent));

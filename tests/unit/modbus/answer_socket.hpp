@@ -1,4 +1,4 @@
-// A client's socket as a Responder sees it, and the answers that arrive at its other end, each apart from the next.
+// A client's socket for a Responder, and the answers that arrive at its other end, separated from each other.
 #pragma once
 #include <sys/socket.h>
 #include <unistd.h>
@@ -22,7 +22,7 @@ public:
     AnswerSocket& operator=(const AnswerSocket&) = delete;
 
     [[nodiscard]] int fd() const { return ends_[0]; }
-    // The next answer; its length, 0 = none.
+    // Takes the next answer; returns its length, 0 = none.
     std::size_t take(std::span<std::uint8_t> out) const {
         const ssize_t size = ::recv(ends_[1], out.data(), out.size(), MSG_DONTWAIT);
         return size > 0 ? std::size_t(size) : 0;

@@ -11,7 +11,7 @@ protected:
         session_.host = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF, 192, 168, 0, last_of_address};
     }
     int run(unsigned code, unsigned mask, unsigned number) { return put(kCmd, {code, mask, 0, 0, number}); }
-    // Acknowledgement, state and result, as this client reads them.
+    // Returns acknowledgement, state and result, as this client reads them.
     std::array<unsigned, 3> read() {
         const auto now = global();
         controls_->note_read(session_);
@@ -23,7 +23,7 @@ protected:
         controls_->read_commands(session_, out);
         return out;
     }
-    // The pipeline carries out what was sent; false where nothing was.
+    // Lets the pipeline carry out the sent command; returns false if there is none.
     bool carry_out(tactiled_command_result result = TACTILED_COMMAND_OK) {
         if (commands_.front() == nullptr) return false;
         answer(sent().number, result == TACTILED_COMMAND_OK ? TACTILED_COMMAND_DONE : TACTILED_COMMAND_REJECTED, result);

@@ -1,4 +1,4 @@
-// One client's bytes, without a server: what it is owed, and when it is late.
+// One client's bytes, without a server: its answers, and its time limits.
 #include "node/modbus/connection.hpp"
 
 #include <gtest/gtest.h>
@@ -44,7 +44,7 @@ protected:
         const ssize_t sent = ::send(server_, out.data(), out.size(), MSG_NOSIGNAL);
         return sent == ssize_t(out.size()) ? out.size() : 0;
     };
-    // The kernel's, of the server's end: as near to `bytes` as it allows.
+    // Sets the kernel's buffer of the server's end: as near to `bytes` as it allows.
     void set_send_buffer(int bytes) const { ::setsockopt(server_, SOL_SOCKET, SO_SNDBUF, &bytes, sizeof bytes); }
     void say(const Bytes& bytes) const { ASSERT_EQ(::send(client_, bytes.data(), bytes.size(), 0), ssize_t(bytes.size())); }
     std::size_t hear() const {
@@ -53,7 +53,7 @@ protected:
         for (ssize_t n; (n = ::recv(client_, buffer.data(), buffer.size(), 0)) > 0;) total += std::size_t(n);
         return total;
     }
-    // Whether the server would be woken: as ModbusServer watches it.
+    // Returns true if the server would be woken, with the events of ModbusServer.
     bool is_woken(const Connection& connection) const {
         pollfd p{server_, short(connection.interest()), 0};  // EPOLLIN and EPOLLOUT are POLLIN and POLLOUT
         return ::poll(&p, 1, 0) == 1 || connection.backlog_ns() != 0;
@@ -68,7 +68,7 @@ TEST_F(ConnectionTest, AClientThatPipelinesAndReadsLateGetsEveryAnswer) {
     for (std::uint64_t turn = 1, idle = 0; heard < 340 * kAnswer && idle < 20; ++turn) {
         idle = is_woken(connection) ? 0 : idle + 1;
         if (idle == 0) { ASSERT_STREQ(connection.serve(answer, turn * 1'000'000), ""); }
-        if (turn % 15 == 0) heard += hear();  // later than its socket is full
+        if (turn % 15 == 0) heard += hear();  // slower than its socket fills
     }
     EXPECT_EQ(heard, 340 * kAnswer);
 }
@@ -131,7 +131,8 @@ TEST_F(ConnectionTest, AClientThatTakesItsAnswersSlowlyIsNotDeaf) {
     for (int i = 0; i < 20; ++i) (void)connection.serve(answer, 20 * kSecond);
     ASSERT_EQ(connection.interest(), std::uint32_t(EPOLLOUT));
     EXPECT_GT(hear(), 0u);
-    for (int i = 0; i < 20; ++i) (void)connection.serve(answer, 21 * kSecond);  // some more goes out, and it is stuck again
+    // some more is sent, and it is stuck again
+    for (int i = 0; i < 20; ++i) (void)connection.serve(answer, 21 * kSecond);
     ASSERT_EQ(connection.interest(), std::uint32_t(EPOLLOUT));
     EXPECT_STREQ(connection.overdue(22 * kSecond + 1), "");
     EXPECT_STREQ(connection.overdue(23 * kSecond + 1), "takes no answers");
@@ -172,7 +173,7 @@ TEST_F(ConnectionTest, ForAClientThatTakesNoAnswersFewAreMade) {
     };
     say(requests(340));
     for (int i = 0; i < 100; ++i) ASSERT_STREQ(connection.serve(counted, 1), "");
-    EXPECT_LT(asked, 150);  // a third of the buffer is never used up
+    EXPECT_LT(asked, 150);  // a third of the buffer is never used
     EXPECT_EQ(connection.interest(), std::uint32_t(EPOLLOUT));
     EXPECT_EQ(connection.backlog_ns(), 0u);
 }
@@ -216,7 +217,7 @@ TEST_F(ConnectionTest, AClientThatIsDisconnectedIsNoticedWhileItIsReadAndWhileIt
         ::close(client_);  // with an answer that it has not read: a reset
         EXPECT_STREQ(connection.serve(answer, 2), "connection broken");
     }
-    for (const int n : {1, 340}) {  // gone before its answer, and with some of them under way
+    for (const int n : {1, 340}) {  // disconnected before its answer, and with some of them on the way
         ASSERT_NO_FATAL_FAILURE(connect());
         Connection connection(server_, 1);
         say(requests(n));
@@ -240,7 +241,7 @@ TEST_F(ConnectionTest, IsReadOnlyWhileItHasSomethingToSayAndTakesItsAnswers) {
         (void)connection.serve(answer, 1);
     }
     EXPECT_EQ(connection.interest(), std::uint32_t(EPOLLIN));
-    say({0, 1, 0, 0, 0, 6, 1});  // half a request, and then no more
+    say({0, 1, 0, 0, 0, 6, 1});  // half a request, and no more
     ::shutdown(client_, SHUT_WR);
     (void)connection.serve(answer, 1);
     (void)connection.serve(answer, 1);

@@ -1,4 +1,4 @@
-// Controls without a server or a pipeline: the test acknowledges what is sent.
+// Controls without a server or a pipeline: the test acknowledges the sent commands.
 #pragma once
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -46,7 +46,7 @@ protected:
         controls_ = std::make_unique<Controls>(settings_, commands_);
         put(kCmdSeq, 0);  // the first number is adopted and runs nothing
     }
-    // A frame of the pipeline that tells `node_.command` as it is.
+    // Publishes a frame of the pipeline with `node_.command`.
     void beat() {
         tactiled_sample s{};
         s.sequence = node_.sequence;
@@ -90,7 +90,7 @@ protected:
         controls_->read({std::uint16_t(at), 1}, session_, kSecond, &value);
         return value;
     }
-    // The oldest command that the pipeline has not taken.
+    // Returns the oldest command that the pipeline has not taken.
     Command sent() {
         const Command* const front = commands_.front();
         EXPECT_NE(front, nullptr) << "nothing was sent";
@@ -107,7 +107,7 @@ protected:
     CommandRing commands_{16};
     std::unique_ptr<Controls> controls_;
     Session session_;
-    bool scratch_ = false;  // whether [modbus] scratch is on
+    bool scratch_ = false;  // value of [modbus] scratch
     tactiled_node node_{};
 };
 

@@ -1,4 +1,4 @@
-// Weighing, slips, what the robot tells, teaching: as a PLC writes it.
+// Weighing, slips, data of the robot, teaching: the writes of a PLC.
 #include "controls_fixture.hpp"
 #include "node/objects.hpp"
 
@@ -142,7 +142,7 @@ TEST_F(GraspControls, AnAccelerationIsOfTheMomentOfItsCount) {
     EXPECT_EQ(command.kind, Command::Kind::acceleration);
     EXPECT_DOUBLE_EQ(command.robot_G_m_s2[2], 0.5);
     EXPECT_EQ(command.reported_ns, kSecond);
-    EXPECT_EQ(put(kAccelX, {0, 0, 600, 1}), kNone);  // a PLC that writes and writes, but no robot that tells
+    EXPECT_EQ(put(kAccelX, {0, 0, 600, 1}), kNone);  // a PLC that writes repeatedly, but without new data of the robot
     nothing_was_sent();
 }
 
@@ -163,7 +163,7 @@ TEST_F(GraspControls, WhatASilentPlcReportedIsForgotten) {
 
 TEST_F(GraspControls, NoHintIsSentThatNobodyWrote) {
     controls_->tick(kSecond);
-    nothing_was_sent();  // GRIPPER_STATE reads 0, open, before anybody writes it
+    nothing_was_sent();  // GRIPPER_STATE reads 0, open, before any write
     EXPECT_EQ(cell(kGripperState), 0);
 }
 
@@ -178,7 +178,7 @@ TEST_F(GraspControls, SensitivityAndWindowReachThePipeline) {
 }
 
 TEST_F(GraspControls, TeachingStoresTheWeightAndHandsTheObjectsOver) {
-    EXPECT_EQ(put(kTeachCell, 7), kDeviceFailure);  // nothing stable
+    EXPECT_EQ(put(kTeachCell, 7), kDeviceFailure);  // no stable weight
     hold(0.250, 0.002);
     EXPECT_EQ(put(kTeachCell, 7), kNone);
     EXPECT_EQ(put(kTeachCell, 7), kBusy);
@@ -202,7 +202,7 @@ TEST_F(GraspControls, TeachingStoresTheWeightAndHandsTheObjectsOver) {
 }
 
 TEST_F(GraspControls, AWeightThatMayBeNoneIsNotTaught) {
-    for (const double mass_kg : {0.0, -0.02, 0.005}) {  // empty, after a zero taken under load, within 3 sd of nothing
+    for (const double mass_kg : {0.0, -0.02, 0.005}) {  // empty, with a zero taken under load, within 3 sd of 0
         hold(mass_kg, 0.002);
         EXPECT_EQ(put(kTeachCell, 7), kDeviceFailure) << mass_kg;
         EXPECT_EQ(put(kCmd, {kTeach, 0, 0, 7, unsigned(100 + mass_kg * 1000)}), kNone);
@@ -221,7 +221,7 @@ TEST_F(GraspControls, ATeachByTheCellThatFailedIsReported) {
     EXPECT_NE(global()[kFault] & (1u << 6), 0u);
     EXPECT_NE(global()[kStatus] & TACTILED_FAULT, 0u);
     std::filesystem::remove(settings_.objects);
-    hold(0.25, 0.002);  // what hung at first is too old where the wait was long
+    hold(0.25, 0.002);  // the first weight is too old after a long wait
     EXPECT_EQ(put(kTeachCell, 7), kNone);
     acknowledge(handed_over());
     EXPECT_EQ(global()[kFault], 0u);

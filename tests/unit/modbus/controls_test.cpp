@@ -1,4 +1,4 @@
-// What may be written and what comes of it.
+// Permitted writes and their effects.
 #include "controls_fixture.hpp"
 
 namespace tactiled::modbus {
@@ -6,11 +6,11 @@ namespace {
 
 TEST_F(ControlsTest, TheCommandBlockIsBusyUntilItsOwnCommandIsAnswered) {
     EXPECT_EQ(put(kCmd, {kClearLatches, 0, 0, 0, 1}), kNone);
-    EXPECT_EQ(put(kCmd, {kClearLatches, 0, 0, 0, 2}), kBusy);  // no tare, and the node says nothing of it
+    EXPECT_EQ(put(kCmd, {kClearLatches, 0, 0, 0, 2}), kBusy);  // no tare, and the node does not report it
     EXPECT_EQ(put(kResetPeakCell, 1), kBusy);
     const Command command = sent();
     EXPECT_EQ(global()[kCmdState], TACTILED_COMMAND_RUNNING);
-    answer(command.number - 1, TACTILED_COMMAND_DONE);  // of another one
+    answer(command.number - 1, TACTILED_COMMAND_DONE);  // acknowledges another one
     EXPECT_EQ(global()[kCmdState], TACTILED_COMMAND_RUNNING);
     answer(command.number, TACTILED_COMMAND_DONE);
     EXPECT_EQ(global()[kCmdState], TACTILED_COMMAND_DONE);
@@ -28,7 +28,7 @@ TEST_F(ControlsTest, ACommandThatThePipelineNeverAnswersTimesOut) {
 TEST_F(ControlsTest, AWrongAddressComesBeforeABusyCommand) {
     EXPECT_EQ(put(kTareCell, 1), kNone);
     EXPECT_EQ(ask({15, 0, 0, 0, 1, 1, 1}), kBusy);
-    EXPECT_EQ(ask({15, 0, 0, 0, 2, 1, 3}), kIllegalAddress);  // the second sensor is not there
+    EXPECT_EQ(ask({15, 0, 0, 0, 2, 1, 3}), kIllegalAddress);  // there is no second sensor
 }
 
 TEST_F(ControlsTest, OneWriteIsOneCommand) {
@@ -77,7 +77,7 @@ TEST_F(ControlsTest, AStandingHeartbeatExpires) {
     EXPECT_EQ(put(kPlcWatchdog, 1000, 1 * kSecond), kNone);
     EXPECT_EQ(put(kPlcHeartbeat, 1, 2 * kSecond), kNone);
     EXPECT_EQ(global(3 * kSecond)[kStatus], 0);
-    EXPECT_EQ(put(kPlcHeartbeat, 1, 3 * kSecond), kNone);  // the same again is no beat
+    EXPECT_EQ(put(kPlcHeartbeat, 1, 3 * kSecond), kNone);  // the same value again is not a heartbeat
     EXPECT_EQ(global(3 * kSecond + 1)[kStatus], 1u << 12);
     EXPECT_EQ(put(kPlcHeartbeat, 2, 4 * kSecond), kNone);
     EXPECT_EQ(global(4 * kSecond)[kStatus], 0);

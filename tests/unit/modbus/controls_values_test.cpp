@@ -1,4 +1,4 @@
-// Every value that a PLC may write, and those that it may not: what is sent, what is read back, what is kept.
+// Every value that a PLC may write or may not: the sent command, the value read back, the stored value.
 #include <fstream>
 
 #include "controls_fixture.hpp"
@@ -14,7 +14,7 @@ protected:
         tactiled_forget_grasp(&node_.grasp);
         beat();
     }
-    // A command block, its sequence number the next one; CMD_RESULT after it.
+    // Writes a command block with the next sequence number; returns CMD_RESULT.
     int run(unsigned code, unsigned mask = 0, std::uint32_t parameter = 0) {
         EXPECT_EQ(put(kCmd, {code, mask, parameter >> 16, parameter & 0xFFFF, ++last_}), kNone);
         return global()[kCmdResult];
@@ -41,7 +41,7 @@ protected:
         controls_.reset();
         start();
     }
-    // After the thread that saves has ended.
+    // Returns the result after the end of the saving thread.
     std::uint16_t saved() {
         for (int i = 0; i < 400 && cell(kSave) == 1; ++i) ::usleep(5000);
         return cell(kSave);
@@ -80,7 +80,8 @@ TEST_F(ControlsValues, ACommandOfTheBlockThatIsWrongIsReportedInItsResult) {
     node_.grasp.weight_sd_kg = 0.001;
     beat();
     EXPECT_EQ(run(kTeach, 0, 0), TACTILED_COMMAND_BAD_PARAMETER);
-    EXPECT_EQ(run(kTeach, 0, 65535), TACTILED_COMMAND_BAD_PARAMETER);  // OBJECT_ID is one register, and 65535 is none
+    // OBJECT_ID is one register, and 65535 is not an id
+    EXPECT_EQ(run(kTeach, 0, 65535), TACTILED_COMMAND_BAD_PARAMETER);
     EXPECT_EQ(global()[kCmdState], TACTILED_COMMAND_REJECTED);
     EXPECT_TRUE(nothing_was_sent());
 }
@@ -90,7 +91,7 @@ TEST_F(ControlsValues, WhatThePipelineRefusesIsRejected) {
     answer(sent().number, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
     EXPECT_EQ(global()[kCmdState], TACTILED_COMMAND_REJECTED);
     EXPECT_EQ(global()[kCmdResult], TACTILED_COMMAND_FAILED);
-    fill();  // it hangs
+    fill();  // the pipeline hangs
     EXPECT_EQ(run(kClearLatches), TACTILED_COMMAND_FAILED);
     EXPECT_EQ(global()[kCmdState], TACTILED_COMMAND_REJECTED);
 }
@@ -99,7 +100,7 @@ TEST_F(ControlsValues, ANoughtInACellAsksForNothing) {
     for (const unsigned at : {kTareCell, kUntareCell, kClearLatchCell, kResetPeakCell, kWeighCell, kTeachCell,
                               kZeroWeightCell, kKnownWeightCell})
         EXPECT_EQ(put(at, 0), kNone) << at;
-    EXPECT_EQ(put(kCmdSeq, 0), kNone);  // as it stands
+    EXPECT_EQ(put(kCmdSeq, 0), kNone);  // unchanged
     EXPECT_TRUE(nothing_was_sent());
     EXPECT_EQ(put(kResetPeakCell, 1), kNone);
     EXPECT_EQ(sent().kind, Command::Kind::reset_peaks);
@@ -144,7 +145,7 @@ TEST_F(ControlsValues, ValuesThatMeanNothingAreRefused) {
     EXPECT_EQ(put(kSlipSensitivity, {101, 1}), kIllegalValue);
     EXPECT_EQ(put(kSlipSensitivity, kAsConfigured), kNone);
     EXPECT_EQ(put(kContactOn, 100), kNone);
-    EXPECT_EQ(put(kContactOff, kAsConfigured), kNone);  // not compared with what is not set here
+    EXPECT_EQ(put(kContactOff, kAsConfigured), kNone);  // not compared with a limit that is not set here
     EXPECT_EQ(put(kContactOn, {kAsConfigured, 200}), kNone);
 }
 
@@ -175,7 +176,7 @@ TEST_F(ControlsValues, WhatIsWrittenIsReadBack) {
     EXPECT_EQ(put(kUnlock, 0), kNone);
     EXPECT_EQ(cell(kUnlock), 0);
     EXPECT_EQ(cell(kCmdSeq), 0);
-    EXPECT_EQ(cell(5018), 0);  // nothing stands there
+    EXPECT_EQ(cell(5018), 0);  // there is no register
 }
 
 TEST_F(ControlsValues, OneClientsLockLeavesTheOthersOpen) {
@@ -185,7 +186,7 @@ TEST_F(ControlsValues, OneClientsLockLeavesTheOthersOpen) {
     std::swap(session_, other);
     EXPECT_EQ(put(kFilterHz, 20, kSecond), kIllegalAddress);
     EXPECT_EQ(put(kUnlock, 0, 2 * kSecond), kNone);
-    EXPECT_NE(global(2 * kSecond)[kStatus] & 1u << 13, 0u);  // the first one's
+    EXPECT_NE(global(2 * kSecond)[kStatus] & 1u << 13, 0u);  // set by the first one
     std::swap(session_, other);
     EXPECT_EQ(put(kFilterHz, 20, 3 * kSecond), kNone);
 }

@@ -1,4 +1,4 @@
-// From a snapshot to registers, and the table that says where.
+// Converts a snapshot to registers, and tests the table of their places.
 #include "node/modbus/encode.hpp"
 
 #include <gtest/gtest.h>
@@ -56,7 +56,7 @@ TEST(RegisterMap, EverySensorReasonHasItsOwnFaultNumber) {
     std::set<std::uint16_t> numbers;
     for (int bit = 0; bit <= 19; ++bit) {
         if ((1 << bit & (TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED)) != 0)
-            continue;  // no weakness of the value
+            continue;  // not a weakness of the value
         const auto fault = fault_of(1u << bit);
         EXPECT_NE(fault, 0) << bit;
         EXPECT_TRUE(numbers.insert(fault).second) << bit;
@@ -71,7 +71,7 @@ TEST(Registers, AnyDoubleSaturatesOrIsNotAvailableAndNeverWraps) {
         const std::uint64_t bits = random();
         double value;
         std::memcpy(&value, &bits, sizeof value);
-        if (i % 2 == 0) value = double(std::int64_t(bits)) / 9e15;  // half of them where registers live: +-1000 N
+        if (i % 2 == 0) value = double(std::int64_t(bits)) / 9e15;  // half of them in the range of registers: +-1000 N
         bool saturated = false;
         const auto got = std::int16_t(i16_of(value, 0.01, saturated));
         if (std::isnan(value)) {
@@ -245,7 +245,7 @@ TEST_F(LiveRegisters, ContactOverloadAndPeakAreShown) {
     EXPECT_EQ(inputs[kOkInputs], 1);
     EXPECT_EQ(inputs[kOverloadInputs], 1);
     EXPECT_EQ(inputs[kContactInputs + 1], 0);
-    ::usleep(80'000);  // stale: what was is not what is
+    ::usleep(80'000);  // stale: the past value must not seem present
     EXPECT_EQ(global()[kContact], 0);
 }
 
@@ -255,7 +255,7 @@ TEST_F(LiveRegisters, FaultIsZeroForAGoodValueAndForNoOther) {
     publish(s);
     EXPECT_EQ(sensor()[kSensorFault], 0);
     s.quality = TACTILED_UNCERTAIN;
-    s.reasons = 1u << 31;  // of a later version
+    s.reasons = 1u << 31;  // a reason of a later version
     publish(s);
     EXPECT_EQ(sensor()[kSensorFault], kFaultUnknown);
     EXPECT_EQ(sensor(3)[kSensorFault], kFaultNoSensor);
@@ -308,7 +308,7 @@ TEST_F(LiveRegisters, ADeadLoopIsSimulatedAllTheSame) {
 TEST_F(LiveRegisters, ANodeWithAStaleSensorIsNotReady) {
     publish(good());
     EXPECT_EQ(global()[kStatus] & (TACTILED_READY | TACTILED_ANY_STALE), TACTILED_READY);
-    ::usleep(80'000);  // the loop lives, its sensor is silent
+    ::usleep(80'000);  // the loop runs, its sensor is silent
     EXPECT_EQ(global()[kStatus] & (TACTILED_READY | TACTILED_ANY_STALE), TACTILED_ANY_STALE);
     EXPECT_EQ(global()[kStale], 1);
 }
@@ -334,7 +334,7 @@ TEST(Registers, TheBlinkingInputChangesEachSecond) {
     std::array<std::uint16_t, kGlobalSize> global{};
     std::array<std::uint8_t, kInputs> inputs{};
     for (std::uint16_t beat = 0; beat < 40; ++beat) {
-        global[kHeartbeat] = beat;  // 10 a second
+        global[kHeartbeat] = beat;  // 10 per second
         encode_inputs(global, inputs);
         EXPECT_EQ(inputs[kBlinkInput], beat / 10 % 2) << beat;
     }

@@ -1,4 +1,4 @@
-// The grasp as a PLC reads it: from tactiled_grasp to registers, bits and floats.
+// The grasp in a PLC's registers: from tactiled_grasp to registers, bits and floats.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -220,7 +220,7 @@ TEST_F(GraspRegisters, WhatIsNotKnownIsASentinelAndNeverZero) {
     for (const auto at : {kGripForce, kRecGrip, kWeightG, kWeightSd}) EXPECT_EQ(g[at], kNoU16) << at;
     EXPECT_EQ(std::uint32_t(g[kWeight]) << 16 | g[kWeight + 1], kNoI32);
     EXPECT_EQ(g[kStatus] & 0x6C, 0);
-    EXPECT_EQ(g[kSlipLatch], 3);  // it did slip
+    EXPECT_EQ(g[kSlipLatch], 3);  // the slip is latched
     EXPECT_EQ(grasp()[kObjectProbability], kNoU16);
     EXPECT_EQ(grasp()[kSinceLiftOff], kNoU16);
 }

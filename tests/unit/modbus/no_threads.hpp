@@ -1,4 +1,4 @@
-// While it lives no thread can be started, as where a service has reached its TasksMax.
+// While an object exists no thread can be started, like in a service that has reached its TasksMax.
 #pragma once
 #include <gtest/gtest.h>
 #include <sys/resource.h>

@@ -1,4 +1,4 @@
-// Which requests reach libmodbus, and the exception that each of the others gets. Sections: MODBUS Application Protocol
+// The requests that reach libmodbus, and the exceptions of all others. Sections: MODBUS Application Protocol
 // Specification 1.1b3 ("P"), MODBUS Messaging on TCP/IP Implementation Guide 1.0b ("G").
 #include "node/modbus/request_validator.hpp"
 
@@ -124,7 +124,7 @@ TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
     for (const Case& c : cases) EXPECT_EQ(int(check_pdu(c.pdu, true).exception), c.exception) << c.what;
 }
 
-TEST(RequestValidator, CutsTheStreamIntoRequests) {  // G 3.1.3: transaction, protocol 0, length of what follows
+TEST(RequestValidator, CutsTheStreamIntoRequests) {  // G 3.1.3: transaction, protocol 0, length of the rest
     const auto cut = [](Bytes bytes) {
         std::size_t size = 0;
         const Cut c = cut_adu(bytes, size);

@@ -1,5 +1,5 @@
-// Each answer leaves in one piece, in the framing of its request, and libmodbus never finds a request that it would sleep
-// for.
+// Each answer is sent in one piece, in the framing of its request, and libmodbus never gets a request for which it
+// would sleep.
 #include "node/modbus/responder.hpp"
 
 #include <gtest/gtest.h>
@@ -62,7 +62,7 @@ TEST_P(ResponderTest, AnswersEachFunctionThatReadsAndWrites) {
 }
 
 TEST_P(ResponderTest, AReadBesideAWriteTellsWhatControlsSayOfTheCellsThatWereWritten) {
-    tables_.registers[kTareCell] = 0;  // reads 0 whatever is written
+    tables_.registers[kTareCell] = 0;  // reads 0 for any written value
     EXPECT_EQ(reply({23, kTareCell >> 8, kTareCell & 0xFF, 0, 1, kTareCell >> 8, kTareCell & 0xFF, 0, 1, 2, 0, 1}),
               framed({23, 2, 0, 0}));
     Bytes longest{23, 0, 100, 0, 125, 0x13, 0xEC, 0, 121, 242};
@@ -115,7 +115,7 @@ TEST_P(ResponderTest, AFullSocketIsReportedAndDelaysNobody) {
     EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(5)) << "it slept";
 }
 
-// Any PDU that the validator lets through is answered by the function that was asked for: libmodbus refuses none of them.
+// libmodbus answers any PDU that the validator accepts with the requested function, and refuses none of them.
 RC_GTEST_PROP(Responder, LibmodbusRefusesNothingThatTheValidatorLetsThrough, ()) {
     const auto wire = *rc::gen::element(ModbusWire::tcp, ModbusWire::rtu);
     const auto word = [](int from, int to) { return *rc::gen::inRange(from, to); };

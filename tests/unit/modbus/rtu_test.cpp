@@ -1,4 +1,4 @@
-// One serial line on a pty, on a clock of the test's own.
+// One serial line on a pty, on a clock controlled by the test.
 #include "node/modbus/rtu.hpp"
 
 #include <gtest/gtest.h>
@@ -107,7 +107,7 @@ protected:
         ASSERT_EQ(::write(master_, bytes.data(), bytes.size()), ssize_t(bytes.size()));
         pollfd p{line_->fd(), POLLIN, 0};
         for (std::size_t left = bytes.size(); left > 0 && ::poll(&p, 1, 1000) == 1; left = 0) {
-            ::usleep(2000);  // a pty hands its bytes over in a kernel thread of its own
+            ::usleep(2000);  // a pty passes its bytes on in a kernel thread
             ASSERT_TRUE(line_->receive(now_ns_));
         }
     }
@@ -128,7 +128,7 @@ TEST_F(RtuTest, ARepeatedRequestIsNoEcho) {
     say(write);
     be_silent();
     EXPECT_EQ(asked_, 1);
-    say(write);  // heard at once: our own answer
+    say(write);  // received at once: an echo of the answer
     be_silent();
     EXPECT_EQ(asked_, 1);
     say(write);  // once only
@@ -182,7 +182,7 @@ TEST_F(RtuTest, WhatIsNotForUsIsAnsweredBySilence) {
     say(framed({2, 3, 0, 0, 0, 1}));
     be_silent();
     EXPECT_EQ(asked_, 0);
-    say(framed({0, 6, 0x13, 0xEC, 0, 7}));  // to everybody: done, and not answered
+    say(framed({0, 6, 0x13, 0xEC, 0, 7}));  // a broadcast: carried out, and not answered
     be_silent();
     EXPECT_EQ(asked_, 1);
     EXPECT_EQ(line_->counts().bad_frames, 2u);
@@ -226,14 +226,14 @@ TEST_F(RtuTest, ARequestIsAnsweredAfterThreeAndAHalfCharactersOrAsConfigured) {
 TEST_F(RtuTest, AnUnknownFunctionAndARequestInPiecesEndAfterALongerSilence) {
     settings_.baud = 115200;
     open();
-    say(framed({1, 0x42, 0, 0, 0, 1}));  // of unknown length: these may be its first bytes
+    say(framed({1, 0x42, 0, 0, 0, 1}));  // with unknown length: these may be its first bytes
     be_silent(1'749'999);
     EXPECT_EQ(asked_, 0);
     be_silent(1);
     EXPECT_EQ(asked_, 1);
 
     const auto request = framed({1, 16, 0x13, 0x88, 0, 2, 4, 0, 1, 0, 2});
-    for (std::size_t i = 0; i < request.size(); ++i) {  // each byte by itself, 1.7 ms apart
+    for (std::size_t i = 0; i < request.size(); ++i) {  // each byte separately, 1.7 ms apart
         EXPECT_EQ(asked_, 1) << i;
         say({request[i]});
         be_silent(i + 1 < request.size() ? 1'700'000 : 334'201);

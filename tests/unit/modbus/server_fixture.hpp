@@ -31,7 +31,7 @@ inline std::uint16_t free_port() {
     return ntohs(address.sin_port);
 }
 
-// A client that says just what it is told.
+// A client that sends exactly the given bytes.
 class Client {
 public:
     explicit Client(std::uint16_t port, const char* from = "127.0.0.1", int receive_buffer = 0) {
@@ -53,7 +53,7 @@ public:
         return ::send(fd_, bytes.data(), bytes.size(), MSG_NOSIGNAL) == ssize_t(bytes.size());
     }
     int fd() const { return fd_; }
-    // One whole answer, or nothing: closed, or silent for `ms`.
+    // Returns one whole answer, or nothing: closed, or silent for `ms`.
     Bytes answer(int ms = 2000) {
         Bytes bytes;
         while (bytes.size() < 6 || bytes.size() < 6u + std::size_t(bytes[4] << 8 | bytes[5])) {
@@ -137,7 +137,7 @@ protected:
         node.status = TACTILED_READY;
         writer_.publish(node);
     }
-    // The pipeline at 4 kHz, or as fast as it goes.
+    // Runs the pipeline at 4 kHz, or as fast as possible.
     void run_pipeline(unsigned pause_us) {
         flood_ = std::thread([this, pause_us] {
             for (std::uint64_t n = 1; !stop_; ++n) {

@@ -1,4 +1,4 @@
-// Who may connect to the server, and who keeps a place where there are few.
+// The clients that may connect to the server, and those that keep a place if there are few.
 #include <ifaddrs.h>
 #include <sys/resource.h>
 
@@ -105,16 +105,16 @@ TEST_F(ServerTest, RunningOutOfDescriptorsEndsNobody) {
         const auto cpu_us = [](const rusage& u) {
             return u.ru_utime.tv_sec * 1'000'000 + u.ru_utime.tv_usec + u.ru_stime.tv_sec * 1'000'000 + u.ru_stime.tv_usec;
         };
-        EXPECT_LT(cpu_us(end) - cpu_us(start), 150'000);  // does not spin on the client that waits
+        EXPECT_LT(cpu_us(end) - cpu_us(start), 150'000);  // does not consume CPU for the client that waits
     }
     ::setrlimit(RLIMIT_NOFILE, &before);
-    Client later(port_);  // waits at the port, which stayed ours, for up to a second
+    Client later(port_);  // waits at the port, which remained open, for up to a second
     ASSERT_TRUE(later.send(read_request(3, 0, 2)));
     EXPECT_FALSE(later.answer().empty());
 }
 
 TEST_F(ServerTest, WithoutACommandListWhoMayConnectMayWrite) {
-    char own[INET_ADDRSTRLEN] = "";  // an address of this machine that is not the loopback
+    char own[INET_ADDRSTRLEN] = "";  // an address of this machine other than the loopback
     ifaddrs* all = nullptr;
     ASSERT_EQ(::getifaddrs(&all), 0);
     for (const ifaddrs* i = all; i != nullptr; i = i->ifa_next) {

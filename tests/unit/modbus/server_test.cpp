@@ -1,4 +1,4 @@
-// What the server answers, to good clients and to bad ones.
+// The server's answers to valid and invalid clients.
 #include <modbus/modbus.h>
 
 #include <algorithm>
@@ -26,7 +26,7 @@ TEST_F(ServerTest, OneAnswerIsOneFrame) {
         for (const unsigned at : {24u, 25u, 49u}) ASSERT_EQ(register_at(a, at), seq);
         for (const unsigned at : {5u, 6u, 7u, 8u, 9u, 29u, 30u, 34u}) ASSERT_EQ(register_at(a, at), force);
     }
-    EXPECT_GT(changes, 20);  // else the writer stood still and nothing was shown
+    EXPECT_GT(changes, 20);  // otherwise the writer was stopped and the test shows nothing
 }
 
 TEST_F(ServerTest, AHangingPipelineShowsSentinelsAndAStandingHeartbeat) {
@@ -128,11 +128,12 @@ TEST_F(ServerTest, ABadNeighbourDelaysNobody) {
         longest_ns = std::max(longest_ns, monotonic_ns() - before);
         ::usleep(5000);
     }
-    EXPECT_LT(longest_ns, 400'000'000u);      // libmodbus' own server makes it wait 20 s; a loaded test machine, tens of ms
-    EXPECT_TRUE(half.is_closed_within(100));  // half a request for a second
+    // libmodbus' own server makes it wait 20 s; a loaded test machine, tens of ms
+    EXPECT_LT(longest_ns, 400'000'000u);
+    EXPECT_TRUE(half.is_closed_within(100));     // half a request for a second
     EXPECT_TRUE(garbage.is_closed_within(100));  // not Modbus
     EXPECT_TRUE(drip.is_closed_within(100));     // 12 bytes at 5 a second
-    EXPECT_GE(server->counts().closed, 4u);      // and the deaf one
+    EXPECT_GE(server->counts().closed, 4u);      // and the client that does not read
     ::shutdown(deaf.fd(), SHUT_RDWR);
     never_reads.join();
 }

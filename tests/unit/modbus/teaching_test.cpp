@@ -1,4 +1,4 @@
-// What TEACH stores, and what it does where it cannot.
+// The objects that TEACH stores, and its failures.
 #include "node/modbus/teaching.hpp"
 
 #include <gtest/gtest.h>
@@ -50,12 +50,12 @@ TEST_F(TeachingTest, ANewObjectFindsRoomAmongThirtyTwoAndNoneBeyond) {
     EXPECT_EQ(teaching_.objects().size(), grasp::Grasp::kMaxObjects);
     EXPECT_EQ(teach(100, 12), Teaching::failed);
     EXPECT_EQ(kept().size(), grasp::Grasp::kMaxObjects);
-    EXPECT_EQ(teach(99, 9.01), Teaching::stored);  // one that is there is taught on
+    EXPECT_EQ(teach(99, 9.01), Teaching::stored);  // an existing one is taught further
     EXPECT_EQ(kept().back().grasps, 2u);
 }
 
 TEST_F(TeachingTest, AWeightThatMayBeNothingIsNotStored) {
-    EXPECT_EQ(teach(1, 0.002), Teaching::failed);  // 2 of its deviations
+    EXPECT_EQ(teach(1, 0.002), Teaching::failed);  // 2 of its standard deviations
     EXPECT_EQ(teach(1, std::numeric_limits<double>::quiet_NaN()), Teaching::failed);
     EXPECT_TRUE(kept().empty());
     EXPECT_EQ(teach(1, 0.02), Teaching::stored);

@@ -74,7 +74,7 @@ TEST(Agreement, TheTimesOnBothSidesOfAGapAreNotAdded) {
     tactiled_sample silent = at(1, kNaN);
     silent.quality = TACTILED_BAD;
     for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.compare(at(ms, -5), at(ms, -9));
-    EXPECT_TRUE(pair.compare(at(12, -5), at(12, -5)));  // by chance
+    EXPECT_TRUE(pair.compare(at(12, -5), at(12, -5)));  // agree by chance
     for (std::uint64_t ms = 13; ms < 100; ++ms) EXPECT_TRUE(pair.compare(at(ms, -5), silent));
     EXPECT_TRUE(pair.compare(at(100, -5), at(100, -5))) << "the second sample that agrees is no agreement for 10 ms";
 }

@@ -1,4 +1,4 @@
-// A sensor with method "auto": what its samples say of the method, and what a tare is worth after a step.
+// A sensor with method "auto": the method in its samples, and a tare after a step.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
 
-// fz is the channel and an offset of its own; after it forgot, the first `unsure` values have no deviation.
+// fz is the channel plus its own offset; after forget(), the first `unsure` values have no standard deviation.
 class Offset final : public Decoupler {
 public:
     Offset(std::string_view name, double offset_N, int unsure) : name_(name), offset_N_(offset_N), unsure_(unsure) {}
@@ -39,7 +39,7 @@ private:
     int unsure_, left_ = 0;
 };
 
-std::uint64_t clock_now_ns = 0, clock_step_ns = 0;  // each look at the clock takes so long
+std::uint64_t clock_now_ns = 0, clock_step_ns = 0;  // duration of each reading of the clock
 std::uint64_t test_clock() noexcept { return clock_now_ns += clock_step_ns; }
 
 struct Bench {
@@ -92,14 +92,14 @@ TEST(AutoSensor, EachSampleSaysWhichMethodMadeItAndWhetherItStepped) {
     int by_slow = 0;
     for (int i = 0; i < 200; ++i) {
         s = bench.next(-1);
-        ASSERT_EQ(s.force_S_N[2], TACTILED_METHOD(s.state) == 1 ? -0.75 : -1.5) << i;  // the value is that method's
+        ASSERT_EQ(s.force_S_N[2], TACTILED_METHOD(s.state) == 1 ? -0.75 : -1.5) << i;  // the value of that method
         by_slow += TACTILED_METHOD(s.state) == 1 ? 1 : 0;
     }
     EXPECT_LE(by_slow, 72);  // nine timed ones, one in eight
     EXPECT_EQ(TACTILED_METHOD(s.state), 2u);
     EXPECT_EQ(TACTILED_STEPS(s.state), 1u);
     EXPECT_NE(s.state & TACTILED_STEPPED_DOWN, 0u);
-    EXPECT_NE(s.state & TACTILED_OVER_BUDGET, 0u);  // 20 us are too much for the fast one, too
+    EXPECT_NE(s.state & TACTILED_OVER_BUDGET, 0u);  // 20 us exceed the budget of the fast one, too
     clock_step_ns = 4'000;
     s = bench.after(600, -1);
     EXPECT_EQ(s.state & TACTILED_OVER_BUDGET, 0u);
@@ -113,7 +113,7 @@ TEST(AutoSensor, ATareHoldsForTheMethodThatComesAfterIt) {
     clock_step_ns = 20'000;
     const tactiled_sample s = bench.after(200, -3);
     ASSERT_EQ(TACTILED_METHOD(s.state), 2u);
-    EXPECT_NEAR(s.force_S_N[2], -2, 1e-12);  // not -2.75, which the other method's zero would make of it
+    EXPECT_NEAR(s.force_S_N[2], -2, 1e-12);  // not -2.75, which the other method's zero would give
     EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
     EXPECT_EQ(s.raw_force_S_N[2], -3.5);
     bench.sensor.begin_untare();
@@ -149,7 +149,7 @@ TEST(AutoSensor, ATareOfAMethodThatDoesNotKnowItsPastIsNoTrueZero) {
     (void)bench.next(std::nan(""));  // the past is lost
     (void)bench.next(-1);
     bench.tare(-1);
-    tactiled_sample s = bench.after(50, -1);  // sure again: of the raw value
+    tactiled_sample s = bench.after(50, -1);  // certain again: about the raw value
     ASSERT_EQ(TACTILED_METHOD(s.state), 1u);
     expect_unsure(s);
     bench.tare(-1);

@@ -1,4 +1,4 @@
-// The lock beside a control socket, and not an answer, says that its daemon lives.
+// The lock beside a control socket, and not an answer, shows that its daemon lives.
 #include <sys/wait.h>
 
 #include "segment_fixture.hpp"
@@ -22,7 +22,7 @@ protected:
         std::string why;
         return !ask_daemon(control_, "?", 300, why).empty();
     }
-    // Another daemon of this socket, in a process of its own that was stopped.
+    // Starts another daemon of this socket, in a separate process that was stopped.
     pid_t stopped_daemon() {
         int ready[2];
         EXPECT_EQ(::pipe(ready), 0);

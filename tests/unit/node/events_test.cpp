@@ -1,4 +1,4 @@
-// Who lives on epoll is told of each node record, and of none when he is gone.
+// A program that uses epoll is notified of each node record, and of none after it has disconnected.
 #include "node/shm/events.hpp"
 
 #include <fcntl.h>
@@ -25,7 +25,7 @@ protected:
         p.sensors.resize(1);
         return p;
     }
-    // The subscriber's end of a connection, and what it watches (-1: refused).
+    // Returns the subscriber's end of a connection, and the descriptor to watch (-1: refused).
     std::pair<int, int> subscribe() {
         int pair[2];
         EXPECT_EQ(::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair), 0);
@@ -60,7 +60,7 @@ static int descriptors() {
 TEST_F(EventsTest, EveryRecordIsCounted) {
     const auto [connection, event] = subscribe();
     for (int i = 0; i < 100 && reported(event, 100) == 0; ++i) publish(1);  // until the thread sleeps
-    publish(10);                                                            // at once: one wake
+    publish(10);                                                            // at once: one wake-up
     EXPECT_EQ(reported(event, 300), 10u);
     ::close(connection);
     ::close(event);
@@ -93,7 +93,7 @@ TEST_F(EventsTest, ARecordFromBeforeItsThreadRanIsReportedToo) {
 TEST_F(EventsTest, WhoIsDisconnectedLeavesNoDescriptor) {
     const int before = descriptors();
     const auto [connection, event] = subscribe();
-    // Each of the two, and the other end of it; and, until the daemon's thread has closed it, what it sent.
+    // Counts both ends of the pair and, until the daemon's thread has closed it, the descriptor that it sent.
     int with = descriptors();
     for (int i = 0; i < 100 && with != before + 4; ++i) ::usleep(10'000), with = descriptors();
     EXPECT_EQ(with, before + 4);
@@ -115,11 +115,11 @@ TEST_F(EventsTest, NothingThatASubscriberDoesKeepsAnotherFromBeingNotified) {
     for (int i = 0; i < 100 && reported(hostile, 100) == 0; ++i) publish(1);
     ASSERT_EQ(::fcntl(hostile, F_SETFL, ::fcntl(hostile, F_GETFL) & ~O_NONBLOCK), 0);
     const std::uint64_t full = ~std::uint64_t(0) - 1;
-    (void)!::write(hostile, &full, sizeof full);  // an eventfd at its brim: the next to write it waits
+    (void)!::write(hostile, &full, sizeof full);  // a full eventfd: the next write to it would block
     publish(1);
     ::usleep(50'000);
     const auto [connection, event] = subscribe();
-    for (int i = 0; i < 400; ++i) {  // more than any queue holds
+    for (int i = 0; i < 400; ++i) {  // more than any queue can hold
         publish(1);
         ::usleep(200);
     }

@@ -1,4 +1,4 @@
-// What GPIO lines say of a node record. The lines themselves: tests/kernel/gpio_test.py.
+// The GPIO signs of a node record. tests/kernel/gpio_test.py tests the lines themselves.
 #include <gtest/gtest.h>
 
 #include "node/gpio_outputs.hpp"
@@ -27,7 +27,7 @@ TEST(GpioJudge, EverythingIsAFaultButAFreshRecordOfAReadyNode) {
     node = healthy(TACTILED_GRIP_HOLDING);
     node.heartbeat = 1;
     EXPECT_TRUE(judge.judge(&node, 5).grasped);
-    EXPECT_EQ(judge.judge(nullptr, 6), GpioSigns{});  // nothing of before is kept
+    EXPECT_EQ(judge.judge(nullptr, 6), GpioSigns{});  // no earlier state is kept
 }
 
 TEST(GpioJudge, SaysGraspedFromGraspedToSlippingAndNotWhenUnknownOrLost) {

@@ -1,4 +1,4 @@
-// The grasp in the pipeline: what the estimator is fed, and what is asked of it.
+// The grasp in the pipeline: the estimator's input, and its commands.
 #include "node/grasping.hpp"
 
 #include <gtest/gtest.h>
@@ -32,7 +32,8 @@ std::optional<Grasping::Setup> two_jaws() {
 
 class GraspingTest : public testing::Test {
 protected:
-    // `ms` of samples of both jaws, each with this press and this pull along its x; raw values have a zero on top.
+    // Sends `ms` of samples of both jaws, each with this press and this pull along its x; raw values have an
+    // additional zero.
     void observe(double press_N, double pull_N, int ms, std::uint32_t tare_count = 1, std::uint32_t method = 0) {
         for (int i = 0; i < ms; ++i) {
             t_ns_ += kMs;
@@ -42,7 +43,7 @@ protected:
                 s.quality = TACTILED_GOOD;
                 s.tare_count = tare_count;
                 s.state = method << 16;
-                s.force_S_N[2] = 1000;  // low-passed: must not be looked at
+                s.force_S_N[2] = 1000;  // low-passed: must not be used
                 s.raw_force_S_N[0] = zero_[0] + pull_N + 0.001 * (i % 2);
                 s.raw_force_S_N[2] = zero_[2] - press_N + 0.001 * (i % 2);
                 for (auto& sd : s.sd_force_N) sd = 0.005;
@@ -100,11 +101,11 @@ TEST_F(GraspingTest, AJawWithoutAValueMakesTheGraspUnknown) {
 
 TEST_F(GraspingTest, ANewZeroIsADiscontinuityAndNoEventOfTheWorld) {
     hold_200_g();
-    zero_ = {0.3 - 0.981, 0, -7, 0, 0, 0};  // tared while it holds: nothing presses, nothing hangs
+    zero_ = {0.3 - 0.981, 0, -7, 0, 0, 0};  // tared during the grasp: press and load read 0
     observe(5, -0.981, 1, 2);
     const tactiled_grasp g = grasping_.state();
     EXPECT_NE(g.state, unsigned(TACTILED_GRIP_LOST));
-    EXPECT_TRUE(std::isnan(g.weight_kg));  // what it weighs is not known until it was let go
+    EXPECT_TRUE(std::isnan(g.weight_kg));  // the weight is unknown until the release
 }
 
 TEST_F(GraspingTest, AnotherMethodIsADiscontinuityAndNoEventOfTheWorld) {
@@ -134,7 +135,7 @@ TEST_F(GraspingTest, ABadSampleNamesNoMethodAndIsNoStep) {
 }
 
 TEST_F(GraspingTest, CommandsReachTheEstimator) {
-    EXPECT_FALSE(grasping_.carry_out(command(Command::Kind::start_weighing)));  // nothing is held
+    EXPECT_FALSE(grasping_.carry_out(command(Command::Kind::start_weighing)));  // no object is held
     hold_200_g();
     EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::stop_weighing)));
     EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
@@ -147,7 +148,7 @@ TEST_F(GraspingTest, CommandsReachTheEstimator) {
     EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::zero_weight)));
     observe(5, -0.981, 20);
     EXPECT_NEAR(grasping_.state().weight_kg, 0, 0.002);
-    EXPECT_FALSE(grasping_.carry_out(command(Command::Kind::tare)));  // not the grasp's
+    EXPECT_FALSE(grasping_.carry_out(command(Command::Kind::tare)));  // not a command of the grasp
 }
 
 TEST_F(GraspingTest, GravityThatIsNotKnownAnyMoreIsNoWeight) {
@@ -201,8 +202,8 @@ TEST_F(GraspingTest, OnlyObjectsThatWereTaughtUnderTheScaleInForceAreRecognised)
 
 TEST_F(GraspingTest, ASuccessorCountsOnAndKnowsNothingElse) {
     hold_200_g();
-    for (int ms = 0; ms < 300; ++ms) observe(5, -0.981 - 0.0099 * ms, 1);  // to the limit of friction 0.8
-    for (int ms = 0; ms < 5; ++ms) observe(5, -3.95 + 0.17 * ms, 1);       // and over it
+    for (int ms = 0; ms < 300; ++ms) observe(5, -0.981 - 0.0099 * ms, 1);  // to the friction limit 0.8
+    for (int ms = 0; ms < 5; ++ms) observe(5, -3.95 + 0.17 * ms, 1);       // and beyond it
     observe(5, -3.1, 5);
     const tactiled_grasp before = grasping_.state();
     ASSERT_GE(before.slips, 1u);
@@ -227,7 +228,7 @@ TEST_F(GraspingTest, ASuccessorKnowsWhatTheRobotHasReported) {
     Command gravity = command(Command::Kind::gravity);
     gravity.robot_G_m_s2 = {NAN, NAN, NAN};
     EXPECT_TRUE(grasping_.carry_out(gravity));
-    Grasping next(two_jaws());  // whose configuration has a direction that holds no more
+    Grasping next(two_jaws());  // its configuration has a direction that is no longer valid
     next.succeed(grasping_);
     std::swap(grasping_, next);
     hold_200_g();

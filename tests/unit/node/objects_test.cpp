@@ -1,4 +1,4 @@
-// Taught objects: their file, what is learnt from weighings, and which are too much alike.
+// Taught objects: their file, learning from weighings, and objects that are too similar.
 #include "node/objects.hpp"
 
 #include <gtest/gtest.h>
@@ -67,9 +67,9 @@ TEST_F(ObjectsTest, AnErrorIsReportedWithItsLine) {
     write("format = 2\n");
     EXPECT_NE(first_problem().find("format = 1"), std::string::npos);
     write("format = 1\n[[object]]\nid = 1\nname = 'a'\nmass_kg = 0.1\nsd_kg = 0\n");
-    EXPECT_NE(first_problem().find(":6: "), std::string::npos);  // who is sure of everything is wrong for sure
+    EXPECT_NE(first_problem().find(":6: "), std::string::npos);  // an sd of 0 is certainly wrong
     write("format = 1\n[[object]]\nid = 1\nname = 'a'\nmass_kg = 0\nsd_kg = 0.001\n");
-    EXPECT_NE(first_problem().find(":5: "), std::string::npos);  // nothing is no object
+    EXPECT_NE(first_problem().find(":5: "), std::string::npos);  // a mass of 0 is not an object
     write("format = 1\n[[object]]\nid = 1\nname = 'a b'\nmass_kg = 0.1\nsd_kg = 0.001\n");
     EXPECT_NE(first_problem().find(":4: "), std::string::npos);
     write("not toml");
@@ -124,7 +124,7 @@ TEST_F(ObjectsTest, WeightsOfAnotherScaleAreNotMixedWithThose) {
     EXPECT_FALSE(read[1].scaled);
     EXPECT_FALSE(confused_with(object(3, "pin", 0.2, 0.001), read));
     const auto near = confused_with(bolt, std::vector{object(2, "nut", 0.1, 0.001)});
-    EXPECT_FALSE(near);  // never told at the same time
+    EXPECT_FALSE(near);  // never known at the same time
     const TaughtObject again = with_one_more(bolt, {0.11, 0.002, false});
     EXPECT_EQ(again.mass_kg, 0.11);
     EXPECT_EQ(again.grasps, 1u);
@@ -154,15 +154,15 @@ TEST_F(ObjectsTest, AFreeIdIsTheLeast) {
 
 TEST_F(ObjectsTest, WhereNoLockCanStandNothingIsTaught) {
     EXPECT_THROW(ObjectsLock(folder_ + "/nowhere/objects.toml"), SetupError);
-    std::filesystem::create_symlink("/etc/passwd", path_ + ".lock");  // somebody else's file is not taken for it
+    std::filesystem::create_symlink("/etc/passwd", path_ + ".lock");  // another user's file is not used
     EXPECT_THROW(ObjectsLock{path_}, SetupError);
 }
 
 TEST(Objects, OnlyWhatWeighsSomethingForSureIsTaught) {
     EXPECT_TRUE(is_teachable({0.1, 0.001}));
     EXPECT_FALSE(is_teachable({0.1, 0.1 / 3}));
-    EXPECT_FALSE(is_teachable({1001, 0.1}));   // the file takes no more
-    EXPECT_FALSE(is_teachable({0.1, 1e-10}));  // nor who is that sure
+    EXPECT_FALSE(is_teachable({1001, 0.1}));   // the file accepts no more
+    EXPECT_FALSE(is_teachable({0.1, 1e-10}));  // an sd that is too small
     EXPECT_TRUE(summary_of(std::vector<Weighing>{{0.1, 0.004, true}}).scaled);
     EXPECT_EQ(summary_of({}).grasps, 0u);
     const std::vector<TaughtObject> none;

@@ -1,4 +1,4 @@
-// Links, rings, sensors and segment together, on a clock of the test's own; the driver is a script.
+// Links, rings, sensors and segment together, on a clock controlled by the test; the driver follows a script.
 #include "node/pipeline.hpp"
 
 #include <gtest/gtest.h>
@@ -40,7 +40,7 @@ public:
     std::string_view method() const noexcept override { return "constant"; }
 };
 
-// One channel as fx, with a deviation.
+// One channel as fx, with a standard deviation.
 class Certain final : public Decoupler {
 public:
     Estimate decouple(const Reading& r) noexcept override {
@@ -91,7 +91,7 @@ protected:
         plan_.history = 1024;
         plan_.sensors.resize(2);
         plan_.links.resize(2);
-        plan_.watchdog_ms = 10'000;  // for look(), whose clock falls behind the turns'
+        plan_.watchdog_ms = 10'000;  // for look(), whose clock is behind the cycles'
         for (auto& s : plan_.sensors) s.stale_ms = 10'000;
     }
     void send(int link, double value, std::uint16_t device = 0) {
@@ -133,7 +133,7 @@ TEST_F(PipelineTest, CarriesAFrameToItsSensorAndNoOther) {
     EXPECT_EQ(s.sensor[0].quality, unsigned(TACTILED_GOOD));
     EXPECT_EQ(s.sensor[1].quality, unsigned(TACTILED_BAD));
     EXPECT_EQ(s.sensor[1].reasons & TACTILED_NO_DATA_YET, unsigned(TACTILED_NO_DATA_YET));
-    EXPECT_EQ(s.node.status & TACTILED_READY, 0u);  // not all are
+    EXPECT_EQ(s.node.status & TACTILED_READY, 0u);  // not all sensors are
 }
 
 TEST_F(PipelineTest, RefusesTheNewestWhenTheLoopIsLateAndTellsHowMany) {
@@ -210,7 +210,7 @@ TEST_F(PipelineTest, CountsFramesOfADeviceThatNobodyReads) {
 
 TEST_F(PipelineTest, ShowsEveryFrameOfALinkBesideItsSamples) {
     send(0, 5);
-    send(0, 6, 9);  // of a device that nobody reads
+    send(0, 6, 9);  // from a device that no sensor reads
     acquire_all(0);
     turn();
     const Segment segment = Segment::open(plan_.name);
@@ -362,7 +362,7 @@ TEST_F(PipelineTest, ATareIsDoneWhenItsZeroIsInTheFileAndRefusedWhereItCannotBe)
     for (int i = 0; i < 1000 && said.state == TACTILED_COMMAND_RUNNING; ++i) {
         EXPECT_NE(look().node.status & TACTILED_ANY_TARING, 0u);
         ::usleep(1000);
-        now_ -= 1'000'000;  // the file's time is none of the loop's here
+        now_ -= 1'000'000;  // the time of the test's frames, not of the loop
         turn();
         said = look().node.command[TACTILED_FROM_SOCKET];
     }
@@ -427,7 +427,7 @@ TEST_F(PipelineTest, TwoSensorsOfOneForceThatDifferAreBothUncertainUntilTheyAgre
         const Snapshot s = look();
         for (const auto& sensor : {s.sensor[0], s.sensor[1]})
             EXPECT_EQ(sensor.reasons, sensor.quality == TACTILED_GOOD ? 0u : unsigned(TACTILED_SENSORS_DIFFER));
-        EXPECT_EQ(s.sensor[0].force_S_N[0], a);  // the value is told
+        EXPECT_EQ(s.sensor[0].force_S_N[0], a);  // the value is published
         return s.sensor[0].quality == s.sensor[1].quality ? s.sensor[0].quality : 0u;
     };
     EXPECT_EQ(both(5, 5.9, 100), unsigned(TACTILED_GOOD));

@@ -1,4 +1,4 @@
-// What is said of a stream by its times and raw numbers, through a whole sensor.
+// The judgement of a stream by its times and raw numbers, through a complete sensor.
 #include "node/quality.hpp"
 
 #include <gtest/gtest.h>
@@ -57,7 +57,7 @@ TEST(StreamQuality, AChannelThatRepeatsItselfHasNoValueUntilItHasChangedTwice) {
     for (int i = 2; i < 5; ++i) EXPECT_EQ(stream.send(i, -i, 7).quality, kGood) << i;
     auto s = stream.send(5, -5, 7);
     EXPECT_EQ(s.quality, kBad);
-    EXPECT_EQ(s.reasons, unsigned(TACTILED_FROZEN));  // not a missing channel, too: one cause, one counter
+    EXPECT_EQ(s.reasons, unsigned(TACTILED_FROZEN));  // not also a missing channel: one cause, one counter
     EXPECT_EQ(s.missing, 0b100u);
     EXPECT_TRUE(std::isnan(s.force_S_N[0]));
     EXPECT_EQ(s.epoch, before.epoch + 1);
@@ -92,7 +92,7 @@ TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsADiscontinuityThough
     stream.opening = 1;
     EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 1);
     EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 1);
-    ASSERT_TRUE(stream.sensor().has_discontinuity(false, stream.t_ns()));  // seen: one break, not two
+    ASSERT_TRUE(stream.sensor().has_discontinuity(false, stream.t_ns()));  // seen: one discontinuity, not two
     stream.opening = 2;
     EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 2);
 }
@@ -103,7 +103,7 @@ TEST(StreamQuality, ASaturationLimitRepeatsRightly) {
     for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
     (void)stream.send(1, 2, 8'388'607);
     (void)stream.send(2, 3, 8'388'607);
-    EXPECT_EQ(stream.send(3, 4, 7).reasons, unsigned(TACTILED_FROZEN));  // nor is it a sign of life
+    EXPECT_EQ(stream.send(3, 4, 7).reasons, unsigned(TACTILED_FROZEN));  // it is not a sign of life, either
 }
 
 TEST(StreamQuality, WithoutALimitAQuietSensorMayRepeatItself) {
@@ -140,11 +140,11 @@ TEST(StreamQuality, TimeThatPassedIsNoStep) {
     Stream stream({.slew_per_s = 1000, .rate_Hz = 1000});
     (void)stream.send(0, 0, 0);
     EXPECT_EQ(stream.send(9, 0, 0, 10).quality, kGood);     // 9 in 10 ms
-    EXPECT_EQ(stream.send(10, 0, 0, 0).quality, kGood);     // the next of a backlog: no time by the host's clock
+    EXPECT_EQ(stream.send(10, 0, 0, 0).quality, kGood);     // the next one of a backlog: no time by the host's clock
     EXPECT_EQ(stream.send(15, 0, 0, 0, 5).quality, kGood);  // five frames lie between
     EXPECT_EQ(stream.send(17, 0, 0, 0).quality, kUncertain);
     ASSERT_TRUE(stream.sensor().has_discontinuity(true, stream.t_ns() + 200 * kMs));
-    EXPECT_EQ(stream.send(5000, 0, 0, 300).quality, kGood);  // over a break a channel may go anywhere
+    EXPECT_EQ(stream.send(5000, 0, 0, 300).quality, kGood);  // over a discontinuity a channel may change by any amount
 }
 
 TEST(StreamQuality, AnotherRateThanDeclaredIsReportedAndTheValueStaysGood) {
@@ -179,7 +179,7 @@ TEST(StreamQuality, AZeroThatWandersAtRestAsksForMaintenanceAndAPressDoesNot) {
     EXPECT_EQ(s.reasons, 0u);
     run(5000, -5);  // contact
     EXPECT_EQ(s.reasons, 0u);
-    run(1500, 0.24);  // not yet: a mean over two seconds at rest
+    run(1500, 0.24);  // not yet: needs a mean over two seconds at rest
     EXPECT_EQ(s.reasons, 0u);
     run(3000, 0.24);
     EXPECT_EQ(s.reasons, unsigned(TACTILED_DRIFTED));
@@ -189,10 +189,10 @@ TEST(StreamQuality, AZeroThatWandersAtRestAsksForMaintenanceAndAPressDoesNot) {
     EXPECT_EQ(s.reasons, 0u);
 }
 
-// Every limit on, as tight as the device allows, and what a healthy one does: noise of a 24-bit converter near its zero,
-// hum, presses as fast as the limit says, stamps that jitter by a third of a period, backlogs, single lost frames.
+// Every limit is on, as tight as the device allows, with a healthy device: noise of a 24-bit converter near its zero,
+// hum, presses as fast as the limit, timestamps that jitter by a third of a period, backlogs, single lost frames.
 TEST(StreamQuality, AMillionGoodSamplesAreAllGood) {
-    constexpr double kSlew = 4e6;  // counts a second
+    constexpr double kSlew = 4e6;  // counts per second
     Stream stream({.stale_ns = 20 * kMs, .frozen_after = 100, .noisy = true, .slew_per_s = kSlew, .rate_Hz = 1000}, 1e9);
     std::mt19937_64 random(1);
     std::normal_distribution<double> noise(0, 1.5);
@@ -200,7 +200,7 @@ TEST(StreamQuality, AMillionGoodSamplesAreAllGood) {
     std::uint64_t bad = 0, reasons = 0;
     double held_ms = 0;
     for (int i = 1; i <= 1'000'000; ++i) {
-        if (i % 50'000 == 0) held_ms = i + 15;  // the host is away: what came meanwhile gets one stamp
+        if (i % 50'000 == 0) held_ms = i + 15;  // the host is stopped: frames meanwhile get one timestamp
         if (i % 70'001 == 0) continue;          // lost
         const double t_ms = std::max(double(i) + jitter_ms(random), held_ms);
         const double hum = 5 * std::sin(2 * std::numbers::pi * 0.05 * i);

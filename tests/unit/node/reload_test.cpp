@@ -1,5 +1,5 @@
-// SIGHUP without a daemon: what each kind of change does to the running loop, and which are refused. The same on the release
-// daemon while devices stream: tests/system/reload_test.py.
+// SIGHUP without a daemon: the effect of each kind of change on the running loop, and refused changes.
+// tests/system/reload_test.py tests the same on the release daemon while devices stream.
 #include "node/reload.hpp"
 
 #include <gtest/gtest.h>
@@ -106,14 +106,14 @@ protected:
         turns_ = false;
         if (loop_.joinable()) loop_.join();
     }
-    // What the log says of SIGHUP with this configuration in the file.
+    // Returns the log of SIGHUP with this configuration in the file.
     std::string reload(const std::string& config) {
         (void)folder_.write("tactiled.toml", config);
         testing::internal::CaptureStderr();
         reloader_->reload(*pipeline_);
         return testing::internal::GetCapturedStderr();
     }
-    // The warning of the last reload, once the loop has published it.
+    // Returns the warning of the last reload, once the loop has published it.
     bool is_warned(bool wanted) {
         Snapshot look;
         for (int i = 0; i < 400; ++i) {
@@ -140,7 +140,7 @@ TEST_F(ReloadTest, OnlyWhatChangedIsReplaced) {
     EXPECT_PRED2(has, reload(config_), "SIGHUP: neither the configuration nor a calibration has changed\n");
     EXPECT_PRED2(has, reload(with(config_, kLeft, "name = \"left\"\nfilter_hz = 10\n")),
                  "SIGHUP: changed sensor \"left\"\n");
-    // A jaw's threshold is the grasp's, too.
+    // A jaw's threshold belongs to the grasp, too.
     EXPECT_PRED2(has, reload(with(config_, kLeft, "name = \"left\"\ncontact_on_N = 0.2\n")),
                  "SIGHUP: changed sensor \"left\", the grasp\n");
     EXPECT_PRED2(has, reload(config_), "SIGHUP: changed sensor \"left\", the grasp\n");
@@ -148,7 +148,7 @@ TEST_F(ReloadTest, OnlyWhatChangedIsReplaced) {
     EXPECT_PRED2(has, reload(with(config_, kFriction, "friction = 0.6\nslip_sensitivity = 80\n")),
                  "SIGHUP: changed the grasp\n");
     EXPECT_PRED2(has, reload(config_), "SIGHUP: changed the grasp\n");
-    // The pair is both sensors' matter, whichever names the other.
+    // The pair concerns both sensors, whichever names the other.
     EXPECT_PRED2(has, reload(with(config_, kLeft, "name = \"left\"\nagrees_with = \"right\"\nagree_N = 2\n")),
                  "SIGHUP: changed sensor \"left\", sensor \"right\"\n");
     EXPECT_FALSE(is_warned(false));
@@ -162,7 +162,7 @@ TEST_F(ReloadTest, ACalibrationIsANewEpochAndOfAJawANewScaleOfTheWeight) {
     EXPECT_PRED2(has, reload(config_), "SIGHUP: changed sensor \"left\" (a new epoch, without its tare), the grasp\n");
     EXPECT_PRED2(has, reload(with(config_, kLeft, "name = \"left\"\ncounts_per_unit = 2\n")),
                  "SIGHUP: changed sensor \"left\" (a new epoch, without its tare), the grasp\n");
-    // Another identity of the same numbers: the register shows it, and nothing else changes.
+    // The same numbers with another identity: the register shows it, and nothing else changes.
     const std::uint32_t before = Segment::open(node_->plan.name).calibration_id();
     EXPECT_PRED2(has, reload("# said twice\n" + with(config_, kLeft, "name = \"left\"\ncounts_per_unit = 2\n")),
                  "SIGHUP: neither");

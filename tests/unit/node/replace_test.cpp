@@ -1,4 +1,4 @@
-// What a reload puts into the running loop: sensors and the grasp, between two turns.
+// The exchange by a reload in the running loop: sensors and the grasp, between two cycles.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -164,7 +164,7 @@ TEST_F(ReplaceTest, WhatALoopThatHangsDidNotTakeIsTakenBack) {
     Replacement replacement;
     replacement.sensors.push_back(part(2, false));
     EXPECT_FALSE(pipeline_->replace(replacement, 5));
-    replacement.sensors.clear();  // as after the return: it is gone
+    replacement.sensors.clear();  // the state after the return, when it does not exist any more
     EXPECT_EQ(turn(3).force_S_N[0], 3);
     EXPECT_EQ(Segment::open(plan_.name).header().reloads, 0u);
 }

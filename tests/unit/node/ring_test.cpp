@@ -18,7 +18,7 @@ TEST(Ring, RefusesTheNewestWhenFull) {
     EXPECT_EQ(ring.claim(), nullptr);
     for (int i = 0; i < 4; ++i) {
         ASSERT_NE(ring.front(), nullptr);
-        EXPECT_EQ(*ring.front(), i);  // the oldest are all there
+        EXPECT_EQ(*ring.front(), i);  // the oldest ones are all there
         ring.pop();
     }
     EXPECT_EQ(ring.front(), nullptr);
@@ -46,7 +46,7 @@ TEST(Ring, AnAbandonedClaimIsNoItem) {
     EXPECT_EQ(ring.front(), nullptr);
 }
 
-// Every item arrives whole, once, in order, while the ring wraps and fills thousands of times.
+// Every item arrives complete, once, in order, while the ring wraps and fills thousands of times.
 TEST(Ring, LosesAndMixesNothingBetweenTwoThreads) {
     struct Item {
         std::uint64_t word[16];

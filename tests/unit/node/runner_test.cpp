@@ -1,4 +1,4 @@
-// One thread at a time does the work of all, and no work is left behind.
+// One thread at a time does the work of all, and no work is left.
 #include "node/runner.hpp"
 
 #include <gtest/gtest.h>
@@ -42,13 +42,13 @@ TEST(Runner, AfterTheLastRoundTheNextToEnterIsTheRunner) {
     EXPECT_TRUE(runner.enter());
 }
 
-// Plain counters stand for the sensors: thread sanitizer sees whether each runner begins after the last one.
+// Plain counters represent the sensors: thread sanitizer detects whether each runner begins after the last one.
 TEST(Runner, NoWorkIsLostAndOnlyOneThreadWorks) {
     constexpr int kThreads = 4;
     constexpr std::uint64_t kRounds = 20'000;
     Runner runner;
     std::atomic<std::uint64_t> made[kThreads] = {};
-    std::uint64_t done[kThreads] = {}, cycles = 0;  // the runner's
+    std::uint64_t done[kThreads] = {}, cycles = 0;  // used by the runner
     std::atomic<int> inside{0};
     std::atomic<bool> overlapped{false}, end{false};
     WakeWord word;

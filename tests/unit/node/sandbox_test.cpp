@@ -16,7 +16,8 @@ namespace {
 
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 
-// In a child: what is forbidden stays so. 0: `act` said yes in a sandbox and outside of it what it must.
+// Runs in a child process, because the restrictions are permanent. 0: `act` succeeded in a sandbox and outside of it
+// as required.
 template <class Act>
 int in_sandbox(Act act) {
     const pid_t child = ::fork();
@@ -36,8 +37,8 @@ int run_true() {
     return errno;
 }
 
-// qemu-user offers no seccomp to its programs: nothing can be tested there. A kernel that has filters answers 0, or 2 in a
-// container that filters.
+// qemu-user offers no seccomp to its programs, so the test is skipped there. A kernel with filters answers 0, or 2 in
+// a container that filters.
 class Sandbox : public testing::Test {
 protected:
     void SetUp() override {

@@ -1,4 +1,4 @@
-// The file of a segment is truncated, or its daemon dies, while it is read.
+// The file of a segment is truncated, or its daemon dies, during a read.
 #include <sys/resource.h>
 #include <sys/wait.h>
 
@@ -9,7 +9,8 @@ namespace {
 
 class CutTest : public SegmentTest {
 protected:
-    // The file of a killed daemon of a sensor and a link: samples whose components are all their number, GOOD for 10 s.
+    // Leaves the file of a killed daemon with a sensor and a link: samples whose components equal their number, GOOD
+    // for 10 s.
     void leave_a_file() const {
         const pid_t child = ::fork();
         if (child == 0) {
@@ -36,7 +37,7 @@ protected:
         struct stat status {};
         return ::stat(path_.c_str(), &status) == 0 ? std::size_t(status.st_size) : 0;
     }
-    // False where a value is given that the daemon did not publish.
+    // Returns false for a value that the daemon did not publish.
     static bool is_true(const tactiled_sample& s) {
         if (s.quality != TACTILED_GOOD) return std::isnan(s.force_S_N[2]) || s.quality == TACTILED_NO_VALUE;
         const auto number = double(s.sequence + 1);
@@ -74,7 +75,7 @@ TEST_F(CutTest, AReaderSurvivesEveryLength) {
     }
 }
 
-// At any moment of a read. Each round has a fresh file.
+// Truncates at any moment of a read. Each round has a new file.
 TEST_F(CutTest, NoTornValueIsGoodWhileTheFileIsCut) {
     leave_a_file();
     std::ifstream file(path_, std::ios::binary);
@@ -133,7 +134,7 @@ std::string a_file_without_bytes(const char*& map) {
     return path;
 }
 
-// The handler is for segments: a program's own mistakes are not hidden.
+// The handler is for segments: errors of the program itself must not be hidden.
 TEST_F(CutTest, ASignalThatConcernsNoSegmentEndsTheProgramAsBefore) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
     GTEST_SKIP() << "the sanitizer has a handler of its own for SIGBUS, which ends the program with an exit status";
@@ -179,7 +180,7 @@ TEST_F(CutTest, ManySegmentsOpenAndCloseWithoutLosingTheirProtection) {
     EXPECT_FALSE(last.is_current());
 }
 
-// stale_ms alone would let a dead daemon's last force pass for 10 s.
+// With stale_ms alone, a dead daemon's last force would seem valid for 10 s.
 TEST_F(CutTest, ADaemonThatPublishesNothingForWatchdogMsIsBadWhateverStaleMs) {
     SegmentPlan p = plan();
     p.sensors[0].stale_ms = 10'000;
@@ -214,7 +215,7 @@ TEST_F(CutTest, ADaemonThatPublishesNothingForWatchdogMsIsBadWhateverStaleMs) {
     ASSERT_TRUE(follower.wait(s, 50));  // and the end
     EXPECT_NE(s.reasons & TACTILED_DAEMON_STOPPED, 0u);
     EXPECT_FALSE(follower.wait(s, 50));
-    beat(writer, 2);  // a daemon that lives, with a slow sensor
+    beat(writer, 2);  // a running daemon with a slow sensor
     EXPECT_EQ(reader.latest().quality, unsigned(TACTILED_GOOD));
 }
 

@@ -24,7 +24,7 @@
 
 namespace tactiled {
 
-// A node record, so that the daemon counts as alive.
+// Publishes a node record, so that the daemon counts as alive.
 inline void beat(SegmentWriter& writer, std::uint64_t number) {
     tactiled_node node{};
     node.sequence = number;

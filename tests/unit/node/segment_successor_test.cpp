@@ -1,4 +1,4 @@
-// The end of a daemon, and the one that follows it.
+// The end of a daemon, and its successor.
 #include "segment_fixture.hpp"
 
 namespace tactiled {
@@ -32,7 +32,7 @@ TEST_F(SegmentTest, ADeadDaemonsNameIsTakenOverAndItsReadersFollow) {
     successor.set_state(TACTILED_RUNNING);
     EXPECT_GT(successor.epoch(), before);
     successor.publish(0, sample(0));
-    ::usleep(20'000);  // a reader looks for a successor each 10 ms
+    ::usleep(20'000);  // a reader searches for a successor each 10 ms
     const auto s = reader.latest();
     EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
     EXPECT_EQ(s.sequence, 0u);
@@ -76,13 +76,13 @@ TEST_F(SegmentTest, AFollowerLearnsOnceThatTheDaemonIsDead) {
     writer.publish(0, sample(1));
     ::usleep(300'000);  // longer than watchdog_ms, as after kill -9
     ASSERT_TRUE(reader.wait(s, 100));
-    EXPECT_EQ(s.sequence, 1u);                     // first what is left
+    EXPECT_EQ(s.sequence, 1u);                     // first the remaining samples
     EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));  // and old
     ASSERT_TRUE(reader.wait(s, 100));
     EXPECT_NE(s.reasons & TACTILED_DAEMON_STOPPED, 0u);
     EXPECT_TRUE(std::isnan(s.force_S_N[2]));
     EXPECT_FALSE(reader.wait(s, 100));  // once
-    beat(writer, 1);                    // it had only hung
+    beat(writer, 1);                    // the daemon had only hung
     writer.publish(0, sample(2));
     ASSERT_TRUE(reader.wait(s, 100));
     EXPECT_EQ(s.sequence, 2u);
@@ -176,7 +176,8 @@ TEST_F(SegmentTest, LatestTakesNoEndFromNextAndWhatItSkipsIsCounted) {
     tactiled_sample s{};
     ASSERT_TRUE(reader.next(s));
     for (std::uint64_t n = 1; n < 6; ++n) writer->publish(0, sample(n));
-    for (const std::uint64_t lost : {5u, 5u + 3u}) {  // of the first; then of one that came and went unseen by next()
+    // of the first one; then of one that started and ended unseen by next()
+    for (const std::uint64_t lost : {5u, 5u + 3u}) {
         writer.reset();
         ::usleep(20'000);
         writer = alive();
@@ -196,7 +197,7 @@ TEST_F(SegmentTest, LatestTakesNoEndFromNextAndWhatItSkipsIsCounted) {
     EXPECT_EQ(reader.lost(), 8u);
 }
 
-// Two at once were rare, one of 400 rounds; the wrong pid is not. The test below is certain.
+// Two winners at once were rare, one in 400 rounds; a wrong pid is not. The test below is certain.
 TEST_F(SegmentTest, OfManyStartersOneWinsThoughAReaderHoldsALock) {
     for (int round = 0; round < 20; ++round) {
         const pid_t dead = ::fork();
@@ -209,7 +210,7 @@ TEST_F(SegmentTest, OfManyStartersOneWinsThoughAReaderHoldsALock) {
         struct flock whole {};
         whole.l_type = F_RDLCK;
         if (round % 2 == 0) { ASSERT_EQ(::fcntl(fd, F_OFD_SETLK, &whole), 0); }
-        int go[2], end[2], result[2];  // the first two are for waiting until they are closed
+        int go[2], end[2], result[2];  // the first two are closed to end a wait
         ASSERT_TRUE(::pipe(go) == 0 && ::pipe(end) == 0 && ::pipe(result) == 0);
         std::vector<pid_t> starters;
         for (int i = 0; i < 8; ++i) {
@@ -225,7 +226,7 @@ TEST_F(SegmentTest, OfManyStartersOneWinsThoughAReaderHoldsALock) {
                 (void)!::write(result[1], "1", 1);
                 (void)!::read(end[0], &byte, 1);
             } catch (const SetupError& error) {
-                // The dead one's pid would send its reader after nobody.
+                // With the dead one's pid, a reader would look for a missing process.
                 const bool right = std::string(error.what()).find("pid " + std::to_string(dead)) == std::string::npos;
                 (void)!::write(result[1], right ? "0" : "x", 1);
             }

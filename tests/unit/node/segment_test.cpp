@@ -1,4 +1,4 @@
-// The segment between writer and reader, in real shared memory: what is read, and what is refused.
+// The segment between writer and reader, in real shared memory: reads and refusals.
 #include "segment_fixture.hpp"
 
 namespace tactiled {
@@ -9,7 +9,7 @@ TEST_F(SegmentTest, GivesTheNewestAndThenNothingNew) {
     writer.set_state(TACTILED_RUNNING);
     Reader reader(name_, "s0");
     ASSERT_TRUE(reader.is_attached()) << reader.why_not();
-    EXPECT_EQ(reader.latest().quality, unsigned(TACTILED_BAD));  // none yet: never zeros that look good
+    EXPECT_EQ(reader.latest().quality, unsigned(TACTILED_BAD));  // none yet: never zeros that seem good
     EXPECT_TRUE(std::isnan(reader.latest().force_S_N[2]));
     tactiled_sample s{};
     EXPECT_FALSE(reader.next(s));
@@ -68,7 +68,7 @@ TEST_F(SegmentTest, NoReadIsTornAndNoneWaits) {
     std::uint64_t reads = 0;
     for (int i = 0; i < 200'000; ++i) {
         const auto s = reader.latest();
-        if (s.quality != TACTILED_GOOD) continue;  // lapped in each of its tries: said, not guessed
+        if (s.quality != TACTILED_GOOD) continue;  // overwritten in each of its attempts: reported, not guessed
         ++reads;
         const auto expected = double(s.sequence);
         ASSERT_EQ(s.force_S_N[0], expected);
@@ -220,7 +220,7 @@ TEST_F(SegmentTest, AnotherMinorVersionIsReadAndAnotherMajorRefused) {
     const Segment old = Segment::open(name_);
     ASSERT_TRUE(old.latest(0, got));
     EXPECT_STREQ(tactiled_methods_of(old.c(), 0), "");
-    EXPECT_EQ(tactiled_reason_count(old.c(), 0, 1), 0u);  // nor counts
+    EXPECT_EQ(tactiled_reason_count(old.c(), 0, 1), 0u);  // there are no counts, either
     patch(offsetof(tactiled_header, major), std::uint16_t(2));
     std::string why;
     EXPECT_FALSE(Segment::try_open(name_, why).is_open());
@@ -371,7 +371,7 @@ TEST_F(SegmentTest, ANameThatIsTooLongIsRefusedNotCut) {
     EXPECT_EQ(Reader(name_, longest).latest().quality, unsigned(TACTILED_GOOD));
     for (const auto& [node, sensor] : {std::pair{name_, longest + "_right"}, {name_ + longest, longest}, {name_, ""}}) {
         Reader reader(node, sensor);
-        ::usleep(20'000);  // also when it looks again
+        ::usleep(20'000);  // also at the next attempt
         tactiled_sample s{};
         EXPECT_FALSE(reader.next(s));
         EXPECT_EQ(reader.latest().reasons, unsigned(TACTILED_DAEMON_STOPPED));

@@ -1,4 +1,4 @@
-// A segment that is not its daemon's is refused, and a truncated one ends no reader.
+// A forged segment is refused, and a truncated one ends no reader.
 #include <sys/wait.h>
 
 #include <filesystem>
@@ -11,7 +11,7 @@ namespace {
 
 constexpr uid_t kStranger = 65534;
 
-// A folder of its own inside the run-time folder.
+// A separate folder inside the run-time folder.
 class TrustTest : public SegmentTest {
 protected:
     TrustTest() : folder_(runtime_folder() + "/" + name_) {
@@ -40,7 +40,7 @@ protected:
         std::ofstream(path, std::ios::binary) << bytes;
         ASSERT_EQ(::chmod(path.c_str(), 0640), 0);
     }
-    // Runs `action` as another user, who may enter the folders of this test. Returns what it returns.
+    // Runs `action` as another user, who may enter the folders of this test. Returns its result.
     template <typename Action>
     static int as_stranger(Action action) {
         const pid_t child = ::fork();
@@ -93,7 +93,7 @@ TEST_F(TrustTest, AFolderInsideOfAnotherUsersIsRefused) {
     ASSERT_EQ(::chown((folder_ + "/a").c_str(), kStranger, kStranger), 0);
     EXPECT_TRUE(refused(inner, "inside the folder of another user"));
     ASSERT_EQ(::chown(inner.c_str(), kStranger, kStranger), 0);
-    EXPECT_EQ(why(inner), "open");  // the file of root in a folder of a user, who has the folder above, too
+    EXPECT_EQ(why(inner), "open");  // the file of root in a folder of a user, who owns the folder above, too
     ASSERT_EQ(::chown(inner.c_str(), 1234, 1234), 0);
     EXPECT_TRUE(refused(inner, "inside the folder of another user"));
 }
@@ -247,7 +247,7 @@ TEST_F(TrustTest, AReaderLooksInTheFoldersInOrderAndStaysWithTheFirst) {
     Reader reader(name_, "s0");
     ASSERT_TRUE(reader.is_attached()) << reader.why_not();
     EXPECT_EQ(reader.segment().c()->folder, users + "/tactiled");
-    if (::geteuid() == 0) {  // the service's folder comes first, but not for a reader that is attached
+    if (::geteuid() == 0) {  // the service's folder comes first, except for a reader that is attached
         own->publish(0, sample(0));
         const auto service = alive();
         auto other = sample(0);
@@ -292,7 +292,7 @@ TEST_F(TrustTest, ADaemonNamesItsFolderOrSaysWhyThereIsNone) {
               }),
               0);
     EXPECT_EQ(as_stranger([&] {
-                  set_runtime_folder(folder_);  // root's: a user's file there would not be trusted
+                  set_runtime_folder(folder_);  // owned by root: a user's file would not be trusted there
                   try {
                       (void)runtime_folder();
                       return 1;

@@ -1,4 +1,5 @@
-// A reader of 1.0 against a daemon of 1.1, and the reverse: minor versions append, and what is not written is not known.
+// A reader of 1.0 with a daemon of 1.1, and the reverse: minor versions append, and fields that are not written are
+// unknown.
 #include "segment_fixture.hpp"
 
 namespace tactiled {
@@ -8,7 +9,7 @@ constexpr std::uint32_t kNodeOf10 = offsetof(tactiled_node, grasp);  // 1.0 ende
 
 class SegmentVersions : public SegmentTest {
 protected:
-    // A node record with a grasp that holds something.
+    // Publishes a node record with a grasp that holds an object.
     void publish(SegmentWriter& writer, std::uint64_t age_ns = 0) {
         tactiled_node node{};
         node.t_ns = monotonic_ns() - age_ns;
@@ -21,7 +22,7 @@ protected:
         node.grasp.object_id = 2;
         writer.publish(node);
     }
-    // Makes the segment one of an older daemon: its header says how much of a node record it fills.
+    // Makes the segment one of an older daemon: its header states the size of its node records.
     void as_written_by_10() const {
         const int fd = ::open(path_.c_str(), O_RDWR);
         tactiled_header header{};

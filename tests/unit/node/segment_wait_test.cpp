@@ -71,15 +71,15 @@ TEST_F(SegmentTest, ManyReadersAreWokenAFewAtATimeAndEachGetsEverySample) {
 
 TEST_F(SegmentTest, AReaderCannotCutTheWakePage) {
     const SegmentWriter writer(plan());
-    EXPECT_NE(::ftruncate(writer.wake_page(), 0), 0);  // the daemon reads it: a SIGBUS
+    EXPECT_NE(::ftruncate(writer.wake_page(), 0), 0);  // the daemon would read it: a SIGBUS
     EXPECT_EQ(::fcntl(writer.wake_page(), F_GET_SEALS), F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL);
 }
 
 TEST_F(SegmentTest, ASleepingReaderIsWokenWhateverTheCountAndTheOldRequest) {
     for (const auto& [first, request] : {std::pair{std::uint64_t(0), 0u},
-                                         {(1ull << 31) + 256, 0u},                   // the wish is that of an empty page
-                                         {1000, 1000u + (1u << 30)},                 // of a reader that wrote nonsense
-                                         {1000, 1000u + TACTILED_WAKE_RECORDS + 9},  // more than the daemon heeds
+                                         {(1ull << 31) + 256, 0u},    // the request of an empty page
+                                         {1000, 1000u + (1u << 30)},  // request of a reader that wrote invalid data
+                                         {1000, 1000u + TACTILED_WAKE_RECORDS + 9},  // more than the daemon accepts
                                          {(1ull << 32) - 20, 0u}}) {
         SegmentWriter writer(plan());
         writer.set_state(TACTILED_RUNNING);
@@ -93,7 +93,7 @@ TEST_F(SegmentTest, ASleepingReaderIsWokenWhateverTheCountAndTheOldRequest) {
         std::atomic<bool> stop{false};
         std::thread daemon([&, beats = first + 1]() mutable {
             for (std::uint64_t n = 1; !stop; ++n) {
-                ::usleep(7'000);  // far from the 20 ms after which a reader wakes by itself
+                ::usleep(7'000);  // far from the 20 ms after which a reader wakes automatically
                 tactiled_sample s = sample(n);
                 s.t_published_ns = s.t_ns;
                 writer.publish(0, s);
@@ -153,7 +153,7 @@ TEST_F(SegmentTest, AControlSocketThatDoesNotAnswerDelaysNoWaitAndIsAskedAgain) 
         }
         std::string why;
         const std::uint64_t began_ns = monotonic_ns();
-        EXPECT_EQ(ask_daemon(p.control, "?", 50, why), "");  // what tactilectl and a new daemon do
+        EXPECT_EQ(ask_daemon(p.control, "?", 50, why), "");  // like tactilectl and a new daemon
         EXPECT_LT(monotonic_ns() - began_ns, 500'000'000u);
         ::close(hung);
         for (const int s : queued) ::close(s);

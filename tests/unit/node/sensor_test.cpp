@@ -40,7 +40,7 @@ TEST(Sensor, DividesCountsAndKeepsTheTimestampOfTheFrame) {
     EXPECT_EQ(s.force_S_N[1], -2);
     EXPECT_EQ(s.force_S_N[2], 3);
     EXPECT_EQ(s.t_ns, 5 * kMs);
-    EXPECT_TRUE(std::isnan(s.torque_S_Nm[0]));  // unseen is not zero
+    EXPECT_TRUE(std::isnan(s.torque_S_Nm[0]));  // an unmeasured component is not zero
     EXPECT_EQ(s.epoch, 7u << 16);
 }
 
@@ -66,7 +66,7 @@ TEST(Sensor, AtTheSaturationLimitCountsAsSaturated) {
     EXPECT_EQ(sensor.sample(frame(kMs, 1000, 0, -1000), kMs).saturated, 0b101u);
     EXPECT_EQ(sensor.sample(frame(kMs, 999, 0, -999), kMs).saturated, 0u);
     Frame f = frame(kMs, 1, 2, 3);
-    f.saturated = 4;  // the driver knows of a rail
+    f.saturated = 4;  // the driver knows a saturation limit
     EXPECT_EQ(sensor.sample(f, kMs).saturated, 4u);
 }
 
@@ -90,9 +90,9 @@ TEST(Sensor, BreaksOnceAfterStaleMsAndTellsItByANewEpoch) {
     const auto marker = sensor.marker(102 * kMs);
     EXPECT_EQ(marker.quality, unsigned(TACTILED_BAD));
     EXPECT_EQ(marker.reasons, unsigned(TACTILED_STALE));
-    EXPECT_EQ(marker.t_ns, kMs);  // so that its age is true
+    EXPECT_EQ(marker.t_ns, kMs);  // makes its age right
     EXPECT_EQ(marker.epoch, before.epoch + 1);
-    EXPECT_FALSE(sensor.has_discontinuity(true, 300 * kMs));  // told once
+    EXPECT_FALSE(sensor.has_discontinuity(true, 300 * kMs));  // reported once
     EXPECT_TRUE(sensor.has_discontinuity(false, 301 * kMs));  // now for another reason
     EXPECT_EQ(sensor.marker(301 * kMs).reasons, unsigned(TACTILED_DISCONNECTED));
     const auto after = sensor.sample(frame(400 * kMs, 1, 2, 3), 400 * kMs);
@@ -105,7 +105,7 @@ TEST(Sensor, BeforeTheFirstFrameItSaysSo) {
     EXPECT_EQ(sensor.marker(0).reasons, unsigned(TACTILED_NO_DATA_YET));
     EXPECT_TRUE(sensor.has_discontinuity(false, kMs));
     EXPECT_EQ(sensor.marker(kMs).reasons, unsigned(TACTILED_NO_DATA_YET | TACTILED_DISCONNECTED));
-    EXPECT_EQ(sensor.marker(kMs).epoch, 7u << 16);  // nothing has broken yet
+    EXPECT_EQ(sensor.marker(kMs).epoch, 7u << 16);  // no discontinuity yet
 }
 
 TEST(Sensor, ADisconnectedLinkBreaksAtOnce) {
@@ -195,7 +195,7 @@ TEST(Sensor, ContactHasHysteresisAndEndsWithTheValue) {
     EXPECT_EQ(state(4.5, 6), unsigned(TACTILED_CONTACT | TACTILED_OVERLOAD));
     ASSERT_TRUE(sensor.has_discontinuity(false, 7 * kMs));
     EXPECT_EQ(sensor.marker(7 * kMs).state, 0u);
-    EXPECT_EQ(state(0.9, 8), 0u);  // it has to begin anew
+    EXPECT_EQ(state(0.9, 8), 0u);  // it has to restart
     const double as_configured = std::nan("");
     sensor.set({as_configured, as_configured, as_configured, as_configured});
     EXPECT_EQ(state(4.5, 9), unsigned(TACTILED_CONTACT));  // configured: no overload
@@ -239,7 +239,8 @@ TEST(Sensor, WhatTheLowPassSawOfADoubtfulValueIsInNoGoodOne) {
     Sensor sensor = make();
     sensor.set({.filter_Hz = 1, .contact_on_N = 1, .contact_off_N = 0.5, .overload_N = 0});
     for (std::uint64_t t = 1; t <= 5; ++t) (void)sensor.sample(frame(t * kMs, 1, 0, 0), t * kMs);
-    EXPECT_EQ(sensor.sample(frame(6 * kMs, 1000, 0, 0), 6 * kMs).quality, unsigned(TACTILED_UNCERTAIN));  // its rail
+    EXPECT_EQ(sensor.sample(frame(6 * kMs, 1000, 0, 0), 6 * kMs).quality,
+              unsigned(TACTILED_UNCERTAIN));  // its saturation limit
     const auto s = sensor.sample(frame(7 * kMs, 1, 0, 0), 7 * kMs);
     EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
     EXPECT_EQ(s.force_S_N[0], 1);

@@ -1,4 +1,5 @@
-// The thread that has a frame delivers it; several links' threads deliver for each other; one thread reads several links.
+// The thread that has a frame delivers it; several links' threads deliver for each other; one thread reads several
+// links.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -15,7 +16,7 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
 
-// Frames at a rate, numbered from 0, until there are enough; then the device is silent, or disconnects.
+// Sends frames at a rate, numbered from 0, until there are enough; then the device is silent, or disconnects.
 class Paced final : public Driver {
 public:
     Paced(std::uint64_t period_ns, std::uint32_t total, std::uint32_t burst, bool pollable, bool ends)
@@ -129,8 +130,8 @@ protected:
         EXPECT_EQ(reader.lost(), 0u);
         return all;
     }
-    // Each frame was delivered once, in order, or the ring refused it and counted it: on a busy machine the runner may be
-    // slow.
+    // Each frame was delivered once, in order, or the ring refused and counted it: on a busy machine the runner may
+    // be slow.
     void expect_all(std::uint32_t frames) {
         for (std::size_t link = 0; link < node_.links.size(); ++link) {
             const std::vector<double> got = values(link);
@@ -171,8 +172,8 @@ TEST_F(ServeTest, ABurstThatIsLongerThanTheRingIsDeliveredByItsOwnThread) {
     EXPECT_EQ(node_.links[0]->ring_full, 0u);
 }
 
-// 8 x 1.5 kHz are more than one thread for each link should be woken for. The shared thread takes them, and gives them back
-// when they have ended.
+// 8 x 1.5 kHz exceed the limit for one thread per link. The shared thread takes the links, and gives them back when
+// they have ended.
 TEST_F(ServeTest, ManyFastLinksAreReadByOneThreadAndNoFrameIsLost) {
     for (int i = 0; i < 8; ++i) add_link(std::make_unique<Paced>(kMs * 2 / 3, 3000, 1, i != 7, i == 3));
     start();
@@ -203,7 +204,7 @@ TEST_F(ServeTest, TheNextDeadlineIsTheEarliestTimeLimit) {
     const auto send = [&] {
         Frame* const slot = node_.links[0]->ring.claim();
         *slot = Frame{};
-        slot->t_ns = monotonic_ns() - 15 * kMs;  // it arrived when nobody looked: its limit comes before the next record
+        slot->t_ns = monotonic_ns() - 15 * kMs;  // it arrived unnoticed: its limit is before the next record
         slot->n_channels = 1;
         node_.links[0]->ring.push();
         node_.links[0]->ring.commit();

@@ -1,5 +1,4 @@
-// Data that nothing measured are published as simulated, whatever their driver; and a driver with an unknown name is an
-// error.
+// Data that were not measured are published as simulated, for any driver; a driver with an unknown name is an error.
 #include <gtest/gtest.h>
 
 #include "node/setup.hpp"
@@ -38,7 +37,7 @@ full_scale = [10.0, 10.0, 10.0]
         return node;
     }
 
-    // As a reader sees it: the link's entry in the directory.
+    // Returns the link's entry in the directory, as a reader sees it.
     bool is_published_as_simulated(const std::string& link) {
         const Node node = load(link);
         EXPECT_EQ(lines_, Lines{}) << link;
@@ -63,7 +62,7 @@ TEST_F(Simulated, AreTheDataOfADriverThatDoesNotMeasure) {
     EXPECT_TRUE(is_published_as_simulated("driver = 'replay'\nfile = 'r.mcap'\n"));
 }
 
-// Copied as it stands, the example of drivers/README.md is not taken for a measurement.
+// The example of drivers/README.md, copied without changes, is not taken for a measurement.
 TEST_F(Simulated, AreTheDataOfTheExampleOfThePage) { EXPECT_TRUE(is_published_as_simulated("driver = 'ramp'\n")); }
 
 TEST_F(Simulated, AreTheDataOfADriverThatMeasuresOnlyWhereTheLinkSaysSo) {
@@ -90,7 +89,7 @@ TEST_F(Simulated, AWrongValueIsOneError) {
 }
 
 TEST_F(Simulated, AMisspeltDriverIsAnErrorThatListsAll) {
-    (void)load("driver = 'uert'\nbaud = 9600\n");  // baud may be a key of the driver that is meant
+    (void)load("driver = 'uert'\nbaud = 9600\n");  // baud may be a key of the intended driver
     ASSERT_EQ(lines_.size(), 1u);
     EXPECT_EQ(lines_[0],
               "t.toml:5: link \"usb0\": driver = \"uert\" is unknown; did you mean \"uart\"? known: \"can\", \"i2c\", "

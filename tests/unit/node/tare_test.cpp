@@ -1,4 +1,4 @@
-// Which tares are refused: of a force that moved, and beyond tare_limit_N.
+// Refused tares: of a force that moved, and beyond tare_limit_N.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -14,10 +14,10 @@ constexpr std::uint64_t kMs = 1'000'000;
 
 struct Tared {
     Sensor::Tare end;
-    tactiled_sample after;  // of the force (1, 2, -3) N
+    tactiled_sample after;  // sample of the force (1, 2, -3) N
 };
 
-// What becomes of a tare of 100 ms while the z force is force_N(i) at its i-th sample of `samples`.
+// Returns the result of a tare of 100 ms while the z force is force_N(i) at its i-th sample of `samples`.
 template <typename Force>
 Tared tare(unsigned samples, double limit_N, Force force_N) {
     Sensor::Setup setup;
@@ -52,7 +52,7 @@ TEST(Tare, OfAForceThatMovesIsRefusedAndTheZeroBeforeStays) {
     for (const unsigned n : {4u, 10u, 100u}) {
         moves(n, [n](unsigned i) { return 0.1 * i / n; });                           // 0.1 N in 0.1 s
         moves(n, [n](unsigned i) { return i * 2 > n ? -0.1 : 0.0; });                // a touch
-        moves(n, [n](unsigned i) { return i * 4 > n && i * 4 < 3 * n ? 0.1 : 0; });  // and gone again
+        moves(n, [n](unsigned i) { return i * 4 > n && i * 4 < 3 * n ? 0.1 : 0; });  // and its end
     }
 }
 

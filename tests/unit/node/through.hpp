@@ -1,4 +1,4 @@
-// A model whose force a test knows: the first three channels as they are. The reasons of real models are tested with them.
+// A model with a known force: the first three channels, unchanged. The reasons of real models are tested with them.
 #pragma once
 #include <limits>
 
@@ -9,8 +9,8 @@ namespace tactiled {
 class Through final : public Decoupler {
 public:
     static constexpr double kSd_N = 0.01;
-    // Where the second channel is above `unsure_above` it does not know how wrong it is, as a method whose past is not known
-    // yet.
+    // If the second channel is above `unsure_above` the uncertainty is unknown, as for a method whose past is not
+    // known yet.
     explicit Through(double unsure_above = std::numeric_limits<double>::infinity()) : unsure_above_(unsure_above) {}
 
     Estimate decouple(const Reading& r) noexcept override {

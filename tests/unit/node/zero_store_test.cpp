@@ -1,4 +1,4 @@
-// Zeros of tares over a restart: restored for the same sensor alone, else known to be lost.
+// Zeros of tares over a restart: restored only for the same sensor, else known to be lost.
 #include "node/zero_store.hpp"
 
 #include <gtest/gtest.h>
@@ -53,14 +53,14 @@ protected:
         EXPECT_TRUE(store.is_done(number));
         return number != 0 && store.is_usable();
     }
-    // A first run that tares at -20 N and ends.
+    // Runs once, tares at -20 N and ends.
     void run_and_tare() {
         ZeroStore store(path_, {owner()});
         auto before = sensors();
         tare(before[0], -20);
         EXPECT_TRUE(keep(store, before[0]));
     }
-    // The first sample of the next run, at -20 N.
+    // Returns the first sample of the next run, at -20 N.
     tactiled_sample after(const ZeroOwner& now) {
         ZeroStore store(path_, {now});
         auto next = sensors();
@@ -98,7 +98,7 @@ TEST_F(ZeroStoreTest, WithForgetATaredSensorHasNoKnownZeroUntilItIsTaredAgainOrU
     ZeroOwner forgets = owner();
     forgets.restore = false;
     expect_lost(after(forgets));
-    expect_lost(after(forgets));  // and so after each further start
+    expect_lost(after(forgets));  // also after each further start
     for (const bool untares : {false, true}) {
         ZeroStore store(path_, {forgets});
         auto next = sensors();
@@ -138,7 +138,7 @@ TEST_F(ZeroStoreTest, OfMethodAutoEachMethodHasItsOwn) {
     {
         ZeroStore store(path_, {two});
         auto before = sensors();
-        TaredZero zero{3, 2, {}};  // "fast" has found none
+        TaredZero zero{3, 2, {}};  // "fast" has no zero
         zero.of_method[0] = {0, 0, -20, 0, 0, 0};
         before[0].restore_zero(zero);
         EXPECT_TRUE(keep(store, before[0]));
@@ -173,7 +173,7 @@ TEST_F(ZeroStoreTest, ADamagedFileMayHaveHeldAnyTare) {
           std::string("format = 2\n"), std::string("\0\1\2", 3)}) {
         write(damaged);
         expect_lost(after(owner()));
-        expect_lost(after(owner()));  // the file was written again, and says so still
+        expect_lost(after(owner()));  // the file was written again, and still contains it
     }
 }
 

@@ -1,4 +1,5 @@
-// What press, shift and tilt make of the capacitive sensor, against closed forms and figures that were derived elsewhere.
+// The effect of press, shift and tilt on the capacitive sensor, against closed forms and independently derived
+// figures.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -135,7 +136,7 @@ TEST(LoadMoment, OfAPadPressesTheNearElectrodeMore) {
     Moment eccentric = press(2);
     eccentric.x_m = 1e-3;
     const Reading r = pad(eccentric), central = pad(press(2));
-    // Foundation of the press's stiffness K / A, softer to a tilt by (1 + 2 S^2 / 3) / (1 + 2 S^2).
+    // Foundation of the press's stiffness K / A, softer for a tilt by (1 + 2 S^2 / 3) / (1 + 2 S^2).
     const double R = c.disc_radius_m, S2 = R * R / (4 * c.gap_m * c.gap_m), K = 1 / (c.strain_per_N * c.gap_m);
     const double tilt = 2 * 1e-3 / (K * R * R / 4 * (1 + 2 * S2 / 3) / (1 + 2 * S2));
     const double centroid = 2.0 / 3 * (125 - 27) / (25 - 9.0) * 1e-3 * std::sin(40 * kDegree) / (40 * kDegree);
@@ -189,7 +190,7 @@ TEST(Triboelectric, IsHeardOnlyWhileTheLoadMoves) {
         EXPECT_LE(std::abs(noise_N), 0.02 * 3.4642 + 1e-12);
         sum += noise_N * noise_N;
     }
-    EXPECT_NEAR(std::sqrt(sum / 20'000), 0.02 * std::sqrt(2.0 / 3), 0.003);  // straight between its values
+    EXPECT_NEAR(std::sqrt(sum / 20'000), 0.02 * std::sqrt(2.0 / 3), 0.003);  // linear between its values
     const auto after = film.run(std::vector<Moment>(5000, press(5)));
     EXPECT_NEAR(after.back().channel[5], zero + 5 * V, 1e-12);
 }

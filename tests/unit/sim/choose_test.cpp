@@ -31,7 +31,7 @@ TEST(GuaranteedError, GrowsByTheGainOfWhatComesAfter) {
     EXPECT_DOUBLE_EQ(guaranteed_error_N({decision(0, true, 2), decision(0.01, false)}), 0.01);
 }
 
-// Two values that differ by next to nothing may be rounded to two neighbours: but only if they differ.
+// Two values that differ by next to nothing may be rounded to two neighbours, but only if they differ.
 TEST(GuaranteedError, JumpsAtARoundingOnlyWhereSomethingWasLeftOutBefore) {
     EXPECT_DOUBLE_EQ(guaranteed_error_N({decision(0.001, false), decision(0.025, true, 1, 0.05)}), 0.051);
     EXPECT_DOUBLE_EQ(guaranteed_error_N({decision(0, false), decision(0.025, true, 1, 0.05)}), 0);
@@ -62,7 +62,7 @@ TEST(PassOn, ATurnedSensorSeesOneForceMoveInAnother) {
     pass_on({.change_N = 0.1, .load = {0.1, 0, 0, 0, 0}, .coupling = 0.1}, Stage::contact, reach, before);
     EXPECT_DOUBLE_EQ(reach.rate[kFx], 0.2);
     EXPECT_DOUBLE_EQ(reach.jump[kFx], 0.05);
-    EXPECT_DOUBLE_EQ(reach.rate[kMx], 0.3);  // of a moment comes a moment
+    EXPECT_DOUBLE_EQ(reach.rate[kMx], 0.3);  // a moment causes a moment
     EXPECT_DOUBLE_EQ(reach.back[kFx], 0.2);
 }
 
@@ -106,7 +106,7 @@ double spent_ns(const std::vector<Decision>& decisions) {
     return sum;
 }
 
-// Two effects of one bound: the dear one goes.
+// Two effects of one bound: the more expensive one is left out.
 TEST(LeaveOut, WhatCostsMostForTheLeastErrorGoesFirst) {
     std::vector<Decision> decisions{costing(0.01, 10), costing(0.01, 1000)};
     leave_out(decisions, 0.015);
@@ -114,7 +114,7 @@ TEST(LeaveOut, WhatCostsMostForTheLeastErrorGoesFirst) {
     EXPECT_FALSE(decisions[1].on);
 }
 
-// By bound over cost the first would go, and then no other could: 100 ns saved instead of 160.
+// By bound over cost the first would be left out, and then no other could: 100 ns saved instead of 160.
 TEST(LeaveOut, TakesTheCheapestSetAndNotTheBestFirstStep) {
     std::vector<Decision> decisions{costing(0.006, 100), costing(0.005, 80), costing(0.005, 80)};
     leave_out(decisions, 0.0101);
@@ -137,8 +137,8 @@ TEST(LeaveOut, TakesALevelWhereTheEffectItselfIsNeeded) {
     EXPECT_TRUE(decisions[1].on);
 }
 
-// The cheapest of all sets, found by trying each, is at most as much cheaper as errors within 1/500 of what is wanted can
-// make it; here, with few effects, not at all.
+// The cheapest of all sets, found by trying each, is cheaper at most by the merging of errors within 1/500 of the
+// wanted accuracy; here, with few effects, not at all.
 TEST(LeaveOut, FindsTheCheapestOfAllSets) {
     const Stream random(7, "sets");
     for (std::uint64_t trial = 0; trial < 200; ++trial) {
@@ -183,7 +183,7 @@ TEST(Choose, AutoKeepsTheWantedAccuracyAndLeavesOutNothingThatItDoesNotState) {
     }
 }
 
-// No effect that is on could be left out, or taken at a cheaper level, with the others as they are.
+// No effect that is on could be left out, or used at a cheaper level, with the others unchanged.
 TEST(Choose, AutoLeavesOutAsMuchAsItCan) {
     Scene scene = scene_of(kStill);
     const Extent extent = scene.motion.extent(scene.sensors[0]);
@@ -206,7 +206,7 @@ TEST(Choose, AutoLeavesOutAsMuchAsItCan) {
     }
 }
 
-// A list runs exactly what it names: the levels that auto took, named, give the same bits.
+// A list runs exactly the effects that it names: the names and levels that auto selected give the same bits.
 TEST(Choose, AListOfEffectsAndLevelsIsWhatAutoTook) {
     Scene scene = scene_of(
         "format = 1\ntitle = \"t\"\n[[sensor]]\nname = \"left\"\nmodel = \"capacitive\"\n[[motion]]\ndo = "

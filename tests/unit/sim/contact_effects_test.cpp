@@ -42,7 +42,7 @@ TEST(HertzContact, HasTheRadiusOfTheBook) {
     EXPECT_NEAR(run(scene, "hertz_contact").radius_m.back(), 48.90e-6, 0.01e-6);
 }
 
-// The share of a 4 x 4 array's taxels in a press of a ball of 6 mm at (x, y).
+// Returns the shares of a 4 x 4 array's taxels in a press of a ball of 6 mm at (x, y).
 std::vector<double> shares(double x_m, double y_m, double press_N, const std::string& shape = "sphere") {
     const Scene scene =
         scene_with("hair",
@@ -113,7 +113,7 @@ TEST(Misalignment, KeepsTheForce) {
     EXPECT_NEAR(std::hypot(is.load[kFx].back(), is.load[kFy].back(), is.load[kFz].back()), std::hypot(1, 0.5), 1e-12);
 }
 
-// At the verge of sliding the body has moved by 3 mu N / (16 a) ((2-nu1)/G1 + (2-nu2)/G2).
+// At the onset of sliding the body has moved by 3 mu N / (16 a) ((2-nu1)/G1 + (2-nu2)/G2).
 TEST(PartialSlip, MovesThePressByMindlinsDisplacement) {
     const Scene scene = scene_with("table", press(1, 0.1) + shear(0.5, 0, 0.1) + hold(0.01),
                                    "body = {shape = \"sphere\", radius_m = 5e-3, friction = 0.5, stiffness_Pa = 3e9}");

@@ -1,4 +1,4 @@
-// Driver "sim" as the daemon runs it.
+// Driver "sim" as used by the daemon.
 #include "drivers/driver.hpp"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace tactiled {
 namespace {
 
-// A frame that the scene loses is counted once: by `lost` of the next, and by the gap in its counter.
+// A lost frame of the scene is counted once: by `lost` of the next frame, and by the gap in its counter.
 TEST(SimDriver, CountsEachLostFrameOnce) {
     const std::string scene = ::testing::TempDir() + "lost." + std::to_string(::getpid()) + ".toml";
     std::ofstream(scene) << "format = 1\ntitle = \"t\"\n[[sensor]]\nname = \"s\"\nmodel = \"table\"\n[[motion]]\ndo = "
@@ -33,7 +33,7 @@ TEST(SimDriver, CountsEachLostFrameOnce) {
     }
     EXPECT_GT(lost, 100u);
     EXPECT_EQ(lost, gaps);
-    EXPECT_NEAR(double(frames + lost), 20'000, 20);  // a burst may stand at the end
+    EXPECT_NEAR(double(frames + lost), 20'000, 20);  // a burst may be at the end
     std::remove(scene.c_str());
 }
 

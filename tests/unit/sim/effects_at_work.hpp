@@ -1,4 +1,4 @@
-// Chosen effects at work on loads that a test states, sample by sample, without a motion.
+// Runs chosen effects on loads that a test specifies, sample by sample, without a motion.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -24,7 +24,8 @@ inline Moment press(double N) { return {.load = {0, 0, -N, 0, 0}}; }
 
 class AtWork {
 public:
-    // `keys` go into the sensor's table, `rest` behind it: [body], [effects.NAME]. `effects` in the order of the chain.
+    // `keys` are added to the sensor's table, `rest` after it: [body], [effects.NAME]. `effects` in the order of the
+    // chain.
     AtWork(const std::string& model, std::vector<std::string> effects, const std::string& keys = "",
            const std::string& rest = "", double rate_Hz = 1000, int seed = 1) {
         const std::string text = "format = 1\ntitle = \"t\"\nseed = " + std::to_string(seed) +

@@ -16,7 +16,7 @@ double rms(const std::vector<double>& x, double mean, std::size_t from = 0) {
     return std::sqrt(sum / double(x.size() - from));
 }
 
-// What an effect leaves of a sine on channel k.
+// Returns the amplitude of a sine on channel k after an effect.
 double sine_gain(const std::string& effect, const std::string& model, double frequency_Hz, std::size_t k,
                  const std::string& keys = "") {
     const Scene scene = scene_with(
@@ -43,7 +43,8 @@ TEST(ConverterWindow, AttenuatesAsSinc) {
 TEST(ConverterWindow, NeedsNoWholeNumberOfSamples) {
     const Scene scene = scene_with("table", "[effects.converter_window]\nwindow_s = 0.0123\n" + press(1, 1));
     const Recording is = run(scene, "converter_window");
-    EXPECT_NEAR(is.channel[0][900] / scene.sensors[0].gain[0][kFz], -(0.9 - 0.0123 / 2), 1e-9);  // of a ramp: its middle
+    EXPECT_NEAR(is.channel[0][900] / scene.sensors[0].gain[0][kFz], -(0.9 - 0.0123 / 2),
+                1e-9);  // a ramp is delayed by half the window
 }
 
 TEST(AntiAlias, HalvesAtItsCorner) {
@@ -51,7 +52,7 @@ TEST(AntiAlias, HalvesAtItsCorner) {
     EXPECT_NEAR(sine_gain("anti_alias", "table", 1, 0, "[effects.anti_alias]\ncorner_Hz = 5\n"), 1 / 1.04, 1e-4);
 }
 
-// A ramp comes later by 2 / w_c: with the corner at a quarter of the rate, 4 / (pi rate).
+// A ramp is delayed by 2 / w_c: with the corner at a quarter of the rate, 4 / (pi rate).
 TEST(AntiAlias, DelaysARampByTwiceItsTimeConstant) {
     for (const double rate_Hz : {1000.0, 200.0}) {
         const Scene scene = scene_with("table", press(1, 1), fmt::format("rate_Hz = {}", rate_Hz));
@@ -61,7 +62,7 @@ TEST(AntiAlias, DelaysARampByTwiceItsTimeConstant) {
     }
 }
 
-// The jump lasts one sample, h: its response is the mean of 1 - (1 + w t) exp(-w t) over the last h.
+// The jump takes one sample, h: its response is the mean of 1 - (1 + w t) exp(-w t) over the last h.
 TEST(AntiAlias, AnswersAJumpAsTwoPoles) {
     const Scene scene = scene_with("table", hold(0.01) + press(1, 0.01, "at_once") + hold(0.1));
     const Recording is = run(scene, "anti_alias"), ideal = run(scene, "none");
@@ -81,8 +82,8 @@ TEST(AntiAlias, PassesWhatStandsStillToTheLastBit) {
     for (const double x : is.channel[4]) ASSERT_EQ(x, scene.sensors[0].zero[4]);
 }
 
-// 900 Hz sampled at 1 kHz is a line at 100 Hz, as high as the filter leaves 900 Hz: 1 / (1 + 3.6^2), and turned by its
-// phase there. A filter that knew only the samples would leave 1 / (1 + 0.4^2) of it.
+// 900 Hz sampled at 1 kHz is a line at 100 Hz, with the filter's amplitude at 900 Hz, 1 / (1 + 3.6^2), and its phase
+// there. A filter of the samples alone would give 1 / (1 + 0.4^2).
 TEST(AntiAlias, LeavesOfALineThatFoldsWhatItLeavesAtTheLinesOwnFrequency) {
     for (const double line_Hz : {900.0, 1100.0, 730.0, 400.0}) {
         const Scene scene =
@@ -112,13 +113,13 @@ TEST(ChannelSkew, ReadsTheFirstElectrodeFourStepsBeforeTheLast) {
     EXPECT_EQ(is.channel[5][1500], ideal.channel[5][1500]);
 }
 
-// 1 kOhm over 500 Hz: 90.7 nV; a quarter of 3.3 V counts 1.
+// 1 kOhm over 500 Hz: 90.7 nV; a quarter of 3.3 V corresponds to 1.
 TEST(JohnsonNoise, HasNyquistsPower) {
     const Scene scene = scene_with("table", hold(20));
     EXPECT_NEAR(rms(run(scene, "johnson_noise").channel[0], 0), 90.7e-9 * 4 / 3.3, 2e-9);
 }
 
-// Equal power in each decade: what is left of means over ten times as long falls by a fifth of the power, not to a tenth.
+// Equal power in each decade: averaging over ten times as long reduces the power by a fifth, not to a tenth.
 TEST(FlickerNoise, HardlyAveragesOut) {
     const Scene scene = scene_with("table", hold(100));
     const std::vector<double> x = run(scene, "flicker_noise").channel[0];
@@ -204,7 +205,7 @@ TEST(ConverterNonlinearity, IsLargestAtOneOverRootThree) {
     EXPECT_NEAR(at / range, 1 / std::sqrt(3), 0.01);
 }
 
-// Bursts of 1 / q frames, begun by each p-th; what is lost is counted in the next that arrives.
+// Bursts of 1 / q frames, begun by each p-th; lost frames are counted in the next one that arrives.
 TEST(LostFrames, ComeInBursts) {
     const Scene scene = scene_with("table", "[effects.lost_frames]\nbegins = 0.01\nends = 0.25\nmost = 100\n" + hold(200));
     const Recording is = run(scene, "lost_frames");

@@ -1,5 +1,5 @@
-// The forward models against finite elements of the documents' sensors (tests/data/fem/README.md), that is against numbers
-// that they were not made from: other loads, other directions, other materials. Each test prints its errors.
+// The forward models against finite elements of the documents' sensors (tests/data/fem/README.md), with numbers that
+// they were not made from: other loads, directions and materials. Each test prints its errors.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -47,7 +47,7 @@ std::vector<Row> rows_of(const std::string& name) {
     return rows;
 }
 
-// The channels under one steady load, less their zeros.
+// Returns the channels under one steady load, minus their zeros.
 std::vector<double> channels_under(const std::string& sensor, double press_N, double shear_N, double direction_deg,
                                    const std::string& effects = "none", double x_m = 0, double y_m = 0) {
     Problems problems;
@@ -106,10 +106,10 @@ Errors table_errors(const std::string& kind) {
 
 TEST(FiniteElements, TableUnderAPressAndUnderAForceInAnyDirection) {
     EXPECT_LT(table_errors("N_uniform").all, 0.01);  // the gains are from the same run: this checks signs and units
-    EXPECT_LT(table_errors("T_top").all, 0.3);       // they know 0 and 90 degrees alone; the mesh has no symmetry
+    EXPECT_LT(table_errors("T_top").all, 0.3);       // they contain only 0 and 90 degrees; the mesh has no symmetry
 }
 
-// A knife edge on the rim (as Lee measured) is another load than a traction on the top: no sensor model of one sensitivity
+// A knife edge on the rim (as Lee measured) is another load than a traction on the top: no model with one sensitivity
 // has both.
 TEST(FiniteElements, TableUnderAForceOnItsRimIsAnotherLoad) {
     const double worst = table_errors("T_side").all;
@@ -136,8 +136,9 @@ TEST(FiniteElements, TableUnderAnEccentricPressIsAPressAndAMoment) {
 const std::string kOnMap = "model = \"table\"\nsample = \"foil\"\ninfluence = \"" TACTILED_SOURCE_DIR
                            "/config/calibration/table_influence.toml\"\n";
 
-// A press on a disc of 0.3 mm in the middle: 2332 ustrain/N in the inner gauges, linear (the same elements and mesh as
-// table_influence.csv, another load). The map has the disc's radius, not a square's of that width or a disc's of twice that.
+// A press on a disc of 0.3 mm in the middle: 2332 ustrain/N in the inner gauges, linear (the same elements and mesh
+// as table_influence.csv, another load). The map uses the disc's radius, not a square's of that width or a disc's of
+// twice that.
 TEST(FiniteElements, TableUnderASmallPatchReadsItsShape) {
     const auto reads = channels_under(kOnMap + "[body]\nshape = \"edge\"\nradius_m = 0.15e-3", 1, 0, 0, "contact_patch");
     for (const std::size_t inner : {0u, 2u, 4u, 6u}) EXPECT_NEAR(reads[inner] / 2 * 1e6, 2332, 0.01 * 2332) << inner;
@@ -166,7 +167,7 @@ TEST(FiniteElements, TableUnderALinearPressureIsASumOfPatches) {
             for (int j = 0; j < kAngles; ++j) {
                 const double h = kRadius_mm / kRings, r = (i + 0.5) * h, turn = 2 * kPi * (j + 0.5) / kAngles;
                 const double x = r * std::cos(turn), y = r * std::sin(turn), area = r * h * 2 * kPi / kAngles;
-                // +Fz of a pressure 4 y / (pi R^4) has Mx = 1 N mm, of -4 x / (pi R^4) My.
+                // Fz > 0 of a pressure 4 y / (pi R^4) has Mx = 1 N mm, of -4 x / (pi R^4) My.
                 const double N = (name == "M_x" ? y : -x) * 4 / (kPi * std::pow(kRadius_mm, 4)) * area;
                 const auto strain = map.mean(x * 1e-3, y * 1e-3, 1e-6);
                 for (std::size_t k = 0; k < 8; ++k) sum[k] += N * strain[3 * k + 2] * 1e6;
@@ -176,12 +177,12 @@ TEST(FiniteElements, TableUnderALinearPressureIsASumOfPatches) {
                         100 * (sum[k] - number(cases[name], fmt::format("R{}_axial_ustrain", k + 1))) / 531);
     }
     errors.print("table, linear pressure as patches");
-    EXPECT_LT(errors.all, 2);  // the outer gauges stand where the map's cells are coarse
+    EXPECT_LT(errors.all, 2);  // the outer gauges are where the map's cells are coarse
     for (const char* inner : {"R1", "R3", "R5", "R7"}) EXPECT_LT(errors.worst[inner], 0.5) << inner;
 }
 
-// Two readings make the sample (1 kPa of press, 1 kPa of shear along 0 degrees, at 750 kPa); what is compared are the
-// others: 13 directions, combined and oblique stress, two other elastomers.
+// Two readings define the sample (1 kPa of press, 1 kPa of shear along 0 degrees, at 750 kPa); the others are
+// compared: 13 directions, combined and oblique stress, two other elastomers.
 TEST(FiniteElements, HairsInAnyDirectionUnderCombinedStressInThreeElastomers) {
     const auto rows = rows_of("hair_strains.csv");
     double normal = 0, shear = 0;
@@ -215,8 +216,8 @@ TEST(FiniteElements, HairsInAnyDirectionUnderCombinedStressInThreeElastomers) {
     EXPECT_GE(by_case.size(), 5u);
 }
 
-// The sample: geometry, capacitances at rest, stroke at 0.5 N, displacement at the first step of shear. What is compared:
-// the rest of both curves, 20 N of press and all steps of shear, all five electrodes.
+// These define the sample: geometry, capacitances at rest, stroke at 0.5 N, displacement at the first step of shear.
+// The rest of both curves is compared: 20 N of press and all steps of shear, all five electrodes.
 TEST(FiniteElements, PadUnderAPressAndUnderAShear) {
     const std::string sensor =
         "model = \"capacitive\"\ndisc_radius_m = 0.004\ninner_radius_m = 0.0025\nouter_radius_m = 0.0055\nopening_deg = 80\n"

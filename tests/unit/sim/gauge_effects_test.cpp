@@ -1,4 +1,4 @@
-// What place, electronics and surroundings make of gauges, against closed forms and figures of the documents.
+// Effects of place, electronics and environment on gauges, against closed forms and figures of the documents.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ Moment at(double x_m, double y_m, double radius_m, std::array<double, 3> force) 
             .radius_m = radius_m};
 }
 
-// But for 3e-5: the mean of the map over the plate is not quite what the finite elements have for a load on all of it.
+// Within 3e-5: the mean of the map over the plate differs by that from the finite elements for a load on all of it.
 TEST(ContactPatch, OfAPointHasTheStrainsOfTheMap) {
     AtWork table("table", {"contact_patch"}, kMap, kSphere);
     for (const std::size_t row : {0u, 5u, 300u, 700u}) {
@@ -50,7 +50,7 @@ TEST(ContactPatch, InTheMiddleIsThatOfTheFiniteElements) {
     EXPECT_NEAR(table(at(0, 0, 0.15e-3, {0, 0, -1})).channel[0] / 2, 2332e-6, 0.06 * 2332e-6);
 }
 
-// The mean of the map over the plate is what a load on the whole plate strains.
+// The mean of the map over the plate is the strain of a load on the whole plate.
 TEST(ContactPatch, MapAgreesWithTheUniformLoad) {
     AtWork table("table", {}, kMap, kSphere);
     const auto mean = InfluenceMap(table.sensor().table).mean(0, 0, table.sensor().table.plate_radius_m);
@@ -122,7 +122,7 @@ TEST(Crosstalk, IsLinearAndWithoutALoadNothing) {
     for (std::size_t k = 0; k < 4; ++k) {
         EXPECT_EQ(none.channel[k], 0);
         EXPECT_NEAR(c.channel[k], a.channel[k] + b.channel[k], 1e-18);
-        leaks |= std::abs(a.channel[1]) > 1e-4 * std::abs(a.channel[0]);  // H2 does not feel x
+        leaks |= std::abs(a.channel[1]) > 1e-4 * std::abs(a.channel[0]);  // H2 does not respond to x
     }
     EXPECT_TRUE(leaks);
 }
@@ -157,7 +157,7 @@ TEST(SelfHeating, GoesToItsRiseExponentially) {
 TEST(ContactHeat, DiffusesThroughAMillimetreInPoint92s) {
     AtWork hair("hair", {"contact_heat"}, "height_m = 1e-3",
                 "[effects.contact_heat]\nper_K = 1e-4\nmismatch = 0\nshare = 1\n");
-    Moment touch = press(1e6);  // so hard that it is full contact
+    Moment touch = press(1e6);  // so large that the contact is full
     touch.body_K = 10;
     const auto r = hair.run(std::vector<Moment>(20'000, touch));
     const double zero = -1e6 * hair.sensor().gain[0][kFz], in_the_end = r.back().channel[0] - zero;

@@ -1,4 +1,4 @@
-// Scenes in which a bound was once too small: what the random scenes of property_test.cpp do not reach.
+// Scenes in which a bound was once too small, and which the random scenes of property_test.cpp do not reach.
 #include <gtest/gtest.h>
 
 #include "tests/unit/sim/one_effect.hpp"
@@ -6,7 +6,7 @@
 namespace tactiled::sim {
 namespace {
 
-// Auto against all with any accuracy wanted: within what is guaranteed; and no effect beyond its bound.
+// Compares auto with all effects for any wanted accuracy: within the guarantee, and no effect beyond its bound.
 void expect_kept(const std::string& model, const std::string& rest, const std::string& head = "") {
     Scene scene = scene_with(model, rest, head);
     const Sensor& sensor = scene.sensors[0];
@@ -52,7 +52,7 @@ TEST(Guarantee, CountsThatTheOtherClockMayReadAnotherTemperature) {
                              "[[motion]]\ndo = \"warm\"\nambient_by_K = -100\nin_s = 1\n");
 }
 
-// A zero that is far off makes of a gain's temperature more than the scene's load does.
+// A zero that is far off makes the temperature of a gain more important than the scene's load.
 TEST(Guarantee, AsksForTheOthersBoundsAsTheyAreInTheChain) {
     expect_kept("table", "[[motion]]\ndo = \"warm\"\nambient_by_K = 10\nin_s = 1\ncourse = \"at_once\"\n" + hold(0.2) +
                              "[[motion]]\ndo = \"warm\"\nambient_by_K = -10\nin_s = 1\ncourse = \"at_once\"\n"

@@ -1,4 +1,4 @@
-// Effects of the link: which frame arrives when.
+// Effects of the link: the arrival of frames.
 #include <map>
 
 #include "drivers/sim/arrivals.hpp"
@@ -8,7 +8,7 @@ namespace tactiled::sim {
 namespace {
 
 struct Arrived {
-    std::uint64_t at, sample;  // its turn, and whose frame it is
+    std::uint64_t at, sample;  // sample of the arrival, and sample of the frame
     std::uint32_t missing;
     double channel;
 };
@@ -37,8 +37,8 @@ TEST(Link, WithoutEffectsDeliversEachFrameAtItsTurn) {
     }
 }
 
-// A stop of 7 frames: each comes once, in order and with its own value; the first of a stop 7 turns late, and as many turns
-// later the link has caught up.
+// A stop of 7 frames: each arrives once, in order and with its own value; the first of a stop is 7 samples late, and
+// as many samples later the link has caught up.
 TEST(LateFrames, ComeOnceInOrderAndCatchUpTwoAtATime) {
     for (const std::size_t every : {1u, 3u}) {
         const Scene scene = with("[effects.late_frames]\nbegins = 0.01\nframes = 7\n", fmt::format("every = {}\n", every));
@@ -84,7 +84,7 @@ TEST(OvertakenFrames, ComeRightAfterTheNext) {
         EXPECT_EQ(all[i].at, all[i].sample + 1);
         EXPECT_EQ(all[i - 1].sample, all[i].sample + 1);
     }
-    EXPECT_GE(times.size(), 9999u);  // the last may wait for one that never comes
+    EXPECT_GE(times.size(), 9999u);  // the last may wait for one that never arrives
     for (const auto& [sample, count] : times) EXPECT_EQ(count, 1) << sample;
     EXPECT_NEAR(double(overtaken), 10000 * 0.05 / 1.05, 80);
 }
@@ -102,7 +102,7 @@ TEST(CutFrames, HaveNoLastChannels) {
     for (std::size_t k = 0; k < 8; ++k) EXPECT_NEAR(kept[k], 10000 * 0.2 / 8, 60) << k;
 }
 
-// With all of them at work nothing arrives before its turn, or more than twice, and no frame that was lost.
+// With all of them active no frame arrives early, or more than twice, or after it was lost.
 TEST(Link, WithAllEffectsInventsNothing) {
     const Scene scene = with(
         "[effects.late_frames]\nbegins = 0.02\nframes = 40\n[effects.repeated_frames]\nshare = 0.1\n"

@@ -1,4 +1,4 @@
-// What the skin makes of a load, against closed forms and figures of the documents and of finite elements.
+// The response of the skin to a load, against closed forms and figures of the documents and of finite elements.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -49,7 +49,7 @@ TEST(BondedLayer, SolvesItsLaw) {
 
 TEST(Softening, ReadsMoreBelowTheLargestLoadSoFar) {
     AtWork pad("capacitive", {"softening"}, "", "[effects.softening]\namount = 0.1\n");
-    EXPECT_EQ(pad(press(2)).drive[kFz], -2);  // the first time
+    EXPECT_EQ(pad(press(2)).drive[kFz], -2);  // the first loading
     EXPECT_EQ(pad(press(4)).drive[kFz], -4);
     EXPECT_NEAR(pad(press(2)).drive[kFz], -2 * 1.05, 1e-15);
     EXPECT_NEAR(pad(press(4)).drive[kFz], -4, 1e-15);
@@ -63,7 +63,7 @@ TEST(Hysteresis, OfTheTableIs4Point84PercentOfFullScale) {
     const auto r = table.run(cycle);
     double widest = 0;
     for (std::size_t i = 0; i <= 1000; ++i) {
-        EXPECT_NEAR(r[i].drive[kFz], cycle[i].load[kFz], 1e-15);  // it appears on the way back alone
+        EXPECT_NEAR(r[i].drive[kFz], cycle[i].load[kFz], 1e-15);  // it appears only during unloading
         widest = std::max(widest, r[i].drive[kFz] - r[2000 - i].drive[kFz]);
     }
     EXPECT_NEAR(widest, 0.0484, 1e-9);
@@ -96,7 +96,7 @@ TEST(DomeResonance, AnswersASineLikeASecondOrderSystem) {
         const double phase = -std::atan2(2 * z * x, 1 - x * x) - w * delay;
         for (std::size_t n = samples - 2000; n < samples; ++n)
             EXPECT_NEAR(-r[n].drive[kFz], size * std::sin(w * double(n) / rate + phase), 4e-3 * size)
-                << f;  // straight between samples
+                << f;  // linear between samples
     }
 }
 

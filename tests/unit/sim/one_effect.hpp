@@ -14,7 +14,7 @@ inline Scene scene_of(const std::string& text) {
     return read_scene(Options::parse_text(text, "scene.toml", problems), problems);
 }
 
-// A scene of one sensor "s"; `head` = keys of the scene, `rest` = its other tables.
+// Returns a scene of one sensor "s"; `head` = keys of the scene, `rest` = its other tables.
 inline Scene scene_with(const std::string& model, const std::string& rest, const std::string& head = "") {
     return scene_of("format = 1\ntitle = \"t\"\n" + head + "\n[[sensor]]\nname = \"s\"\nmodel = \"" + model + "\"\n" + rest);
 }
@@ -27,7 +27,7 @@ inline std::string shear(double N, double degrees, double in_s) {
 }
 inline std::string hold(double for_s) { return fmt::format("[[motion]]\ndo = \"hold\"\nfor_s = {}\n", for_s); }
 
-// All samples of a sensor, each quantity in a row.
+// All samples of a sensor, one row per quantity.
 struct Recording {
     std::vector<double> t_s, radius_m;
     std::array<std::vector<double>, kAxes> load;

@@ -1,5 +1,5 @@
-// What the simulator promises of every effect and every scene, over 10,000 random ones. RC_PARAMS="max_success=100000
-// seed=7" in the environment asks for more and other ones.
+// The simulator's promises for every effect and every scene, over 10,000 random ones. RC_PARAMS="max_success=100000
+// seed=7" in the environment selects more and other ones.
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
@@ -21,7 +21,7 @@ constexpr int kScenes = 50;
 constexpr int kScenes = 10'000;
 #endif
 
-// Before RapidCheck reads it, once, at its first use.
+// Set before RapidCheck reads it, once, at its first use.
 const bool asked = [] {
     return ::setenv("RC_PARAMS", fmt::format("seed=20 max_success={} noshrink=0", kScenes).c_str(), 0) == 0;
 }();
@@ -39,7 +39,7 @@ void compare(Simulation& a, Simulation& b, F&& what) {
     }
 }
 
-// The largest difference of what both runs deliver, in N of the channels.
+// Returns the largest difference between the results of both runs, in N of the channels.
 double difference_N(const Scene& scene, const std::string& a, const std::string& b) {
     Simulation one(scene, a), other(scene, b);
     const Sensor& sensor = scene.sensors[0];
@@ -57,10 +57,10 @@ double difference_N(const Scene& scene, const std::string& a, const std::string&
     return max;
 }
 
-// All effects at work: none changes a channel by more than its bound; and the bounds are useful: half of them are at most
-// ten times what happened.
+// With all effects active none changes a channel by more than its bound; and the bounds are useful: half of them are
+// at most ten times the actual change.
 TEST(Effects, AmongAllOthersStayWithinTheirBounds) {
-    std::map<std::string_view, std::vector<double>> looseness;  // bound over what happened, where something did
+    std::map<std::string_view, std::vector<double>> looseness;  // bound over actual change, if there was a change
     EXPECT_TRUE(rc::check([&] {
         const RandomScene random = random_scene();
         RC_LOG(random.text());
@@ -102,7 +102,7 @@ RC_GTEST_PROP(Effects, LeftOutByAutoMakeNoLargerErrorThanGuaranteed, ()) {
     RC_ASSERT(choice.guaranteed_N <= choice.wanted_N);
 }
 
-// Right behind its effect, with all effects before it at work, no level differs by more than it says.
+// Directly after its effect, with all effects before it active, no level differs by more than its stated error.
 RC_GTEST_PROP(Levels, StayWithinTheirErrors, ()) {
     const RandomScene random = random_scene();
     const Scene scene = random.scene();
@@ -151,7 +151,7 @@ RC_GTEST_PROP(Extent, HoldsEverySample, ()) {
     for (std::size_t axis = 0; axis < kAxes; ++axis) RC_ASSERT(max[axis] - min[axis] <= e.span[axis] * kRounding);
 }
 
-// The same bits whatever the block size, and whatever other effects are on before it in the list.
+// The bits are the same for any block size, and with any other effects before it in the list.
 RC_GTEST_PROP(Simulation, GivesTheSameBitsWhateverTheBlockSize, ()) {
     const RandomScene random = random_scene();
     const Scene scene = random.scene();

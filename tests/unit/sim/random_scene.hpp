@@ -30,7 +30,7 @@ struct RandomScene {
 
 inline std::ostream& operator<<(std::ostream& out, const RandomScene& scene) { return out << scene.text(); }
 
-// A number between a and b, in steps of a thousandth; shrinks towards a.
+// Returns a number between a and b, in steps of a thousandth; shrinks towards a.
 inline double between(double a, double b) { return a + (b - a) * *rc::gen::inRange(0, 1001) / 1000; }
 
 inline std::string random_motion(double full_N) {
@@ -81,7 +81,7 @@ inline std::string random_motion(double full_N) {
     }
 }
 
-// Few scenes set parameters of effects, and those of few effects: anywhere in their ranges, by orders of magnitude.
+// Few scenes set parameters of effects, and only of few effects: anywhere in their ranges, by orders of magnitude.
 inline std::string random_parameters() {
     if (*rc::gen::inRange(0, 3) != 0) return "";
     std::string tables;

@@ -26,7 +26,7 @@ std::string refused(const std::string& text) {
     return "";
 }
 
-// The world at each sample of the first sensor.
+// The load and motion at each sample of the first sensor.
 struct World {
     std::vector<double> t_s, fx, fy, fz, speed, slide, acceleration;
 };
@@ -89,7 +89,7 @@ TEST(Scene, ALiftMayTravelLeanAndHaveAMassOfItsOwn) {
     EXPECT_NEAR(w.fz[200], -1 - weight_N * 0.5, 1e-9);
     EXPECT_NEAR(w.fx[300], heavier_N * std::cos(M_PI / 6), 1e-9);
     EXPECT_NEAR(w.fz[300], -1 - heavier_N * 0.5, 1e-9);
-    EXPECT_NEAR(w.fx[650], weight_N * std::cos(M_PI / 6), 1e-9);  // travelling
+    EXPECT_NEAR(w.fx[650], weight_N * std::cos(M_PI / 6), 1e-9);  // during the motion
     EXPECT_NEAR(w.acceleration[1000], -2, 1e-9);
 }
 
@@ -174,7 +174,7 @@ TEST(Scene, AMirroredWanderComesAgainTurnedByHalfATurn) {
     const std::size_t half = 20 * 50;
     ASSERT_GE(twice.fz.size(), 2 * half);
     for (std::size_t i = 0; i < half; ++i) EXPECT_EQ(twice.fx[i], once.fx[i]) << i;
-    for (std::size_t i = 50; i < half; ++i) {  // on the way to the first it comes from elsewhere
+    for (std::size_t i = 50; i < half; ++i) {  // comes from elsewhere on the way to the first one
         EXPECT_NEAR(twice.fz[half + i], once.fz[i], 1e-12) << i;
         EXPECT_NEAR(twice.fx[half + i], -once.fx[i], 1e-12) << i;
         EXPECT_NEAR(twice.fy[half + i], -once.fy[i], 1e-12) << i;
@@ -188,7 +188,7 @@ TEST(Scene, ARepetitionOfARotationGoesAllTheWayRound) {
     EXPECT_NE(refused(kHead + pull + "22.5" + again).find("must end where it began"), std::string::npos);
 }
 
-// Of gauges 2 % unlike: two samples differ, two scenes with one sample do not.
+// Gauges differ by 2 %: two samples differ, two scenes with one sample do not.
 TEST(Scene, ASampleOfASensorIsTheSameInEveryScene) {
     const auto reads = [](int seed, int serial) {
         const Scene scene = scene_of(
@@ -223,7 +223,7 @@ TEST(Scene, AnArraySharesAPressAmongItsTaxels) {
             loaded += last < 0;
         }
         EXPECT_NEAR(sum, -1, 1e-12) << shape;
-        EXPECT_EQ(loaded, shape == "flat" ? 16 : shape == "edge" ? 4 : 1) << shape;  // a sphere on SU-8: some 60 um
+        EXPECT_EQ(loaded, shape == "flat" ? 16 : shape == "edge" ? 4 : 1) << shape;  // a sphere on SU-8: about 60 um
     }
 }
 
