@@ -22,9 +22,9 @@ constexpr double kLeftOfOthers = 0.5;  // the same for other sensors, for which 
 constexpr double kReported = 0.05;     // relative error of a reported acceleration: delay and scale
 // an object that is drawn over a table with a force F presses on it with up to F / 0.3
 constexpr double kTableFriction = 0.3;
-constexpr double kFollows_s = 1;                  // a stable value follows creep with this time constant
-constexpr double kShaken = 0.2;                   // relative rms of 5 ms; above it the load itself changes
-constexpr double kSure = 0.2;                     // relative deviation above which no weight is good
+constexpr double kFollows_s = 1;  // a stable value follows creep with this time constant
+constexpr double kShaken = 0.2;   // relative rms of 5 ms; above it the load itself changes
+constexpr double kSure = 0.2;     // relative deviation above which no weight is good
 // From half of the load to nine tenths of it; lifts in the tests take 0.05 to 0.3 s in all.
 constexpr std::uint64_t kSlowly_ns = 250'000'000;
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
