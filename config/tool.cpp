@@ -14,7 +14,7 @@ constexpr std::size_t kMaxSensors = 16;
 using Vector = std::array<double, 3>;
 constexpr Vector kNone{0, 0, 0};
 
-// As written, or as the jaw that this sensor is.
+// The axes are those of the table, or those of the jaw with this sensor.
 void read_frame(Options& table, ToolSensorSettings& sensor, const std::optional<GraspSettings>& grasp) {
     if (table.has("x_S_in_G") || table.has("z_S_in_G")) {
         sensor.S_from_G = read_axes(table, sensor.x_S_in_G, sensor.z_S_in_G);
@@ -50,9 +50,9 @@ const Fields<ToolSensorSettings>& tool_sensor_fields() {
     using S = ToolSensorSettings;
     static const Fields<S> fields = {
         {TACTILED_KEY(S, sensor), kRequired, Text::any, Reload::tune, "Name of a [[sensor]]."},
-        {TACTILED_KEY(S, x_S_in_G), Default(kNone, "as in [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
+        {TACTILED_KEY(S, x_S_in_G), Default(kNone, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
          "Direction of the sensor's x axis in G, of any length."},
-        {TACTILED_KEY(S, z_S_in_G), Default(kNone, "as in [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
+        {TACTILED_KEY(S, z_S_in_G), Default(kNone, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
          "Direction of the sensor's z axis in G; perpendicular to x within 1 degree."},
         {TACTILED_KEY(S, position_G_mm), kNone, range(-10'000, 10'000), "mm", Reload::tune,
          "Origin of the sensor's frame in G: the lever arm of its force."},
@@ -75,7 +75,7 @@ const Fields<ToolSensorSettings>& tool_sensor_fields() {
 const Fields<ToolSettings>& tool_fields() {
     using S = ToolSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, gravity_G_m_s2), Default(kNone, "as in [grasp], else not known"), range(-10, 10), "m/s^2",
+        {TACTILED_KEY(S, gravity_G_m_s2), Default(kNone, "the one of [grasp], else not known"), range(-10, 10), "m/s^2",
          Reload::tune,
          "Direction in which weight pulls, seen in G, with a length of 9.7 .. 9.9, until the PLC writes GRAVITY_X .. "
          "GRAVITY_Z. A hand that turns needs the latter."},

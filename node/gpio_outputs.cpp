@@ -83,8 +83,8 @@ void GpioOutputs::cycle(std::uint64_t now_ns) {
     if (set_driven()) return;
     pause_ns_ = 0;
     open_ns_ = now_ns + kMinPauseNs;
-    say(said_disconnected_, LogLevel::warning,
-        fmt::format("GPIO chip \"{}\" is disconnected; waiting for it to return", chip_));
+    log_unless_repeated(logged_disconnected_, LogLevel::warning,
+                        fmt::format("GPIO chip \"{}\" is disconnected; waiting for it to return", chip_));
 }
 
 GpioSigns GpioOutputs::look(std::uint64_t now_ns) {
@@ -107,11 +107,12 @@ bool GpioOutputs::open_missing() {
         const std::string wrong = line.output.open({chip_, line.name}, sign == line.high_means);
         line.driven = wrong.empty();
         more |= line.driven;
-        if (!line.driven) say(line.said_refused, LogLevel::warning, fmt::format("{}: {}", line.key, wrong));
+        if (!line.driven)
+            log_unless_repeated(line.logged_refused, LogLevel::warning, fmt::format("{}: {}", line.key, wrong));
     }
     if (more)
-        say(said_driving_, LogLevel::info,
-            fmt::format("drives {} of {} lines of chip \"{}\"", driven(), lines_.size(), chip_));
+        log_unless_repeated(logged_driving_, LogLevel::info,
+                            fmt::format("drives {} of {} lines of chip \"{}\"", driven(), lines_.size(), chip_));
     return more;
 }
 
@@ -129,7 +130,7 @@ std::size_t GpioOutputs::driven() const noexcept {
     return std::size_t(std::count_if(lines_.begin(), lines_.end(), [](const Line& line) { return line.driven; }));
 }
 
-void GpioOutputs::say(Said& last, LogLevel level, const std::string& text) {
+void GpioOutputs::log_unless_repeated(LastLogged& last, LogLevel level, const std::string& text) {
     const std::uint64_t now_ns = monotonic_ns();
     if (text == last.text && now_ns - last.t_ns < kRepeatNs) return;
     log_line(level, "[gpio]: {}", text);

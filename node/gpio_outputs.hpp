@@ -45,7 +45,7 @@ public:
     GpioOutputs& operator=(const GpioOutputs&) = delete;
 
 private:
-    struct Said {
+    struct LastLogged {
         std::string text;
         std::uint64_t t_ns = 0;
     };
@@ -57,7 +57,7 @@ private:
         bool high_means;  // meaning of a high level
         GpioOutput output{};
         bool driven = false;
-        Said said_refused{};
+        LastLogged logged_refused{};
     };
 
     void run() noexcept;
@@ -69,7 +69,7 @@ private:
     // Sets the driven lines. Returns false if one of them was removed: it is then no longer driven.
     bool set_driven();
     [[nodiscard]] std::size_t driven() const noexcept;
-    static void say(Said& last, LogLevel level, const std::string& text);
+    static void log_unless_repeated(LastLogged& last, LogLevel level, const std::string& text);
 
     std::string node_name_, chip_;
     std::vector<Line> lines_;
@@ -78,7 +78,7 @@ private:
     Segment segment_;
     std::uint64_t segment_tried_ns_ = 0, open_ns_ = 0, pause_ns_ = 0;
     std::uint64_t set_ns_ = 0;  // 0: not set since a line was opened
-    Said said_driving_, said_disconnected_;
+    LastLogged logged_driving_, logged_disconnected_;
     std::atomic<bool> stop_{false};
     RtThread thread_;
 };

@@ -35,20 +35,20 @@ public:
         const std::uint64_t now = monotonic_ns();
         const std::size_t hash = std::hash<std::string_view>{}(text);
         ++times_;
-        if (said_ == hash && now - said_ns_ < kRepeatNs) return;
+        if (logged_ == hash && now - logged_ns_ < kRepeatNs) return;
         if (times_ > 1)
             log_line(LogLevel::warning, "link \"{}\": {} ({} times)", link, text, times_);
         else
             log_line(LogLevel::warning, "link \"{}\": {}", link, text);
-        said_ = hash;
-        said_ns_ = now;
+        logged_ = hash;
+        logged_ns_ = now;
         times_ = 0;
     }
-    void settled() noexcept { said_ = 0; }
+    void settled() noexcept { logged_ = 0; }
 
 private:
-    std::size_t said_ = 0;  // hash of the text; 0: none
-    std::uint64_t said_ns_ = 0;
+    std::size_t logged_ = 0;  // hash of the text; 0: none
+    std::uint64_t logged_ns_ = 0;
     unsigned times_ = 0;
 };
 

@@ -30,7 +30,8 @@ def lines_of_catch_blocks(source):
 
 
 def throws_of(arguments):
-    """{source: {line: [is branch n one that only a throw takes?]}}, which gcov tells of code that never ran only as JSON."""
+    """{source: {line: [is branch n one that only a throw takes?]}}, which gcov reports for code that never ran only
+    as JSON."""
     out = subprocess.run([GCOV, *arguments, "--json-format", "--stdout"], capture_output=True, text=True).stdout
     throws = defaultdict(lambda: defaultdict(list))
     for document in map(json.loads, out.splitlines()):

@@ -164,7 +164,7 @@ def worse(now, before):
 
 
 def changed_lines(root):
-    """{file: lines changed since the commit that last wrote the record}; None where git cannot tell."""
+    """{file: lines changed since the commit that last wrote the record}; None if git does not know it."""
     def git(*words):
         return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, check=True).stdout
     try:

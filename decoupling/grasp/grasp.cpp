@@ -121,9 +121,9 @@ void Grasp::State::act_on() noexcept {
 
 // Rejects a single wrong time, which would stop all clocks until that time has come.
 bool Grasp::State::from_the_future(Jaw& jaw, std::uint64_t sample_ns) const noexcept {
-    const std::uint64_t said_ns = std::exchange(jaw.ahead_ns, 0);
+    const std::uint64_t ahead_ns = std::exchange(jaw.ahead_ns, 0);
     if (t_ns == 0 || sample_ns <= t_ns || sample_ns - t_ns <= kAhead_ns) return false;
-    if (said_ns > 0 && sample_ns >= said_ns && sample_ns - said_ns <= kAhead_ns) return false;
+    if (ahead_ns > 0 && sample_ns >= ahead_ns && sample_ns - ahead_ns <= kAhead_ns) return false;
     jaw.ahead_ns = sample_ns;
     return true;
 }

@@ -13,14 +13,14 @@ constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was to
 constexpr std::uint64_t kApart_ns = 50'000'000;   // samples of one sum
 constexpr double kMinG_m_s2 = 9.69,
                  kMaxG_m_s2 = 9.91;                // on Earth, and rounding: another length is another unit, or no gravity
-constexpr double kNoPart = 1e-6;                   // of an axis: rounding of a rotation
-constexpr double kSteady_sds = 4, kSteady = 0.02;  // of the sensor's noise, and of the weight that it carries
+constexpr double kNoPart = 1e-6;                   // part of an axis: rounding of a rotation
+constexpr double kSteady_sds = 4, kSteady = 0.02;  // times the sensor's noise; part of the weight that it carries
 
 using Vector3 = Eigen::Vector3d;
 
 Vector3 eigen(const Vector& v) noexcept { return {v[0], v[1], v[2]}; }
 
-// v_G of v_S, with NaN only where a component that is not seen takes part.
+// Turns v_S into v_G, with NaN only where a component that is not seen takes part.
 Vector3 to_G(const std::array<Vector, 3>& S_from_G, const Vector3& v_S) noexcept {
     Vector3 v_G = Vector3::Zero();
     for (std::size_t k = 0; k < 3; ++k)
@@ -47,7 +47,7 @@ Vector3 sd_to_G(const std::array<Vector, 3>& S_from_G, const Vector3& sd_S) noex
     return variance.cwiseSqrt();
 }
 
-Vector3 cross_sd(const Vector3& arm, const Vector3& sd) noexcept {  // of arm x force
+Vector3 cross_sd(const Vector3& arm, const Vector3& sd) noexcept {  // sd of arm x force
     return {std::hypot(arm.y() * sd.z(), arm.z() * sd.y()), std::hypot(arm.z() * sd.x(), arm.x() * sd.z()),
             std::hypot(arm.x() * sd.y(), arm.y() * sd.x())};
 }

@@ -18,11 +18,11 @@ using Vector = std::array<double, 3>;
 // A sensor and the part of the hand that it carries: what is between its skin and the world, or all of the hand behind a
 // wrist. v_S = S_from_G v_G.
 struct SensorSetup {
-    std::uint32_t sensor = 0;  // of the node
+    std::uint32_t sensor = 0;  // index in the node
     std::array<Vector, 3> S_from_G{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     Vector position_G_m{};  // origin of S: the lever arm
     double mass_kg = 0, mass_sd_kg = 0;
-    Vector centre_G_m{};  // of that mass
+    Vector centre_G_m{};  // centre of that mass
     double centre_sd_m = 0;
     Vector zero_S_N{}, zero_S_Nm{};  // raw reading without any load and any weight, where no tare is in force
     double zero_sd_N = 0, zero_sd_Nm = 0;
@@ -57,7 +57,8 @@ public:
 
     // Data of the robot in G, NaN: not known any more. rt: wait-free
     void gravity(const Vector& gravity_G_m_s2) noexcept;
-    void acceleration(const Vector& acceleration_G_m_s2, std::uint64_t t_ns) noexcept;  // of the hand; good for 100 ms
+    void acceleration(const Vector& acceleration_G_m_s2,
+                      std::uint64_t t_ns) noexcept;  // acceleration of the hand; good for 100 ms
 
     // rt: bounded by the sensors
     [[nodiscard]] tactiled_tool state() const noexcept;
@@ -71,8 +72,8 @@ private:
         Sample last{};
         bool seen = false;
         Vector tare_gravity_G{kNaN, kNaN, kNaN};  // when it was tared; NaN: not known
-        bool tare_assumed = false;                // as configured: not true once the robot reports another one
-        std::uint32_t changes_before = 0;         // of gravity, before the tare that is being measured
+        bool tare_assumed = false;                // gravity as configured: not true once the robot reports another one
+        std::uint32_t changes_before = 0;         // changes of gravity before the tare that is being measured
     };
     struct Turned {
         tactiled_quality quality = TACTILED_BAD;

@@ -10,8 +10,8 @@ namespace tactiled::tool {
 namespace {
 
 constexpr double kSpread = 0.2;       // least singular value of the directions of gravity, relative to their rms
-constexpr double kMinMass_sds = 3;    // of the mass: less is no mass
-constexpr double kMaxResidual = 0.1;  // of the weight: more is another hand, or something that touched it
+constexpr double kMinMass_sds = 3;    // times the sd of the mass: less is no mass
+constexpr double kMaxResidual = 0.1;  // part of the weight: more is another hand, or something that touched it
 
 using Matrix = Eigen::MatrixXd;
 using Numbers = Eigen::VectorXd;

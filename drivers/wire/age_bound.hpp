@@ -52,16 +52,19 @@ public:
         }
         host_ns_ = host_ns;
         device_ns_ = device_ns;
-        if (ahead < 0 && back_ns_ <= 0) {
+        if (ahead < 0) {
+            if (back_ns_ <= 0) {
+                before_back_ = x_;
+                late_before_back_ = x_ - reference_;
+            }
             back_ns_ = step - ahead;
-            before_back_ = x_;
-            late_before_back_ = x_ - reference_;
             back_since_ = t_;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
         x_ += step - ahead;
         min_since_back_ = std::min(min_since_back_, x_ - slope_ * t_);
-        if (back_ns_ > 0 && x_ - before_back_ < back_ns_ / 2) back_ns_ = 0;  // a frame that was overtaken comes alone
+        if (back_ns_ > 0 && x_ - before_back_ < (first_since_back_ + slope_ * t_ - before_back_) / 2)
+            back_ns_ = 0;  // a frame that was overtaken comes alone
         advance(step);
         if (back_ns_ > 0 && t_ - back_since_ > kSetBack_ns) accept_set_back();
         return x_ - reference_;

@@ -167,8 +167,9 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     const auto silence_us = double(host_ns - host_ns_) * 1e-3;
     const bool clock_began = has_frame_ && !ended && frame.device_time_us < kBooted_us &&
                              frame.device_time_us < device_time_us_ / 2 && silence_us > kLate_ns * 1e-3;
-    // Either the clock was set on, or the device had paused while the path held its frames.
-    const bool leapt = late_ns_ > kLate_ns && !is_reopened_ && frame.device_time_us > device_time_us_ &&
+    // Either the clock was set on, or the device had paused while the path held its frames. A cable holds none.
+    const bool leapt = route_.path == Route::Path::network && late_ns_ > kLate_ns && !is_reopened_ &&
+                       frame.device_time_us > device_time_us_ &&
                        double(frame.device_time_us - device_time_us_) > silence_us + kLate_ns * 1e-3 &&
                        double(frame.device_time_us - device_time_us_) >
                            (frame.has_sequence ? kCountedLeap : kLeap) * interval_us_ * (1.0 + frame.lost);
@@ -184,13 +185,15 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     const bool fits = is_reopened_ && late < kFits_ns;
     if ((counter_began || (clock_began && !fits)) &&
         late > kLate_ns) {  // a new reference; a lag that there was may still be there
-        is_unproved_ = is_unproved_ || late_ns_ > kLate_ns;
+        is_unproved_ = is_unproved_ || (late_ns_ > kLate_ns && route_.path == Route::Path::network);
         bound_.restart();
         late = 0;
     }
     is_unproved_ = is_unproved_ || leapt;
     if (has_discarded(late)) is_unproved_ = false;
-    late_ns_ = late;
+    const double waited_ns =
+        frame.since_ns != 0 && frame.since_ns < frame.taken_ns ? double(frame.taken_ns - frame.since_ns) : 0;
+    late_ns_ = std::max(late - waited_ns, 0.0);  // by the path
     backdate(frame, late);
     if (is_unproved_) frame.age = Frame::Age::unproved;
     put_trouble(late > stale_ns_ || is_unproved_, host_ns);

@@ -38,7 +38,7 @@ struct StreamFormat {
     std::string_view name;  // name in `format = "lines"`
     // The links on which devices with this format exist.
     bool on_tty = true, on_tcp = true;
-    // Number of devices that one stream can tell apart: Frame::device is 0 .. max_devices - 1.
+    // Number of devices that one stream can contain: Frame::device is 0 .. max_devices - 1.
     unsigned max_devices = 1;
     // Reads the format's own keys of a [[link]] table; errors go to the options' Problems. `counts` outlives the decoder.
     // setup

@@ -40,7 +40,6 @@ std::string access_of(const Register& r) {
 std::string mbpoll_of(const Area& area, const Register& r) {
     const char* const type = r.type == Type::f32                            ? "-t 4:float"
                              : r.type == Type::i32                          ? "-t 4:int"
-                             : r.type == Type::i16                          ? "-t 4:int16"
                              : r.type == Type::bits || r.type == Type::mask ? "-t 4:hex"
                                                                             : "-t 4";
     const bool swap =

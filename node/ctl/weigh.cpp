@@ -37,9 +37,9 @@ std::string why_not_now(const tactiled_grasp& g, const std::string& what) {
 }
 
 // Returns true if `mass_kg` is near the present weight only when it is read as grams.
-bool is_in_grams(double mass_kg, double hangs_kg) {
+bool is_in_grams(double mass_kg, double load_kg) {
     constexpr double kGramsInAKg = 1000, kNear = 3;
-    const double ratio = mass_kg / kGramsInAKg / hangs_kg;
+    const double ratio = mass_kg / kGramsInAKg / load_kg;
     return ratio > 1 / kNear && ratio < kNear;
 }
 

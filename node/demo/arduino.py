@@ -77,6 +77,8 @@ def run(port):
 
 def main():
     words = sys.argv[1:]
+    if words and words[0].startswith("-"):
+        sys.exit(__doc__)
     if words and words[0] in ("load", "mount"):
         mounting, load = read_state(PORT)
         if words[0] == "mount":

@@ -86,8 +86,14 @@ CaptureFile::CaptureFile(std::string path, std::vector<std::string> channels)
 
 void CaptureFile::note(const Load& load, const std::string& session) {
     ++rows_of_session_[session];
+    double largest = 0;
     for (std::size_t c = 0; c < load.size(); ++c)
-        if (std::isfinite(load[c])) ++levels_[c][load[c]];
+        if (std::isfinite(load[c])) {
+            ++levels_[c][load[c]];
+            largest = std::max(largest, std::abs(load[c]));
+        }
+    const auto [at, is_first] = smallest_of_session_.try_emplace(session, largest);
+    if (!is_first) at->second = std::min(at->second, largest);
 }
 
 void CaptureFile::append(const std::vector<CapturedRow>& rows, const std::string& session) {
@@ -163,6 +169,13 @@ std::vector<std::string> CaptureFile::missing() const {
         at_rest = at_rest && smallest <= kSameLoad * largest;
     }
     if (!at_rest) lines.emplace_back("no row without a load: capture one with every label 0");
+    double largest = 0;
+    for (const std::size_t c : label_)
+        for (const auto& [value, rows] : levels_[c]) largest = std::max(largest, std::abs(value));
+    for (const auto& [session, smallest] : smallest_of_session_)
+        if (at_rest && smallest > kSameLoad * largest)
+            lines.push_back(fmt::format(
+                "session {0} has no row without a load: capture one with every label 0 and --session {0}", session));
     for (std::size_t c = 0; c < 6; ++c) {
         const std::string name = label_column(c);
         if (std::find(label_.begin(), label_.end(), c) == label_.end()) {

@@ -17,7 +17,7 @@ const char* Connection::serve(const Answer& answer, std::uint64_t now_ns) {
     if (request_waits_ && !has_room(now_ns)) return "";
     if (const char* why = receive(now_ns); *why != 0) return why;
     if (const char* why = answer_all(answer, now_ns); *why != 0) return why;
-    return said_all_ && !request_waits_ ? "closed by the client" : "";
+    return peer_finished_ && !request_waits_ ? "closed by the client" : "";
 }
 
 // Makes room for kMaxAtOnce more answers. A client that waits for each answer never needs this.
@@ -31,11 +31,11 @@ bool Connection::has_room(std::uint64_t now_ns) noexcept {
 }
 
 const char* Connection::receive(std::uint64_t now_ns) {
-    if (said_all_ || received_ == in_.size()) return "";
+    if (peer_finished_ || received_ == in_.size()) return "";
     const ssize_t size = ::recv(fd_, in_.data() + received_, in_.size() - received_, MSG_DONTWAIT);
     if (size < 0) return errno == EAGAIN || errno == EINTR ? "" : "connection broken";
     // the client may have shut down only its own direction, and still gets the answers to its requests
-    said_all_ = size == 0;
+    peer_finished_ = size == 0;
     received_ += std::size_t(size);
     if (size > 0) heard_ns_ = now_ns;
     return "";
@@ -69,12 +69,12 @@ const char* Connection::answer_all(const Answer& answer, std::uint64_t now_ns) {
 
 std::uint32_t Connection::interest() const noexcept {
     if (stuck_since_ns_ != 0) return EPOLLOUT;  // a client that takes no answers is not read from, either
-    return received_ < in_.size() && !said_all_ ? std::uint32_t(EPOLLIN) : 0u;
+    return received_ < in_.size() && !peer_finished_ ? std::uint32_t(EPOLLIN) : 0u;
 }
 
 const char* Connection::overdue(std::uint64_t now_ns) const noexcept {
     const auto late = [&](std::uint64_t since, std::uint64_t limit) { return since != 0 && now_ns > since + limit; };
-    if (late(stuck_since_ns_, kDeafNs)) return "takes no answers";
+    if (late(stuck_since_ns_, kStuckNs)) return "takes no answers";
     if (late(request_began_ns_, kRequestNs)) return "half a request for a second";
     if (!request_waits_ && late(heard_ns_, kIdleNs)) return "idle";
     return "";

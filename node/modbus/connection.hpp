@@ -16,7 +16,7 @@ namespace tactiled::modbus {
 class Connection {
 public:
     static constexpr std::uint64_t kRequestNs = 1'000'000'000;  // from the first byte of a request to its last
-    static constexpr std::uint64_t kDeafNs = 2'000'000'000;     // longest wait of a request for room in the socket
+    static constexpr std::uint64_t kStuckNs = 2'000'000'000;    // longest wait of a request for room in the socket
     static constexpr std::uint64_t kIdleNs = 60'000'000'000;
 
     // The send buffer that `fd` needs, as the argument of SO_SNDBUF; the kernel doubles it. Small answers occupy
@@ -67,7 +67,7 @@ private:
     std::array<std::uint8_t, kMaxAtOnce * kMaxAdu> in_{};
     std::size_t received_ = 0;
     bool request_waits_ = false;  // a complete request is at the start of in_
-    bool said_all_ = false;       // the client has shut down its direction
+    bool peer_finished_ = false;  // the client has shut down its direction
     std::uint64_t heard_ns_;      // time of the last byte
     std::uint64_t asked_ns_;
     std::uint64_t request_began_ns_ = 0;  // 0: no request is incomplete

@@ -23,7 +23,7 @@ constexpr std::uint64_t kRetryNs = 1'000'000'000;  // for the port, and after ru
 // A client keeps its place for this time after a complete request, or after it has connected. PLCs poll every 2 s or
 // faster.
 constexpr std::uint64_t kKeepsPlaceNs = 5'000'000'000;
-constexpr int kWaitingAtTheDoor = 128;   // a client for which the kernel has no room tries again after a second
+constexpr int kBacklog = 128;            // a client for which the kernel has no room tries again after a second
 constexpr std::size_t kPlacesOfPlc = 4;  // connections of each listed address
 
 void watch(int epoll, int operation, int fd, std::uint32_t events) {
@@ -78,7 +78,7 @@ void ModbusServer::cycle() {
     std::array<epoll_event, 64> events;
     const int n = wait_for(events);
     const std::uint64_t now_ns = monotonic_ns();
-    bool line_readable = false, somebody_knocks = false, ticked = false;
+    bool line_readable = false, client_waits = false, ticked = false;
     for (int i = 0; i < n; ++i) {
         const auto& event = events[std::size_t(i)];
         if (event.data.fd == ticks_)
@@ -86,11 +86,11 @@ void ModbusServer::cycle() {
         else if (event.data.fd == watched_line_)
             line_readable = true;
         else if (event.data.fd == listener_)
-            somebody_knocks = true;  // after the batch, which may have events of a closed descriptor
+            client_waits = true;  // after the batch, which may have events of a closed descriptor
         else
             serve_client(event.data.fd, event.events, now_ns);
     }
-    if (somebody_knocks) accept_all(now_ns);
+    if (client_waits) accept_all(now_ns);
     if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), line_readable);
     serve_held_back(now_ns);
     if (ticked) tick(now_ns);
@@ -111,8 +111,8 @@ void ModbusServer::tick(std::uint64_t now_ns) {
     std::uint64_t ticks = 0;
     (void)!::read(ticks_, &ticks, sizeof ticks);
     if (!settings_.listen.empty() && listener_ < 0 && now_ns >= listen_again_ns_) try_to_listen(now_ns);
-    if (looks_away_ && now_ns >= listen_again_ns_) {
-        looks_away_ = false;
+    if (accepting_paused_ && now_ns >= listen_again_ns_) {
+        accepting_paused_ = false;
         watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
     }
     close_overdue(now_ns);
@@ -151,7 +151,7 @@ void ModbusServer::try_to_listen(std::uint64_t now_ns) {
     listener_ = ::socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (listener_ >= 0) ::setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
     if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
-        ::listen(listener_, kWaitingAtTheDoor) == 0) {
+        ::listen(listener_, kBacklog) == 0) {
         watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
         if (!complaint_.empty()) log_line(LogLevel::info, "Modbus: listening on {}", settings_.listen);
         complaint_.clear();
@@ -178,7 +178,7 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
             if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
                 watch(epoll_, EPOLL_CTL_DEL, listener_, 0);  // the waiting client would wake the thread again and again
                 listen_again_ns_ = now_ns + kRetryNs;
-                looks_away_ = true;
+                accepting_paused_ = true;
             }
             if (errno != EINTR && errno != ECONNABORTED) return;
             continue;

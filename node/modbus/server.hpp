@@ -69,7 +69,7 @@ private:
     int epoll_ = -1, ticks_ = -1, listener_ = -1;
     std::uint64_t listen_again_ns_ = 0, complain_again_ns_ = 0;
     bool listens_from_the_start_ = true;
-    bool looks_away_ = false;  // out of descriptors: the port stays open, and waiting clients wait a second
+    bool accepting_paused_ = false;  // out of descriptors: the port stays open, and waiting clients wait a second
     std::string complaint_;
     std::map<int, std::unique_ptr<Client>> clients_;  // key: descriptor
     Counts counts_;

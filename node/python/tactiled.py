@@ -603,7 +603,7 @@ class Node(_Attached):
 
     @property
     def tool(self):
-        """What the world exerts on the gripper, in its frame G: struct tactiled_tool. NO_VALUE without [tool] in the
+        """The force and torque of the world on the gripper, in its frame G: struct tactiled_tool. NO_VALUE without [tool] in the
         daemon's configuration. Error when there is none yet."""
         return self.snapshot()[0].tool
 
@@ -648,8 +648,8 @@ class _Events:
         for fd, _ in self._poll.poll(seconds * 1000):
             if fd == self._connection.fileno():
                 return False
-            while (told := self._event.read(8)) is not None:  # reads all events: the ring is read afterwards
-                if not told:
+            while (event := self._event.read(8)) is not None:  # reads all events: the ring is read afterwards
+                if not event:
                     return False
         return True
 
@@ -750,18 +750,18 @@ class Follower(_Attached):
         """Checks, when there is no new sample, whether the daemon has ended or died. If so, returns one BAD sample
         with the reason."""
         segment = self._segment
-        gone = segment is None
-        if not gone:
+        ended = segment is None
+        if not ended:
             ring = segment.sensors[self.sensor][1]
             if ring.slots < (ring.head() - self._next & _WORD) < 2**31:  # the reader slept for 2^30 records; next can
                                                                          # be one ahead of the head
                 number, self._next = self._next, ring.oldest_number()
                 self.lost += self._next - number & _WORD
             record = segment.node.latest()
-            gone = (record is None or not segment.is_current() or
+            ended = (record is None or not segment.is_current() or
                     not _is_fresh(_NODE.values(record)[1], time.monotonic_ns(), segment.header.watchdog_ms))
-        self._broken = gone
-        if not gone or self._last is None or self._last.reasons & DAEMON_STOPPED:
+        self._broken = ended
+        if not ended or self._last is None or self._last.reasons & DAEMON_STOPPED:
             return None
         self._last = _invalidated(self._last, DAEMON_STOPPED)
         return self._last

@@ -93,7 +93,7 @@ unsigned max_connections() {
     return unsigned(std::min(kWanted, files.rlim_cur) - std::min(files.rlim_cur / 2, kOwn));
 }
 
-// A random number that tells one run of this server from the next.
+// A random number that identifies one run of this server.
 std::string run_number() {
     std::random_device random;
     return fmt::format("{:08x}{:08x}", random(), random());

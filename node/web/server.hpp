@@ -1,4 +1,5 @@
-// HTTP, by libmicrohttpd in the thread of the caller: no connection has a thread, so that slow clients delay nobody.
+// HTTP, by libmicrohttpd in the thread of the caller: no connection has a thread, so that slow clients delay no other
+// client.
 #pragma once
 #include <microhttpd.h>
 

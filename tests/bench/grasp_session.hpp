@@ -37,7 +37,7 @@ struct Conditions {
     double max_acceleration_m_s2 = 2;
     double min_acceleration_m_s2 = 0.3;
     bool tell_acceleration = false;  // at 125 Hz, 8 ms late, 3 % off
-    double known_kg = 0.060;         // lifted twice to begin with and told the second time; 0 = none
+    double known_kg = 0.060;         // lifted twice at first and reported the second time; 0 = none
     bool ignore_domain = false;      // trusts forces beyond the calibration
     double window_ms = 100;
     std::string calibration = "calibrate_hair_wide.toml";

@@ -11,8 +11,8 @@ struct SlipFigures {
     double p50_ms = 0, p99_ms = 0, friction_error = 0;  // rms, relative, of the coefficient learnt
 };
 
-// `n` slips of one jaw: clamped, loaded, then pulled until it slips. The friction that the estimator is told is off by up to
-// `told_off` (relative; 1 = it is told nothing); kinetic over static friction is `kinetic`.
+// `n` slips of one jaw: clamped, loaded, then pulled until it slips. The configured friction is wrong by up to
+// `told_off` (relative; 1 = none is configured); kinetic over static friction is `kinetic`.
 SlipFigures slips(std::uint64_t seed, int n, double told_off, double kinetic_from, double kinetic_to);
 
 struct TransportFigures {

@@ -78,7 +78,8 @@ public:
     // The link is closed and opened again.
     void reopen() {
         const double closed_s = std::max(0.05, double(age_.closed_ns()) * 1e-9);
-        closed_until_s_ = std::max(now_s_ + closed_s, hold_until_s_);  // nobody can be reached while it holds everything
+        // no server can be reached while it holds everything
+        closed_until_s_ = std::max(now_s_ + closed_s, hold_until_s_);
         if (when_closed == Closed::discards) {
             way_.clear();
             extra_lag_s = 0;

@@ -42,7 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const bool at_end = input.byte() % 2 != 0;
     LinkCounts counts;
     CanSamples samples({device_of(parts, bits, at_end)}, counts);
-    const std::uint32_t half = 1u << (bits - 1);  // a larger gap no counter of so many bits can tell
+    const std::uint32_t half = 1u << (bits - 1);  // a counter of this many bits cannot show a larger gap
     std::uint64_t t_ns = 1'000'000'000;
     std::uint32_t number = 1, last = 0, given = 0, disorder = 0;
     bool again = false, exact = true;  // an old part came since the last fresh one; ever since the last frame

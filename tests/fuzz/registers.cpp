@@ -1,5 +1,5 @@
-// Registers of a Modbus device as a frame. Oracle: another program's reading of the same bytes, written without looking at
-// how ours does it: values, rails, missing ones, what is refused, and what a counter says was lost.
+// Registers of a Modbus device as a frame. Oracle: another program's reading of the same bytes, written without
+// looking at how ours does it: values, saturated and missing ones, what is refused, and what a counter says was lost.
 #include <cmath>
 #include <cstring>
 #include <limits>

@@ -194,7 +194,7 @@ def isotp(put):
 
 def rtu(put):
     blocks(7, 8, 80)(put)
-    for address in (0, *(5 ^ 1 << bit for bit in range(8))):  # everybody; all but ours
+    for address in (0, *(5 ^ 1 << bit for bit in range(8))):  # every address; all but ours
         put(bytes([2, address, 1, 2]))
 
 

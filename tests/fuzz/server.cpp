@@ -23,7 +23,7 @@ using fuzz::Input;
 
 using Bytes = std::vector<std::uint8_t>;
 
-// An answer that tells which request it is for, as long as a real one can be.
+// An answer that names its request, as long as a real one can be.
 std::size_t answer(std::span<const std::uint8_t> adu, std::span<std::uint8_t, kMaxAdu> out) {
     std::uint8_t sum = 0;
     for (const std::uint8_t byte : adu) sum = std::uint8_t(sum * 31 + byte);

@@ -1,6 +1,6 @@
-// The C reader on a segment that somebody else has written: any header, any directory, any ring, and slots, heads and states
-// that change between the reader's calls. Oracles: nothing outside of the segment is read (the sanitizer knows its end to
-// the byte), no call runs on, and a sample that is too old or of a daemon that ended is BAD and NaN.
+// The C reader on a segment that another program has written: any header, any directory, any ring, and slots, heads
+// and states that change between the reader's calls. Oracles: nothing outside of the segment is read (the sanitizer
+// knows its end to the byte), no call runs on, and a sample that is too old or of a daemon that ended is BAD and NaN.
 //
 // Names and the rings of frames do not change after they were checked: they are read in place, and folder.h says whom a
 // reader trusts. Geometry is a copy of the reader's own.

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""CAN adapters: bus-off, overflows, stamps, pulled and plugged; controllers that the kernel restarts. Inside the test machine."""
+"""CAN adapters: bus-off, overflows, timestamps, pulled and plugged; controllers that the kernel restarts. Inside the
+test machine."""
 # QEMU: -object can-bus,id=b -device kvaser_pci,canbus=b -device kvaser_pci,canbus=b
 import os
 import pathlib
@@ -64,7 +65,7 @@ class GsUsb(Case):
             self.assertIn(f"{self.name} is bus-off: fix wiring, termination or bitrate, then ip link set {self.name} down",
                           self.daemon.log())
             self.again()
-        self.break_and_mend("bus-off, left", self.bus_off, left)
+        self.break_and_repair("bus-off, left", self.bus_off, left)
         self.expect(gone=1, bus_error=1, restarted=0)
         self.all_values_are_right()
 
@@ -126,7 +127,7 @@ class GsUsb(Case):
         self.start(link(self.name))
         self.device(self.sample)
         for turn in range(1, 4):
-            self.break_and_mend("pulled", self.unplug, self.plug)
+            self.break_and_repair("pulled", self.unplug, self.plug)
             self.expect(gone=turn)
         self.assertIn(f"there is no interface {self.name}", self.daemon.log())
         self.all_values_are_right()
@@ -217,10 +218,10 @@ class Kvaser(Case):
         self.device(self.bus.sample)
         self.good()
         # This controller's emulation never goes bus-off: another program of this machine sends a false report.
-        liar = Bus(self.ours)
-        self.addCleanup(liar.close)
+        other_program = Bus(self.ours)
+        self.addCleanup(other_program.close)
         began = now_ns()
-        liar.send(ERROR | BUS_OFF, bytes(8))
+        other_program.send(ERROR | BUS_OFF, bytes(8))
         wait_for(lambda: [s for at, s in list(self.tip.samples) if at >= began and s.quality == BAD], 10, "BAD")
         self.good()
         self.expect(gone=1, bus_error=1, restarted=1)

@@ -114,14 +114,14 @@ class Case(unittest.TestCase):
         self.assertFalse([s for s in self.tip.between(bad, now_ns()) if s.quality != BAD], "a value after the end")
         return bad
 
-    def break_and_mend(self, what, break_it, mend_it):
+    def break_and_repair(self, what, break_it, repair_it):
         self.good()
         began = now_ns()
         break_it()
         bad = self.bad_after(began)
         time.sleep(0.3)  # gives the log time to contain the error
         mended = now_ns()
-        mend_it()
+        repair_it()
         good = self.tip.wait_for_quality(GOOD)
         print(f"{what}: BAD within {(bad - began) / 1e6:.0f} ms; mended: GOOD after {(good - mended) / 1e6:.0f} ms", flush=True)
 

@@ -105,8 +105,8 @@ class Vcan(Case):
         self.start(link("vcan0"))
         self.device(self.bus.sample)
         for turn in range(1, 4):
-            self.break_and_mend("down", lambda: sh(IP, "link", "set", "vcan0", "down"),
-                                lambda: sh(IP, "link", "set", "vcan0", "up"))
+            self.break_and_repair("down", lambda: sh(IP, "link", "set", "vcan0", "down"),
+                                  lambda: sh(IP, "link", "set", "vcan0", "up"))
             self.expect(gone=turn)
         self.assertIn("vcan0 is down: ip link set vcan0 up", self.daemon.log())
         self.all_values_are_right()
@@ -126,7 +126,7 @@ class Vcan(Case):
             senders.append(bus)
         self.device(send)
         for turn in range(1, 4):
-            self.break_and_mend("deleted", lambda: sh(IP, "link", "del", "vcan0"), make)
+            self.break_and_repair("deleted", lambda: sh(IP, "link", "del", "vcan0"), make)
             self.expect(gone=turn)
         self.assertIn("there is no interface vcan0", self.daemon.log())
         self.all_values_are_right()

@@ -119,7 +119,8 @@ def latency_ms(name, sample):
     if name not in SENT_IN:
         return (sample.t_published_ns - sample.t_ns) / 1e6
     late_us = sample.t_published_ns / 1e3 - sample.raw_force_S_N[SENT_IN[name]]  # modulo a second; a turn of the pipeline is
-    return (late_us + 500_000) % 1e6 / 1e3 - 500                                 # published with the stamp of its begin
+    return (late_us + 500_000) % 1e6 / 1e3 - 500                                 # published with the time of its
+                                                                                 # begin
 
 
 class FourLinks(unittest.TestCase):

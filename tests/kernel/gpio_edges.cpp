@@ -1,6 +1,6 @@
-// gpio_edges CHIP LINE rising|falling: what drivers/gpio.hpp tells of a line. Each line on standard input is a time-out in
-// ms to wait for edges, or "level", or "open"; each answer a line: "edge T_NS EDGES", "timeout", "gone", "level 0", "ok", or
-// what is wrong.
+// gpio_edges CHIP LINE rising|falling: reports what drivers/gpio.hpp reads of a line. Each line on standard input is
+// a time-out in ms to wait for edges, or "level", or "open"; each answer a line: "edge T_NS EDGES", "timeout",
+// "gone", "level 0", "ok", or what is wrong.
 #include <cstdint>
 #include <iostream>
 #include <string>

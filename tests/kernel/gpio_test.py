@@ -92,7 +92,7 @@ class TheLines(unittest.TestCase):
             pull(0, True)
             pull(0, False)
         _, stamp, edges = line.ask("1000").split()
-        # the first interface keeps the 16 oldest, the second the newest and tells how many there were
+        # the first interface keeps the 16 oldest, the second the newest and their number
         self.assertIn((stamp == "0", int(edges)), ((True, 16), (False, 400)))
         self.assertEqual(line.ask("10"), "timeout")
         before = now_ns()

@@ -66,7 +66,7 @@ public:
           uart_Hz_(std::stod(words[5])),
           can_Hz_(std::stod(words[6])) {}
 
-    // Answers requests until a line of standard input tells it to continue.
+    // Answers requests until a line of standard input ends this state.
     void answer_only() {
         pollfd reported{STDIN_FILENO, POLLIN, 0};
         while (::poll(&reported, 1, 1) == 0) answer_rtu();

@@ -29,7 +29,7 @@ using namespace tactiled::test::usbip;
 
 // ---- the protocol of gs_usb ----
 
-struct [[gnu::packed]] Message {  // struct gs_host_frame with a classic frame and its stamp
+struct [[gnu::packed]] Message {  // struct gs_host_frame with a classic frame and its timestamp
     std::uint32_t echo, id;
     std::uint8_t length, channel, flags, reserved, data[8];
     std::uint32_t timestamp_us;
@@ -146,7 +146,7 @@ private:
         };
         if ((setup[0] & 0x60) == 0x40) {
             const std::uint32_t config[3] = {0, 2, 1}, now = now_us();  // one channel
-            // With stamps; 48 MHz, and the limits of a bit's segments.
+            // With timestamps; 48 MHz, and the limits of a bit's segments.
             const std::uint32_t limits[10] = {1u << 4, 48'000'000, 1, 16, 1, 8, 4, 1, 1024, 1};
             if (setup[1] == kDeviceConfig) reply(config, sizeof config);
             if (setup[1] == kTimingLimits) reply(limits, sizeof limits);

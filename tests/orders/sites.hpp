@@ -10,7 +10,7 @@
 
 namespace orders {
 
-// `part` tells the orders of one operation apart: 1 is a compare-exchange's order of failure.
+// `part` numbers the orders of one operation: 1 is a compare-exchange's order of failure.
 struct Site {
     std::string file;  // from the project's folder on
     unsigned line = 0, column = 0, part = 0;

@@ -16,7 +16,7 @@ from grasp_test import config_of
 from same.numbers import ROOT, Calibrations, ctl
 from same.outcome import compare_csv
 
-# Registers that tell times, ages and counts of frames: two runs of one build differ in them.
+# Registers with times, ages and counts of frames: two runs of one build differ in them.
 TIMES = {"SEQ": "number of the frame", "SEQ_END": "number of the frame", "HEARTBEAT": "counts 100 ms", "AGE_MS": "age", "TIME": "clock",
          "CYCLE_WORST": "a duration", "SINCE_LIFT": "a duration", "RATE": "measured", "BLINK": "from HEARTBEAT",
          "LOST": "frames that a loaded machine lost", "WARN": "late cycles of a loaded machine", "PEAK": "may have begun before the first frame"}

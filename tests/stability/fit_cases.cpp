@@ -103,8 +103,8 @@ void add_least_squares(Cases& cases) {
 }
 
 void add_kernels(Cases& cases) {
-    // H15, H37: 12 kernels with a spread of 50 on [0, 1], and every row twice: a Gram matrix of condition 1e30. With a ridge
-    // its condition is 1 / ridge; what it predicts is compared, the weights themselves nobody uses.
+    // H15, H37: 12 kernels with a spread of 50 on [0, 1], and every row twice: a Gram matrix of condition 1e30. With
+    // a ridge its condition is 1 / ridge; the predictions are compared, as the weights themselves are not used.
     constexpr Eigen::Index n = 12;
     Eigen::MatrixXd features(2 * n, n);
     Eigen::VectorXd y(2 * n);

@@ -42,8 +42,8 @@ struct Published {
 Published published(const Estimate& estimate, std::size_t component);
 Published as_good(double value);  // result of code without a quality
 
-// A result that nobody can give, or not whole: it must say so. A finite number that is UNCERTAIN with all of `reasons`;
-// where there are none, BAD with NaN.
+// A result that cannot be computed, or only in part: the program must report that. A finite number that is UNCERTAIN
+// with all of `reasons`; where there are none, BAD with NaN.
 struct Marked {
     Published naive, ours;
     std::uint32_t reasons = 0;

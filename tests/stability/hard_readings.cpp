@@ -62,7 +62,7 @@ void measure(const Method& method) {
     each("saturated", [](double&, auto&, auto& saturated, auto bit) { saturated = bit; });
     each("dead", [](double& value, auto&, auto&, auto) { value = 0; });
     each("three_times", [](double& value, auto&, auto&, auto) { value *= 3; });
-    // Every subset of dead, of saturated channels, and of dead ones beside one at its rail.
+    // Every subset of dead, of saturated channels, and of dead ones with one saturated channel.
     for (std::uint32_t subset = 1; subset < 1u << method.calibration.channels.size(); ++subset) {
         auto channel = meter.next();
         meter.sample("saturated_ones", channel, 0, subset);

@@ -1,4 +1,4 @@
-// Model "table": gauges that are dead, at their rail, missing or nearly collinear; one point on a plate.
+// Model "table": gauges that are dead, saturated, missing or nearly collinear; one point on a plate.
 #include <Eigen/Dense>
 #include <cmath>
 
@@ -61,18 +61,18 @@ void add_gauges_lost(Cases& cases) {
                  {as_good(textbook_n(missing)), published(estimate_of(inner_four(), missing), 2), TACTILED_MISSING_CHANNEL,
                   -1.0, within});
     auto two = eight(0.3, -0.2, 1);
-    two[5] = 0, two[0] = 0.0161;  // R6 dead, R1 at its rail
+    two[5] = 0, two[0] = 0.0161;  // R6 dead, R1 saturated
     const Calibration matrix = calibration_of("table/matrix");
     cases.marked("T2", "eight gauges, one dead and one at its rail: Fx",
                  {as_good((two[4] - two[0]) / (2 * kTangential)), published(estimate_of(matrix, two, 0, 0b1), 0),
                   kDropped | TACTILED_SATURATED, 0.3, within});
     auto three = four(0.3, -0.2, 1);
-    three[2] = 0;  // R5 dead where R1 is at its rail: three gauges cannot contradict each other
+    three[2] = 0;  // R5 dead and R1 saturated: three gauges cannot contradict each other
     cases.marked(
         "T3", "four gauges, one dead and one at its rail",
         {as_good(textbook_fx(three)), published(estimate_of(inner_four(), three, 0, 0b0001), 0), TACTILED_SATURATED});
     auto wrong = four(0.3, -0.2, 1);
-    wrong[2] *= 1.5;  // a gauge that came off: which one four cannot tell
+    wrong[2] *= 1.5;  // a gauge that came off: four cannot show which one
     cases.marked("T4", "four gauges, one reads half as much again",
                  {as_good(textbook_fx(wrong)), published(estimate_of(inner_four(), wrong), 0),
                   TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY});

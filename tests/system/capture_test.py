@@ -202,6 +202,9 @@ class Capture(Case):
             self.assertEqual(done.returncode, 2, (words, done))
             self.assertIn(said, done.stderr)
         self.assertEqual((self.folder / "a.csv").read_bytes(), before)
+        # A further session needs a row without a load, too: its zero is its own.
+        done = ctl("capture", device.path, "--append", self.folder / "a.csv", "--seconds", "0.1", "--session", "2", "--label", "fz_N=-1,fx_N=2")
+        self.assertIn("session 2 has no row without a load", done.stdout)
 
     def test_a_file_without_a_last_line_end_and_with_a_later_clock_is_continued(self):
         file = self.folder / "a.csv"

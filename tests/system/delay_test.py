@@ -100,19 +100,24 @@ class Depths(unittest.TestCase):
             for stage in range(3):
                 hold_s, lag_s = RANDOM.uniform(0.5, 2), RANDOM.uniform(0.3, 3)
 
-                def held_and_late(chain, stage=stage, hold_s=hold_s, lag_s=lag_s):
+                def held_and_late(number, stage=stage, hold_s=hold_s, lag_s=lag_s):
+                    chain, (end, fields) = chains[number], about[number]
                     chain.tell(f"hold {hold_s}", stage)
                     seen = [chain.watch(hold_s + 1.5)]
-                    chain.tell(f"lag {lag_s}", stage)  # a relay as fast as the device: it never catches up
-                    seen.append(chain.watch(lag_s + 2))
-                    chain.tell("lag 0", stage)
-                    seen.append(chain.watch(lag_s + 2))
+                    # Without a clock, a connection that is opened again hides the delay of a relay that drops what is due
+                    # meanwhile, and with neither clock nor counter that of any (drivers/wire/freshness.md).
+                    if end == "pty" or "clock" in fields or (fields == "sequence" and stage == 2):
+                        chain.tell(f"keep {int(fields == 'sequence' and end == 'tcp')}", stage)
+                        chain.tell(f"lag {lag_s}", stage)  # a relay as fast as the device: it never catches up
+                        seen.append(chain.watch(lag_s + 2))
+                        chain.tell("lag 0", stage)
+                        seen.append(chain.watch(lag_s + 2))
                     return seen
-                for name, seen in zip(about, of_each(chains, held_and_late)):
+                for name, seen in zip(about, of_each(range(len(chains)), held_and_late)):
                     for one in seen:
                         self.assert_young(one, (name, "stage", stage, hold_s, lag_s))
             for (end, fields), chain in zip(about, chains):
-                if fields != "none":
+                if "clock" in fields:
                     self.assertEqual(chain.quality(), tactiled.GOOD, (end, fields))
 
     def test_lost_bytes_swapped_and_repeated_frames_and_a_clock_that_jumps_give_no_wrong_value(self):
@@ -255,4 +260,4 @@ class Veth(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    unittest.main()
+    unittest.main(warnings="ignore")

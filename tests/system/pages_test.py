@@ -17,7 +17,7 @@ from daemon import BIN, ROOT
 from page_session import FENCE, HARDWARE, commands, faults, matches
 
 MAX_HARDWARE = 15
-USER = 65534  # nobody
+USER = 65534  # user "nobody"
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
 COMMAND = re.compile(r"(?:^\s+|[\s/$(])tactilectl ([a-z]+)(.*)$")
 

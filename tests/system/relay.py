@@ -130,27 +130,28 @@ def main(source, sink):
         ready = select.select([sys.stdin, *([reader] if reader else []), *sink.fds()], [], [], max(0.0, min(until, default=now + 1) - now))[0]
         now = time.monotonic()
         sink.serve(ready)
-        if sys.stdin in ready:
-            words = sys.stdin.readline().split()
-            if not words:
-                return
-            value = float(words[1]) if len(words) > 1 else 0.0
-            if words[0] == "hold":
+        commands = os.read(0, 65536) if sys.stdin in ready else b"\n"
+        if not commands:
+            return
+        for command in filter(None, commands.decode().split("\n")):
+            word, _, value = command.partition(" ")
+            value = float(value or 0)
+            if word == "hold":
                 held_until = now + value
-            elif words[0] == "pause":
+            elif word == "pause":
                 device.paused_until = now + value
-            elif words[0] == "jump":
+            elif word == "jump":
                 device.clock_zero_s -= value
-            elif words[0] == "ahead":
+            elif word == "ahead":
                 device.ahead_s = value
-            elif words[0] == "repeat_old":
+            elif word == "repeat_old":
                 device.old_s = value
-            elif words[0] == "fifo":
+            elif word == "fifo":
                 sink.fifo_bytes = int(value)
-            elif words[0] == "restart":
+            elif word == "restart":
                 device.n, device.clock_zero_s = 0, now + device.ahead_s - 0.1
             else:
-                state[words[0]] = value
+                state[word] = value
         lines = list(device.lines(now)) if device else []
         if reader in ready:
             data = reader.recv(65536) if isinstance(reader, socket.socket) else reader.read(4096)

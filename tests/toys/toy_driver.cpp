@@ -1,5 +1,5 @@
-// Driver "toy": a driver as somebody outside of the project adds one. A test shows that this file and one line in a
-// CMakeLists.txt are all that it takes. Each frame holds the number of the frame.
+// Driver "toy": a driver as an external developer adds one. A test shows that this file and one line in a
+// CMakeLists.txt are sufficient. Each frame holds the number of the frame.
 #include <time.h>
 
 #include "drivers/driver.hpp"

@@ -285,11 +285,12 @@ enum tactiled_tool_why {
     TACTILED_TOOL_APART = 1 << 6    /* uncertain: the sensors' samples are further apart in time than 50 ms */
 };
 
-/* What the world exerts on the gripper, in its frame G (z out of the palm): the forces of all sensors of [tool], turned,
- * less the weight of the part of the hand that each carries, and their sum. Torques are about the origin of G. All NaN where
- * quality is TACTILED_BAD; a component that is not seen is NaN. Without [tool] quality is TACTILED_NO_VALUE. Since 1.7. */
+/* The force and torque of the world on the gripper, in its frame G (z out of the palm): the forces of all sensors of [tool],
+ * turned, less the weight of the part of the hand that each carries, and their sum. Torques are about the origin of G. All
+ * NaN where quality is TACTILED_BAD; a component that is not seen is NaN. Without [tool] quality is TACTILED_NO_VALUE.
+ * Since 1.7. */
 struct tactiled_tool {
-    TACTILED_ALIGN(8) uint64_t t_ns; /* of the oldest sample in the sum */
+    TACTILED_ALIGN(8) uint64_t t_ns; /* time of the oldest sample in the sum */
     TACTILED_ALIGN(8) uint64_t t_newest_ns;
     uint32_t quality; /* enum tactiled_quality, of the sum */
     uint32_t why;     /* enum tactiled_tool_why */
@@ -299,8 +300,8 @@ struct tactiled_tool {
     TACTILED_ALIGN(8) double torque_G_Nm[3];
     TACTILED_ALIGN(8) double sd_force_N[3];
     TACTILED_ALIGN(8) double sd_torque_Nm[3];
-    float gravity_G_m_s2[3];                       /* as told or configured; NaN = not known */
-    float mass_kg;                                 /* of the hand that is compensated, all sensors */
+    float gravity_G_m_s2[3];                       /* reported or configured; NaN = not known */
+    float mass_kg;                                 /* mass of the hand that is compensated, all sensors */
     uint32_t sensor_quality[TACTILED_MAX_SENSORS]; /* enum tactiled_quality, of the following, by sensor of the node */
     float sensor_force_G_N[TACTILED_MAX_SENSORS][3];
     float sensor_torque_G_Nm[TACTILED_MAX_SENSORS][3];

@@ -1,5 +1,5 @@
-// Benefit of averaging hairs: the stress that one hair, a pair and all four tell from their noise, through model "hair",
-// against the time a sample.
+// Benefit of averaging hairs: the stress that one hair, a pair and all four detect above their noise, through model
+// "hair", against the time a sample.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@ namespace {
 constexpr double kNormal_Pa = 1000, kShear_Pa = 500;  // half and a quarter of the paper's range
 constexpr double kNone = kNaN;
 
-// The sensor with these of its four hairs, and the components that they can tell.
+// The sensor with these of its four hairs, and the components that they can measure.
 Calibration with_hairs(Calibration calibration, const std::vector<std::size_t>& hairs,
                        const std::vector<std::string>& components) {
     const Calibration whole = calibration;

@@ -11,7 +11,7 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kMax_m = 0.9e-3;  // from the middle: beyond lies the rim
+constexpr double kMax_m = 0.9e-3;  // from the middle: the rim begins there
 constexpr double kEnough = 0.1;    // error of the force in nine of ten contacts
 
 // The rows of a polar map: the centre and rings of equally many points.

@@ -105,7 +105,7 @@ TEST(I2cSchedule, AnEdgeOfTheDataReadyLineGivesTheTimestampAndAMissedOneStopsNot
                             bench.counts[TACTILED_LINK_LOST] - lost, 1)
                     << what;
                 EXPECT_EQ(bench.counts[TACTILED_LINK_RESTARTED], 0u);
-                EXPECT_LT(ages[ages.size() / 2], 1000) << what;  // ns: the edge's own stamp
+                EXPECT_LT(ages[ages.size() / 2], 1000) << what;  // ns: the time of the edge
                 if (misses == 0) { EXPECT_LT(ages[ages.size() * 99 / 100], 1000) << what; }
             }
 }

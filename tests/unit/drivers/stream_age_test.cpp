@@ -26,6 +26,7 @@ struct Device {
         frame.t_ns = frame.taken_ns = measured_ns + std::uint64_t(delay_ms * 1e6);
         frame.has_sequence = has_sequence;
         frame.sequence = sequence++;
+        frame.sequence_bits = bits;
         if (has_clock) frame.device_time_us = (measured_ns - clock_zero_ns) / 1000;
         age.judge(frame, frame.taken_ns);
         return frame;
@@ -38,6 +39,7 @@ struct Device {
     bool has_clock, has_sequence;
     std::uint64_t measured_ns = 1000 * kS, clock_zero_ns = 900 * kS;
     std::uint32_t sequence = 5;
+    std::uint8_t bits = 32;
 };
 
 Route network() { return {.path = Path::network, .device_clock = true}; }
@@ -172,12 +174,14 @@ TEST(StreamAge, AClockThatWasSetBackIsLateForTwoSeconds) {
 TEST(StreamAge, ACounterOf16BitsThatPassesItsEndIsNoRestart) {
     Device device(network(), false);
     device.sequence = 65'000;
+    device.bits = 16;
     for (int i = 0; i < 2000; ++i) {
         if (device.sequence == 65'536) device.sequence = 0;
         ASSERT_EQ(device.next().age, Age::proved) << i;
     }
     Device late(network(), false);
     late.sequence = 65'536 - 1000;
+    late.bits = 16;
     late.run(1000);
     late.sequence = 0;
     EXPECT_EQ(late.next(2000).age, Age::unproved) << "as between any two numbers";
@@ -193,6 +197,49 @@ TEST(StreamAge, AClockOf32BitsThatPassedItsEndWhileTheLinkWasClosedIsNoRestart) 
         device.clock_zero_ns += 4'294'967'296'000;
         EXPECT_NEAR(double(device.next(1 + lag_ms, 5000).late_ns) * 1e-6, lag_ms, 1);
     }
+}
+
+TEST(StreamAge, AClockOf30BitsThatPassesItsEndIsNoRestart) {
+    for (const double lag_ms : {0.0, 2000.0}) {
+        Device device(network());
+        device.clock_zero_ns = device.measured_ns - 1070 * kS;  // it begins again after 1073.74 s
+        device.run(370);
+        device.clock_zero_ns += 1'073'741'824'000;
+        EXPECT_NEAR(double(device.next(1 + lag_ms).late_ns) * 1e-6, lag_ms, 1);
+        EXPECT_NEAR(double(device.next(1 + lag_ms).late_ns) * 1e-6, lag_ms, 1);
+    }
+}
+
+TEST(StreamAge, AClockThatIsSetBackInALagTwiceStaysAsLateAsItWas) {
+    Device device(network());
+    device.run(1000);
+    device.run(100, 2000);
+    for (int i = 0; i < 2; ++i) {
+        device.clock_zero_ns += 5 * kS;
+        device.run(50, 2000);
+    }
+    device.run(300, 2000);
+    EXPECT_NEAR(double(device.next(2000).late_ns) * 1e-6, 1999, 15);
+    device.run(10, 1);
+    EXPECT_LT(device.next().late_ns, 15 * kMs);
+}
+
+TEST(StreamAge, APathThatKeepsItsFramesWhileItIsClosedIsNotProvedByOpeningItAgain) {
+    Device device(connection(), false);
+    device.run(1000);
+    device.run(100, 2000);
+    device.open(connection());
+    EXPECT_EQ(device.next(2200).age, Age::unproved) << "the next number, 200 ms later";
+    device.open(connection());
+    device.sequence += 20;
+    EXPECT_EQ(device.next(2200, 210).age, Age::proved) << "the frames of 200 ms are missing";
+}
+
+TEST(StreamAge, AFrameThatWaitedForTheMachineLeavesACableProved) {
+    Device device(cable());
+    device.run(1000);
+    (void)device.next(600);
+    EXPECT_EQ(device.next(1, 3000).age, Age::proved);
 }
 
 TEST(StreamAge, WithoutClockAndCounterASilenceEndsTheProofUntilTheConnectionWasOpenedAgain) {

@@ -336,7 +336,7 @@ TEST(SvgPlot, PutsDotsWhereTheyBelong) {
     const Span axis = as_axis({-1, 4});
     EXPECT_DOUBLE_EQ(axis.min, -1.2);
     EXPECT_DOUBLE_EQ(axis.max, 4.2);
-    const Span narrow = as_axis({1e9, 1e9 + 1e-6});  // no ticks that can be told apart
+    const Span narrow = as_axis({1e9, 1e9 + 1e-6});  // no distinguishable ticks
     EXPECT_GT(narrow.max - narrow.min, 1);
 }
 

@@ -124,7 +124,7 @@ TEST_F(ConnectionTest, WhatIsWrongWithALateClient) {
     EXPECT_STREQ(connection.overdue(22 * kSecond + 1), "takes no answers");
 }
 
-TEST_F(ConnectionTest, AClientThatTakesItsAnswersSlowlyIsNotDeaf) {
+TEST_F(ConnectionTest, AClientThatTakesItsAnswersSlowlyIsNotClosed) {
     constexpr std::uint64_t kSecond = 1'000'000'000;
     Connection connection(server_, 1);
     say(requests(340));
