@@ -135,7 +135,7 @@ struct GraspSettings {
 // A sensor whose force is turned into the gripper's frame, and the part of the hand that it carries.
 struct ToolSensorSettings {
     std::string sensor;
-    std::array<double, 3> x_S_in_G, z_S_in_G;       // as written; all 0: as in [[grasp.jaw]]
+    std::array<double, 3> x_S_in_G, z_S_in_G;       // axes in the file; all 0: those of [[grasp.jaw]]
     std::array<std::array<double, 3>, 3> S_from_G;  // rows: the axes of S, seen in G
     std::array<double, 3> position_G_mm;            // origin of S
     double mass_kg, mass_sd_kg;

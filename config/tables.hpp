@@ -42,7 +42,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
 // `key_z` name them in the problems. setup: never throws for bad input
 std::array<std::array<double, 3>, 3> read_axes(Options& table, const std::array<double, 3>& x,
                                                const std::array<double, 3>& z);
-// 0, which is "not known", or a length that occurs on Earth; a problem of `key` otherwise. setup
+// Adds a problem of `key` unless the vector is 0 ("not known") or has a length that occurs on Earth. setup
 void check_gravity(Options& table, const char* key, const std::array<double, 3>& gravity_m_s2);
 
 // Reads [tool], checked against the sensors; nothing if the file has none. setup: never throws for bad input

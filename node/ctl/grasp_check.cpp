@@ -150,7 +150,7 @@ int check(const Args& args) {
                 (guided.jaws[j].*step.into)[k] = std::isfinite(force_N) ? force_N : 0;
             }
         }
-        const auto& g = seen->gravity_G_m_s2;  // of [tool], where the robot reports it
+        const auto& g = seen->gravity_G_m_s2;  // gravity of [tool], where the robot reports it
         const bool reported = std::isfinite(g[0] + g[1] + g[2]);
         if (step.into == &grasp::CheckedJaw::lifted_N && reported) guided.gravity_G_m_s2 = g;
         if (step.into != &grasp::CheckedJaw::tilted_N || !reported) continue;

@@ -23,7 +23,7 @@ constexpr std::size_t kLeastSamples = 8;
 
 struct Sum {
     std::array<double, 6> sum{}, tared{}, squares{};
-    std::array<double, 6> half{};  // of the first half
+    std::array<double, 6> half{};  // sums of the first half
     std::size_t n = 0, n_half = 0;
     std::uint64_t sequence = UINT64_MAX;
 };

@@ -1,4 +1,4 @@
-// What the guided verbs (tool-fit, grasp-check) share: they ask a person to do something and average what the sensors read.
+// Functions of the guided verbs (tool-fit, grasp-check): ask a person to do something, and average the sensors.
 #pragma once
 #include <array>
 #include <optional>
@@ -10,7 +10,7 @@
 
 namespace tactiled::ctl {
 
-// Prints `text`, and waits for a line. Nothing at the end of the input and after Ctrl-C.
+// Prints `text`, and waits for a line. Returns no value at the end of the input and after Ctrl-C.
 std::optional<std::string> ask_person(const std::string& text);
 // Three numbers with spaces or commas between them; nothing where the text is none such.
 std::optional<std::array<double, 3>> three_numbers(const std::string& text);
@@ -24,7 +24,7 @@ struct Observed {
     std::vector<std::array<double, 6>> raw_S;    // by sensor of the node: force in N, torque in Nm, before any tare
     std::vector<std::array<double, 6>> tared_S;  // the same, less the tare
     std::vector<double> scatter_N;               // standard deviation of a sample of the force, largest component
-    std::array<double, 3> gravity_G_m_s2{};      // of the tool; NaN: not known
+    std::array<double, 3> gravity_G_m_s2{};      // gravity of the tool; NaN: not known
 };
 // Averages the sensors of `mask` over `seconds`. A fault where one is BAD, or moves.
 Observed observe(const Segment& segment, std::uint32_t mask, double seconds);

@@ -143,7 +143,7 @@ Header = collections.namedtuple("Header", _HEADER.names)
 SensorInfo = collections.namedtuple("SensorInfo", _SENSOR.names)
 NodeRecord = collections.namedtuple("NodeRecord", _NODE.names)
 Grasp = collections.namedtuple("Grasp", _GRASP.names)
-Tool = collections.namedtuple("Tool", _TOOL.names)  # of sensor n: sensor_force_G_N[n] and so on are tuples of three
+Tool = collections.namedtuple("Tool", _TOOL.names)  # sensor n: sensor_force_G_N[n] and so on are tuples of three
 Command = collections.namedtuple("Command", "acknowledged state result")
 
 
