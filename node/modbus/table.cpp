@@ -80,9 +80,9 @@ constexpr Register kToolBlock[] = {
     {kToolSdTorque + 1, "SD_TY", Type::u16, "0.001 Nm", ""},
     {kToolSdTorque + 2, "SD_TZ", Type::u16, "0.001 Nm", ""},
     {kToolSensors, "SENSORS", Type::mask, "", "the sensors of the sum"},
-    {kToolNoValue, "NO_VALUE", Type::mask, "", "those without a value: then the sum has none"},
-    {kToolAgeMs, "AGE_MS", Type::u16, "ms", "of the oldest frame in the sum; 65534 = that or more"},
-    {kToolMass, "MASS", Type::u16, "1 g", "of the hand that is compensated"},
+    {kToolNoValue, "NO_VALUE", Type::mask, "", "sensors without a value: then the sum has none"},
+    {kToolAgeMs, "AGE_MS", Type::u16, "ms", "age of the oldest frame in the sum; 65534 = that or more"},
+    {kToolMass, "MASS", Type::u16, "1 g", "compensated mass of the hand"},
     {kToolSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
 
@@ -145,7 +145,7 @@ constexpr Register kFloat[] = {
 
 constexpr Register kToolFloat[] = {
     {kToolFloatSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
-    {kToolFloatStatus, "STATUS", Type::bits, "", "as in the block of the wrench"},
+    {kToolFloatStatus, "STATUS", Type::bits, "", "see the block of the wrench"},
     {kToolFloatForce, "FX", Type::f32, "N", "force in G, less the weight of the hand"},
     {kToolFloatForce + 2, "FY", Type::f32, "N", ""},
     {kToolFloatForce + 4, "FZ", Type::f32, "N", "z out of the palm"},

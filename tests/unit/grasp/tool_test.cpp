@@ -26,7 +26,7 @@ struct SimulatedHand {
     Vector3 position_G{0.01, -0.005, -0.12}, centre_G{0.004, 0.012, -0.03};
     double mass_kg = 0.8, noise_N = 0.01, noise_Nm = 0.0005, gain = 1.003, told_wrong_rad = 0.002;
     Vector3 zero_S{3.1, -2.2, 1.4}, zero_S_Nm{0.05, 0.02, -0.08};
-    Vector3 force_G{0, 0, 0}, at_G{0, 0, 0.02};  // of the world
+    Vector3 force_G{0, 0, 0}, at_G{0, 0, 0.02};  // force of the world
     std::mt19937_64 random{5};
 
     double normal(double sd) { return std::normal_distribution<double>(0, sd)(random); }
